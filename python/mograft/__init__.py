@@ -53,6 +53,8 @@ if TYPE_CHECKING:
     from mograft.io.npz import write_npz as write_npz
     from mograft.io.pybvh import from_pybvh as from_pybvh
     from mograft.io.pybvh import to_pybvh as to_pybvh
+    from mograft.io.smpl.rest import read_offsets as read_offsets
+    from mograft.io.smpl.writer import write_amass as write_amass
     from mograft.io.usd import write_usd as write_usd
     from mograft.library.library import Library as Library
     from mograft.motion import resample as resample
@@ -122,6 +124,8 @@ _HOMES = {
     "io.csv": "write_csv",
     "io.formats": "read",
     "io.npz": "read_npz write_npz",
+    "io.smpl.rest": "read_offsets",
+    "io.smpl.writer": "write_amass",
     "io.usd": "write_usd",
     "synthesis.graft": "Grafts graft graft_many repair",
     "synthesis.graft_result": "Graft Seam Substitution",

@@ -12,6 +12,8 @@ from typing import Protocol
 
 from mograft.errors import FormatError, join_names
 from mograft.io.clips import Clips
+from mograft.io.kimodo.joints import is_kimodo
+from mograft.io.smpl.joints import is_amass
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
@@ -54,18 +56,21 @@ def npz_arrays(path: Path) -> frozenset[str]:
     """Return the names of the arrays of an NPZ file; none if the file is not a ZIP archive."""
     try:
         with zipfile.ZipFile(path) as archive:
-            return frozenset(name.removesuffix(".npy") for name in archive.namelist())
+            names = archive.namelist()
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
         return frozenset()
+    return frozenset(name.removesuffix(".npy") for name in names if name.endswith(".npy"))
 
 
 _BVH = Format("BVH", (".bvh",), "io.bvh.reader:open_bvh", lambda _, head: b"HIERARCHY" in head)
-_NPZ = Format(
-    "NPZ",
-    (".npz",),
-    "io.npz:open_npz",
-    lambda path, _: {"format", "rotations", "parents"} <= npz_arrays(path),
+_AMASS = Format(
+    "AMASS", (".npz",), "io.smpl.reader:open_amass", lambda path, _: is_amass(npz_arrays(path))
 )
+_KIMODO = Format(
+    "Kimodo", (".npz",), "io.kimodo.reader:open_kimodo", lambda path, _: is_kimodo(npz_arrays(path))
+)
+# Its reader names what is wrong with other NPZ files.
+_NPZ = Format("NPZ", (".npz",), "io.npz:open_npz", lambda path, _: bool(npz_arrays(path)))
 
 _GLTF = Format(
     "glTF",
@@ -74,7 +79,7 @@ _GLTF = Format(
     lambda path, head: head.startswith(b"glTF") or path.suffix.lower() == ".gltf",
 )
 
-FORMATS: tuple[Format, ...] = (_BVH, _GLTF, _NPZ)
+FORMATS: tuple[Format, ...] = (_BVH, _GLTF, _AMASS, _KIMODO, _NPZ)
 """All formats. If the content of a file matches several, the first is used."""
 
 SUFFIXES = tuple(dict.fromkeys(suffix for form in FORMATS for suffix in form.suffixes))

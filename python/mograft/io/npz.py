@@ -10,12 +10,17 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.atomic import write_bytes
-from mograft.errors import FormatError
+from mograft.errors import FormatError, join_names
 from mograft.io.clips import Clips
+from mograft.io.npz_archive import NpzArchive, open_npz_archive
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import EndSite, Skeleton
 
 _FORMAT = "mograft.motion/1"
+_ARRAYS = (
+    *("name", "frame_time", "names", "parents", "offsets", "channels", "rotations", "positions"),
+    *("end_parents", "end_offsets", "end_before", "end_names"),
+)
 
 
 def write_npz(motion: Motion, path: str | os.PathLike[str]) -> None:
@@ -95,19 +100,17 @@ def read_npz(path: str | os.PathLike[str]) -> Motion:
     OSError
         If the file cannot be read.
     """
-    try:
-        with open(path, "rb") as file, np.load(file, allow_pickle=False) as data:
-            arrays = {name: data[name] for name in data.files}
-    except (ValueError, EOFError, AttributeError, TypeError) as error:
-        raise FormatError(f"expected an NPZ file of a motion: {error}", os.fspath(path)) from error
-    except Exception as error:
-        # zipfile and zlib raise unrelated exceptions for damaged archives.
-        if isinstance(error, OSError):
-            raise
-        raise FormatError(f"damaged NPZ file: {error}", os.fspath(path)) from error
-    if str(arrays.get("format", "")) != _FORMAT:
-        given = arrays.get("format", "none")
+    archive = open_npz_archive(Path(path))
+    if "format" not in archive.headers:
+        raise FormatError(_describe_unknown(archive), os.fspath(path))
+    given = str(archive.read("format", ()))
+    if given != _FORMAT:
         raise FormatError(f"expected {_FORMAT}, got {given}", os.fspath(path), "array `format`")
+    arrays = {
+        name: archive.read(name, header.shape)
+        for name, header in archive.headers.items()
+        if name in _ARRAYS
+    }
     try:
         return _to_motion(arrays, Path(path))
     except KeyError as error:
@@ -124,6 +127,26 @@ def open_npz(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
         return motion if rate is None else motion.resample(rate)
 
     return Clips(path, (path.stem,), load, "NPZ")
+
+
+def _describe_unknown(archive: NpzArchive) -> str:
+    """Return the error message for an NPZ file of no known format."""
+    headers = archive.headers
+    message = (
+        "expected the arrays of mograft (`format`), AMASS (`poses`, `trans`) or Kimodo "
+        f"(`posed_joints`, `global_rot_mats`), got {join_names(sorted(headers)) or 'no arrays'}"
+    )
+    quats = [
+        name
+        for name, header in headers.items()
+        if "quat" in name.lower() or (len(header.shape) > 1 and header.shape[-1] == 4)
+    ]
+    if quats:
+        message += (
+            f"; {join_names(quats)} may hold quaternions, but the file does not state whether they "
+            "are xyzw or wxyz, and mograft does not guess it"
+        )
+    return message
 
 
 def _to_motion(arrays: Mapping[str, npt.NDArray[Any]], path: Path) -> Motion:

@@ -1,0 +1,1 @@
+"""NPZ files of Kimodo: joint positions and rotation matrices in the world."""

@@ -1,0 +1,214 @@
+"""The arrays of an NPZ file, checked before memory is allocated; pickled objects are not read."""
+
+import errno
+import io
+import math
+import shutil
+import warnings
+import zipfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import IO, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mograft._util.arrays import FloatArray, Shape
+from mograft._util.atomic import atomic_path
+from mograft.errors import FormatError
+
+MAX_ARRAY_BYTES = 2**30
+"""Largest array that is read: about two hours of SMPL-H poses at 120 fps in float64."""
+
+_MAX_HEADER_BYTES = 10_000  # as NumPy
+_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # those that NumPy writes
+
+
+@dataclass(frozen=True)
+class ArrayHeader:
+    """Shape and type of an array, from the header in the file."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    is_fortran: bool
+    header_bytes: int
+
+    @property
+    def n_bytes(self) -> int:
+        """Size of the elements."""
+        return math.prod(self.shape) * self.dtype.itemsize
+
+    @property
+    def is_pickled(self) -> bool:
+        """Whether the elements are pickled Python objects, which are never read."""
+        return bool(self.dtype.hasobject)
+
+
+@dataclass(frozen=True)
+class NpzArchive:
+    """The headers of all arrays of an NPZ file; `open_npz_archive` reads them."""
+
+    path: Path
+    headers: Mapping[str, ArrayHeader]
+
+    def read(self, name: str, shape: Shape) -> npt.NDArray[Any]:
+        """Return an array of the given shape; a string in `shape` stands for any length.
+
+        Raises `FormatError` if the array is missing, has another shape, is pickled or damaged.
+        """
+        header = self.header(name, shape)
+        if header.n_bytes > MAX_ARRAY_BYTES:
+            gibibytes = header.n_bytes / 2**30
+            raise self.error(name, f"expected at most 1 GiB, got {gibibytes:.1f} GiB")
+        with _named_errors(self.path, name), zipfile.ZipFile(self.path) as archive:
+            info = archive.getinfo(f"{name}.npy")
+            if info.file_size != header.header_bytes + header.n_bytes:
+                raise self.error(
+                    name,
+                    f"expected {header.n_bytes} bytes for shape {header.shape} and type "
+                    f"{header.dtype}, got {info.file_size - header.header_bytes}",
+                )
+            with archive.open(info) as member:
+                member.read(header.header_bytes)
+                data = member.read(header.n_bytes)
+        if len(data) != header.n_bytes:
+            raise self.error(name, f"expected {header.n_bytes} bytes, got {len(data)}")
+        elements = np.frombuffer(data, header.dtype)
+        if header.is_fortran:
+            return elements.reshape(header.shape[::-1]).T
+        return elements.reshape(header.shape)
+
+    def read_floats(self, name: str, shape: Shape) -> FloatArray:
+        """Return an array of finite real numbers as float64; the errors are those of `read`."""
+        array = self.read(name, shape)
+        if array.dtype.kind not in "fiu":
+            raise self.error(name, f"expected real numbers, got {array.dtype}")
+        with np.errstate(over="ignore"):  # the range of float128 is larger
+            floats = np.ascontiguousarray(array, np.float64).reshape(array.shape)
+        finite = np.isfinite(floats)
+        if not finite.all():
+            index = [int(i) for i in np.argwhere(~finite)[0]]
+            raise self.error(
+                name, f"expected finite numbers, got {floats[tuple(index)]} at {index}"
+            )
+        return floats
+
+    def header(self, name: str, shape: Shape) -> ArrayHeader:
+        """Return the header of an array that must have the given shape; see `read`."""
+        if name not in self.headers:
+            raise self.error(name, "expected this array, got none of this name")
+        header = self.headers[name]
+        fits = len(header.shape) == len(shape) and all(
+            isinstance(want, str) or want == length
+            for want, length in zip(shape, header.shape, strict=True)
+        )
+        if not fits:
+            wanted = ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "")
+            raise self.error(name, f"expected shape ({wanted}), got {header.shape}")
+        if header.is_pickled:
+            raise self.error(name, "expected numbers, got pickled objects, which are not read")
+        return header
+
+    def error(self, name: str, message: str) -> FormatError:
+        """Return the error for an array."""
+        return FormatError(message, self.path, f"array `{name}`")
+
+
+def open_npz_archive(path: Path) -> NpzArchive:
+    """Read the headers of all arrays of an NPZ file.
+
+    Raises `FormatError` if the file is not an NPZ file or a header is damaged, and OSError if the
+    file cannot be read.
+    """
+    headers = {}
+    with _named_errors(path, None), zipfile.ZipFile(path) as archive:
+        for info in archive.infolist():
+            name = info.filename.removesuffix(".npy")
+            if name == info.filename:
+                continue
+            with _named_errors(path, name):
+                if info.compress_type not in _METHODS or info.flag_bits & 1:
+                    raise ValueError("expected no compression or deflate, without a password")
+                with archive.open(info) as member:
+                    headers[name] = _read_header(member)
+    return NpzArchive(path, MappingProxyType(headers))
+
+
+def copy_npz_archive(
+    source: NpzArchive, target: Path, replaced: Mapping[str, npt.NDArray[Any]], omitted: set[str]
+) -> None:
+    """Write an NPZ file with the members of another one in their order, some replaced or omitted.
+
+    Members that are not replaced keep their bytes and their compression. The same content gives the
+    same bytes.
+    """
+    with (
+        atomic_path(target) as draft,
+        _named_errors(source.path, None),
+        zipfile.ZipFile(source.path) as old,
+        zipfile.ZipFile(draft, "w") as new,
+    ):
+        for info in old.infolist():
+            name = info.filename.removesuffix(".npy")
+            if name in omitted:
+                continue
+            member = zipfile.ZipInfo(info.filename)  # of 1980: files contain no present dates
+            member.compress_type = info.compress_type
+            member.external_attr = info.external_attr
+            with new.open(member, "w", force_zip64=True) as out:
+                if name in replaced:
+                    np.lib.format.write_array(out, replaced[name], allow_pickle=False)
+                else:
+                    with old.open(info) as data:
+                        shutil.copyfileobj(data, out)
+
+
+def as_format_error(error: ValueError, path: Path) -> FormatError:
+    """Return the error of a motion with invalid values as that of its file."""
+    return error if isinstance(error, FormatError) else FormatError(str(error), path)
+
+
+def _read_header(member: IO[bytes]) -> ArrayHeader:
+    """Read the header of an array at the start of its member; raise ValueError if it is damaged."""
+    start = member.read(10)
+    if len(start) < 10 or start[:6] != b"\x93NUMPY" or start[6] not in (1, 2, 3):
+        raise ValueError(f"expected the header of a NumPy array, got {start[:8]!r}")
+    length_bytes = start[8:10]
+    if start[6] > 1:
+        length_bytes += member.read(2)
+    length = int.from_bytes(length_bytes, "little")
+    if length > _MAX_HEADER_BYTES:
+        raise ValueError(f"expected a header of at most {_MAX_HEADER_BYTES} bytes, got {length}")
+    stream = io.BytesIO(length_bytes + member.read(length))
+    # Version 3 differs from version 2 only in the encoding of field names.
+    read = np.lib.format.read_array_header_2_0
+    if start[6] == 1:
+        read = np.lib.format.read_array_header_1_0
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of headers that Python 2 wrote
+        shape, is_fortran, dtype = read(stream)
+    if any(length < 0 for length in shape):
+        raise ValueError(f"expected a shape of lengths from 0, got {shape}")
+    return ArrayHeader(shape, dtype, is_fortran, 8 + stream.tell())
+
+
+@contextmanager
+def _named_errors(path: Path, name: str | None) -> Iterator[None]:
+    """Raise the errors of damaged archives as `FormatError`.
+
+    zipfile, zlib and NumPy raise unrelated exceptions for damaged files.
+    """
+    try:
+        yield
+    except FormatError:
+        raise
+    except Exception as error:
+        # zipfile seeks to offsets that a damaged directory states, even negative ones.
+        if isinstance(error, OSError) and error.errno != errno.EINVAL:
+            raise
+        if name is None:
+            raise FormatError(f"expected an NPZ file: {error}", path) from error
+        raise FormatError(f"damaged: {error}", path, f"array `{name}`") from error

@@ -1,0 +1,203 @@
+"""Rest poses for SMPL joints, from a skeleton that the user gives, or the stand-in."""
+
+import json
+import os
+import re
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray
+from mograft.body.anatomy import anatomy
+from mograft.errors import FormatError, join_names, suggest_name
+from mograft.io.smpl.joints import BODY_JOINTS, PARENT_OF_JOINT, BodyModel, smpl_parents
+from mograft.io.smpl.stand_in import STATURE, stand_in
+from mograft.io.units import UNITS, guess_unit
+from mograft.motion.skeleton import EndSite, Skeleton
+
+MAX_OFFSETS_BYTES = 2**20
+"""Largest file of offsets that is read."""
+
+# A bone begins at the first joint of a body part and ends at the first joint of the next part.
+_NEXT_PART = {
+    "thigh": "shank",
+    "shank": "foot",
+    "foot": "toe",
+    "clavicle": "upper_arm",
+    "upper_arm": "forearm",
+    "forearm": "hand",
+    "neck": "head",
+}
+
+
+def read_offsets(path: str | os.PathLike[str]) -> Skeleton:
+    """Read the rest pose of a body of the SMPL family from a JSON file of offsets.
+
+    Parameters
+    ----------
+    path : str or path
+        A file with one JSON object: the name of each joint, such as ``left_hip``, with its position
+        relative to its parent, ``[x, y, z]`` in metres, in the axes of SMPL (T-pose, y up, the left
+        side at +x). The 21 joints of the body below the pelvis are required; hands and face are
+        optional. The offset of the pelvis is its rest position, which is added to ``trans``; its
+        default is 0.
+
+    Returns
+    -------
+    Skeleton
+        The rest pose, for the argument `skeleton` of `read`.
+
+    Raises
+    ------
+    FormatError
+        If the file has other content.
+    OSError
+        If the file cannot be read.
+    """
+    with open(path, "rb") as file:
+        data = file.read(MAX_OFFSETS_BYTES + 1)
+    if len(data) > MAX_OFFSETS_BYTES:
+        raise FormatError("expected offsets of joints, got more than 1 MiB", os.fspath(path))
+    try:
+        given = json.loads(data, parse_int=float)  # an int may be too large for a float
+    except (ValueError, RecursionError) as error:
+        raise FormatError(f"expected JSON: {error}", os.fspath(path)) from error
+    if not isinstance(given, dict):
+        raise FormatError("expected an object of joints and offsets", os.fspath(path))
+    offsets: dict[str, FloatArray] = {"pelvis": np.zeros(3)}
+    for key, value in given.items():
+        name = _smpl_name(key)
+        if name not in PARENT_OF_JOINT:
+            hint = suggest_name(key, list(PARENT_OF_JOINT))
+            raise FormatError(f"expected the name of a SMPL joint{hint}", os.fspath(path), key)
+        is_vector = isinstance(value, list) and [type(x) for x in value] == [float] * 3
+        if not is_vector or not np.isfinite(value).all():
+            raise FormatError("expected [x, y, z] in metres", os.fspath(path), key)
+        offsets[name] = np.array(value, np.float64)
+    required = [*BODY_JOINTS, *(PARENT_OF_JOINT[name] for name in offsets if name != "pelvis")]
+    missing = [name for name in dict.fromkeys(required) if name not in offsets]
+    if missing:
+        raise FormatError(
+            f"expected all joints of the body, got none for {join_names(missing)}", os.fspath(path)
+        )
+    names = tuple(name for name in PARENT_OF_JOINT if name in offsets)
+    return Skeleton(names, smpl_parents(names), np.array([offsets[name] for name in names]))
+
+
+def rest_skeleton(model: BodyModel, given: Skeleton | None) -> tuple[Skeleton, str]:
+    """Return the skeleton of a body model in metres, and a note of the origin of its offsets.
+
+    If the given skeleton names the joints of the body as SMPL does, its rest pose is taken as it
+    is. Otherwise the bones of the stand-in get the lengths of the given skeleton, by body part.
+    Raises ValueError if the given skeleton is not that of a human.
+    """
+    standard = stand_in(model)
+    if given is None:
+        return standard, (
+            f"offsets: a stand-in of {STATURE:g} m with published proportions, not the body of "
+            "`betas`; give a skeleton for others"
+        )
+    scale = UNITS[guess_unit(given)]
+    indices = {_smpl_name(name): joint for joint, name in enumerate(given.names)}
+    if indices.keys() >= set(BODY_JOINTS):
+        return _named_skeleton(model, given, indices, scale)
+    if not anatomy(given).human:
+        raise ValueError(
+            "`skeleton` must be that of a human with known joint names, "
+            f"got {join_names(given.names, 6)}"
+        )
+    ratios = _length_ratios(standard, given, scale)
+    return _scaled(standard, ratios), (
+        "offsets: bone lengths of the given skeleton in the T-pose of the stand-in"
+    )
+
+
+def _named_skeleton(
+    model: BodyModel, given: Skeleton, indices: dict[str, int], scale: float
+) -> tuple[Skeleton, str]:
+    """Return the rest pose of a skeleton with SMPL names; see `rest_skeleton`."""
+    standard = stand_in(model)
+    positions = scale * given.rest_positions()
+    ratio = float(np.mean(list(_length_ratios(standard, given, scale).values())))
+    offsets, missing = ratio * standard.offsets, []
+    for joint, name in enumerate(model.joints):
+        parent = PARENT_OF_JOINT[name]
+        if name not in indices or (parent and parent not in indices):
+            missing.append(name)
+            continue
+        origin = positions[indices[parent]] if parent else np.zeros(3)
+        offsets[joint] = positions[indices[name]] - origin
+    sites = tuple(
+        EndSite(joint, scale * site.offset)
+        for joint, name in enumerate(model.joints)
+        for site in given.end_sites
+        if name in indices and site.parent == indices[name] and not standard.children[joint]
+    )
+    note = "offsets: those of the given skeleton"
+    if missing:
+        note += f"; of the stand-in for {join_names(missing)}"
+    return Skeleton(model.joints, model.parents, offsets, end_sites=sites), note
+
+
+def _length_ratios(
+    standard: Skeleton, given: Skeleton, scale: float
+) -> dict[tuple[str, str], float]:
+    """Return the length of each bone of the given skeleton in lengths of the stand-in."""
+    own, other = _bone_lengths(standard), _bone_lengths(given)
+    ratios = {
+        key: scale * other[key] / length
+        for key, length in own.items()
+        if length > 0 and other.get(key, 0.0) > 0
+    }
+    if not ratios:
+        raise ValueError("`skeleton` must have bones of lengths above 0, got none")
+    return ratios
+
+
+def _bone_lengths(skeleton: Skeleton) -> dict[tuple[str, str], float]:
+    """Return the length of each bone in the rest pose, by body part and side.
+
+    The bone of the pelvis, with a side, reaches from the hips to the thigh; that of the trunk from
+    the hips to the neck.
+    """
+    known, positions = anatomy(skeleton), skeleton.rest_positions()
+    first: dict[tuple[str, str], int] = {}
+    for joint, key in enumerate(zip(known.parts, known.sides, strict=True)):
+        first.setdefault(key, joint)
+    lengths = {}
+    for (part, side), joint in first.items():
+        end = first.get((_NEXT_PART.get(part, ""), side))
+        if end is not None:
+            lengths[part, side] = float(np.linalg.norm(positions[end] - positions[joint]))
+        if part in ("thigh", "neck"):
+            bone = ("pelvis", side) if part == "thigh" else ("trunk", "")
+            lengths[bone] = float(np.linalg.norm(positions[joint] - positions[known.hips]))
+    return lengths
+
+
+def _scaled(standard: Skeleton, ratios: dict[tuple[str, str], float]) -> Skeleton:
+    """Return the stand-in with bones scaled by body part; parts without a ratio get the mean."""
+    known = anatomy(standard)
+    mean = float(np.mean(list(ratios.values())))
+    scales = np.ones(standard.n_joints)
+    bones = [*zip(known.parts, known.sides, strict=True)]
+    for joint in range(1, standard.n_joints):
+        part, side = bones[standard.parents[joint]]
+        key = (part, bones[joint][1] if part == "pelvis" else side)
+        if key == ("pelvis", ""):
+            key = ("trunk", "")
+        scales[joint] = ratios.get(key, mean)
+    sites = tuple(EndSite(site.parent, mean * site.offset) for site in standard.end_sites)
+    offsets = scales[:, None] * standard.offsets
+    return Skeleton(standard.names, standard.parents, offsets, end_sites=sites)
+
+
+def _smpl_name(name: str) -> str:
+    """Return the name of a joint as `smplx` writes it, if it is a variant such as ``L_Hip``.
+
+    Variants are ``m_avg_L_Hip``, ``L_Hip``, ``LeftHip``... of the bodies that the makers of SMPL
+    distribute; other names are returned in lower case.
+    """
+    text = re.sub(r"^[mf]_avg_", "", name)
+    text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", text).casefold()
+    text = re.sub(r"^l_", "left_", re.sub(r"^r_", "right_", text))
+    return f"{text}_smplhf" if text in ("left_eye", "right_eye") else text

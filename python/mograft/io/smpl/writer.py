@@ -1,0 +1,145 @@
+"""Write motions into copies of AMASS files."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mograft._util.arrays import BoolArray, FloatArray
+from mograft.errors import SkeletonMismatchError
+from mograft.io.npz_archive import copy_npz_archive
+from mograft.io.rest_pose import POSITION_TOLERANCE
+from mograft.io.smpl.reader import AmassFile, open_amass_file, to_motion
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+
+
+def write_amass(
+    motion: Motion, path: str | os.PathLike[str], *, like: str | os.PathLike[str]
+) -> tuple[str, ...]:
+    """Write a motion into a copy of the AMASS file that its base came from.
+
+    Parameters
+    ----------
+    motion : Motion
+        A motion with the joints of the body model of `like`, in metres.
+    path : str or path
+        The file to write.
+    like : str or path
+        The AMASS file to copy.
+
+    Returns
+    -------
+    tuple of str
+        Names of the arrays that were omitted: arrays with one row per frame, such as ``dmpls``, if
+        the number of frames differs from that of `like`.
+
+    Raises
+    ------
+    SkeletonMismatchError
+        If the joints differ from those of the model of `like`.
+    ValueError
+        If a joint other than the root is translated, which AMASS cannot store.
+    FormatError
+        If `like` is not a valid AMASS file.
+    OSError
+        If a file cannot be read or written.
+
+    Notes
+    -----
+    Rotation vectors and translations in frames in which the motion has the rotation and position of
+    `like` keep their bits, and so do all other arrays, such as ``betas`` and ``gender``. Other
+    rotations become shortest rotation vectors in the type of the array. Arrays with parts of
+    ``poses``, such as ``pose_body``, are changed with it. ``mocap_framerate`` changes only if the
+    rate of the motion differs.
+    """
+    file = open_amass_file(Path(like))
+    _check_joints(motion, file)
+    # The motion of the file on the same skeleton: equal poses are those that were not changed.
+    source = to_motion(file, motion.skeleton, motion.rate)
+    is_same = _same_rotations(motion, source)
+    vectors = rotations.log(motion.rotations).reshape(motion.n_frames, -1)
+    translations = motion.positions[:, 0] - motion.skeleton.offsets[0]
+    replaced = {
+        name: _merge(file, name, vectors[:, columns], is_same[:, columns])
+        for name, columns in ((name, file.columns(name)) for name in file.pose_names)
+    }
+    replaced["trans"] = _merge(file, "trans", translations, _same_positions(motion, source))
+    rate = file.rate(motion.rate)
+    if file.rate_name is not None and abs(motion.rate - rate) > 1e-9 * rate:
+        shape = file.archive.headers[file.rate_name].shape
+        replaced[file.rate_name] = np.full(shape, motion.rate)
+    omitted = _frame_arrays(file) if motion.n_frames != file.n_frames else ()
+    copy_npz_archive(file.archive, Path(path), replaced, set(omitted))
+    return omitted
+
+
+def _check_joints(motion: Motion, file: AmassFile) -> None:
+    """Raise an error if the file cannot store the motion; see `write_amass`."""
+    skeleton, model = motion.skeleton, file.model
+    if skeleton.names != model.joints or (skeleton.parents != model.parents).any():
+        raise SkeletonMismatchError(
+            f"{file.archive.path} has the {len(model.joints)} joints of {model.name}, got a motion "
+            f"with {skeleton.n_joints} joints, the first of which is {skeleton.names[0]}"
+        )
+    gaps = np.abs(motion.positions - skeleton.offsets)[:, 1:].max(axis=(0, 2), initial=0.0)
+    moved = np.flatnonzero(gaps > POSITION_TOLERANCE * np.abs(skeleton.offsets).max(initial=1.0))
+    if len(moved):
+        raise ValueError(
+            "AMASS can translate the root only, "
+            f"got a joint that leaves its offset, {skeleton.names[moved[0] + 1]}"
+        )
+    stored = np.zeros(model.n_columns, bool)
+    for name in file.pose_names:
+        stored[file.columns(name)] = True
+    is_turned = np.abs(motion.rotations[..., :3]).max(axis=(0, 2)) > 0
+    lost = np.flatnonzero(is_turned & ~stored[::3])
+    if len(lost):
+        raise ValueError(
+            f"{file.archive.path} has no array for rotations of {skeleton.names[lost[0]]}"
+        )
+
+
+def _merge(file: AmassFile, name: str, values: FloatArray, is_same: BoolArray) -> npt.NDArray[Any]:
+    """Return new values for an array, with the bits of the file where `is_same`.
+
+    `is_same` has the columns of `values` and at most as many rows.
+    """
+    old = file.archive.read(name, (file.n_frames, values.shape[1]))
+    new = values.astype(old.dtype if old.dtype.kind == "f" else np.float64)
+    rows = slice(len(is_same))
+    new[rows][is_same] = old[rows][is_same]
+    return new
+
+
+def _same_rotations(motion: Motion, source: Motion) -> BoolArray:
+    """Return for each joint, three times, whether its rotation in a frame is that of the file.
+
+    The shape is (number of common frames, 3 n_joints).
+    """
+    rows = slice(min(motion.n_frames, source.n_frames))
+    own, other = motion.rotations[rows], source.rotations[rows]
+    same: BoolArray = (own == other).all(axis=-1) | (own == -other).all(axis=-1)
+    return np.repeat(same, 3, axis=1)
+
+
+def _same_positions(motion: Motion, source: Motion) -> BoolArray:
+    """Return, three times, whether the root is where it is in the file.
+
+    The shape is (number of common frames, 3).
+    """
+    rows = slice(min(motion.n_frames, source.n_frames))
+    same: BoolArray = (motion.positions[rows, 0] == source.positions[rows, 0]).all(axis=-1)
+    return np.repeat(same[:, None], 3, axis=1)
+
+
+def _frame_arrays(file: AmassFile) -> tuple[str, ...]:
+    """Return the names of other arrays with one row per frame."""
+    used = {*file.pose_names, "trans", "betas"}
+    return tuple(
+        name
+        for name, header in file.archive.headers.items()
+        if name not in used and header.shape[:1] == (file.n_frames,)
+    )

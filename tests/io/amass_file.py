@@ -1,0 +1,34 @@
+"""AMASS-like files: the arrays of the public releases with made motions."""
+
+import numpy as np
+
+
+def amass_arrays(n_columns=156, n_frames=30, seed=0, dtype=np.float64):
+    """Return the arrays of an AMASS file; SMPL-X files have the keys of that release."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(n_frames)[:, None] / 60
+    poses = 0.4 * np.sin(rng.uniform(1, 6, n_columns) * time + rng.uniform(0, 6, n_columns))
+    poses[:, :3] = np.array([np.pi / 2, 0, 0]) + 0.1 * poses[:, :3]
+    trans = np.column_stack([time[:, 0], 0.1 * np.sin(time[:, 0]), np.full(n_frames, 0.93)])
+    poses, trans = poses.astype(dtype), trans.astype(dtype)
+    arrays = {"trans": trans, "gender": np.array("female"), "betas": rng.normal(size=16)}
+    if n_columns != 165:
+        rate = {"mocap_framerate": np.array(60.0)}
+        return arrays | rate | {"dmpls": rng.normal(size=(n_frames, 8)), "poses": poses}
+    return arrays | {
+        "surface_model_type": np.array("smplx"),
+        "mocap_frame_rate": np.array(60.0),
+        "num_betas": np.array(16),
+        "poses": poses,
+        "root_orient": poses[:, :3],
+        "pose_body": poses[:, 3:66],
+        "pose_jaw": poses[:, 66:69],
+        "pose_eye": poses[:, 69:75],
+        "pose_hand": poses[:, 75:],
+    }
+
+
+def write_arrays(path, arrays):
+    """Write arrays as NPZ and return the path."""
+    np.savez(path, **arrays)
+    return path

@@ -1,0 +1,139 @@
+"""NPZ files that are damaged, claim too much, hold pickled objects, or have no known format."""
+
+import contextlib
+import io
+import subprocess
+import sys
+import zipfile
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft.dancer import dance
+from mograft.io.npz_archive import open_npz_archive
+from tests.io.amass_file import amass_arrays, write_arrays
+from tests.io.test_kimodo import kimodo_arrays
+from tests.strategies import few_examples
+
+
+def header_of(shape, dtype="<f8"):
+    """The header of an array, without its elements."""
+    stream = io.BytesIO()
+    description = {"descr": dtype, "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(stream, description)
+    return stream.getvalue()
+
+
+def write_members(path, members):
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in members.items():
+            archive.writestr(f"{name}.npy", data)
+    return path
+
+
+def test_npz_claim_larger_than_file_raises_format_error(tmp_path):
+    poses = header_of((10_000_000, 156))
+    members = {"poses": poses, "trans": header_of((10_000_000, 3)), "x": header_of((2,))}
+    path = write_members(tmp_path / "a.npz", members)
+    archive = open_npz_archive(path)
+    assert archive.headers["poses"].n_bytes > 10 * 2**30
+    with pytest.raises(mg.FormatError, match=r"a\.npz: array `poses`: expected at most 1 GiB, got"):
+        archive.read("poses", ("n", 156))
+    with pytest.raises(mg.FormatError, match=r"array `x`: expected 16 bytes .* got 0"):
+        archive.read("x", (2,))
+
+
+def test_npz_bomb_is_refused_in_bounded_memory(tmp_path):
+    """2 MB that unpack to 400 MiB, all of which a header claims to be its own text."""
+    path = tmp_path / "bomb.npz"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        archive.writestr("trans.npy", header_of((5, 3)))
+        with archive.open("poses.npy", "w") as member:
+            member.write(b"\x93NUMPY\2\0\xff\xff\xff\x7f")
+            for _ in range(400):
+                member.write(bytes(2**20))
+    assert path.stat().st_size < 2**22
+    code = (
+        "import resource, sys, mograft as mg\n"
+        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "try:\n"
+        "    mg.read(sys.argv[1])\n"
+        "except mg.FormatError as error:\n"
+        "    print(error)\n"
+        "print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024)\n"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True
+    )
+    message, mebibytes = run.stdout.splitlines()
+    assert "array `poses`: damaged: expected a header of at most 10000 bytes" in message
+    assert int(mebibytes) < 100
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"x": np.zeros(3)}, r"expected the arrays of mograft \(`format`\), AMASS .*, got x$"),
+        (
+            {"fps": np.array(30), "body_quats": np.zeros((3, 2, 4))},
+            "body_quats may hold quaternions, but .* xyzw or wxyz, and mograft does not guess it",
+        ),
+        ({"rotations": np.zeros((3, 2, 4))}, "rotations may hold quaternions"),
+        (
+            {"format": np.array("other/2")},
+            r"array `format`: expected mograft.motion/1, got other/2",
+        ),
+        ({"format": np.array(None)}, "array `format`: expected numbers, got pickled objects"),
+        ({"format": np.array("mograft.motion/1")}, "the array 'names' is missing"),
+    ],
+)
+def test_npz_of_unknown_content_raises_format_error(tmp_path, arrays, message):
+    path = write_arrays(tmp_path / "a.npz", arrays)
+    with pytest.raises(mg.FormatError, match=r"a\.npz: .*" + message):
+        mg.read(path)[0]
+
+
+def test_npz_fortran_order_and_other_types_are_read(tmp_path):
+    values = np.arange(6.0).reshape(2, 3)
+    arrays = {"f": np.asfortranarray(values), "big": values.astype(">f4"), "int": np.arange(3)}
+    archive = open_npz_archive(write_arrays(tmp_path / "a.npz", arrays))
+    assert archive.headers["f"].is_fortran
+    for name in ("f", "big"):
+        np.testing.assert_array_equal(archive.read_floats(name, (2, "n")), values)
+    np.testing.assert_array_equal(archive.read_floats("int", (3,)), [0, 1, 2])
+
+
+@pytest.fixture(scope="module")
+def valid_files(tmp_path_factory):
+    """Paths of valid files of all kinds."""
+    folder = tmp_path_factory.mktemp("valid")
+    mg.write_npz(dance(strides=1).motion[:3], folder / "m.npz")
+    write_arrays(folder / "a.npz", amass_arrays(156, 2))
+    np.savez_compressed(folder / "x.npz", **amass_arrays(165, 2))
+    write_arrays(folder / "k.npz", kimodo_arrays(30, 2)[0])
+    return sorted(folder.iterdir())
+
+
+CHANGES = st.lists(
+    st.tuples(st.booleans(), st.integers(0, 799), st.integers(0, 255)), min_size=1, max_size=4
+)
+
+
+@few_examples(150)
+@example(0, [(True, 2, 1)], None)  # a directory before the start of the file
+@given(st.integers(0, 3), CHANGES, st.none() | st.floats(0, 1))
+def test_npz_changed_bytes_give_motion_or_format_error(
+    tmp_path_factory, valid_files, kind, changes, rest
+):
+    content = bytearray(valid_files[kind].read_bytes())
+    for is_near_end, index, byte in changes:  # in the directory, or in the first header
+        content[-1 - index if is_near_end else index] = byte
+    if rest is not None:
+        del content[round(rest * len(content)) :]
+    path = tmp_path_factory.mktemp("fuzz") / "m.npz"
+    path.write_bytes(bytes(content))
+    with contextlib.suppress(mg.FormatError):
+        assert mg.read(path)[0].n_frames > 0
