@@ -1,8 +1,9 @@
 """Run every check of the project: ``python -m tests [--thorough]``.
 
-`tests.fetch` first downloads the programs that read files of mograft, if there is a network.
-Checks of Rust follow, then style and types, then the tests. Every check runs even if an earlier
-one failed; the exit code is 1 if any failed.
+`tests.fetch` first downloads the programs that read files of mograft, if there is a network, and
+installs the extension that reads FBX, if there is a C compiler. Checks of Rust follow, then style
+and types, then the tests. Every check runs even if an earlier one failed; the exit code is 1 if any
+failed.
 """
 
 import shutil
@@ -11,13 +12,19 @@ import sys
 import sysconfig
 from pathlib import Path
 
-from tests.fetch import fetch
+from tests.fetch import fetch, has_c_compiler
 
 PYTHON = sys.executable
+_IN_FBX = ["--manifest-path", "python-fbx/Cargo.toml"]
+_FBX_CHECKS = (
+    ("rust format of FBX", ["cargo", "fmt", "--all", *_IN_FBX, "--check"]),
+    ("rust tests of FBX", ["cargo", "test", *_IN_FBX, "--workspace", "--quiet"]),
+)
 CHECKS = (
     ("rust format", ["cargo", "fmt", "--check"]),
     ("clippy", ["cargo", "clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]),
     ("rust tests", ["cargo", "test", "--workspace", "--quiet"]),
+    *(_FBX_CHECKS if has_c_compiler() else ()),
     ("ruff format", [PYTHON, "-m", "ruff", "format", "--check"]),
     ("ruff", [PYTHON, "-m", "ruff", "check"]),
     ("layers", [str(Path(PYTHON).with_name("lint-imports"))]),

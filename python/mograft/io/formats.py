@@ -78,8 +78,14 @@ _GLTF = Format(
     "io.gltf.reader:open_gltf",
     lambda path, head: head.startswith(b"glTF") or path.suffix.lower() == ".gltf",
 )
+_FBX = Format(
+    "FBX",
+    (".fbx",),
+    "io.fbx:open_fbx",
+    lambda _, head: head.startswith((b"Kaydara FBX Binary", b"; FBX ")),
+)
 
-FORMATS: tuple[Format, ...] = (_BVH, _GLTF, _AMASS, _KIMODO, _NPZ)
+FORMATS: tuple[Format, ...] = (_BVH, _FBX, _GLTF, _AMASS, _KIMODO, _NPZ)
 """All formats. If the content of a file matches several, the first is used."""
 
 SUFFIXES = tuple(dict.fromkeys(suffix for form in FORMATS for suffix in form.suffixes))

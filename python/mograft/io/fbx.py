@@ -1,0 +1,238 @@
+"""FBX: takes of binary and text files, read by the extension ``mograft-fbx``."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.errors import FormatError, join_names
+from mograft.io.clips import ClipLength, Clips
+from mograft.io.rest_pose import RestPose, rebase
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+
+VERSIONS = range(6100, 7701)
+"""Versions of FBX that are read."""
+
+_AXES = "+X +Y +Z"
+"""Axes to the right, up and to the front, to which the extension converts."""
+
+_MEMORY_BYTES, _MEMORY_FACTOR = 1 << 28, 32
+"""Limit of the memory for a file: a constant, and bytes per byte of the file."""
+
+_MIN_POSES, _POSES_PER_BYTE = 1 << 22, 4
+"""Limit of the joint poses of a take: at least the constant, else joint poses per byte."""
+
+_MIN_RATE, _MAX_RATE = 1e-3, 1e5
+"""Frame rates that are credible."""
+
+_ROUNDING_INTERVALS = 1e-4
+"""Deviation of a duration from whole frame intervals that counts as rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Nodes:
+    """The nodes of a file in preorder; node 0 is the root of the scene."""
+
+    names: tuple[str, ...]
+    parents: IntArray
+    kinds: tuple[str, ...]  # "bone", "mesh", "camera", "light" or "node"
+    is_animated: IntArray  # 1 at nodes that have keys in any take, else 0
+
+    def joints(self) -> IntArray:
+        """Return the indices of the joints.
+
+        These are the bones, which include all nodes to which a skin is bound, and the nodes between
+        them up to their common ancestor. In a file without bones, animated nodes take their place.
+        """
+        is_joint = np.array([kind == "bone" for kind in self.kinds], bool)
+        is_joint = is_joint if is_joint.any() else self.is_animated.astype(bool)
+        n_below = is_joint.astype(np.int64)
+        for node in range(len(n_below) - 1, 0, -1):
+            n_below[self.parents[node]] += n_below[node]
+        # The common ancestor is the last node in preorder that has all of them at or below it.
+        complete = np.flatnonzero(n_below == n_below[0])
+        top = int(complete[-1]) if n_below[0] else len(n_below)
+        indices = np.flatnonzero(n_below)
+        return indices[indices >= top]
+
+
+@dataclass(frozen=True, eq=False)
+class _Take:
+    """A take: `n_frames` frames that begin at `begin` seconds."""
+
+    name: str
+    begin: float
+    length: ClipLength
+
+
+@dataclass(frozen=True, eq=False)
+class _FbxFile:
+    """An open file; `scene` is the object of the extension, which has no type."""
+
+    path: Path
+    scene: Any
+    joints: IntArray
+    rest: RestPose
+    takes: tuple[_Take, ...]
+    max_frames: int
+
+    def load(self, index: int) -> Motion:
+        """Return the motion of a take."""
+        take = self.takes[index]
+        place, n_frames = f"take {take.name!r}", take.length.n_frames
+        if n_frames > self.max_frames:
+            message = (
+                f"expected at most {self.max_frames} frames in a file of this size, got {n_frames}"
+            )
+            raise FormatError(message, self.path, place)
+        rotations, positions = self.scene.bake(
+            index,
+            self.joints.tolist(),
+            begin=take.begin,
+            rate=take.length.rate,
+            n_frames=n_frames,
+        )
+        self._check_finite(rotations, positions, place)
+        motion = rebase(self.rest, rotations, positions, take.length.frame_time)
+        return replace(motion, name=take.name)
+
+    def _check_finite(self, rotations: FloatArray, positions: FloatArray, place: str) -> None:
+        is_finite = np.isfinite(rotations).all(axis=2) & np.isfinite(positions).all(axis=2)
+        if not is_finite.all():
+            frame, joint = np.argwhere(~is_finite)[0]
+            raise FormatError(
+                f"expected finite transforms, got others for {self.rest.names[joint]} in frame "
+                f"{frame}",
+                self.path,
+                place,
+            )
+
+
+def open_fbx(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001
+    """Return the takes of an FBX file as clips; see `mograft.io.formats.Opener`.
+
+    World positions are in the unit of the file, right-handed with y up. Raises ModuleNotFoundError
+    if the extension is not installed.
+    """
+    data = path.read_bytes()
+    scene = _load_scene(path, data)
+    *_, unit_metres, axes, file_rate = scene.settings
+    if rate is None and not _MIN_RATE <= file_rate <= _MAX_RATE:
+        expected = f"expected a frame rate of {_MIN_RATE:g} to {_MAX_RATE:g}"
+        raise FormatError(f"{expected}, got {file_rate:g}", path, "GlobalSettings")
+    scene_takes = scene.takes
+    is_animated = np.zeros(len(scene.kinds), np.int64)
+    for _, _, _, animated in scene_takes:
+        is_animated[animated] = 1
+    nodes = _Nodes(tuple(scene.names), scene.parents, tuple(scene.kinds), is_animated)
+    joints = nodes.joints()
+    notes = _describe(nodes, joints, unit_metres, axes, scene.n_constraints)
+    if not len(joints):
+        return Clips(path, (), _no_clip, "FBX", notes, ())
+    names = _unique_names([name for name, _, _, _ in scene_takes])
+    takes = tuple(
+        _define_take(name, span, key_span, rate or file_rate)
+        for name, (_, span, key_span, _) in zip(names, scene_takes, strict=True)
+    )
+    max_poses = max(_MIN_POSES, _POSES_PER_BYTE * len(data))
+    rest = _rest_pose(path, scene, nodes, joints)
+    file = _FbxFile(path, scene, joints, rest, takes, max_poses // len(joints))
+    return Clips(path, names, file.load, "FBX", notes, tuple(take.length for take in takes))
+
+
+def _load_scene(path: Path, data: bytes) -> Any:  # noqa: ANN401 - an object of the extension
+    """Parse a file with the extension."""
+    try:
+        import mograft_fbx
+    except ImportError as error:
+        raise ModuleNotFoundError(
+            "FBX needs mograft-fbx: pip install 'mograft[fbx]', or pip install ./python-fbx in the "
+            "repository of mograft",
+            name="mograft_fbx",
+        ) from error
+    try:
+        scene = mograft_fbx.Scene(data, _MEMORY_BYTES + _MEMORY_FACTOR * len(data))
+    except ValueError as error:
+        raise FormatError(
+            f"expected an FBX file, got one that ufbx refuses: {error}", path
+        ) from error
+    version = scene.settings[0]
+    if version not in VERSIONS:
+        supported = f"{VERSIONS.start} to {VERSIONS.stop - 1}"
+        raise FormatError(f"expected FBX version {supported}, got {version}", path, "header")
+    return scene
+
+
+def _no_clip(index: int) -> Motion:
+    """Raise IndexError: a file without joints has no clips."""
+    raise IndexError(index)
+
+
+def _define_take(
+    name: str, span: tuple[float, float], key_span: tuple[float, float] | None, rate: float
+) -> _Take:
+    """Return a take with a whole number of frame intervals at about `rate` in its time span.
+
+    A take without a time span has that of its keys. The duration is exact: if it is not a multiple
+    of 1 / `rate`, the rate is the nearest possible one.
+    """
+    begin, end = span if span[1] > span[0] else key_span or (span[0], span[0])
+    duration = max(end - begin, 0.0)
+    n_intervals = round(duration * rate)
+    frame_time = 1.0 / rate
+    if abs(n_intervals - duration * rate) > _ROUNDING_INTERVALS:
+        n_intervals = max(n_intervals, 1)
+        frame_time = duration / n_intervals
+    return _Take(name, begin, ClipLength(n_intervals + 1, frame_time))
+
+
+def _rest_pose(path: Path, scene: Any, nodes: _Nodes, joints: IntArray) -> RestPose:  # noqa: ANN401
+    """Return the rest pose of the joints; the topmost joint is the root."""
+    rotations, positions = scene.rest_pose()
+    if not (np.isfinite(rotations[joints]).all() and np.isfinite(positions[joints]).all()):
+        raise FormatError("expected a finite rest pose", path)
+    index_of = np.full(len(nodes.names), -1)
+    index_of[joints] = np.arange(len(joints))
+    parents = index_of[nodes.parents[joints]]
+    parents[0] = -1
+    names = tuple(_joint_name(nodes.names[node], node) for node in joints)
+    return RestPose(names, parents, rotations[joints], positions[joints])
+
+
+def _joint_name(name: str, node: int) -> str:
+    """Return the name of a node without control characters; nameless nodes are numbered."""
+    printable = "".join(character if character.isprintable() else "_" for character in name)
+    return printable.strip() or ("scene" if node == 0 else f"node{node}")
+
+
+def _unique_names(names: list[str]) -> tuple[str, ...]:
+    """Return the names of takes; nameless takes are numbered, and so are repeated names."""
+    unique: dict[str, None] = {}
+    for number, name in enumerate(names, 1):
+        chosen = base = name or f"take{number}"
+        copy = 2
+        while chosen in unique:
+            chosen, copy = f"{base}~{copy}", copy + 1
+        unique[chosen] = None
+    return tuple(unique)
+
+
+def _describe(
+    nodes: _Nodes, joints: IntArray, unit_metres: float, axes: str, n_constraints: int
+) -> tuple[str, ...]:
+    """Return the notes: unit, axes, and what is not part of the motions."""
+    notes = [f"lengths are in units of {unit_metres:g} m"]
+    if axes != _AXES:
+        notes.append(f"axes (right, up, front) were converted from {axes} to {_AXES}")
+    others = sorted(set(range(1, len(nodes.names))) - set(joints.tolist()))
+    if others:
+        listed = [f"{nodes.kinds[node]} {nodes.names[node]}" for node in others]
+        notes.append(f"nodes that are not joints: {join_names(listed)}")
+    if n_constraints:
+        notes.append(f"{n_constraints} constraints are not evaluated")
+    if not len(joints):
+        notes.append("there are no bones and no animated nodes, so that there are no clips")
+    return tuple(notes)
