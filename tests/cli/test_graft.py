@@ -514,6 +514,27 @@ def test_graft_from_provenance_writes_same_bytes(run, folder, tmp_path, options)
     assert documents[0] == documents[1]
 
 
+def test_graft_digits_option_sets_decimals_and_is_recorded(run, folder, tmp_path):
+    path = write_first(run, folder, tmp_path, "--digits", "8")
+    provenance = path.with_suffix(".json")
+    assert json.loads(provenance.read_text())["digits"] == 8
+    again, other = tmp_path / "again.bvh", tmp_path / "other.bvh"
+    assert run("graft", "--from", provenance, "-o", again)[0] == 0
+    assert again.read_bytes() == path.read_bytes()
+    assert run("graft", "--from", provenance, "-o", other, "--digits", "3")[0] == 0
+    base = read_bvh(folder / "a.bvh").channel_values
+    numbers = {n: read_bvh(own).channel_values for n, own in ((8, path), (3, other))}
+    for digits, own in numbers.items():
+        assert (own == base).any()
+        np.testing.assert_array_equal(own[own != base], np.round(own[own != base], digits))
+    assert not np.array_equal(numbers[8], np.round(numbers[8], 7))
+    document = json.loads(provenance.read_text())
+    provenance.write_text(json.dumps({**document, "digits": 99}))
+    code, _, err = run("graft", "--from", provenance, "-o", tmp_path / "third.bvh")
+    assert code == 3
+    assert "damaged: `digits` must be an integer from 1 to 12, got 99" in err
+
+
 def test_graft_from_provenance_of_stored_library_writes_same_bytes(run, folder, tmp_path):
     shutil.copytree(folder, tmp_path / "clips")
     assert run("index", tmp_path / "clips", "-o", tmp_path / "lib")[0] == 0

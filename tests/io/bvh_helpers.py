@@ -45,9 +45,9 @@ def read(text, **options):
     return mg.read_bvh(file, **options)
 
 
-def round_trip(motion):
+def round_trip(motion, **options):
     file = io.BytesIO()
-    mg.write_bvh(motion, file)
+    mg.write_bvh(motion, file, **options)
     file.seek(0)
     return mg.read_bvh(file, strict=False)
 

@@ -310,7 +310,7 @@ def test_as_dict_covers_the_base_with_donors(library):
 def test_written_graft_read_by_pybvh_has_the_same_positions(library, motion, tmp_path):
     path = tmp_path / "new.bvh"
     new = graft(library, seed=2).motion
-    write_bvh(new, path)
+    write_bvh(new, path, digits=12)
     theirs = pybvh.read_bvh_file(path)
     assert theirs.frame_count == motion.n_frames
     height = np.ptp(motion.world_positions()[0, :, 1])

@@ -35,13 +35,20 @@ def splice(
     quats = np.where(from_after[..., None], _with_signs(before, after, is_new), before.rotations)
     # Angles that a writer derives depend on those of the frames before, so they are kept, too.
     values = before.channel_numbers()
+    is_computed = before.is_computed(values)
     for joint, columns in enumerate(before.skeleton.channel_columns):
         for column in columns:
             derived = np.full(before.n_frames, np.nan)
             new = derived if after.channel_values is None else after.channel_values[:, column]
             values[:, column] = np.where(from_after[:, joint], new, values[:, column])
     positions = np.where(from_after[..., None], after.positions, before.positions)
-    return replace(after, rotations=quats, positions=positions, channel_values=values)
+    return replace(
+        after,
+        rotations=quats,
+        positions=positions,
+        channel_values=values,
+        computed_values=is_computed,
+    )
 
 
 def _is_near(before: Motion, after: Motion, height: float, moving: Collection[int]) -> BoolArray:

@@ -17,6 +17,7 @@ from mograft.cli.arguments import (
 from mograft.cli.frame_times import frame
 from mograft.cli.options import (
     BVH_FILES,
+    DIGITS,
     FIGURE_COLOURS,
     FILES_OR_LIBRARY,
     FORCE,
@@ -138,6 +139,7 @@ _GRAFT = command(
     setting("--swap GROUP,...", "joint groups to exchange (default: all except the base group)"),
     option("-n --count", "number of motions (default: 1)", positive_integer, 1),
     output_option("folder for the motions; for a single motion also a .bvh file", required=True),
+    DIGITS,
     PRESET,
     setting_switch("--mirror", "use the mirror images of all clips as additional donors"),
     VARIETY,

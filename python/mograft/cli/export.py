@@ -21,10 +21,15 @@ from mograft.viewing.video import write_video
 
 _FIGURES = (".glb", ".usd", ".usda", ".usdc")
 _FILMS = (".mp4", ".gif")
-_TABLE_WRITERS = {".npz": write_npz, ".csv": write_csv, ".bvh": write_bvh}
-_ENDINGS = (*_FIGURES, *_FILMS, *_TABLE_WRITERS)
+_TABLE_WRITERS = {".npz": write_npz, ".csv": write_csv}
+_ENDINGS = (*_FIGURES, *_FILMS, *_TABLE_WRITERS, ".bvh")
 _ENDINGS_OF_SEVERAL = (".glb", *_FILMS)
-_ENDINGS_OF_OPTION = {"scale": _FIGURES, "groups": (*_FIGURES, *_FILMS), "dark": _FILMS}
+_ENDINGS_OF_OPTION = {
+    "scale": _FIGURES,
+    "groups": (*_FIGURES, *_FILMS),
+    "dark": _FILMS,
+    "digits": (".bvh",),
+}
 
 
 def run(options: argparse.Namespace) -> int:
@@ -54,7 +59,10 @@ def run(options: argparse.Namespace) -> int:
         if ending in _FIGURES:
             document |= _write_figure(motions, target, options)
         else:
-            _TABLE_WRITERS[ending](motions[0], target)
+            if ending == ".bvh":
+                write_bvh(motions[0], target, digits=options.digits)
+            else:
+                _TABLE_WRITERS[ending](motions[0], target)
             document |= {"up": "as in the file", "unit": "of the file"}
             print_remark(f"{target.name}: unit and axes of {files[0]}")
     print_result(options, "export", document, [target])

@@ -276,10 +276,10 @@ def _write_grafts(
             lines.append("  " + ", ".join(f"{name} {text}" for name, text in columns[-1].items()))
         if getattr(options, "from") is None:
             graft = with_command(graft, options, options.sources)
-        write_graft(graft, path, sections)
+        write_graft(graft, path, sections, digits=options.digits)
         motions.append(graft.substitutions)
         provenance = graft.as_dict(path.parent) if options.json else {}
-        documents.append({"file": str(path), **provenance, **sections})
+        documents.append({"file": str(path), **provenance, "digits": options.digits, **sections})
         print_remark("\n".join(lines))
         if not options.json:
             print(path)

@@ -93,6 +93,12 @@ INCLUDE_GRAFTS = setting_switch(
     "also read the grafts in folders: motions with a .json file of mograft graft beside them "
     "(default: skip them)",
 )
+DIGITS = setting(
+    "--digits N",
+    "decimals of computed angles in a .bvh file, from 1 to 12; unchanged angles keep those of "
+    "the file (default: those of the file, at least 6)",
+    values.decimals,
+)
 FORCE = switch("--force", "overwrite existing files")
 JSON = switch("--json", "print the results as one JSON document")
 

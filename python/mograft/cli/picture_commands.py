@@ -10,6 +10,7 @@ from mograft.cli.arguments import (
 )
 from mograft.cli.frame_times import frames
 from mograft.cli.options import (
+    DIGITS,
     FIGURE_COLOURS,
     FILES_OR_LIBRARY,
     FORCE,
@@ -77,6 +78,7 @@ EXPORT = command(
         ".mp4 at most 60, for a .gif at most 20)",
         positive_number,
     ),
+    DIGITS,
     setting(
         "--scale UNIT|X",
         f"unit of the BVH file, for a figure: {', '.join(UNITS)}, or a number of metres "

@@ -7,20 +7,22 @@ from pathlib import Path
 
 from mograft._util.runs import find_runs
 from mograft.cli.arguments import Argument
+from mograft.cli.configuration import options_given
 from mograft.cli.constraints import read_segment_constraints
 from mograft.cli.files import check_writable, library_folder
 from mograft.cli.output import print_remark
 from mograft.cli.segment_values import SegmentValue
 from mograft.errors import join_names
+from mograft.io.bvh.decimals import check_digits
 from mograft.library.library import Library
 from mograft.synthesis.graft_files import GRAFT_ENDINGS
-from mograft.synthesis.graft_record import read_record
+from mograft.synthesis.graft_record import GraftRecord, read_record
 from mograft.synthesis.graft_result import Graft
 from mograft.synthesis.record_library import find_whole_library
 from mograft.synthesis.replay import replay
 
 _EDITS = ("take", "ban", "keep", "reroll")
-_ALLOWED = (*_EDITS, "files", "from", "output", "report", "measure", "json", "force")
+_ALLOWED = (*_EDITS, "files", "from", "output", "report", "measure", "digits", "json", "force")
 """Arguments that may be given with ``--from``; the provenance sets all others."""
 
 _MAX_CHANGES = 20
@@ -54,6 +56,8 @@ def replay_graft(options: argparse.Namespace) -> tuple[Graft, Path]:
     if path.suffix.lower() != ".bvh":
         path = path / f"{record.name}.bvh"
     check_writable([path.with_suffix(ending) for ending in GRAFT_ENDINGS], force=options.force)
+    if not options_given(options, "digits"):
+        options.digits = _recorded_digits(record)
     folder = library_folder(options)
     library = None if folder is None else Library.open(folder)
     sources = options.files if library is None else ()
@@ -62,6 +66,15 @@ def replay_graft(options: argparse.Namespace) -> tuple[Graft, Path]:
     if library is None:
         library = find_whole_library(record, sources)
     return _edit(replay(source, library, sources=sources), options), path
+
+
+def _recorded_digits(record: GraftRecord) -> int | None:
+    """Return ``digits`` of a provenance; older ones do not have this key."""
+    digits = record.document.get("digits")
+    try:
+        return None if digits is None else check_digits(digits)
+    except ValueError as error:
+        raise record.error(f"damaged: {error}") from None
 
 
 def _edit(graft: Graft, options: argparse.Namespace) -> Graft:

@@ -40,6 +40,11 @@ def non_negative_number(text: str) -> float:
     return _number(float, text, lambda number: 0 <= number < math.inf, "a number of at least 0")
 
 
+def decimals(text: str) -> int:
+    """Read a number of decimals, an integer from 1 to 12."""
+    return _number(int, text, lambda number: 1 <= number <= 12, "an integer from 1 to 12")
+
+
 def share(text: str) -> float:
     """Read a number from 0 to 1."""
     return _number(float, text, lambda number: 0 <= number <= 1, "a number from 0 to 1")

@@ -45,6 +45,9 @@ class Motion:
         The channel values of the file, in the order and units of the file; angles are in degrees.
         NaN marks a value that the writer derives from the rotation or translation. Default: NaN
         everywhere.
+    computed_values : ndarray of bool, shape (n_frames, n_channels), optional
+        Which of `channel_values` were computed from the rotations, and not read from the file: a
+        writer rounds them. Default: none.
     name : str
         Name of the motion; for a file, its stem.
     path : Path, optional
@@ -73,6 +76,7 @@ class Motion:
     rotations: FloatArray
     positions: FloatArray
     channel_values: FloatArray | None = None
+    computed_values: BoolArray | None = None
     name: str = ""
     path: Path | None = None
     repairs: tuple[str, ...] = ()
@@ -87,11 +91,12 @@ class Motion:
         if frame_time <= 0:
             raise ValueError(f"`frame_time` must be above 0 seconds, got {frame_time}")
         arrays = {"rotations": quats, "positions": places}
-        if self.channel_values is not None:
-            shape, got = (len(quats), self.skeleton.n_channels), self.channel_values.shape
-            if got != shape:
-                raise ValueError(f"`channel_values` must have shape {shape}, got {got}")
-            arrays["channel_values"] = self.channel_values
+        shape = (len(quats), self.skeleton.n_channels)
+        given = {name: getattr(self, name) for name in ("channel_values", "computed_values")}
+        for name, array in given.items():
+            if array is not None and array.shape != shape:
+                raise ValueError(f"`{name}` must have shape {shape}, got {array.shape}")
+        arrays |= {name: array for name, array in given.items() if array is not None}
         views = {name: array.view() for name, array in arrays.items()}
         set_fields(self, {"frame_time": frame_time, **views})
 
@@ -125,13 +130,14 @@ class Motion:
                 f"motion[{frames.start}:{frames.stop}] selects none of the frames 0 to "
                 f"{self.n_frames - 1}"
             )
-        values = self.channel_values
+        values, is_computed = self.channel_values, self.computed_values
         return replace(
             self,
             frame_time=self.frame_time * step,
             rotations=self.rotations[frames],
             positions=self.positions[frames],
             channel_values=None if values is None else values[frames],
+            computed_values=None if is_computed is None else is_computed[frames],
         )
 
     @property
@@ -258,6 +264,15 @@ class Motion:
                 order = skeleton.rotation_order(joint)
                 numbers[:, turns] = _fill_angles(numbers[:, turns], self.rotations[:, joint], order)
         return numbers
+
+    def is_computed(self, numbers: FloatArray) -> BoolArray:
+        """Return which of the `numbers` of `channel_numbers` were not read from the file."""
+        computed = np.ones(numbers.shape, bool)
+        if self.channel_values is not None:
+            computed = numbers != self.channel_values
+            if self.computed_values is not None:
+                computed |= self.computed_values
+        return computed
 
 
 def world_transforms(

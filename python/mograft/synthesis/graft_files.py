@@ -8,6 +8,7 @@ from typing import Any
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.atomic import write_text
+from mograft.io.bvh.decimals import check_digits
 from mograft.io.bvh.writer import write_bvh
 from mograft.synthesis.graft_result import Graft
 
@@ -16,7 +17,11 @@ GRAFT_ENDINGS = (".bvh", ".json")
 
 
 def write_graft(
-    graft: Graft, path: str | PathLike[str], sections: Mapping[str, Any] | None = None
+    graft: Graft,
+    path: str | PathLike[str],
+    sections: Mapping[str, Any] | None = None,
+    *,
+    digits: int | None = None,
 ) -> None:
     """Write the motion of a graft, and a file with the provenance from which `replay` remakes it.
 
@@ -29,9 +34,13 @@ def write_graft(
         overwritten.
     sections : mapping of str to JSON values, optional
         Further keys of the provenance, such as measures of the motion.
+    digits : int, optional
+        Decimals of computed angles; see `write_bvh`. The provenance contains it.
 
     Raises
     ------
+    ValueError
+        If `digits` is not an integer from 1 to 12.
     OSError
         If a file cannot be written.
 
@@ -47,7 +56,9 @@ def write_graft(
     Graft(dance_graft0: 151 of 197 parts exchanged)
     """
     target = Path(fspath(path))
-    document = {"mograft": VERSION, **graft.as_dict(target.parent), **(sections or {})}
+    digits = None if digits is None else check_digits(digits)
+    document = {"mograft": VERSION, **graft.as_dict(target.parent), "digits": digits}
+    document |= sections or {}
     # The provenance comes first: an interruption then leaves no motion without it.
     write_text(target.with_suffix(".json"), json.dumps(document, indent=1) + "\n")
-    write_bvh(graft.motion, target)
+    write_bvh(graft.motion, target, digits=digits)

@@ -9,9 +9,11 @@ from typing import IO, Any
 import numpy as np
 
 from mograft import _core
+from mograft._util.arrays import FloatArray
 from mograft._util.atomic import atomic_path
 from mograft._util.validate import check_type
 from mograft.io.bvh.cursor import BvhFile
+from mograft.io.bvh.decimals import check_digits, count_decimals, round_numbers
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import EndSite, Skeleton
 
@@ -19,16 +21,17 @@ from mograft.motion.skeleton import EndSite, Skeleton
 _BLOCK_LENGTH = 1 << 15
 # Deeper levels are not indented further: a chain of thousands of joints would be mostly tabs.
 _MAX_INDENTATION = 40
+_MIN_DECIMALS = 6  # of computed angles, if `digits` is not given
 
 
-def write_bvh(motion: Motion, target: BvhFile) -> None:
+def write_bvh(motion: Motion, target: BvhFile, *, digits: int | None = None) -> None:
     """Write a motion to a BVH file.
 
     Names, hierarchy, offsets, end sites, channels and frame time are those of the motion. A
     number that was read from a file and not changed since is written with the same value. Other
     angles are computed from the rotation, in the channel order of the joint: the Euler angles
-    nearest to those of the previous frame. Each number has the fewest digits that reproduce it
-    exactly. An existing file is replaced atomically.
+    nearest to those of the previous frame, rounded to `digits` decimals. All other numbers have
+    the fewest digits that reproduce them exactly. An existing file is replaced atomically.
 
     Parameters
     ----------
@@ -36,13 +39,16 @@ def write_bvh(motion: Motion, target: BvhFile) -> None:
         The motion.
     target : path or file object
         The destination; an open file may be text or binary.
+    digits : int, optional
+        Decimals of computed angles, in degrees, from 1 to 12. Default: the number of decimals of
+        the angles that were read from the file, at least 6 and at most 12; 6 if no angle was read.
 
     Raises
     ------
     ValueError
-        If the format cannot represent the motion: the name of a joint is empty; the name of a
-        joint or end site contains a line end, ``{`` or a lone surrogate, or starts or ends with
-        white space; or the skeleton has no channel.
+        If `digits` is not an integer from 1 to 12, or if the format cannot represent the motion:
+        the name of a joint is empty; the name of a joint or end site contains a line end, ``{`` or
+        a lone surrogate, or starts or ends with white space; or the skeleton has no channel.
     OSError
         If the file cannot be written.
 
@@ -57,7 +63,7 @@ def write_bvh(motion: Motion, target: BvhFile) -> None:
     ['MOTION', 'Frames: 2', 'Frame Time: 0.5', '0.0', '0.0']
     """
     check_type("motion", motion, Motion)
-    blocks = _format_blocks(motion)
+    blocks = _format_blocks(motion, None if digits is None else check_digits(digits))
     if not isinstance(target, str | os.PathLike):
         if not hasattr(target, "write"):
             kind = type(target).__name__
@@ -76,7 +82,7 @@ def write_bvh(motion: Motion, target: BvhFile) -> None:
         stream.writelines(blocks)
 
 
-def _format_blocks(motion: Motion) -> Iterator[bytes]:
+def _format_blocks(motion: Motion, digits: int | None) -> Iterator[bytes]:
     """Yield the text of a file: the header, then blocks of frames."""
     skeleton = motion.skeleton
     if not skeleton.n_channels:
@@ -87,12 +93,25 @@ def _format_blocks(motion: Motion) -> Iterator[bytes]:
     yield "\n".join(
         [*header, "MOTION", f"Frames: {motion.n_frames}", f"Frame Time: {motion.frame_time!r}", ""]
     ).encode()
-    numbers = motion.channel_numbers()
+    numbers = _rounded_numbers(motion, digits)
     is_in_order = bool((np.diff(columns) == 1).all())
     step = max(_BLOCK_LENGTH // skeleton.n_channels, 1)
     for start in range(0, motion.n_frames, step):
         block = numbers[start : start + step]
         yield _core.format_rows(np.ascontiguousarray(block if is_in_order else block[:, columns]))
+
+
+def _rounded_numbers(motion: Motion, digits: int | None) -> FloatArray:
+    """Return the numbers of all channels; computed angles are rounded to `digits` decimals."""
+    numbers = motion.channel_numbers()
+    names = [name for channels in motion.skeleton.channels for name in channels]
+    is_angle = np.array([name.endswith("rotation") for name in names])
+    is_computed = motion.is_computed(numbers)
+    if digits is None:
+        digits = max(count_decimals(numbers[is_angle & ~is_computed]), _MIN_DECIMALS)
+    is_rounded = is_angle & is_computed
+    numbers[is_rounded] = round_numbers(numbers[is_rounded], digits)
+    return numbers
 
 
 def _check_names(skeleton: Skeleton) -> None:
