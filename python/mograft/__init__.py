@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from mograft import evaluation as evaluation
     from mograft import plot as plot
     from mograft import scenario as scenario
-    from mograft.analysis.clustering import CompleteLinkage as CompleteLinkage
-    from mograft.analysis.clustering import cut as cut
-    from mograft.analysis.clustering import linkage as linkage
-    from mograft.analysis.clustering import linkage_condensed as linkage_condensed
-    from mograft.analysis.clustering import threshold as threshold
+    from mograft._standalone.mograft_linkage import CompleteLinkage as CompleteLinkage
+    from mograft._standalone.mograft_linkage import cut as cut
+    from mograft._standalone.mograft_linkage import linkage as linkage
+    from mograft._standalone.mograft_linkage import linkage_condensed as linkage_condensed
+    from mograft._standalone.mograft_linkage import threshold as threshold
     from mograft.analysis.segmentation import Segments as Segments
     from mograft.analysis.segmentation import kinetic_energy as kinetic_energy
     from mograft.analysis.segmentation import segment as segment
@@ -108,7 +108,7 @@ __version__ = _core.VERSION
 _HOMES = {
     "io.bvh.reader": "BvhSummary read_bvh scan_bvh",
     "io.bvh.writer": "write_bvh",
-    "analysis.clustering": "CompleteLinkage cut linkage linkage_condensed threshold",
+    "_standalone.mograft_linkage": "CompleteLinkage cut linkage linkage_condensed threshold",
     "config": "Config",
     "search.constraints": "Constraint Violation",
     "search.donor_constraints": "Ban KeepOriginal MaxAngle MaxStretch NotFrom OnlyFrom Use",

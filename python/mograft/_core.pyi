@@ -1,8 +1,12 @@
 """Compiled kernels of mograft. Private: call the package's own functions instead."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
+from mograft._standalone.mograft_linkage._core import available_memory as available_memory
+from mograft._standalone.mograft_linkage._core import cut as cut
+from mograft._standalone.mograft_linkage._core import linkage as linkage
+from mograft._standalone.mograft_linkage._core import linkage_condensed as linkage_condensed
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, Packed
 
 __all__ = [
@@ -10,6 +14,7 @@ __all__ = [
     "VERSION",
     "add_offsets",
     "angle",
+    "available_memory",
     "box_clearance",
     "capsule_ends",
     "clearance",
@@ -169,17 +174,3 @@ def scan_numbers(
     text: bytes, start: int, out: FloatArray, *, last: bool
 ) -> tuple[int, int, IntArray, bool]: ...
 def format_rows(values: FloatArray) -> bytes: ...
-def available_memory() -> int: ...
-def linkage(
-    points: FloatArray, threads: int, memory: int, progress: Callable[[float], object] | None
-) -> FloatArray: ...
-def linkage_condensed(
-    distances: FloatArray, threads: int, memory: int, progress: Callable[[float], object] | None
-) -> FloatArray: ...
-def cut(
-    points: FloatArray,
-    max_diameter: float,
-    threads: int,
-    memory: int,
-    progress: Callable[[float], object] | None,
-) -> IntArray: ...

@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from mograft._standalone.mograft_linkage import cut, threshold
 from mograft._util.arrays import IntArray
-from mograft.analysis.clustering import cut, threshold
 from mograft.body.groups import PRESETS, JointGroups
 from mograft.evaluation.baselines import grafted_group
 from mograft.evaluation.estimate import Record

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from mograft._standalone.mograft_linkage import cut, threshold
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.channel_groups import restrict_samples
-from mograft.analysis.clustering import cut, threshold
 from mograft.analysis.embedding import Embedding, Samples, features
 from mograft.evaluation import estimate
 from mograft.library.clusters import embed_groups, nearest_clusters

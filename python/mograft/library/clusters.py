@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from mograft._standalone.mograft_linkage import cut, threshold
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.channel_groups import RestrictedSamples
-from mograft.analysis.clustering import cut, threshold
 from mograft.analysis.embedding import Embedding, Source, embed, mean_rotations
 from mograft.body.anatomy import feature_joints
 from mograft.body.groups import JointGroups

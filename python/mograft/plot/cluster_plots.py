@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mograft._standalone.mograft_linkage import linkage
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.analysis.clustering import linkage
 from mograft.analysis.embedding import Embedding
 from mograft.errors import suggest_name
 from mograft.io.palette import PALETTE

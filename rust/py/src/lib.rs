@@ -14,7 +14,6 @@
 
 mod convert;
 mod kinematics;
-mod linkage;
 mod seams;
 mod text;
 mod trellis;
@@ -38,7 +37,7 @@ mod _core {
     };
 
     #[pymodule_export]
-    use crate::linkage::{available_memory, cut, linkage, linkage_condensed};
+    use mograft_linkage_bindings::{available_memory, cut, linkage, linkage_condensed};
 
     #[pymodule_export]
     use crate::seams::{add_offsets, clip_states, replace_joints, sample_clips, smooth_gradient};

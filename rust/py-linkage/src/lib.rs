@@ -1,4 +1,8 @@
-//! Bindings of `mograft-linkage`. Every function has its kernel's name.
+//! Python bindings of `mograft-linkage`. Every function has its kernel's name.
+//!
+//! Two extension modules export them: `mograft._core` and `mograft_linkage._core`.
+#![allow(clippy::needless_pass_by_value, reason = "PyO3 extracts arguments by value")]
+#![allow(clippy::missing_errors_doc, reason = "errors are Python exceptions of the package")]
 
 use std::ops::ControlFlow;
 use std::sync::Mutex;
@@ -6,30 +10,32 @@ use std::time::{Duration, Instant};
 
 use mograft_linkage::{self as kernel, Error, Options, Progress, Table};
 use numpy::{
-    IntoPyArray as _, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods as _,
+    IntoPyArray as _, PyArray1, PyArray2, PyArrayMethods as _, PyReadonlyArray1, PyReadonlyArray2,
+    PyUntypedArrayMethods as _,
 };
-use pyo3::exceptions::PyMemoryError;
+use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
-
-use crate::convert::{Array, into_array, value_error};
 
 /// See [`kernel::available_memory`].
 #[pyfunction]
+#[must_use]
 pub fn available_memory() -> usize {
     kernel::available_memory()
 }
 
 /// The Python exception for an error of the kernel.
+#[allow(clippy::needless_pass_by_value, reason = "passed to `map_err`")]
 fn linkage_error(error: Error) -> PyErr {
     match error {
         Error::MemoryLimit { .. } | Error::OutOfMemory { .. } => {
             PyMemoryError::new_err(error.to_string())
         }
-        _ => value_error(error),
+        _ => PyValueError::new_err(error.to_string()),
     }
 }
 
 type Points<'py> = PyReadonlyArray2<'py, f64>;
+type Tree<'py> = PyResult<Bound<'py, PyArray2<f64>>>;
 type Labels<'py> = Bound<'py, PyArray1<i64>>;
 
 /// Least time between two calls of the progress callback.
@@ -81,9 +87,9 @@ fn options(threads: usize, max_matrix_bytes: usize, progress: Progress<'_>) -> O
 }
 
 /// Convert the rows of a tree to an array `(n - 1, 4)`.
-fn into_tree(py: Python<'_>, rows: Vec<[f64; 4]>) -> Array<'_> {
+fn into_tree(py: Python<'_>, rows: Vec<[f64; 4]>) -> Tree<'_> {
     let shape = [rows.len(), 4];
-    into_array(py, rows.into_flattened(), &shape)
+    rows.into_flattened().into_pyarray(py).reshape(shape)
 }
 
 /// See [`kernel::linkage`].
@@ -94,7 +100,7 @@ pub fn linkage<'py>(
     threads: usize,
     memory: usize,
     progress: Option<Py<PyAny>>,
-) -> Array<'py> {
+) -> Tree<'py> {
     let (slice, dim) = (points.as_slice()?, points.shape()[1]);
     let rows = with_progress(py, progress.as_ref(), |progress| {
         let options = options(threads, memory, progress);
@@ -111,7 +117,7 @@ pub fn linkage_condensed<'py>(
     threads: usize,
     memory: usize,
     progress: Option<Py<PyAny>>,
-) -> Array<'py> {
+) -> Tree<'py> {
     let slice = distances.as_slice()?;
     let rows = with_progress(py, progress.as_ref(), |progress| {
         let options = options(threads, memory, progress);

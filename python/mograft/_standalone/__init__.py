@@ -1,0 +1,1 @@
+"""Packages that are distributed separately, too; they import nothing of mograft but its kernels."""

@@ -1,0 +1,237 @@
+"""Trees, flat clusters and thresholds of exact complete linkage.
+
+Memory is proportional to the number of points. Merges are ordered by the key (squared distance,
+smaller of the two clusters' lowest point indices, larger of them), which makes the tree unique.
+`docs/linkage.md` of mograft describes the algorithm.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from ._checks import (
+    FloatArray,
+    IntArray,
+    as_floats,
+    as_memory,
+    as_points,
+    as_threads,
+    check_amount,
+)
+from ._kernels import kernels
+
+
+def linkage(
+    points: npt.ArrayLike,
+    *,
+    threads: int | None = None,
+    memory_limit: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> FloatArray:
+    """Cluster points hierarchically by complete linkage under the Euclidean distance.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, n_axes)
+        The points, at least one, in any unit.
+    threads : int, optional
+        Number of threads; the tree does not depend on it. Default: one per processor.
+    memory_limit : int, optional
+        Maximum size, in bytes, of a matrix of all distances, which takes ``8 * n**2``. It is
+        used for fewer than 1,449 points, and if too few distances can be excluded for the
+        algorithm without a matrix, as with many axes and equal distances. Other memory is
+        proportional to n. Default: half of the available memory.
+    progress : callable, optional
+        Called a few times per second with the fraction of finished merges, from 0 to 1. An
+        exception that `progress` raises ends the computation.
+
+    Returns
+    -------
+    ndarray, shape (n - 1, 4)
+        The tree in SciPy's format: row `i` merges clusters `Z[i, 0] < Z[i, 1]` into cluster
+        `n + i` of `Z[i, 3]` points at height `Z[i, 2]`, the greatest distance between their
+        points, in the unit of the points. Clusters below `n` are single points.
+
+    Raises
+    ------
+    TypeError
+        If the points are not real numbers.
+    ValueError
+        If there is no point, a point has no coordinate, a coordinate is not finite, or `threads`
+        or `memory_limit` is out of range.
+    MemoryError
+        If the system refuses memory for the matrix.
+
+    See Also
+    --------
+    cut : Flat clusters at one height, without computing the whole tree.
+
+    Notes
+    -----
+    If all distances are different, the result equals
+    ``scipy.cluster.hierarchy.linkage(points, "complete")`` bit for bit. If distances are equal,
+    complete linkage has several valid trees, whose heights can differ: of 3,000 small point sets
+    with ties, the heights of 167 differ from those of SciPy. Here, merges of equal height are
+    ordered by the lowest point indices of the two clusters; the order in SciPy depends on its
+    traversal of the matrix. Coordinates smaller than 2**-440 times the largest one count as 0;
+    their squares underflow in SciPy.
+
+    Examples
+    --------
+    >>> linkage([[0.0], [1.0], [5.0]])
+    array([[0., 1., 1., 2.],
+           [2., 3., 5., 3.]])
+    """
+    memory = as_memory(memory_limit, kernels.available_memory() // 2)
+    return kernels.linkage(as_points(points), as_threads(threads), memory, progress)
+
+
+def cut(
+    points: npt.ArrayLike,
+    max_diameter: float,
+    *,
+    threads: int | None = None,
+    memory_limit: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> IntArray:
+    """Return the flat clusters of `linkage` at a height, without computing the tree above it.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, n_axes)
+        The points, in any unit; n may be 0.
+    max_diameter : float
+        Greatest distance between two points of a cluster, inclusive, in the unit of the points.
+        0 merges only equal points.
+    threads, memory_limit, progress
+        As for `linkage`.
+
+    Returns
+    -------
+    ndarray of int64, shape (n,)
+        The cluster of each point, numbered from 0 in the order of their first points.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for `linkage`, and if `max_diameter` is negative or NaN.
+
+    Notes
+    -----
+    The partition equals ``scipy.cluster.hierarchy.fcluster(linkage(points), max_diameter,
+    "distance")``. The `distance_threshold` of scikit-learn is exclusive: it does not merge at
+    exactly the threshold.
+
+    Examples
+    --------
+    >>> cut([[0.0], [9.0], [1.0], [8.0]], max_diameter=2.0)
+    array([0, 1, 0, 1])
+    """
+    diameter = float(max_diameter)
+    if not diameter >= 0.0:
+        raise ValueError(f"`max_diameter` must be 0 or more, got {max_diameter}")
+    memory = as_memory(memory_limit, kernels.available_memory() // 2)
+    array = as_points(points, min_points=0)
+    return kernels.cut(array, diameter, as_threads(threads), memory, progress)
+
+
+def linkage_condensed(
+    distances: npt.ArrayLike,
+    *,
+    threads: int | None = None,
+    memory_limit: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> FloatArray:
+    """Cluster hierarchically by complete linkage under given distances.
+
+    Parameters
+    ----------
+    distances : array_like, shape (n * (n - 1) / 2,)
+        The distance of each pair, in the order of `scipy.spatial.distance.pdist`: (0, 1),
+        (0, 2), ..., (1, 2), .... They need not satisfy the triangle inequality.
+    threads, progress
+        As for `linkage`.
+    memory_limit : int, optional
+        Maximum size, in bytes, of the full matrix, which is twice as large as `distances`. If the
+        limit is lower, a copy of `distances` is used on one thread, which is several times slower.
+        Default: no limit.
+
+    Returns
+    -------
+    ndarray, shape (n - 1, 4)
+        The tree, as for `linkage`.
+
+    Raises
+    ------
+    TypeError
+        If the distances are not real numbers.
+    ValueError
+        If a distance is negative or not finite, the number of distances is not n(n-1)/2 for any
+        n, or `threads` or `memory_limit` is out of range.
+
+    Notes
+    -----
+    The result equals that of SciPy bit for bit if all distances are different; with ties, see
+    `linkage`.
+
+    Examples
+    --------
+    >>> linkage_condensed([2.0, 6.0, 5.0])
+    array([[0., 1., 2., 2.],
+           [2., 3., 6., 3.]])
+    """
+    condensed = as_floats("distances", distances)
+    if condensed.ndim != 1:
+        raise ValueError(f"`distances` must have shape (n_pairs,), got {condensed.shape}")
+    # The full matrix holds every distance twice, and a diagonal of n * 8 bytes.
+    memory = as_memory(memory_limit, 4 * condensed.nbytes + 64)
+    return kernels.linkage_condensed(condensed, as_threads(threads), memory, progress)
+
+
+def threshold(points: npt.ArrayLike, kind: str | float = "rms", scale: float = 1.0) -> float:
+    """Return a diameter for `cut` from the distances between the points and their mean.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, n_axes)
+        The points, at least one.
+    kind : {"rms", "literal"} or float
+        "rms" is the square root of the mean of d squared, where d is the distance of a point
+        from the mean of all points. "literal" is the square root of the mean of d. A number is
+        returned unchanged.
+    scale : float
+        Factor for "rms" and "literal".
+
+    Returns
+    -------
+    float
+        The diameter, in the unit of the points for "rms".
+
+    Raises
+    ------
+    TypeError
+        If the points are not real numbers.
+    ValueError
+        If there is no point or a coordinate is not finite, `kind` is another string, or a number
+        is negative or not finite.
+
+    Notes
+    -----
+    "literal" is equation 14 of the paper as printed: the square root of a length, so the clusters
+    depend on the unit of the points. "rms", the standard deviation, scales with the points.
+
+    Examples
+    --------
+    >>> threshold([[-1.0], [1.0], [-7.0], [7.0]])
+    5.0
+    """
+    check_amount("scale", scale)
+    if not isinstance(kind, str):
+        check_amount("kind", kind)
+        return float(kind)
+    if kind not in ("rms", "literal"):
+        raise ValueError(f"`kind` must be 'rms', 'literal' or a number, got {kind!r}")
+    cloud = as_points(points)
+    squared = np.square(cloud - cloud.mean(axis=0)).sum(axis=1)
+    return float(scale * np.sqrt(np.mean(squared if kind == "rms" else np.sqrt(squared))))
