@@ -85,7 +85,14 @@ _FBX = Format(
     lambda _, head: head.startswith((b"Kaydara FBX Binary", b"; FBX ")),
 )
 
-FORMATS: tuple[Format, ...] = (_BVH, _FBX, _GLTF, _AMASS, _KIMODO, _NPZ)
+_USD = Format(
+    "USD",
+    (".usd", ".usda", ".usdc", ".usdz"),
+    "io.usd_reader:open_usd",
+    lambda path, head: head.startswith((b"#usda", b"PXR-USDC")) or path.suffix.lower() == ".usdz",
+)
+
+FORMATS: tuple[Format, ...] = (_BVH, _FBX, _GLTF, _AMASS, _KIMODO, _NPZ, _USD)
 """All formats. If the content of a file matches several, the first is used."""
 
 SUFFIXES = tuple(dict.fromkeys(suffix for form in FORMATS for suffix in form.suffixes))

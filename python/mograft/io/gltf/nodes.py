@@ -122,7 +122,7 @@ def _read_transform(container: Container, item: dict[str, object], index: int) -
     if "matrix" in item:
         numbers = container.floats(item["matrix"], f"{place}.matrix", 16)
         matrix = np.array(numbers).reshape(4, 4).T
-        return _decompose(matrix)
+        return decompose(matrix)
     rotation = container.floats(item.get("rotation", [0, 0, 0, 1]), f"{place}.rotation", 4)
     norm = sum(value * value for value in rotation) ** 0.5
     if norm < 1e-6:
@@ -134,7 +134,7 @@ def _read_transform(container: Container, item: dict[str, object], index: int) -
     ]
 
 
-def _decompose(matrix: FloatArray) -> list[float]:
+def decompose(matrix: FloatArray) -> list[float]:
     """Return translation, rotation and scale of a 4 x 4 matrix, as glTF requires it to have."""
     linear = matrix[:3, :3]
     scale = np.linalg.norm(linear, axis=0)

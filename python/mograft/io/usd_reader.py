@@ -1,0 +1,300 @@
+"""Read the motions of USD files: the animations of UsdSkel skeletons."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.names import unique_names
+from mograft.errors import FormatError
+from mograft.io.clips import Clips
+from mograft.io.gltf.animation import DEFAULT_RATE
+from mograft.io.gltf.nodes import Transforms, decompose, to_world
+from mograft.io.rest_pose import RestPose, rebase
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+
+_CHANNELS = ("translations", "rotations", "scales")
+
+_GRID_TOLERANCE = 1e-6
+"""Deviation of keys from time codes, in time codes, that counts as none."""
+
+_MAX_FRAMES = 1 << 18
+"""Frames of a motion, unless it has as many keys: two keys may claim any duration."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Figure:
+    """A skeleton of a stage: its joints below the prim of the skeleton, which is node 0.
+
+    Fields whose types come from pxr are typed as `Any`.
+    """
+
+    path: Path
+    prim: Any
+    joints: tuple[str, ...]  # paths of the joints
+    names: tuple[str, ...]  # of all nodes
+    parents: IntArray  # of all nodes
+    rest: Transforms  # of all nodes, one frame; that of node 0 is its world transform
+
+    @property
+    def first(self) -> int:
+        """The first node that is a joint of the motion: node 0 only above several roots."""
+        return 1 if (self.parents[1:] == 0).sum() == 1 else 0
+
+    def rest_pose(self) -> RestPose:
+        """Return the rest pose of the joints of the motion."""
+        turned, positions = to_world(self.parents, self.rest)
+        parents = np.maximum(self.parents[self.first :] - self.first, -1)
+        return RestPose(
+            self.names[self.first :], parents, turned[0, self.first :], positions[0, self.first :]
+        )
+
+
+def open_usd(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001
+    """Return the clips of a USD file; see `mograft.io.formats.Opener`.
+
+    Each ``SkelAnimation`` is a clip, on the ``Skeleton`` that it is bound to, or else on the first
+    one that has its joints. The rest pose is that of ``restTransforms``. Units and axes are those
+    of the file. Layers outside the folder of the file are refused. Raises ModuleNotFoundError if
+    usd-core is not installed.
+    """
+    stage = _open_stage(path)
+    figures = [_read_figure(path, prim) for prim in _prims(stage, "Skeleton")]
+    animations = _prims(stage, "SkelAnimation")
+    pairs = [(animation, _find_figure(path, animation, figures)) for animation in animations]
+
+    def load(clip: int) -> Motion:
+        animation, figure = pairs[clip]
+        motion = _sample(stage, animation, figure, rate)
+        return replace(motion, name=names[clip], path=path)
+
+    names = tuple(unique_names([animation.GetName() for animation in animations]))
+    return Clips(path, names, load, "USD", _notes(stage))
+
+
+def _open_stage(path: Path) -> Any:  # noqa: ANN401 - pxr has no types
+    """Open a stage whose layers all lie in the folder of the file."""
+    try:
+        from pxr import Sdf, Tf, Usd
+    except ImportError as error:
+        raise ModuleNotFoundError(
+            "USD needs usd-core: pip install 'mograft[usd]'", name="usd-core"
+        ) from error
+    try:
+        folder = path.resolve().parent
+        pending, known = [str(path)], set()
+        while pending:
+            name = pending.pop()
+            layer = Sdf.Layer.FindOrOpen(name)
+            if layer is None or name in known:
+                continue
+            known.add(name)
+            for asset in layer.GetCompositionAssetDependencies():
+                target = layer.ComputeAbsolutePath(asset)
+                if not _is_inside(target, folder):
+                    raise FormatError(
+                        f"expected layers in the folder of the file, got {asset}", path, name
+                    )
+                pending.append(target)
+        stage = Usd.Stage.Open(str(path))
+    except Tf.ErrorException as error:
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        raise FormatError(f"expected a USD file: {lines[-1] if lines else error}", path) from error
+    if stage is None:
+        raise FormatError("expected a USD file", path)
+    return stage
+
+
+def _is_inside(target: str, folder: Path) -> bool:
+    """Return whether a layer lies in a folder, or in a package such as ``a.usdz[b.usd]`` in it."""
+    return Path(target.partition("[")[0]).resolve().is_relative_to(folder)
+
+
+def _prims(stage: Any, kind: str) -> list[Any]:  # noqa: ANN401
+    """Return the prims of a type of UsdSkel, in the order of the stage, instances included."""
+    from pxr import Usd
+
+    rule = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+    return [prim for prim in stage.Traverse(rule) if prim.GetTypeName() == kind]
+
+
+def _read_figure(path: Path, prim: Any) -> _Figure:  # noqa: ANN401
+    """Read the joints and the rest pose of a skeleton."""
+    from pxr import Usd, UsdGeom, UsdSkel
+
+    skeleton = UsdSkel.Skeleton(prim)
+    place = str(prim.GetPath())
+    joints = tuple(map(str, skeleton.GetJointsAttr().Get() or ()))
+    if not joints:
+        raise FormatError("expected joints, got none", path, place)
+    topology = UsdSkel.Topology(joints)
+    valid, reason = topology.Validate()
+    if not valid or len(set(joints)) != len(joints):
+        raise FormatError(f"expected parents before children: {reason}", path, place)
+    parents = np.array([0, *(topology.GetParent(joint) + 1 for joint in range(len(joints)))])
+    parents[0] = -1
+    given = tuple(map(str, skeleton.GetJointNamesAttr().Get() or ()))
+    names = given if len(given) == len(joints) else tuple(j.rpartition("/")[2] for j in joints)
+    transforms = skeleton.GetRestTransformsAttr().Get()
+    if not transforms or len(transforms) != len(joints):
+        transforms = _bind_pose(skeleton, topology)
+    if transforms is None:
+        raise FormatError("expected restTransforms or bindTransforms of all joints", path, place)
+    world = UsdGeom.XformCache(Usd.TimeCode.Default()).GetLocalToWorldTransform(prim)
+    return _Figure(
+        path,
+        prim,
+        joints,
+        (prim.GetName(), *names),
+        parents,
+        _to_transforms(path, place, [world, *transforms]),
+    )
+
+
+def _bind_pose(skeleton: Any, topology: Any) -> list[Any] | None:  # noqa: ANN401
+    """Return local matrices of the bind pose, or None if the skeleton has none."""
+    bind = skeleton.GetBindTransformsAttr().Get()
+    if not bind or len(bind) != topology.GetNumJoints():
+        return None
+    parents = [topology.GetParent(joint) for joint in range(len(bind))]
+    return [
+        matrix if parent < 0 else matrix * bind[parent].GetInverse()
+        for matrix, parent in zip(bind, parents, strict=True)
+    ]
+
+
+def _to_transforms(path: Path, place: str, matrices: Sequence[Any]) -> Transforms:
+    """Return matrices of USD, which act on row vectors, as transforms of one frame."""
+    values = np.array([np.array(matrix).T for matrix in matrices], np.float64)
+    if not np.isfinite(values).all():
+        raise FormatError("expected finite matrices", path, place)
+    parts = np.array([decompose(matrix) for matrix in values])
+    return Transforms(parts[None, :, :3], parts[None, :, 3:7], parts[None, :, 7:])
+
+
+def _find_figure(path: Path, animation: Any, figures: Sequence[_Figure]) -> _Figure:  # noqa: ANN401
+    """Return the figure that an animation is bound to, or the first one with all of its joints."""
+    from pxr import UsdSkel
+
+    for figure in figures:
+        bound = UsdSkel.BindingAPI(figure.prim).GetInheritedAnimationSource()
+        if bound and bound.GetPath() == animation.GetPath():
+            return figure
+    joints = {*map(str, UsdSkel.Animation(animation).GetJointsAttr().Get() or ())}
+    for figure in figures:
+        if joints <= {*figure.joints}:
+            return figure
+    raise FormatError(
+        "expected a Skeleton with the joints of the animation, got none",
+        path,
+        str(animation.GetPath()),
+    )
+
+
+def _sample(stage: Any, prim: Any, figure: _Figure, rate: float | None) -> Motion:  # noqa: ANN401
+    """Return the motion of an animation, sampled from its first to its last key."""
+    from pxr import UsdSkel
+
+    animation = UsdSkel.Animation(prim)
+    place = str(prim.GetPath())
+    attributes = {name: prim.GetAttribute(name) for name in _CHANNELS}
+    keys = np.unique([t for attribute in attributes.values() for t in attribute.GetTimeSamples()])
+    codes_per_second = float(stage.GetTimeCodesPerSecond())
+    if not (np.isfinite(keys).all() and codes_per_second > 0):
+        raise FormatError("expected finite times and time codes above 0 per second", figure.path)
+    try:
+        codes, frame_time = _choose_times(keys, codes_per_second, rate)
+    except ValueError as error:
+        raise FormatError(str(error), figure.path, place) from None
+    joints = list(map(str, animation.GetJointsAttr().Get() or ()))
+    nodes = [figure.joints.index(joint) + 1 for joint in joints if joint in figure.joints]
+    rows = [row for row, joint in enumerate(joints) if joint in figure.joints]
+    local = figure.rest.of(np.arange(len(figure.parents)), len(codes))
+    for frame, code in enumerate(codes):
+        for name, attribute in attributes.items():
+            values = attribute.Get(code)
+            if values is None:
+                continue
+            array = np.array(values, np.float64)
+            if len(array) != len(joints) or not np.isfinite(array).all():
+                raise FormatError(
+                    f"expected {len(joints)} finite values at time code {code:g}",
+                    figure.path,
+                    f"{place}.{name}",
+                )
+            getattr(local, name)[frame, nodes] = array[rows]
+    _move_figure(figure, local, codes)
+    turned, positions = to_world(figure.parents, _normalised(figure, local, place))
+    first = figure.first
+    return rebase(figure.rest_pose(), turned[:, first:], positions[:, first:], frame_time)
+
+
+def _choose_times(
+    keys: FloatArray, codes_per_second: float, rate: float | None
+) -> tuple[FloatArray, float]:
+    """Return the time codes of the frames, and the seconds per frame.
+
+    The default rate is that of the time codes or of denser uniform keys, and 30 fps if keys lie
+    between time codes. The duration is exact. An animation without keys has one frame. Raises
+    ValueError if there are too many frames.
+    """
+    if len(keys) < 2:
+        return keys if len(keys) else np.zeros(1), 1.0 / (rate or codes_per_second)
+    steps = np.diff(keys)
+    if rate is None:
+        rate = DEFAULT_RATE
+        if np.ptp(steps) <= _GRID_TOLERANCE * steps[0] and steps[0] <= 1.0:
+            rate = codes_per_second / float(steps[0])
+        elif np.abs(steps - np.round(steps)).max() <= _GRID_TOLERANCE:
+            rate = codes_per_second
+    duration = float(keys[-1] - keys[0]) / codes_per_second
+    if duration * rate > max(_MAX_FRAMES, 8 * len(keys)):
+        raise ValueError(
+            f"a duration of {duration:.6g} s at {rate:.6g} frames per second is too long for "
+            f"{len(keys)} keys; choose a lower rate"
+        )
+    count = max(round(duration * rate), 1) + 1
+    return np.linspace(keys[0], keys[-1], count), duration / (count - 1)
+
+
+def _move_figure(figure: _Figure, local: Transforms, codes: FloatArray) -> None:
+    """Set the transforms of node 0 to the world transforms of the skeleton's prim."""
+    from pxr import Usd, UsdGeom
+
+    prim, is_moving = figure.prim, False
+    while prim:
+        is_moving |= UsdGeom.Xformable(prim).TransformMightBeTimeVarying()
+        prim = prim.GetParent()
+    for frame, code in enumerate(codes if is_moving else ()):
+        cache = UsdGeom.XformCache(Usd.TimeCode(code))
+        world = _to_transforms(figure.path, "", [cache.GetLocalToWorldTransform(figure.prim)])
+        for name in _CHANNELS:
+            getattr(local, name)[frame, 0] = getattr(world, name)[0, 0]
+
+
+def _normalised(figure: _Figure, local: Transforms, place: str) -> Transforms:
+    """Return transforms with rotations of unit norm."""
+    norms = np.linalg.norm(local.rotations, axis=-1, keepdims=True)
+    if (norms < 1e-6).any():
+        raise FormatError("expected unit quaternions, got zero", figure.path, f"{place}.rotations")
+    return Transforms(local.translations, local.rotations / norms, local.scales)
+
+
+def _notes(stage: Any) -> tuple[str, ...]:  # noqa: ANN401
+    """Return notes of units and axes, and of prims that are not part of the motions."""
+    from pxr import UsdGeom
+
+    types = Counter(str(prim.GetTypeName()) for prim in stage.Traverse())
+    for name in ("", "Skeleton", "SkelAnimation", "SkelRoot", "Xform", "Scope"):
+        types.pop(name, None)
+    units = UsdGeom.GetStageMetersPerUnit(stage)
+    notes = [f"unit: {units:g} m, {UsdGeom.GetStageUpAxis(stage)} up"]
+    if types:
+        listed = ", ".join(f"{count} {name}" for name, count in sorted(types.items()))
+        notes.append(f"prims that are not joints: {listed}")
+    return tuple(notes)
