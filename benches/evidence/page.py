@@ -6,7 +6,7 @@ from benches.evidence.constants import CONSTANTS
 from benches.evidence.section import Table
 from benches.evidence.sources import SOURCES
 
-EXPERIMENTS: tuple[str, ...] = ("retrieval",)
+EXPERIMENTS: tuple[str, ...] = ("retrieval", "matched")
 """Modules of `benches.evidence`, in the order of the page."""
 
 HEADER = """# Evidence

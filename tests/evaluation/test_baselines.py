@@ -18,6 +18,7 @@ from mograft import (
 from mograft.body.contacts import detect_contacts
 from mograft.evaluation.baselines import (
     Analogy,
+    Ball,
     ByCost,
     Captured,
     ContactPattern,
@@ -33,6 +34,7 @@ from mograft.evaluation.baselines import (
 )
 from mograft.motion import rotations
 from mograft.search.costs import length_fits
+from mograft.synthesis.graft_plan import GraftPlan
 from tests.strategies import smooth_rotations
 
 RANDOM_METHODS = (
@@ -41,6 +43,7 @@ RANDOM_METHODS = (
     ContactPattern(),
     ContactPattern(is_exact=True),
     Nearest(),
+    Ball(),
     Analogy(),
 )
 METHODS = (*RANDOM_METHODS, ByCost())
@@ -105,10 +108,24 @@ def test_contact_pattern_exact_candidates_have_equal_sequences(library):
     assert_candidates(library, method, lambda a, b: sequences[a] == sequences[b])
 
 
+def test_nearest_without_count_has_as_many_donors_as_analogy(library):
+    segments = np.arange(len(library.segments))
+    found, expected = (own.candidates(library, segments) for own in (Nearest(), Analogy()))
+    assert [len(own) for own in found] == [len(own) for own in expected]
+
+
+def test_ball_candidates_are_those_of_its_neighbourhood(library):
+    segments = np.arange(len(library.segments))
+    config = replace(library.config, neighbourhood="ball")
+    expected = Analogy().candidates(library.relabelled(config), segments)
+    for own, other in zip(Ball().candidates(library, segments), expected, strict=True):
+        np.testing.assert_array_equal(own, other)
+
+
 def test_nearest_candidates_are_six_nearest_donors(library):
     points = library.embedding["lower"].points
     n = len(library.segments)
-    candidates = Nearest().candidates(library, np.arange(n))
+    candidates = Nearest(count=6).candidates(library, np.arange(n))
     for segment in range(0, n, 7):
         is_allowed = has_similar_length(library, segment) & library.is_donor
         is_allowed[segment] = False
@@ -153,6 +170,16 @@ def test_draw_donors_equals_donors_of_grafts_and_draws_candidates(library, metho
         for allowed, donor in zip(candidates, sequence["upper"].tolist(), strict=True):
             assert donor in allowed
         assert [s.donor for s in graft.substitutions] == sequence["upper"].tolist()
+
+
+def test_draw_donors_equal_those_of_the_choice_random(library):
+    # The clusters of the dancer have at most 100 members, so that no candidates are left out.
+    config = replace(library.config, choice="random", self_repair=False)
+    plan, drawn = draw_donors(Analogy(), library, count=3, seed=5)
+    chosen = GraftPlan.build(library.relabelled(config), None, None, ()).choose_donors(3, 5)
+    for found, expected in zip(drawn, chosen, strict=True):
+        np.testing.assert_array_equal(found["upper"], expected["upper"])
+    assert max(map(len, plan.problem.candidates["upper"])) <= 100
 
 
 def test_draw_donors_seam_limit_is_exceeded_only_by_nearest_candidate(library):

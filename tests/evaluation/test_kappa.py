@@ -26,8 +26,11 @@ def test_kappas_random_rates_equal_definition(seed):
     assert kappas.kappa("x", is_matched=True).value == pytest.approx(matched)
     assert kappas.kappa("captured").value == pytest.approx(1)
     assert kappas.kappa("random").value == pytest.approx(0)
-    difference = kappas.difference("x", "random").kappa
-    assert difference.value == pytest.approx(expected)
+    found = kappas.difference("x", "random")
+    assert found.accepted.value == pytest.approx(accepted[has_donor].mean() - low)
+    difference = found.kappa
+    assert difference.value == pytest.approx(matched)
+    assert difference.n == int(has_donor.any(axis=0).sum())
     assert difference.low <= difference.value <= difference.high
     assert kappas.kappa("x").n == int(has_donor.any(axis=0).sum())
     assert kappas.mean(accepted, "segments").value == pytest.approx(np.nanmean(accepted))

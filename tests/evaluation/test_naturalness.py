@@ -6,9 +6,18 @@ import numpy as np
 import pytest
 
 from mograft import InsufficientDataError, Library
-from mograft.evaluation import classifier, naturalness
-from mograft.evaluation.baselines import Analogy, ByCost, Captured, Random, RandomLength
-from mograft.evaluation.naturalness import compatibility, fold_groups
+from mograft.evaluation import classifier, held_out, naturalness
+from mograft.evaluation.baselines import (
+    Analogy,
+    Ball,
+    ByCost,
+    Captured,
+    Nearest,
+    Random,
+    RandomLength,
+)
+from mograft.evaluation.held_out import fold_groups
+from mograft.evaluation.naturalness import compatibility
 
 pytest.importorskip("sklearn", reason="scikit-learn is not installed")
 
@@ -44,6 +53,11 @@ def replace_features(monkeypatch, library, *, is_dependent):
 
 def test_compatibility_parts_that_depend_on_cluster_gives_analogy_kappa_one(monkeypatch, library):
     replace_features(monkeypatch, library, is_dependent=True)
+
+    def keep_clusters(library, is_fitted):
+        return replace(library, is_donor=library.is_donor & is_fitted)
+
+    monkeypatch.setattr(naturalness, "fit_on", keep_clusters)
     found = compatibility(library, methods=METHODS)
     scores = {score.method: score for score in found.scores}
     assert abs(scores["random"].kappa.value) < 0.15
@@ -98,12 +112,25 @@ def test_compatibility_base_group_raises_value_error(library):
 
 
 def test_compatibility_single_block_raises_insufficient_data_error(monkeypatch, library):
-    monkeypatch.setattr(naturalness, "GROUP_SEGMENTS", 100_000)
-    with pytest.raises(InsufficientDataError, match="there is one"):
+    monkeypatch.setattr(held_out, "GROUP_SEGMENTS", 100_000)
+    with pytest.raises(InsufficientDataError, match=r"at least 3 clips or blocks of .* got 1"):
         compatibility(library, methods=METHODS)
 
 
-def test_fold_groups_single_clip_has_blocks_of_forty(library):
-    sizes = np.bincount(fold_groups(library))
-    assert sizes.max() == 40
-    assert (sizes[:-1] == 40).all()
+def test_compatibility_shuffled_parts_have_no_difference(monkeypatch, library):
+    replace_features(monkeypatch, library, is_dependent=True)
+    found = compatibility(library, methods=(*METHODS, Nearest(), Ball()), is_null=True)
+    for difference in found.differences:
+        assert difference.accepted.low <= 0 <= difference.accepted.high, difference.first
+
+
+def test_compatibility_bases_donors_and_training_are_disjoint(library):
+    groups = fold_groups(library)
+    folds = classifier.assign_folds(groups, 5, 0)
+    for fold in range(5):
+        roles = naturalness._Roles.of(folds, fold, library.is_donor)
+        parts = [roles.bases, np.flatnonzero(roles.is_library), roles.training]
+        joined = np.concatenate(parts)
+        assert sorted(joined.tolist()) == np.flatnonzero(library.is_donor).tolist()
+        used = [set(groups[part].tolist()) for part in parts]
+        assert sum(map(len, used)) == len(set.union(*used))

@@ -29,7 +29,7 @@ def difference(first, second, low, high):
     kappa = Estimate(
         value=(low + high) / 2, low=low, high=high, n=40, unit="segments", interval_method="y"
     )
-    return Difference(first, second, kappa)
+    return Difference(first, second, kappa, kappa)
 
 
 class StubCompatibility:
@@ -46,11 +46,11 @@ def test_compare_methods_sentences_state_position_of_interval():
     above = difference("analogy", "contact pattern", 0.1, 0.6)
     undecided = difference("contact pattern", "random", -0.1, 0.3)
     below = difference("contact pattern", "random", -0.5, -0.3)
-    first, second = compare_methods(StubCompatibility(above, undecided))
-    assert "as expected" in first
+    first, second, third = compare_methods(StubCompatibility(above, undecided))
+    assert "the interval is above 0" in first
     assert "undecided" in second
-    assert "against the expected order" in compare_methods(StubCompatibility(above, below))[1]
-    assert "not both compared" in compare_methods(StubCompatibility(above))[1]
+    assert "not both compared" in third
+    assert "the interval is below 0" in compare_methods(StubCompatibility(above, below))[1]
 
 
 def test_difference_without_interval_is_undecided():

@@ -17,6 +17,7 @@ from mograft.evaluation.balance import (
 )
 from mograft.evaluation.baselines import (
     Analogy,
+    Ball,
     ByCost,
     Captured,
     ContactPattern,
@@ -49,6 +50,7 @@ __all__ = [
     "Balance",
     "BalanceRow",
     "BalanceSample",
+    "Ball",
     "ByCost",
     "Captured",
     "Compatibility",

@@ -12,18 +12,22 @@ from typing import Any
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.arrays import BoolArray, IntArray
 from mograft.body.contacts import detect_contacts, find_legs
+from mograft.config import Config
 from mograft.errors import InsufficientDataError
 from mograft.evaluation.part_features import equidistant_instants
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.search.candidates import SegmentPool
 from mograft.search.costs import length_fits
+from mograft.search.donor_choice import draw_uniform, prune_dead_ends
 from mograft.search.trellis import DonorSequences
 from mograft.synthesis.graft import Grafts
 from mograft.synthesis.graft_plan import GraftPlan
 from mograft.synthesis.graft_result import Graft
+
+_MAX_DRAWN = 100  # candidates of a position among which seams are compared, at most
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,18 @@ class ByCost(Analogy):
 
     name: str = "analogy, by cost"
     uses_cost: bool = True
+
+
+@dataclass(frozen=True)
+class Ball(Method):
+    """Method with the donors of similar length within the radius of `Config.neighbourhood`."""
+
+    name: str = "ball"
+
+    def candidates(self, library: Library, scenario: IntArray) -> list[IntArray]:
+        """Return the candidates for base segments; see `Method.candidates`."""
+        config = replace(library.config, neighbourhood="ball")
+        return library.pool(grafted_group(library)).candidate_lists(scenario, config)
 
 
 @dataclass(frozen=True)
@@ -170,12 +186,13 @@ class Nearest(Method):
 
     Attributes
     ----------
-    count : int
-        Maximum number of donors of a base segment, besides that segment itself.
+    count : int, optional
+        Maximum number of donors of a base segment, besides that segment itself. Default: the
+        number that `Analogy` has for this segment, so that both methods have equally many.
     """
 
     name: str = "nearest neighbours"
-    count: int = 6
+    count: int | None = None
 
     def candidates(self, library: Library, scenario: IntArray) -> list[IntArray]:
         """Return the candidates for base segments; see `Method.candidates`."""
@@ -184,13 +201,16 @@ class Nearest(Method):
             raise InsufficientDataError(
                 "nearest neighbours need at least three segments whose base groups move differently"
             )
+        counts = [self.count] * len(scenario)
+        if self.count is None:
+            counts = [len(several) - 1 for several in Analogy().candidates(library, scenario)]
         candidates = []
-        for segment in scenario.tolist():
+        for segment, count in zip(scenario.tolist(), counts, strict=True):
             is_allowed = _has_similar_length(library, segment) & library.is_donor
             is_allowed[segment] = False
             others = np.flatnonzero(is_allowed)
             distances = np.linalg.norm(embedding.points[others] - embedding.points[segment], axis=1)
-            nearest = others[np.argsort(distances, kind="stable")[: self.count]]
+            nearest = others[np.argsort(distances, kind="stable")[:count]]
             candidates.append(np.sort(np.append(nearest, segment)))
         return candidates
 
@@ -293,9 +313,9 @@ def grafts_by(
     Notes
     -----
     If `Method.uses_cost` is False, each donor is drawn uniformly from the candidates. With
-    `Method.has_seam_limit`, these are only the candidates whose seam angle with the previous
-    donor is at most `Config.max_angle`, or the one with the smallest angle if there is none
-    (paper, 4.4). Self-repair is off.
+    `Method.has_seam_limit`, the sequences are those of `Config.choice` "random": candidates from
+    which the limit `Config.max_angle` leads to no donor at the end are removed first, and each
+    donor is drawn within the limit from the previous one (paper, 4.4). Self-repair is off.
 
     Examples
     --------
@@ -337,10 +357,9 @@ def draw_donors(
     if method.uses_cost:
         return plan, plan.choose_donors(count, seed)
     rng = np.random.default_rng(seed)
-    max_angle = problem.config.max_angle if method.has_seam_limit else np.pi
     return plan, [
         {
-            group: _draw_sequence(pool, candidates, max_angle, rng)
+            group: _draw_sequence(method, pool, candidates, problem.config, rng)
             for group, pool in problem.pools.items()
         }
         for _ in range(count)
@@ -348,22 +367,26 @@ def draw_donors(
 
 
 def _draw_sequence(
-    pool: SegmentPool, candidates: Sequence[IntArray], max_angle: float, rng: np.random.Generator
+    method: Method,
+    pool: SegmentPool,
+    candidates: Sequence[IntArray],
+    config: Config,
+    rng: np.random.Generator,
 ) -> IntArray:
-    """Draw one donor for each position, from the first to the last (paper, 4.4).
+    """Draw one donor for each position as `Config.choice` "random" does (paper, 4.4).
 
-    Each donor is drawn from the candidates whose seam angle with the previous donor is at most
-    `max_angle`; if there is none, the candidate with the smallest seam angle is taken.
+    Without `Method.has_seam_limit`, the draws are independent. If a position has more than 100
+    candidates, 100 of them are drawn first.
     """
-    donors: list[int] = []
-    for segments in candidates:
-        allowed = segments
-        if donors and max_angle < np.pi:
-            angles: FloatArray = pool.seam_angles(np.array(donors[-1:]), segments)[0]
-            is_within = angles <= max_angle
-            allowed = segments[is_within if is_within.any() else [int(angles.argmin())]]
-        donors.append(int(rng.choice(allowed)))
-    return np.array(donors, np.int64)
+    if not method.has_seam_limit:
+        return np.array([rng.choice(segments) for segments in candidates], np.int64)
+    limited = [
+        segments
+        if len(segments) <= _MAX_DRAWN
+        else np.sort(rng.choice(segments, _MAX_DRAWN, replace=False))
+        for segments in candidates
+    ]
+    return draw_uniform(*prune_dead_ends(pool, limited, config), config, rng)
 
 
 def grafted_group(library: Library, group: str | None = None) -> str:

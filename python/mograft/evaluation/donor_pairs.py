@@ -15,20 +15,26 @@ _CHUNK = 500  # segments whose candidates are in memory at the same time
 
 
 def selected_donors(
-    library: Library, group: str, methods: Sequence[Method], seed: int
+    library: Library,
+    group: str,
+    methods: Sequence[Method],
+    seed: int,
+    segments: IntArray | None = None,
 ) -> dict[str, list[IntArray]]:
     """Return the donors that each method selects for each segment in 20 donor sequences per clip.
 
-    A donor may occur several times. Methods whose `uses_cost` is False are omitted.
+    A donor may occur several times. Methods whose `uses_cost` is False are omitted. If `segments`
+    is given, sequences are drawn only for the clips of these segments.
     """
+    clips = np.unique(library.segments.clip[slice(None) if segments is None else segments])
     selected = {}
     for method in methods:
         if not method.uses_cost:
             continue
         donors: list[list[int]] = [[] for _ in range(len(library.segments))]
-        for entry in library.entries:
+        for clip in clips.tolist():
             plan, sequences = draw_donors(
-                method, library, entry.name, _N_SEQUENCES, swap=[group], seed=seed
+                method, library, library.names[clip], _N_SEQUENCES, swap=[group], seed=seed
             )
             scenario = plan.problem.scenario.tolist()
             for sequence in sequences:
@@ -38,31 +44,30 @@ def selected_donors(
     return selected
 
 
-def donors_in_fold(
+def list_donors(
     library: Library,
     methods: Sequence[Method],
-    folds: IntArray,
+    segments: IntArray,
     selected: Mapping[str, list[IntArray]],
 ) -> dict[str, list[IntArray]]:
-    """Return, for each method and segment, the donors that are in the same fold as the segment.
+    """Return, for each method, the donors of each of `segments`, without the segment itself.
 
-    `folds` has the fold of each segment. The donors are those in `selected`, the result of
-    `selected_donors`; for methods that are not in it, all candidates. The segment itself is not
-    returned.
+    The donors are those in `selected`, the result of `selected_donors`; for methods that are not
+    in it, all candidates.
     """
     found: dict[str, list[IntArray]] = {}
-    n = len(library.segments)
     for method in methods:
         donors: list[IntArray] = []
-        for start in range(0, n, _CHUNK):
-            segments = np.arange(start, min(start + _CHUNK, n))
+        for start in range(0, len(segments), _CHUNK):
+            part = segments[start : start + _CHUNK]
             if method.name in selected:
-                candidates = selected[method.name][start : start + _CHUNK]
+                candidates = [selected[method.name][segment] for segment in part.tolist()]
             else:
-                candidates = method.candidates(library, segments)
-            for segment, several in zip(segments.tolist(), candidates, strict=True):
-                is_kept = (folds[several] == folds[segment]) & (several != segment)
-                donors.append(several[is_kept])
+                candidates = method.candidates(library, part)
+            donors += [
+                several[several != segment]
+                for segment, several in zip(part.tolist(), candidates, strict=True)
+            ]
         found[method.name] = donors
     return found
 
@@ -72,28 +77,24 @@ def sample_pairs(
 ) -> IntArray:
     """Return pairs of segments and their donors, shape (n_pairs, 2).
 
-    `donors` has the donors of every segment of the library. If one of `segments` has more than 20
-    donors, 20 are drawn at random; fewer, but at least 2, if there would be more than 10,000
-    pairs otherwise.
+    `donors` has the donors of each of `segments`. If there are more than 20, 20 are drawn at
+    random; fewer, but at least 2, if there would be more than 10,000 pairs otherwise.
     """
     n = _max_donors(len(segments))
     chosen = [
         several if len(several) <= n else rng.choice(several, n, replace=False)
-        for several in (donors[segment] for segment in segments.tolist())
+        for several in donors
     ]
     return _pair(segments, chosen)
 
 
-def random_pairs(segments: IntArray, rng: np.random.Generator) -> IntArray:
-    """Return pairs of each segment with random other segments, shape (n_pairs, 2).
+def random_pairs(segments: IntArray, donors: IntArray, rng: np.random.Generator) -> IntArray:
+    """Return pairs of each of `segments` with random `donors`, shape (n_pairs, 2).
 
     The number of pairs of a segment is the limit that `sample_pairs` describes.
     """
-    count = min(_max_donors(len(segments)), len(segments) - 1)
-    chosen = [
-        rng.choice(np.delete(segments, position), count, replace=False)
-        for position in range(len(segments))
-    ]
+    count = min(_max_donors(len(segments)), len(donors))
+    chosen = [rng.choice(donors, count, replace=False) for _ in segments]
     return _pair(segments, chosen)
 
 

@@ -15,11 +15,23 @@ _BlockSums = tuple[FloatArray, FloatArray]  # sums and counts, each (n_splits, n
 
 @dataclass(frozen=True)
 class Difference(Record):
-    """κ of a first method minus κ of a second, with an interval from common resamples."""
+    """Difference of two methods on the segments for which both have a donor.
+
+    Attributes
+    ----------
+    first, second : str
+        Names of the methods.
+    kappa : Estimate
+        κ of the first method minus κ of the second, with the rates of captured and random parts
+        of the same segments.
+    accepted : Estimate
+        Acceptance rate of the first method minus that of the second.
+    """
 
     first: str
     second: str
     kappa: Estimate
+    accepted: Estimate
 
     @property
     def verdict(self) -> Literal["above", "below", "undecided"]:
@@ -66,14 +78,19 @@ class Kappas:
         return self._estimate(terms, _kappa, self.accepted[method], "segments with a donor")
 
     def difference(self, first: str, second: str) -> Difference:
-        """Return κ of the first method minus κ of the second."""
-        difference = self._estimate(
-            [*self._kappa_terms(first), *self._kappa_terms(second)],
-            lambda means: _kappa(means[:3]) - _kappa(means[3:]),
-            self.accepted[first] + self.accepted[second],
-            "segments with a donor by both methods",
+        """Return the difference of two methods on the segments for which both have a donor."""
+        common = self.accepted[first] + self.accepted[second]
+        rates = [
+            self._block_sums(values, common)
+            for values in (self.accepted[first], self.accepted[second], self.random, self.captured)
+        ]
+        unit = "segments with a donor by both methods"
+        return Difference(
+            first=first,
+            second=second,
+            kappa=self._estimate(rates, _kappa_difference, common, unit),
+            accepted=self._estimate(rates[:2], lambda means: means[0] - means[1], common, unit),
         )
-        return Difference(first, second, difference)
 
     def _block_sums(self, values: FloatArray, where: FloatArray) -> _BlockSums:
         distinct, index = np.unique(self.blocks, return_inverse=True)
@@ -138,3 +155,9 @@ def _kappa(means: Sequence[FloatArray]) -> FloatArray:
     accepted, random, captured = means
     kappa: FloatArray = (accepted - random) / (captured - random)
     return kappa
+
+
+def _kappa_difference(means: Sequence[FloatArray]) -> FloatArray:
+    first, second, random, captured = means
+    difference: FloatArray = (first - second) / (captured - random)
+    return difference

@@ -124,7 +124,7 @@ def judgement(
     specificity = _share(is_correct[~truth], "test labels")
     rng = np.random.default_rng(seed)
     selected = donor_pairs.selected_donors(library, labels.group, methods, seed)
-    donors = donor_pairs.donors_in_fold(library, methods, np.zeros_like(segments), selected)
+    donors = donor_pairs.list_donors(library, methods, segments, selected)
     verdicts = []
     for name, several in donors.items():
         sample = donor_pairs.sample_pairs(several, segments, rng)

@@ -14,11 +14,12 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.errors import InsufficientDataError
-from mograft.evaluation import classifier, donor_pairs, estimate
+from mograft.evaluation import classifier, donor_pairs
 from mograft.evaluation._extra import import_extra
 from mograft.evaluation.baselines import Method, default_methods, grafted_group
 from mograft.evaluation.classifier import PairFeatures
 from mograft.evaluation.estimate import Estimate, Record
+from mograft.evaluation.held_out import GROUP_SEGMENTS, fit_on, fold_groups, shuffle_parts
 from mograft.evaluation.kappa import Difference, Kappas
 from mograft.evaluation.part_features import part_features
 from mograft.library.clusters import Progress
@@ -26,10 +27,10 @@ from mograft.library.library import Library
 
 MIN_SEGMENTS = 60
 MIN_RATE_DIFFERENCE = 0.1  # least difference of the acceptance rates of captured and random parts
-GROUP_SEGMENTS = 40  # neighbouring segments that stay together in cross-validation
 _N_FOLDS = 5
+_MIN_GROUPS = 3  # one for the bases, one for the library, one for the training
 _MIN_TEST_SEGMENTS, _MIN_TRAIN_SEGMENTS = 2, 10
-_MAX_TRAIN_SEGMENTS = 600  # limits the run time of the SVM, which grows with the square
+_MAX_TRAIN_SEGMENTS = 400  # limits the run time of the SVM, which grows with the square
 
 
 @dataclass(frozen=True)
@@ -99,14 +100,6 @@ class Compatibility(Record):
         raise KeyError(f"the difference {first} minus {second} was not computed")
 
 
-def fold_groups(library: Library) -> IntArray:
-    """Return, for each segment, the index of its clip or block, which folds do not divide.
-
-    These are clips if there are ten or more, and blocks of 40 consecutive segments otherwise.
-    """
-    return estimate.segment_blocks(library.segments, GROUP_SEGMENTS)
-
-
 def compatibility(
     library: Library,
     group: str | None = None,
@@ -114,6 +107,7 @@ def compatibility(
     *,
     seed: int = 0,
     splits: int = 4,
+    is_null: bool = False,
     progress: Progress | None = None,
 ) -> Compatibility:
     """Score how closely combinations of base parts and donor parts resemble captured ones.
@@ -131,22 +125,27 @@ def compatibility(
     splits : int
         Number of random assignments of segments to folds. Each has its own classifiers and
         random pairs.
+    is_null : bool
+        Whether to shuffle the grafted parts of all segments first. Base and grafted parts then are
+        independent, and all differences of acceptance rates are 0 up to chance. κ then has no
+        meaning, since its denominator is near 0.
     progress : callable, optional
         Called with the name of the stage, the number of finished steps and the number of steps.
 
     Returns
     -------
     Compatibility
-        The results. The bootstrap of the intervals resamples splits and blocks of segments, or
-        clips if there are ten or more. They do not account for the choice of the recordings.
+        The results. The bootstrap of the intervals resamples splits and the clips or blocks of
+        segments that folds do not divide. They do not account for the choice of the recordings.
 
     Raises
     ------
     ImportError
         If scikit-learn is not installed.
     InsufficientDataError
-        If fewer than 60 segments have no faults, if they are all in one clip or block (see Notes),
-        or if the acceptance rate of captured parts is less than 0.1 above that of random parts.
+        If fewer than 60 segments have no faults, if they are in fewer than three clips or blocks
+        (see Notes), or if the acceptance rate of captured parts is less than 0.1 above that of
+        random parts and `is_null` is False.
     ValueError
         If `group` is the base group.
 
@@ -156,11 +155,14 @@ def compatibility(
     the base part and the grafted part of a segment. Positive samples pair the base part of a
     segment with the grafted part of the same segment (captured part), negative samples with that of
     another segment (random part). The classifier is a support vector machine on 20 principal
-    components of the `part_features` of each part. A classifier is trained for each fold on the
-    other folds, with parameters from cross-validation within them, and applied to the fold. Folds
-    do not divide clips or, if there are fewer than ten clips, blocks of 40 segments. A pair with a
-    positive score is accepted. The result is κ = (a_method - a_random) / (a_captured - a_random),
-    where a is an acceptance rate.
+    components of the `part_features` of each part. A pair with a positive score is accepted. The
+    result is κ = (a_method - a_random) / (a_captured - a_random), where a is an acceptance rate.
+
+    Clips, or blocks of 20 segments if there are fewer than ten clips, are assigned to five folds.
+    One fold has the base segments. Two folds are the library: embedding, cluster diameter threshold
+    and clusters are computed from them (`fit_on` of `mograft.evaluation.held_out`), and all donors
+    are in them. The other two folds train the classifier, with parameters from cross-validation
+    within them. Each fold has the base segments once.
     """
     base = library.groups.base
     group = grafted_group(library) if group is None else group
@@ -173,15 +175,19 @@ def compatibility(
             f"compatibility needs {MIN_SEGMENTS} segments without faults, there are {len(segments)}"
         )
     n_groups = len(np.unique(fold_groups(library)[segments]))
-    if n_groups < 2:
+    if n_groups < _MIN_GROUPS:
         raise InsufficientDataError(
-            f"compatibility needs at least two clips or blocks of {GROUP_SEGMENTS} segments, "
-            "there is one"
+            f"compatibility needs at least {_MIN_GROUPS} clips or blocks of {GROUP_SEGMENTS} "
+            f"segments, got {n_groups}"
         )
     import_extra("sklearn")
-    rates, wins, parameters = _cross_validate(library, group, methods, seed, splits, progress)
+    shuffled = np.arange(len(library.segments))
+    if is_null:
+        shuffled = shuffle_parts(library.is_donor, np.random.default_rng(seed))
+    validation = _CrossValidation(library, group, methods, seed, shuffled)
+    rates, wins, parameters = validation.run(splits, progress)
     captured, random = float(np.nanmean(rates.captured)), float(np.nanmean(rates.random))
-    if captured - random < MIN_RATE_DIFFERENCE:
+    if captured - random < MIN_RATE_DIFFERENCE and not is_null:
         raise InsufficientDataError(
             f"the classifiers accept {captured:.0%} of the captured test parts and {random:.0%} of "
             "the random ones: compatibility is defined only if the difference is at least "
@@ -218,66 +224,107 @@ def compatibility(
     )
 
 
-def _cross_validate(
-    library: Library,
-    group: str,
-    methods: Sequence[Method],
-    seed: int,
-    splits: int,
-    progress: Progress | None,
-) -> tuple[Kappas, FloatArray, list[dict[str, float]]]:
-    """Train a classifier for each fold of each split on the other folds, and apply it to the fold.
+@dataclass(frozen=True, eq=False)
+class _CrossValidation:
+    """Training and application of the classifiers of all folds and splits."""
 
-    Return the acceptance rates; for each split and segment, the share of its random parts with a
-    lower score than its captured part; and the parameters of each classifier.
-    """
-    groups, segments = fold_groups(library), np.flatnonzero(library.is_donor)
-    base, grafted = (part_features(library, name) for name in (library.groups.base, group))
-    selected = donor_pairs.selected_donors(library, group, methods, seed)
-    shape = (splits, len(library.segments))
-    captured, random, wins = (np.full(shape, np.nan) for _ in range(3))
-    accepted = {method.name: np.full(shape, np.nan) for method in methods}
-    blocks = estimate.segment_blocks(library.segments)
-    rates = Kappas(captured, random, accepted, blocks, seed)
-    all_parameters: list[dict[str, float]] = []
-    for split in range(splits):
-        rng = np.random.default_rng((seed, split))
-        folds = classifier.assign_folds(groups, _N_FOLDS, (seed, split))
+    library: Library
+    group: str
+    methods: Sequence[Method]
+    seed: int
+    shuffled: IntArray  # segment whose grafted part each segment has
+
+    def run(
+        self, splits: int, progress: Progress | None
+    ) -> tuple[Kappas, FloatArray, list[dict[str, float]]]:
+        """Score the segments of each fold with donors and with a classifier of other folds.
+
+        Return the acceptance rates; for each split and segment, the share of its random parts with
+        a lower score than its captured part; and the parameters of each classifier.
+        """
+        library, groups = self.library, fold_groups(self.library)
+        base = part_features(library, library.groups.base)
+        grafted = part_features(library, self.group)[self.shuffled]
+        shape = (splits, len(library.segments))
+        captured, random, wins = (np.full(shape, np.nan) for _ in range(3))
+        accepted = {method.name: np.full(shape, np.nan) for method in self.methods}
+        rates = Kappas(captured, random, accepted, groups, self.seed)
+        all_parameters: list[dict[str, float]] = []
+        for split in range(splits):
+            rng = np.random.default_rng((self.seed, split))
+            folds = classifier.assign_folds(groups, _N_FOLDS, (self.seed, split))
+            n_folds = int(folds.max()) + 1
+            for fold in range(n_folds):
+                if progress is not None:
+                    progress("scoring", split * n_folds + fold, splits * n_folds)
+                roles = _Roles.of(folds, fold, library.is_donor)
+                if not roles.is_sufficient:
+                    continue
+                known = fit_on(library, roles.is_library)
+                donors = self._list_donors(known, roles.bases)
+                features = PairFeatures.reduce(base, grafted, roles.training)
+                score_pairs, parameters = _train_classifier(
+                    features, roles.training, groups, rng, self.seed
+                )
+                all_parameters.append(parameters)
+                wins[split, roles.bases] = _score_fold(
+                    rates, split, roles, score_pairs, donors, rng
+                )
+        return rates, wins, all_parameters
+
+    def _list_donors(self, library: Library, bases: IntArray) -> dict[str, list[IntArray]]:
+        selected = donor_pairs.selected_donors(library, self.group, self.methods, self.seed, bases)
+        return donor_pairs.list_donors(library, self.methods, bases, selected)
+
+
+@dataclass(frozen=True, eq=False)
+class _Roles:
+    """Segments that have different roles in one fold: bases, library, training."""
+
+    bases: IntArray
+    is_library: BoolArray  # shape (n_segments,)
+    training: IntArray
+
+    @classmethod
+    def of(cls, folds: IntArray, fold: int, is_donor: BoolArray) -> "_Roles":
+        """Take the bases from a fold, the library and the training from the folds after it."""
         n_folds = int(folds.max()) + 1
-        donors = donor_pairs.donors_in_fold(library, methods, folds, selected)
-        for fold in range(n_folds):
-            if progress is not None:
-                progress("scoring", split * n_folds + fold, splits * n_folds)
-            is_test = folds[segments] == fold
-            train, test = segments[~is_test], segments[is_test]
-            if len(test) < _MIN_TEST_SEGMENTS or len(train) < _MIN_TRAIN_SEGMENTS:
-                continue
-            features = PairFeatures.reduce(base, grafted, train)
-            score_pairs, parameters = _train_classifier(features, train, groups, rng, seed)
-            all_parameters.append(parameters)
-            wins[split, test] = _score_fold(rates, split, test, score_pairs, donors, rng)
-    return rates, wins, all_parameters
+        distance = (folds - fold) % n_folds
+        n_library = n_folds // 2
+        return cls(
+            bases=np.flatnonzero((distance == 0) & is_donor),
+            is_library=(distance > 0) & (distance <= n_library) & is_donor,
+            training=np.flatnonzero((distance > n_library) & is_donor),
+        )
+
+    @property
+    def is_sufficient(self) -> bool:
+        return (
+            len(self.bases) >= _MIN_TEST_SEGMENTS
+            and int(self.is_library.sum()) >= _MIN_TRAIN_SEGMENTS
+            and len(self.training) >= _MIN_TRAIN_SEGMENTS
+        )
 
 
 def _score_fold(
     rates: Kappas,
     split: int,
-    test: IntArray,
+    roles: _Roles,
     score_pairs: Callable[[IntArray], FloatArray],
     donors: Mapping[str, Sequence[IntArray]],
     rng: np.random.Generator,
 ) -> FloatArray:
-    """Write the acceptance rates of the segments `test`, which are one fold, to `rates`.
+    """Write the acceptance rates of the bases of one fold to `rates`.
 
-    `donors` has the donors of every segment by method. Return for each segment in `test` the share
-    of its random parts with a lower score than its captured part.
+    `donors` has the donors of each base by method. Return for each base the share of its random
+    parts with a lower score than its captured part.
     """
-    n = rates.captured.shape[1]
+    n, test = rates.captured.shape[1], roles.bases
 
     def by_segment(values: FloatArray | BoolArray, pairs: IntArray) -> FloatArray:
         return donor_pairs.mean_by_segment(values, pairs, n)[test]
 
-    chance = donor_pairs.random_pairs(test, rng)
+    chance = donor_pairs.random_pairs(test, np.flatnonzero(roles.is_library), rng)
     captured_scores = np.full(n, np.nan)
     captured_scores[test] = score_pairs(np.stack([test, test], axis=1))
     random_scores = score_pairs(chance)

@@ -3,7 +3,6 @@
 import html
 import json
 from collections.abc import Sequence
-from itertools import pairwise
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft.body.mass import mass_model
@@ -23,6 +22,11 @@ from mograft.evaluation.suite import Evaluation
 from mograft.viewing.page import Page, assemble_page
 from mograft.viewing.report import REPORT_STYLE, format_number, html_table
 
+_COMPARED = (
+    ("analogy", "contact pattern"),
+    ("contact pattern", "random"),
+    ("analogy", "nearest neighbours"),
+)
 _EXTRA_STYLE = """
 .report img { max-width: 100%; height: auto; zoom: 1.25; display: block; margin: 10px 0; }
 .report li { max-width: 75ch; margin: 4px 0; }
@@ -31,28 +35,27 @@ _EXTRA_STYLE = """
 
 
 def compare_methods(found: Compatibility) -> list[str]:
-    """Return one sentence for each of two differences of κ.
+    """Return one sentence for each of three differences of κ.
 
-    They are analogy minus contact patterns, and contact patterns minus random donors.
+    They are analogy minus contact patterns, contact patterns minus random donors, and analogy minus
+    equally many nearest neighbours.
     """
     sentences = []
-    for first, second in pairwise(("analogy", "contact pattern", "random")):
+    for first, second in _COMPARED:
         try:
             difference = found.difference(first, second)
         except KeyError:
             sentences.append(f"{first} and {second} were not both compared.")
             continue
         kappa = difference.kappa
-        step = f"κ of {first} minus {second}: {kappa.text(2)}"
-        if difference.verdict == "above":
-            sentences.append(f"{step}: as expected, the interval is above 0.")
-        elif difference.verdict == "below":
-            sentences.append(f"{step}: against the expected order, the interval is below 0.")
-        else:
+        step = f"κ of {first} minus {second}, on the same segments: {kappa.text(2)}"
+        if difference.verdict == "undecided":
             sentences.append(
                 f"{step}: undecided. The interval contains 0 with {kappa.n} segments with "
                 f"donors, {kappa.interval_method}."
             )
+        else:
+            sentences.append(f"{step}: the interval is {difference.verdict} 0.")
     return sentences
 
 
@@ -216,7 +219,8 @@ def _compatibility_section(compatibilities: Sequence[Compatibility]) -> list[str
             "captured parts have 1. It is not the share of natural motions. It does not measure "
             "seams or physics, and a plausible combination that was never captured scores low. A "
             "method that exchanges only common segments has a higher κ. The second column "
-            "therefore compares on the same segments."
+            "has the rates of random and captured parts of the same segments; the differences in "
+            "the summary compare two methods on the segments for which both have a donor."
         )
     )
     return parts
