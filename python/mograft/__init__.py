@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from mograft import scenario as scenario
     from mograft._standalone.mograft_linkage import CompleteLinkage as CompleteLinkage
     from mograft._standalone.mograft_linkage import cut as cut
+    from mograft._standalone.mograft_linkage import dendrogram as dendrogram
     from mograft._standalone.mograft_linkage import linkage as linkage
     from mograft._standalone.mograft_linkage import linkage_condensed as linkage_condensed
     from mograft._standalone.mograft_linkage import threshold as threshold
@@ -151,6 +152,7 @@ _HOMES = {
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 _MODULES = {
+    "dendrogram": "mograft._standalone.mograft_linkage.dendrogram",
     "evaluation": "mograft.evaluation",
     "plot": "mograft.plot",
     "resample": "mograft.motion.resample",

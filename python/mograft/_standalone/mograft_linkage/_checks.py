@@ -1,37 +1,23 @@
-"""Checks of arguments: points, distances, counts and amounts."""
+"""Checks of arguments: points, distances, trees, counts and amounts."""
 
 import operator
 import os
-from typing import TypeAlias
+from typing import NoReturn, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+Floats: TypeAlias = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int64]
 
 
-def as_floats(name: str, value: npt.ArrayLike) -> FloatArray:
-    """Return `value` as a finite, C-contiguous float64 array; copy it only if necessary.
+def as_points(points: npt.ArrayLike, min_points: int) -> Floats:
+    """Return points as a float32 or float64 array, in C or Fortran order; copy only if necessary.
 
-    Raises TypeError if the elements are not real numbers, ValueError if one is not finite. Error
-    messages call the argument `name`.
+    Raises TypeError if the elements are not real numbers, ValueError if the shape is not that of
+    at least `min_points` points. The kernels check that the coordinates are finite.
     """
-    try:
-        array = np.asarray(value)
-    except ValueError:
-        raise ValueError(f"`{name}` must be an array, got rows of different lengths") from None
-    if array.size and array.dtype.kind not in "fiu":
-        raise TypeError(f"`{name}` must be real numbers, got {array.dtype}")
-    floats = np.ascontiguousarray(array, dtype=np.float64).reshape(array.shape)
-    finite = np.isfinite(floats)
-    if not finite.all():
-        index = tuple(int(i) for i in np.argwhere(~finite)[0])
-        raise ValueError(f"`{name}` must be finite, got {floats[index]} at {list(index)}")
-    return floats
-
-
-def as_points(points: npt.ArrayLike, min_points: int = 1) -> FloatArray:
     array = as_floats("points", points)
     if array.ndim == 1:
         raise ValueError(
@@ -45,21 +31,63 @@ def as_points(points: npt.ArrayLike, min_points: int = 1) -> FloatArray:
     return array
 
 
+def as_floats(name: str, value: npt.ArrayLike) -> Floats:
+    """Return real numbers as a float32 or float64 array without gaps; copy only if necessary."""
+    if hasattr(value, "toarray"):
+        raise TypeError(f"`{name}` must be dense, got a sparse matrix; `.toarray()` converts it")
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise ValueError(f"`{name}` must be an array, got rows of different lengths") from None
+    if array.size and array.dtype.kind not in "fiub":
+        raise TypeError(f"`{name}` must be real numbers, got {array.dtype}")
+    floats: Floats
+    if array.dtype in (np.float16, np.float32):
+        floats = array.astype(np.float32, copy=False)
+    else:
+        floats = array.astype(np.float64, copy=False)
+    if floats.flags.c_contiguous or floats.flags.f_contiguous:
+        return floats
+    return floats.copy(order="C")
+
+
 def as_threads(threads: int | None) -> int:
-    return os.cpu_count() or 1 if threads is None else _as_count("threads", threads, 1)
+    """Return a number of threads; None stands for one per processor."""
+    return os.cpu_count() or 1 if threads is None else as_count("threads", threads, 1)
 
 
 def as_memory(limit: int | None, default: int) -> int:
-    return default if limit is None else _as_count("memory_limit", limit, 0)
+    """Return a number of bytes; None stands for `default`."""
+    return default if limit is None else as_count("memory_limit", limit, 0)
 
 
-def _as_count(name: str, value: int, minimum: int) -> int:
-    count = operator.index(value)
+def as_count(name: str, value: int, minimum: int) -> int:
+    """Return a whole number; TypeError if it is none, ValueError if it is less than `minimum`."""
+    try:
+        count = operator.index(value)
+    except TypeError:
+        raise TypeError(f"`{name}` must be a whole number, got {value!r}") from None
     if count < minimum:
         raise ValueError(f"`{name}` must be {minimum} or more, got {value}")
     return count
 
 
+def as_height(name: str, value: float) -> float:
+    """Return a height, which may be infinite; ValueError if it is negative or NaN."""
+    height = float(value)
+    if not height >= 0.0:
+        raise ValueError(f"`{name}` must be 0 or more, got {value}")
+    return height
+
+
 def check_amount(name: str, value: float) -> None:
+    """Raise ValueError if a number is negative or not finite."""
     if not 0.0 <= value < np.inf:
         raise ValueError(f"`{name}` must be a finite number of at least 0, got {value}")
+
+
+def raise_not_finite(points: Floats) -> NoReturn:
+    """Raise the error of the kernels for the first coordinate that is not finite."""
+    row, axis = (int(i) for i in np.argwhere(~np.isfinite(points))[0])
+    value = str(points[row, axis]).replace("nan", "NaN")  # as the kernels print it
+    raise ValueError(f"`points` must be finite, got {value} at [{row}, {axis}]")

@@ -12,29 +12,38 @@ import numpy.typing as npt
 
 from ._checks import (
     FloatArray,
+    Floats,
     IntArray,
     as_floats,
+    as_height,
     as_memory,
     as_points,
     as_threads,
     check_amount,
+    raise_not_finite,
 )
 from ._kernels import kernels
+from ._metrics import Metric, check_metric, convert_heights, converted_points, euclidean_limit
 
 
 def linkage(
     points: npt.ArrayLike,
     *,
+    metric: Metric = "euclidean",
     threads: int | None = None,
     memory_limit: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> FloatArray:
-    """Cluster points hierarchically by complete linkage under the Euclidean distance.
+    """Cluster points hierarchically by complete linkage.
 
     Parameters
     ----------
     points : array_like, shape (n, n_axes)
-        The points, at least one, in any unit.
+        At least two points, in any unit.
+    metric : {"euclidean", "sqeuclidean", "cosine", "correlation"}
+        The distance of two points, as in `scipy.spatial.distance`. "cosine" is 1 minus the cosine
+        of the angle of two points seen from the origin. "correlation" is the same for points
+        minus the mean of their coordinates.
     threads : int, optional
         Number of threads; the tree does not depend on it. Default: one per processor.
     memory_limit : int, optional
@@ -51,15 +60,17 @@ def linkage(
     ndarray, shape (n - 1, 4)
         The tree in SciPy's format: row `i` merges clusters `Z[i, 0] < Z[i, 1]` into cluster
         `n + i` of `Z[i, 3]` points at height `Z[i, 2]`, the greatest distance between their
-        points, in the unit of the points. Clusters below `n` are single points.
+        points, in the unit of the metric. Clusters below `n` are single points.
 
     Raises
     ------
     TypeError
         If the points are not real numbers.
     ValueError
-        If there is no point, a point has no coordinate, a coordinate is not finite, or `threads`
-        or `memory_limit` is out of range.
+        If there are fewer than two points, a point has no coordinate, a coordinate is not finite,
+        `metric` is unknown, or `threads` or `memory_limit` is out of range. For "cosine", if all
+        coordinates of a point are 0; for "correlation", if they are equal. For "sqeuclidean", if
+        a height exceeds the range of float64.
     MemoryError
         If the system refuses memory for the matrix.
 
@@ -77,20 +88,30 @@ def linkage(
     traversal of the matrix. Coordinates smaller than 2**-440 times the largest one count as 0;
     their squares underflow in SciPy.
 
+    "sqeuclidean" has the tree of "euclidean" with squared heights. "cosine" and "correlation" have
+    the Euclidean tree of a float64 copy of the points with rows of length 1, because
+    ``|u - v|**2 == 2 * (1 - u @ v)`` for such rows; a height is half the square of the Euclidean
+    one. Heights of these three metrics differ from those of SciPy by rounding.
+
     Examples
     --------
     >>> linkage([[0.0], [1.0], [5.0]])
     array([[0., 1., 1., 2.],
            [2., 3., 5., 3.]])
     """
+    check_metric(metric)
     memory = as_memory(memory_limit, kernels.available_memory() // 2)
-    return kernels.linkage(as_points(points), as_threads(threads), memory, progress)
+    converted = _kernel_points(converted_points(as_points(points, 2), metric))
+    tree = kernels.linkage(converted, as_threads(threads), memory, progress)
+    convert_heights(tree[:, 2], metric)
+    return tree
 
 
 def cut(
     points: npt.ArrayLike,
     max_diameter: float,
     *,
+    metric: Metric = "euclidean",
     threads: int | None = None,
     memory_limit: int | None = None,
     progress: Callable[[float], object] | None = None,
@@ -102,9 +123,9 @@ def cut(
     points : array_like, shape (n, n_axes)
         The points, in any unit; n may be 0.
     max_diameter : float
-        Greatest distance between two points of a cluster, inclusive, in the unit of the points.
+        Greatest distance between two points of a cluster, inclusive, in the unit of the metric.
         0 merges only equal points.
-    threads, memory_limit, progress
+    metric, threads, memory_limit, progress
         As for `linkage`.
 
     Returns
@@ -120,20 +141,19 @@ def cut(
     Notes
     -----
     The partition equals ``scipy.cluster.hierarchy.fcluster(linkage(points), max_diameter,
-    "distance")``. The `distance_threshold` of scikit-learn is exclusive: it does not merge at
-    exactly the threshold.
+    "distance")`` for all metrics. The `distance_threshold` of scikit-learn is exclusive: it does
+    not merge at exactly the threshold.
 
     Examples
     --------
     >>> cut([[0.0], [9.0], [1.0], [8.0]], max_diameter=2.0)
     array([0, 1, 0, 1])
     """
-    diameter = float(max_diameter)
-    if not diameter >= 0.0:
-        raise ValueError(f"`max_diameter` must be 0 or more, got {max_diameter}")
+    check_metric(metric)
+    limit = euclidean_limit(as_height("max_diameter", max_diameter), metric)
     memory = as_memory(memory_limit, kernels.available_memory() // 2)
-    array = as_points(points, min_points=0)
-    return kernels.cut(array, diameter, as_threads(threads), memory, progress)
+    converted = _kernel_points(converted_points(as_points(points, 0), metric))
+    return kernels.cut(converted, limit, as_threads(threads), memory, progress)
 
 
 def linkage_condensed(
@@ -168,7 +188,7 @@ def linkage_condensed(
         If the distances are not real numbers.
     ValueError
         If a distance is negative or not finite, the number of distances is not n(n-1)/2 for any
-        n, or `threads` or `memory_limit` is out of range.
+        n of at least 2, or `threads` or `memory_limit` is out of range.
 
     Notes
     -----
@@ -181,9 +201,9 @@ def linkage_condensed(
     array([[0., 1., 2., 2.],
            [2., 3., 6., 3.]])
     """
-    condensed = as_floats("distances", distances)
-    if condensed.ndim != 1:
-        raise ValueError(f"`distances` must have shape (n_pairs,), got {condensed.shape}")
+    condensed = as_floats("distances", distances).astype(np.float64, copy=False)
+    if condensed.ndim != 1 or len(condensed) < 1:
+        raise ValueError(f"`distances` must have shape (n_pairs >= 1,), got {condensed.shape}")
     # The full matrix holds every distance twice, and a diagonal of n * 8 bytes.
     memory = as_memory(memory_limit, 4 * condensed.nbytes + 64)
     return kernels.linkage_condensed(condensed, as_threads(threads), memory, progress)
@@ -232,6 +252,13 @@ def threshold(points: npt.ArrayLike, kind: str | float = "rms", scale: float = 1
         return float(kind)
     if kind not in ("rms", "literal"):
         raise ValueError(f"`kind` must be 'rms', 'literal' or a number, got {kind!r}")
-    cloud = as_points(points)
+    cloud = as_points(points, 1).astype(np.float64, copy=False)
+    if not np.isfinite(cloud).all():
+        raise_not_finite(cloud)
     squared = np.square(cloud - cloud.mean(axis=0)).sum(axis=1)
     return float(scale * np.sqrt(np.mean(squared if kind == "rms" else np.sqrt(squared))))
+
+
+def _kernel_points(points: Floats) -> FloatArray:
+    """Return points as the kernels take them."""
+    return np.ascontiguousarray(points, dtype=np.float64)

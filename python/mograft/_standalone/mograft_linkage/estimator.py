@@ -1,12 +1,24 @@
 """Complete linkage with the interface of a scikit-learn estimator."""
 
-from typing import Self
+import operator
+from typing import Literal, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from ._checks import FloatArray, IntArray, check_amount
-from .clustering import linkage, threshold
+from ._checks import FloatArray, Floats, IntArray, as_height
+from ._metrics import Metric
+from .clustering import linkage
+from .dendrogram import top_clusters
+
+_PARAMETERS = (
+    "n_clusters",
+    "distance_threshold",
+    "metric",
+    "compute_full_tree",
+    "threads",
+    "memory_limit",
+)
 
 
 class CompleteLinkage:
@@ -14,12 +26,16 @@ class CompleteLinkage:
 
     Parameters
     ----------
-    max_diameter : float, optional
-        Greatest height of a merge, inclusive, in the unit of the points. Default: `threshold` of
-        the points, unless `n_clusters` is given.
-    n_clusters : int, optional
-        Number of clusters, instead of `max_diameter`.
-    threads : int, optional
+    n_clusters : int or None
+        Number of clusters. Must be None if `distance_threshold` is given.
+    distance_threshold : float, optional
+        Height at and above which clusters are not merged, in the unit of the metric.
+    metric : {"euclidean", "sqeuclidean", "cosine", "correlation"}
+        As for `linkage`.
+    compute_full_tree : {"auto", True, False}
+        Accepted as by scikit-learn, which ignores it in the same case: the tree is always
+        complete. False must not be combined with `distance_threshold`.
+    threads, memory_limit : int, optional
         As for `linkage`.
 
     Attributes
@@ -28,20 +44,30 @@ class CompleteLinkage:
         The cluster of each point, numbered from 0 in the order of their first points.
     n_clusters_, n_leaves_, n_features_in_ : int
         The number of clusters, of points and of axes.
+    n_connected_components_ : int
+        1: every two points may be merged.
     children_ : ndarray of int64, shape (n - 1, 2)
         The clusters of each merge, as in `linkage`.
     distances_ : ndarray, shape (n - 1,)
         The heights of the merges.
+    feature_names_in_ : ndarray of str, shape (n_features_in_,)
+        The names of the columns, if the points are a data frame whose columns are all strings.
 
     See Also
     --------
-    cut : The labels alone, faster.
+    cut : The labels alone, for a greatest diameter, faster.
 
     Notes
     -----
-    `max_diameter` is inclusive, and the `distance_threshold` of scikit-learn is exclusive:
-    ``max_diameter=np.nextafter(t, 0)`` corresponds to
-    ``AgglomerativeClustering(distance_threshold=t)``.
+    Differences from ``sklearn.cluster.AgglomerativeClustering(linkage="complete")``:
+
+    - labels are numbered by first points, and the same partition has other numbers there;
+    - `distances_` always exists;
+    - with tied distances, the tree may be another valid one, see `linkage`;
+    - there are no parameters `linkage`, `connectivity`, `memory` and `compute_distances`, and no
+      metric "precomputed": `linkage_condensed` takes distances.
+
+    The class does not inherit from scikit-learn's `BaseEstimator` and works without scikit-learn.
 
     Examples
     --------
@@ -54,14 +80,20 @@ class CompleteLinkage:
 
     def __init__(
         self,
-        max_diameter: float | None = None,
+        n_clusters: int | None = 2,
         *,
-        n_clusters: int | None = None,
+        distance_threshold: float | None = None,
+        metric: Metric = "euclidean",
+        compute_full_tree: bool | Literal["auto"] = "auto",
         threads: int | None = None,
+        memory_limit: int | None = None,
     ) -> None:
-        self.max_diameter = max_diameter
         self.n_clusters = n_clusters
+        self.distance_threshold = distance_threshold
+        self.metric = metric
+        self.compute_full_tree = compute_full_tree
         self.threads = threads
+        self.memory_limit = memory_limit
 
     def __repr__(self) -> str:
         default = CompleteLinkage().get_params()
@@ -70,14 +102,13 @@ class CompleteLinkage:
 
     def get_params(self, deep: bool = True) -> dict[str, object]:  # noqa: ARG002, FBT001, FBT002
         """Return the parameters by name; `deep` exists because scikit-learn passes it."""
-        return {name: getattr(self, name) for name in ("max_diameter", "n_clusters", "threads")}
+        return {name: getattr(self, name) for name in _PARAMETERS}
 
     def set_params(self, **params: object) -> Self:
         """Set parameters by name and return the estimator; an unknown name raises ValueError."""
         for name, value in params.items():
-            if name not in self.get_params():
-                known = ", ".join(self.get_params())
-                raise ValueError(f"`params` must be among {known}, got {name!r}")
+            if name not in _PARAMETERS:
+                raise ValueError(f"`params` must be among {', '.join(_PARAMETERS)}, got {name!r}")
             setattr(self, name, value)
         return self
 
@@ -87,38 +118,62 @@ class CompleteLinkage:
         Raises
         ------
         TypeError, ValueError
-            As for `linkage`, and if both `max_diameter` and `n_clusters` are given, or
-            `n_clusters` is greater than the number of points.
+            As for `linkage`, and if not exactly one of `n_clusters` and `distance_threshold` is
+            given, or it is out of range.
         """
-        if self.max_diameter is not None and self.n_clusters is not None:
-            raise ValueError(
-                "max_diameter and n_clusters must not both be given, got "
-                f"{self.max_diameter} and {self.n_clusters}"
-            )
+        names = _feature_names(X)
         points = _as_samples(X)
         n = len(points)
-        if self.n_clusters is not None and not 1 <= self.n_clusters <= n:
-            raise ValueError(
-                f"`n_clusters` must be between 1 and n_samples = {n}, got {self.n_clusters}"
-            )
-        tree = linkage(points, threads=self.threads)
-        if self.n_clusters is not None:
-            n_merges = n - self.n_clusters
-        else:
-            diameter = threshold(points) if self.max_diameter is None else self.max_diameter
-            check_amount("max_diameter", diameter)
-            n_merges = int(np.searchsorted(tree[:, 2], diameter, side="right"))
-        self.labels_ = _labels(tree, n_merges)
-        self.n_clusters_ = n - n_merges
+        limit = self._limit(n)
+        tree = linkage(
+            points, metric=self.metric, threads=self.threads, memory_limit=self.memory_limit
+        )
+        heights = tree[:, 2].copy()
+        # scikit-learn does not merge at the threshold itself.
+        n_merges = int(np.searchsorted(heights, limit)) if self.n_clusters is None else n - limit
+        self.labels_ = _labels(tree, int(n_merges))
+        self.n_clusters_ = n - int(n_merges)
         self.n_leaves_ = n
+        self.n_connected_components_ = 1
         self.n_features_in_ = points.shape[1]
+        if names is not None:
+            self.feature_names_in_ = names
+        elif hasattr(self, "feature_names_in_"):
+            del self.feature_names_in_
         self.children_ = tree[:, :2].astype(np.int64)
-        self.distances_ = tree[:, 2].copy()
+        self.distances_ = heights
         return self
 
     def fit_predict(self, X: npt.ArrayLike, y: object = None) -> IntArray:
         """Cluster points and return `labels_`; see `fit`."""
         return self.fit(X, y).labels_
+
+    def _limit(self, n: int) -> float:
+        """Check the parameters that depend on each other; return the one that is given."""
+        if (self.n_clusters is None) == (self.distance_threshold is None):
+            raise ValueError(
+                "Exactly one of n_clusters and distance_threshold must be set, and the other must "
+                f"be None, got {self.n_clusters} and {self.distance_threshold}"
+            )
+        if self.compute_full_tree not in (True, False, "auto"):
+            raise ValueError(
+                f"`compute_full_tree` must be True, False or 'auto', got {self.compute_full_tree!r}"
+            )
+        if self.distance_threshold is not None:
+            if not self.compute_full_tree:
+                raise ValueError("compute_full_tree must be True if distance_threshold is set")
+            return as_height("distance_threshold", self.distance_threshold)
+        try:
+            n_clusters = operator.index(self.n_clusters)  # type: ignore[arg-type]
+        except TypeError:
+            raise TypeError(
+                f"`n_clusters` must be a whole number, got {self.n_clusters!r}"
+            ) from None
+        if not 1 <= n_clusters <= n:
+            raise ValueError(
+                f"`n_clusters` must be between 1 and n_samples = {n}, got {n_clusters}"
+            )
+        return n_clusters
 
     def __sklearn_tags__(self) -> object:
         # Only scikit-learn calls this, so it is installed.
@@ -129,19 +184,30 @@ class CompleteLinkage:
 
 def _labels(tree: FloatArray, n_merges: int) -> IntArray:
     """Label the points by their clusters after the first `n_merges` merges of a tree."""
-    n = len(tree) + 1
-    # The cluster that contains each cluster at the end, from the last merge down to the points.
-    top = np.arange(2 * n - 1)
-    for i in range(n_merges - 1, -1, -1):
-        top[tree[i, :2].astype(np.int64)] = top[n + i]
-    _, first, cluster = np.unique(top[:n], return_index=True, return_inverse=True)
+    top = top_clusters(tree, n_merges)[: len(tree) + 1]
+    _, first, cluster = np.unique(top, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[cluster].astype(np.int64)
 
 
-def _as_samples(points: npt.ArrayLike) -> FloatArray:
+def _feature_names(points: object) -> npt.NDArray[np.object_] | None:
+    """Return the column names of a data frame if all are strings, as scikit-learn does."""
+    columns = getattr(points, "columns", None)
+    if columns is None:
+        return None
+    names = np.array(list(columns), dtype=object)
+    are_strings = [isinstance(name, str) for name in names]
+    if any(are_strings) and not all(are_strings):
+        raise TypeError("X must have column names that are all strings, or none that is")
+    return names if any(are_strings) else None
+
+
+def _as_samples(points: npt.ArrayLike) -> Floats:
     """Check points; the messages have the phrases that scikit-learn's estimator checks expect."""
     if hasattr(points, "toarray"):
-        raise TypeError("X must be dense, got a sparse matrix")
+        raise TypeError(
+            "Sparse data was passed for X, but dense data is required. Use '.toarray()' to "
+            "convert to a dense numpy array"
+        )
     array = np.asarray(points)
     if np.iscomplexobj(array):
         raise ValueError(f"X must be real: Complex data not supported, got {array.dtype}")
@@ -154,7 +220,10 @@ def _as_samples(points: npt.ArrayLike) -> FloatArray:
         )
     if n < 2:
         raise ValueError(f"X must hold 2 points or more, got {n} sample(s): n_samples = {n}")
-    floats = array.astype(np.float64)
+    floats = array if array.dtype.kind in "f" else array.astype(np.float64)
     if not np.isfinite(floats).all():
-        raise ValueError("X must be finite, got NaN or infinity (inf)")
+        row, axis = (int(i) for i in np.argwhere(~np.isfinite(floats))[0])
+        raise ValueError(
+            f"X must be finite, got NaN or infinity (inf): {floats[row, axis]} at [{row}, {axis}]"
+        )
     return floats

@@ -1,0 +1,329 @@
+"""Orders, flat clusters, cophenetic distances and truncation of trees, without recursion.
+
+The functions take any tree in SciPy's format whose heights do not decrease. Time and memory are at
+most n log n for n points, except for the n (n - 1) / 2 distances of `cophenet` without pairs.
+"""
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ._checks import FloatArray, IntArray, as_count, as_floats, as_height
+
+
+def leaves_list(tree: npt.ArrayLike) -> IntArray:
+    """Return the points of a tree from left to right, so that no branches of a drawing cross.
+
+    Parameters
+    ----------
+    tree : array_like, shape (n - 1, 4)
+        A tree as returned by `linkage`.
+
+    Returns
+    -------
+    ndarray of int64, shape (n,)
+        The points, as from `scipy.cluster.hierarchy.leaves_list`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `tree` is not a tree, or heights decrease.
+
+    Examples
+    --------
+    >>> leaves_list([[0, 2, 1.0, 2], [1, 3, 5.0, 3]])
+    array([1, 0, 2])
+    """
+    return _order(_as_tree(tree))
+
+
+def fcluster(
+    tree: npt.ArrayLike, t: float, criterion: Literal["distance", "maxclust"] = "distance"
+) -> IntArray:
+    """Return the flat clusters of a tree.
+
+    Parameters
+    ----------
+    tree : array_like, shape (n - 1, 4)
+        A tree as returned by `linkage`.
+    t : float
+        For "distance", the greatest height of a merge, inclusive. For "maxclust", the greatest
+        number of clusters.
+    criterion : {"distance", "maxclust"}
+        The meaning of `t`. If merges of equal height make exactly `t` clusters impossible,
+        "maxclust" returns fewer.
+
+    Returns
+    -------
+    ndarray of int64, shape (n,)
+        The cluster of each point, numbered from 1 as by `scipy.cluster.hierarchy.fcluster`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `tree` is not a tree, heights decrease, `t` is out of range, or `criterion` is unknown.
+
+    See Also
+    --------
+    cut : The same clusters by diameter from points, without a tree.
+
+    Examples
+    --------
+    >>> fcluster([[0, 2, 1.0, 2], [1, 3, 5.0, 3]], 2.0)
+    array([1, 2, 1])
+    """
+    checked = _as_tree(tree)
+    heights, n = checked[:, 2], len(checked) + 1
+    if criterion == "distance":
+        limit = as_height("t", t)
+    elif criterion == "maxclust":
+        n_clusters = _whole(t)
+        if n_clusters >= n:
+            return np.arange(1, n + 1)
+        limit = heights[n - 1 - n_clusters]
+    else:
+        raise ValueError(f"`criterion` must be 'distance' or 'maxclust', got {criterion!r}")
+    top = top_clusters(checked, int(np.searchsorted(heights, limit, side="right")))[:n]
+    # SciPy numbers a part that is a single point after the other part.
+    is_swapped = (checked[:, 0] < n) & (checked[:, 1] >= n)
+    swapped = np.where(is_swapped[:, None], checked[:, [1, 0, 2, 3]], checked)
+    order = _order(swapped)
+    is_next = np.diff(top[order], prepend=-1) != 0
+    labels = np.empty(n, dtype=np.int64)
+    labels[order] = np.cumsum(is_next)
+    return labels
+
+
+def cophenet(tree: npt.ArrayLike, pairs: npt.ArrayLike | None = None) -> FloatArray:
+    """Return cophenetic distances: the heights at which pairs of points are merged.
+
+    Parameters
+    ----------
+    tree : array_like, shape (n - 1, 4)
+        A tree as returned by `linkage`.
+    pairs : array_like of int, shape (n_pairs, 2), optional
+        The pairs of points. Default: all of them, in the order of
+        `scipy.spatial.distance.pdist`.
+
+    Returns
+    -------
+    ndarray, shape (n_pairs,)
+        The heights; 0 for a pair of a point with itself. Without `pairs`, they are those of
+        `scipy.cluster.hierarchy.cophenet`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `tree` is not a tree, heights decrease, or `pairs` has the wrong shape or type.
+    IndexError
+        If a point of a pair is not between 0 and n - 1.
+
+    Notes
+    -----
+    The height is the largest one between the positions of the two points in `leaves_list`. A table
+    of maxima over ranges of 1, 2, 4, ... positions answers all pairs; one range length is in memory
+    at a time.
+
+    Examples
+    --------
+    >>> cophenet([[0, 2, 1.0, 2], [1, 3, 5.0, 3]], pairs=[[0, 2], [1, 2]])
+    array([1., 5.])
+    """
+    checked = _as_tree(tree)
+    n = len(checked) + 1
+    first, size = _positions(checked)
+    # between[p] is the height at which the leaves at positions p and p + 1 are merged.
+    between = np.empty(n - 1)
+    between[first[n:] + size[checked[:, 0].astype(np.int64)] - 1] = checked[:, 2]
+    if pairs is None:
+        return _all_maxima(between, first[:n])
+    array = np.asarray(pairs)
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise ValueError(f"`pairs` must have shape (n_pairs, 2), got {array.shape}")
+    if array.size and array.dtype.kind not in "iu":
+        raise TypeError(f"`pairs` must be whole numbers, got {array.dtype}")
+    if array.size and not (array.min() >= 0 and array.max() < n):
+        raise IndexError(f"`pairs` must be between 0 and {n - 1}")
+    positions = np.sort(first[array.astype(np.int64)], axis=1)
+    return _range_maxima(between, positions[:, 0], positions[:, 1])
+
+
+class TruncatedTree(NamedTuple):
+    """The upper part of a tree, whose leaves are clusters of the whole tree.
+
+    Attributes
+    ----------
+    tree : ndarray, shape (m - 1, 4)
+        The merges of m clusters in SciPy's format, input of `scipy.cluster.hierarchy.dendrogram`.
+        The last column counts clusters, not points.
+    sizes : ndarray of int64, shape (m,)
+        The number of points of each cluster.
+    labels : ndarray of int64, shape (n,)
+        The cluster of each point, from 0.
+    """
+
+    tree: FloatArray
+    sizes: IntArray
+    labels: IntArray
+
+
+def truncate(
+    tree: npt.ArrayLike, *, p: int | None = None, distance: float | None = None
+) -> TruncatedTree:
+    """Replace the lower merges of a tree by leaves, for drawings of large trees.
+
+    Parameters
+    ----------
+    tree : array_like, shape (n - 1, 4)
+        A tree as returned by `linkage`.
+    p : int, optional
+        The number of leaves that remain, as ``truncate_mode="lastp"`` of
+        `scipy.cluster.hierarchy.dendrogram`. All leaves remain if it exceeds n.
+    distance : float, optional
+        The height up to which merges are replaced, inclusive, instead of `p`.
+
+    Returns
+    -------
+    TruncatedTree
+        The remaining merges, the sizes of their leaves, and the leaf of each point.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `tree` is not a tree, heights decrease, not exactly one of `p` and `distance` is given,
+        or it is out of range.
+
+    Examples
+    --------
+    >>> upper = truncate([[0, 2, 1.0, 2], [1, 3, 5.0, 3]], p=2)
+    >>> upper.tree, upper.sizes, upper.labels
+    (array([[0., 1., 5., 2.]]), array([1, 2]), array([1, 0, 1]))
+    """
+    checked = _as_tree(tree)
+    n = len(checked) + 1
+    if (p is None) == (distance is None):
+        raise ValueError(f"exactly one of p and distance must be given, got {p} and {distance}")
+    if p is not None:
+        n_replaced = n - min(as_count("p", p, 1), n)
+    else:
+        assert distance is not None
+        limit = as_height("distance", distance)
+        n_replaced = int(np.searchsorted(checked[:, 2], limit, side="right"))
+    top = top_clusters(checked, n_replaced)[:n]
+    leaves, labels, sizes = np.unique(top, return_inverse=True, return_counts=True)
+    # The order of numbers remains, so left remains left.
+    number = np.zeros(2 * n - 1)
+    number[leaves] = np.arange(len(leaves))
+    number[n + n_replaced :] = np.arange(len(leaves), 2 * len(leaves) - 1)
+    rest = checked[n_replaced:].copy()
+    rest[:, :2] = number[rest[:, :2].astype(np.int64)]
+    first, size = _positions(checked)
+    starts, uppers = np.sort(first[leaves]), np.s_[n + n_replaced :]
+    rest[:, 3] = np.searchsorted(starts, first[uppers] + size[uppers])
+    rest[:, 3] -= np.searchsorted(starts, first[uppers])
+    return TruncatedTree(rest, sizes.astype(np.int64), labels.astype(np.int64))
+
+
+def _whole(t: float) -> int:
+    """Return a number of clusters, which SciPy takes as a float, too."""
+    if not float(t).is_integer():
+        raise ValueError(f"`t` must be a whole number for 'maxclust', got {t}")
+    return as_count("t", int(t), 1)
+
+
+def _as_tree(tree: npt.ArrayLike) -> FloatArray:
+    """Check that every cluster but the last is merged once, later, and heights do not decrease."""
+    array = as_floats("tree", tree).astype(np.float64, copy=False)
+    if array.ndim != 2 or array.shape[0] < 1 or array.shape[1] != 4:
+        raise ValueError(f"`tree` must have shape (n - 1 >= 1, 4), got {array.shape}")
+    n = len(array) + 1
+    limits = np.arange(n, 2 * n - 1)[:, None]
+    pairs, heights = array[:, :2], array[:, 2]
+    if not ((pairs >= 0) & (pairs < limits) & (pairs == np.floor(pairs))).all():
+        raise ValueError("`tree` must merge clusters that exist: row i those below n + i")
+    if (np.bincount(pairs.astype(np.int64).ravel(), minlength=2 * n - 2) != 1).any():
+        raise ValueError("`tree` must merge each cluster once")
+    if not (np.isfinite(heights).all() and heights[0] >= 0 and (np.diff(heights) >= 0).all()):
+        raise ValueError("`tree` must have finite heights of at least 0 that do not decrease")
+    size = _sizes(array)
+    if (size[pairs.astype(np.int64)].sum(axis=1) != array[:, 3]).any():
+        raise ValueError("`tree` must have the numbers of points of clusters in its last column")
+    return array
+
+
+def _sizes(tree: FloatArray) -> IntArray:
+    """Return the number of points of each cluster."""
+    return np.concatenate([np.ones(len(tree) + 1, np.int64), tree[:, 3].astype(np.int64)])
+
+
+def _parents(tree: FloatArray, n_merges: int) -> IntArray:
+    """Return the parent of each cluster after `n_merges` merges; without one, itself."""
+    n = len(tree) + 1
+    parents = np.arange(2 * n - 1)
+    merged = tree[:n_merges, :2].astype(np.int64)
+    parents[merged] = np.arange(n, n + n_merges)[:, None]
+    return parents
+
+
+def top_clusters(tree: FloatArray, n_merges: int) -> IntArray:
+    """Return the cluster that contains each cluster after `n_merges` merges."""
+    top = _parents(tree, n_merges)
+    while True:
+        # Each round doubles the number of levels that the pointers pass.
+        above = top[top]
+        if (above == top).all():
+            return top
+        top = above
+
+
+def _order(tree: FloatArray) -> IntArray:
+    """Return the points from left to right."""
+    n = len(tree) + 1
+    order = np.empty(n, dtype=np.int64)
+    order[_positions(tree)[0][:n]] = np.arange(n)
+    return order
+
+
+def _positions(tree: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return the position of the first leaf of each cluster, and the number of its leaves."""
+    n = len(tree) + 1
+    parents = _parents(tree, n - 1)
+    left, right = tree[:, :2].astype(np.int64).T
+    size = _sizes(tree)
+    first = np.zeros(2 * n - 1, dtype=np.int64)
+    first[right] = size[left]
+    while True:
+        above = parents[parents]
+        if (above == parents).all():
+            return first, size
+        first += first[parents]
+        parents = above
+
+
+def _range_maxima(values: FloatArray, starts: IntArray, stops: IntArray) -> FloatArray:
+    """Return the maxima of ``values[start:stop]``; 0 for empty ranges."""
+    lengths = stops - starts
+    maxima = np.zeros(len(starts))
+    # Each range is covered by two ranges whose length is the largest power of two within it.
+    exponents = np.frexp(lengths.astype(np.float64))[1] - 1
+    level = values
+    for exponent in range(int(exponents.max(initial=-1)) + 1):
+        width = 1 << exponent
+        (chosen,) = np.nonzero(exponents == exponent)
+        maxima[chosen] = np.maximum(level[starts[chosen]], level[stops[chosen] - width])
+        level = np.maximum(level[:-width], level[width:]) if len(level) > width else level[:0]
+    return maxima
+
+
+def _all_maxima(between: FloatArray, positions: IntArray) -> FloatArray:
+    """Return the maxima between all pairs of points, in the order of a condensed matrix."""
+    n = len(positions)
+    order = np.argsort(positions)
+    condensed = np.empty(n * (n - 1) // 2)
+    for position in range(n - 1):
+        point, others = order[position], order[position + 1 :]
+        low, high = np.minimum(point, others), np.maximum(point, others)
+        rows = low * (2 * n - 1 - low) // 2
+        condensed[rows + high - low - 1] = np.maximum.accumulate(between[position:])
+    return condensed
