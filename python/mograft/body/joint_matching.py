@@ -1,0 +1,134 @@
+"""Joints of two skeletons that correspond to each other by anatomy, whatever their names."""
+
+import re
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft._util.arrays import IntArray
+from mograft.body.anatomy import Anatomy, anatomy
+from mograft.body.body_parts import ARM
+from mograft.errors import SkeletonMismatchError, join_names
+from mograft.motion.skeleton import Skeleton
+
+_LIMB_PARTS = ("thigh", "shank", "foot", "upper_arm", "forearm", "hand")
+"""Parts without which a figure cannot stand for another one."""
+
+_FINGERS = (
+    ("thumb", r"thumb"),
+    ("index", r"index"),
+    ("middle", r"mid"),
+    ("ring", r"ring"),
+    ("little", r"pink|little"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class JointMatch:
+    """The joints of another skeleton that correspond to those of a skeleton."""
+
+    sources: IntArray  # index of the other joint for each joint, or -1, shape (n_joints,)
+    absent: tuple[str, ...]  # joints without a counterpart in the other skeleton
+    dropped: tuple[str, ...]  # joints of the other skeleton without a counterpart
+
+    def describe(self) -> str:
+        """Return one line that lists the joints without a counterpart; "" if there are none."""
+        parts = [f"kept at rest: {join_names(self.absent)}"] if self.absent else []
+        parts += [f"dropped: {join_names(self.dropped)}"] if self.dropped else []
+        return "; ".join(parts)
+
+
+def match_joints(skeleton: Skeleton, other: Skeleton, name: str = "a skeleton") -> JointMatch:
+    """Match the joints of two skeletons by body part, side and order along the limb.
+
+    If a part has different numbers of joints in a row, the first and the last correspond, and those
+    between by rank; a single joint corresponds to the last one of trunk and neck, and to the first
+    one of other parts, behind which roll joints may follow. Fingers match by finger; joints of the
+    face, markers and props by name; ancestors of the hips from the hips upwards. A match never
+    reverses ancestry. Raises SkeletonMismatchError, which calls the other skeleton `name`, if
+    fewer than half of the joints of arms and legs have a counterpart.
+    """
+    own, theirs = anatomy(skeleton), anatomy(other)
+    own_chains, other_chains = _chains(skeleton, own), _chains(other, theirs)
+    sources = np.full(skeleton.n_joints, -1)
+    for key, chain in own_chains.items():
+        for joint, source in _pair(chain, other_chains.get(key, []), key):
+            sources[joint] = source
+    _drop_reversed(skeleton, other, sources)
+    absent = [skeleton.names[joint] for joint in np.flatnonzero(sources < 0)]
+    unused = np.setdiff1d(np.arange(other.n_joints), sources)
+    limbs = [joint for joint, part in enumerate(own.parts) if part in _LIMB_PARTS]
+    matched = int((sources[limbs] >= 0).sum())
+    if not limbs or 2 * matched < len(limbs):
+        unmatched = [skeleton.names[joint] for joint in limbs if sources[joint] < 0]
+        raise SkeletonMismatchError(
+            f"{name} cannot be matched by anatomy: it has no counterpart of "
+            f"{join_names(unmatched) or 'arms or legs'}"
+        )
+    return JointMatch(sources, tuple(absent), tuple(other.names[joint] for joint in unused))
+
+
+def _chains(skeleton: Skeleton, known: Anatomy) -> dict[Hashable, list[int]]:
+    """Return the joints of each body part that lie on one path down the hierarchy.
+
+    Joints of the face and joints outside the body are chains of their own.
+    """
+    above_hips = skeleton.ancestors(known.hips)
+    carried = {
+        above
+        for joint, part in enumerate(known.parts)
+        if part in (*ARM, "neck", "head")
+        for above in skeleton.ancestors(joint)
+    }
+    chains: dict[Hashable, list[int]] = {"above the hips": list(above_hips), "hips": [known.hips]}
+    for joint, (part, side) in enumerate(zip(known.parts, known.sides, strict=True)):
+        if joint in above_hips or joint == known.hips:
+            continue
+        if part == "other" or joint in known.details:
+            chains.setdefault(("named", _plain_name(skeleton.names[joint])), [joint])
+            continue
+        if part == "trunk" and carried and joint not in carried:
+            continue  # beside the spine
+        finger = _finger(skeleton.names[joint]) if part == "finger" else ""
+        chain = chains.setdefault((part, side, finger), [])
+        if not chain or chain[-1] in skeleton.ancestors(joint):
+            chain.append(joint)
+    return chains
+
+
+def _pair(chain: Sequence[int], other: Sequence[int], key: Hashable) -> list[tuple[int, int]]:
+    """Return pairs of corresponding joints of two chains; see `match_joints`."""
+    if not chain or not other:
+        return []
+    if key == "above the hips":
+        return list(zip(chain, other, strict=False))
+    short, long = sorted((chain, other), key=len)
+    if len(short) == 1:
+        is_trunk = isinstance(key, tuple) and key[0] in ("trunk", "neck")
+        ranks = [len(long) - 1 if is_trunk else 0]
+    else:
+        ranks = [round(rank * (len(long) - 1) / (len(short) - 1)) for rank in range(len(short))]
+    if chain is short:
+        return [(joint, other[rank]) for joint, rank in zip(chain, ranks, strict=True)]
+    return [(chain[rank], joint) for joint, rank in zip(other, ranks, strict=True)]
+
+
+def _drop_reversed(skeleton: Skeleton, other: Skeleton, sources: IntArray) -> None:
+    """Remove matches whose other joint is not below that of the nearest matched ancestor."""
+    for joint in range(skeleton.n_joints):
+        above = next((a for a in skeleton.ancestors(joint) if sources[a] >= 0), None)
+        source = int(sources[joint])
+        if above is not None and source >= 0 and sources[above] not in other.ancestors(source):
+            sources[joint] = -1
+
+
+def _finger(name: str) -> str:
+    """Return the finger that a name means, or ""."""
+    return next((kind for kind, word in _FINGERS if re.search(word, name.casefold())), "")
+
+
+def _plain_name(name: str) -> str:
+    """Return a name without namespace, case, separators and the suffix of face joints of SMPL-X."""
+    bare = re.split(r"[:|]", name)[-1].casefold().removesuffix("_smplhf")
+    return re.sub(r"[\W_]+", "", bare)

@@ -1,0 +1,146 @@
+"""Joints of published skeletons matched by anatomy."""
+
+import numpy as np
+import pytest
+
+import mograft as mg
+from mograft.body.joint_matching import match_joints
+from mograft.dancer import dance
+from mograft.io.kimodo.joints import SKELETONS
+from mograft.io.smpl.joints import MODELS
+from mograft.io.smpl.stand_in import stand_in
+from tests.hierarchies import human, skeleton_from_text
+
+CMU = (
+    "Hips {LHipJoint > LeftUpLeg > LeftLeg > LeftFoot > LeftToeBase"
+    " | RHipJoint > RightUpLeg > RightLeg > RightFoot > RightToeBase"
+    " | LowerBack > Spine > Spine1 {Neck > Neck1 > Head"
+    " | LeftShoulder > LeftArm > LeftForeArm > LeftHand {LeftFingerBase > LeftHandIndex1 | LThumb}"
+    " | RightShoulder > RightArm > RightForeArm > RightHand"
+    " {RightFingerBase > RightHandIndex1 | RThumb}}}"
+)
+
+
+def published():
+    """Skeletons whose joints have published names."""
+    skeletons = {
+        f"Kimodo {n}": mg.Skeleton(k.joints, k.parents, np.ones((n, 3)))
+        for n, k in SKELETONS.items()
+        if k.name != "G1"
+    }
+    skeletons |= {model.name: stand_in(model) for model in MODELS}
+    return skeletons | {
+        "CMU": skeleton_from_text(CMU)[0],
+        "human": human(),
+        "dance": dance(strides=1).motion.skeleton,
+    }
+
+
+SKELETONS_BY_NAME = published()
+
+
+def pairs(skeleton, other):
+    match = match_joints(skeleton, other)
+    return {
+        skeleton.names[joint]: other.names[source]
+        for joint, source in enumerate(match.sources.tolist())
+        if source >= 0
+    }
+
+
+@pytest.mark.parametrize("other", SKELETONS_BY_NAME)
+@pytest.mark.parametrize("name", SKELETONS_BY_NAME)
+def test_match_joints_is_symmetric_and_keeps_ancestry(name, other):
+    first, second = SKELETONS_BY_NAME[name], SKELETONS_BY_NAME[other]
+    match = match_joints(first, second)
+    found = pairs(first, second)
+    assert found == {own: theirs for theirs, own in pairs(second, first).items()}
+    assert {*match.absent} == {*first.names} - {*found}
+    assert {*match.dropped} == {*second.names} - {*found.values()}
+    for joint, source in enumerate(match.sources.tolist()):
+        for above in first.ancestors(joint):
+            if source >= 0 and match.sources[above] >= 0:
+                assert match.sources[above] in second.ancestors(source)
+
+
+@pytest.mark.parametrize("name", SKELETONS_BY_NAME)
+def test_match_joints_of_itself_is_the_identity(name):
+    skeleton = SKELETONS_BY_NAME[name]
+    renamed = mg.Skeleton(
+        [f"ns:{joint}" for joint in skeleton.names], skeleton.parents, skeleton.offsets
+    )
+    match = match_joints(skeleton, renamed)
+    spare = {joint for joint in range(skeleton.n_joints) if match.sources[joint] < 0}
+    assert (match.sources == np.arange(skeleton.n_joints))[
+        [*set(range(skeleton.n_joints)) - spare]
+    ].all()
+    assert len(spare) <= 2  # of CMU: base joints of fingers whose kind is not named
+
+
+@pytest.mark.parametrize(
+    ("name", "other", "expected"),
+    [
+        (
+            "SMPL-H",
+            "Kimodo 77",
+            "pelvis=Hips spine1=Spine1 spine2=Spine2 spine3=Chest neck=Neck2 head=Head"
+            " left_collar=LeftShoulder left_shoulder=LeftArm left_elbow=LeftForeArm"
+            " right_wrist=RightHand left_hip=LeftLeg left_knee=LeftShin right_ankle=RightFoot"
+            " right_foot=RightToeBase left_thumb1=LeftHandThumb1 right_pinky3=RightHandPinkyEnd",
+        ),
+        (
+            "CMU",
+            "SMPL-X",
+            "Hips=pelvis LeftUpLeg=left_hip RightLeg=right_knee LeftToeBase=left_foot"
+            " LowerBack=spine1 Spine=spine2 Spine1=spine3 Neck1=neck Head=head"
+            " RightShoulder=right_collar LeftArm=left_shoulder RightForeArm=right_elbow"
+            " LeftHand=left_wrist LThumb=left_thumb1 RightHandIndex1=right_index1",
+        ),
+        (
+            "Kimodo 30",
+            "CMU",
+            "Hips=Hips Spine1=LowerBack Chest=Spine1 Head=Head LeftLeg=LeftUpLeg LeftShin=LeftLeg"
+            " RightToeBase=RightToeBase LeftShoulder=LeftShoulder RightArm=RightArm",
+        ),
+    ],
+)
+def test_match_joints_published_names_give_expected_pairs(name, other, expected):
+    found = pairs(SKELETONS_BY_NAME[name], SKELETONS_BY_NAME[other])
+    for pair in expected.split():
+        own, theirs = pair.split("=")
+        assert found.get(own) == theirs
+
+
+def test_match_joints_face_is_matched_by_name():
+    found = pairs(SKELETONS_BY_NAME["SMPL-X"], SKELETONS_BY_NAME["Kimodo 30"])
+    assert {own: found[own] for own in ("jaw", "left_eye_smplhf", "right_eye_smplhf")} == {
+        "jaw": "Jaw",
+        "left_eye_smplhf": "LeftEye",
+        "right_eye_smplhf": "RightEye",
+    }
+
+
+def test_match_joints_describe_lists_absent_and_dropped_joints():
+    match = match_joints(SKELETONS_BY_NAME["SMPL"], SKELETONS_BY_NAME["CMU"])
+    assert match.describe() == (
+        "kept at rest: left_hand, right_hand; dropped: LHipJoint, RHipJoint, Neck, "
+        "LeftFingerBase, LeftHandIndex1, LThumb, RightFingerBase, RightHandIndex1, RThumb"
+    )
+    same = match_joints(SKELETONS_BY_NAME["SMPL"], SKELETONS_BY_NAME["SMPL"])
+    assert same.describe() == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "missing"),
+    [
+        ("root > a > b", "left_hip, right_hip"),
+        ("Hips {LeftUpLeg > LeftLeg > LeftFoot | Spine > Head}", "right_hip"),
+    ],
+)
+def test_match_joints_other_figure_raises_skeleton_mismatch_error(text, missing):
+    other, _ = skeleton_from_text(text)
+    with pytest.raises(
+        mg.SkeletonMismatchError,
+        match=rf"a\.glb cannot be matched by anatomy: it has no counterpart of {missing}",
+    ):
+        match_joints(SKELETONS_BY_NAME["SMPL"], other, "a.glb")

@@ -1,0 +1,181 @@
+"""Motions converted to another hierarchy: what stays the same."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft.body.anatomy import anatomy
+from mograft.body.joint_matching import match_joints
+from mograft.body.mass import mass_model, up_axis
+from mograft.dancer import dance
+from mograft.io.rest_pose import RestPose, rebase
+from mograft.io.smpl.joints import SMPL
+from mograft.io.smpl.stand_in import stand_in
+from mograft.library.conform import conform
+from mograft.motion import rotations
+from tests.strategies import SEEDS, assert_same_rotations, few_examples
+
+DANCE = dance(strides=1).motion[::20]
+SCALES = [1.0, 0.01, 1 / 2.54]  # to centimetres, metres and inches
+
+
+def other_names(skeleton):
+    """Names of another convention, in which no name stays the same."""
+    words = {"UpLeg": "Thigh", "Leg": "Shin", "Arm": "UpperArm", "ForeArm": "LowerArm"}
+    words |= {"Hips": "pelvis", "Shoulder": "Collar", "ToeBase": "Toe", "Head": "skull"}
+    names = []
+    for name in skeleton.names:
+        side = next((word for word in ("Left", "Right") if name.startswith(word)), "")
+        stem = name.removeprefix(side)
+        names.append(f"{words.get(stem, stem)}{side and '_' + side[0]}".lower())
+    return names
+
+
+def in_other_axes(motion, turn, scale, shift=(0.0, 0.0, 0.0)):
+    """The motion in another world: turned, in another unit, moved."""
+    quats, positions = motion.rotations.copy(), scale * motion.positions
+    quats[:, 0] = rotations.multiply(turn, quats[:, 0])
+    positions[:, 0] = rotations.rotate(turn, positions[:, 0]) + np.asarray(shift)
+    skeleton = motion.skeleton.with_offsets(scale * motion.skeleton.offsets)
+    return replace(
+        motion, skeleton=skeleton, rotations=quats, positions=positions, channel_values=None
+    )
+
+
+def with_other_rest_pose(motion, rng):
+    """The same motion relative to a rest pose with bent arms, turned as a whole."""
+    skeleton = motion.skeleton
+    known = anatomy(skeleton)
+    bent = np.tile(rotations.IDENTITY, (skeleton.n_joints, 1))
+    for joint, part in enumerate(known.parts):
+        if part in ("upper_arm", "forearm"):
+            bone = skeleton.offsets[skeleton.children[joint][0]]
+            normal = np.cross(bone, rng.normal(size=3))  # no twist about the bone
+            bent[joint] = rotations.exp(0.8 * normal / np.linalg.norm(normal))
+        elif part in ("hand", "finger"):
+            bent[joint] = bent[skeleton.parents[joint]]
+    pose = rng.integers(4) * np.pi / 2
+    whole = rotations.exp(pose * np.eye(3)[rng.integers(3)])
+    # World rotations of the new rest pose, from which its positions follow.
+    world = rotations.multiply(whole, bent)
+    places = np.zeros_like(skeleton.offsets)
+    for joint, parent in enumerate(skeleton.parents.tolist()):
+        if parent >= 0:
+            places[joint] = places[parent] + rotations.rotate(
+                world[parent], skeleton.offsets[joint]
+            )
+    rest = RestPose(skeleton.names, skeleton.parents, world, places)
+    turned, positions = motion.world_transforms()
+    return rebase(rest, turned, positions, motion.frame_time)
+
+
+@few_examples(30)
+@given(SEEDS, st.sampled_from(SCALES), st.integers(0, 2))
+def test_conform_undoes_names_units_axes_and_rest_pose(seed, scale, up):
+    rng = np.random.default_rng(seed)
+    turn = rotations.shortest_arc(np.eye(3)[1], np.eye(3)[up])
+    posed = with_other_rest_pose(in_other_axes(DANCE, turn, scale), rng)
+    skeleton = posed.skeleton
+    posed = replace(posed, skeleton=replace(skeleton, names=tuple(other_names(skeleton))))
+    assert not {*posed.skeleton.names} & {*DANCE.skeleton.names}
+    assert up_axis(posed) == up
+    result = conform(posed, DANCE.skeleton, up=1, root=0)
+    size = mass_model(DANCE.skeleton).height
+    np.testing.assert_allclose(result.world_positions(), DANCE.world_positions(), atol=1e-4 * size)
+    assert_same_rotations(result.rotations, DANCE.rotations, atol=1e-6)
+    assert result.skeleton.names == DANCE.skeleton.names
+    np.testing.assert_allclose(
+        result.skeleton.offsets[1:], DANCE.skeleton.offsets[1:], atol=1e-6 * size
+    )
+    np.testing.assert_allclose(result.frame_time, DANCE.frame_time)
+
+
+def test_conform_same_hierarchy_is_the_motion_itself():
+    assert (
+        conform(DANCE, DANCE.skeleton.with_offsets(2 * DANCE.skeleton.offsets), up=2, root=0)
+        is DANCE
+    )
+
+
+def test_conform_absent_joints_rest_and_limbs_bend_as_in_the_clip():
+    target = stand_in(SMPL)
+    match = match_joints(target, DANCE.skeleton)
+    assert match.absent
+    result = conform(DANCE, target, up=2, root=0)
+    for joint, source in enumerate(match.sources.tolist()):
+        if source < 0:
+            assert_same_rotations(result.rotations[:, joint], rotations.IDENTITY, atol=1e-12)
+    own, theirs = result.world_transforms(), DANCE.world_transforms()
+    turn = rotations.shortest_arc(np.eye(3)[1], np.eye(3)[2])
+    expected = 0.01 * rotations.rotate(turn, theirs[1][:, 0])
+    np.testing.assert_allclose(own[1][:, 0], expected, atol=1e-9)
+    # The knees bend as they do in the clip: the turn between thigh and shank is the same.
+    for upper, lower in (("left_hip", "left_knee"), ("right_shoulder", "right_elbow")):
+        joints = [target.names.index(name) for name in (upper, lower)]
+        sources = match.sources[joints]
+        bends = [
+            rotations.angle(world[:, pair[0]], world[:, pair[1]])
+            for world, pair in ((own[0], joints), (theirs[0], sources))
+        ]
+        # The rest poses bend differently by less than 0.1 rad.
+        np.testing.assert_allclose(*bends, atol=0.1)
+
+
+def test_conform_bones_keep_their_lengths_and_figure_its_unit_conversion():
+    target = stand_in(SMPL)
+    result = conform(DANCE, target, up=1, root=0)
+    for name, source in (("left_knee", "LeftLeg"), ("right_elbow", "RightForeArm")):
+        length = np.linalg.norm(result.skeleton.offsets[target.names.index(name)])
+        own = np.linalg.norm(DANCE.skeleton.offsets[DANCE.skeleton.names.index(source)])
+        assert length == pytest.approx(0.01 * own)
+    assert mass_model(result.skeleton).height == pytest.approx(
+        0.01 * mass_model(DANCE.skeleton).height, rel=0.05
+    )
+
+
+def with_carrier(motion):
+    """The skeleton below a helper joint on the floor."""
+    own = motion.skeleton
+    return mg.Skeleton(
+        ["Carrier", *own.names],
+        [-1, *(own.parents + 1)],
+        np.concatenate([np.zeros((1, 3)), own.offsets]),
+    )
+
+
+@pytest.mark.parametrize("root", [0, 1])
+def test_conform_root_carrier_without_counterpart_moves_only_if_it_is_the_root(root):
+    target = with_carrier(DANCE)
+    result = conform(DANCE, target, up=1, root=root)
+    np.testing.assert_allclose(result.world_positions()[:, 1:], DANCE.world_positions(), atol=1e-9)
+    assert result.is_translated[:2].tolist() == [root == 0, root == 1]
+    assert_same_rotations(result.rotations[:, 0], rotations.IDENTITY, atol=1e-12)
+
+
+def test_conform_translated_joint_keeps_positions_and_gets_channels():
+    positions = DANCE.positions.copy()
+    joint = DANCE.skeleton.names.index("LeftForeArm")
+    positions[:, joint] += np.linspace(0, 3, DANCE.n_frames)[:, None]
+    moved = replace(DANCE, positions=positions, channel_values=None)
+    renamed = replace(
+        moved, skeleton=replace(moved.skeleton, names=tuple(other_names(moved.skeleton)))
+    )
+    result = conform(renamed, DANCE.skeleton, up=1, root=0)
+    np.testing.assert_allclose(result.world_positions(), moved.world_positions(), atol=1e-6)
+    assert result.skeleton.channels[joint][:3] == ("Xposition", "Yposition", "Zposition")
+
+
+def test_conform_other_figure_raises_skeleton_mismatch_error():
+    worm = mg.Motion(
+        mg.Skeleton(["a", "b"], [-1, 0], np.ones((2, 3))),
+        0.1,
+        np.tile(rotations.IDENTITY, (2, 2, 1)),
+        np.ones((2, 2, 3)),
+        name="worm",
+    )
+    with pytest.raises(mg.SkeletonMismatchError, match="worm cannot be matched by anatomy"):
+        conform(worm, DANCE.skeleton, up=1, root=0)
