@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from mograft.io.csv import write_csv as write_csv
     from mograft.io.formats import read as read
     from mograft.io.glb import write_glb as write_glb
+    from mograft.io.gltf.writer import write_glb_animations as write_glb_animations
     from mograft.io.npz import read_npz as read_npz
     from mograft.io.npz import write_npz as write_npz
     from mograft.io.pybvh import from_pybvh as from_pybvh
@@ -121,6 +122,7 @@ _HOMES = {
     "blend.foot_planting": "FeetReport plant_feet",
     "blend.reach_completion": "ReachCompletion",
     "io.glb": "write_glb",
+    "io.gltf.writer": "write_glb_animations",
     "io.clips": "Clips",
     "io.csv": "write_csv",
     "io.formats": "read",

@@ -1,31 +1,23 @@
 """GLB: the binary form of glTF 2.0, for browsers, Blender, Unreal and Unity."""
 
-import json
 import os
-import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.atomic import write_bytes
 from mograft.body.groups import JointGroups
 from mograft.io.bone_mesh import BoneMesh, bone_mesh, joint_group_indices
+from mograft.io.gltf.buffer import GltfBuffer
 from mograft.io.palette import linear_colours
 from mograft.io.units import ExportTransform
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
-
-# Constants of the glTF specification: component types by NumPy type, and the target of vertex
-# buffers.
-_COMPONENT_TYPES = {"f4": 5126, "u1": 5121, "u2": 5123}
-_ARRAY_BUFFER = 34962
 
 
 def write_glb(
@@ -85,7 +77,7 @@ def write_glb(
     for clip in clips[1:]:
         first.skeleton.check_same_hierarchy(clip.skeleton, clip.name or "a motion")
     transform = ExportTransform.of(first, scale)
-    buffer = _Buffer()
+    buffer = GltfBuffer()
     document = _build_document(
         buffer, clips, transform, joint_group_indices(first.skeleton, groups)
     )
@@ -93,75 +85,13 @@ def write_glb(
     return transform.scale
 
 
-@dataclass
-class _Buffer:
-    """The binary buffer of a GLB file, and the buffer views and accessors of its arrays."""
-
-    data: bytearray = field(default_factory=bytearray)
-    views: list[dict[str, Any]] = field(default_factory=list)
-    accessors: list[dict[str, Any]] = field(default_factory=list)
-
-    def add(
-        self,
-        array: npt.NDArray[Any],
-        element_type: str,
-        *,
-        has_bounds: bool = False,
-        is_vertex_data: bool = False,
-    ) -> int:
-        """Append an array and return the index of its accessor.
-
-        `element_type` is the glTF type of a row, such as ``"VEC3"``. `has_bounds` adds the minimum
-        and maximum; `is_vertex_data` marks vertex attributes.
-        """
-        array = np.ascontiguousarray(array)
-        view: dict[str, Any] = {
-            "buffer": 0,
-            "byteOffset": len(self.data),
-            "byteLength": array.nbytes,
-        }
-        if is_vertex_data:
-            view["target"] = _ARRAY_BUFFER
-        accessor = {
-            "bufferView": len(self.views),
-            "componentType": _COMPONENT_TYPES[array.dtype.str[1:]],
-            "count": len(array),
-            "type": element_type,
-        }
-        if has_bounds:
-            rows = array.reshape(len(array), -1)
-            accessor |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
-        # glTF requires offsets that are multiples of 4 bytes; so is the size of each row.
-        self.data += array.tobytes()
-        self.views.append(view)
-        self.accessors.append(accessor)
-        return len(self.accessors) - 1
-
-    def pack(self, document: dict[str, Any]) -> bytes:
-        """Return the bytes of the GLB file: header, JSON chunk of `document`, binary chunk."""
-        document = document | {
-            "buffers": [{"byteLength": len(self.data)}],
-            "bufferViews": self.views,
-            "accessors": self.accessors,
-        }
-        text = json.dumps(document, separators=(",", ":"), ensure_ascii=False)
-        chunk = text.encode("utf-8", "replace")
-        chunk += b" " * (-len(chunk) % 4)
-        return b"".join(
-            [
-                struct.pack("<4sII", b"glTF", 2, 28 + len(chunk) + len(self.data)),
-                struct.pack("<I4s", len(chunk), b"JSON"),
-                chunk,
-                struct.pack("<I4s", len(self.data), b"BIN\0"),
-                bytes(self.data),
-            ]
-        )
-
-
 def _build_document(
-    buffer: _Buffer, motions: Sequence[Motion], transform: ExportTransform, group_indices: IntArray
+    buffer: GltfBuffer,
+    motions: Sequence[Motion],
+    transform: ExportTransform,
+    group_indices: IntArray,
 ) -> dict[str, Any]:
-    """Fill the buffer; return the JSON document without the entries that `_Buffer.pack` adds."""
+    """Fill the buffer; return the JSON document without the entries that `GltfBuffer.pack` adds."""
     skeleton = motions[0].skeleton
     rest = transform.points(skeleton.rest_positions())
     mesh = _build_mesh(buffer, bone_mesh(skeleton, transform), group_indices)
@@ -219,7 +149,7 @@ def _build_nodes(
 
 
 def _build_animation(
-    buffer: _Buffer, motion: Motion, transform: ExportTransform, offsets: FloatArray
+    buffer: GltfBuffer, motion: Motion, transform: ExportTransform, offsets: FloatArray
 ) -> dict[str, Any]:
     """Return the glTF animation of a motion.
 
@@ -250,7 +180,7 @@ def _build_animation(
     return {"name": motion.name or "motion", "samplers": samplers, "channels": channels}
 
 
-def _build_mesh(buffer: _Buffer, mesh: BoneMesh, group_indices: IntArray) -> dict[str, Any]:
+def _build_mesh(buffer: GltfBuffer, mesh: BoneMesh, group_indices: IntArray) -> dict[str, Any]:
     """Return the bones as a glTF mesh primitive; each vertex is bound to one joint."""
     points, normals, vertex_joints = mesh
     joints = np.zeros((len(vertex_joints), 4), "u1" if len(group_indices) <= 256 else "<u2")

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mograft.io.gltf.container import Container
+from mograft.io.gltf.container import COMPRESSION, Container
 
 _DTYPES: dict[object, np.dtype[Any]] = {
     5120: np.dtype("i1"),
@@ -25,7 +25,6 @@ _WIDTHS: dict[object, int] = {
     "MAT4": 16,
 }
 _INDEX_TYPES = (5121, 5123, 5125)
-_COMPRESSION = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 
 Array = npt.NDArray[Any]
 
@@ -74,7 +73,7 @@ def _read_view(
     view = container.item("bufferViews", index, f"{place}.bufferView")
     own = f"bufferViews[{index}]"
     extensions = view.get("extensions")
-    if isinstance(extensions, dict) and not extensions.keys().isdisjoint(_COMPRESSION):
+    if isinstance(extensions, dict) and not extensions.keys().isdisjoint(COMPRESSION):
         container.fail(own, "expected uncompressed data, got meshopt compression")
     buffer = container.buffer(view.get("buffer", -1), f"{own}.buffer")
     offset = container.integer(view.get("byteOffset", 0), f"{own}.byteOffset")

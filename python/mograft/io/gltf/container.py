@@ -16,6 +16,9 @@ from urllib.parse import unquote
 from mograft.errors import FormatError
 
 MAGIC = b"glTF"
+COMPRESSION = ("EXT_meshopt_compression", "KHR_meshopt_compression")
+"""Extensions of buffer views whose data are compressed."""
+
 _HEADER = struct.Struct("<4sII")  # magic, version, length of the file
 _CHUNK = struct.Struct("<I4s")  # length of the data, type
 _COLLECTIONS = (
@@ -87,7 +90,7 @@ class Container:
         elif uri.startswith("data:"):
             data = self._decode(uri, f"{own}.uri")
         else:
-            data = self._read_file(uri, length, f"{own}.uri")
+            data = self.read_file(uri, length, f"{own}.uri")
         if len(data) < length:
             self.fail(own, f"expected {length} bytes, got {len(data)}")
         return data[:length]
@@ -101,7 +104,7 @@ class Container:
         except (binascii.Error, ValueError) as error:
             self.fail(place, f"expected base64 data: {error}")
 
-    def _read_file(self, uri: str, length: int, place: str) -> memoryview:
+    def read_file(self, uri: str, length: int, place: str) -> memoryview:
         """Read the first `length` bytes of a file in the folder of this file."""
         name = unquote(uri)
         folder = self.path.parent.resolve()

@@ -154,7 +154,7 @@ def to_world(parents: IntArray, local: Transforms) -> tuple[FloatArray, FloatArr
     children. World rotations are products of the local ones. If axes of a node are mirrored, the
     rotation is that of the mirrored axes, with all three reversed if an odd number is.
     """
-    turns, scales = _unmirrored(local.rotations, local.scales)
+    turns, scales = unmirrored(local.rotations, local.scales)
     spread = np.ptp(scales, axis=2)
     skeleton = Skeleton(("",) * len(parents), parents, np.zeros((len(parents), 3)))
     if (spread <= _SCALE_TOLERANCE * np.abs(scales[..., 0])).all():
@@ -166,7 +166,7 @@ def to_world(parents: IntArray, local: Transforms) -> tuple[FloatArray, FloatArr
     return world_turns, _matrix_positions(parents, turns, scales, local.translations)
 
 
-def _unmirrored(turns: FloatArray, scales: FloatArray) -> tuple[FloatArray, FloatArray]:
+def unmirrored(turns: FloatArray, scales: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Move signs of scales to the rotations, so that the three signs of a node are equal.
 
     An even number of negative signs is a half turn. With an odd number, it is one after all three

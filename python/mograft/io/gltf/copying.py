@@ -1,0 +1,104 @@
+"""Copies of the content of a glTF file for a GLB file, which holds all data in itself."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from mograft.errors import FormatError
+from mograft.io.gltf.buffer import GltfBuffer
+from mograft.io.gltf.container import COMPRESSION, Container
+
+_IMAGE_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
+"""Media types of images by their first bytes."""
+
+_MAX_IMAGE_BYTES = 1 << 30
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where the bytes of a buffer of the source are in the copy."""
+
+    buffer: int
+    offset: int  # bytes
+
+
+def copy_content(container: Container) -> tuple[dict[str, Any], GltfBuffer]:
+    """Return the JSON document of a copy, and its binary buffer with all data of the file.
+
+    The bytes of each buffer and of each image in another file follow the binary chunk, which stays
+    where it is. Buffers without data, which extensions use, stay buffers. The document shares the
+    objects of the file that do not change.
+    """
+    buffer = GltfBuffer(accessors=list(container.items("accessors")))
+    places, buffers = _merge_buffers(container, buffer)
+    is_moved = any(place != _Place(index, 0) for index, place in enumerate(places))
+    views = container.items("bufferViews")
+    buffer.views += [_moved_view(view, places) for view in views] if is_moved else views
+    document = {**container.document, "buffers": buffers}
+    if images := document.get("images"):
+        document["images"] = [_copy_image(container, image, buffer) for image in images]
+    return document, buffer
+
+
+def _merge_buffers(
+    container: Container, buffer: GltfBuffer
+) -> tuple[list[_Place], list[dict[str, Any]]]:
+    """Append the data of all buffers to `buffer`; return their places, and the buffers left."""
+    items = container.items("buffers")
+    places: list[_Place] = []
+    left: list[dict[str, Any]] = [{}]
+    for index, item in enumerate(items):
+        has_data = "uri" in item or (index == 0 and container.binary is not None)
+        if has_data:
+            data = container.buffer(index, f"buffers[{index}]")
+            places.append(_Place(0, buffer.append(data)))
+            if index == 0:
+                left[0] = {name: value for name, value in item.items() if name != "uri"}
+        else:
+            places.append(_Place(len(left), 0))
+            left.append(item)
+    return places, left
+
+
+def _moved_view(view: dict[str, Any], places: list[_Place]) -> dict[str, Any]:
+    """Return a buffer view that refers to the buffers of the copy."""
+    view = _moved(view, places)
+    extensions = view.get("extensions")
+    if isinstance(extensions, dict):
+        moved = {
+            name: _moved(value, places) if name in COMPRESSION and type(value) is dict else value
+            for name, value in extensions.items()
+        }
+        view["extensions"] = moved
+    return view
+
+
+def _moved(reference: dict[str, Any], places: list[_Place]) -> dict[str, Any]:
+    """Return an object with ``buffer`` and ``byteOffset`` of the copy; others as they are."""
+    index, offset = reference.get("buffer"), reference.get("byteOffset", 0)
+    if type(index) is not int or not 0 <= index < len(places) or type(offset) is not int:
+        return dict(reference)
+    place = places[index]
+    return {**reference, "buffer": place.buffer, "byteOffset": offset + place.offset}
+
+
+def _copy_image(container: Container, image: object, buffer: GltfBuffer) -> object:
+    """Return an image; the bytes of one in another file are appended to `buffer`.
+
+    An image that is missing, is not in the folder of the file, or is neither PNG nor JPEG and has
+    no media type, stays a reference.
+    """
+    uri = image.get("uri") if isinstance(image, dict) else None
+    if not isinstance(image, dict) or not isinstance(uri, str) or uri.startswith("data:"):
+        return image
+    try:
+        data = container.read_file(uri, _MAX_IMAGE_BYTES, "images")
+    except FormatError:
+        return image
+    kind = image.get("mimeType")
+    for start, name in _IMAGE_TYPES.items():
+        if data[: len(start)] == start:
+            kind = name
+    if not isinstance(kind, str):
+        return image
+    rest = {name: value for name, value in image.items() if name != "uri"}
+    return {**rest, "mimeType": kind, "bufferView": buffer.add_bytes(data)}

@@ -1,0 +1,111 @@
+"""Local transforms of glTF nodes that give joints the world transforms of a motion."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray
+from mograft.io.gltf.document import GltfFile, local_parents
+from mograft.io.gltf.nodes import Transforms, unmirrored
+from mograft.io.rest_pose import POSITION_TOLERANCE, restore
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+
+_SCALE_TOLERANCE = 1e-6
+"""Relative difference of the three scales of a node that counts as none."""
+
+
+@dataclass(frozen=True, eq=False)
+class LocalTracks:
+    """Local rotations and translations of joints in every frame."""
+
+    rotations: FloatArray  # shape (n_frames, n_joints, 4), xyzw
+    translations: FloatArray  # shape (n_frames, n_joints, 3)
+
+
+def local_tracks(file: GltfFile, motion: Motion, nodes: Transforms) -> LocalTracks:
+    """Return local transforms that give the joints of a file the world transforms of a motion.
+
+    `nodes` holds, in every frame, the local transforms of `GltfFile.moved_nodes`: those above the
+    root joint, and the scales of the joints, are kept. If the axes of a parent have no length, the
+    translations of `nodes` are kept.
+    """
+    world_turns, world_places = restore(file.rest, motion)
+    parents = local_parents(file.tree, file.moved_nodes).tolist()
+    n_above, n_frames = len(file.above), motion.n_frames
+    half_turns, _ = unmirrored(
+        np.broadcast_to(rotations.IDENTITY, nodes.rotations.shape), nodes.scales
+    )
+    local = LocalTracks(np.empty(world_turns.shape), np.empty(world_places.shape))
+    # Of each node: world rotation without mirroring, axes with scale as columns, position.
+    turns: list[FloatArray] = []
+    axes: list[FloatArray] = []
+    places: list[FloatArray] = []
+    for node, parent in enumerate(parents):
+        joint = node - n_above
+        above = turns[parent] if parent >= 0 else np.tile(rotations.IDENTITY, (n_frames, 1))
+        base = axes[parent] if parent >= 0 else np.tile(np.eye(3), (n_frames, 1, 1))
+        origin = places[parent] if parent >= 0 else np.zeros((n_frames, 3))
+        mirror = half_turns[:, node]
+        if joint < 0:
+            own, shift = nodes.rotations[:, node], nodes.translations[:, node]
+            turns.append(rotations.multiply(above, rotations.multiply(own, mirror)))
+            places.append(origin + np.einsum("fij,fj->fi", base, shift))
+        else:
+            turns.append(world_turns[:, joint])
+            places.append(world_places[:, joint])
+            own = rotations.multiply(rotations.inverse(above), turns[node])
+            own = rotations.multiply(own, rotations.inverse(mirror))
+            local.rotations[:, joint] = own
+            local.translations[:, joint] = _solve(
+                base, places[node] - origin, nodes.translations[:, node]
+            )
+        columns = np.stack([rotations.rotate(own, np.eye(3)[i]) for i in range(3)], axis=-1)
+        axes.append(base @ (columns * nodes.scales[:, node, None, :]))
+    return LocalTracks(rotations.continuous_signs(local.rotations), local.translations)
+
+
+def _solve(axes: FloatArray, arms: FloatArray, fallback: FloatArray) -> FloatArray:
+    """Return the coordinates of vectors along axes, or `fallback` where the axes are singular."""
+    sizes = np.linalg.norm(axes, axis=1)
+    volumes = np.abs(np.linalg.det(axes))
+    is_regular = volumes > 1e-9 * sizes.max(axis=1) ** 3
+    found = fallback.copy()
+    found[is_regular] = np.linalg.solve(axes[is_regular], arms[is_regular][..., None])[..., 0]
+    return found
+
+
+def changed_tracks(
+    file: GltfFile, motion: Motion, base: Motion, scales: FloatArray
+) -> tuple[BoolArray, BoolArray]:
+    """Return which joints need new rotations, and which need new translations, per joint.
+
+    All others have the values of `base`, bit for bit. `scales` are those of
+    `GltfFile.moved_nodes`: below axes of different scale, translations depend on rotations.
+    """
+    is_equal = (motion.rotations == base.rotations).all(axis=2)
+    is_equal |= (motion.rotations == -base.rotations).all(axis=2)
+    is_turned = ~is_equal.all(axis=0)
+    is_moved = (motion.positions != base.positions).any(axis=(0, 2))
+    spread = np.ptp(scales, axis=2) > _SCALE_TOLERANCE * np.abs(scales[..., 0])
+    if spread.any():
+        parents = file.rest.parents
+        below = np.zeros(len(parents), bool)
+        for joint, parent in enumerate(parents.tolist()):
+            below[joint] = parent >= 0 and (below[parent] or is_turned[parent])
+        is_moved |= below
+    return is_turned, is_moved
+
+
+def differs_from_rest(file: GltfFile, tracks: LocalTracks) -> BoolArray:
+    """Return which joints have other translations than their nodes, shape (n_joints,)."""
+    rest = file.tree.rest.translations[0, file.joints]
+    reach = POSITION_TOLERANCE * np.abs(rest).max(initial=0.0)
+    differs: BoolArray = np.abs(tracks.translations - rest).max(axis=(0, 2)) > reach
+    differs[0] = True
+    return differs
+
+
+def frame_times(start: float, motion: Motion) -> FloatArray:
+    """Return the times of the frames of a motion whose first frame is at `start` seconds."""
+    return start + np.arange(motion.n_frames) * motion.frame_time

@@ -1,0 +1,278 @@
+"""New animations in a copy of a glTF file."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray
+from mograft._util.atomic import write_bytes
+from mograft._util.names import unique_names
+from mograft._util.validate import check_type
+from mograft.errors import suggest_name
+from mograft.io.gltf.animation import PATH_WIDTHS, Animation, read_animation, sample
+from mograft.io.gltf.buffer import GltfBuffer
+from mograft.io.gltf.copying import copy_content
+from mograft.io.gltf.document import GltfFile, read_gltf_file
+from mograft.io.gltf.local_tracks import (
+    changed_tracks,
+    differs_from_rest,
+    frame_times,
+    local_tracks,
+)
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+
+Json = dict[str, Any]
+
+
+def write_glb_animations(
+    source: str | os.PathLike[str],
+    motions: Motion | Sequence[Motion],
+    path: str | os.PathLike[str],
+    *,
+    bases: Sequence[Motion | None] | None = None,
+) -> tuple[str, ...]:
+    """Write a copy of a glTF file that also has motions as animations.
+
+    Meshes, skins, materials, images, old animations and all their bytes stay as they are.
+
+    Parameters
+    ----------
+    source : str or path
+        The file to copy, ``.glb`` or ``.gltf``. It is not changed.
+    motions : Motion or sequence of Motion
+        The motions, with the joints of the file; each becomes an animation.
+    path : str or path
+        The GLB file to write.
+    bases : sequence of Motion or None, optional
+        For each motion, a clip of `source`, as `read` returns it at the same rate, or None. A joint
+        with the same rotations or positions as in the clip keeps the track of the clip, and the
+        animation also has its scales and everything else that the clip animates. Default: None for
+        all motions, so that all joints get new tracks.
+
+    Returns
+    -------
+    tuple of str
+        The names of the new animations: those of the motions, with ``~2`` appended if an animation
+        has the name already.
+
+    Raises
+    ------
+    FormatError
+        If `source` is not a valid glTF file with joints.
+    SkeletonMismatchError
+        If a motion has other joints than the file.
+    ValueError
+        If there is no motion; if a base is not a clip of the file, or has other frames than its
+        motion; or if the file would have 4 GiB or more.
+    OSError
+        If a file cannot be read or written.
+
+    Notes
+    -----
+    A new track has a key at every frame with linear interpolation, or two equal keys if it is
+    constant. A graft keeps the tracks of the joints that are not exchanged.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from mograft.dancer import dance
+    >>> from mograft.io.formats import read
+    >>> from mograft.io.glb import write_glb
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> write_glb(dance(strides=1).motion[:30], folder / "a.glb")
+    0.01
+    >>> clip = read(folder / "a.glb")[0]
+    >>> write_glb_animations(folder / "a.glb", clip[10:], folder / "b.glb")
+    ('dance~2',)
+    >>> read(folder / "b.glb").names
+    ('dance', 'dance~2')
+    """
+    given = [motions] if isinstance(motions, Motion) else list(motions)
+    for motion in given:
+        check_type("motions", motion, Motion)
+    if not given:
+        raise ValueError("`motions` must hold at least one motion, got none")
+    origins = [None] * len(given) if bases is None else list(bases)
+    if len(origins) != len(given):
+        raise ValueError(f"`bases` must have {len(given)} items, got {len(origins)}")
+    file = read_gltf_file(Path(source))
+    additions = [_add(file, *pair) for pair in zip(given, origins, strict=True)]
+    names, data = append_animations(file, additions)
+    write_bytes(Path(path), data)
+    return names
+
+
+@dataclass(frozen=True, eq=False)
+class Addition:
+    """A motion to add to a file, and the clip of which it keeps tracks."""
+
+    motion: Motion
+    base: Motion | None = None  # the motion of the clip, with the frames of `motion`
+    clip: int | None = None
+
+
+def find_base_clip(file: GltfFile, base: Motion) -> int:
+    """Return the clip of which `base` is the motion.
+
+    Raises ValueError if no clip has the name and the duration of `base`.
+    """
+    if base.name not in file.clip_names:
+        hint = suggest_name(base.name, file.clip_names)
+        raise ValueError(
+            f"`bases` must be clips of {file.container.path}, which has no {base.name!r}{hint}"
+        )
+    clip = file.clip_names.index(base.name)
+    animation = _read_base(file, clip)
+    duration = animation.stop - animation.start
+    if abs(base.duration - duration) > 0.25 * base.frame_time:
+        raise ValueError(
+            f"`bases` must be clips of {file.container.path}, where {base.name} has a duration of "
+            f"{duration:.6g} s, got {base.duration:.6g} s"
+        )
+    return clip
+
+
+def _add(file: GltfFile, motion: Motion, base: Motion | None) -> Addition:
+    """Return the addition of a motion, after checks of the arguments."""
+    if base is None:
+        return Addition(motion)
+    check_type("bases", base, Motion)
+    if (base.n_frames, base.n_joints) != (motion.n_frames, motion.n_joints):
+        raise ValueError(
+            f"`bases` must have the {motion.n_frames} frames and {motion.n_joints} joints of their "
+            f"motions, got {base.n_frames} and {base.n_joints}"
+        )
+    return Addition(motion, base, find_base_clip(file, base))
+
+
+def _read_base(file: GltfFile, clip: int) -> Animation:
+    return read_animation(
+        file.container, file.animations[clip], frozenset(file.moved_nodes.tolist())
+    )
+
+
+def append_animations(
+    file: GltfFile, additions: Sequence[Addition]
+) -> tuple[tuple[str, ...], bytes]:
+    """Return the names of the new animations, and the bytes of the GLB file that has them."""
+    skeleton = Skeleton(file.rest.names, file.rest.parents, file.rest.offsets())
+    for addition in additions:
+        motion = addition.motion
+        skeleton.check_same_hierarchy(motion.skeleton, motion.name or "a motion")
+    document, buffer = copy_content(file.container)
+    old = file.container.items("animations")
+    names = [own["name"] if isinstance(own.get("name"), str) else "" for own in old]
+    names = unique_names([*names, *(own.motion.name or "motion" for own in additions)])[len(old) :]
+    tables = [_new_tables(file, addition) for addition in additions]
+    document["nodes"] = _animated_nodes(file, {node for table in tables for node, _ in table.keys})
+    document["animations"] = [
+        *old,
+        *(
+            _build_animation(file, buffer, table, addition.clip, name)
+            for table, addition, name in zip(tables, additions, names, strict=True)
+        ),
+    ]
+    return tuple(names), buffer.pack(document)
+
+
+@dataclass(frozen=True, eq=False)
+class _NewTables:
+    """The new tracks of an animation: values in every frame, by node and property."""
+
+    times: FloatArray  # seconds, shape (n_frames,)
+    keys: dict[tuple[int, str], FloatArray]
+
+
+def _new_tables(file: GltfFile, addition: Addition) -> _NewTables:
+    """Return the tracks that a motion needs in addition to those of its base clip."""
+    motion, nodes = addition.motion, file.moved_nodes
+    rest = file.tree.rest.of(nodes, 1)
+    if addition.clip is None or addition.base is None:
+        times = frame_times(0.0, motion)
+        tracks = local_tracks(file, motion, rest.of(np.arange(len(nodes)), motion.n_frames))
+        is_turned = np.ones(motion.n_joints, bool)
+        is_moved = differs_from_rest(file, tracks)
+    else:
+        animation = _read_base(file, addition.clip)
+        times = frame_times(animation.start, motion)
+        rows = np.zeros(len(file.tree.names), np.int64)
+        rows[nodes] = np.arange(len(nodes))
+        local = sample(animation, times, rest, rows)
+        tracks = local_tracks(file, motion, local)
+        is_turned, is_moved = changed_tracks(file, motion, addition.base, local.scales)
+    values: dict[tuple[int, str], FloatArray] = {}
+    for joint, node in enumerate(file.joints.tolist()):
+        if is_moved[joint]:
+            values[node, "translation"] = tracks.translations[:, joint]
+        if is_turned[joint]:
+            values[node, "rotation"] = tracks.rotations[:, joint]
+    return _NewTables(times, values)
+
+
+def _animated_nodes(file: GltfFile, animated: set[int]) -> list[Json]:
+    """Return the nodes of the file; those of `animated` have no matrix, as glTF requires."""
+    nodes = list(file.container.items("nodes"))
+    rest = file.tree.rest
+    for node in animated:
+        if "matrix" in nodes[node]:
+            kept = {name: value for name, value in nodes[node].items() if name != "matrix"}
+            nodes[node] = kept | {
+                "translation": rest.translations[0, node].tolist(),
+                "rotation": rest.rotations[0, node].tolist(),
+                "scale": rest.scales[0, node].tolist(),
+            }
+    return nodes
+
+
+def _build_animation(
+    file: GltfFile, buffer: GltfBuffer, tables: _NewTables, clip: int | None, name: str
+) -> Json:
+    """Append the keys of an animation to the buffer; return the animation.
+
+    Properties without new keys have the samplers of the clip.
+    """
+    samplers: list[Json] = []
+    channels: list[Json] = []
+    if clip is not None:
+        _keep_channels(file, clip, tables, samplers, channels)
+    ends = sorted({0, len(tables.times) - 1})
+    inputs: dict[int, int] = {}  # accessor of the key times, by number of keys
+    for (node, path), values in tables.keys.items():
+        stored = values.astype("<f4")
+        rows = np.arange(len(stored)) if (stored != stored[0]).any() else np.array(ends)
+        if len(rows) not in inputs:
+            times = tables.times[rows].astype("<f4")
+            inputs[len(rows)] = buffer.add(times, "SCALAR", has_bounds=True)
+        output = buffer.add(stored[rows], f"VEC{stored.shape[1]}")
+        channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
+        samplers.append({"input": inputs[len(rows)], "interpolation": "LINEAR", "output": output})
+    return {"name": name, "channels": channels, "samplers": samplers}
+
+
+def _keep_channels(
+    file: GltfFile, clip: int, tables: _NewTables, samplers: list[Json], channels: list[Json]
+) -> None:
+    """Append the channels of a clip that have no new keys, and their samplers."""
+    number = file.animations[clip]
+    base = file.container.items("animations")[number]
+    kept: dict[int, int] = {}  # index of each kept sampler of the clip
+    for channel in base["channels"]:
+        target, index = channel["target"], channel.get("sampler")
+        path = target.get("path")
+        if path in PATH_WIDTHS and (target.get("node"), path) in tables.keys:
+            continue
+        n_samplers = len(base["samplers"])
+        if type(index) is not int or not 0 <= index < n_samplers:
+            file.container.fail(
+                f"animations[{number}].channels",
+                f"expected an index of {n_samplers} samplers, got {index!r}",
+            )
+        if index not in kept:
+            kept[index] = len(samplers)
+            samplers.append(base["samplers"][index])
+        channels.append({**channel, "sampler": kept[index]})

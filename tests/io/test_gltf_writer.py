@@ -1,0 +1,223 @@
+"""Writing of motions into copies of glTF files."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft.io.gltf.container import read_container
+from mograft.motion import rotations
+from tests.io.gltf_scenes import random_scene, write_gltf
+from tests.io.recorded_files import DATA, require
+
+SCALES = st.sampled_from(["none", "uniform", "mirrored", "any"])
+WAYS = st.sampled_from(["glb", "external", "embedded"])
+KNIGHT = DATA / "glb" / "kaykit_Knight.glb"
+
+
+def write_scene(tmp_path_factory, seed, scale="none", way="glb"):
+    """Write a random scene with at least one clip; return the file, its clip and the generator."""
+    rng = np.random.default_rng(seed)
+    while True:
+        scene = random_scene(rng, scale=scale, has_skin=bool(rng.integers(2)))
+        path = write_gltf(tmp_path_factory.mktemp("gltf"), *scene.document(rng), way)
+        clips = mg.read(path)
+        if len(clips):
+            return path, clips[0], rng
+
+
+def change_joints(motion, rng):
+    """Return a motion with other rotations or positions of some joints."""
+    turned, places = motion.rotations.copy(), motion.positions.copy()
+    is_turned, is_moved = rng.random((2, motion.n_joints)) < 0.4
+    quats = rng.normal(size=turned[:, is_turned].shape)
+    turned[:, is_turned] = quats / np.linalg.norm(quats, axis=2, keepdims=True)
+    places[:, is_moved] += rng.uniform(-1, 1, places[:, is_moved].shape)
+    return replace(motion, rotations=turned, positions=places, channel_values=None, name="new")
+
+
+def assert_same_motion(actual, desired, atol):
+    """Compare world transforms; `atol` is that of positions as a fraction of their size."""
+    assert actual.skeleton.names == desired.skeleton.names
+    assert (actual.n_frames, actual.frame_time) == (
+        desired.n_frames,
+        pytest.approx(desired.frame_time, rel=1e-6),
+    )
+    (turns, places), (own_turns, own_places) = desired.world_transforms(), actual.world_transforms()
+    size = max(1.0, np.abs(places).max())
+    np.testing.assert_allclose(own_places, places, atol=atol * size)
+    np.testing.assert_allclose(rotations.angle(own_turns, turns), 0.0, atol=2e-6)
+
+
+@given(seed=st.integers(0, 2**32 - 1), scale=SCALES, way=WAYS, has_base=st.booleans())
+def test_write_glb_animations_read_back_is_identical_to_float32(
+    tmp_path_factory, seed, scale, way, has_base
+):
+    path, clip, rng = write_scene(tmp_path_factory, seed, scale, way)
+    motion = change_joints(clip, rng)
+    target = path.with_name("out.glb")
+    names = mg.write_glb_animations(path, motion, target, bases=[clip if has_base else None])
+    assert names == ("new",)
+    written = mg.read(target, rate=clip.rate)
+    # Scales of 0.5 to 2 along each axis stretch an error by up to 4 at every level.
+    stretch = 4.0**clip.n_joints if scale == "any" else 8.0
+    assert_same_motion(written["new"], motion, 1e-7 * stretch + 1e-6)
+    assert_same_motion(written["move"], clip, 0.0)
+
+
+@given(seed=st.integers(0, 2**32 - 1), scale=SCALES, way=WAYS)
+def test_write_glb_animations_keeps_all_content(tmp_path_factory, seed, scale, way):
+    path, clip, rng = write_scene(tmp_path_factory, seed, scale, way)
+    target = path.with_name("out.glb")
+    mg.write_glb_animations(path, [change_joints(clip, rng), clip], target, bases=[clip, None])
+    old, new = read_container(path), read_container(target)
+    assert new.document.keys() == old.document.keys()
+    for name, value in old.document.items():
+        if name in ("animations", "accessors", "bufferViews"):
+            assert new.document[name][: len(value)] == value
+        elif name == "nodes":
+            for before, after in zip(value, new.document[name], strict=True):
+                assert after == before or ("matrix" in before and "matrix" not in after)
+        elif name != "buffers":
+            assert new.document[name] == value
+    (length,) = (buffer["byteLength"] for buffer in old.document["buffers"])
+    assert bytes(new.buffer(0, ""))[:length] == bytes(old.buffer(0, ""))
+
+
+def test_write_glb_animations_unchanged_joints_keep_their_accessors(tmp_path):
+    require(KNIGHT, DATA / "glb")
+    base = mg.read(KNIGHT)["Running_A"]
+    turned = base.rotations.copy()
+    head = base.skeleton.index("head")
+    turned[:, head] = rotations.multiply(
+        turned[:, head], rotations.from_axis_angle([0, 1, 0], np.linspace(0, 1, base.n_frames))
+    )
+    motion = replace(base, rotations=turned, channel_values=None, name="Looking")
+    target = tmp_path / "out.glb"
+    mg.write_glb_animations(KNIGHT, motion, target, bases=[base])
+    old, new = read_container(KNIGHT), read_container(target)
+    nodes = [node["name"] for node in old.items("nodes")]
+    names = [own["name"] for own in old.items("animations")]
+
+    def tracks(container, animation):
+        item = container.items("animations")[animation]
+        return {
+            (nodes[own["target"]["node"]], own["target"]["path"]): item["samplers"][own["sampler"]]
+            for own in item["channels"]
+        }
+
+    before, after = tracks(old, names.index("Running_A")), tracks(new, len(names))
+    assert before.keys() == after.keys()
+    assert [key for key in before if before[key] != after[key]] == [("head", "rotation")]
+    assert len(new.items("accessors")) == len(old.items("accessors")) + 2
+    assert [own["name"] for own in new.items("animations")] == [*names, "Looking"]
+    assert new.document["images"] == old.document["images"]
+
+
+def test_write_glb_animations_base_at_another_rate_keeps_accessors(tmp_path_factory):
+    path, _, _ = write_scene(tmp_path_factory, 5)
+    clip = mg.read(path, rate=24)[0]
+    target = path.with_name("out.glb")
+    mg.write_glb_animations(path, replace(clip, name="same"), target, bases=[clip])
+    old, new = read_container(path), read_container(target)
+    assert len(new.items("accessors")) == len(old.items("accessors"))
+    assert new.items("animations")[1]["channels"] == old.items("animations")[0]["channels"]
+
+
+def test_write_glb_animations_repeated_names_are_made_unique(tmp_path_factory):
+    path, clip, _ = write_scene(tmp_path_factory, 6)
+    target = path.with_name("out.glb")
+    assert mg.write_glb_animations(path, [clip, clip], target) == ("move~2", "move~3")
+    assert mg.read(target).names == ("move", "move~2", "move~3")
+    unnamed = replace(clip, name="")
+    assert mg.write_glb_animations(target, unnamed, target) == ("motion",)
+    assert mg.read(target).names == ("move", "move~2", "move~3", "motion")
+
+
+@pytest.mark.parametrize("scale", [[0, 0, 0], [1, 0, 1]])
+def test_write_glb_animations_below_zero_scale_keeps_translations(tmp_path, scale):
+    document = {
+        "asset": {"version": "2.0"},
+        "nodes": [
+            {"name": "a", "children": [1]},
+            {"name": "b", "children": [2], "scale": scale, "translation": [0, 1, 0]},
+            {"name": "c", "translation": [0, 2, 0]},
+        ],
+        "skins": [{"joints": [0, 1, 2]}],
+    }
+    path = tmp_path / "still.gltf"
+    path.write_text(json.dumps(document))
+    motion = mg.Motion(
+        mg.Skeleton(["a", "b", "c"], [-1, 0, 1], [[0, 0, 0], [0, 1, 0], [0, 0, 0]]),
+        0.1,
+        np.tile(rotations.from_axis_angle([0, 0, 1], 0.5), (3, 3, 1)),
+        np.tile([[0.0, 0, 0], [0, 1, 0], [0, 0, 0]], (3, 1, 1)),
+        name="turn",
+    )
+    mg.write_glb_animations(path, motion, tmp_path / "out.glb")
+    assert_same_motion(mg.read(tmp_path / "out.glb", rate=10)["turn"], motion, 1e-6)
+
+
+def test_write_glb_animations_image_files_are_embedded(tmp_path, tmp_path_factory):
+    path, clip, _ = write_scene(tmp_path_factory, 7, way="external")
+    picture = b"\x89PNG\r\n\x1a\n" + bytes(range(90))
+    (path.parent / "skin.png").write_bytes(picture)
+    document = json.loads(path.read_text())
+    document["images"] = [{"uri": "skin.png", "name": "skin"}, {"uri": "none.png"}, {"uri": "../x"}]
+    path.write_text(json.dumps(document))
+    mg.write_glb_animations(path, clip, tmp_path / "out.glb")
+    new = read_container(tmp_path / "out.glb")
+    image, *others = new.document["images"]
+    assert others == document["images"][1:]
+    view = new.items("bufferViews")[image["bufferView"]]
+    assert image == {"name": "skin", "mimeType": "image/png", "bufferView": image["bufferView"]}
+    start = view["byteOffset"]
+    assert bytes(new.buffer(0, ""))[start : start + view["byteLength"]] == picture
+
+
+def test_write_glb_animations_several_buffers_become_one(tmp_path, tmp_path_factory):
+    path, clip, rng = write_scene(tmp_path_factory, 8, way="external")
+    document = json.loads(path.read_text())
+    (path.parent / "more.bin").write_bytes(b"abcde")
+    document["buffers"] += [{"uri": "more.bin", "byteLength": 5}, {"byteLength": 9, "name": "none"}]
+    last = len(document["bufferViews"])
+    compression = {"EXT_meshopt_compression": {"buffer": 1, "byteOffset": 1, "byteLength": 3}}
+    document["bufferViews"] += [
+        {"buffer": 1, "byteOffset": 1, "byteLength": 3},
+        {"buffer": 2, "byteLength": 9, "extensions": compression},
+    ]
+    path.write_text(json.dumps(document))
+    mg.write_glb_animations(path, change_joints(clip, rng), tmp_path / "out.glb")
+    new = read_container(tmp_path / "out.glb")
+    assert [own.get("name") for own in new.items("buffers")] == [None, "none"]
+    first, second = new.items("bufferViews")[last : last + 2]
+    assert (first["buffer"], second["buffer"]) == (0, 1)
+    data = bytes(new.buffer(0, ""))
+    for view in (first, second["extensions"]["EXT_meshopt_compression"]):
+        assert data[view["byteOffset"] :][:3] == b"bcd"
+    assert_same_motion(mg.read(tmp_path / "out.glb")["move"], clip, 0.0)
+
+
+def test_write_glb_animations_invalid_argument_raises_error(tmp_path, tmp_path_factory):
+    path, clip, _ = write_scene(tmp_path_factory, 9)
+    target = tmp_path / "out.glb"
+
+    def fails(error, match, motions, **options):
+        with pytest.raises(error, match=match):
+            mg.write_glb_animations(path, motions, target, **options)
+
+    fails(ValueError, "`motions` must hold at least one motion", [])
+    fails(TypeError, "`motions` must be a Motion", [3])
+    fails(TypeError, "`bases` must be a Motion", clip, bases=[3])
+    fails(ValueError, "`bases` must have 1 items, got 0", clip, bases=[])
+    fails(ValueError, "which has no 'other'", clip, bases=[replace(clip, name="other")])
+    slow = replace(clip, frame_time=2 * clip.frame_time)
+    fails(ValueError, "where move has a duration of", clip, bases=[slow])
+    fails(ValueError, "frames and .* joints of their motions", clip[:-1], bases=[clip])
+    other = replace(clip, skeleton=replace(clip.skeleton, names=("x",) * clip.n_joints))
+    fails(mg.SkeletonMismatchError, "lacks", other)
+    assert not target.exists()
