@@ -108,4 +108,4 @@ def differs_from_rest(file: GltfFile, tracks: LocalTracks) -> BoolArray:
 
 def frame_times(start: float, motion: Motion) -> FloatArray:
     """Return the times of the frames of a motion whose first frame is at `start` seconds."""
-    return start + np.arange(motion.n_frames) * motion.frame_time
+    return np.linspace(start, start + motion.duration, motion.n_frames)
