@@ -6,7 +6,15 @@ from benches.evidence.constants import CONSTANTS
 from benches.evidence.section import Table
 from benches.evidence.sources import SOURCES
 
-EXPERIMENTS: tuple[str, ...] = ("retrieval", "matched")
+EXPERIMENTS: tuple[str, ...] = (
+    "retrieval",
+    "matched",
+    "ablation",
+    "new_motions",
+    "collisions",
+    "counts",
+    "balance",
+)
 """Modules of `benches.evidence`, in the order of the page."""
 
 HEADER = """# Evidence

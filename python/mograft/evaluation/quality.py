@@ -128,7 +128,7 @@ def quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Qu
     step = math.ceil(sum(map(len, source)) / _MAX_SOURCE_FRAMES)
     values = defaultdict[str, list[float]](list)
     diversities, is_new, gaps = list[float](), list[float](), list[float]()
-    part_blocks, seam_blocks = list[int](), list[int]()
+    part_blocks, seam_blocks, frame_blocks = list[int](), list[int](), list[int]()
     for index, several in enumerate(grafts):
         base = several[0].base
         if base.n_frames < 4:
@@ -137,8 +137,10 @@ def quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Qu
             )
         ground = Ground.of(base)
         recording = _measure(base, joints, ground)
-        diversities.append(diversity([graft.motion for graft in several], joints))
         first_block = _MAX_BLOCKS_PER_BASE * index
+        angles = _angles_between([graft.motion for graft in several], joints)
+        diversities += np.degrees(angles).tolist()
+        frame_blocks += (first_block + np.arange(len(angles)) // _SEAM_BLOCK_FRAMES).tolist()
         for graft in several:
             for s in graft.substitutions:
                 is_new.append(float(not s.is_own))
@@ -162,7 +164,7 @@ def quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Qu
         new_segments=estimate.block_mean(is_new, part_blocks, "parts", seed),
         seam_gap=estimate.block_mean(gaps, seam_blocks, "seams", seed),
         seam_gap_p90=_percentile_90(np.array(gaps), np.array(seam_blocks), seed),
-        diversity=estimate.block_mean(diversities, range(len(diversities)), "bases", seed),
+        diversity=estimate.block_mean(diversities, frame_blocks, "frames", seed),
         **{
             name: estimate.block_mean(sample, range(len(sample)), "grafts", seed)
             for name, sample in values.items()
@@ -273,11 +275,15 @@ def diversity(motions: Sequence[Motion], joints: IntArray) -> float:
 
     The angle is between poses at the same time. The result is NaN for a single motion.
     """
-    if len(motions) < 2:
-        return math.nan
+    angles = _angles_between(motions, joints)
+    return float(np.degrees(angles.mean())) if len(angles) else math.nan
+
+
+def _angles_between(motions: Sequence[Motion], joints: IntArray) -> FloatArray:
+    """Return the mean joint angle of all pairs of motions in each frame; empty without a pair."""
     angles = [
-        rotations.angle(a.rotations[:, joints], b.rotations[:, joints]).mean()
+        rotations.angle(a.rotations[:, joints], b.rotations[:, joints]).mean(axis=1)
         for i, a in enumerate(motions)
         for b in motions[:i]
     ]
-    return float(np.degrees(np.mean(angles)))
+    return np.asarray(np.mean(angles, axis=0) if angles else [], np.float64)
