@@ -103,11 +103,11 @@ def test_read_rate_resamples(tmp_path):
 def test_read_npz_bad_content_raises_format_error(tmp_path):
     path = tmp_path / "motion.npz"
     np.savez(path, format=np.array("mograft.motion/1"), rotations=np.zeros((1, 1, 4)))
-    with pytest.raises(mg.FormatError, match=r"motion\.npz: the array 'names' is missing"):
+    with pytest.raises(mg.FormatError, match=r"motion\.npz: array `names`: expected this array"):
         mg.read_npz(path)
     pickled = np.array([{}], dtype=object)
-    np.savez(path, rotations=pickled, format=np.array("mograft.motion/1"))
-    with pytest.raises(mg.FormatError, match=r"`rotations`: expected numbers, got pickled objects"):
+    np.savez(path, names=pickled, format=np.array("mograft.motion/1"))
+    with pytest.raises(mg.FormatError, match=r"`names`: expected numbers, got pickled objects"):
         mg.read_npz(path)
 
 

@@ -9,32 +9,12 @@ import mograft as mg
 from mograft.body.anatomy import anatomy
 from mograft.body.mass import mass_model, up_axis
 from mograft.io.kimodo.joints import SKELETONS, SOMA_30, SOMA_77
-from mograft.motion import rotations
 from tests.hierarchies import DATA
 from tests.io.amass_file import write_arrays
-from tests.strategies import SEEDS, assert_same_rotations, few_examples, smooth_rotations
+from tests.io.kimodo_file import kimodo_arrays
+from tests.strategies import SEEDS, assert_same_rotations, few_examples
 
 FILES = sorted((DATA.parent / "data" / "npz").glob("kimodo*.npz"))
-
-
-def kimodo_arrays(n_joints=30, n_frames=5, seed=0):
-    """World positions and rotation matrices of a random motion, and the motion."""
-    rng = np.random.default_rng(seed)
-    kind = SKELETONS[n_joints]
-    skeleton = mg.Skeleton(kind.joints, kind.parents, rng.uniform(-0.3, 0.3, (n_joints, 3)))
-    quats = smooth_rotations(rng, n_frames, n_joints)
-    positions = np.tile(skeleton.offsets, (n_frames, 1, 1))
-    positions[:, 0] += rng.normal(1.0, size=(n_frames, 3))
-    motion = mg.Motion(skeleton, 1 / 30, quats, positions)
-    world, places = motion.world_transforms()
-    axes = np.eye(3)[:, None, None]  # the columns of a matrix are the rotated axes
-    matrices = np.moveaxis(np.array([rotations.rotate(world, axis) for axis in axes]), 0, -1)
-    arrays = {
-        "posed_joints": places.astype(np.float32),
-        "global_rot_mats": matrices.astype(np.float32),
-        "foot_contacts": np.zeros((n_frames, 4), bool),
-    }
-    return arrays, motion
 
 
 @pytest.mark.parametrize("path", FILES or [None], ids=lambda path: path and path.stem)

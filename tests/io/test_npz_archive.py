@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 import mograft as mg
 from mograft.dancer import dance
 from mograft.io.npz_archive import open_npz_archive
+from tests import fuzz_npz
 from tests.io.amass_file import amass_arrays, write_arrays
-from tests.io.test_kimodo import kimodo_arrays
+from tests.io.kimodo_file import kimodo_arrays
 from tests.strategies import few_examples
 
 
@@ -87,7 +88,7 @@ def test_npz_bomb_is_refused_in_bounded_memory(tmp_path):
             r"array `format`: expected mograft.motion/1, got other/2",
         ),
         ({"format": np.array(None)}, "array `format`: expected numbers, got pickled objects"),
-        ({"format": np.array("mograft.motion/1")}, "the array 'names' is missing"),
+        ({"format": np.array("mograft.motion/1")}, "array `names`: expected this array, got none"),
     ],
 )
 def test_npz_of_unknown_content_raises_format_error(tmp_path, arrays, message):
@@ -137,3 +138,8 @@ def test_npz_changed_bytes_give_motion_or_format_error(
     path.write_bytes(bytes(content))
     with contextlib.suppress(mg.FormatError):
         assert mg.read(path)[0].n_frames > 0
+
+
+@pytest.mark.parametrize("seed", [*fuzz_npz.SEEDS, *range(40)])
+def test_npz_fuzzed_file_gives_motion_or_format_error(tmp_path, seed):
+    fuzz_npz.check(seed, tmp_path)

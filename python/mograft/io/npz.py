@@ -2,9 +2,8 @@
 
 import io
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,15 +11,11 @@ import numpy.typing as npt
 from mograft._util.atomic import write_bytes
 from mograft.errors import FormatError, join_names
 from mograft.io.clips import Clips
-from mograft.io.npz_archive import NpzArchive, open_npz_archive
+from mograft.io.npz_archive import NpzArchive, as_format_error, open_npz_archive
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import EndSite, Skeleton
 
 _FORMAT = "mograft.motion/1"
-_ARRAYS = (
-    *("name", "frame_time", "names", "parents", "offsets", "channels", "rotations", "positions"),
-    *("end_parents", "end_offsets", "end_before", "end_names"),
-)
 
 
 def write_npz(motion: Motion, path: str | os.PathLike[str]) -> None:
@@ -106,17 +101,10 @@ def read_npz(path: str | os.PathLike[str]) -> Motion:
     given = str(archive.read("format", ()))
     if given != _FORMAT:
         raise FormatError(f"expected {_FORMAT}, got {given}", os.fspath(path), "array `format`")
-    arrays = {
-        name: archive.read(name, header.shape)
-        for name, header in archive.headers.items()
-        if name in _ARRAYS
-    }
     try:
-        return _to_motion(arrays, Path(path))
-    except KeyError as error:
-        raise FormatError(f"the array {error} is missing", os.fspath(path)) from error
+        return _to_motion(archive)
     except (ValueError, TypeError) as error:
-        raise FormatError(str(error), os.fspath(path)) from error
+        raise as_format_error(error, Path(path)) from error
 
 
 def open_npz(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001
@@ -149,25 +137,37 @@ def _describe_unknown(archive: NpzArchive) -> str:
     return message
 
 
-def _to_motion(arrays: Mapping[str, npt.NDArray[Any]], path: Path) -> Motion:
-    """Return the motion in the arrays of a file; a motion without a name is named after it."""
-    fields = (arrays[f"end_{name}"].tolist() for name in ("parents", "offsets", "before", "names"))
-    skeleton = Skeleton(
-        arrays["names"].tolist(),
-        arrays["parents"],
-        arrays["offsets"],
-        tuple(tuple(channels.split()) for channels in arrays["channels"].tolist()),
-        tuple(EndSite(*site) for site in zip(*fields, strict=True)),
+def _to_motion(archive: NpzArchive) -> Motion:
+    """Return the motion in a file; a motion without a name is named after the file."""
+    (n_joints,) = archive.header("names", ("n_joints",)).shape
+    (n_sites,) = archive.header("end_parents", ("n_end_sites",)).shape
+    n_frames = archive.header("rotations", ("n_frames", n_joints, 4)).shape[0]
+    sites = zip(
+        archive.read_integers("end_parents", (n_sites,)).tolist(),
+        archive.read_floats("end_offsets", (n_sites, 3)),
+        archive.read_integers("end_before", (n_sites,)).tolist(),
+        archive.read_strings("end_names", (n_sites,)).tolist(),
+        strict=True,
     )
-    rotations = arrays["rotations"].astype(np.float64)
-    rotations /= np.linalg.norm(rotations, axis=-1, keepdims=True)
+    skeleton = Skeleton(
+        tuple(archive.read_strings("names", (n_joints,)).tolist()),
+        archive.read_integers("parents", (n_joints,)),
+        archive.read_floats("offsets", (n_joints, 3)),
+        tuple(
+            tuple(channels.split())
+            for channels in archive.read_strings("channels", (n_joints,)).tolist()
+        ),
+        tuple(EndSite(*site) for site in sites),
+    )
+    quats = archive.read_floats("rotations", (n_frames, n_joints, 4))
+    norms = np.linalg.norm(quats, axis=-1, keepdims=True)
     return Motion(
         skeleton,
-        float(arrays["frame_time"]),
-        rotations,
-        arrays["positions"].astype(np.float64),
-        name=str(arrays["name"]) or path.stem,
-        path=path,
+        float(archive.read_floats("frame_time", ())),
+        quats / np.where(norms > 0, norms, 1.0),
+        archive.read_floats("positions", (n_frames, n_joints, 3)),
+        name=str(archive.read_strings("name", ())) or archive.path.stem,
+        path=archive.path,
     )
 
 

@@ -16,7 +16,7 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
-from mograft._util.arrays import FloatArray, Shape
+from mograft._util.arrays import FloatArray, IntArray, Shape
 from mograft._util.atomic import atomic_path
 from mograft.errors import FormatError
 
@@ -96,6 +96,20 @@ class NpzArchive:
             )
         return floats
 
+    def read_integers(self, name: str, shape: Shape) -> IntArray:
+        """Return an array of integers; the errors are those of `read`."""
+        array = self.read(name, shape)
+        if array.dtype.kind not in "iu":
+            raise self.error(name, f"expected integers, got {array.dtype}")
+        return array.astype(np.int64)
+
+    def read_strings(self, name: str, shape: Shape) -> npt.NDArray[np.str_]:
+        """Return an array of text; the errors are those of `read`."""
+        array = self.read(name, shape)
+        if array.dtype.kind != "U":
+            raise self.error(name, f"expected text, got {array.dtype}")
+        return array
+
     def header(self, name: str, shape: Shape) -> ArrayHeader:
         """Return the header of an array that must have the given shape; see `read`."""
         if name not in self.headers:
@@ -166,7 +180,7 @@ def copy_npz_archive(
                         shutil.copyfileobj(data, out)
 
 
-def as_format_error(error: ValueError, path: Path) -> FormatError:
+def as_format_error(error: ValueError | TypeError, path: Path) -> FormatError:
     """Return the error of a motion with invalid values as that of its file."""
     return error if isinstance(error, FormatError) else FormatError(str(error), path)
 
