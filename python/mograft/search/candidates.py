@@ -20,10 +20,11 @@ from mograft.search.boundary_states import (
     velocity_gaps,
     velocity_gaps_along,
 )
-from mograft.search.costs import CostModel, SeamScales, length_fits
+from mograft.search.costs import PRESELECTION, CostModel, SeamScales, length_fits
 from mograft.search.neighbourhoods import NEIGHBOURHOODS
 
 _POSITIONS_PER_BATCH = 1024  # base segments whose neighbours are in memory together
+_PAIRS_PER_BATCH = 1 << 15  # base segments and donors whose zero-moment points are in memory
 _N_TYPICAL_SEAMS = 512  # seams from which the typical gaps are measured
 # Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018: 1/g and 1/g² of the
 # root g of g³ = g + 1. Their multiples modulo 1 fill the square evenly.
@@ -142,11 +143,14 @@ class SegmentPool:
         neighbourhood = NEIGHBOURHOODS.get(config.neighbourhood)
         return neighbourhood.find_members(self.labels, self.points, self.sigma, base)
 
-    def candidate_lists(self, scenario: IntArray, config: Config) -> list[IntArray]:
+    def candidate_lists(
+        self, scenario: IntArray, config: Config, model: CostModel | None = None
+    ) -> list[IntArray]:
         """Return the candidates of each base segment: similar donors whose length fits.
 
         `scenario` holds the base segments, in any order. The result has one ascending list of
-        segments per position. A list always contains the base segment.
+        segments per position. A list always contains the base segment. With `model`, lists are
+        limited to `PRESELECTION` times `max_candidates`, the cheapest without the cost of balance.
         """
         lengths = self.segments.lengths
         lists: list[IntArray] = []
@@ -158,7 +162,11 @@ class SegmentPool:
             fits = length_fits(lengths[base], lengths[donors], self.rate, config)
             fits = (fits & self.is_donor[donors]) | (donors == base)
             ends = np.append(0, np.cumsum(fits))[np.cumsum(counts)]
-            lists += split_by_counts(donors[fits], np.diff(ends, prepend=0))
+            found = split_by_counts(donors[fits], np.diff(ends, prepend=0))
+            if model is not None:
+                costs = self.costs_without_balance(base[fits], donors[fits], model)
+                found, _ = model.keep_cheapest_of_each(positions, found, costs, PRESELECTION)
+            lists += found
         return lists
 
     def seam_angles(self, left: IntArray, right: IntArray) -> FloatArray:
@@ -206,15 +214,18 @@ class SegmentPool:
     def _compute_added_imbalances(self, base: IntArray, donors: IntArray) -> FloatArray:
         found = np.zeros(len(base))
         others = np.flatnonzero(donors != base)
-        if self.balance is None or not len(others):
+        if self.balance is None:
             return found
-        pairs = np.stack([base[others], donors[others]])
-        segments, members = np.unique(pairs, return_inverse=True)
-        of_base, of_donors = self.balance.mass_offsets(segments)[members.reshape(pairs.shape)]
-        seconds = self.segments.lengths[pairs[0]] / self.rate
-        shifts = zero_moment_shifts(of_base, of_donors, seconds)
-        positions, rows = np.unique(pairs[0], return_inverse=True)
-        found[others] = added_imbalances(shifts, self.balance.support_margins(positions), rows)
+        for start in range(0, len(others), _PAIRS_PER_BATCH):
+            batch = others[start : start + _PAIRS_PER_BATCH]
+            pairs = np.stack([base[batch], donors[batch]])
+            segments, members = np.unique(pairs, return_inverse=True)
+            of_base, of_donors = self.balance.mass_offsets(segments)[members.reshape(pairs.shape)]
+            seconds = self.segments.lengths[pairs[0]] / self.rate
+            shifts = zero_moment_shifts(of_base, of_donors, seconds)
+            positions, rows = np.unique(pairs[0], return_inverse=True)
+            margins = self.balance.support_margins(positions)
+            found[batch] = added_imbalances(shifts, margins, rows)
         return found
 
     def unary_costs(self, base: IntArray, donors: IntArray, model: CostModel) -> FloatArray:
@@ -222,13 +233,21 @@ class SegmentPool:
 
         Costs of seams and constraints are not included.
         """
-        lengths = self.segments.lengths
-        costs = model.unary(
-            lengths[base], lengths[donors], self.distances(base, donors), donors == base
-        )
-        if model.config.balance_weight > 0:
-            costs = costs + model.balance(self.added_imbalances(base, donors))
-        return costs
+        without = self.costs_without_balance(base, donors, model)
+        return without + self.balance_costs(base, donors, model)
+
+    def costs_without_balance(
+        self, base: IntArray, donors: IntArray, model: CostModel
+    ) -> FloatArray:
+        """Return the `unary_costs` without those of balance, which take longest to compute."""
+        lengths, distances = self.segments.lengths, self.distances(base, donors)
+        return model.unary(lengths[base], lengths[donors], distances, donors == base)
+
+    def balance_costs(self, base: IntArray, donors: IntArray, model: CostModel) -> FloatArray:
+        """Return the part of the `unary_costs` that is due to balance."""
+        if not model.config.balance_weight > 0:
+            return np.zeros(len(base))
+        return model.balance(self.added_imbalances(base, donors))
 
     def pairwise_costs(self, left: IntArray, right: IntArray, model: CostModel) -> FloatArray:
         """Return the seam costs from each left to each right segment, shape (n_left, n_right)."""
@@ -239,16 +258,18 @@ class SegmentPool:
         self, candidates: Sequence[IntArray], model: CostModel
     ) -> list[FloatArray]:
         """Return the `pairwise_costs` from the candidates of each position to those of the next."""
-        counts, boundary = np.array([len(own) for own in candidates]), self.boundary
-        along = np.concatenate(candidates), counts
-        angles = pose_gaps_along(boundary.last, boundary.first, *along)
-        ends, starts = boundary.last_velocity, boundary.first_velocity
-        costs = model.pairwise(angles, velocity_gaps_along(ends, starts, *along))
-        matrices = split_by_counts(costs, counts[:-1] * counts[1:])
-        return [
-            own.reshape(shape)
-            for own, shape in zip(matrices, pairwise(counts.tolist()), strict=True)
-        ]
+        found: list[FloatArray] = []
+        for start in range(0, len(candidates) - 1, _POSITIONS_PER_BATCH):
+            lists = candidates[start : start + _POSITIONS_PER_BATCH + 1]
+            counts, boundary = np.array([len(own) for own in lists]), self.boundary
+            along = np.concatenate(lists), counts
+            angles = pose_gaps_along(boundary.last, boundary.first, *along)
+            ends, starts = boundary.last_velocity, boundary.first_velocity
+            costs = model.pairwise(angles, velocity_gaps_along(ends, starts, *along))
+            matrices = split_by_counts(costs, counts[:-1] * counts[1:])
+            shapes = pairwise(counts.tolist())
+            found += [own.reshape(shape) for own, shape in zip(matrices, shapes, strict=True)]
+        return found
 
     @cached_property
     def typical_gaps(self) -> tuple[float, float]:

@@ -18,6 +18,9 @@ from mograft.search.constraints import Clip, Constraint, overlaps
 
 _ROUNDED_GAP = 1e-9  # radians or radians per second, of equal poses or velocities
 INFEASIBLE_PENALTY = 1e3  # more than a sequence within the limits costs at any seam
+# Of the candidates of a position, this multiple of `max_candidates` is compared by all costs; which
+# ones is decided without the cost of balance, so that time is linear in the number of positions.
+PRESELECTION = 16
 
 
 def length_fits(base: IntArray, donor: IntArray, rate: float, config: Config) -> BoolArray:
@@ -104,15 +107,37 @@ class CostModel:
         velocities = velocity_gaps(left.last_velocity, right.first_velocity)
         return self.pairwise(pose_gaps(left.last, right.first), velocities)
 
-    def keep_cheapest(self, costs: FloatArray, is_base: BoolArray) -> IntArray:
-        """Return the indices of the `max_candidates` cheapest donors, ascending.
+    def keep_cheapest(self, costs: FloatArray, is_base: BoolArray, factor: int = 1) -> IntArray:
+        """Return the indices of the ``factor · max_candidates`` cheapest donors, ascending.
 
         The base segment is always kept, so that the sequence of base segments, which has no seams,
         remains possible. Ties go to the lowest index.
         """
-        order = np.lexsort((costs, ~is_base))[: self.config.max_candidates]
+        order = np.lexsort((costs, ~is_base))[: factor * self.config.max_candidates]
         order.sort()
         return order
+
+    def keep_cheapest_of_each(
+        self,
+        scenario: IntArray,
+        candidates: Sequence[IntArray],
+        costs: FloatArray,
+        factor: int = 1,
+    ) -> tuple[list[IntArray], list[FloatArray]]:
+        """Return the candidates of each position that `keep_cheapest` keeps, and their costs.
+
+        `costs` are those of all candidates, position after position.
+        """
+        kept, kept_costs = [], []
+        counts = np.array([len(own) for own in candidates])
+        parts = zip(scenario.tolist(), candidates, split_by_counts(costs, counts), strict=True)
+        for base, segments, own in parts:
+            if len(segments) > factor * self.config.max_candidates:
+                order = self.keep_cheapest(own, segments == base, factor)
+                segments, own = segments[order], own[order]
+            kept.append(segments)
+            kept_costs.append(own)
+        return kept, kept_costs
 
     def _angle_penalties(self, angles: FloatArray) -> FloatArray:
         return np.where(angles > self.config.max_angle, INFEASIBLE_PENALTY, 0.0)

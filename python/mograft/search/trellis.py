@@ -6,9 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray, split_by_counts
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.search.candidates import SegmentPool
-from mograft.search.costs import CostModel
+from mograft.search.costs import PRESELECTION, CostModel
 from mograft.search.viterbi import Trellis
 
 DonorSequences = dict[str, IntArray]
@@ -35,23 +35,20 @@ class DonorTrellis:
         """Return the trellis of the cheapest candidates at each position.
 
         `scenario` holds the base segments and `candidates` the allowed segments at each position,
-        ascending. At most `max_candidates` are kept at a position, among them always the base
-        segment; ties go to the lowest index.
+        ascending. At most `max_candidates` are kept at a position, chosen from `PRESELECTION` times
+        as many that are cheapest without the cost of balance; the base segment is among them. Ties
+        go to the lowest index.
         """
-        counts = np.array([len(segments) for segments in candidates])
-        costs = pool.unary_costs(np.repeat(scenario, counts), np.concatenate(candidates), model)
+
+        def pair(lists: Sequence[IntArray]) -> tuple[IntArray, IntArray]:
+            return np.repeat(scenario, [len(own) for own in lists]), np.concatenate(lists)
+
+        costs = pool.costs_without_balance(*pair(candidates), model)
         if constraint_costs is not None:
             costs = costs + np.concatenate(constraint_costs)
-        kept: list[IntArray] = []
-        unary: list[FloatArray] = []
-        for base, segments, own in zip(
-            scenario.tolist(), candidates, split_by_counts(costs, counts), strict=True
-        ):
-            if len(segments) > model.config.max_candidates:
-                order = model.keep_cheapest(own, segments == base)
-                segments, own = segments[order], own[order]
-            kept.append(segments)
-            unary.append(own)
+        kept, unary = model.keep_cheapest_of_each(scenario, candidates, costs, PRESELECTION)
+        costs = np.concatenate(unary) + pool.balance_costs(*pair(kept), model)
+        kept, unary = model.keep_cheapest_of_each(scenario, kept, costs)
         seams = pool.pairwise_costs_along(kept, model)
         return cls(scenario, tuple(kept), Trellis(tuple(unary), tuple(seams)))
 

@@ -130,9 +130,13 @@ class SearchProblem:
         check_groups(constraints, groups)
         constraints = resolve_segments(constraints, base_segments, library)
         pools = {group: library.pool(group) for group in groups}
+        # A constraint can require any donor, so lists are limited only without constraints.
+        models = {
+            group: None if constraints else cost_model(config, pools[group]) for group in groups
+        }
         lists = {
             group: _with_used_donors(
-                pool.candidate_lists(scenario, config),
+                pool.candidate_lists(scenario, config, models[group]),
                 [own for own in constraints if own.applies_to_group(group)],
                 base_segments,
                 library,
