@@ -244,34 +244,54 @@ class Motion:
         joint in that frame are derived. Of equivalent angles, those nearest to the previous frame
         are returned.
         """
-        n_frames, skeleton = self.n_frames, self.skeleton
-        known = self.channel_values
-        numbers = (
-            np.full((n_frames, skeleton.n_channels), np.nan) if known is None else known.copy()
-        )
-        missing = set(np.flatnonzero(np.isnan(numbers).any(axis=0)).tolist())
-        for joint, columns in enumerate(skeleton.channel_columns):
-            if missing.isdisjoint(columns):
-                continue
-            names = skeleton.channels[joint]
-            for column, name in zip(columns, names, strict=True):
-                if name.endswith("position"):
-                    translations = self.positions[:, joint, "XYZ".index(name[0])]
-                    is_missing = np.isnan(numbers[:, column])
-                    numbers[is_missing, column] = translations[is_missing]
-            turns = [c for c, name in zip(columns, names, strict=True) if name.endswith("rotation")]
-            if turns:
-                order = skeleton.rotation_order(joint)
-                numbers[:, turns] = _fill_angles(numbers[:, turns], self.rotations[:, joint], order)
+        (numbers,) = self.channel_blocks(self.n_frames)
         return numbers
 
-    def is_computed(self, numbers: FloatArray) -> BoolArray:
-        """Return which of the `numbers` of `channel_numbers` were not read from the file."""
+    def channel_blocks(self, length: int) -> Iterator[FloatArray]:
+        """Yield the `channel_numbers` of consecutive blocks of at most `length` frames."""
+        skeleton, known = self.skeleton, self.channel_values
+        near = [self._first_known_angles(joint) for joint in range(self.n_joints)]
+        for start in range(0, self.n_frames, length):
+            frames = slice(start, min(start + length, self.n_frames))
+            if known is None:
+                numbers = np.full((frames.stop - start, skeleton.n_channels), np.nan)
+            else:
+                numbers = known[frames].copy()
+            for joint, columns in enumerate(skeleton.channel_columns):
+                if not np.isnan(numbers[:, columns]).any():
+                    continue
+                for column, name in zip(columns, skeleton.channels[joint], strict=True):
+                    if name.endswith("position"):
+                        translations = self.positions[frames, joint, "XYZ".index(name[0])]
+                        is_missing = np.isnan(numbers[:, column])
+                        numbers[is_missing, column] = translations[is_missing]
+                turns = skeleton.rotation_columns[joint]
+                order, quats = skeleton.rotation_order(joint), self.rotations[frames, joint]
+                numbers[:, turns] = _fill_angles(numbers[:, turns], quats, order, near[joint])
+            for joint, turns in enumerate(skeleton.rotation_columns):
+                near[joint] = numbers[-1, turns]
+            yield numbers
+
+    def _first_known_angles(self, joint: int) -> FloatArray:
+        """Return the angles of a joint, in degrees, in the first frame that has all; 0 if none."""
+        columns = self.skeleton.rotation_columns[joint]
+        if self.channel_values is not None and columns:
+            for start in range(0, self.n_frames, _FRAMES_PER_BLOCK):
+                angles = self.channel_values[start : start + _FRAMES_PER_BLOCK, columns]
+                rows = np.flatnonzero(~np.isnan(angles).any(axis=1))
+                if len(rows):
+                    first: FloatArray = angles[rows[0]]
+                    return first
+        return np.zeros(len(columns))
+
+    def is_computed(self, numbers: FloatArray, start: int = 0) -> BoolArray:
+        """Return which numbers of `channel_numbers`, from a frame on, were not read from a file."""
         computed = np.ones(numbers.shape, bool)
+        frames = slice(start, start + len(numbers))
         if self.channel_values is not None:
-            computed = numbers != self.channel_values
+            computed = numbers != self.channel_values[frames]
             if self.computed_values is not None:
-                computed |= self.computed_values
+                computed |= self.computed_values[frames]
         return computed
 
 
@@ -288,19 +308,19 @@ def world_transforms(
     )
 
 
-def _fill_angles(angles: FloatArray, quats: FloatArray, order: str) -> FloatArray:
+def _fill_angles(
+    angles: FloatArray, quats: FloatArray, order: str, before: FloatArray
+) -> FloatArray:
     """Return `angles`, in degrees, with all rows that contain NaN computed from `quats`.
 
-    Of equivalent Euler angles, those nearest to the previous frame are chosen. `order`, such as
-    ``"ZXY"``, names the rotation axes of the columns of `angles`.
+    Of equivalent Euler angles, those nearest to the previous frame are chosen; `before` has the
+    angles of the frame before the first. `order`, such as ``"ZXY"``, names the rotation axes of the
+    columns of `angles`.
     """
     filled = angles.copy()
     unknown = np.asarray(np.isnan(angles).any(axis=1))
     for start, stop in find_runs(unknown):
         near = np.zeros(3)
-        if start > 0:
-            near[: len(order)] = np.radians(filled[start - 1])
-        elif stop < len(filled):
-            near[: len(order)] = np.radians(filled[stop])
+        near[: len(order)] = np.radians(filled[start - 1] if start else before)
         filled[start:stop] = np.degrees(rotations.to_euler(quats[start:stop], order, near))
     return filled

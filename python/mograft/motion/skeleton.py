@@ -171,6 +171,18 @@ class Skeleton:
         ends = np.cumsum(counts).tolist()
         return tuple(range(end - count, end) for end, count in zip(ends, counts, strict=True))
 
+    @cached_property
+    def rotation_columns(self) -> tuple[list[int], ...]:
+        """Columns of each joint's rotation channels in `Motion.channel_values`."""
+        return tuple(
+            [
+                column
+                for column, name in zip(columns, names, strict=True)
+                if name.endswith("rotation")
+            ]
+            for columns, names in zip(self.channel_columns, self.channels, strict=True)
+        )
+
     def rotation_order(self, joint: int) -> str:
         """Return the axes of a joint's rotation channels in file order, such as ``"ZXY"``."""
         return "".join(name[0] for name in self.channels[joint] if name.endswith("rotation"))

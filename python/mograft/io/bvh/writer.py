@@ -9,7 +9,7 @@ from typing import IO, Any
 import numpy as np
 
 from mograft import _core
-from mograft._util.arrays import FloatArray
+from mograft._util.arrays import BoolArray
 from mograft._util.atomic import atomic_path
 from mograft._util.validate import check_type
 from mograft.io.bvh.cursor import BvhFile
@@ -21,6 +21,7 @@ from mograft.motion.skeleton import EndSite, Skeleton
 _BLOCK_LENGTH = 1 << 15
 # Deeper levels are not indented further: a chain of thousands of joints would be mostly tabs.
 _MAX_INDENTATION = 40
+_FRAMES_WITH_DECIMALS = 4096  # frames, about, whose decimals are counted
 _MIN_DECIMALS = 6  # of computed angles, if `digits` is not given
 
 
@@ -93,25 +94,30 @@ def _format_blocks(motion: Motion, digits: int | None) -> Iterator[bytes]:
     yield "\n".join(
         [*header, "MOTION", f"Frames: {motion.n_frames}", f"Frame Time: {motion.frame_time!r}", ""]
     ).encode()
-    numbers = _rounded_numbers(motion, digits)
-    is_in_order = bool((np.diff(columns) == 1).all())
-    step = max(_BLOCK_LENGTH // skeleton.n_channels, 1)
-    for start in range(0, motion.n_frames, step):
-        block = numbers[start : start + step]
-        yield _core.format_rows(np.ascontiguousarray(block if is_in_order else block[:, columns]))
-
-
-def _rounded_numbers(motion: Motion, digits: int | None) -> FloatArray:
-    """Return the numbers of all channels; computed angles are rounded to `digits` decimals."""
-    numbers = motion.channel_numbers()
-    names = [name for channels in motion.skeleton.channels for name in channels]
-    is_angle = np.array([name.endswith("rotation") for name in names])
-    is_computed = motion.is_computed(numbers)
+    is_angle = np.zeros(skeleton.n_channels, bool)
+    is_angle[[column for turns in skeleton.rotation_columns for column in turns]] = True
     if digits is None:
-        digits = max(count_decimals(numbers[is_angle & ~is_computed]), _MIN_DECIMALS)
-    is_rounded = is_angle & is_computed
-    numbers[is_rounded] = round_numbers(numbers[is_rounded], digits)
-    return numbers
+        digits = max(_count_own_decimals(motion, is_angle), _MIN_DECIMALS)
+    is_in_order = bool((np.diff(columns) == 1).all())
+    start = 0
+    for numbers in motion.channel_blocks(max(_BLOCK_LENGTH // skeleton.n_channels, 1)):
+        is_rounded = is_angle & motion.is_computed(numbers, start)
+        start += len(numbers)
+        numbers[is_rounded] = round_numbers(numbers[is_rounded], digits)
+        ordered = numbers if is_in_order else numbers[:, columns]
+        yield _core.format_rows(np.ascontiguousarray(ordered))
+
+
+def _count_own_decimals(motion: Motion, is_angle: BoolArray) -> int:
+    """Return the number of decimals of the angles that were read from a file; 0 if none were."""
+    if motion.channel_values is None:
+        return 0
+    frames = slice(None, None, max(1, motion.n_frames // _FRAMES_WITH_DECIMALS))
+    own = motion.channel_values[frames]
+    is_own = np.broadcast_to(is_angle, own.shape)
+    if motion.computed_values is not None:
+        is_own = is_own & ~motion.computed_values[frames]
+    return count_decimals(own[is_own])
 
 
 def _check_names(skeleton: Skeleton) -> None:
