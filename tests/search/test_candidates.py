@@ -73,6 +73,38 @@ def test_candidate_lists_without_length_limit_are_the_clusters(make_pool, seed):
         assert count_combinations(pool.labels, n_groups) == enumerated
 
 
+@given(SEEDS, st.integers(1, 4), st.integers(1, 3), st.integers(1, 20))
+def test_search_keeps_cheapest_of_those_cheapest_without_balance(
+    make_pool, seed, most, factor, batch
+):
+    """With lists limited before the search or not, and with batches of any size."""
+    pool = make_pool(seed, n=20, n_labels=2)
+    config = Config(max_stretch=1e6, max_candidates=most)
+    model, scenario = cost_model(config, pool), np.arange(len(pool.segments))
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("_POSITIONS_PER_BATCH", "_PAIRS_PER_BATCH", "PRESELECTION"):
+            value = factor if name == "PRESELECTION" else batch
+            patch.setattr(f"mograft.search.candidates.{name}", value)
+        patch.setattr("mograft.search.trellis.PRESELECTION", factor)
+        limited = pool.candidate_lists(scenario, config, model)
+        lists = pool.candidate_lists(scenario, config)
+        trellises = [DonorTrellis.build(pool, scenario, own, model) for own in (limited, lists)]
+    for base, candidates in enumerate(lists):
+        donors = candidates.tolist()
+        pairs = np.full(len(donors), base), candidates
+        without = pool.costs_without_balance(*pairs, model)
+        unary = dict(zip(donors, pool.unary_costs(*pairs, model), strict=True))
+        ranked = sorted(zip(without, donors, strict=True), key=lambda own: (own[1] != base, own))
+        first = [donor for _, donor in ranked[: factor * most]]
+        assert limited[base].tolist() == sorted(first)
+        kept = sorted(first, key=lambda donor: (donor != base, unary[donor], donor))[:most]
+        for trellis in trellises:
+            assert trellis.candidates[base].tolist() == sorted(kept)
+            np.testing.assert_array_equal(
+                trellis.costs.unary[base], [unary[donor] for donor in sorted(kept)]
+            )
+
+
 def test_count_combinations_is_exact_above_float_precision():
     assert count_combinations(np.zeros(10_000, int), 5) == 10_000**5
 
