@@ -8,10 +8,10 @@ use std::ops::ControlFlow;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-use mograft_linkage::{self as kernel, Error, Options, Progress, Table};
+use mograft_linkage::{self as kernel, Coordinate, Error, Options, Table};
 use numpy::{
-    IntoPyArray as _, PyArray1, PyArray2, PyArrayMethods as _, PyReadonlyArray1, PyReadonlyArray2,
-    PyUntypedArrayMethods as _,
+    Element, IntoPyArray as _, PyArray1, PyArray2, PyArrayMethods as _, PyReadonlyArray1,
+    PyReadonlyArray2, PyUntypedArrayMethods as _,
 };
 use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
@@ -34,9 +34,38 @@ fn linkage_error(error: Error) -> PyErr {
     }
 }
 
-type Points<'py> = PyReadonlyArray2<'py, f64>;
+/// Points in C or Fortran order, of either precision.
+#[derive(FromPyObject)]
+pub enum Points<'py> {
+    /// Single precision.
+    F32(PyReadonlyArray2<'py, f32>),
+    /// Double precision.
+    F64(PyReadonlyArray2<'py, f64>),
+}
+
+/// Distances of either precision.
+#[derive(FromPyObject)]
+pub enum Distances<'py> {
+    /// Single precision.
+    F32(PyReadonlyArray1<'py, f32>),
+    /// Double precision.
+    F64(PyReadonlyArray1<'py, f64>),
+}
+
+/// View an array as points, without a copy.
+fn as_table<'a, T: Coordinate + Element>(
+    array: &'a PyReadonlyArray2<'_, T>,
+) -> PyResult<Table<'a, T>> {
+    let (slice, dim) = (array.as_slice()?, array.shape()[1]);
+    let is_row_major = array.is_c_contiguous();
+    Ok(if is_row_major { Table::rows(slice, dim) } else { Table::columns(slice, dim) })
+}
+
 type Tree<'py> = PyResult<Bound<'py, PyArray2<f64>>>;
 type Labels<'py> = Bound<'py, PyArray1<i64>>;
+
+/// Threads, largest size of a matrix, largest memory of the call, and progress callback.
+type Limits<'a> = (usize, usize, Option<usize>, Option<&'a Py<PyAny>>);
 
 /// Least time between two calls of the progress callback.
 const CALLBACK_INTERVAL: Duration = Duration::from_millis(50);
@@ -45,10 +74,10 @@ const CALLBACK_INTERVAL: Duration = Duration::from_millis(50);
 ///
 /// The callback checks for signals, so that Ctrl-C works, and calls `progress` with the fraction
 /// done. An exception of either stops the kernel and is raised.
-fn with_progress<T: Send>(
+fn with_options<T: Send>(
     py: Python<'_>,
-    progress: Option<&Py<PyAny>>,
-    run: impl FnOnce(Progress<'_>) -> Result<T, Error> + Send,
+    (threads, max_matrix_bytes, max_bytes, progress): Limits<'_>,
+    run: impl FnOnce(&Options<'_>) -> Result<T, Error> + Send,
 ) -> PyResult<T> {
     let last_call = Mutex::new(Instant::now());
     let exception = Mutex::new(None);
@@ -75,15 +104,18 @@ fn with_progress<T: Send>(
             }
         }
     };
-    let result = py.detach(|| run(&callback));
+    let options = |progress| Options {
+        threads,
+        max_matrix_bytes,
+        max_bytes: max_bytes.unwrap_or(usize::MAX),
+        progress: Some(progress),
+        ..Options::default()
+    };
+    let result = py.detach(|| run(&options(&callback)));
     match exception.into_inner() {
         Ok(Some(error)) => Err(error),
         _ => result.map_err(linkage_error),
     }
-}
-
-fn options(threads: usize, max_matrix_bytes: usize, progress: Progress<'_>) -> Options<'_> {
-    Options { threads, max_matrix_bytes, progress: Some(progress), ..Options::default() }
 }
 
 /// Convert the rows of a tree to an array `(n - 1, 4)`.
@@ -98,32 +130,46 @@ pub fn linkage<'py>(
     py: Python<'py>,
     points: Points<'py>,
     threads: usize,
-    memory: usize,
+    matrix_bytes: usize,
+    max_bytes: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> Tree<'py> {
-    let (slice, dim) = (points.as_slice()?, points.shape()[1]);
-    let rows = with_progress(py, progress.as_ref(), |progress| {
-        let options = options(threads, memory, progress);
-        kernel::linkage(Table::rows(slice, dim), &options)
-    })?;
-    into_tree(py, rows)
+    let limits = (threads, matrix_bytes, max_bytes, progress.as_ref());
+    let rows = match &points {
+        Points::F32(points) => {
+            let table = as_table(points)?;
+            with_options(py, limits, |options| kernel::linkage(table, options))
+        }
+        Points::F64(points) => {
+            let table = as_table(points)?;
+            with_options(py, limits, |options| kernel::linkage(table, options))
+        }
+    };
+    into_tree(py, rows?)
 }
 
 /// See [`kernel::linkage_condensed`].
 #[pyfunction]
 pub fn linkage_condensed<'py>(
     py: Python<'py>,
-    distances: PyReadonlyArray1<'py, f64>,
+    distances: Distances<'py>,
     threads: usize,
-    memory: usize,
+    matrix_bytes: usize,
+    max_bytes: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> Tree<'py> {
-    let slice = distances.as_slice()?;
-    let rows = with_progress(py, progress.as_ref(), |progress| {
-        let options = options(threads, memory, progress);
-        kernel::linkage_condensed(slice, &options)
-    })?;
-    into_tree(py, rows)
+    let limits = (threads, matrix_bytes, max_bytes, progress.as_ref());
+    let rows = match &distances {
+        Distances::F32(distances) => {
+            let slice = distances.as_slice()?;
+            with_options(py, limits, |options| kernel::linkage_condensed(slice, options))
+        }
+        Distances::F64(distances) => {
+            let slice = distances.as_slice()?;
+            with_options(py, limits, |options| kernel::linkage_condensed(slice, options))
+        }
+    };
+    into_tree(py, rows?)
 }
 
 /// See [`kernel::cut`].
@@ -133,13 +179,20 @@ pub fn cut<'py>(
     points: Points<'py>,
     max_diameter: f64,
     threads: usize,
-    memory: usize,
+    matrix_bytes: usize,
+    max_bytes: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Labels<'py>> {
-    let (slice, dim) = (points.as_slice()?, points.shape()[1]);
-    let labels = with_progress(py, progress.as_ref(), |progress| {
-        let options = options(threads, memory, progress);
-        kernel::cut(Table::rows(slice, dim), max_diameter, &options)
-    })?;
-    Ok(labels.into_pyarray(py))
+    let limits = (threads, matrix_bytes, max_bytes, progress.as_ref());
+    let labels = match &points {
+        Points::F32(points) => {
+            let table = as_table(points)?;
+            with_options(py, limits, |options| kernel::cut(table, max_diameter, options))
+        }
+        Points::F64(points) => {
+            let table = as_table(points)?;
+            with_options(py, limits, |options| kernel::cut(table, max_diameter, options))
+        }
+    };
+    Ok(labels?.into_pyarray(py))
 }

@@ -1,7 +1,6 @@
 """Checks of arguments: points, distances, trees, counts and amounts."""
 
 import operator
-import os
 from typing import NoReturn, TypeAlias
 
 import numpy as np
@@ -49,16 +48,6 @@ def as_floats(name: str, value: npt.ArrayLike) -> Floats:
     if floats.flags.c_contiguous or floats.flags.f_contiguous:
         return floats
     return floats.copy(order="C")
-
-
-def as_threads(threads: int | None) -> int:
-    """Return a number of threads; None stands for one per processor."""
-    return os.cpu_count() or 1 if threads is None else as_count("threads", threads, 1)
-
-
-def as_memory(limit: int | None, default: int) -> int:
-    """Return a number of bytes; None stands for `default`."""
-    return default if limit is None else as_count("memory_limit", limit, 0)
 
 
 def as_count(name: str, value: int, minimum: int) -> int:

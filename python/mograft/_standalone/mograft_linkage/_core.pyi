@@ -4,6 +4,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from ._checks import Floats
+
 __all__ = ["BUILD_PROFILE", "VERSION", "available_memory", "cut", "linkage", "linkage_condensed"]
 
 BUILD_PROFILE: Final[str]
@@ -11,21 +13,24 @@ VERSION: Final[str]
 
 def available_memory() -> int: ...
 def linkage(
-    points: npt.NDArray[np.float64],
+    points: Floats,
     threads: int,
-    memory: int,
+    matrix_bytes: int,
+    max_bytes: int | None,
     progress: Callable[[float], object] | None,
 ) -> npt.NDArray[np.float64]: ...
 def linkage_condensed(
-    distances: npt.NDArray[np.float64],
+    distances: Floats,
     threads: int,
-    memory: int,
+    matrix_bytes: int,
+    max_bytes: int | None,
     progress: Callable[[float], object] | None,
 ) -> npt.NDArray[np.float64]: ...
 def cut(
-    points: npt.NDArray[np.float64],
+    points: Floats,
     max_diameter: float,
     threads: int,
-    memory: int,
+    matrix_bytes: int,
+    max_bytes: int | None,
     progress: Callable[[float], object] | None,
 ) -> npt.NDArray[np.int64]: ...

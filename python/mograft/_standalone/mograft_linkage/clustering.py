@@ -5,6 +5,7 @@ smaller of the two clusters' lowest point indices, larger of them), which makes 
 `docs/linkage.md` of mograft describes the algorithm.
 """
 
+import os
 from collections.abc import Callable
 
 import numpy as np
@@ -12,13 +13,11 @@ import numpy.typing as npt
 
 from ._checks import (
     FloatArray,
-    Floats,
     IntArray,
+    as_count,
     as_floats,
     as_height,
-    as_memory,
     as_points,
-    as_threads,
     check_amount,
     raise_not_finite,
 )
@@ -32,6 +31,7 @@ def linkage(
     metric: Metric = "euclidean",
     threads: int | None = None,
     memory_limit: int | None = None,
+    max_memory: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> FloatArray:
     """Cluster points hierarchically by complete linkage.
@@ -51,6 +51,8 @@ def linkage(
         used for fewer than 1,449 points, and if too few distances can be excluded for the
         algorithm without a matrix, as with many axes and equal distances. Other memory is
         proportional to n. Default: half of the available memory.
+    max_memory : int, optional
+        Number of bytes that the call may use beyond the points. Default: no limit.
     progress : callable, optional
         Called a few times per second with the fraction of finished merges, from 0 to 1. An
         exception that `progress` raises ends the computation.
@@ -68,11 +70,12 @@ def linkage(
         If the points are not real numbers.
     ValueError
         If there are fewer than two points, a point has no coordinate, a coordinate is not finite,
-        `metric` is unknown, or `threads` or `memory_limit` is out of range. For "cosine", if all
+        `metric` is unknown, or `threads` or a limit is out of range. For "cosine", if all
         coordinates of a point are 0; for "correlation", if they are equal. For "sqeuclidean", if
         a height exceeds the range of float64.
     MemoryError
-        If the system refuses memory for the matrix.
+        If the call needs more than `max_memory`, estimated from the number of points before the
+        computation, or the system refuses memory for the matrix.
 
     See Also
     --------
@@ -100,9 +103,9 @@ def linkage(
            [2., 3., 5., 3.]])
     """
     check_metric(metric)
-    memory = as_memory(memory_limit, kernels.available_memory() // 2)
-    converted = _kernel_points(converted_points(as_points(points, 2), metric))
-    tree = kernels.linkage(converted, as_threads(threads), memory, progress)
+    limits = _limits(threads, memory_limit, kernels.available_memory() // 2, max_memory)
+    converted = converted_points(as_points(points, 2), metric)
+    tree = kernels.linkage(converted, *limits, progress)
     convert_heights(tree[:, 2], metric)
     return tree
 
@@ -114,6 +117,7 @@ def cut(
     metric: Metric = "euclidean",
     threads: int | None = None,
     memory_limit: int | None = None,
+    max_memory: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> IntArray:
     """Return the flat clusters of `linkage` at a height, without computing the tree above it.
@@ -125,7 +129,7 @@ def cut(
     max_diameter : float
         Greatest distance between two points of a cluster, inclusive, in the unit of the metric.
         0 merges only equal points.
-    metric, threads, memory_limit, progress
+    metric, threads, memory_limit, max_memory, progress
         As for `linkage`.
 
     Returns
@@ -135,7 +139,7 @@ def cut(
 
     Raises
     ------
-    TypeError, ValueError
+    TypeError, ValueError, MemoryError
         As for `linkage`, and if `max_diameter` is negative or NaN.
 
     Notes
@@ -151,9 +155,9 @@ def cut(
     """
     check_metric(metric)
     limit = euclidean_limit(as_height("max_diameter", max_diameter), metric)
-    memory = as_memory(memory_limit, kernels.available_memory() // 2)
-    converted = _kernel_points(converted_points(as_points(points, 0), metric))
-    return kernels.cut(converted, limit, as_threads(threads), memory, progress)
+    limits = _limits(threads, memory_limit, kernels.available_memory() // 2, max_memory)
+    converted = converted_points(as_points(points, 0), metric)
+    return kernels.cut(converted, limit, *limits, progress)
 
 
 def linkage_condensed(
@@ -161,6 +165,7 @@ def linkage_condensed(
     *,
     threads: int | None = None,
     memory_limit: int | None = None,
+    max_memory: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> FloatArray:
     """Cluster hierarchically by complete linkage under given distances.
@@ -170,7 +175,7 @@ def linkage_condensed(
     distances : array_like, shape (n * (n - 1) / 2,)
         The distance of each pair, in the order of `scipy.spatial.distance.pdist`: (0, 1),
         (0, 2), ..., (1, 2), .... They need not satisfy the triangle inequality.
-    threads, progress
+    threads, max_memory, progress
         As for `linkage`.
     memory_limit : int, optional
         Maximum size, in bytes, of the full matrix, which is twice as large as `distances`. If the
@@ -188,7 +193,9 @@ def linkage_condensed(
         If the distances are not real numbers.
     ValueError
         If a distance is negative or not finite, the number of distances is not n(n-1)/2 for any
-        n of at least 2, or `threads` or `memory_limit` is out of range.
+        n of at least 2, or `threads` or a limit is out of range.
+    MemoryError
+        As for `linkage`.
 
     Notes
     -----
@@ -201,12 +208,12 @@ def linkage_condensed(
     array([[0., 1., 2., 2.],
            [2., 3., 6., 3.]])
     """
-    condensed = as_floats("distances", distances).astype(np.float64, copy=False)
+    condensed = as_floats("distances", distances)
     if condensed.ndim != 1 or len(condensed) < 1:
         raise ValueError(f"`distances` must have shape (n_pairs >= 1,), got {condensed.shape}")
     # The full matrix holds every distance twice, and a diagonal of n * 8 bytes.
-    memory = as_memory(memory_limit, 4 * condensed.nbytes + 64)
-    return kernels.linkage_condensed(condensed, as_threads(threads), memory, progress)
+    limits = _limits(threads, memory_limit, 32 * condensed.size + 64, max_memory)
+    return kernels.linkage_condensed(condensed, *limits, progress)
 
 
 def threshold(points: npt.ArrayLike, kind: str | float = "rms", scale: float = 1.0) -> float:
@@ -259,6 +266,13 @@ def threshold(points: npt.ArrayLike, kind: str | float = "rms", scale: float = 1
     return float(scale * np.sqrt(np.mean(squared if kind == "rms" else np.sqrt(squared))))
 
 
-def _kernel_points(points: Floats) -> FloatArray:
-    """Return points as the kernels take them."""
-    return np.ascontiguousarray(points, dtype=np.float64)
+def _limits(
+    threads: int | None, memory_limit: int | None, default_limit: int, max_memory: int | None
+) -> tuple[int, int, int | None]:
+    """Return the number of threads, the size of a matrix and the memory that a kernel may use."""
+    n_threads = os.cpu_count() or 1 if threads is None else as_count("threads", threads, 1)
+    if max_memory is not None:
+        max_memory = as_count("max_memory", max_memory, 0)
+    if memory_limit is None:
+        return n_threads, default_limit, max_memory
+    return n_threads, as_count("memory_limit", memory_limit, 0), max_memory

@@ -1,0 +1,204 @@
+"""Errors for invalid input, beside those of SciPy and scikit-learn."""
+
+import numpy as np
+import pytest
+from scipy.cluster import hierarchy
+from scipy.sparse import csr_array
+from sklearn.cluster import AgglomerativeClustering
+
+import mograft as mg
+
+NAN = np.array([[0.0, 1.0], [2.0, 3.0], [4.0, np.nan]])
+INF = np.array([[0.0, 1.0], [-np.inf, 3.0], [4.0, 5.0]])
+POINTS = np.array([[0.0, 1.0], [2.0, 3.0], [4.0, 6.0]])
+PEER = AgglomerativeClustering(linkage="complete")
+
+
+def scipy_tree(points, metric="euclidean"):
+    return hierarchy.linkage(points, "complete", metric)
+
+
+def fit(points, **parameters):
+    return mg.CompleteLinkage(**parameters).fit(points)
+
+
+def peer_fit(points, **parameters):
+    return AgglomerativeClustering(linkage="complete", **parameters).fit(points)
+
+
+TABLE = [
+    # our call, the peer's call, error, message
+    (lambda: mg.linkage(NAN), lambda: scipy_tree(NAN), ValueError, r"finite, got NaN at \[2, 1\]"),
+    (lambda: mg.linkage(INF), lambda: scipy_tree(INF), ValueError, r"finite, got -inf at \[1, 0\]"),
+    (lambda: fit(NAN), lambda: peer_fit(NAN), ValueError, r"nan at \[2, 1\]"),
+    (lambda: fit(INF), lambda: peer_fit(INF), ValueError, r"-inf at \[1, 0\]"),
+    (
+        lambda: mg.linkage(NAN, metric="cosine"),
+        lambda: scipy_tree(NAN, "cosine"),
+        ValueError,
+        r"finite, got NaN at \[2, 1\]",
+    ),
+    (
+        lambda: mg.linkage(POINTS[:1]),
+        lambda: scipy_tree(POINTS[:1]),
+        ValueError,
+        r"`points` must have shape \(n >= 2, n_axes >= 1\), got \(1, 2\)",
+    ),
+    (lambda: mg.linkage(POINTS[:0]), lambda: scipy_tree(POINTS[:0]), ValueError, r"got \(0, 2\)"),
+    (lambda: fit(POINTS[:1]), lambda: peer_fit(POINTS[:1]), ValueError, "n_samples = 1"),
+    (
+        lambda: mg.linkage_condensed([]),
+        lambda: hierarchy.complete(np.array([])),
+        ValueError,
+        "`distances` must have shape",
+    ),
+    (
+        lambda: mg.linkage_condensed(np.ones(4)),
+        lambda: hierarchy.complete(np.ones(4)),
+        ValueError,
+        "`distances` must have n.* elements .*got 4",
+    ),
+    (
+        lambda: mg.linkage_condensed([1.0, np.nan, 2.0]),
+        lambda: hierarchy.complete(np.array([1.0, np.nan, 2.0])),
+        ValueError,
+        r"`distances` must be finite and not negative, got NaN at \[1\]",
+    ),
+    (
+        lambda: mg.linkage(POINTS, metric="nearest"),
+        lambda: scipy_tree(POINTS, "nearest"),
+        ValueError,
+        "`metric` must be one of euclidean, sqeuclidean, cosine, correlation, got 'nearest'",
+    ),
+    (
+        lambda: mg.linkage([["a", "b"], ["c", "d"]]),
+        lambda: scipy_tree([["a", "b"], ["c", "d"]]),
+        (TypeError, ValueError),
+        "`points` must be real numbers, got <U1",
+    ),
+    (
+        lambda: fit([["a", "b"], ["c", "d"]]),
+        lambda: peer_fit([["a", "b"], ["c", "d"]]),
+        ValueError,
+        "could not convert string to float",
+    ),
+    (
+        lambda: fit(POINTS + 1j),
+        lambda: peer_fit(POINTS + 1j),
+        ValueError,
+        "Complex data not supported",
+    ),
+    (
+        lambda: fit(csr_array(POINTS)),
+        lambda: peer_fit(csr_array(POINTS)),
+        TypeError,
+        "Sparse data was passed for X, but dense data is required",
+    ),
+    (
+        lambda: fit(POINTS, n_clusters=0),
+        lambda: peer_fit(POINTS, n_clusters=0),
+        ValueError,
+        "`n_clusters` must be between 1 and n_samples = 3, got 0",
+    ),
+    (
+        lambda: fit(POINTS, n_clusters=4),
+        lambda: peer_fit(POINTS, n_clusters=4),
+        ValueError,
+        "`n_clusters` must be between 1 and n_samples = 3, got 4",
+    ),
+    (
+        lambda: fit(POINTS, n_clusters=1.5),
+        lambda: peer_fit(POINTS, n_clusters=1.5),
+        TypeError,
+        r"`n_clusters` must be a whole number, got 1\.5",
+    ),
+    (
+        lambda: fit(POINTS, n_clusters=None, distance_threshold=-1.0),
+        lambda: peer_fit(POINTS, n_clusters=None, distance_threshold=-1.0),
+        ValueError,
+        "`distance_threshold` must be 0 or more, got -1",
+    ),
+    (
+        lambda: fit(POINTS, n_clusters=2, distance_threshold=1.0),
+        lambda: peer_fit(POINTS, n_clusters=2, distance_threshold=1.0),
+        ValueError,
+        "Exactly one of n_clusters and distance_threshold",
+    ),
+    (
+        lambda: fit(POINTS, n_clusters=None),
+        lambda: peer_fit(POINTS, n_clusters=None),
+        ValueError,
+        "Exactly one of n_clusters and distance_threshold",
+    ),
+    (
+        lambda: fit(POINTS, n_clusters=None, distance_threshold=1.0, compute_full_tree=False),
+        lambda: peer_fit(POINTS, n_clusters=None, distance_threshold=1.0, compute_full_tree=False),
+        ValueError,
+        "compute_full_tree must be True if distance_threshold is set",
+    ),
+]
+
+
+@pytest.mark.parametrize(("call", "peer", "error", "message"), TABLE, ids=range(len(TABLE)))
+def test_invalid_input_raises_error_of_peer(call, peer, error, message):
+    with pytest.raises(error, match=message):
+        call()
+    with pytest.raises(error):
+        peer()
+
+
+OWN = [
+    # errors that the peers do not raise, or not by index
+    (lambda: mg.cut(POINTS, -1.0), ValueError, "`max_diameter` must be 0 or more, got -1"),
+    (lambda: mg.cut(POINTS, np.nan), ValueError, "`max_diameter` must be 0 or more, got nan"),
+    (
+        lambda: mg.linkage_condensed([1.0, -1.0, 2.0]),
+        ValueError,
+        r"`distances` must be finite and not negative, got -1 at \[1\]",
+    ),
+    (
+        lambda: mg.linkage(POINTS * [[1], [0], [0]], metric="cosine"),
+        ValueError,
+        "`points` must have no zero rows for metric 'cosine', got row 1",
+    ),
+    (
+        lambda: mg.cut([[0.1, 0.2], [0.1, 0.1]], 1.0, metric="correlation"),
+        ValueError,
+        "`points` must have no constant rows for metric 'correlation', got row 1",
+    ),
+    (
+        lambda: mg.linkage(POINTS * 1e200, metric="sqeuclidean"),
+        ValueError,
+        r"`points` must have squared distances below 1\.8e308",
+    ),
+    (lambda: mg.linkage(POINTS + 1j), TypeError, "`points` must be real numbers, got complex128"),
+    (lambda: mg.linkage(csr_array(POINTS)), TypeError, "`points` must be dense, got a sparse"),
+    (lambda: mg.linkage(POINTS, threads=0), ValueError, "`threads` must be 1 or more, got 0"),
+    (lambda: mg.linkage(POINTS, threads=1.5), TypeError, "`threads` must be a whole number"),
+    (
+        lambda: mg.linkage(POINTS, max_memory=10),
+        MemoryError,
+        r"the call needs about \d+ bytes, the limit is 10",
+    ),
+    (
+        lambda: mg.linkage_condensed(np.ones(3), max_memory=10),
+        MemoryError,
+        "the call needs about 24 bytes, the limit is 10",
+    ),
+    (lambda: mg.cut(POINTS, 1.0, max_memory=-1), ValueError, "`max_memory` must be 0 or more"),
+    (lambda: mg.linkage(POINTS, memory_limit=-1), ValueError, "`memory_limit` must be 0 or more"),
+]
+
+
+@pytest.mark.parametrize(("call", "error", "message"), OWN, ids=range(len(OWN)))
+def test_invalid_input_raises_error(call, error, message):
+    with pytest.raises(error, match=message):
+        call()
+
+
+def test_cophenet_too_many_pairs_raises_memory_error():
+    merges = np.arange(2.0**19 - 1)
+    tree = np.column_stack([np.r_[0, merges[:-1] + 2], 2.0**19 + merges - 1, merges, merges + 2])
+    tree[0, 1] = 1
+    with pytest.raises(MemoryError):
+        mg.dendrogram.cophenet(tree)
