@@ -9,6 +9,7 @@ peers   SciPy and fastcluster, up to 30,000 points, for which they need 7 GB
 large   50,000 to 500,000 points, the tree and the cut at the standard deviation; growth
 real    the segments of a real motion database, the tree and its cuts at both sigmas
 hard    adverse point sets of 100,000 points
+ties    points with many equal distances or many axes, with SciPy and fastcluster
 chain   the nearest-neighbour chain over all n(n-1)/2 distances, on adverse point sets
 stop    time from Ctrl-C to the end of the call
 counts  instructions, by Valgrind: independent of the load of the machine
@@ -83,6 +84,17 @@ def make(kind, n, n_axes=10):
         return rng.standard_normal((n, 300))
     if kind == "binary":  # some distances occur in 5 % of all pairs
         return rng.integers(0, 2, (n, 64)).astype(float)
+    if kind == "unit":  # all distances are equal
+        return np.eye(n)
+    if kind == "one-hot":  # 40 categories of 5 values
+        values = rng.integers(0, 5, (n, 40, 1))
+        return (values == np.arange(5)).reshape(n, 200).astype(float)
+    if kind == "prints":  # binary fingerprints, of which 5 % of the bits are set
+        return (rng.random((n, 1024)) < 0.05).astype(float)
+    if kind == "coins":  # binary numbers with 2,000 axes
+        return rng.integers(0, 2, (n, 2000)).astype(float)
+    if kind == "grid":  # whole numbers from 0 to 3
+        return rng.integers(0, 4, (n, 50)).astype(float)
     if kind == "real":
         return np.load(REAL).astype(np.float64)
     raise ValueError(f"unknown kind of points: {kind!r}")
@@ -182,6 +194,12 @@ def show(row, note=""):
     sys.stdout.flush()
 
 
+def installed_peers():
+    """Return the names of the packages to compare with that are installed."""
+    names = {distribution.name.lower() for distribution in metadata.distributions()}
+    return [who for who in ("SciPy", "fastcluster") if who.lower() in names]
+
+
 def peers(kinds, child):
     rows = []
     for kind in (kind for kind in kinds if kind != "walk"):
@@ -189,11 +207,7 @@ def peers(kinds, child):
             ours = child("mograft", kind, n, runs=7)
             show(ours)
             rows.append(ours)
-            for who in ("SciPy", "fastcluster"):
-                try:
-                    metadata.version(who.lower())
-                except metadata.PackageNotFoundError:
-                    continue
+            for who in installed_peers():
                 row = child(who, kind, n, runs=3 if n <= 10_000 else 1)
                 show(row, f"{row['wall'] / ours['wall']:.1f} times mograft")
                 rows.append(row)
@@ -240,6 +254,32 @@ def hard(_, child):
     for row in rows:
         show(row)
     return rows
+
+
+def ties(_, child):
+    rows = []
+    for kind, n in TIES:
+        ours = child("mograft", kind, n, runs=1)
+        show(ours)
+        rows.append(ours)
+        for who in installed_peers():
+            row = child(who, kind, n, runs=1)
+            ratios = [row[time] / ours[time] for time in ("wall", "cpu")]
+            show(row, "{:.1f} times mograft, {:.1f} times in CPU time".format(*ratios))
+            rows.append(row)
+    return rows
+
+
+TIES = (
+    ("unit", 1_500),
+    ("unit", 3_000),
+    ("one-hot", 5_000),
+    ("prints", 3_000),
+    ("coins", 3_000),
+    ("grid", 5_000),
+    ("binary", 10_000),
+    ("300 axes", 5_000),
+)
 
 
 def chain(_, child):
@@ -299,7 +339,7 @@ def machine():
     )
 
 
-PARTS = {part.__name__: part for part in (peers, large, real, hard, chain, stop, counts)}
+PARTS = {part.__name__: part for part in (peers, large, real, hard, ties, chain, stop, counts)}
 KINDS = ("white", "mixture", "walk")
 
 

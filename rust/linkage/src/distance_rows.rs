@@ -21,7 +21,7 @@ const ROWS_PER_TILE: usize = 64;
 const MIN_MIRRORED_DIM: usize = 32;
 
 /// Work of merging, per distance of the matrix, in the unit of [`Workers::add_work`].
-const MERGING_WORK: f64 = 30.0;
+const MERGING_WORK: f64 = 80.0;
 
 /// The work of merging `n` points with `dim` axes on the matrix of their distances.
 pub(crate) fn work_of_matrix(n: usize, dim: usize) -> f64 {

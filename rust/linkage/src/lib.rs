@@ -105,6 +105,12 @@ use points::Points;
 pub use simd::{Isa, Level};
 use tree::Merge;
 
+/// Axes per multiple of the count of points that is merged on a matrix without any stage.
+const AXES_PER_SIZE_FACTOR: usize = 128;
+
+/// The largest such multiple.
+const MAX_SIZE_FACTOR: usize = 3;
+
 /// The tree of complete linkage over points, as the rows of SciPy's linkage matrix.
 ///
 /// A row holds the numbers of the two clusters, the smaller first, their distance and the size of
@@ -219,7 +225,9 @@ fn merge_points<T: Coordinate>(
     let mut merges = points.duplicate_merges.clone();
     let max_squared = points.max_squared(max_height);
     let fits = matrix_fits(points.len(), options.max_matrix_bytes.min(options.max_bytes));
-    if fits && points.len() <= options.tuning.matrix_size {
+    // The more axes, the less the bounds exclude.
+    let size_factor = MAX_SIZE_FACTOR.min(1 + points.dim / AXES_PER_SIZE_FACTOR);
+    if fits && points.len() <= options.tuning.matrix_size * size_factor {
         merges.extend(merge_points_on_matrix(&workers, &points, max_squared)?);
         return Ok((points, merges));
     }

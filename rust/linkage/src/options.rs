@@ -87,7 +87,7 @@ impl Default for Tuning {
             matrix_size: 1448,
             dense_size: 256,
             spare_edges: 1 << 20,
-            matrix_work: 0.5,
+            matrix_work: 0.4,
         }
     }
 }

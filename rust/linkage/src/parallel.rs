@@ -50,7 +50,7 @@ impl<'a> Workers<'a> {
     /// Add to the work done.
     ///
     /// The unit is the time that the difference of two coordinates takes in f64 with vectors, about
-    /// 0.1 ns. The sum does not depend on the threads, except after a search that ended early.
+    /// 0.1 to 0.3 ns. The sum does not depend on the threads, except after a search that ended early.
     pub fn add_work(&self, work: u64) {
         self.work.fetch_add(work, Relaxed);
     }

@@ -13,6 +13,7 @@
 //! | module | contents |
 //! |---|---|
 //! | [`vectors`] | vectors of sixteen f32 for every instruction set |
+//! | [`doubles`] | vectors of sixteen f64 for every instruction set |
 //! | [`filters`] | which boxes, blocks and lanes may be within a limit |
 //! | [`reductions`] | distances of one point to many; minimum and maximum of rows |
 //!
@@ -20,7 +21,7 @@
 //!
 //! All `unsafe` code of the crate is in this module: in the macro `dispatch!`, because a function
 //! compiled for an instruction set may only be called if the processor has that set, and in the
-//! methods of [`vectors`], which only such functions call. [`Isa::up_to`] is the only constructor
+//! methods of [`vectors`] and [`doubles`], which only such functions call. [`Isa::up_to`] is the only constructor
 //! of an [`Isa`] above the baseline, and it checks the processor.
 //!
 //! The tests of this module run without findings under the address sanitizer with AVX-512, under
@@ -74,6 +75,7 @@ macro_rules! dispatch {
     };
 }
 
+mod doubles;
 mod filters;
 mod reductions;
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Distances of one point to many, and minimum and maximum of rows.
 
+use super::doubles::F64x16;
 use super::vectors::{F32x16, add_squared_difference, max_lane};
 use super::{Aligned, F32Lanes, F64Lanes, LANES};
 
@@ -121,45 +122,70 @@ fn add_squares_body<V: F32x16>(
 ) {
     let last = points.len() / dim - 1;
     let width = sums.len() / TILE_ROWS;
-    let rows = std::array::from_fn(|row| &points[row.min(last) * dim..][start..end]);
-    for (column, block) in (0..width).step_by(LANES).zip(blocks.chunks_exact(dim)) {
+    let (first, rest) = sums.split_at_mut(width);
+    let (second, rest) = rest.split_at_mut(width);
+    let (third, fourth) = rest.split_at_mut(width);
+    let [a, b, c, d] = std::array::from_fn(|row| &points[row.min(last) * dim..][start..end]);
+    let columns = (first
+        .as_chunks_mut()
+        .0
+        .iter_mut()
+        .zip(second.as_chunks_mut().0))
+    .zip(
+        third
+            .as_chunks_mut()
+            .0
+            .iter_mut()
+            .zip(fourth.as_chunks_mut().0),
+    );
+    for (block, ((first, second), (third, fourth))) in blocks.chunks_exact(dim).zip(columns) {
         let block = &block[start..end];
-        if V::IS_WIDE {
-            add_squares_of_lanes::<16>(rows, block, 0, sums, width, column);
+        if V::F64::HOLDS_FOUR {
+            add_squares_to_four::<V::F64>([a, b, c, d], block, [first, second, third, fourth]);
         } else {
-            // Sixteen sums for each of four rows do not fit into the registers.
-            add_squares_of_lanes::<8>(rows, block, 0, sums, width, column);
-            add_squares_of_lanes::<8>(rows, block, 8, sums, width, column + 8);
+            add_squares_to_two::<V::F64>([a, b], block, [first, second]);
+            add_squares_to_two::<V::F64>([c, d], block, [third, fourth]);
         }
     }
 }
 
-/// Add the squared differences for `N` lanes of a block, from `first` on.
+/// Add the squared differences of four points and sixteen others.
 #[inline(always)]
-fn add_squares_of_lanes<const N: usize>(
-    rows: [&[f64]; TILE_ROWS],
+fn add_squares_to_four<F: F64x16>(
+    points: [&[f64]; 4],
     block: &[F64Lanes],
-    first: usize,
-    sums: &mut [f64],
-    width: usize,
-    column: usize,
+    sums: [&mut [f64; LANES]; 4],
 ) {
-    let mut totals = [[0.0; N]; TILE_ROWS];
-    for (row, totals) in totals.iter_mut().enumerate() {
-        totals.copy_from_slice(&sums[row * width + column..][..N]);
+    // Four variables, because an array of sums does not stay in registers.
+    let [mut a, mut b, mut c, mut d] = sums.each_ref().map(|sums| F::load(sums));
+    let [p, q, r, s] = points;
+    for (lanes, ((&p, &q), (&r, &s))) in block.iter().zip(p.iter().zip(q).zip(r.iter().zip(s))) {
+        let lanes = F::load(lanes);
+        a = a.add_squared_difference(lanes, F::splat(p));
+        b = b.add_squared_difference(lanes, F::splat(q));
+        c = c.add_squared_difference(lanes, F::splat(r));
+        d = d.add_squared_difference(lanes, F::splat(s));
     }
-    let rows = rows.map(|row| &row[..block.len()]);
-    for (axis, lanes) in block.iter().enumerate() {
-        for (totals, row) in totals.iter_mut().zip(rows) {
-            let x = row[axis];
-            for lane in 0..N {
-                let difference = lanes[first + lane] - x;
-                totals[lane] += difference * difference;
-            }
-        }
+    for (sums, sum) in sums.into_iter().zip([a, b, c, d]) {
+        sum.store(sums);
     }
-    for (row, totals) in totals.iter().enumerate() {
-        sums[row * width + column..][..N].copy_from_slice(totals);
+}
+
+/// Add the squared differences of two points and sixteen others.
+#[inline(always)]
+fn add_squares_to_two<F: F64x16>(
+    points: [&[f64]; 2],
+    block: &[F64Lanes],
+    sums: [&mut [f64; LANES]; 2],
+) {
+    let [mut a, mut b] = sums.each_ref().map(|sums| F::load(sums));
+    for (lanes, (&p, &q)) in block.iter().zip(points[0].iter().zip(points[1])) {
+        let lanes = F::load(lanes);
+        a = a.add_squared_difference(lanes, F::splat(p));
+        b = b.add_squared_difference(lanes, F::splat(q));
+    }
+    for (sums, sum) in sums.into_iter().zip([a, b]) {
+        sum.store(sums);
     }
 }
 

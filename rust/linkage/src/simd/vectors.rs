@@ -4,12 +4,13 @@
 //! set; the methods are inlined into them. The visibility of this module keeps the rest of the
 //! crate from naming these types.
 
+use super::doubles::{BaselineF64, F64x16};
 use super::{Aligned, F32Lanes, LANES};
 
 /// Sixteen lanes of f32 in the registers of an instruction set.
 pub(super) trait F32x16: Copy {
-    /// Whether the registers hold 64 sums in f64.
-    const IS_WIDE: bool = false;
+    /// Sixteen lanes of f64 in the same instruction set.
+    type F64: F64x16;
 
     fn load(lanes: &F32Lanes) -> Self;
     fn store(self, lanes: &mut F32Lanes);
@@ -63,6 +64,8 @@ impl Baseline {
 }
 
 impl F32x16 for Baseline {
+    type F64 = BaselineF64;
+
     #[inline(always)]
     fn load(lanes: &F32Lanes) -> Self {
         Self(*lanes)
@@ -130,6 +133,7 @@ pub(super) mod x86 {
     };
 
     use super::{F32Lanes, F32x16};
+    use crate::simd::doubles::x86::{Avx2F64, Avx512F64};
 
     /// Two AVX registers: lanes 0 to 7 and lanes 8 to 15.
     #[derive(Clone, Copy)]
@@ -140,6 +144,8 @@ pub(super) mod x86 {
     pub(in crate::simd) struct Avx512(__m512);
 
     impl F32x16 for Avx2 {
+        type F64 = Avx2F64;
+
         #[inline(always)]
         fn load(lanes: &F32Lanes) -> Self {
             let start = lanes.as_ptr();
@@ -204,7 +210,7 @@ pub(super) mod x86 {
     }
 
     impl F32x16 for Avx512 {
-        const IS_WIDE: bool = true;
+        type F64 = Avx512F64;
 
         #[inline(always)]
         fn load(lanes: &F32Lanes) -> Self {
