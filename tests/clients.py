@@ -48,6 +48,38 @@ for frame in frames:
 print("RESULT" + json.dumps({"heads": heads, "actions": [a.name for a in bpy.data.actions]}))
 """
 
+# The keys of a take are one frame later than their times.
+_IMPORT_FBX = """
+import bpy, json, sys, time
+path, takes, n_runs = json.loads(sys.argv[1])
+seconds = []
+for run in range(n_runs):
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    start = time.perf_counter()
+    bpy.ops.import_scene.fbx(filepath=path)
+    seconds.append(time.perf_counter() - start)
+scene = bpy.context.scene
+objects = sorted(bpy.data.objects, key=lambda o: (o.type != "ARMATURE", not o.animation_data))
+figure = objects[0] if objects else None
+places = {}
+for name, times in takes.items():
+    actions = [a for a in bpy.data.actions if a.name.startswith(f"{figure.name}|{name}"[:63])]
+    if actions:
+        figure.animation_data.action = actions[0]
+        figure.animation_data.action_slot = actions[0].slots[0]
+    places[name] = []
+    for moment in times:
+        at = 1 + moment * scene.render.fps / scene.render.fps_base
+        scene.frame_set(int(at), subframe=at - int(at))
+        bpy.context.view_layer.update()
+        if figure.type == "ARMATURE":
+            heads = {b.name: list(figure.matrix_world @ b.head) for b in figure.pose.bones}
+        else:
+            heads = {figure.name: list(figure.matrix_world.translation)}
+        places[name].append(heads)
+print("RESULT" + json.dumps({"places": places, "seconds": seconds}))
+"""
+
 
 def gltf_validator():
     """Return a function from a GLB file to the messages of the Khronos validator."""
@@ -79,25 +111,49 @@ def gltf_validator():
 
 def blender():
     """Return a function from a file and frames to the bone heads that Blender imports."""
+    python = _blender_python()
+
+    def import_file(path, frames, rate):
+        return _run_blender(python, _IMPORT, [str(path), frames, rate])
+
+    return import_file
+
+
+def blender_fbx():
+    """Return a function from an FBX file, and times of its takes, to what Blender imports.
+
+    The result has `places`, the heads of the bones by take, time and name, and `seconds`, the time
+    of each of `n_runs` imports.
+    """
+    python = _blender_python()
+
+    def import_file(path, takes, n_runs=1):
+        return _run_blender(python, _IMPORT_FBX, [str(path), takes, n_runs])
+
+    return import_file
+
+
+def _blender_python():
+    """Return the Python that has bpy; skip the test without it."""
     python = os.environ.get("MOGRAFT_BPY_PYTHON")
     if python is None:
         pytest.skip(
             "Blender is not installed: pip install bpy in a separate environment, and set "
             "MOGRAFT_BPY_PYTHON to its python"
         )
+    return python
 
-    def import_file(path, frames, rate):
-        # bpy needs another version of NumPy, hence a process of its own.
-        completed = subprocess.run(
-            [python, "-c", _IMPORT, json.dumps([str(path), frames, rate])],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        lines = [line for line in completed.stdout.splitlines() if line.startswith("RESULT")]
-        if not lines:
-            print(completed.stdout, completed.stderr, file=sys.stderr)
-            raise AssertionError("Blender failed; its output is on stderr")
-        return json.loads(lines[0][6:])
 
-    return import_file
+def _run_blender(python, script, arguments):
+    """Run a script in a process of its own, as bpy needs another version of NumPy."""
+    completed = subprocess.run(
+        [python, "-c", script, json.dumps(arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    lines = [line for line in completed.stdout.splitlines() if line.startswith("RESULT")]
+    if not lines:
+        print(completed.stdout, completed.stderr, file=sys.stderr)
+        raise AssertionError("Blender failed; its output is on stderr")
+    return json.loads(lines[0][6:])

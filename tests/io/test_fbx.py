@@ -1,5 +1,6 @@
 """Laws of the FBX reader: world transforms, rest poses, takes, joints and recorded files."""
 
+import itertools
 import sys
 from dataclasses import replace
 
@@ -266,6 +267,54 @@ def test_fbx_recorded_text_6100_matches_binary_7500():
     new = mg.read(recorded("ufbx_maya_interpolation_modes_7500_binary.fbx"))[0]
     assert old.n_frames == new.n_frames
     np.testing.assert_allclose(old.world_positions(), new.world_positions(), atol=1e-4)
+
+
+def keyed_value(keys, time):
+    """Return the value of a curve at `time` ticks; `keys` has the words of a text file."""
+    for (start, value, *mode), (stop, following, *_) in itertools.pairwise(keys):
+        if not start <= time < stop:
+            continue
+        if mode[0] == "L":
+            return value + (following - value) * (time - start) / (stop - start)
+        if mode[0] == "C":
+            return following if mode[1] == "n" and time > start else value
+        slopes = np.array(mode[2:4], float) / fbx.TICKS
+        weights = np.array(mode[5:7] or [1 / 3, 1 / 3], float) * (stop - start)
+        knots = np.array([start, start + weights[0], stop - weights[1], stop])
+        rises = slopes * weights * (1, -1) + (value, following)
+        low, high = 0.0, 1.0
+        for _ in range(60):
+            middle = (low + high) / 2
+            low, high = (middle, high) if bezier(knots, middle) < time else (low, middle)
+        return bezier(np.array([value, *rises, following]), low)
+    return keys[-1][1]
+
+
+def bezier(points, u):
+    return points @ np.array([(1 - u) ** 3, 3 * u * (1 - u) ** 2, 3 * u * u * (1 - u), u**3])
+
+
+def read_keys(text):
+    """Return the keys of the first animated channel of a text file of version 6100."""
+    words = "".join(text.split("Key:", 1)[1].split("Color")[0].split()).split(",")
+    keys = []
+    for word, following in itertools.pairwise([*words, ""]):
+        is_time = word.lstrip("-").isdigit() and len(word) > 8
+        keys += [[int(word), float(following)]] if is_time else []
+        if word.isalpha() or (not is_time and len(keys[-1]) > 2):
+            keys[-1].append(word)
+    return keys
+
+
+def test_fbx_recorded_interpolation_modes_match_own_curves():
+    path = recorded("ufbx_maya_interpolation_modes_6100_ascii.fbx")
+    motion = mg.read(path)[0]
+    keys = read_keys(path.read_text())
+    assert [mode for _, _, mode, *_ in keys] == list("UULLUUUCCCCU")
+    times = keys[0][0] + np.arange(motion.n_frames) * (fbx.TICKS // 24)
+    expected = [keyed_value(keys, time) for time in times]
+    extent = np.ptp(expected)
+    np.testing.assert_allclose(motion.positions[:, 0, 0], expected, atol=1e-5 * extent)
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path and path.stem)

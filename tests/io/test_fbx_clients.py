@@ -1,0 +1,80 @@
+"""World positions of recorded FBX files agree with those of Blender's own FBX importer.
+
+Blender's importer does not read text files, versions before 7100, animation layers and
+interpolation other than linear. The files in which these occur are compared otherwise or at keys
+only, in `test_fbx`.
+"""
+
+import numpy as np
+import pytest
+
+import mograft as mg
+from tests.clients import blender_fbx
+from tests.io.recorded_files import DATA
+
+FOLDER = DATA / "fbx"
+FIGURES = (
+    "Geno_bind",
+    "Geno_stance",
+    "quaternius_Horse",
+    "quaternius_Male_Casual",
+    "quaternius_Smooth_Male_Suit",
+    "quaternius_Velociraptor",
+    "ufbx_blender_279_sausage_7400_binary",
+)
+KEYED_FRAMES = np.array([1, 11, 21, 36, 46, 53, 63, 73, 80, 89, 96, 120]) - 1
+"""Frames with keys in the file of interpolation modes."""
+
+
+@pytest.fixture(autouse=True)
+def _extension():
+    reason = "mograft-fbx is not installed: pip install ./python-fbx"
+    pytest.importorskip("mograft_fbx", reason=reason)
+
+
+def read_both(name):
+    """Return the clips of a file, and Blender's positions of the joints of each clip, in metres."""
+    path = FOLDER / f"{name}.fbx"
+    run = blender_fbx()
+    if not path.is_file():
+        pytest.skip(f"{path} is absent")
+    clips = mg.read(path)
+    begins = [take.begin for take in clips.load.__self__.takes]
+    takes = {
+        motion.name: (begin + np.arange(motion.n_frames) * motion.frame_time).tolist()
+        for motion, begin in zip(clips, begins, strict=True)
+    }
+    places = run(path, takes)["places"]
+    positions = [
+        np.array([[heads[joint] for joint in motion.skeleton.names] for heads in places[name]])
+        for name, motion in zip(clips.names, clips, strict=True)
+    ]
+    return clips, positions
+
+
+def metres(clips):
+    """Return the metres in the unit of the file."""
+    return float(clips.notes[0].removeprefix("lengths are in units of ").removesuffix(" m"))
+
+
+def in_blender(motion, clips):
+    """Return world positions in metres with z up."""
+    x, y, z = np.moveaxis(motion.world_positions() * metres(clips), -1, 0)
+    return np.stack([x, -z, y], axis=-1)
+
+
+@pytest.mark.client
+@pytest.mark.parametrize("name", FIGURES)
+def test_fbx_world_positions_match_blender(name):
+    clips, positions = read_both(name)
+    for motion, expected in zip(clips, positions, strict=True):
+        height = metres(clips) * np.ptp(motion.skeleton.rest_positions(), axis=0).max()
+        np.testing.assert_allclose(in_blender(motion, clips), expected, atol=1e-4 * height, rtol=0)
+
+
+@pytest.mark.client
+def test_fbx_interpolation_modes_match_blender_at_keys():
+    clips, (expected,) = read_both("ufbx_maya_interpolation_modes_7500_binary")
+    places = in_blender(clips[0], clips)[KEYED_FRAMES]
+    extent = np.ptp(expected)
+    np.testing.assert_allclose(places, expected[KEYED_FRAMES], atol=1e-4 * extent, rtol=0)
