@@ -105,6 +105,9 @@ def collect(options):
                 results.setdefault(experiment.NAME, {})[name] = stored
     missing = [name for name in SOURCES if not current.files[name]]
     notes = [f"The computation took {current.n_seconds / 60:.0f} minutes on one process."]
+    if len(current.versions) > 1 or options.stored:
+        listed = ", ".join(sorted(current.versions))
+        notes.append(f"The results are of these versions of the code: {listed}.")
     if options.quick:
         notes.append("This is a quick run on a few seconds of each source: not a result.")
     if missing:

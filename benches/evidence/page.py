@@ -3,7 +3,7 @@
 import importlib
 
 from benches.evidence.constants import CONSTANTS
-from benches.evidence.section import Table
+from benches.evidence.section import Table, heading
 from benches.evidence.sources import SOURCES
 
 EXPERIMENTS: tuple[str, ...] = (
@@ -46,6 +46,8 @@ def write_page(results, facts, notes):
         measured = {name: own["value"] for name, own in stored.items() if "value" in own}
         if measured:
             lines += experiment.render(measured).lines()
+        else:
+            lines += [heading(experiment.NAME), "", "Not measured in this run.", ""]
         refused = {name: own["refused"] for name, own in stored.items() if "refused" in own}
         if refused:
             lines += ["Not measured:", ""]

@@ -27,6 +27,7 @@ class Table:
 class Section:
     """One question, what was measured, and what follows.
 
+    The heading is the anchor with spaces and a capital, so that links to the anchor find it.
     `null` is what the measure gives if there is no effect, and how that was obtained. Each
     conclusion and each limit is one sentence or two.
     """
@@ -48,7 +49,7 @@ class Section:
             "Measure": self.measure,
             "Null": self.null,
         }
-        lines = [f"({self.anchor})=", f"## {self.title}", ""]
+        lines = [heading(self.anchor), "", f"*{self.title}*", ""]
         for name, text in described.items():
             lines += [f"**{name}.** {text}", ""]
         for table in self.tables:
@@ -56,6 +57,11 @@ class Section:
         lines += ["**What we conclude.**", "", *(f"- {text}" for text in self.conclusions), ""]
         lines += ["**What we do not conclude.**", "", *(f"- {text}" for text in self.limits), ""]
         return lines
+
+
+def heading(anchor):
+    """Return the heading that links to an anchor find."""
+    return f"## {anchor.replace('-', ' ').capitalize()}"
 
 
 def format_estimate(estimate, digits=2, scale=1.0, suffix="", *, has_n=True):

@@ -1,4 +1,4 @@
-"""Make new, natural motions out of captured ones by grafting body parts.
+"""Make new motions out of captured ones by grafting body parts.
 
 The way of the data: `read_bvh` → `Motion` → `segment` → `Library.build` (embedding,
 clustering) → `graft` → `Graft.motion` → `write_bvh`.

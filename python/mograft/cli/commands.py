@@ -202,7 +202,7 @@ _GRAFT = command(
 )
 _EVALUATE = command(
     "evaluate",
-    "count the possible combinations, and measure the quality and naturalness of grafts",
+    "count the possible combinations, and measure the quality and compatibility of grafts",
     files_argument(
         "one library, or BVH files; additional words such as balance select what to measure",
         "LIB|FILE",
