@@ -11,6 +11,8 @@ import numpy.typing as npt
 
 from ._checks import FloatArray, IntArray, as_count, as_floats, as_height
 
+__all__ = ["TruncatedTree", "cophenet", "fcluster", "leaves_list", "truncate"]
+
 
 def leaves_list(tree: npt.ArrayLike) -> IntArray:
     """Return the points of a tree from left to right, so that no branches of a drawing cross.

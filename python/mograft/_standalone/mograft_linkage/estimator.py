@@ -50,7 +50,7 @@ class CompleteLinkage:
         The clusters of each merge, as in `linkage`.
     distances_ : ndarray, shape (n - 1,)
         The heights of the merges.
-    feature_names_in_ : ndarray of str, shape (n_features_in_,)
+    feature_names_in_ : ndarray of str, shape (n_axes,)
         The names of the columns, if the points are a data frame whose columns are all strings.
 
     See Also

@@ -1,0 +1,159 @@
+"""The package `mograft_linkage` by itself: imports, README, and its wheel in a new environment."""
+
+import ast
+import doctest
+import importlib.util
+import json
+import re
+import shutil
+import subprocess
+import sys
+import venv
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mograft._standalone import mograft_linkage
+
+ROOT = Path(__file__).resolve().parents[2]
+PROJECT = ROOT / "python" / "mograft" / "_standalone"
+MODULES = sorted((PROJECT / "mograft_linkage").glob("*.py"))
+
+
+def absolute_imports(path):
+    """Return the top-level packages that a module imports absolutely."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            names.add(node.module)
+    return {name.partition(".")[0] for name in names}
+
+
+@pytest.mark.parametrize("path", MODULES, ids=[path.stem for path in MODULES])
+def test_modules_import_numpy_and_standard_library_only(path):
+    allowed = {"numpy"}
+    if path.stem == "_kernels":
+        allowed |= {"mograft"}  # the extension module
+    if path.stem == "estimator":
+        allowed |= {"sklearn"}  # in a method that only scikit-learn calls
+    assert absolute_imports(path) - allowed <= sys.stdlib_module_names
+
+
+def run_readme(monkeypatch, folder):
+    """Run the examples of the README with the package as mograft contains it."""
+    monkeypatch.chdir(folder)
+    monkeypatch.setitem(sys.modules, "mograft_linkage", mograft_linkage)
+    return doctest.testfile(str(PROJECT / "README.md"), module_relative=False)
+
+
+def test_readme_examples_run(monkeypatch, tmp_path):
+    pytest.importorskip("seaborn", reason="seaborn is not installed")
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    pyplot.switch_backend("agg")
+    result = run_readme(monkeypatch, tmp_path)
+    pyplot.close("all")
+    assert result.attempted > 15
+    assert not result.failed
+
+
+def test_readme_names_every_public_name():
+    text = (PROJECT / "README.md").read_text(encoding="utf-8")
+    for name in {*mograft_linkage.__all__, *mograft_linkage.dendrogram.__all__} - {
+        "__version__",
+        "TruncatedTree",
+    }:
+        assert re.search(rf"`{name}\b|\b{name}`", text), name
+
+
+@pytest.fixture(scope="module")
+def wheels(tmp_path_factory):
+    """Build the wheels of both distributions; return their paths by name."""
+    if shutil.which("cargo") is None or importlib.util.find_spec("maturin") is None:
+        pytest.skip("needs cargo and maturin")
+    folder = tmp_path_factory.mktemp("wheels")
+    for project in (ROOT, PROJECT):
+        command = [sys.executable, "-m", "maturin", "build", "--out", str(folder)]
+        subprocess.run([*command, "--interpreter", sys.executable], cwd=project, check=True)
+    return {path.name.partition("-")[0]: path for path in folder.glob("*.whl")}
+
+
+def files_of(wheel):
+    return [name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name]
+
+
+@pytest.mark.thorough
+def test_wheels_share_modules_and_no_file_name(wheels):
+    whole, slim = files_of(wheels["mograft"]), files_of(wheels["mograft_linkage"])
+    assert not set(whole) & set(slim)
+    inside = "mograft/_standalone/"
+    contained = {name.removeprefix(inside) for name in whole if name.startswith(inside)}
+    assert contained - {"__init__.py"} == {name for name in slim if "_core.abi3" not in name}
+    with (
+        zipfile.ZipFile(wheels["mograft"]) as one,
+        zipfile.ZipFile(wheels["mograft_linkage"]) as two,
+    ):
+        for name in contained - {"__init__.py"}:
+            assert one.read(inside + name) == two.read(name), name
+
+
+@pytest.fixture(scope="module")
+def environment(wheels, tmp_path_factory):
+    """Install the slim wheel in a fresh environment; return its Python."""
+    folder = tmp_path_factory.mktemp("environment")
+    venv.create(folder, with_pip=True)
+    python = folder / ("Scripts" if sys.platform == "win32" else "bin") / "python"
+    command = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    subprocess.run([*command, wheels["mograft_linkage"]], check=True)
+    return python
+
+
+@pytest.mark.thorough
+def test_wheel_needs_numpy_only_and_imports_fast(environment):
+    listed = subprocess.run(
+        [environment, "-m", "pip", "list", "--format=json", "--disable-pip-version-check"],
+        capture_output=True,
+        check=True,
+    )
+    names = {package["name"] for package in json.loads(listed.stdout)}
+    assert names - {"pip", "setuptools"} == {"mograft-linkage", "numpy"}
+    code = "import numpy, sys; before = set(sys.modules); import mograft_linkage; print(before)"
+    run = subprocess.run(
+        [environment, "-X", "importtime", "-c", code], capture_output=True, text=True, check=True
+    )
+    lines = re.findall(r"import time:\s+(\d+) \|\s+(\d+) \|\s+(\S+)", run.stderr)
+    with_numpy = ast.literal_eval(run.stdout)
+    added = {name: int(own) for own, _, name in lines if name not in with_numpy}
+    ours = {name for name in added if name.startswith("mograft_linkage")}
+    # The number of modules does not depend on the machine; the time has a wide margin.
+    assert len(ours) == len(MODULES) + 1
+    assert {name.partition(".")[0] for name in added.keys() - ours} <= sys.stdlib_module_names
+    assert len(added.keys() - ours) < 20
+    assert sum(added.values()) < 200_000  # microseconds
+
+
+@pytest.mark.thorough
+def test_wheel_gives_tree_of_mograft(environment, tmp_path):
+    code = """
+import numpy as np, mograft_linkage as ml
+points = np.random.default_rng(0).normal(size=(3000, 10))
+np.save("tree.npy", ml.linkage(points))
+print(ml.__version__, ml.CompleteLinkage(n_clusters=4).fit_predict(points).max())
+"""
+    run = subprocess.run(
+        [environment, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path
+    )
+    assert run.stdout.split() == [mograft_linkage.__version__, "3"]
+    points = np.random.default_rng(0).normal(size=(3000, 10))
+    np.testing.assert_array_equal(np.load(tmp_path / "tree.npy"), mograft_linkage.linkage(points))
+
+
+@pytest.mark.thorough
+def test_crate_can_be_published():
+    if shutil.which("cargo") is None:
+        pytest.skip("needs cargo")
+    command = ["cargo", "publish", "--dry-run", "--allow-dirty", "--package", "mograft-linkage"]
+    subprocess.run(command, cwd=ROOT, check=True)
