@@ -133,6 +133,13 @@ def blender_fbx():
     return import_file
 
 
+def run_with_blender(script, *arguments):
+    """Run a script of the examples with bpy."""
+    words = [_blender_python(), script, "--", *arguments]
+    completed = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert not completed.returncode, completed.stderr
+
+
 def _blender_python():
     """Return the Python that has bpy; skip the test without it."""
     python = os.environ.get("MOGRAFT_BPY_PYTHON")

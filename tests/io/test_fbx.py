@@ -120,7 +120,7 @@ def static_rest(scene):
 def test_fbx_random_scene_matches_equations_of_fbx(folder, seed, container, is_scaled):
     scene = random_scene(np.random.default_rng(seed), is_scaled=is_scaled)
     motion = read_scene(folder, scene, container)[0]
-    assert (motion.name, motion.n_frames, motion.rate) == ("walk", 3, pytest.approx(30))
+    assert (motion.name, motion.n_frames, motion.rate) == ("scene", 3, pytest.approx(30))
     positions, rest = static_rest(scene)
     assert_matches_equations(motion, scene, rest)
     nodes = preorder(scene)

@@ -5,14 +5,17 @@ interpolation other than linear. The files in which these occur are compared oth
 only, in `test_fbx`.
 """
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import mograft as mg
-from tests.clients import blender_fbx
+from tests.clients import blender_fbx, run_with_blender
 from tests.io.recorded_files import DATA
 
 FOLDER = DATA / "fbx"
+EXAMPLE = Path(__file__).parents[2] / "examples" / "blender" / "grafts_to_fbx.py"
 FIGURES = (
     "Geno_bind",
     "Geno_stance",
@@ -78,3 +81,25 @@ def test_fbx_interpolation_modes_match_blender_at_keys():
     places = in_blender(clips[0], clips)[KEYED_FRAMES]
     extent = np.ptp(expected)
     np.testing.assert_allclose(places, expected[KEYED_FRAMES], atol=1e-4 * extent, rtol=0)
+
+
+@pytest.mark.client
+@pytest.mark.parametrize("name", ["quaternius_Male_Casual", "Geno_stance"])
+def test_fbx_written_by_example_script_has_world_positions_of_grafts(name, tmp_path):
+    source = FOLDER / f"{name}.fbx"
+    if not source.is_file():
+        pytest.skip(f"{source} is absent")
+    clips = mg.read(source)
+    motions = {"first": clips[0][:12], "last": clips[-1][:8]}
+    for stem, motion in motions.items():
+        mg.write_bvh(motion, tmp_path / f"{stem}.bvh")
+    target = tmp_path / "out.fbx"
+    paths = [str(tmp_path / f"{stem}.bvh") for stem in motions]
+    run_with_blender(EXAMPLE, str(source), str(target), str(metres(clips)), *paths)
+    written = mg.read(target)
+    assert [name.rpartition("|")[2] for name in written.names] == sorted(motions)
+    for motion, expected in zip(written, motions.values(), strict=True):
+        joints = [motion.skeleton.names.index(name) for name in expected.skeleton.names]
+        places = motion.world_positions()[:, joints] * metres(written)
+        wanted = expected.world_positions() * metres(clips)
+        np.testing.assert_allclose(places, wanted, atol=1e-4 * np.ptp(wanted), rtol=0)

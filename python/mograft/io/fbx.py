@@ -61,9 +61,10 @@ class _Nodes:
 
 @dataclass(frozen=True, eq=False)
 class _Take:
-    """A take: `n_frames` frames that begin at `begin` seconds."""
+    """A take: frames that begin at `begin` seconds, and the name of its clip."""
 
     name: str
+    clip: str
     begin: float
     length: ClipLength
 
@@ -97,7 +98,7 @@ class _FbxFile:
         )
         self._check_finite(rotations, positions, place)
         motion = rebase(self.rest, rotations, positions, take.length.frame_time)
-        return replace(motion, name=take.name)
+        return replace(motion, name=take.clip)
 
     def _check_finite(self, rotations: FloatArray, positions: FloatArray, place: str) -> None:
         is_finite = np.isfinite(rotations).all(axis=2) & np.isfinite(positions).all(axis=2)
@@ -132,10 +133,10 @@ def open_fbx(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
     notes = _describe(nodes, joints, unit_metres, axes, scene.n_constraints)
     if not len(joints):
         return Clips(path, (), _no_clip, "FBX", notes, ())
-    names = _unique_names([name for name, _, _, _ in scene_takes])
+    names = _clip_names(path, [name for name, _, _, _ in scene_takes])
     takes = tuple(
-        _define_take(name, span, key_span, rate or file_rate)
-        for name, (_, span, key_span, _) in zip(names, scene_takes, strict=True)
+        _define_take((name, clip), span, key_span, rate or file_rate)
+        for clip, (name, span, key_span, _) in zip(names, scene_takes, strict=True)
     )
     max_poses = max(_MIN_POSES, _POSES_PER_BYTE * len(data))
     rest = _rest_pose(path, scene, nodes, joints)
@@ -172,12 +173,15 @@ def _no_clip(index: int) -> Motion:
 
 
 def _define_take(
-    name: str, span: tuple[float, float], key_span: tuple[float, float] | None, rate: float
+    names: tuple[str, str],
+    span: tuple[float, float],
+    key_span: tuple[float, float] | None,
+    rate: float,
 ) -> _Take:
     """Return a take with a whole number of frame intervals at about `rate` in its time span.
 
-    A take without a time span has that of its keys. The duration is exact: if it is not a multiple
-    of 1 / `rate`, the rate is the nearest possible one.
+    `names` are those of the take and of its clip. A take without a time span has that of its keys.
+    The duration is exact: if it is not a multiple of 1 / `rate`, the rate is the nearest possible.
     """
     begin, end = span if span[1] > span[0] else key_span or (span[0], span[0])
     duration = max(end - begin, 0.0)
@@ -186,7 +190,7 @@ def _define_take(
     if abs(n_intervals - duration * rate) > _ROUNDING_INTERVALS:
         n_intervals = max(n_intervals, 1)
         frame_time = duration / n_intervals
-    return _Take(name, begin, ClipLength(n_intervals + 1, frame_time))
+    return _Take(*names, begin, ClipLength(n_intervals + 1, frame_time))
 
 
 def _rest_pose(path: Path, scene: Any, nodes: _Nodes, joints: IntArray) -> RestPose:  # noqa: ANN401
@@ -208,8 +212,14 @@ def _joint_name(name: str, node: int) -> str:
     return printable.strip() or ("scene" if node == 0 else f"node{node}")
 
 
-def _unique_names(names: list[str]) -> tuple[str, ...]:
-    """Return the names of takes; nameless takes are numbered, and so are repeated names."""
+def _clip_names(path: Path, names: list[str]) -> tuple[str, ...]:
+    """Return the names of the clips of takes, which are different.
+
+    The clip of the only take has the name of the file, as programs give such takes names without
+    meaning. Nameless takes are numbered, and so are repeated names.
+    """
+    if len(names) == 1:
+        return (path.stem,)
     unique: dict[str, None] = {}
     for number, name in enumerate(names, 1):
         chosen = base = name or f"take{number}"
