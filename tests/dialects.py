@@ -263,7 +263,9 @@ def to_text(clip, dialect):
     out.add(0, keyword("MOTION"))
     declared = len(values)
     # If rows are not lines, the declared number of frames must be correct.
-    if dialect.rows == "a line each" and declared + dialect.declared > 0:
+    # If frames are missing, a line end must follow the last.
+    is_complete = dialect.declared < 0 or dialect.final_newline
+    if dialect.rows == "a line each" and declared + dialect.declared > 0 and is_complete:
         declared += dialect.declared
     out.add(0, dialect.frames + dialect.count.format(declared))
     out.add(0, dialect.frame_time + number(clip.frame_time))

@@ -13,6 +13,7 @@ from mograft import Config, Motion, Segments, Skeleton, kinetic_energy, segment
 from mograft._util.gaussian import gaussian_filter
 from mograft.analysis.segmentation import extrema
 from mograft.body.mass import mass_model, moments_of_inertia
+from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.oracles import analysis as oracle
 from tests.strategies import SEEDS, few_examples, motions, quaternions
@@ -174,3 +175,10 @@ def test_segments_indexing_keeps_start_stop_and_clip_together(seed):
         assert chosen.start.tolist() == start[expected].tolist()
         assert chosen.stop.tolist() == stop[expected].tolist()
         assert chosen.clip.tolist() == clip[expected].tolist()
+
+
+@pytest.mark.parametrize("seconds", [1e-9, 9e-5, 1.01, 30.0])
+def test_segment_extreme_frame_time_is_refused_by_name(seconds):
+    motion = replace(dance(strides=1).motion, frame_time=seconds, name="walk")
+    with pytest.raises(ValueError, match=r"frame time of walk must be between 0.0001 and 1 sec"):
+        segment(motion)

@@ -2,6 +2,7 @@
 
 import io
 import re
+import tracemalloc
 from unittest.mock import patch
 
 import numpy as np
@@ -123,6 +124,41 @@ def test_read_bvh_wrong_declared_frames_uses_frames_found(declared):
     summary = mg.scan_bvh(io.StringIO(text))
     assert (summary.n_frames, summary.declared_frames) == (3, declared)
     assert not summary.counts_agree
+
+
+@pytest.mark.parametrize("length", range(5))
+def test_read_bvh_missing_frames_and_no_line_end_is_refused(length):
+    """The file may have been cut inside its last number, which is then another number."""
+    text = TEXT.rstrip() + "7311"
+    text = text[: len(text) - length]
+    assert read(text).n_frames == 3
+    cut = text.replace("Frames: 3", "Frames: 4")
+    with pytest.raises(mg.BvhError, match=r"^<.*>:21:1: expected 4 frames, got 3 and no line end"):
+        read(cut)
+    assert read(f"{cut}\n").n_frames == 3
+
+
+@pytest.mark.parametrize("ending", ["\r", "\r\n", "\n"])
+@pytest.mark.parametrize("size", [1, 7, 64])
+def test_read_bvh_line_ends_at_ends_of_chunks_count_once(monkeypatch, ending, size):
+    monkeypatch.setattr("mograft.io.bvh.cursor.CHUNK_BYTES", size)
+    text = TEXT.replace("\n", ending)
+    np.testing.assert_array_equal(read(text.encode()).channel_values, TEXT_VALUES)
+    for end in ("x", f"{ending}{ending} x"):
+        with pytest.raises(mg.BvhError) as caught:
+            read((text + end).encode())
+        assert caught.value.line == 22 + end.count(ending)
+
+
+def test_read_bvh_run_of_line_ends_takes_little_memory():
+    text = TEXT.encode() + b"\r" * 4_000_000
+    tracemalloc.start()
+    try:
+        assert read(text).n_frames == 3
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 2 * len(text)
 
 
 REFUSALS = {

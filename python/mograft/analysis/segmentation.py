@@ -21,6 +21,8 @@ from mograft.body.mass import mass_model, moments_of_inertia
 from mograft.config import Config
 from mograft.motion.motion import Motion
 
+_FRAME_TIMES = 1e-4, 1.0  # seconds; the memory of smoothing is inversely proportional
+
 
 @dataclass(frozen=True, eq=False)
 class Segments:
@@ -181,7 +183,7 @@ def segment(motion: Motion, config: Config | None = None) -> Segments:
     Raises
     ------
     ValueError
-        If the motion has a single frame.
+        If the motion has a single frame, or its frame time is not between 0.0001 and 1 second.
 
     Notes
     -----
@@ -197,6 +199,12 @@ def segment(motion: Motion, config: Config | None = None) -> Segments:
     True
     """
     config = Config() if config is None else config
+    first, last = _FRAME_TIMES
+    if not first <= motion.frame_time <= last:
+        raise ValueError(
+            f"the frame time of {motion.name or 'the motion'} must be between {first} and {last:g} "
+            f"seconds, got {motion.frame_time:g}"
+        )
     energy = kinetic_energy(motion, omega=config.omega, inertia=config.inertia)
     curve = gaussian_filter(energy, config.smoothing * motion.rate)
     bounds = np.concatenate([[0], extrema(curve), [motion.n_frames - 1]])

@@ -64,9 +64,8 @@ class Cursor:
         # `_line` and `_column` are those of the offset `_counted` in the buffer.
         self._counted, self._line, self._column = 0, 1, 1
         self._word_start = 0
+        self._held = b""  # a CR at the end of the text read so far, which is not in `buffer`
         self._read_start()
-        if self.buffer.endswith(b"\r"):
-            self.read_chunk()
         self.skip_white_space()
 
     def _read_start(self) -> None:
@@ -80,7 +79,7 @@ class Cursor:
                 if encoding != "utf-8":
                     self._decoder = codecs.getincrementaldecoder(encoding)()
                 self.tolerate("mark", f"a byte-order mark: the text is {encoding.upper()}")
-        self.buffer = self._to_utf8(start)
+        self.buffer = self._hold_cr(self._to_utf8(start))
 
     def read_chunk(self) -> None:
         """Read the next chunk and drop the text before the cursor."""
@@ -88,16 +87,24 @@ class Cursor:
         pieces, size = [self.buffer[self.offset :]], 0
         self._word_start -= self.offset
         self._counted = self.offset = 0
-        # A chunk does not end with CR, because LF may follow as part of the same line end.
-        while size < CHUNK_BYTES or pieces[-1].endswith(b"\r"):
+        while size < CHUNK_BYTES:
             piece = self._read_bytes()
             if not piece:
                 self.is_at_end = True
-                pieces.append(self._to_utf8(b"", final=True))
+                pieces += [self._held, self._to_utf8(b"", final=True)]
+                self._held = b""
                 break
             size += len(piece)
-            pieces.append(self._to_utf8(piece))
+            pieces.append(self._hold_cr(self._held + self._to_utf8(piece)))
         self.buffer = b"".join(pieces)
+
+    def _hold_cr(self, text: bytes) -> bytes:
+        """Return a text without a CR at its end, which is kept for the next chunk.
+
+        LF may follow as part of the same line end.
+        """
+        self._held = b"\r" if text.endswith(b"\r") else b""
+        return text.removesuffix(b"\r")
 
     def _read_bytes(self) -> bytes:
         piece = self._stream.read(CHUNK_BYTES) or b""
@@ -119,6 +126,11 @@ class Cursor:
                 self._word_start = self.offset
                 return
             self.read_chunk()
+
+    def ends_in_word(self) -> bool:
+        """Return whether nothing follows the last word of a file that has been read."""
+        end = self.buffer[-1:]
+        return bool(end) and end not in b"\0\x1a \t\n\v\f\r"
 
     def take(self, pattern: re.Pattern[bytes]) -> bytes | None:
         """Match a pattern at the cursor, move after the match and return the pattern's group.

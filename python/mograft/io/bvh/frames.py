@@ -164,6 +164,9 @@ class _LineCheck:
             cursor.tolerate("lines", "a frame wrapped over lines", position)
         elif self._joined_line:
             cursor.tolerate("lines", "several frames on one line", position)
+        if n_frames < declared and cursor.ends_in_word():
+            message = f"expected {declared} frames, got {n_frames} and no line end after the last"
+            cursor.fail(f"{message}: its last number may be incomplete", (self._frame_line, 1))
         if not is_declared:
             message = f"{declared} frames declared, {n_frames} found and used"
             cursor.tolerate("frames", message, self._header.frames_position)
