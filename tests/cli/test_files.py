@@ -157,9 +157,9 @@ def test_library_in_place_of_files_is_refused(run, usage_error, folder, tmp_path
     assert run("index", folder, "-o", library)[0] == 0
     code, _, err = run("export", library, "-o", tmp_path / "a.glb")
     assert code == 1
-    assert f"{library} is a library; expected BVH files" in err
+    assert f"{library} is a library; expected motion files" in err
     err = usage_error("graft", folder / "a.bvh", library, "-o", tmp_path / "out")
-    assert "expected one library or BVH files" in err
+    assert "expected one library or motion files" in err
 
 
 def test_index_excluded_file_is_named_once(run, folder, tmp_path):

@@ -31,14 +31,14 @@ MISTAKES = [
     ("config show grapht", USAGE, "got grapht; did you mean 'graft'?"),
     # Files
     ("info none.bvh", RUNTIME, "none.bvh: No such file or directory"),
-    ("graft empty -o x", RUNTIME, "empty: no BVH file in this folder"),
+    ("graft empty -o x", RUNTIME, "empty: no motion file in this folder"),
     ("info broken.bvh", INVALID, "broken.bvh:4:2: expected OFFSET"),
     ("graft zero.bvh -o x", INVALID, "zero.bvh:113:9: expected at least 1 frame, got Frames: 0"),
     ("graft a.bvh other.bvh -o x", RUNTIME, "has also LeftElbow, unlike"),
     ("graft a.bvh -o x --base other.bvh", RUNTIME, "has also LeftElbow, unlike a in the library"),
     ("graft one.bvh -o x", RUNTIME, "must have at least 2 frames, got 1"),
-    ("graft lib a.bvh -o x", USAGE, "expected one library or BVH files, got both"),
-    ("export lib -o x.glb", RUNTIME, "lib is a library; expected BVH files"),
+    ("graft lib a.bvh -o x", USAGE, "expected one library or motion files, got both"),
+    ("export lib -o x.glb", RUNTIME, "lib is a library; expected motion files"),
     ("lib info empty", RUNTIME, "empty"),
     ("check broken.bvh", INVALID, "broken.bvh:4:2: expected OFFSET"),
     # Outputs

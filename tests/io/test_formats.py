@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft.dancer import dance
-from mograft.io.formats import find_addresses, read_clip, split_address
+from mograft.io.addresses import find_addresses, read_clip, split_address
 from mograft.io.rest_pose import RestPose, rebase, restore
 from tests.strategies import assert_same_rotations, few_examples, motions, quaternions
 

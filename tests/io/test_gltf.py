@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 import mograft as mg
 from mograft.io.gltf.document import read_gltf_file
 from tests import strategies
+from tests.clients import blender_player
 from tests.io.glb_file import Glb
 from tests.io.gltf_scenes import random_scene, to_scene, write_gltf
 from tests.io.recorded_files import DATA, require
@@ -117,3 +118,38 @@ def test_read_gltf_recorded_file_agrees_with_slow_reader(path):
             time = start + frame * motion.frame_time
             expected = [scene.world_position(node, time) for node in file.joints]
             np.testing.assert_allclose(found[frame], expected, atol=2e-6 * height)
+
+
+@pytest.mark.client
+@pytest.mark.parametrize("path", GLB_FILES, ids=lambda path: "none" if path is None else path.stem)
+def test_read_gltf_recorded_file_agrees_with_blender(path):
+    require(path, DATA / "glb")
+    play = blender_player()
+    clips = mg.read(path)
+    height = np.ptp(clips[0].skeleton.rest_positions(), axis=0).max()
+    file = read_gltf_file(path)
+    requests, expected = {}, {}
+    for clip in clips:
+        animation = file.container.items("animations")[
+            file.animations[clips.names.index(clip.name)]
+        ]
+        start = read_start(file.container, animation)
+        frames = np.linspace(0, clip.n_frames - 1, 5).astype(int)
+        requests[clip.name] = (start + frames * clip.frame_time).tolist()
+        x, y, z = np.moveaxis(clip.world_positions()[frames], -1, 0)
+        expected[clip.name] = np.stack([x, -z, y], axis=-1)  # z is up in Blender
+    found = play(path, requests)
+    names = clips[0].skeleton.names
+    joints = [joint for joint, name in enumerate(names) if name in found[clips.names[0]][0]]
+    assert len(joints) >= len(names) - 1  # the common ancestor may be the armature itself
+    for name in clips.names:
+        heads = np.array([[pose[names[joint]] for joint in joints] for pose in found[name]])
+        np.testing.assert_allclose(
+            heads, expected[name][:, joints], atol=1e-4 * height, err_msg=name
+        )
+
+
+def read_start(container, animation):
+    """Return the time of the first key of an animation."""
+    inputs = {sampler["input"] for sampler in animation["samplers"]}
+    return min(container.items("accessors")[index]["min"][0] for index in inputs)

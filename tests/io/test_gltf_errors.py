@@ -75,7 +75,7 @@ def change(place, value):
         (("nodes", 0, "matrix"), [1] * 15, r"nodes\[0\].matrix: expected 16 numbers"),
         (("skins", 0, "joints"), [5], r"skins\[0\].joints: expected an index of 3 nodes, got 5"),
         (("accessors", 1, "count"), 10**10, r"accessors\[1\]: expected elements within 48 bytes"),
-        (("accessors", 1, "count"), 2, r"animations\[0\].samplers\[0\].output: expected 3 elem"),
+        (("accessors", 1, "count"), 2, r"animations\[0\]: the rotation tracks: expected 3 elem"),
         (("accessors", 1, "count"), 0, r"accessors\[1\].count: expected an integer of at least 1"),
         (("accessors", 1, "componentType"), 5125.5, r"accessors\[1\].componentType: expected"),
         (("accessors", 1, "type"), "VEC3", r"accessors\[1\].type: expected 4 components"),

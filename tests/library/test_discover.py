@@ -60,7 +60,7 @@ def test_find_clips_folder_takes_only_visible_regular_files(
 
 def test_find_clips_folder_of_hidden_files_holds_no_clip(tmp_path):
     create(tmp_path, ["._walk.bvh"])
-    with pytest.raises(FileNotFoundError, match="no BVH file"):
+    with pytest.raises(FileNotFoundError, match="no motion file"):
         find_clips(tmp_path)
     assert [found.source for found in find_clips(tmp_path / "._walk.bvh")] == [
         str(tmp_path / "._walk.bvh")

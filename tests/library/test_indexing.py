@@ -72,8 +72,8 @@ def test_add_reads_new_and_changed_files_only(clip_folder, tmp_path, monkeypatch
     folder = copy_clips(clip_folder, tmp_path / "part", CLIP_NAMES[:3])
     library = Library.index(folder, tmp_path / "l")
     read = []
-    read_bvh = ingest.read_bvh
-    monkeypatch.setattr(ingest, "read_bvh", lambda path: read.append(path) or read_bvh(path))
+    read_clip = ingest.read_clip
+    monkeypatch.setattr(ingest, "read_clip", lambda path: read.append(path) or read_clip(path))
     library = library.add(copy_clips(clip_folder, folder, CLIP_NAMES[:4]))
     assert [os.path.basename(path) for path in read] == ["a.bvh"]
     (folder / "c.bvh").write_bytes((clip_folder / "d.bvh").read_bytes())

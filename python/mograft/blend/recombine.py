@@ -57,6 +57,7 @@ def recombine(base: Motion, parts: Iterable[Part], name: str) -> Motion:
         channel_values=values,
         name=name,
         path=None,
+        clip=None,
         repairs=(),
     )
 

@@ -108,6 +108,7 @@ def mirror(motion: Motion) -> Motion:
         positions=positions,
         channel_values=None,
         path=None,
+        clip=None,
         repairs=(),
     )
 

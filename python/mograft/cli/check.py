@@ -1,17 +1,20 @@
-"""``mograft check``: the syntax of BVH files, and the faults of their recordings."""
+"""``mograft check``: the syntax of motion files, and the faults of their recordings."""
 
 import argparse
+from pathlib import Path
 from typing import Any
 
 from mograft.body.faults import HARMLESS_FAULTS, find_faults
 from mograft.cli.files import expand_folders
 from mograft.cli.output import print_error, print_result
-from mograft.errors import BvhError
+from mograft.errors import FormatError
+from mograft.io.addresses import read_clip, split_address
 from mograft.io.bvh.reader import read_bvh
+from mograft.io.formats import find_format
 
 
 def run(options: argparse.Namespace) -> int:
-    """Check every file; return exit code 3 if one of them is not valid BVH, else 0."""
+    """Check every file; return exit code 3 if one of them is not valid, else 0."""
     documents = []
     for name in expand_folders(options.files):
         document = _check_file(name, strict=options.strict)
@@ -34,8 +37,9 @@ def run(options: argparse.Namespace) -> int:
 
 def _check_file(name: str, *, strict: bool) -> dict[str, Any]:
     try:
-        motion = read_bvh(name, strict=strict)
-    except BvhError as error:
+        is_bvh = find_format(Path(split_address(name)[0])).name == "BVH"
+        motion = read_bvh(name, strict=strict) if is_bvh else read_clip(name)
+    except FormatError as error:
         return {"file": name, "error": str(error), "repairs": [], "faults": []}
     names = motion.skeleton.names
     faults = [

@@ -16,7 +16,6 @@ from mograft.cli.arguments import (
 )
 from mograft.cli.frame_times import frame
 from mograft.cli.options import (
-    BVH_FILES,
     DIGITS,
     FIGURE_COLOURS,
     FILES_OR_LIBRARY,
@@ -24,6 +23,7 @@ from mograft.cli.options import (
     GROUPS,
     INCLUDE_GRAFTS,
     JSON,
+    MOTION_FILES,
     NEIGHBOURHOOD,
     PRESET,
     PRESETS,
@@ -82,7 +82,7 @@ _LIB = command(
             _LIBRARY,
             setting_switch(
                 "--sources",
-                "also compare the BVH files from which the library was built with their checksums",
+                "also compare the files from which the library was built with their checksums",
             ),
             JSON,
         ),
@@ -127,7 +127,7 @@ _CANDIDATES = command(
 _GRAFT = command(
     "graft",
     "create motions by exchanging joint groups of a captured motion",
-    files_argument("one library, or BVH files; with --from not required", "LIB|FILE", nargs="*"),
+    files_argument("one library, or motion files; with --from not required", "LIB|FILE", nargs="*"),
     *REPLAY_OPTIONS,
     INCLUDE_GRAFTS,
     option(
@@ -204,7 +204,7 @@ _EVALUATE = command(
     "evaluate",
     "count the possible combinations, and measure the quality and compatibility of grafts",
     files_argument(
-        "one library, or BVH files; additional words such as balance select what to measure",
+        "one library, or motion files; additional words such as balance select what to measure",
         "LIB|FILE",
     ),
     INCLUDE_GRAFTS,
@@ -262,13 +262,13 @@ COMMANDS = (
     command(
         "info",
         "print joints, frame rate, duration, joint groups and faults of files",
-        BVH_FILES,
+        MOTION_FILES,
         JSON,
     ),
     command(
         "check",
-        "check the syntax of BVH files, and list faults of the recordings",
-        BVH_FILES,
+        "check the syntax of motion files, and list faults of the recordings",
+        MOTION_FILES,
         setting_switch("--strict", "treat every deviation from the BVH format as an error"),
         JSON,
     ),
@@ -276,7 +276,10 @@ COMMANDS = (
         "groups",
         "print the joint groups of a file as TOML, which can be edited and passed to --groups",
         positional(
-            "file", "BVH file, or a folder, whose first file is used", is_path=True, metavar="FILE"
+            "file",
+            "motion file, or a folder, whose first file is used",
+            is_path=True,
+            metavar="FILE",
         ),
         setting(
             "--preset",
@@ -290,8 +293,8 @@ COMMANDS = (
     ),
     command(
         "index",
-        "create a library from BVH files, or add files to a library",
-        files_argument("BVH files, or folders of them", "FILE|DIR"),
+        "create a library from motion files, or add files to a library",
+        files_argument("motion files, or folders of them", "FILE|DIR"),
         INCLUDE_GRAFTS,
         output_option("folder of the library", required=True, metavar="LIB"),
         switch("--add", "add to an existing library; only new and changed files are read"),

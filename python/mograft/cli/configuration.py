@@ -12,7 +12,7 @@ from mograft.cli.options import PRESETS
 from mograft.cli.output import show_progress
 from mograft.config import Config, variety_fields
 from mograft.errors import suggest_name
-from mograft.io.bvh.reader import read_bvh
+from mograft.io.addresses import read_clip
 from mograft.library.library import Library
 
 _CONFIG_OPTIONS = (
@@ -65,9 +65,9 @@ def refuse_fixed_options(options: argparse.Namespace, *names: str) -> None:
 
 
 def load_library(options: argparse.Namespace) -> Library:
-    """Open the library that is given to a command; without one, build it from the BVH files.
+    """Open the library that is given to a command; without one, build it from the motion files.
 
-    If ``--rate`` is given, the motions of the BVH files are resampled to this frame rate.
+    If ``--rate`` is given, the motions of the motion files are resampled to this frame rate.
     """
     rate = getattr(options, "rate", None)
     folder = library_folder(options)
@@ -83,7 +83,7 @@ def load_library(options: argparse.Namespace) -> Library:
     files = expand_folders(options.files, include_grafts=options.include_grafts)
     groups, config = selected_groups(options), selected_config(options)
     with show_progress() as progress:
-        clips = files if rate is None else [read_bvh(file).resample(rate) for file in files]
+        clips = files if rate is None else [read_clip(file).resample(rate) for file in files]
         return Library.build(clips, groups, config, progress=progress)
 
 

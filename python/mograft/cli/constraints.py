@@ -9,7 +9,7 @@ import numpy as np
 from mograft.cli.frame_times import Range, resolve_frames
 from mograft.cli.values import SHAPE_NUMBERS
 from mograft.errors import join_names, suggest_name
-from mograft.io.bvh.reader import read_bvh
+from mograft.io.addresses import read_clip
 from mograft.library.library import Library
 from mograft.search import donor_constraints, pose_constraints
 from mograft.search.constraints import Constraint, Span
@@ -117,13 +117,13 @@ def read_segment_constraints(
 def _read_obstacle(kind: str, numbers: list[float], options: argparse.Namespace) -> Obstacle:
     """Return the obstacle that a value of ``--avoid`` describes.
 
-    `kind` is the name of a shape, such as ``"sphere"``, or the path of a character's BVH file.
+    `kind` is the name of a shape, such as ``"sphere"``, or the address of a character's motion.
     `numbers` are the dimensions of the shape, or the character's position and yaw in degrees.
     """
     x, y, z, *rest = numbers
     if kind not in SHAPE_NUMBERS:
         yaw = float(np.radians(rest[0]))
-        return Character(read_bvh(kind), (x, y, z), yaw, radius=options.radius)
+        return Character(read_clip(kind), (x, y, z), yaw, radius=options.radius)
     try:
         if kind == "sphere":
             return Sphere((x, y, z), rest[0])

@@ -66,7 +66,7 @@ def _take_words(options: argparse.Namespace) -> tuple[str, ...]:
     words = [name for name in names if name in _WORDS and not Path(name).exists()]
     options.files = [name for name in names if name not in words]
     if not options.files:
-        options.usage_error("expected one library or at least one BVH file, got none")
+        options.usage_error("expected one library or at least one motion file, got none")
     for name in options.files:
         if name.isalpha() and not Path(name).exists():
             hint = suggest_name(name, _WORDS)

@@ -9,7 +9,7 @@ from mograft.cli.configuration import refuse_useless_options, selected_groups
 from mograft.cli.files import check_writable, expand_folders, frame_range
 from mograft.cli.frame_times import Range
 from mograft.cli.output import print_remark, print_result, show_progress
-from mograft.io.bvh.reader import read_bvh
+from mograft.io.addresses import read_clip
 from mograft.io.bvh.writer import write_bvh
 from mograft.io.csv import write_csv
 from mograft.io.glb import write_glb
@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
     check_writable([target], force=options.force)
     if options.groups is not None:
         options.groups = selected_groups(options)
-    motions = [_select_frames(read_bvh(name), options.frames) for name in files]
+    motions = [_select_frames(read_clip(name), options.frames) for name in files]
     target.parent.mkdir(parents=True, exist_ok=True)
     document: dict[str, Any] = {"file": str(target)}
     if ending in _FILMS:

@@ -1,12 +1,15 @@
 """The files, libraries and clips that commands read, and the files that they may write."""
 
 import argparse
+import glob
+import os
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 
 from mograft.cli.frame_times import Range, resolve_frames
 from mograft.errors import join_names, suggest_name
+from mograft.io.addresses import split_address
 from mograft.library.discover import FoundClip, exclude_grafts, find_clips
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -22,17 +25,18 @@ _FILE_SUFFIXES = (
 
 
 def expand_folders(names: Iterable[str], *, include_grafts: bool = True) -> list[str]:
-    """Replace each folder by the BVH files in it and in its subfolders, sorted by name.
+    """Replace each folder by the motion files in it and in its subfolders, and files by clips.
 
-    If `include_grafts` is false, a motion in a folder is left out if ``mograft graft`` wrote it.
+    The result has the addresses of the clips. Those of a folder are sorted by path. If
+    `include_grafts` is false, a motion in a folder is left out if ``mograft graft`` wrote it.
     """
     clips: list[FoundClip] = []
     for name in names:
-        if not Path(name).is_dir():
-            clips.append(FoundClip(name))
+        if not (os.path.exists(split_address(name)[0]) or glob.has_magic(name)):
+            clips.append(FoundClip(name))  # reading it raises the error, after other checks
             continue
         if _is_library(name):
-            raise ValueError(f"{name} is a library; expected BVH files")
+            raise ValueError(f"{name} is a library; expected motion files")
         clips += find_clips(name)
     kept = clips if include_grafts else exclude_grafts(clips)
     return [str(clip.source) for clip in kept]
@@ -47,7 +51,7 @@ def library_folder(options: argparse.Namespace) -> Path | None:
         return None
     if len(options.files) > 1:
         options.usage_error(
-            "expected one library or BVH files, got both or several libraries; "
+            "expected one library or motion files, got both or several libraries; "
             "mograft index --add adds files to a library"
         )
     return Path(options.files[0])

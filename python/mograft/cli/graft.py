@@ -17,7 +17,8 @@ from mograft.cli.replayed import is_edit, replay_graft
 from mograft.cli.results import with_command, write_report
 from mograft.cli.scenario import check_scenario, read_scenario
 from mograft.errors import join_names, suggest_name
-from mograft.io.bvh.reader import read_bvh
+from mograft.io.addresses import find_addresses, read_clip, split_address
+from mograft.io.formats import SUFFIXES
 from mograft.library.library import Library
 from mograft.library.spec import has_same_hierarchy, rates_match
 from mograft.motion.motion import Motion
@@ -119,8 +120,10 @@ def _base_stem(options: argparse.Namespace, first: str) -> str:
     """
     if options.scenario != "original":
         return "scenario"
-    name: str = options.base or first
-    return Path(name).stem if Path(name).suffix.lower() == ".bvh" else Path(name).name
+    path, clip = split_address(options.base or first)
+    if clip is not None:
+        return "".join("_" if character in '<>:"/\\|?*' else character for character in clip)
+    return Path(path).stem if Path(path).suffix.lower() in SUFFIXES else Path(path).name
 
 
 def _find_base(library: Library, name: str | None, folder: Path | None) -> Motion | str | None:
@@ -134,12 +137,9 @@ def _find_base(library: Library, name: str | None, folder: Path | None) -> Motio
     names = library.names
     if folder is not None and name in names:
         return name
-    path = os.path.realpath(name)
-    for entry in library.entries:
-        if entry.source_file is not None and os.path.realpath(entry.source_file.path) == path:
-            return entry.name
-    if Path(name).exists():
-        return read_bvh(name)
+    if Path(split_address(name)[0]).exists():
+        motion = _find_entry(library, name)
+        return read_clip(name) if motion is None else motion
     files = [Path(entry.source_file.path).name for entry in library.entries if entry.source_file]
     if len(files) == len(names) and files.count(name) == 1:
         return names[files.index(name)]
@@ -150,6 +150,21 @@ def _find_base(library: Library, name: str | None, folder: Path | None) -> Motio
         f"--base must be a clip{where}, one of {join_names(names)}, or a file; got {name!r}"
         f"{suggest_name(name, names)}"
     )
+
+
+def _find_entry(library: Library, address: str) -> str | None:
+    """Return the name of the clip of a library that was read from an address, or None."""
+    addresses = find_addresses(address)
+    if len(addresses) > 1:
+        read_clip(address)  # raises an error that lists the clips
+    path, clip = split_address(addresses[0])
+    for entry in library.entries:
+        file = entry.source_file
+        if file is None or file.clip != clip:
+            continue
+        if os.path.realpath(file.path) == os.path.realpath(path):
+            return entry.name
+    return None
 
 
 def _count_frames(library: Library, base: Motion | str | None) -> int:

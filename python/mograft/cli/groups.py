@@ -7,7 +7,7 @@ from mograft._util.atomic import write_text
 from mograft.body.groups import JointGroups
 from mograft.cli.files import check_suffix, check_writable, expand_folders
 from mograft.cli.output import print_result
-from mograft.io.bvh.reader import read_bvh
+from mograft.io.addresses import read_clip
 
 
 def run(options: argparse.Namespace) -> int:
@@ -16,7 +16,7 @@ def run(options: argparse.Namespace) -> int:
     if target is not None:
         check_suffix(options, ".toml")
     (file,) = expand_folders([options.file])[:1]
-    skeleton = read_bvh(file).skeleton
+    skeleton = read_clip(file).skeleton
     groups = JointGroups.preset(options.preset, skeleton)
     if target is not None:
         check_writable([target], force=options.force)

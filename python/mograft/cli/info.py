@@ -1,40 +1,62 @@
-"""``mograft info``: joints, rate, length, groups and faults of files."""
+"""``mograft info``: joints, rate, length, groups and faults of motions, and the clips of files."""
 
 import argparse
 import os
+from collections.abc import Iterable
+from itertools import groupby
+from pathlib import Path
 from typing import Any
 
 from mograft.body.faults import HARMLESS_FAULTS, find_faults
 from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders
 from mograft.cli.output import print_result
-from mograft.io.bvh.reader import BvhSummary, read_bvh, scan_bvh
+from mograft.io.addresses import join_address, open_clips, read_clip, split_address
+from mograft.io.bvh.reader import BvhSummary, scan_bvh
 from mograft.motion.motion import Motion
 
 MAX_BYTES_IN_MEMORY = 1 << 28
-"""Larger files are scanned without a check for faults."""
+"""Larger BVH files are scanned without a check for faults."""
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     documents = []
-    for name in expand_folders(options.files):
-        document = _read(name, all_faults=options.verbose or options.json)
-        documents.append(document)
+    for path, addresses in groupby(_find_clips(options.files), key=lambda name: name[0]):
+        clips = [
+            _read(path, clip, all_faults=options.verbose or options.json) for _, clip in addresses
+        ]
+        documents += clips
         if not options.json:
-            print(_describe(document))
+            print(_describe(clips[0]) if len(clips) == 1 else _describe_several(clips))
     print_result(options, "info", {"files": documents}, [])
     return 0
 
 
-def _read(name: str, *, all_faults: bool) -> dict[str, Any]:
-    """Return the contents of a file; without `all_faults`, harmless faults are omitted."""
+def _find_clips(names: Iterable[str]) -> Iterable[tuple[str, str | None]]:
+    """Yield path and clip name of all clips of the given files and folders, poses included."""
+    for name in names:
+        if Path(name).is_dir():
+            yield from map(split_address, expand_folders([name]))
+            continue
+        path, pattern = split_address(name)
+        clips = open_clips(path)
+        chosen = range(len(clips)) if pattern is None else clips.find(pattern)
+        if not len(clips):
+            raise ValueError(f"{path} holds no motion: {'; '.join(clips.notes)}")
+        for index in chosen:
+            yield path, clips.names[index] if len(clips) > 1 else None
+
+
+def _read(path: str, clip: str | None, *, all_faults: bool) -> dict[str, Any]:
+    """Return the contents of a clip; without `all_faults`, harmless faults are omitted."""
     faults: list[str] | None = None
     summary: BvhSummary | Motion
-    if os.path.getsize(name) > MAX_BYTES_IN_MEMORY:
-        summary = scan_bvh(name)
+    clips = open_clips(path)
+    if clips.format == "BVH" and os.path.getsize(path) > MAX_BYTES_IN_MEMORY:
+        summary = scan_bvh(path)
     else:
-        summary = motion = read_bvh(name)
+        summary = motion = read_clip(path) if clip is None else clips[clip]
         faults = [
             fault.message
             for fault in find_faults(motion)
@@ -47,7 +69,9 @@ def _read(name: str, *, all_faults: bool) -> dict[str, Any]:
     except ValueError:
         groups = {}
     return {
-        "file": name,
+        "file": path,
+        "format": clips.format,
+        "clip": clip,
         "joints": skeleton.n_joints,
         "channels": skeleton.n_channels,
         "frames": summary.n_frames,
@@ -55,6 +79,7 @@ def _read(name: str, *, all_faults: bool) -> dict[str, Any]:
         "rate": summary.rate,
         "seconds": summary.duration,
         "groups": groups,
+        "notes": list(clips.notes),
         "repairs": list(summary.repairs),
         "faults": faults,
     }
@@ -62,17 +87,47 @@ def _read(name: str, *, all_faults: bool) -> dict[str, Any]:
 
 def _describe(document: dict[str, Any]) -> str:
     lines = [
-        f"{document['file']}",
+        join_address(document["file"], document["clip"]),
         f"  {document['joints']} joints, {document['channels']} channels (DoF)",
-        f"  {document['frames']} frames at {document['rate']:.6g} fps, {document['seconds']:.2f} s",
+        f"  {_length(document)}",
+        *_groups(document),
+        *_notes(document),
     ]
-    groups = document["groups"]
-    lines += [f"  {group}: {' '.join(names)}" for group, names in groups.items()]
-    if not groups:
-        lines.append("  no joint groups recognized: pass your own as a TOML file with --groups")
     lines += [f"  repaired: {repair}" for repair in document["repairs"]]
     faults = document["faults"]
     if faults is None:
         faults = ["faults were not checked as the file is large: see mograft check"]
     lines += [f"  warning: {fault}" for fault in faults]
     return "\n".join(lines)
+
+
+def _describe_several(documents: list[dict[str, Any]]) -> str:
+    """Return the text for several clips of one file."""
+    first = documents[0]
+    lines = [
+        f"{first['file']}",
+        f"  {first['format']}, {len(documents)} clips, {first['joints']} joints",
+        *_groups(first),
+        *_notes(first),
+    ]
+    for document in documents:
+        lines.append(f"  #{document['clip']}: {_length(document)}")
+        lines += [f"    warning: {fault}" for fault in document["faults"]]
+    return "\n".join(lines)
+
+
+def _length(document: dict[str, Any]) -> str:
+    if document["frames"] == 1:
+        return "1 frame"
+    return f"{document['frames']} frames at {document['rate']:.6g} fps, {document['seconds']:.2f} s"
+
+
+def _groups(document: dict[str, Any]) -> list[str]:
+    groups = document["groups"]
+    if not groups:
+        return ["  no joint groups recognized: pass your own as a TOML file with --groups"]
+    return [f"  {group}: {' '.join(names)}" for group, names in groups.items()]
+
+
+def _notes(document: dict[str, Any]) -> list[str]:
+    return [f"  note: {note}" for note in document["notes"]]

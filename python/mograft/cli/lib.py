@@ -67,6 +67,8 @@ def _describe_clip(entry: ClipInfo) -> dict[str, Any]:
     return {
         "name": entry.name,
         "file": None if source is None else source.path,
+        "format": None if source is None else source.format,
+        "clip": None if source is None else source.clip,
         "sha256": None if source is None else source.sha256,
         "frames": entry.n_frames,
         "own_rate": entry.source_rate,
@@ -90,19 +92,19 @@ def run_verify(options: argparse.Namespace) -> int:
 def _verify_sources(folder: Path) -> list[str]:
     """Return one message for each source file that is missing or has changed.
 
-    Source files are the BVH files from which the library in `folder` was built.
+    Source files are the files from which the library in `folder` was built.
     """
-    differences = []
+    differences: dict[str, None] = {}  # one for all clips of a file
     for entry in Library.open(folder).entries:
         source = entry.source_file
         if source is None:
             continue
         try:
             if SourceFile.from_path(source.path).sha256 != source.sha256:
-                differences.append(f"{source.path} has changed since the library read it")
+                differences[f"{source.path} has changed since the library read it"] = None
         except OSError as error:
-            differences.append(f"{source.path}: {error.strerror}")
-    return differences
+            differences[f"{source.path}: {error.strerror}"] = None
+    return list(differences)
 
 
 def run_export(options: argparse.Namespace) -> int:

@@ -62,8 +62,8 @@ def config_option(field: str, subject: str, default: str, paper: str | None = No
     )
 
 
-BVH_FILES = files_argument("BVH files, or folders of them")
-FILES_OR_LIBRARY = files_argument("BVH files, or one library")
+MOTION_FILES = files_argument("motion files, or folders of them")
+FILES_OR_LIBRARY = files_argument("motion files, or one library")
 GROUPS = groups_option()
 FIGURE_COLOURS = "joint groups that set the colours"
 PRESET = setting(

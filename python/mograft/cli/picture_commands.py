@@ -63,7 +63,7 @@ EXPORT = command(
     "export",
     "write motions in other file formats",
     files_argument(
-        "BVH file; several files are allowed for a film, and for a .glb if they have the same "
+        "motion file; several files are allowed for a film, and for a .glb if they have the same "
         "skeleton"
     ),
     output_option("file to write", required=True, metavar="FILE"),
@@ -81,7 +81,7 @@ EXPORT = command(
     DIGITS,
     setting(
         "--scale UNIT|X",
-        f"unit of the BVH file, for a figure: {', '.join(UNITS)}, or a number of metres "
+        f"unit of the motion file, for a figure: {', '.join(UNITS)}, or a number of metres "
         "(default: the unit that gives the figure human height)",
         unit,
     ),

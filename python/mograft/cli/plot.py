@@ -22,7 +22,7 @@ from mograft.cli.files import (
 )
 from mograft.cli.frame_times import resolve_frames
 from mograft.cli.output import print_result
-from mograft.io.bvh.reader import read_bvh
+from mograft.io.addresses import read_clip, split_address
 from mograft.library.discover import has_provenance
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -94,16 +94,16 @@ def _draw(options: argparse.Namespace) -> "Axes":
 
 
 def _timeline_scene(options: argparse.Namespace, folder: Path | None) -> Scene:
-    """Return a scene of the selected clips of a library, or of BVH files.
+    """Return a scene of the selected clips of a library, or of motion files.
 
-    `folder` is that of a library, or None for BVH files. Files of grafts are shown with their
+    `folder` is that of a library, or None for motion files. Files of grafts are shown with their
     donors. All other files form a library, which gives their segments clusters.
     """
     if folder is not None:
         library = load_library(options)
         return Scene.of_clips(library, select_clips(library, options.clip))
     files = expand_folders(options.files)
-    grafts = [file for file in files if has_provenance(Path(file))]
+    grafts = [file for file in files if has_provenance(Path(split_address(file)[0]))]
     options.files = [file for file in files if file not in grafts]
     libraries = [load_library(options)] if options.files else []
     return Scene.of([*libraries, *grafts])
@@ -114,7 +114,7 @@ def _single_motion(
 ) -> tuple[Motion, JointGroups | str | None]:
     """Return the only motion that the options select, and the joint groups for its colours.
 
-    `folder` is that of a library, or None for BVH files. Raise ValueError if the options select
+    `folder` is that of a library, or None for motion files. Raise ValueError if the options select
     several motions.
     """
     groups: JointGroups | str | None
@@ -124,7 +124,7 @@ def _single_motion(
         groups = library.groups
     else:
         groups = None if options.groups is None else selected_groups(options)
-        motions = [read_bvh(file) for file in expand_folders(options.files)]
+        motions = [read_clip(file) for file in expand_folders(options.files)]
     if len(motions) != 1:
         raise ValueError(f"{options.kind} shows exactly one motion, got {len(motions)}")
     return motions[0], groups

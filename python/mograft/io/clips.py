@@ -1,7 +1,8 @@
 """`Clips`: the motions of one file, each of which is read when it is accessed."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import overload
 
@@ -43,7 +44,7 @@ class Clips(Sequence[Motion]):
         Name of the format, such as ``"glTF"``.
     notes : tuple of str
         Content of the file that is not part of the motions, such as nodes that are not joints.
-    lengths : tuple of ClipLength or None
+    lengths : sequence of ClipLength or None
         The length of each clip; None if only reading the clips shows it.
 
     Examples
@@ -66,7 +67,7 @@ class Clips(Sequence[Motion]):
     load: Callable[[int], Motion] = field(repr=False)
     format: str
     notes: tuple[str, ...] = ()
-    lengths: tuple[ClipLength, ...] | None = None
+    lengths: Sequence[ClipLength] | None = None
 
     def __post_init__(self) -> None:
         if len(set(self.names)) != len(self.names):
@@ -89,13 +90,42 @@ class Clips(Sequence[Motion]):
         Raises ValueError if no clip has the name, and the errors of the reader.
         """
         if isinstance(index, slice):
-            return tuple(self.load(i) for i in range(len(self))[index])
+            return tuple(self._load(i) for i in range(len(self))[index])
         if not isinstance(index, str):
-            return self.load(range(len(self))[index])
+            return self._load(range(len(self))[index])
         if index not in self.names:
-            hint = suggest_name(index, self.names) or f"; its clips are {join_names(self.names)}"
-            raise ValueError(f"{self.path} has no clip named {index!r}{hint}")
-        return self.load(self.names.index(index))
+            raise self._unknown(index)
+        return self._load(self.names.index(index))
+
+    def _load(self, index: int) -> Motion:
+        """Read a clip; `path` and `clip` of the motion are its address."""
+        motion = self.load(index)
+        clip = None if len(self) == 1 else self.names[index]
+        if (motion.path, motion.clip) == (self.path, clip):
+            return motion
+        return replace(motion, path=self.path, clip=clip)
+
+    def _unknown(self, name: str) -> ValueError:
+        hint = suggest_name(name, self.names) or f"; its clips are {join_names(self.names)}"
+        return ValueError(f"{self.path} has no clip named {name!r}{hint}")
+
+    def find(self, pattern: str) -> list[int]:
+        """Return the indices of the clips whose names match a pattern.
+
+        A clip that has the name `pattern` is the only one. Otherwise, names match if the whole
+        name, or its part after the last ``|``, matches the glob `pattern`: Blender writes names
+        such as ``Rig|Walk``. Raises ValueError if no name matches.
+        """
+        if pattern in self.names:
+            return [self.names.index(pattern)]
+        found = [
+            index
+            for index, name in enumerate(self.names)
+            if fnmatchcase(name, pattern) or fnmatchcase(name.rpartition("|")[2], pattern)
+        ]
+        if not found:
+            raise self._unknown(pattern)
+        return found
 
     def address(self, index: int) -> str:
         """Return the address of a clip: the path, followed by ``#`` and the name of the clip.

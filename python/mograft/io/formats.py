@@ -4,24 +4,17 @@ import os
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
-from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from typing import Protocol
 
-from mograft.errors import FormatError, join_names
 from mograft.io.clips import Clips
 from mograft.io.kimodo.joints import is_kimodo
 from mograft.io.smpl.joints import is_amass
-from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
 _HEAD_BYTES = 64
 """Bytes at the start of a file by which its format is recognized."""
-
-_CACHED_FILES = 2
-"""Files that `read_clip` keeps open, so that a file is not parsed again for each of its clips."""
 
 
 class Opener(Protocol):
@@ -44,6 +37,7 @@ class Format:
     suffixes: tuple[str, ...]  # in lower case, with the dot
     opener: str  # "module:function" of an `Opener`, imported when the first file is opened
     matches: Callable[[Path, bytes], bool]  # whether a file with these first bytes has the format
+    requires: str | None = None  # the module without which no file can be opened
 
     def open(self, path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:
         """Open a file; see `Opener`."""
@@ -69,8 +63,12 @@ _AMASS = Format(
 _KIMODO = Format(
     "Kimodo", (".npz",), "io.kimodo.reader:open_kimodo", lambda path, _: is_kimodo(npz_arrays(path))
 )
-# Its reader names what is wrong with other NPZ files.
-_NPZ = Format("NPZ", (".npz",), "io.npz:open_npz", lambda path, _: bool(npz_arrays(path)))
+_NPZ = Format(
+    "NPZ",
+    (".npz",),
+    "io.npz:open_npz",
+    lambda path, _: {"format", "rotations", "parents"} <= npz_arrays(path),
+)
 
 _GLTF = Format(
     "glTF",
@@ -83,6 +81,7 @@ _FBX = Format(
     (".fbx",),
     "io.fbx:open_fbx",
     lambda _, head: head.startswith((b"Kaydara FBX Binary", b"; FBX ")),
+    requires="mograft_fbx",
 )
 
 _USD = Format(
@@ -90,10 +89,12 @@ _USD = Format(
     (".usd", ".usda", ".usdc", ".usdz"),
     "io.usd_reader:open_usd",
     lambda path, head: head.startswith((b"#usda", b"PXR-USDC")) or path.suffix.lower() == ".usdz",
+    requires="pxr",
 )
 
-FORMATS: tuple[Format, ...] = (_BVH, _FBX, _GLTF, _AMASS, _KIMODO, _NPZ, _USD)
-"""All formats. If the content of a file matches several, the first is used."""
+FORMATS: tuple[Format, ...] = (_BVH, _GLTF, _FBX, _AMASS, _KIMODO, _NPZ, _USD)
+"""All formats. If the content of a file matches several, the first is used. Of files in a folder
+with the same stem, those of the first format are used."""
 
 SUFFIXES = tuple(dict.fromkeys(suffix for form in FORMATS for suffix in form.suffixes))
 """The suffixes of files with motions, which mograft looks for in folders."""
@@ -102,10 +103,21 @@ SUFFIXES = tuple(dict.fromkeys(suffix for form in FORMATS for suffix in form.suf
 def find_format(path: Path) -> Format:
     """Return the format of a file.
 
-    Formats with the suffix of the file come first; among these, and then among all formats, the
-    content decides. A file that no format matches has the only format of its suffix; without such a
-    format, it is BVH, whose reader then names what is wrong. Raises OSError if the file cannot be
-    read, and `FormatError` if several formats have the suffix and none matches.
+    It is that of `recognize_format`. A file whose content no format matches has the last format of
+    its suffix, or else BVH, whose reader then names what is wrong. Raises OSError if the file
+    cannot be read.
+    """
+    found = recognize_format(path)
+    if found is not None:
+        return found
+    by_suffix = [form for form in FORMATS if path.suffix.lower() in form.suffixes]
+    return by_suffix[-1] if by_suffix else _BVH
+
+
+def recognize_format(path: Path) -> Format | None:
+    """Return the format that matches the content of a file, or None if there is none.
+
+    Formats with the suffix of the file come first. Raises OSError if the file cannot be read.
     """
     if not path.is_file():  # a pipe, whose first bytes can be read only once
         return _BVH
@@ -115,10 +127,7 @@ def find_format(path: Path) -> Format:
     for form in (*by_suffix, *FORMATS):
         if form.matches(path, head):
             return form
-    if len(by_suffix) > 1:
-        names = " or ".join(form.name for form in by_suffix)
-        raise FormatError(f"expected {names}, got other content", path)
-    return by_suffix[0] if by_suffix else _BVH
+    return None
 
 
 def read(
@@ -165,82 +174,3 @@ def read(
     if not path.exists():
         raise FileNotFoundError(2, "No such file or directory", str(path))
     return find_format(path).open(path, rate=rate, skeleton=skeleton)
-
-
-def split_address(address: str) -> tuple[str, str | None]:
-    """Split the address of a clip into its path and the name of the clip, None without a name.
-
-    The path is the longest start of the address, up to the end or a ``#``, that exists. If none
-    exists, the address is split at its last ``#``.
-
-    >>> split_address("Knight.glb#Walking_A")
-    ('Knight.glb', 'Walking_A')
-    >>> split_address("walk.bvh")
-    ('walk.bvh', None)
-    """
-    if "#" not in address or os.path.lexists(address):
-        return address, None
-    path, end = address, len(address)
-    while (end := address.rfind("#", 0, end)) > 0:
-        if os.path.isfile(address[:end]):
-            path = address[:end]
-            break
-    else:
-        path = address.rpartition("#")[0]
-    return path, address[len(path) + 1 :]
-
-
-def read_clip(
-    address: str | os.PathLike[str], *, rate: float | None = None, skeleton: Skeleton | None = None
-) -> Motion:
-    """Read the motion at an address: a path, or ``path#clip`` for a clip of a file with several.
-
-    `rate` and `skeleton` are as for `read`. Raises ValueError if the file has several clips and the
-    address names none of them, and the errors of `read`.
-    """
-    path, name = split_address(os.fspath(address))
-    clips = open_clips(path, rate=rate, skeleton=skeleton)
-    if name is not None:
-        return clips[name]
-    if len(clips) != 1:
-        raise ValueError(
-            f"{path} has {len(clips)} clips; name one of them, as in {clips.address(0)}: "
-            f"{join_names(clips.names)}"
-        )
-    return clips[0]
-
-
-def find_addresses(address: str) -> list[str]:
-    """Return the addresses of all clips that an address stands for, in the order of the file.
-
-    A path stands for all clips of the file, ``path#pattern`` for those whose names match a glob.
-    Raises ValueError if no name matches, and the errors of `read`.
-    """
-    path, pattern = split_address(address)
-    clips = open_clips(path)
-    names = clips.names
-    chosen = [
-        index
-        for index, name in enumerate(names)
-        if pattern is None or name == pattern or fnmatchcase(name, pattern)
-    ]
-    if not chosen and pattern is not None:
-        clips[pattern]  # raises an error that lists the names
-    return [clips.address(index) for index in chosen]
-
-
-def open_clips(path: str, *, rate: float | None = None, skeleton: Skeleton | None = None) -> Clips:
-    """Return the clips of a file as `read` does; the last files are kept open."""
-    if not os.path.isfile(path):
-        return read(path, rate=rate, skeleton=skeleton)
-    status = os.stat(path)
-    state = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
-    return _open_cached(path, state, rate, skeleton)
-
-
-@lru_cache(maxsize=_CACHED_FILES)
-def _open_cached(
-    path: str, _state: tuple[int, ...], rate: float | None, skeleton: Skeleton | None
-) -> Clips:
-    """Open a file; `_state` differs if the file has changed."""
-    return read(path, rate=rate, skeleton=skeleton)

@@ -74,7 +74,7 @@ _SCHEMA = """
 CREATE TABLE skeleton (id INTEGER PRIMARY KEY, json TEXT NOT NULL);
 CREATE TABLE clip (
     id INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE, own_name TEXT NOT NULL,
-    path TEXT, bytes INTEGER, mtime_ns INTEGER, sha256 TEXT,
+    path TEXT, bytes INTEGER, mtime_ns INTEGER, sha256 TEXT, file_format TEXT, file_clip TEXT,
     rate REAL NOT NULL, given_rate REAL, own_frames INTEGER NOT NULL, n_frames INTEGER NOT NULL,
     root INTEGER NOT NULL, up INTEGER NOT NULL, faults TEXT NOT NULL, tags TEXT NOT NULL,
     shard INTEGER NOT NULL, first_number INTEGER NOT NULL, n_numbers INTEGER NOT NULL,
@@ -96,9 +96,9 @@ CREATE TABLE label (
 
 _INSERT_CLIP = """
 INSERT INTO clip VALUES (
-    :id, :name, :source_name, :path, :size, :mtime_ns, :sha256, :source_rate, :rate_override,
-    :source_frames, :n_frames, :root, :up, :faults, :tags, :shard, :first_number, :n_numbers,
-    :first_row, :content, :frame_time, :repairs, :skeleton
+    :id, :name, :source_name, :path, :size, :mtime_ns, :sha256, :format, :clip, :source_rate,
+    :rate_override, :source_frames, :n_frames, :root, :up, :faults, :tags, :shard, :first_number,
+    :n_numbers, :first_row, :content, :frame_time, :repairs, :skeleton
 )
 """
 """The parameters have the names of the fields of `ClipInfo`, `SourceFile` and `ClipLocation`."""
@@ -106,12 +106,17 @@ INSERT INTO clip VALUES (
 _COLUMN_OF_FIELD = {
     "source_name": "own_name",
     "size": "bytes",
+    "format": "file_format",
+    "clip": "file_clip",
     "source_rate": "rate",
     "rate_override": "given_rate",
     "source_frames": "own_frames",
     "content": "kind",
 }
 """Columns whose names differ from the fields that they hold."""
+
+_ADDED_COLUMNS = ("file_format", "file_clip")
+"""Columns that libraries of earlier versions lack."""
 
 
 def write_clip_table(
@@ -161,7 +166,7 @@ def _clip_row(index: int, info: ClipInfo, location: ClipLocation, folder: Path) 
     for name in ("faults", "tags", "repairs"):
         row[name] = json.dumps(row[name])
     if file is None:
-        return row | dict.fromkeys(("path", "size", "mtime_ns", "sha256"))
+        return row | dict.fromkeys(SourceFile._fields)
     return row | file._asdict() | {"path": relative_path(file.path, folder).as_posix()}
 
 
@@ -221,7 +226,10 @@ def _read_locations(database: sqlite3.Connection) -> Iterator[ClipLocation]:
 
 def _select(database: sqlite3.Connection, names: Iterable[str]) -> sqlite3.Cursor:
     """Select for all clips the columns that hold the fields `names`."""
-    columns = ", ".join(_COLUMN_OF_FIELD.get(name, name) for name in names)
+    known = {row[1] for row in database.execute("PRAGMA table_info(clip)")}
+    added = set(_ADDED_COLUMNS) - known  # by a later version than the one that wrote the library
+    wanted = (_COLUMN_OF_FIELD.get(name, name) for name in names)
+    columns = ", ".join("NULL" if column in added else column for column in wanted)
     return database.execute(f"SELECT {columns} FROM clip ORDER BY id")
 
 

@@ -1,5 +1,6 @@
-"""Find the clips of a library, name them, and look up their tags and frame rates."""
+"""Find the clips of a library, and look up their tags and frame rates."""
 
+import contextlib
 import csv
 import glob
 import hashlib
@@ -9,15 +10,24 @@ import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from functools import cache
+from functools import cache, lru_cache
+from importlib.util import find_spec
 from os import PathLike, fspath
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
+from mograft.errors import MograftError, join_names
+from mograft.io.addresses import find_addresses, join_address, open_clips, split_address
+from mograft.io.formats import FORMATS, Format, find_format, recognize_format
 from mograft.motion.motion import Motion
 
 ClipSource = Motion | str | PathLike[str]
 T = TypeVar("T")
+
+_RANK_OF_SUFFIX = {
+    suffix: rank for rank, form in reversed(list(enumerate(FORMATS))) for suffix in form.suffixes
+}
+"""Index in `FORMATS` of the first format with each suffix."""
 
 
 class SourceFile(NamedTuple):
@@ -27,21 +37,36 @@ class SourceFile(NamedTuple):
     size: int  # bytes
     mtime_ns: int  # time of the last modification
     sha256: str
+    format: str | None = None  # name of the `Format`; None in libraries of earlier versions
+    clip: str | None = None  # name of the clip in the file, if the file holds several
 
     @classmethod
-    def from_path(cls, path: str) -> "SourceFile":
-        """Return the present state of a file."""
-        with open(path, "rb") as stream:
-            status = os.fstat(stream.fileno())
-            sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
-        return cls(path, status.st_size, status.st_mtime_ns, sha256)
+    def from_path(cls, path: str, clip: str | None = None) -> "SourceFile":
+        """Return the present state of a file, from which a clip is read."""
+        status = os.stat(path)
+        state = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
+        sha256, form = _hash_and_format(path, state)
+        return cls(path, status.st_size, status.st_mtime_ns, sha256, form, clip)
+
+    @property
+    def address(self) -> str:
+        """The address of the clip."""
+        return join_address(self.path, self.clip)
+
+
+@lru_cache(maxsize=2)  # a file may hold many clips
+def _hash_and_format(path: str, _state: tuple[int, ...]) -> tuple[str, str]:
+    """Return the SHA-256 and the format of a file; `_state` differs if the file has changed."""
+    with open(path, "rb") as stream:
+        sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+    return sha256, find_format(Path(path)).name
 
 
 @dataclass(frozen=True, eq=False)
 class FoundClip:
     """A clip that a source stands for."""
 
-    source: Motion | str  # the clip, or its file
+    source: Motion | str  # the clip, or its address
     folders: tuple[str, ...] = ()  # the folders between the source and the file
     is_graft: bool = False  # whether a folder holds it with the provenance of a graft beside it
 
@@ -50,20 +75,25 @@ class FoundClip:
         """Keys by which `tags` and `frame_rates` can name the clip; see `matching_values`.
 
         A motion has one key: its name. A file has three: its name without suffix, its name, and its
-        path relative to the source.
+        path relative to the source. A clip of a file with several clips has its name, its address
+        with the name and with the relative path of the file, and the keys of the file.
         """
         if isinstance(self.source, Motion):
             return (self.source.name,)
-        path = Path(self.source)
-        return (path.stem, path.name, "/".join((*self.folders, path.name)))
+        path, clip = split_address(self.source)
+        stem, name = Path(path).stem, Path(path).name
+        relative = "/".join((*self.folders, name))
+        keys = (stem, name, relative)
+        return keys if clip is None else (clip, f"{name}#{clip}", f"{relative}#{clip}", *keys)
 
 
 def find_clips(sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
-    """Find the clips that motions, paths, folders and globs stand for, in the order of the sources.
+    """Find the clips that motions, addresses, folders and globs stand for, in this order.
 
     A folder stands for the files that `scan_folder` returns, a glob for the regular files that it
-    matches. Both are sorted by name. Raise FileNotFoundError if a path, folder or glob provides no
-    file, and ValueError if there is no source.
+    matches. Both are sorted by name. A file stands for all of its clips. Raise FileNotFoundError if
+    a path, folder or glob provides no file, `FormatError` if a file cannot be opened and must be to
+    know its clips, and ValueError if there is no source or an address matches no clip.
     """
     several = [sources] if isinstance(sources, Motion | str | PathLike) else sources
     clips: list[FoundClip] = []
@@ -75,35 +105,88 @@ def find_clips(sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
 
 
 def scan_folder(folder: str) -> list[Path]:
-    """Return the BVH files in a folder and its subfolders, sorted by path.
+    """Return the motion files in a folder and its subfolders, sorted by path.
 
-    Hidden files, files in hidden folders and anything but regular files are left out. Other
-    programs give hidden names to copies and to incomplete files; reading a pipe would block.
+    Files are chosen by suffix. Of files in the same folder with the same stem, only those of the
+    first format in `FORMATS` are returned: they are exports of one another. Hidden files, files in
+    hidden folders and anything but regular files are left out. Other programs give hidden names to
+    copies and to incomplete files; reading a pipe would block.
     """
     files: list[Path] = []
     for parent, folders, names in os.walk(folder):
         folders[:] = [name for name in folders if not name.startswith(".")]
-        paths = [Path(parent, name) for name in names if not name.startswith(".")]
-        files += [path for path in paths if path.suffix.lower() == ".bvh" and path.is_file()]
+        ranks: dict[str, dict[int, list[Path]]] = {}
+        for path in (Path(parent, name) for name in names if not name.startswith(".")):
+            rank = _RANK_OF_SUFFIX.get(path.suffix.lower())
+            if rank is not None and path.is_file():
+                ranks.setdefault(path.stem, {}).setdefault(rank, []).append(path)
+        for by_rank in ranks.values():
+            files += by_rank[min(by_rank)]
     return sorted(files)
 
 
-def _find_files(path: str) -> list[FoundClip]:
-    if os.path.isdir(path):
-        files = scan_folder(path)
-        if not files:
-            raise FileNotFoundError(2, "no BVH file in this folder", path)
-        return [
-            FoundClip(str(file), file.relative_to(path).parts[:-1], is_graft=has_provenance(file))
-            for file in files
-        ]
+def _find_files(address: str) -> list[FoundClip]:
+    if os.path.isdir(address):
+        return _find_in_folder(address)
+    path, clip = split_address(address)
     matches = sorted(glob.glob(path, recursive=True)) if glob.has_magic(path) else []
     matches = [match for match in matches if os.path.isfile(match)]
     if glob.has_magic(path) and not matches and not glob.glob(glob.escape(path)):
         raise FileNotFoundError(f"no file matches {path}")
     if not matches and not os.path.lexists(path):
         raise FileNotFoundError(2, "No such file or directory", path)
-    return [FoundClip(match) for match in matches or [path]]
+    if clip is None or not matches:
+        files = [join_address(match, clip) for match in matches or [path]]
+        return [FoundClip(own) for file in files for own in _expand_file(file)]
+    found: list[FoundClip] = []
+    for match in matches:
+        with contextlib.suppress(ValueError):  # no clip of this file has the name
+            found += map(FoundClip, find_addresses(join_address(match, clip)))
+    if not found:
+        raise ValueError(f"no clip of the {len(matches)} files that match {path} matches {clip}")
+    return found
+
+
+def _expand_file(address: str) -> list[str]:
+    """Return the addresses of the clips of a file; a BVH file, which has one clip, is not read."""
+    path, clip = split_address(address)
+    is_bvh = clip is None and find_format(Path(path)).name == "BVH"
+    return [address] if is_bvh else find_addresses(address)
+
+
+def _has_clip(file: Path, form: Format) -> bool:
+    """Return whether a file holds a motion; raise an error if it cannot be opened."""
+    return form.name == "BVH" or len(open_clips(str(file))) > 0
+
+
+def _find_in_folder(folder: str) -> list[FoundClip]:
+    """Return the clips of the files in a folder.
+
+    Files without a motion are left out, such as meshes and arrays of other programs. A file that
+    cannot be opened is a clip, which ingest refuses with the reason. Warn of files whose format
+    needs a package that is not installed.
+    """
+    found: list[FoundClip] = []
+    missing: dict[str, list[str]] = {}
+    for file in scan_folder(folder):
+        form = find_format(file) if file.suffix.lower() == ".bvh" else recognize_format(file)
+        if form is None:
+            continue
+        if form.requires is not None and find_spec(form.requires) is None:
+            missing.setdefault(form.name, []).append(file.name)
+            continue
+        try:
+            addresses = _expand_file(str(file)) if _has_clip(file, form) else []
+        except (MograftError, OSError, ValueError):
+            addresses = [str(file)]
+        folders, is_graft = file.relative_to(folder).parts[:-1], has_provenance(file)
+        found += [FoundClip(own, folders, is_graft=is_graft) for own in addresses]
+    for name, files in missing.items():
+        remedy = f"pip install 'mograft[{name.lower()}]'"
+        warnings.warn(f"left out {join_names(files)}: {name} needs {remedy}", stacklevel=5)
+    if not found:
+        raise FileNotFoundError(2, "no motion file in this folder", folder)
+    return found
 
 
 def has_provenance(path: Path) -> bool:

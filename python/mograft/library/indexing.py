@@ -11,6 +11,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.embedding import CHUNK
 from mograft.body.groups import JointGroups
+from mograft.io.addresses import split_address
 from mograft.library.build import join_segments, name_clips
 from mograft.library.clip_table import ClipInfo, ClipLocation
 from mograft.library.clusters import cluster_groups, embed_groups, feature_joints_by_group
@@ -105,7 +106,7 @@ def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], run: I
         # Another process may have added clips since the library was opened.
         base = load_library(LibraryData, writer.base)
         run = replace(run, config=base.config, rate=writer.base.manifest["given_rate"])
-        files = {info.source_file.path: info for info in base.entries if info.source_file}
+        files = {info.source_file.address: info for info in base.entries if info.source_file}
         pending = [
             clip
             for clip in _pending_files(run, sources, writer.final)
@@ -131,17 +132,24 @@ def _pending_files(
             raise TypeError(
                 "`sources` must be files, got a Motion; use Library.build and Library.save for it"
             )
-        by_path[relative_path(found.source, folder).parts] = found
+        by_path[_path_key(found.source, folder)] = found
     return [run.pending(ClipOrder(0, path), by_path[path]) for path in sorted(by_path)]
 
 
-def _is_new_or_changed(clip: PendingClip, files: Mapping[str, ClipInfo]) -> bool:
-    """Return whether a file is not in the library or differs from the version that was read.
+def _path_key(address: str, folder: Path) -> tuple[str, ...]:
+    """Return the sort key of a clip in a library: its path from the folder, and its name there."""
+    path, clip = split_address(address)
+    parts = relative_path(path, folder).parts
+    return parts if clip is None else (*parts, clip)
 
-    `files` holds the metadata of the library's clips by path.
+
+def _is_new_or_changed(clip: PendingClip, files: Mapping[str, ClipInfo]) -> bool:
+    """Return whether a clip is not in the library, or its file differs from the one that was read.
+
+    `files` holds the metadata of the library's clips by address.
     """
-    path = clip.task().source
-    info = files.get(path) if isinstance(path, str) else None
+    address = clip.task().source
+    info = files.get(address) if isinstance(address, str) else None
     if info is None or info.source_file is None:
         return True
     if clip.rate_override is not None and clip.rate_override != info.rate_override:
@@ -171,9 +179,9 @@ def _kept_clips(
     for index, (info, location) in enumerate(clips):
         order = ClipOrder(1, (f"{index:09}",))
         if info.source_file is not None:
-            path = info.source_file.path
-            order = ClipOrder(0, relative_path(path, stored.folder).parts)
-            tags = dict.fromkeys(chain(info.tags, *matching_values(run.tags, FoundClip(path))))
+            address = info.source_file.address
+            order = ClipOrder(0, _path_key(address, stored.folder))
+            tags = dict.fromkeys(chain(info.tags, *matching_values(run.tags, FoundClip(address))))
             if len(tags) > len(info.tags):
                 info = info._replace(tags=tuple(tags))
         if order in replaced:

@@ -19,7 +19,7 @@ from mograft.body.faults import find_faults
 from mograft.body.mass import mass_model
 from mograft.config import Config
 from mograft.errors import MograftError
-from mograft.io.bvh.reader import read_bvh
+from mograft.io.addresses import read_clip, split_address
 from mograft.library.discover import SourceFile
 from mograft.library.packing import PackedMotion, pack
 from mograft.library.spec import ClipProperties, LibrarySpec, rates_match
@@ -43,16 +43,16 @@ _MAX_PENDING_BATCHES = 16
 class IngestTask:
     """A clip to ingest."""
 
-    source: Motion | str  # the clip, or its file
+    source: Motion | str  # the clip, or its address
     rate_override: float | None = None  # frames per second, if the file gives a wrong rate
     source_file: SourceFile | None = None  # the file from which a motion was read earlier
-    as_read: bool = False  # whether the motion is an unchanged result of `read_bvh`
+    as_read: bool = False  # whether the motion is an unchanged result of a reader
 
     @property
     def label(self) -> str:
-        """Name of the clip in messages: its file, or else the name of the motion."""
+        """Name of the clip in messages: its address, or else the name of the motion."""
         if self.source_file is not None:
-            return self.source_file.path
+            return self.source_file.address
         return self.source if isinstance(self.source, str) else self.source.name or "a clip"
 
 
@@ -76,7 +76,7 @@ class IngestedClip:
 class RefusedClip:
     """A clip that cannot be part of the library."""
 
-    label: str  # its file or name
+    label: str  # its address or name
     error: Exception
     properties: ClipProperties | None  # None if the clip could not be read
 
@@ -133,8 +133,8 @@ def _read(task: IngestTask) -> tuple[IngestTask, Motion]:
             source.encode()
         except UnicodeEncodeError as error:
             raise ValueError(f"{source!r}: the file name is not UTF-8") from error
-        source_file = SourceFile.from_path(source)
-        source = read_bvh(source)
+        source = read_clip(source)
+        source_file = SourceFile.from_path(split_address(label)[0], source.clip)
         task = replace(task, source=source, source_file=source_file, as_read=True)
     if source.n_frames < 2:
         raise ValueError(f"`{label}` must have at least 2 frames, got 1")

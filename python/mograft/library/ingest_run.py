@@ -1,6 +1,5 @@
 """Ingest of all clips of a library: options, order, refusals, warnings."""
 
-import os
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -12,6 +11,7 @@ import numpy as np
 
 from mograft.config import Config
 from mograft.errors import SkeletonMismatchError, join_names
+from mograft.io.addresses import absolute_address
 from mograft.library.clip_table import ClipInfo
 from mograft.library.clusters import Progress
 from mograft.library.discover import (
@@ -86,7 +86,7 @@ class PendingClip:
             )
         source = self.found.source
         if isinstance(source, str):
-            source = os.path.abspath(source)
+            source = absolute_address(source)
         return IngestTask(source, self.rate_override)
 
     def updated_info(

@@ -87,8 +87,10 @@ class Library(DerivableLibrary):
 
         Parameters
         ----------
-        sources : Motion, path, folder or glob, or several
-            The clips; the files of a folder or glob in order of name.
+        sources : Motion, address, folder or glob, or several
+            The clips. An address is a path, which stands for all clips of a file, or
+            ``path#clip``, in which ``clip`` may be a glob. The files of a folder or glob are in
+            order of name.
         groups : JointGroups or str
             The joint groups, or the name of a preset.
         config : Config, optional
@@ -115,8 +117,8 @@ class Library(DerivableLibrary):
 
         Raises
         ------
-        BvhError, FileNotFoundError
-            If a file is not a valid BVH file; if a path, folder or glob holds no file.
+        FormatError, FileNotFoundError
+            If a file is invalid; if a path, folder or glob holds no file.
         SkeletonMismatchError
             If the clips differ in joint names or hierarchy.
         ValueError
@@ -185,7 +187,7 @@ class Library(DerivableLibrary):
             If the folder is not a library, or another process is writing to it.
         ValueError
             If the groups do not fit the skeleton, or no clip can be used.
-        BvhError, FileNotFoundError, SkeletonMismatchError
+        FormatError, FileNotFoundError, SkeletonMismatchError
             As for `build`; for single clips only with `strict`.
 
         Examples
@@ -235,7 +237,7 @@ class Library(DerivableLibrary):
             If the library is in memory, or no clip can be used.
         TypeError
             If `rate` is given, which is fixed when a library is created.
-        BvhError, FileNotFoundError, SkeletonMismatchError
+        FormatError, FileNotFoundError, SkeletonMismatchError
             As for `index`.
 
         Notes

@@ -12,7 +12,7 @@ import numpy as np
 
 from mograft.body.mirroring import MirroredClips
 from mograft.errors import MograftError
-from mograft.io.bvh.reader import read_bvh
+from mograft.io.addresses import join_address, read_clip
 from mograft.library.data import LibraryData
 from mograft.library.derive import BUILD_FIELDS
 from mograft.library.discover import SourceFile
@@ -128,7 +128,11 @@ def hash_library(library: LibraryData) -> str:
     for index in range(len(_Derivation.of(library).clips)):
         info = library.entries[index]
         file = info.source_file
-        content = hash_poses(library.clips[index]) if file is None else file.sha256
+        content = (
+            hash_poses(library.clips[index])
+            if file is None
+            else join_address(file.sha256, file.clip)
+        )
         clips.append([info.name, content, info.rate_override, info.n_frames])
     config = library.config.as_dict()
     document = {
@@ -173,8 +177,8 @@ def find_source_file(motion: Motion, rate: float | None = None) -> SourceFile | 
     if motion.path is None:
         return None
     try:
-        source_file = SourceFile.from_path(os.path.abspath(motion.path))
-        read = read_bvh(motion.path)
+        source_file = SourceFile.from_path(os.path.abspath(motion.path), motion.clip)
+        read = read_clip(source_file.address)
     except (MograftError, OSError, ValueError):
         return None
     if rate is not None and not rates_match(read.rate, rate):

@@ -30,6 +30,7 @@ class PackedMotion:
     n_frames: int
     name: str
     path: str | None  # the file from which the motion was read
+    clip: str | None  # name of the motion in the file, if the file holds several
     repairs: tuple[str, ...]  # defects of the file that the reader repaired
 
 
@@ -37,7 +38,7 @@ def pack(motion: Motion, *, as_read: bool = False) -> PackedMotion:
     """Return a motion as one array: only its channel values if these determine its poses.
 
     The channel values take half the space. `as_read` states that the motion is an unchanged result
-    of `read_bvh`: its channel values determine the poses. Otherwise `pack` computes the poses from
+    of a reader: its channel values determine the poses. Otherwise `pack` computes the poses from
     the channel values and compares them bit for bit.
     """
     values = motion.channel_values
@@ -54,6 +55,7 @@ def pack(motion: Motion, *, as_read: bool = False) -> PackedMotion:
         n_frames=motion.n_frames,
         name=motion.name,
         path=None if motion.path is None else str(motion.path),
+        clip=motion.clip,
         repairs=motion.repairs,
     )
 
@@ -93,5 +95,6 @@ def unpack(packed: PackedMotion) -> Motion:
         channel_values=values,
         name=packed.name,
         path=None if packed.path is None else Path(packed.path),
+        clip=packed.clip,
         repairs=packed.repairs,
     )

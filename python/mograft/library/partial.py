@@ -10,7 +10,7 @@ from mograft.analysis.embedding import Samples
 from mograft.body.groups import JointGroups
 from mograft.body.mirroring import mirror
 from mograft.config import Config
-from mograft.io.bvh.reader import read_bvh
+from mograft.io.addresses import read_clip
 from mograft.library.build import join_segments
 from mograft.library.clip_table import ClipInfo
 from mograft.library.clusters import cluster_groups, join_boundary_states
@@ -29,7 +29,7 @@ class PartialClip:
     """A clip to read, by the file that holds it."""
 
     name: str  # in the library
-    path: str
+    address: str
     rate_override: float | None  # frames per second, if the file gives a wrong rate
     is_mirrored: bool  # whether the clip is the mirror image of that in the file
     is_in_library: bool  # False for a base outside the library
@@ -48,9 +48,9 @@ def build_partial_library(
     `origin` is the origin of the whole library. The segments of a clip depend only on the clip, the
     configuration and the library specification, and not on other clips. Every segment is a cluster
     by itself.
-    Raise an error of `read_bvh` if a file cannot be read, and ValueError if a clip does not fit.
+    Raise an error of `read_clip` if a file cannot be read, and ValueError if a clip does not fit.
     """
-    skeleton = read_bvh(clips[0].path).skeleton
+    skeleton = read_clip(clips[0].address).skeleton
     spec = LibrarySpec(skeleton, origin.rate, origin.root, origin.up)
     ingested = [_ingest(clip, config, spec) for clip in clips]
     infos = [
@@ -97,7 +97,7 @@ def build_partial_library(
 
 def _ingest(clip: PartialClip, config: Config, spec: LibrarySpec) -> IngestedClip:
     """Read a clip, and mirror it if required."""
-    result = ingest(IngestTask(clip.path, clip.rate_override), spec, config, is_packed=False)
+    result = ingest(IngestTask(clip.address, clip.rate_override), spec, config, is_packed=False)
     if not isinstance(result, IngestedClip):
         raise result.error
     motion = result.clip

@@ -74,6 +74,7 @@ class StoredClips(Sequence[Motion]):
                 n_frames=info.source_frames,
                 name=info.source_name if as_read else info.name,
                 path=None if info.source_file is None else info.source_file.path,
+                clip=None if info.source_file is None else info.source_file.clip,
                 repairs=location.repairs,
             )
         )

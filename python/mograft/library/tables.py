@@ -50,6 +50,7 @@ def library_tables(library: "LibraryData") -> dict[str, Columns]:
             clip=np.arange(len(entries)),
             name=list(library.names),
             file=["" if file is None else file.path for file in files],
+            file_clip=["" if file is None or file.clip is None else file.clip for file in files],
             sha256=["" if file is None else file.sha256 for file in files],
             frames=np.array([info.n_frames for info in entries], np.int64),
             own_rate=np.array([info.source_rate for info in entries], np.float64),

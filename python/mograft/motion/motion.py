@@ -52,6 +52,8 @@ class Motion:
         Name of the motion; for a file, its stem.
     path : Path, optional
         The file from which the motion was read.
+    clip : str, optional
+        Name of the motion in the file, if the file holds several.
     repairs : tuple of str
         Deviations from the format that the reader tolerated, each with its line number.
 
@@ -79,6 +81,7 @@ class Motion:
     computed_values: BoolArray | None = None
     name: str = ""
     path: Path | None = None
+    clip: str | None = None
     repairs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

@@ -93,6 +93,7 @@ def _still(clip: Motion, frame: int, n_frames: int) -> Motion:
         channel_values=None,
         name="scenario",
         path=None,
+        clip=None,
         repairs=(),
     )
 

@@ -26,6 +26,7 @@ class ClipRecord:
 
     name: str
     file: str | None  # relative to the folder of the document
+    clip: str | None  # name in the file, if the file holds several clips
     sha256: str | None
     is_base: bool
     is_mirrored: bool
@@ -40,6 +41,7 @@ class ClipRecord:
         return cls(
             name=str(record["name"]),
             file=_optional_str(record["file"]),
+            clip=_optional_str(record.get("clip")),
             sha256=_optional_str(record["sha256"]),
             is_base="base" in record["roles"],
             is_mirrored=bool(record["is_mirrored"]),
@@ -54,6 +56,7 @@ class ClipRecord:
         return cls(
             name=str(record["name"]),
             file=_optional_str(record["file"]),
+            clip=_optional_str(record.get("clip")),
             sha256=_optional_str(record["sha256"]),
             is_base=False,
             is_mirrored=False,

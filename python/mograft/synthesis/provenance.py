@@ -155,8 +155,9 @@ def _clip_records(graft: "Graft", folder: Path) -> list[Record]:
 
 def _file_record(file: SourceFile | None, folder: Path) -> Record:
     if file is None:
-        return {"file": None, "sha256": None}
-    return {"file": relative_path(file.path, folder).as_posix(), "sha256": file.sha256}
+        return {"file": None, "clip": None, "sha256": None}
+    path = relative_path(file.path, folder).as_posix()
+    return {"file": path, "clip": file.clip, "sha256": file.sha256}
 
 
 def _licence(tags: Iterable[str]) -> str | None:

@@ -1,5 +1,6 @@
 """The library and the files that the provenance of a graft names."""
 
+import glob
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from mograft.errors import LibraryError, ProvenanceError, join_names
-from mograft.io.bvh.reader import read_bvh
+from mograft.io.addresses import join_address, read_clip, split_address
 from mograft.library.discover import SourceFile, scan_folder
 from mograft.library.library import Library
 from mograft.library.origin import (
@@ -74,11 +75,11 @@ def find_library(
         except (LibraryError, ProvenanceError) as error:
             problem = str(error).removeprefix(f"{record.label}: ") + "; "
     try:
-        paths = [find_file(record, clip, sources) for clip in record.clips]
+        addresses = [find_clip(record, clip, sources) for clip in record.clips]
     except ProvenanceError as error:
         reason = str(error).removeprefix(f"{record.label}: ")
         raise record.error(problem + reason) from error
-    return _partial_library(record, record.library, paths)
+    return _partial_library(record, record.library, addresses)
 
 
 def find_whole_library(record: GraftRecord, sources: Sequence[str]) -> Library:
@@ -94,7 +95,7 @@ def find_whole_library(record: GraftRecord, sources: Sequence[str]) -> Library:
         )
     if origin.folder is not None and not sources:
         return prepare_library(record, Library.open(origin.folder), str(origin.folder))
-    names = [str(_source_path(record, own)) for own in sources or record.sources]
+    names = [_present_source(record, own) for own in sources or record.sources]
     if not names:
         raise record.error("the graft was made in Python: give the library, or all of its files")
     library = Library.build(names, record.groups, record.config)
@@ -104,15 +105,16 @@ def find_whole_library(record: GraftRecord, sources: Sequence[str]) -> Library:
     return prepare_library(record, library, f"the library of {join_names(names)}")
 
 
-def _source_path(record: GraftRecord, source: str) -> Path:
-    """Return the present path of a file or folder of the recorded command line."""
-    name = Path(source).name
+def _present_source(record: GraftRecord, source: str) -> str:
+    """Return the present address of a file or folder of the recorded command line."""
+    path, pattern = split_address(source)
+    name = Path(path).name
     clip = next((own for own in record.clips if own.file and Path(own.file).name == name), None)
-    if Path(source).exists():
-        return Path(source)
+    if Path(path).exists() or glob.has_magic(path):
+        return source
     if clip is None:
         raise record.error(f"{source} is missing: give the library, or all of its files")
-    return Path(find_file(record, clip, ()))
+    return join_address(find_file(record, clip, ()), pattern)
 
 
 def _with_base(record: GraftRecord, library: Library, sources: Sequence[str]) -> RecordedLibrary:
@@ -125,7 +127,7 @@ def _with_base(record: GraftRecord, library: Library, sources: Sequence[str]) ->
     elif outside:
         base = n_clips
         if n_clips == len(library.entries):
-            motion = read_bvh(find_file(record, outside[0], sources))
+            motion = read_clip(find_clip(record, outside[0], sources))
             library = library.with_clip(replace(motion, name=outside[0].name))
     elif record.base in clips:
         base = clips[record.base]
@@ -151,6 +153,11 @@ def prepare_library(record: GraftRecord, library: Library, label: str) -> Librar
     return library if library.config == record.config else library.relabelled(record.config)
 
 
+def find_clip(record: GraftRecord, clip: ClipRecord, sources: Iterable[str]) -> str:
+    """Return the address of a clip, after comparing the SHA-256 of its file; see `find_file`."""
+    return join_address(find_file(record, clip, sources), clip.clip)
+
+
 def find_file(record: GraftRecord, clip: ClipRecord, sources: Iterable[str]) -> str:
     """Return the path of the file of a clip, after comparing its SHA-256.
 
@@ -174,7 +181,8 @@ def find_file(record: GraftRecord, clip: ClipRecord, sources: Iterable[str]) -> 
 def _possible_paths(record: GraftRecord, file: str, sources: Iterable[str]) -> Iterable[Path]:
     yield record.folder / file
     name = Path(file).name
-    for source in [*sources, *record.sources]:
+    for address in [*sources, *record.sources]:
+        source, _ = split_address(address)
         if Path(source).is_dir():
             yield from (path for path in scan_folder(source) if path.name == name)
         elif Path(source).name == name:
@@ -182,19 +190,19 @@ def _possible_paths(record: GraftRecord, file: str, sources: Iterable[str]) -> I
 
 
 def _partial_library(
-    record: GraftRecord, origin: LibraryOrigin, paths: Sequence[str]
+    record: GraftRecord, origin: LibraryOrigin, addresses: Sequence[str]
 ) -> RecordedLibrary:
-    """Return a library of only the clips of a graft, read from `paths`."""
+    """Return a library of only the clips of a graft, read from `addresses`."""
     clips = [
         PartialClip(
             name=clip.name,
-            path=path,
+            address=address,
             rate_override=clip.true_rate,
             is_mirrored=clip.is_mirrored,
             is_in_library=clip.is_in_library,
             tags=() if clip.licence is None else (f"licence:{clip.licence}",),
         )
-        for clip, path in zip(record.clips, paths, strict=True)
+        for clip, address in zip(record.clips, addresses, strict=True)
     ]
     library = build_partial_library(Library, clips, record.groups, record.config, origin)
     numbered = list(enumerate(record.clips))

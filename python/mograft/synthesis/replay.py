@@ -10,7 +10,7 @@ import numpy as np
 from mograft._util.validate import check_type
 from mograft.blend.reach_completion import ReachCompletion
 from mograft.errors import ProvenanceError
-from mograft.io.bvh.reader import read_bvh
+from mograft.io.addresses import read_clip
 from mograft.library.library import Library
 from mograft.library.origin import hash_poses
 from mograft.motion.motion import Motion
@@ -25,7 +25,7 @@ from mograft.synthesis.graft_plan import GraftPlan
 from mograft.synthesis.graft_record import DAMAGE, ClipRecord, GraftRecord, read_record
 from mograft.synthesis.graft_request import GraftRequest
 from mograft.synthesis.graft_result import Graft
-from mograft.synthesis.record_library import RecordedLibrary, find_file, find_library
+from mograft.synthesis.record_library import RecordedLibrary, find_clip, find_library
 from mograft.synthesis.self_repair import RepairedWindow
 
 
@@ -206,7 +206,7 @@ def _read_request(record: GraftRecord, sources: Sequence[str]) -> GraftRequest:
 
     def decode_motion(motion: Mapping[str, Any]) -> Motion:
         clip = ClipRecord.of_file(motion)
-        return replace(read_bvh(find_file(record, clip, sources)), name=clip.name)
+        return replace(read_clip(find_clip(record, clip, sources)), name=clip.name)
 
     swap = request["swap"]
     constraints = [decode_constraint(own, decode_motion) for own in request["constraints"]]

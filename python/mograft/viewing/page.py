@@ -113,7 +113,7 @@ def view(
 
     Parameters
     ----------
-    *items : Motion, Graft, Library, Scene, or path of a BVH file
+    *items : Motion, Graft, Library, Scene, or address of motions
         What to show. A graft is shown after its base. A motion that occurs twice is shown once.
         A file beside which ``mograft graft`` wrote a .json file is shown as a graft with its
         donors, after its base if the file of the base is found unchanged.
@@ -138,8 +138,8 @@ def view(
     ------
     TypeError, ValueError
         If there is no item, an item has another type, or the groups do not fit.
-    BvhError
-        If a file is not valid BVH.
+    FormatError
+        If a file is invalid.
 
     Examples
     --------

@@ -7,13 +7,13 @@ import numpy as np
 
 from mograft._util.arrays import IntArray
 from mograft.errors import MograftError, ProvenanceError
-from mograft.io.bvh.reader import read_bvh
+from mograft.io.addresses import read_clip
 from mograft.library.discover import has_provenance
 from mograft.motion.motion import Motion
 from mograft.search.constraint_records import decode_constraint
 from mograft.search.constraints import Constraint
 from mograft.synthesis.graft_record import DAMAGE, ClipRecord, GraftRecord, read_record
-from mograft.synthesis.record_library import find_file
+from mograft.synthesis.record_library import find_clip
 from mograft.viewing.figure import Figure, TimelineRow
 
 
@@ -79,7 +79,7 @@ def recorded_base(motion: Motion, record: GraftRecord) -> Motion | None:
     for clip in record.clips:
         if clip.is_base and clip.name == record.base and not clip.is_mirrored:
             try:
-                base = read_bvh(find_file(record, clip, ()))
+                base = read_clip(find_clip(record, clip, ()))
             except (MograftError, OSError):
                 return None
             return base if base.n_frames == motion.n_frames else None
@@ -90,7 +90,7 @@ def recorded_constraints(record: GraftRecord) -> list[Constraint]:
     """Return the constraints of a graft, except those whose files are missing or damaged."""
 
     def decode_motion(values: dict[str, object]) -> Motion:
-        return read_bvh(find_file(record, ClipRecord.of_file(values), ()))
+        return read_clip(find_clip(record, ClipRecord.of_file(values), ()))
 
     found: list[Constraint] = []
     for values in (record.document.get("request") or {}).get("constraints", ()):

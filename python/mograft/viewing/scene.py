@@ -10,7 +10,7 @@ import numpy as np
 from mograft._util.arrays import IntArray
 from mograft.analysis.segmentation import segment
 from mograft.body.groups import JointGroups
-from mograft.io.bvh.reader import read_bvh
+from mograft.io.addresses import find_addresses, read_clip, split_address
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -40,8 +40,8 @@ class Scene:
     ) -> "Scene":
         """Return a scene of the figures of motions, grafts, libraries and other scenes.
 
-        A graft adds its base and then itself; a library adds all of its clips. The path of a BVH
-        file adds a motion, or a graft if ``mograft graft`` wrote a .json file beside it. Each
+        A graft adds its base and then itself; a library adds all of its clips. An address adds
+        the motions of its clips, or a graft if ``mograft graft`` wrote a .json file beside it. Each
         motion is added once.
 
         `groups`, joint groups or the name of a preset, set the colours of motions. By default,
@@ -117,8 +117,12 @@ class _Builder:
             )
 
     def _add_file(self, path: str | os.PathLike[str]) -> None:
-        motion = read_bvh(path)
-        recorded = read_recorded(motion, Path(path))
+        for address in find_addresses(os.fspath(path)):
+            self._add_clip(address)
+
+    def _add_clip(self, address: str) -> None:
+        motion = read_clip(address)
+        recorded = read_recorded(motion, Path(split_address(address)[0]))
         if recorded is None:
             self.add(motion)
             return

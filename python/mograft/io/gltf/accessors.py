@@ -1,10 +1,12 @@
 """Arrays of a glTF file: accessors, with strides, sparse values and normalized integers."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from mograft._util.arrays import FloatArray
 from mograft.io.gltf.container import COMPRESSION, Container
 
 _DTYPES: dict[object, np.dtype[Any]] = {
@@ -24,9 +26,75 @@ _WIDTHS: dict[object, int] = {
     "MAT3": 9,
     "MAT4": 16,
 }
+_TYPE_OF_WIDTH = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
+_UNUSUAL = {"sparse", "byteStride", "extensions", "normalized"}
 _INDEX_TYPES = (5121, 5123, 5125)
 
 Array = npt.NDArray[Any]
+
+
+def read_accessors(
+    container: Container, indices: Sequence[object], place: str, shape: tuple[int, int]
+) -> FloatArray:
+    """Return the elements of several accessors of the same shape (count, width).
+
+    The result has the shape (n_accessors, count, width). `place` refers to the accessors.
+    """
+    plain = _read_plain(container, indices, shape)
+    if plain is not None:
+        return plain
+    arrays = []
+    for index in indices:
+        array = read_accessor(container, index, place, shape[1])
+        if len(array) != shape[0]:
+            container.fail(
+                place, f"expected {shape[0]} elements in accessors[{index}], got {len(array)}"
+            )
+        arrays.append(array)
+    return np.array(arrays, np.float64)
+
+
+def _read_plain(
+    container: Container, indices: Sequence[object], shape: tuple[int, int]
+) -> FloatArray | None:
+    """Return accessors of single-precision numbers without gaps in one buffer.
+
+    Return None if they have another form or are invalid. Reading all at once takes a third of the
+    time.
+    """
+    accessors, views = container.items("accessors"), container.items("bufferViews")
+    count, width = shape
+    kind, n_bytes = _TYPE_OF_WIDTH[width], 4 * count * width
+    starts, buffers = [], set()
+    try:
+        for index in indices:
+            accessor = accessors[index]  # type: ignore[call-overload]
+            view = views[accessor["bufferView"]]
+            offset, start = accessor.get("byteOffset", 0), view.get("byteOffset", 0)
+            if (
+                accessor["componentType"] != 5126
+                or accessor["type"] != kind
+                or accessor["count"] != count
+                or not 0 <= offset <= view["byteLength"] - n_bytes
+                or not start >= 0
+                or not _UNUSUAL.isdisjoint(accessor)
+                or not _UNUSUAL.isdisjoint(view)
+                or index < 0  # type: ignore[operator]
+                or accessor["bufferView"] < 0
+            ):
+                return None
+            buffers.add(view["buffer"])
+            starts.append(start + offset)
+        (buffer,) = buffers
+        numbers = np.frombuffer(container.buffer(buffer, "bufferViews"), "u1")
+        first = np.array(starts)
+        if first.dtype.kind != "i" or (first % 4).any() or first.max() + n_bytes > len(numbers):
+            return None
+    except (KeyError, IndexError, TypeError, ValueError):
+        return None
+    floats = numbers[: len(numbers) // 4 * 4].view("<f4")
+    chosen = floats[(first // 4)[:, None] + np.arange(count * width)]
+    return chosen.astype(np.float64).reshape(len(first), count, width)
 
 
 def read_accessor(container: Container, index: object, place: str, width: int) -> Array:

@@ -1,18 +1,21 @@
 """The tracks of glTF animations, and their values at the times of frames."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.io.gltf.accessors import Array, read_accessor
+from mograft.io.gltf.accessors import read_accessor, read_accessors
 from mograft.io.gltf.container import Container
 from mograft.io.gltf.nodes import Transforms
 from mograft.motion import rotations
 
 PATH_WIDTHS = {"translation": 3, "rotation": 4, "scale": 3}
 """The animated properties of a node, and the number of components of a value."""
+
+_INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")
 
 DEFAULT_RATE = 30.0
 """Frames per second of animations whose keys give no rate."""
@@ -40,84 +43,112 @@ class Track:
 
 
 @dataclass(frozen=True, eq=False)
-class Animation:
-    """The tracks of one animation of a file."""
+class Channels:
+    """The channels of one animation that move some nodes, in groups with equal key times."""
 
-    tracks: tuple[Track, ...]
-    ignored: tuple[str, ...]  # animated properties that are not part of a pose
-
-    @property
-    def start(self) -> float:
-        """Time of the first key in seconds."""
-        return min(float(track.times[0]) for track in self.tracks)
-
-    @property
-    def stop(self) -> float:
-        """Time of the last key in seconds."""
-        return max(float(track.times[-1]) for track in self.tracks)
+    place: str  # of the animation in the document
+    groups: dict[tuple[str, str, int], list[tuple[int, object]]]
+    """Node and output accessor of each channel, by path, interpolation and input accessor."""
+    times: dict[int, FloatArray]  # key times in seconds, shape (n_keys,), by input accessor
 
 
-def animated_nodes(container: Container, animation: int) -> set[int]:
-    """Return the nodes that an animation translates, turns or scales, without reading its keys."""
+def animated_properties(container: Container, animation: int) -> set[tuple[int | None, str]]:
+    """Return the pairs of node and property that an animation changes, without reading its keys.
+
+    The node of a property that belongs to no node is None.
+    """
     place = f"animations[{animation}].channels"
-    nodes = set()
+    found: set[tuple[int | None, str]] = set()
     for channel in _objects(container, container.items("animations")[animation], "channels", place):
         target = channel.get("target")
-        if isinstance(target, dict) and target.get("path") in PATH_WIDTHS and "node" in target:
-            container.item("nodes", target["node"], place)
-            nodes.add(target["node"])
-    return nodes
+        if not isinstance(target, dict):
+            container.fail(place, "expected a target in each channel")
+        node, path = target.get("node"), target.get("path")
+        if node is not None:
+            container.item("nodes", node, place)
+        found.add((node, str(path)))
+    return found
 
 
-def read_animation(container: Container, animation: int, nodes: frozenset[int]) -> Animation:
-    """Read the tracks of an animation that move some of `nodes`.
+def read_channels(container: Container, animation: int, nodes: frozenset[int]) -> Channels:
+    """Read the channels of an animation that move some of `nodes`, and their key times.
 
-    Raises `FormatError` if two tracks move the same property of a node, or a track is invalid.
+    Raises `FormatError` if two channels change the same property of a node, or one is invalid.
     """
     item, own = container.items("animations")[animation], f"animations[{animation}]"
     channels = _objects(container, item, "channels", f"{own}.channels")
     samplers = _objects(container, item, "samplers", f"{own}.samplers")
-    times: dict[object, FloatArray] = {}
-    groups: dict[tuple[Any, ...], list[tuple[int, Array]]] = {}
+    times: dict[int, FloatArray] = {}
+    groups: dict[tuple[str, str, int], list[tuple[int, object]]] = {}
     seen: set[tuple[object, object]] = set()
-    ignored = []
     for number, channel in enumerate(channels):
-        target, place = channel.get("target"), f"{own}.channels[{number}]"
-        if not isinstance(target, dict):
-            container.fail(f"{place}.target", "expected an object")
+        target = channel["target"]
         node, path = target.get("node"), target.get("path")
-        if path not in PATH_WIDTHS:
-            ignored.append(str(path))
-            continue
-        if node not in nodes:
+        if node not in nodes or path not in PATH_WIDTHS:
             continue
         if (node, path) in seen:
+            place = f"{own}.channels[{number}]"
             container.fail(place, f"expected one track of the {path} of node {node}, got two")
         seen.add((node, path))
         index = channel.get("sampler")
         if type(index) is not int or not 0 <= index < len(samplers):
+            place = f"{own}.channels[{number}].sampler"
             container.fail(place, f"expected an index of {len(samplers)} samplers, got {index!r}")
-        sampler, place = samplers[index], f"{own}.samplers[{index}]"
+        sampler = samplers[index]
         key = sampler.get("input")
         if type(key) is not int or key not in times:
-            times[key] = _read_times(container, key, f"{place}.input")
+            times[key] = _read_times(container, key, f"{own}.samplers[{index}].input")
         interpolation = sampler.get("interpolation", "LINEAR")
-        if interpolation not in ("LINEAR", "STEP", "CUBICSPLINE"):
-            container.fail(
-                f"{place}.interpolation", f"expected an interpolation, got {interpolation!r}"
-            )
-        values = read_accessor(
-            container, sampler.get("output"), f"{place}.output", PATH_WIDTHS[path]
-        )
-        n_values = len(times[key]) * (3 if interpolation == "CUBICSPLINE" else 1)
-        if len(values) != n_values:
-            container.fail(f"{place}.output", f"expected {n_values} elements, got {len(values)}")
-        groups.setdefault((path, interpolation, key), []).append((node, values))
-    tracks = [
-        _join_tracks(container, path, interpolation, times[key], members, own)
-        for (path, interpolation, key), members in groups.items()
-    ]
-    return Animation(tuple(tracks), tuple(dict.fromkeys(ignored)))
+        if interpolation not in _INTERPOLATIONS:
+            place = f"{own}.samplers[{index}].interpolation"
+            container.fail(place, f"expected an interpolation, got {interpolation!r}")
+        groups.setdefault((path, interpolation, key), []).append((node, sampler.get("output")))
+    return Channels(own, groups, times)
+
+
+@dataclass(frozen=True, eq=False)
+class Animation:
+    """The tracks of one animation."""
+
+    tracks: tuple[Track, ...]
+    key_times: tuple[FloatArray, ...]  # seconds, shape (n_keys,); each is used by some tracks
+
+    @property
+    def start(self) -> float:
+        """Time of the first key in seconds."""
+        return min(float(times[0]) for times in self.key_times)
+
+    @property
+    def stop(self) -> float:
+        """Time of the last key in seconds."""
+        return max(float(times[-1]) for times in self.key_times)
+
+
+def read_animation(container: Container, animation: int, nodes: frozenset[int]) -> Animation:
+    """Read the tracks of an animation that move some of `nodes`; see `read_channels`."""
+    channels = read_channels(container, animation, nodes)
+    tracks = tuple(read_tracks(container, channels))
+    return Animation(tracks, tuple(channels.times.values()))
+
+
+def read_tracks(container: Container, channels: Channels) -> list[Track]:
+    """Read the values of channels; rotations become unit quaternions, except those of splines."""
+    tracks = []
+    for (path, interpolation, key), members in channels.groups.items():
+        times = channels.times[key]
+        count = len(times) * (3 if interpolation == "CUBICSPLINE" else 1)
+        nodes, outputs = zip(*members, strict=True)
+        place = f"{channels.place}: the {path} tracks"
+        values = read_accessors(container, outputs, place, (count, PATH_WIDTHS[path]))
+        if not np.isfinite(values).all():
+            container.fail(place, "expected finite numbers")
+        if path == "rotation" and interpolation != "CUBICSPLINE":
+            norms = np.sqrt(np.einsum("nki,nki->nk", values, values))
+            if (norms < 1e-6).any():
+                container.fail(place, "expected unit quaternions, got zero")
+            values /= norms[..., None]
+        tracks.append(Track(path, np.array(nodes), interpolation, times, values))
+    return tracks
 
 
 def _objects(container: Container, item: dict[str, Any], name: str, place: str) -> list[Any]:
@@ -135,44 +166,19 @@ def _read_times(container: Container, index: object, place: str) -> FloatArray:
     return times
 
 
-def _join_tracks(
-    container: Container,
-    path: str,
-    interpolation: str,
-    times: FloatArray,
-    members: list[tuple[int, Array]],
-    place: str,
-) -> Track:
-    """Join the values of tracks with the same key times.
-
-    Rotations become unit quaternions, except for splines, whose results are normalized.
-    """
-    nodes, values = zip(*members, strict=True)
-    joined = np.array(values, np.float64)
-    if not np.isfinite(joined).all():
-        container.fail(place, f"expected finite numbers in the {path} tracks")
-    if path == "rotation" and interpolation != "CUBICSPLINE":
-        norms = np.sqrt(np.einsum("nki,nki->nk", joined, joined))
-        if (norms < 1e-6).any():
-            container.fail(place, "expected unit quaternions in the rotation tracks, got zero")
-        joined /= norms[..., None]
-    return Track(path, np.array(nodes), interpolation, times, joined)
-
-
-def choose_times(animation: Animation, rate: float | None, n_nodes: int) -> FloatArray:
+def choose_times(key_times: Sequence[FloatArray], rate: float | None, n_nodes: int) -> FloatArray:
     """Return the times of the frames, from the first to the last key.
 
     Their number is that of the whole intervals nearest to `rate`, by default the rate of the keys,
     so that the duration is exact. An animation of one key has one frame. Raises ValueError if there
     are too many frames.
     """
-    start, stop = animation.start, animation.stop
-    keys = np.concatenate([track.times for track in animation.tracks])
-    keys = np.unique(keys[(keys >= start) & (keys <= stop)])
+    keys = np.unique(np.concatenate(key_times))
+    start, stop = float(keys[0]), float(keys[-1])
     if rate is None:
         rate = _key_rate(keys)
     n_intervals = (stop - start) * rate
-    most_keys = max(len(track.times) for track in animation.tracks)
+    most_keys = max(map(len, key_times))
     if (n_intervals + 1) * n_nodes > max(_MAX_JOINT_FRAMES, 8 * most_keys * n_nodes):
         raise ValueError(
             f"a duration of {stop - start:.6g} s at {rate:.6g} frames per second is too long for "
@@ -202,7 +208,9 @@ def _key_rate(times: FloatArray) -> float:
     return 1.0 / step if is_grid and low <= 1.0 / step <= high else DEFAULT_RATE
 
 
-def sample(animation: Animation, times: FloatArray, rest: Transforms, rows: IntArray) -> Transforms:
+def sample(
+    tracks: Iterable[Track], times: FloatArray, rest: Transforms, rows: IntArray
+) -> Transforms:
     """Return the local transforms of nodes at the times of the frames.
 
     `rest` holds the default transforms of these nodes, one frame. `rows` maps an index of a node in
@@ -217,7 +225,7 @@ def sample(animation: Animation, times: FloatArray, rest: Transforms, rows: IntA
             strict=True,
         )
     }
-    for track in animation.tracks:
+    for track in tracks:
         columns = rows[track.nodes]
         varies = _varies(track)
         if not varies.all():

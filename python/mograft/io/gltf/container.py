@@ -72,12 +72,12 @@ class Container:
 
     def buffer(self, index: int, place: str) -> memoryview:
         """Return the bytes of a buffer; `place` refers to it."""
+        buffer = self.item("buffers", index, place)
         if index not in self._buffers:
-            self._buffers[index] = self._read_buffer(index, place)
+            self._buffers[index] = self._read_buffer(index, buffer)
         return self._buffers[index]
 
-    def _read_buffer(self, index: int, place: str) -> memoryview:
-        buffer = self.item("buffers", index, place)
+    def _read_buffer(self, index: int, buffer: dict[str, Any]) -> memoryview:
         own = f"buffers[{index}]"
         length = self.integer(buffer.get("byteLength"), f"{own}.byteLength", 1)
         uri = buffer.get("uri")

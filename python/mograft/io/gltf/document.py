@@ -9,10 +9,14 @@ import numpy as np
 from mograft._util.arrays import IntArray
 from mograft._util.names import unique_names
 from mograft.errors import FormatError, join_names
-from mograft.io.gltf.animation import PATH_WIDTHS, animated_nodes
+from mograft.io.gltf.animation import PATH_WIDTHS, animated_properties
 from mograft.io.gltf.container import Container, read_container
 from mograft.io.gltf.nodes import NodeTree, read_nodes, to_world
 from mograft.io.rest_pose import RestPose
+
+
+class NoFigureError(FormatError):
+    """A glTF file has neither a skin nor an animation of nodes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,18 +49,22 @@ def read_gltf_file(path: Path) -> GltfFile:
     If the file has skins, the joints are those of the skins and the nodes between them and their
     common ancestor. Otherwise they are the animated nodes and those between them and their common
     ancestor. Of figures without a common ancestor, the one with most joints is taken. Raises
-    `FormatError` if the file is invalid or has no joints.
+    `FormatError` if the file is invalid, and `NoFigureError` if it has no joints.
     """
     container = read_container(path)
     tree = read_nodes(container)
-    animated = [animated_nodes(container, i) for i in range(len(container.items("animations")))]
+    changed = [animated_properties(container, i) for i in range(len(container.items("animations")))]
+    animated = [
+        {node for node, path in properties if path in PATH_WIDTHS and node is not None}
+        for properties in changed
+    ]
     joints, left_out = _find_joints(container, tree, set().union(*animated))
     above = np.array(tree.ancestors(int(joints[0]))[:0:-1], np.int64)
     moved = {*above.tolist(), *joints.tolist()}
     clips = [index for index, nodes in enumerate(animated) if nodes & moved]
     names = unique_names(_animation_names(container, clips))
     rest = rest_pose(tree, above, joints)
-    notes = [*left_out, *_find_notes(container, tree, moved, animated, clips)]
+    notes = [*left_out, *_find_notes(container, tree, moved, changed, clips)]
     return GltfFile(container, tree, joints, above, rest, tuple(names), tuple(clips), tuple(notes))
 
 
@@ -94,7 +102,7 @@ def _find_joints(
             members.add(node)
     members = members or animated
     if not members:
-        raise FormatError("expected a skin or an animation of nodes, got none", container.path)
+        raise NoFigureError("expected a skin or an animation of nodes, got none", container.path)
     figures: dict[int, list[int]] = {}
     for node in sorted(members):
         figures.setdefault(tree.ancestors(node)[-1], []).append(node)
@@ -120,7 +128,7 @@ def _find_notes(
     container: Container,
     tree: NodeTree,
     moved: set[int],
-    animated: Sequence[set[int]],
+    changed: Sequence[set[tuple[int | None, str]]],
     clips: Sequence[int],
 ) -> list[str]:
     """Return notes on content that the motions do not contain."""
@@ -128,23 +136,19 @@ def _find_notes(
     others = [name for node, name in enumerate(tree.names) if node not in moved]
     if others:
         notes.append(f"nodes that are not joints: {join_names(others)}")
-    still = [index for index in range(len(animated)) if index not in clips]
+    still = [index for index in range(len(changed)) if index not in clips]
     if still:
         names = [
             name or f"animation {i}"
             for name, i in zip(_animation_names(container, still), still, strict=True)
         ]
         notes.append(f"animations that move no joint: {join_names(names)}")
-    lost = set().union(*animated) - moved
+    properties = set().union(*changed)
+    lost = {node for node, path in properties if node is not None and path in PATH_WIDTHS} - moved
     if lost:
         names = [tree.names[node] for node in sorted(lost)]
         notes.append(f"animated nodes that are not joints: {join_names(names)}")
-    paths = {
-        str(channel.get("target", {}).get("path"))
-        for index in clips
-        for channel in container.items("animations")[index]["channels"]
-        if isinstance(channel.get("target"), dict)
-    }
+    paths = {path for index in clips for _, path in changed[index]}
     unread = sorted(paths - PATH_WIDTHS.keys())
     if unread:
         notes.append(f"animated properties that are not read: {', '.join(unread)}")

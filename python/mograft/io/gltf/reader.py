@@ -1,14 +1,24 @@
 """Motions of glTF files."""
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import overload
 
 import numpy as np
 
+from mograft._util.arrays import FloatArray
 from mograft.errors import FormatError
-from mograft.io.clips import Clips
-from mograft.io.gltf.animation import DEFAULT_RATE, choose_times, read_animation, sample
-from mograft.io.gltf.document import GltfFile, local_parents, read_gltf_file
+from mograft.io.clips import ClipLength, Clips
+from mograft.io.gltf.animation import (
+    DEFAULT_RATE,
+    Channels,
+    choose_times,
+    read_channels,
+    read_tracks,
+    sample,
+)
+from mograft.io.gltf.document import GltfFile, NoFigureError, local_parents, read_gltf_file
 from mograft.io.gltf.nodes import to_world
 from mograft.io.rest_pose import rebase
 from mograft.motion.motion import Motion
@@ -17,10 +27,44 @@ from mograft.motion.skeleton import Skeleton
 
 def open_gltf(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001
     """Return the clips of a glTF file; see `mograft.io.formats.Opener`."""
-    file = read_gltf_file(path)
+    try:
+        file = read_gltf_file(path)
+    except NoFigureError as error:
+        return Clips(path, (), _no_clip, "glTF", (error.message,))
     return Clips(
-        path, file.clip_names, lambda clip: read_gltf_clip(file, clip, rate), "glTF", file.notes
+        path,
+        file.clip_names,
+        lambda clip: read_gltf_clip(file, clip, rate),
+        "glTF",
+        file.notes,
+        _Lengths(file, rate),
     )
+
+
+def _no_clip(index: int) -> Motion:
+    """Raise IndexError: a file without joints has no clips."""
+    raise IndexError(index)
+
+
+@dataclass(frozen=True, eq=False)
+class _Lengths(Sequence[ClipLength]):
+    """The lengths of the clips of a file; only key times are read, when a length is accessed."""
+
+    file: GltfFile
+    rate: float | None
+
+    def __len__(self) -> int:
+        return len(self.file.animations)
+
+    @overload
+    def __getitem__(self, index: int) -> ClipLength: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[ClipLength, ...]: ...
+    def __getitem__(self, index: int | slice) -> ClipLength | tuple[ClipLength, ...]:
+        if isinstance(index, slice):
+            return tuple(self[clip] for clip in range(len(self))[index])
+        clip = range(len(self))[index]
+        return _length(_read_grid(self.file, clip, self.rate)[1], self.rate)
 
 
 def read_gltf_clip(file: GltfFile, clip: int, rate: float | None = None) -> Motion:
@@ -29,20 +73,32 @@ def read_gltf_clip(file: GltfFile, clip: int, rate: float | None = None) -> Moti
     `rate`, in frames per second, is by default that of the keys if these lie on a uniform grid of
     at least 12 frames per second, else 30. Raises `FormatError` if the animation is invalid.
     """
-    container, nodes = file.container, file.moved_nodes
-    animation = read_animation(container, file.animations[clip], frozenset(nodes.tolist()))
-    try:
-        times = choose_times(animation, rate, len(nodes))
-    except ValueError as error:
-        raise FormatError(
-            str(error), container.path, f"animations[{file.animations[clip]}]"
-        ) from None
+    channels, times = _read_grid(file, clip, rate)
+    nodes, first = file.moved_nodes, len(file.above)
     rows = np.zeros(len(file.tree.names), np.int64)
     rows[nodes] = np.arange(len(nodes))
-    local = sample(animation, times, file.tree.rest.of(nodes, 1), rows)
+    tracks = read_tracks(file.container, channels)
+    local = sample(tracks, times, file.tree.rest.of(nodes, 1), rows)
     turned, positions = to_world(local_parents(file.tree, nodes), local)
-    first = len(file.above)
-    count = len(times)
-    frame_time = (times[-1] - times[0]) / (count - 1) if count > 1 else 1.0 / (rate or DEFAULT_RATE)
-    motion = rebase(file.rest, turned[:, first:], positions[:, first:], frame_time)
-    return replace(motion, name=file.clip_names[clip], path=container.path)
+    length = _length(times, rate)
+    motion = rebase(file.rest, turned[:, first:], positions[:, first:], length.frame_time)
+    name = file.clip_names[clip]
+    several = name if len(file.clip_names) > 1 else None
+    return replace(motion, name=name, path=file.container.path, clip=several)
+
+
+def _read_grid(file: GltfFile, clip: int, rate: float | None) -> tuple[Channels, FloatArray]:
+    """Return the channels of a clip, and the times of its frames."""
+    animation, nodes = file.animations[clip], file.moved_nodes
+    channels = read_channels(file.container, animation, frozenset(nodes.tolist()))
+    try:
+        return channels, choose_times(list(channels.times.values()), rate, len(nodes))
+    except ValueError as error:
+        raise FormatError(str(error), file.container.path, channels.place) from None
+
+
+def _length(times: FloatArray, rate: float | None) -> ClipLength:
+    """Return the length of a clip with frames at the given times."""
+    if len(times) == 1:
+        return ClipLength(1, 1.0 / (rate or DEFAULT_RATE))
+    return ClipLength(len(times), float(times[-1] - times[0]) / (len(times) - 1))

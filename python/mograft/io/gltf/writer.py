@@ -202,7 +202,7 @@ def _new_tables(file: GltfFile, addition: Addition) -> _NewTables:
         times = frame_times(animation.start, motion)
         rows = np.zeros(len(file.tree.names), np.int64)
         rows[nodes] = np.arange(len(nodes))
-        local = sample(animation, times, rest, rows)
+        local = sample(animation.tracks, times, rest, rows)
         tracks = local_tracks(file, motion, local)
         is_turned, is_moved = changed_tracks(file, motion, addition.base, local.scales)
     values: dict[tuple[int, str], FloatArray] = {}

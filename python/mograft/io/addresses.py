@@ -1,0 +1,105 @@
+"""Addresses of clips: ``path``, or ``path#clip`` for a clip of a file that holds several."""
+
+import os
+from functools import lru_cache
+
+from mograft.errors import FormatError, join_names
+from mograft.io.clips import Clips
+from mograft.io.formats import read
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+
+_CACHED_FILES = 2
+"""Files that are kept open, so that a file is not parsed again for each of its clips."""
+
+
+def join_address(path: str, clip: str | None) -> str:
+    """Return the address of a clip of a file; without a clip, it is the path."""
+    return path if clip is None else f"{path}#{clip}"
+
+
+def split_address(address: str) -> tuple[str, str | None]:
+    """Split the address of a clip into its path and the name of the clip, None without a name.
+
+    The path is the longest start of the address, up to the end or a ``#``, that exists. If none
+    exists, the address is split at its last ``#``.
+
+    >>> split_address("Knight.glb#Walking_A")
+    ('Knight.glb', 'Walking_A')
+    >>> split_address("walk.bvh")
+    ('walk.bvh', None)
+    """
+    if "#" not in address or os.path.lexists(address):
+        return address, None
+    path, end = address, len(address)
+    while (end := address.rfind("#", 0, end)) > 0:
+        if os.path.isfile(address[:end]):
+            path = address[:end]
+            break
+    else:
+        path = address.rpartition("#")[0]
+    return path, address[len(path) + 1 :]
+
+
+def absolute_address(address: str) -> str:
+    """Return an address with an absolute path."""
+    path, clip = split_address(address)
+    return join_address(os.path.abspath(path), clip)
+
+
+def read_clip(
+    address: str | os.PathLike[str], *, rate: float | None = None, skeleton: Skeleton | None = None
+) -> Motion:
+    """Read the motion at an address.
+
+    `rate` and `skeleton` are as for `read`. Raises `FormatError` unless the address stands for
+    exactly one clip, and the errors of `read`.
+    """
+    path, pattern = split_address(os.fspath(address))
+    clips = open_clips(path, rate=rate, skeleton=skeleton)
+    found = range(len(clips)) if pattern is None else clips.find(pattern)
+    if len(found) == 1:
+        return clips[found[0]]
+    names = clips.names if pattern is None else [clips.names[index] for index in found]
+    if not names:
+        raise FormatError("expected a motion, got none", path)
+    raise FormatError(
+        f"expected the name of one clip, as in {clips.address(found[0])}, got {len(names)} clips: "
+        f"{join_names(names)}",
+        path,
+    )
+
+
+def find_addresses(address: str, *, skeleton: Skeleton | None = None) -> list[str]:
+    """Return the addresses of all clips that an address stands for, in the order of the file.
+
+    A path stands for all clips of the file, ``path#pattern`` for those that `Clips.find` returns.
+    Of several clips, those of a single frame are left out: they are poses. Raises `FormatError` if
+    there is no clip, ValueError if no name matches, and the errors of `read`.
+    """
+    path, pattern = split_address(address)
+    clips = open_clips(path, skeleton=skeleton)
+    found = range(len(clips)) if pattern is None else clips.find(pattern)
+    if not found:
+        raise FormatError("expected a motion, got none", path)
+    lengths = clips.lengths
+    if len(found) > 1 and lengths is not None:
+        found = [index for index in found if lengths[index].n_frames > 1] or found
+    return [clips.address(index) for index in found]
+
+
+def open_clips(path: str, *, rate: float | None = None, skeleton: Skeleton | None = None) -> Clips:
+    """Return the clips of a file as `read` does; the last files are kept open."""
+    if not os.path.isfile(path):
+        return read(path, rate=rate, skeleton=skeleton)
+    status = os.stat(path)
+    state = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
+    return _open_cached(path, state, rate, skeleton)
+
+
+@lru_cache(maxsize=_CACHED_FILES)
+def _open_cached(
+    path: str, _state: tuple[int, ...], rate: float | None, skeleton: Skeleton | None
+) -> Clips:
+    """Open a file; `_state` differs if the file has changed."""
+    return read(path, rate=rate, skeleton=skeleton)

@@ -1,0 +1,156 @@
+"""Libraries of clips in files that hold several clips."""
+
+import json
+import shutil
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import mograft as mg
+from mograft.library.discover import find_clips
+from mograft.library.origin import hash_library
+from tests.library.checks import DANCE
+
+NAMES = ("walk", "jump", "walk.b#2", "turn/../left")
+
+
+@pytest.fixture(scope="module")
+def several(tmp_path_factory):
+    """A GLB file of four clips, whose names are hard to tell from paths, in a subfolder."""
+    folder = tmp_path_factory.mktemp("several")
+    (folder / "sub").mkdir()
+    clips = [
+        replace(DANCE[90 * number : 90 * number + 160], name=name)
+        for number, name in enumerate(NAMES)
+    ]
+    mg.write_glb(clips, folder / "sub" / "pack.glb")
+    return folder
+
+
+def addresses(found):
+    return [clip.source for clip in found]
+
+
+def test_find_clips_file_stands_for_all_of_its_clips(several):
+    path = several / "sub" / "pack.glb"
+    expected = [f"{path}#{name}" for name in NAMES]
+    for source in (several, path, several / "sub", f"{several}/*/*.glb", f"{path}#*"):
+        assert addresses(find_clips(source)) == expected
+    assert addresses(find_clips(f"{path}#walk*")) == [expected[0], expected[2]]
+    assert addresses(find_clips(f"{several}/*/*.glb#jump")) == [expected[1]]
+    assert find_clips(several)[0].folders == ("sub",)
+    with pytest.raises(ValueError, match="has no clip named 'jmup'; did you mean 'jump'"):
+        find_clips(f"{path}#jmup")
+
+
+def test_find_clips_folder_leaves_out_files_without_motion(several, tmp_path):
+    mg.write_bvh(DANCE[:50], tmp_path / "a.bvh")
+    # An export of a.bvh, arrays without a motion, and a mesh are no further clips.
+    mg.write_glb(DANCE[:50], tmp_path / "a.glb")
+    mg.write_npz(DANCE[:50], tmp_path / "a.npz")
+    np.savez(tmp_path / "features.npz", points=np.zeros(3))
+    (tmp_path / "mesh.gltf").write_text('{"asset": {"version": "2.0"}, "nodes": [{}]}')
+    assert addresses(find_clips(tmp_path)) == [str(tmp_path / "a.bvh")]
+    # A damaged file is a clip, so that ingest states what is wrong.
+    (tmp_path / "broken.glb").write_bytes((several / "sub" / "pack.glb").read_bytes()[:99])
+    assert len(find_clips(tmp_path)) == 2
+    library = mg.Library.index(tmp_path, tmp_path / "l")
+    assert library.names == ("a",)
+    (reason,) = library.refused.values()
+    assert "broken.glb: byte 8: expected" in reason
+
+
+def test_index_remembers_format_clip_and_hash(several, tmp_path):
+    library = mg.Library.index(several, tmp_path / "l")
+    built = mg.Library.build(several)
+    assert sorted(library.names) == sorted(NAMES)
+    for own in (library, built):
+        for clip, info in zip(own.clips, own.entries, strict=True):
+            file = info.source_file
+            assert (file.format, file.clip, clip.clip) == ("glTF", info.name, info.name)
+            assert clip.path.name == "pack.glb"
+            again = mg.read(file.path)[file.clip]
+            np.testing.assert_array_equal(again.rotations, clip.rotations)
+    assert len({info.source_file.sha256 for info in library.entries}) == 1
+    order = [built.names.index(name) for name in library.names]
+    assert [built.clips[index].n_frames for index in order] == [c.n_frames for c in library.clips]
+    assert set(library.to_dataframe("clips")["file_clip"]) == set(NAMES)
+
+
+def test_add_changed_file_replaces_its_clips(several, tmp_path):
+    folder = tmp_path / "clips"
+    shutil.copytree(several, folder)
+    library = mg.Library.index(folder, tmp_path / "l")
+    before = hash_library(library)
+    assert hash_library(library.add(folder)) == before
+    mg.write_glb(
+        [replace(DANCE[300:400], name=name) for name in NAMES], folder / "sub" / "pack.glb"
+    )
+    changed = library.add(folder)
+    assert sorted(changed.names) == sorted(NAMES)
+    assert {info.n_frames for info in changed.entries} == {100}
+    assert hash_library(changed) != before
+
+
+def test_tags_and_frame_rates_name_clips_of_files(several):
+    library = mg.Library.build(
+        several,
+        tags={"pack.glb": ["all"], "walk": ["one"], "sub/pack.glb#jump": ["two"]},
+        frame_rates={"pack.glb#*": 20.0},
+    )
+    assert {info.name: info.tags for info in library.entries} == {
+        "walk": ("sub", "all", "one"),
+        "jump": ("sub", "all", "two"),
+        "walk.b#2": ("sub", "all"),
+        "turn/../left": ("sub", "all"),
+    }
+    assert library.rate == 20.0
+
+
+def test_replay_finds_clips_of_a_file_that_moved(several, tmp_path):
+    library = mg.Library.build(several)
+    (tmp_path / "a").mkdir()
+    graft = mg.graft(library, "walk", seed=3)
+    mg.write_graft(graft, tmp_path / "a" / "new.bvh")
+    document = json.loads((tmp_path / "a" / "new.json").read_text())
+    assert {clip["clip"] for clip in document["clips"]} <= set(NAMES)
+    again = mg.replay(tmp_path / "a" / "new.json")
+    np.testing.assert_array_equal(again.motion.rotations, graft.motion.rotations)
+    moved = tmp_path / "moved"
+    shutil.copytree(several / "sub", moved)
+    for clip in document["clips"]:
+        clip["file"] = "gone/pack.glb"
+    (tmp_path / "a" / "new.json").write_text(json.dumps(document))
+    again = mg.replay(tmp_path / "a" / "new.json", sources=[str(moved)])
+    np.testing.assert_array_equal(again.motion.rotations, graft.motion.rotations)
+
+
+def test_library_of_earlier_version_opens_without_file_clips(several, tmp_path):
+    import sqlite3
+
+    library = mg.Library.index(several, tmp_path / "l")
+    names = library.names
+    del library
+    (database,) = (tmp_path / "l").glob("*/catalog.sqlite")
+    database.chmod(0o600)
+    with sqlite3.connect(database) as connection:
+        connection.execute("ALTER TABLE clip DROP COLUMN file_clip")
+        connection.execute("ALTER TABLE clip DROP COLUMN file_format")
+    connection.close()
+    from mograft.library.clip_table import read_clip_table
+
+    table = read_clip_table(database)
+    assert tuple(info.name for info in table.entries) == names
+    assert {info.source_file.clip for info in table.entries} == {None}
+
+
+def test_build_with_warnings_of_single_frame_poses_leaves_them_out(tmp_path):
+    clips = [replace(DANCE[:100], name="walk"), replace(DANCE[:1], name="pose")]
+    mg.write_glb(clips, tmp_path / "pack.glb")
+    assert addresses(find_clips(tmp_path)) == [str(tmp_path / "pack.glb#walk")]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert mg.Library.build(tmp_path).names == ("walk",)
+    assert mg.read(tmp_path / "pack.glb")["pose"].n_frames == 1
