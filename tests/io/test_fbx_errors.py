@@ -82,8 +82,15 @@ def test_fbx_duration_beyond_size_of_file_is_refused(path):
         b'"LocalStop", "KTime", "Time", "", ' + str(fbx.TICKS * 10**7).encode(),
     )
     assert claimed != data
-    error = assert_refused(path, claimed, r"expected at most 4194304 frames .*, got 300000001")
+    error = assert_refused(path, claimed, r"expected at most 2097152 frames .*, got 300000001")
     assert error.place == "take 'walk'"
+
+
+def test_fbx_hierarchy_deeper_than_limit_is_refused(path):
+    nodes = tuple(Node(f"joint{number}", number - 1) for number in range(1001))
+    assert_refused(path, fbx.to_binary(Scene(nodes, one_node().takes)), "Node depth limit exceeded")
+    path.write_bytes(fbx.to_binary(Scene(nodes[:-2], one_node().takes)))
+    assert mg.read(path)[0].n_joints == 999
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 3e38])

@@ -58,6 +58,13 @@ class _Nodes:
         indices = np.flatnonzero(n_below)
         return indices[indices >= top]
 
+    def depth(self, node: int) -> int:
+        """Return the number of nodes above a node."""
+        depth = 0
+        while (node := int(self.parents[node])) >= 0:
+            depth += 1
+        return depth
+
 
 @dataclass(frozen=True, eq=False)
 class _Take:
@@ -140,7 +147,9 @@ def open_fbx(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
     )
     max_poses = max(_MIN_POSES, _POSES_PER_BYTE * len(data))
     rest = _rest_pose(path, scene, nodes, joints)
-    file = _FbxFile(path, scene, joints, rest, takes, max_poses // len(joints))
+    # The nodes above the joints are evaluated, too.
+    n_evaluated = len(joints) + nodes.depth(int(joints[0]))
+    file = _FbxFile(path, scene, joints, rest, takes, max_poses // n_evaluated)
     return Clips(path, names, file.load, "FBX", notes, tuple(take.length for take in takes))
 
 
