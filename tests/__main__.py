@@ -32,6 +32,12 @@ CHECKS = (
     ("stubtest", [PYTHON, "-m", "mypy.stubtest", "mograft._core"]),
     ("pytest", [PYTHON, "-m", "pytest"]),
 )
+_LINKAGE = ["-p", "mograft-linkage"]
+THOROUGH_CHECKS = (
+    ("large trees", ["cargo", "test", "--release", *_LINKAGE, "--", "--ignored"]),
+    ("documentation of linkage", ["cargo", "rustdoc", *_LINKAGE, "--", "-D", "warnings"]),
+    ("package of linkage", ["cargo", "publish", "--dry-run", "--allow-dirty", *_LINKAGE]),
+)
 
 
 def main(arguments):
@@ -43,7 +49,7 @@ def main(arguments):
     print("\n== programs that read files of mograft", flush=True)
     fetch()
     failed = []
-    for name, command in CHECKS:
+    for name, command in CHECKS + (THOROUGH_CHECKS if "--thorough" in arguments else ()):
         extra = arguments if name == "pytest" else []
         print(f"\n== {name}: {' '.join([*command, *extra])}", flush=True)
         if subprocess.run([*command, *extra], check=False).returncode:

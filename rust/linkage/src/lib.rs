@@ -105,6 +105,11 @@ use points::Points;
 pub use simd::{Isa, Level};
 use tree::Merge;
 
+/// The example of the README, which runs with the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 /// Axes per multiple of the count of points that is merged on a matrix without any stage.
 const AXES_PER_SIZE_FACTOR: usize = 128;
 
