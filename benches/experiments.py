@@ -10,11 +10,14 @@ measures a few seconds of each source. Needs ``pip install 'mograft[evaluate]'``
 """
 
 import argparse
+import os
 import sys
 import time
 from functools import partial
 from pathlib import Path
 
+# Before NumPy is imported: the threads of OpenMP wait for each other longer than they compute.
+os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg

@@ -14,6 +14,9 @@ EXPERIMENTS: tuple[str, ...] = (
     "collisions",
     "counts",
     "balance",
+    "seam_tests",
+    "generators",
+    "learning",
 )
 """Modules of `benches.evidence`, in the order of the page."""
 

@@ -82,6 +82,14 @@ _TEST = (
         max_clips=120,
     ),
     Source(
+        "actions and styles",
+        "dataset-2_*",
+        "Bandai-Namco set 2: ten actions in seven styles, every third clip",
+        is_test=True,
+        is_archived=True,
+        max_clips=968,
+    ),
+    Source(
         "everyday",
         "dataset-1_*_[!n]*",
         "Bandai-Namco set 1: everyday actions in all styles but the normal one",

@@ -42,19 +42,23 @@ def pairwise(first, second):
     return np.sqrt(np.maximum(squared, 0.0))
 
 
-def density_and_coverage(real, fake, fake_weights=None, n_neighbours=N_NEIGHBOURS):
+def balls(real, fake):
+    """Return which points `fake` lie in the balls of the points `real`, (n_real, n_fake).
+
+    The ball of a real point reaches to its fifth-nearest real neighbour.
+    """
+    among = np.sort(pairwise(real, real), axis=1)
+    radii = among[:, min(N_NEIGHBOURS, len(real) - 1)]
+    return pairwise(real, fake) <= radii[:, None]
+
+
+def density_and_coverage(real, fake):
     """Return density and coverage of the points `fake` for the points `real`.
 
-    The ball of a real point reaches to its `n_neighbours`-th nearest real neighbour. Density is
-    the number of balls that contain a fake point, averaged over fake points and divided by
-    `n_neighbours`; coverage is the share of the balls that contain a fake point. A fake point of
-    weight 0 is absent. For equal sets coverage is 1.
+    Density is the number of balls that contain a fake point, averaged over fake points and divided
+    by the number of neighbours; coverage is the share of the balls that contain a fake point. For
+    equal sets coverage is 1.
     Source: Naeem et al., Reliable fidelity and diversity metrics for generative models, ICML 2020.
     """
-    weights = np.ones(len(fake)) if fake_weights is None else np.asarray(fake_weights, float)
-    among = np.sort(pairwise(real, real), axis=1)
-    radii = among[:, min(n_neighbours, len(real) - 1)]
-    is_inside = pairwise(real, fake) <= radii[:, None]
-    density = (is_inside.sum(axis=0) @ weights) / (n_neighbours * weights.sum())
-    coverage = is_inside[:, weights > 0].any(axis=1).mean()
-    return float(density), float(coverage)
+    is_inside = balls(real, fake)
+    return float(is_inside.sum(axis=0).mean() / N_NEIGHBOURS), float(is_inside.any(axis=1).mean())

@@ -11,85 +11,86 @@ from mograft.evaluation.two_sample import N_FOLDS, train_and_score, weighted_auc
 from mograft.evaluation.windows import Windows, extract_windows, window_reach
 
 STEP = 5  # frames between windows
-BLOCK_FRAMES = 150  # of the captured blocks that are in one fold
+MIN_TRAIN, MIN_TEST = 25, 8  # windows of each set
 _CHUNK = 400
 
 
 @dataclass(frozen=True, eq=False)
 class WindowSet:
-    """The windows of several motions, the clip of each, and the block of captured motion."""
+    """Windows of motions, and two blocks of captured motion for each.
+
+    `unit` is the block that the motion was generated for: the bootstrap resamples it. `block` is
+    the block of the most similar captured window: it decides the fold. For captured windows both
+    are the block of the window.
+    """
 
     windows: Windows
-    clip: np.ndarray  # (n,)
+    unit: np.ndarray  # (n,)
     block: np.ndarray  # (n,)
 
+    @classmethod
+    def concatenate(cls, sets):
+        """Concatenate several sets, in their order."""
+        return cls(
+            Windows.concatenate([own.windows for own in sets]),
+            np.concatenate([own.unit for own in sets]),
+            np.concatenate([own.block for own in sets]),
+        )
+
     def __getitem__(self, rows):
-        return WindowSet(self.windows[rows], self.clip[rows], self.block[rows])
+        return WindowSet(self.windows[rows], self.unit[rows], self.block[rows])
 
 
 @dataclass(frozen=True, eq=False)
 class TestedWindows:
-    """Scores of all test windows: those of both sets, and what they belong to."""
+    """Scores of the test windows of both sets."""
 
     scores: tuple[np.ndarray, np.ndarray]  # of the gross and of the fine classifier
     is_new: np.ndarray
-    clip: np.ndarray
+    unit: np.ndarray
     fold: np.ndarray
 
     def auc(self, which, weights):
-        """Return the mean AUC over folds for one weight per clip: `weights[clip]`."""
-        found = []
+        """Return the mean AUC over folds for each row of `weights`, shape (n, n_units).
+
+        `which` is 0 for the gross classifier, 1 for the fine one.
+        """
+        values = []
         for fold in np.unique(self.fold):
             rows = self.fold == fold
-            weight = weights[self.clip[rows]][None]
-            value = weighted_auc(self.scores[which][rows], self.is_new[rows], weight)[0]
-            found.append(value)
-        found = np.array(found)
-        return float(found[np.isfinite(found)].mean()) if np.isfinite(found).any() else np.nan
+            weight = weights[:, self.unit[rows]]
+            values.append(weighted_auc(self.scores[which][rows], self.is_new[rows], weight))
+        return np.mean(values, axis=0)
 
 
-def captured_windows(motions):
-    """Return the windows of recordings; blocks are about five seconds long."""
-    parts, clip, block, first = [], [], [], 0
-    for index, recording in enumerate(motions):
-        windows, centers = _windows(recording)
-        if not len(centers):
-            continue
-        n_blocks = max(round(recording.n_frames / BLOCK_FRAMES), 1)
-        parts.append(windows)
-        clip += [index] * len(centers)
-        block += (first + centers * n_blocks // recording.n_frames).tolist()
-        first += n_blocks
-    return WindowSet(Windows.concatenate(parts), np.array(clip), np.array(block))
+def read_windows(motions, blocks):
+    """Return the windows of motions and their blocks.
 
-
-def generated_windows(motions, clips, captured):
-    """Return the windows of generated motions, each in the block of the nearest captured window.
-
-    `clips` has the index of the recording that each motion belongs to, for resampling by clip.
-
-    The block of a window decides whether it is in training or test, so that a window that copies a
-    recording is never tested against classifiers that saw the original.
+    `blocks` has the blocks of the frames of each motion, an array of shape (n_frames,).
     """
-    parts, index = [], []
-    for clip, generated in zip(clips, motions, strict=True):
-        windows, centers = _windows(generated)
+    parts, units = [], []
+    for motion, own in zip(motions, blocks, strict=True):
+        reach = window_reach("seams", motion.rate)
+        centers = np.arange(reach, motion.n_frames - reach, STEP)
         if len(centers):
-            parts.append(windows)
-            index += [clip] * len(centers)
-    windows = Windows.concatenate(parts)
-    own, others = windows.blocks[0], captured.windows.blocks[0]
+            parts.append(extract_windows(BodyTracks.of(motion), centers, "seams"))
+            units.append(own[centers])
+    unit = np.concatenate(units)
+    return WindowSet(Windows.concatenate(parts), unit, unit)
+
+
+def assign_blocks(generated, captured):
+    """Return `generated` with the block of the nearest captured window for every window.
+
+    A window that copies a recording is then never tested with classifiers that saw the original.
+    """
+    own, others = generated.windows.blocks[0], captured.windows.blocks[0]
     nearest = [
         pairwise(own[start : start + _CHUNK], others).argmin(axis=1)
         for start in range(0, len(own), _CHUNK)
     ]
-    return WindowSet(windows, np.array(index), captured.block[np.concatenate(nearest)])
-
-
-def _windows(motion):
-    reach = window_reach("seams", motion.rate)
-    centers = np.arange(reach, motion.n_frames - reach, STEP)
-    return extract_windows(BodyTracks.of(motion), centers, "seams"), centers
+    block = captured.block[np.concatenate(nearest)]
+    return WindowSet(generated.windows, generated.unit, block)
 
 
 def split_at_random(captured, seed):
@@ -117,29 +118,33 @@ def compare_sets(captured, generated, seed=0):
             is_tested = fold_of_block[own.block] == fold
             sets.append((np.flatnonzero(~is_tested), np.flatnonzero(is_tested)))
         n = min(len(train) for train, _ in sets)
-        if n < 25 or min(len(test) for _, test in sets) < 8:
+        if n < MIN_TRAIN or min(len(test) for _, test in sets) < MIN_TEST:
             continue
-        train = [rng.permutation(rows)[:n] for rows, _ in sets]
-        learned = Windows.concatenate([captured.windows[train[0]], generated.windows[train[1]]])
-        tested = Windows.concatenate([captured.windows[sets[0][1]], generated.windows[sets[1][1]]])
-        scores = train_and_score(learned, np.repeat([0, 1], n), tested)
-        counts = [len(test) for _, test in sets]
-        clip = np.concatenate([captured.clip[sets[0][1]], generated.clip[sets[1][1]]])
-        parts.append((scores, np.repeat([0.0, 1.0], counts), clip, np.full(sum(counts), fold)))
+        first, second = (rng.permutation(train)[:n] for train, _ in sets)
+        learned = Windows.concatenate([captured.windows[first], generated.windows[second]])
+        first, second = (test for _, test in sets)
+        tested = Windows.concatenate([captured.windows[first], generated.windows[second]])
+        parts.append(
+            TestedWindows(
+                scores=train_and_score(learned, np.repeat([0, 1], n), tested),
+                is_new=np.repeat([0.0, 1.0], [len(first), len(second)]),
+                unit=np.concatenate([captured.unit[first], generated.unit[second]]),
+                fold=np.full(len(tested), fold),
+            )
+        )
     if not parts:
         return None
     return TestedWindows(
-        scores=tuple(np.concatenate([p[0][k] for p in parts]) for k in (0, 1)),
-        is_new=np.concatenate([p[1] for p in parts]),
-        clip=np.concatenate([p[2] for p in parts]),
-        fold=np.concatenate([p[3] for p in parts]),
+        scores=tuple(np.concatenate([part.scores[k] for part in parts]) for k in (0, 1)),
+        is_new=np.concatenate([part.is_new for part in parts]),
+        unit=np.concatenate([part.unit for part in parts]),
+        fold=np.concatenate([part.fold for part in parts]),
     )
 
 
 def _folds(block, seed):
     """Return the fold of each block; a block without a window has fold -1."""
     folds = np.full(block.max() + 1, -1)
-    present = np.unique(block)
-    index = np.searchsorted(present, block)
+    index = np.searchsorted(np.unique(block), block)
     folds[block] = assign_folds(index, N_FOLDS, seed)
     return folds

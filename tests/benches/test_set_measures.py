@@ -1,15 +1,18 @@
 """Laws of the measures that compare sets of motions."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benches.baselines import body_mixing
 from benches.measures import contacts, two_sets
 from benches.measures.distributions import density_and_coverage, frechet_distance
 from benches.measures.nearest_patches import nearest_patches
+from benches.measures.nearest_windows import nearest_windows
 from benches.measures.tracks import pose_track, rotations_6d
 from mograft.body import mass
 from mograft.dancer import dance
@@ -91,14 +94,6 @@ def test_density_and_coverage_distant_set_is_zero(points):
     assert density_and_coverage(points, points + 1e3) == (0.0, 0.0)
 
 
-@given(POINTS)
-def test_density_and_coverage_weights_equal_repeated_points(points):
-    fake = points[::-1] + 0.5
-    counts = np.random.default_rng(2).integers(0, 3, len(fake)) + (np.arange(len(fake)) == 0)
-    weighted = density_and_coverage(points, fake, counts)
-    assert weighted == pytest.approx(density_and_coverage(points, np.repeat(fake, counts, axis=0)))
-
-
 @pytest.fixture(scope="module")
 def clips():
     return [take.motion for take in dance(seed=4, strides=2).takes(4)]
@@ -119,9 +114,24 @@ def test_nearest_patches_of_a_copied_motion_is_zero(clips):
     assert nearest_patches(tracks[1], tracks[2:], 10) > 0.1
 
 
-def test_toe_skate_sliding_body_skates_in_every_contact(clips):
-    from dataclasses import replace
+@given(st.integers(0, 10_000), st.integers(1, 4))
+def test_nearest_windows_match_a_loop_over_windows(seed, length):
+    rng = np.random.default_rng(seed)
+    tracks = [rng.normal(size=(n, 2)) for n in (7, 3)]
+    others = [rng.normal(size=(n, 2)) for n in (5, 2, 6)]
+    for track, nearest in zip(tracks, nearest_windows(tracks, others, length), strict=True):
+        expected = [
+            min(
+                np.linalg.norm(track[i : i + length] - other[j : j + length], axis=1).mean()
+                for other in others
+                for j in range(len(other) - length + 1)
+            )
+            for i in range(len(track) - length + 1)
+        ]
+        np.testing.assert_allclose(nearest, expected, atol=1e-7)
 
+
+def test_toe_skate_sliding_body_skates_in_every_contact(clips):
     motion = clips[0]
     slide = np.zeros((motion.n_frames, 1, 3))
     root = motion.locomotion_root()
@@ -133,50 +143,42 @@ def test_toe_skate_sliding_body_skates_in_every_contact(clips):
         positions=np.repeat(motion.positions[:1], motion.n_frames, axis=0),
         channel_values=None,
     )
-    assert contacts.toe_skate(still)[1] == 0
-    assert contacts.toe_skate(still)[0] > 0
+    n_contacts, n_skating = contacts.toe_skate(still)
+    assert n_contacts.sum() > 0
+    assert n_skating.sum() == 0
     shifted = still.positions.copy()
     shifted[:, root] += slide[:, 0] * 100
-    sliding = replace(still, positions=shifted)
-    n_contacts, n_skating = contacts.toe_skate(sliding)
-    assert n_skating == n_contacts > 0
+    n_contacts, n_skating = contacts.toe_skate(replace(still, positions=shifted))
+    np.testing.assert_array_equal(n_skating, n_contacts)
+    assert n_skating.sum() > 0
+
+
+def blocks_of(clips):
+    """Return three blocks of frames for each clip."""
+    return [3 * k + np.arange(clip.n_frames) * 3 // clip.n_frames for k, clip in enumerate(clips)]
 
 
 def test_compare_sets_random_halves_are_not_distinguished(clips):
     pytest.importorskip("sklearn", reason="scikit-learn is not installed")
-    captured = two_sets.captured_windows(clips)
+    captured = two_sets.read_windows(clips, blocks_of(clips))
     first, second = two_sets.split_at_random(captured, 0)
     tested = two_sets.compare_sets(first, second)
-    weights = np.ones(len(clips))
+    weights = np.ones((1, 3 * len(clips)))
     n = min(tested.is_new.sum(), (1 - tested.is_new).sum())
     # Four standard errors of the AUC of two equal sets of n independent scores.
     bound = 4 * np.sqrt((2 * n + 1) / (12 * n * n))
-    assert abs(tested.auc(0, weights) - 0.5) < bound
-    assert abs(tested.auc(1, weights) - 0.5) < bound
+    assert abs(tested.auc(0, weights)[0] - 0.5) < bound
+    assert abs(tested.auc(1, weights)[0] - 0.5) < bound
 
 
 def test_compare_sets_copies_are_not_distinguished_and_noise_is(clips):
     pytest.importorskip("sklearn", reason="scikit-learn is not installed")
-    from dataclasses import replace
-
-    from mograft.motion import rotations
-
-    captured = two_sets.captured_windows(clips)
-    weights = np.ones(len(clips))
-    copied = two_sets.generated_windows(clips, range(len(clips)), captured)
+    captured = two_sets.read_windows(clips, blocks_of(clips))
+    weights = np.ones((1, 3 * len(clips)))
+    copied = two_sets.assign_blocks(captured, captured)
     np.testing.assert_array_equal(copied.block, captured.block)
     tested = two_sets.compare_sets(captured, copied)
     assert tested.auc(0, weights) == pytest.approx(0.5, abs=1e-9)
-    rng = np.random.default_rng(0)
-    noisy = [
-        replace(
-            clip,
-            rotations=rotations.multiply(
-                clip.rotations, rotations.exp(rng.normal(0, 0.05, (*clip.rotations.shape[:2], 3)))
-            ),
-            channel_values=None,
-        )
-        for clip in clips
-    ]
-    shaken = two_sets.generated_windows(noisy, range(len(clips)), captured)
+    noisy = [body_mixing.add_noise(clip, 3.0, np.random.default_rng(0)) for clip in clips]
+    shaken = two_sets.assign_blocks(two_sets.read_windows(noisy, blocks_of(clips)), captured)
     assert two_sets.compare_sets(captured, shaken).auc(1, weights) > 0.9

@@ -1,0 +1,259 @@
+"""Grafts beside the generators that a reader may use instead, on the same clips."""
+
+import mograft as mg
+from benches.baselines import body_mixing, catalogue, genmm, motion_arrays, motion_matching
+from benches.evidence.pooling import pool, subtract
+from benches.evidence.section import Section, Table, count_verdicts, format_estimate
+from benches.evidence.sources import DEVELOPMENT, TEST
+from benches.measures import (
+    contacts,
+    distributions,
+    generated_sets,
+    nearest_patches,
+    nearest_windows,
+    tracks,
+    two_sets,
+)
+
+NAME = "generators"
+SOURCES = ("salsa A", "perfume", "indian", "locomotion", "gestures", "everyday", "slow walks")
+HELPERS = (
+    body_mixing,
+    catalogue,
+    genmm,
+    motion_arrays,
+    motion_matching,
+    contacts,
+    distributions,
+    generated_sets,
+    nearest_patches,
+    nearest_windows,
+    tracks,
+    two_sets,
+)
+MAX_CLIPS = 24
+N_RUNS = 3
+MIN_BLOCKS = 10
+CAPTURED = "captured"
+_VARIETY = (
+    ("coverage", "coverage", 0, 100, " %"),
+    ("local", "local distance", 3, 1, ""),
+    ("copied", "copied windows", 0, 100, " %"),
+    ("global", "global distance", 3, 1, ""),
+    ("inter", "distance between runs", 3, 1, ""),
+)
+_REALISM = (
+    ("gross", "AUC, gross", 2, 1, ""),
+    ("fine", "AUC, fine", 2, 1, ""),
+    ("frechet", "Fréchet distance", 1, 1, ""),
+    ("density", "density", 2, 1, ""),
+    ("embedding coverage", "coverage of balls", 2, 1, ""),
+    ("skate", "skating contacts", 1, 100, " %"),
+)
+
+
+def measure(recordings, *, is_quick):
+    """Return all measures of a source by generator; a generator that fails has its reason."""
+    step = max(-(-len(recordings.motions) // MAX_CLIPS), 1)
+    recordings = type(recordings)(recordings.name, recordings.motions[::step])
+    library = recordings.library
+    reference = generated_sets.Reference(library)
+    if reference.n_blocks < MIN_BLOCKS:
+        raise mg.InsufficientDataError(
+            f"{MIN_BLOCKS} blocks of five seconds are needed, but there are {reference.n_blocks}"
+        )
+    studio = catalogue.Studio(library, recordings)
+    found = {CAPTURED: _as_dicts(generated_sets.measure_captured(reference))}
+    n_runs = 2 if is_quick else N_RUNS
+    for generator in catalogue.GENERATORS:
+        try:
+            made = [studio.make(generator, clip, n_runs) for clip in range(len(library.clips))]
+        except ValueError as error:
+            found[generator.name] = {"refused": str(error)}
+            continue
+        runs = [[motions[run] for motions, _ in made] for run in range(n_runs)]
+        duration = sum(motion.n_frames for run in runs for motion in run) / library.rate
+        found[generator.name] = _as_dicts(generated_sets.measure(reference, runs)) | {
+            "seconds": 10 * sum(seconds for _, seconds in made) / duration
+        }
+    return found
+
+
+def _as_dicts(estimates):
+    return {name: own.as_dict() for name, own in estimates.items()}
+
+
+def render(results):
+    """The section."""
+    test = {name: found for name, found in results.items() if name in TEST}
+    development = {name: found for name, found in results.items() if name in DEVELOPMENT}
+    tables = []
+    for sources, title in ((test, "Test sources"), (development, "Development sources")):
+        if sources:
+            names = ", ".join(sources)
+            tables += [
+                _table(sources, _VARIETY, f"{title}, how new and how varied ({names})."),
+                _table(sources, _REALISM, f"{title}, how similar to captured motion ({names})."),
+            ]
+    tables += [_source_table(results), _seconds_table(results)]
+    return Section(
+        anchor=NAME,
+        title="Grafts beside other generators",
+        question="A reader can make new motions from a few clips in other ways. How do grafts "
+        "compare in variety, in similarity to captured motion, and in seconds?",
+        data=f"Every source by itself, at most {MAX_CLIPS} clips of each. Every generator makes "
+        f"{N_RUNS} motions of the length of every clip; all clips of the source are its examples. "
+        + " ".join(f"{own.name}: {own.description}." for own in catalogue.GENERATORS)
+        + " Grafts, donors, CutMix, motion matching and GenMM of the upper body keep the legs and "
+        "the root of the clip. Grafts may keep the captured upper body of a segment. GenMM of the "
+        "upper body and motion matching may not use the 30 frames around the replaced ones, which "
+        "would give the clip itself. GenMM is reimplemented from its paper with the authors' "
+        "constants, without skeleton-aware patches and without its repair of feet.",
+        measure=_MEASURE,
+        null="The row `captured` is captured motion itself: for the distances, coverage, density "
+        "and the Fréchet distance the blocks of one half against the other half; for the AUC two "
+        "random halves of the captured windows, four times, which should give 0.5; for skating "
+        "the recordings.",
+        tables=tuple(tables),
+        conclusions=_conclusions(test),
+        limits=(
+            "That one generator is better. A generator that changes little is close to the "
+            "recordings in every measure of similarity: compare rows of similar local distance, "
+            "and `graft` with `random, same segments`, which exchanges the same segments.",
+            "That the Fréchet distance is the published FID: its points are windows of 0.5 s in "
+            "our embedding of the source, and few windows make it large.",
+            "That motions look natural. No person has judged them.",
+            "That GenMM with the parts that were left out would have the same values.",
+        ),
+    )
+
+
+_MEASURE = (
+    "Coverage (GANimator, Li et al. 2022): share of the captured windows of 1 s whose 6D rotations "
+    "are within a mean L2 distance of 2 of a window of the run. Local distance: mean distance of "
+    "windows of 0.5 s from the nearest captured one, root mean square of the 6D rotations per "
+    "joint; a copied window has a distance of at most 0.01. Global distance: that from the nearest "
+    "sequence of captured pieces of at least 1 s, by dynamic programming. Distance between runs: "
+    "global distance of a motion from the next run's motion for the same clip. AUC: classifiers "
+    "that tell windows of 0.57 s from captured ones, tested on other blocks than they were trained "
+    "on; 0.5 is chance. Gross: trees on positions, velocities and accelerations; fine: a logistic "
+    "regression that also sees jerk. Density and coverage of balls: Naeem et al. 2020, five "
+    "neighbours. Fréchet distance: of windows of 0.5 s in our embedding. Skating: share of the toe "
+    "contacts (below 5 cm) with a speed above 0.2 m/s, for a stature of 1.7 m; where the legs are "
+    "kept it is that of the recordings. Means over sources; the intervals resample blocks of five "
+    "seconds (Fréchet distance: jackknife), and n is the number of windows, pieces or contacts."
+)
+
+
+def _rows(results):
+    return [
+        name
+        for name in (CAPTURED, *(own.name for own in catalogue.GENERATORS))
+        if any(_has_values(found.get(name)) for found in results.values())
+    ]
+
+
+def _has_values(found):
+    return found is not None and "refused" not in found
+
+
+def _estimates(results, generator, key):
+    return [
+        found[generator][key] for found in results.values() if _has_values(found.get(generator))
+    ]
+
+
+def _table(results, columns, caption):
+    rows = []
+    for name in _rows(results):
+        cells = [
+            format_estimate(pool(_estimates(results, name, key)), digits, scale, suffix)
+            for key, _, digits, scale, suffix in columns
+        ]
+        n_sources = sum(_has_values(found.get(name)) for found in results.values())
+        rows.append((name, str(n_sources), *cells))
+    head = ("generator", "sources", *(title for _, title, *_ in columns))
+    return Table(head, tuple(rows), caption)
+
+
+def _source_table(results):
+    names = _rows(results)
+    rows = []
+    for source, found in results.items():
+        cells = [
+            format_estimate(found[name]["gross"], 2, has_n=False)
+            if _has_values(found.get(name))
+            else "-"
+            for name in names
+        ]
+        n = next(
+            (found[name]["gross"]["n"] for name in names[1:] if _has_values(found.get(name))), 0
+        )
+        rows.append((source, str(n), *cells))
+    caption = "AUC, gross, of every source; n is the number of generated windows."
+    return Table(("source", "n", *names), tuple(rows), caption)
+
+
+def _seconds_table(results):
+    rows = []
+    for generator in catalogue.GENERATORS:
+        own = [
+            found[generator.name]["seconds"]
+            for found in results.values()
+            if _has_values(found.get(generator.name))
+        ]
+        if own:
+            rows.append((generator.name, f"{min(own):.2f} to {max(own):.2f}", str(len(own))))
+    return Table(
+        ("generator", "CPU seconds", "n, sources"),
+        tuple(rows),
+        "CPU seconds for 10 s of motion, smallest and largest of the sources. The library of the "
+        "source is built before; databases, graphs and libraries of single generators are "
+        "included.",
+    )
+
+
+_COMPARISONS = (
+    ("random, same segments", "random donors for the same segments"),
+    ("random donors", "random donors for all segments"),
+    ("CutMix", "CutMix"),
+    ("motion matching", "motion matching"),
+    ("GenMM, upper body", "GenMM of the upper body"),
+    ("GenMM", "GenMM of the whole body"),
+    ("motion graph", "a walk on the motion graph"),
+    ("noise", "noise"),
+)
+
+
+def _conclusions(test):
+    if not test:
+        return ("No test source was measured.",)
+    lines = [
+        f"Grafts against {CAPTURED} motion, AUC less 0.5: "
+        + "; ".join(
+            f"{key} {count_verdicts(_differences(test, 'graft', None, key))}"
+            for key in ("gross", "fine")
+        )
+        + "."
+    ]
+    for name, title in _COMPARISONS:
+        parts = []
+        for key, what in (("gross", "AUC, gross"), ("fine", "AUC, fine"), ("local", "distance")):
+            found = _differences(test, "graft", name, key)
+            if found:
+                parts.append(f"{what}: {count_verdicts(found)}")
+        if parts:
+            lines.append(f"Grafts less {title}. " + "; ".join(parts) + ".")
+    return tuple(lines)
+
+
+def _differences(results, first, second, key):
+    """Return the differences of two generators in every source; of one from 0.5 if None."""
+    half = {"value": 0.5, "interval": [0.5, 0.5], "n": 0, "of": "", "method": ""}
+    found = []
+    for own in results.values():
+        if _has_values(own.get(first)) and (second is None or _has_values(own.get(second))):
+            difference = subtract(own[first][key], half if second is None else own[second][key])
+            if difference["value"] is not None:
+                found.append(difference)
+    return found

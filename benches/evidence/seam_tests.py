@@ -1,0 +1,184 @@
+"""Can a classifier find seams? Every seam treatment with the same donors."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+
+from benches.evidence.pooling import pool, subtract
+from benches.evidence.section import Section, Table, count_verdicts, format_estimate
+from benches.evidence.sources import DEVELOPMENT, TEST
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.errors import InsufficientDataError
+from mograft.evaluation.detectability import MIN_WINDOWS, pair_other_moments
+from mograft.evaluation.two_sample import block_folds, detect
+from mograft.evaluation.windows import GraftWindows
+from mograft.synthesis.graft_plan import GraftPlan
+
+NAME = "seams"
+SOURCES = (
+    "salsa A",
+    "perfume",
+    "indian",
+    "locomotion",
+    "gestures",
+    "slow walks",
+    "acting",
+    "boxing",
+)
+MAX_CLIPS = 40
+N_RUNS, N_SPLITS = 4, 2
+MAX_WINDOWS = 1200
+NULLS = ("captured, other moments", "captured, donors")
+
+
+def choose_donors(library, n_runs, seed=0):
+    """Return the donor sequences of every clip, chosen by the configuration of the library."""
+    plans = [GraftPlan.build(library, clip, None, ()) for clip in range(len(library.clips))]
+    return [plan.choose_donors(n_runs, seed) for plan in plans]
+
+
+def treat(library, chosen, treatment):
+    """Return the grafts of given donors with one seam treatment, without self-repair."""
+    config = replace(library.config, seam=treatment, self_repair=False)
+    treated = library.relabelled(config)
+    grafts = []
+    for clip, sequences in enumerate(chosen):
+        plan = GraftPlan.build(treated, clip, None, ())
+        grafts += [plan.build_graft(own, 0, run) for run, own in enumerate(sequences)]
+    return grafts
+
+
+def measure(recordings, *, is_quick):
+    """Return the AUC of both classifiers by seam treatment, and of the null comparisons."""
+    step = max(-(-len(recordings.motions) // MAX_CLIPS), 1)
+    library = type(recordings)(recordings.name, recordings.motions[::step]).library
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        chosen = choose_donors(library, 2 if is_quick else N_RUNS)
+        found = {}
+        for name in SEAM_TREATMENTS.names:
+            grafts = treat(library, chosen, name)
+            windows = GraftWindows.of(grafts, "seams", MAX_WINDOWS, np.random.default_rng(0))
+            if len(windows) < MIN_WINDOWS:
+                raise InsufficientDataError(
+                    f"{MIN_WINDOWS} windows at seams are needed, but there are {len(windows)}"
+                )
+            folds = [block_folds(windows.frames, (0, split)) for split in range(N_SPLITS)]
+            pairs = windows.pairs()
+            found[name] = detect([pairs] * N_SPLITS, folds, 0)
+    rng = np.random.default_rng(0)
+    others = [pair_other_moments(pairs, rng) for _ in folds]
+    found[NULLS[0]] = detect(others, folds, 0)
+    found[NULLS[1]] = detect([windows.donor_pairs()] * N_SPLITS, folds, 0)
+    substitutions = [own for graft in grafts for own in graft.substitutions]
+    exchanged = sum(not own.is_own for own in substitutions)
+    return {
+        "auc": {name: own.as_dict() for name, own in found.items()},
+        "grafts": len(grafts),
+        "exchanged": exchanged,
+        "segments": len(substitutions),
+    }
+
+
+def render(results):
+    """The section."""
+    test = {name: found for name, found in results.items() if name in TEST}
+    development = {name: found for name, found in results.items() if name in DEVELOPMENT}
+    tables = [
+        _table(sources, title)
+        for sources, title in ((test, "test sources"), (development, "development sources"))
+        if sources
+    ]
+    return Section(
+        anchor=NAME,
+        title="Can a classifier find the seams?",
+        question="Do windows around seams differ from the captured windows at the same frames, and "
+        "by how much for each seam treatment?",
+        data=f"Every source by itself, at most {MAX_CLIPS} clips. {N_RUNS} grafts of every clip. "
+        "All treatments have the same donors, chosen with the default configuration, so that the "
+        "exchanged segments are the same; self-repair is off.",
+        measure="ROC AUC of two classifiers on windows of 0.57 s at seams; 0.5 is chance. They are "
+        f"trained and tested on different blocks of five seconds ({N_SPLITS} random assignments to "
+        "three folds), those of the donors included. Gross: trees on positions, velocities and "
+        "accelerations; fine: a logistic regression that also sees jerk "
+        "(`mograft.evaluation.detectability`). Means over sources; the intervals resample blocks; "
+        "n is the number of windows.",
+        null="`captured, other moments`: windows of the recording at other seams in the same "
+        "block. `captured, donors`: the captured windows that the donors come from, whole bodies. "
+        "Its AUC is above 0.5 if the donors differ from the segments that they replace: that part "
+        "is no fault of a seam.",
+        tables=(*tables, _source_table(results)),
+        conclusions=_conclusions(test),
+        limits=(
+            "That a person sees the seams: the classifiers compare half a second of all bone ends.",
+            "That an AUC of 0.5 means no difference: other classifiers may find one.",
+            "A treatment that changes whole segments also changes the motion between seams; this "
+            "table has windows at seams only.",
+        ),
+    )
+
+
+def _names(results):
+    return [*NULLS, *next(iter(results.values()))["auc"]][: len(NULLS) + len(SEAM_TREATMENTS.names)]
+
+
+def _table(results, title):
+    rows = [
+        (
+            name,
+            *(
+                format_estimate(pool([own["auc"][name][key] for own in results.values()]), 2)
+                for key in ("gross", "fine")
+            ),
+        )
+        for name in _names(results)
+    ]
+    exchanged = sum(own["exchanged"] for own in results.values())
+    segments = sum(own["segments"] for own in results.values())
+    return Table(
+        ("seam", "AUC, gross", "AUC, fine"),
+        tuple(rows),
+        f"Means over {len(results)} {title} ({', '.join(results)}); {exchanged} of {segments} "
+        "segments are exchanged with every treatment.",
+    )
+
+
+def _source_table(results):
+    names = _names(results)
+    rows = [
+        (
+            name,
+            str(own["auc"]["offset"]["fine"]["n"]),
+            *(format_estimate(own["auc"][seam]["fine"], 2, has_n=False) for seam in names),
+        )
+        for name, own in results.items()
+    ]
+    return Table(("source", "n", *names), tuple(rows), "AUC, fine, of every source.")
+
+
+def _conclusions(test):
+    if not test:
+        return ("No test source was measured.",)
+    lines = []
+    for key in ("gross", "fine"):
+        means = {
+            name: pool([own["auc"][name][key] for own in test.values()])["value"]
+            for name in SEAM_TREATMENTS.names
+        }
+        known = {name: value for name, value in means.items() if value is not None}
+        if known:
+            lines.append(
+                f"AUC, {key}: smallest for {min(known, key=known.get)}, largest for "
+                f"{max(known, key=known.get)} of the treatments."
+            )
+        differences = [
+            subtract(own["auc"]["gradient"][key], own["auc"][NULLS[0]][key])
+            for own in test.values()
+        ]
+        differences = [own for own in differences if own["value"] is not None]
+        lines.append(
+            f"AUC, {key}, of the default treatment `gradient` less that of captured windows at "
+            f"other moments: {count_verdicts(differences)}."
+        )
+    return tuple(lines)
