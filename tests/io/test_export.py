@@ -14,6 +14,7 @@ from mograft import (
     write_csv,
     write_glb,
     write_npz,
+    write_usd,
 )
 from mograft.cli import main
 from tests.io.glb_file import Glb
@@ -81,3 +82,16 @@ def test_export_command_wrong_usage_exits_2(arguments, capsys):
         main(["export", *arguments])
     assert stop.value.code == 2
     assert capsys.readouterr().err
+
+
+@pytest.mark.parametrize("write", [write_glb, write_usd])
+def test_positions_beyond_single_precision_are_refused_by_joint_and_frame(motion, tmp_path, write):
+    if write is write_usd:
+        pytest.importorskip("pxr", reason="usd-core is not installed")
+    positions = motion.positions.copy()
+    positions[7, 0, 1] = 1e39
+    far = replace(motion, positions=positions, name="far")
+    message = f"position of {motion.skeleton.names[0]} in frame 7 of far must be within the range"
+    with pytest.raises(ValueError, match=message):
+        write(far, tmp_path / "far.usda", scale=1.0)
+    assert not (tmp_path / "far.usda").exists()

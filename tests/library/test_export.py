@@ -1,10 +1,13 @@
 """Properties of exported tables."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from mograft import Library
+from mograft.dancer import dance
 from mograft.library.export import export_tables
 from mograft.library.tables import library_tables
 
@@ -38,6 +41,15 @@ def test_export_tables_hold_library_tables(stored_library, tmp_path, kind):
             np.testing.assert_array_equal(actual.astype(expected.dtype), expected)
     with pytest.raises(ValueError, match="`kind` must be"):
         export_tables(stored_library, tmp_path / "x", "xlsx")
+
+
+def test_export_csv_formulas_in_names_are_prefixed(tmp_path):
+    motion = replace(dance(strides=1).motion, name="=HYPERLINK(1)")
+    files = export_tables(Library.build([motion]), tmp_path / "out", "csv")
+    (clips,) = (path for path in files if path.stem == "clips")
+    with clips.open(newline="") as stream:
+        names, first = list(csv.reader(stream))[:2]
+    assert first[names.index("name")] == "'=HYPERLINK(1)"
 
 
 def test_to_dataframe_columns_agree_with_library(stored_library):

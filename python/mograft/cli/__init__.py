@@ -5,6 +5,7 @@ time, 2 usage, 3 invalid motion file or damaged library, 4 no donor sequence sat
 constraints, 130 interrupted.
 """
 
+import argparse
 import importlib
 import os
 import sys
@@ -14,6 +15,7 @@ from collections.abc import Sequence
 from mograft.cli.commands import COMMANDS
 from mograft.cli.output import print_error, print_remark, set_quiet
 from mograft.cli.parser import parse
+from mograft.cli.terminal import escape_output
 from mograft.errors import FormatError, MograftError, ProvenanceError
 
 __all__ = ["COMMANDS", "main"]
@@ -21,7 +23,12 @@ __all__ = ["COMMANDS", "main"]
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command in `arguments` (default: ``sys.argv[1:]``) and return the exit code."""
-    options = parse(COMMANDS, arguments)
+    with escape_output():
+        return _run(parse(COMMANDS, arguments))
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Run a command and return the exit code."""
     # NumPy reads these when it is imported. The matrices are small, so BLAS threads of this
     # process and of its workers would mostly wait for each other.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):

@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
 
+from mograft.cli.terminal import write_control
+
 
 def print_result(
     options: argparse.Namespace,
@@ -58,12 +60,12 @@ def show_progress() -> Iterator[Callable[[str, int, int], None] | None]:
         return
 
     def show(stage: str, done: int, total: int) -> None:
-        print(f"\r\033[K{stage} {done}/{total}", end="", file=sys.stderr, flush=True)
+        write_control(f"\r\033[K{stage} {done}/{total}")
 
     try:
         yield show
     finally:
-        print("\r\033[K", end="", file=sys.stderr, flush=True)
+        write_control("\r\033[K")
 
 
 def describe_excluded_file(path: str, reason: str) -> str:

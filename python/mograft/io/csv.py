@@ -39,8 +39,7 @@ def write_csv(motion: Motion, path: str | os.PathLike[str]) -> None:
     columns = ["frame", "time"]
     for joint, name in enumerate(names):
         column = name if names.count(name) == 1 else f"{name}~{joint}"
-        if column[:1] in ("=", "+", "-", "@", "\t", "\r"):
-            column = f"'{column}"
+        column = without_formula(column)
         columns += [f"{column}.{axis}" for axis in "xyz"]
     buffer = io.StringIO(newline="")
     writer = csv.writer(buffer, lineterminator="\n")
@@ -50,3 +49,8 @@ def write_csv(motion: Motion, path: str | os.PathLike[str]) -> None:
         time = f"{frame * motion.frame_time:.9g}"
         writer.writerow([frame, time, *(f"{value:.9g}" for value in row)])
     write_bytes(Path(path), buffer.getvalue().encode("utf-8", "replace"))
+
+
+def without_formula(text: str) -> str:
+    """Return a text with an apostrophe before it if a spreadsheet would read it as a formula."""
+    return f"'{text}" if text[:1] in ("=", "+", "-", "@", "\t", "\r") else text

@@ -59,9 +59,18 @@ class ExportTransform:
         """Return the transformed local rotations and positions of a motion.
 
         Rotations have shape (n_frames, n_joints, 4) and do not change sign from frame to frame.
-        Positions have shape (n_frames, n_joints, 3).
+        Positions have shape (n_frames, n_joints, 3). Raises ValueError if one is too large for
+        single precision.
         """
         quats, positions = motion.rotations.copy(), self.scale * motion.positions
+        is_large = (np.abs(positions) > np.finfo(np.float32).max).any(axis=2)
+        if is_large.any():
+            frame, joint = (int(index) for index in np.argwhere(is_large)[0])
+            raise ValueError(
+                f"the position of {motion.skeleton.names[joint]} in frame {frame} of "
+                f"{motion.name or 'the motion'} must be within the range of single precision, got "
+                f"{np.abs(positions[frame, joint]).max():.3g} m; `scale` is {self.scale:g}"
+            )
         quats[:, 0] = rotations.multiply(self.to_y_up, quats[:, 0])
         positions[:, 0] = rotations.rotate(self.to_y_up, positions[:, 0])
         return rotations.continuous_signs(quats), positions

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mograft._util.atomic import atomic_path, draft_folder
+from mograft.io.csv import without_formula
 from mograft.library.library import Library
 from mograft.library.tables import Column, library_tables
 
@@ -20,7 +21,8 @@ def export_tables(
     """Write the tables of a library, replacing existing files, and return the paths of the files.
 
     For the kind "npz", `path` is the file, and its arrays are named ``TABLE/COLUMN``. For "parquet"
-    and "csv", `path` is a folder that receives one file per table. Raise ValueError for another
+    and "csv", `path` is a folder that receives one file per table. Texts in CSV that a spreadsheet
+    would read as a formula are prefixed with an apostrophe. Raise ValueError for another
     `kind`, and ModuleNotFoundError if "parquet" is requested without pyarrow.
     """
     if kind not in ("parquet", "csv", "npz"):
@@ -56,7 +58,8 @@ def _write_csv(path: Path, columns: Mapping[str, Column]) -> None:
         rows = csv.writer(stream)
         rows.writerow(columns)
         lists = [np.asarray(column).tolist() for column in columns.values()]
-        rows.writerows(zip(*lists, strict=True))
+        for row in zip(*lists, strict=True):
+            rows.writerow([without_formula(v) if isinstance(v, str) else v for v in row])
 
 
 def _write_parquet(path: Path, columns: Mapping[str, Column]) -> None:
