@@ -94,9 +94,12 @@ found = {}
 for name, times in requests.items():
     for bone in figure.pose.bones:
         bone.matrix_basis.identity()
-    action = bpy.data.actions[name]
+    # Older versions of Blender append the name of the object, and have no slots.
+    actions = bpy.data.actions
+    action = actions[name] if name in actions else actions[f"{name}_{figure.name}"]
     figure.animation_data.action = action
-    figure.animation_data.action_slot = action.slots[0]
+    if hasattr(action, "slots"):
+        figure.animation_data.action_slot = action.slots[0]
     found[name] = []
     for time in times:
         # Frames in single precision: a step at a key must not come one frame late.

@@ -2,12 +2,14 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from mograft import Config, KeepOriginal, Library, graft, graft_many, read_bvh
 from mograft.cli.advice import advise
+from mograft.synthesis.self_repair import RepairedWindow
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +58,21 @@ def test_advice_names_cause_and_remedy(library, config, constraints, cause, reme
     lines = advice([graft(own, constraints=constraints)])
     assert cause in lines[-1]
     assert remedy in lines[-1]
+
+
+def test_advice_names_self_repair_if_it_restored_all_segments(library):
+    kept = graft(library, seed=1)
+    own = tuple(s._replace(donor=s.segment) for s in kept.substitutions)
+    window = RepairedWindow(
+        group="upper", start=0, stop=20, measure="world jerk", before=4.0, after=0.0
+    )
+    (line,) = [
+        line
+        for line in advice([replace(kept, substitutions=own, repairs=(window,))])
+        if line.startswith("warning")
+    ]
+    assert "no segment was exchanged: self-repair restored the captured parts" in line
+    assert "--no-self-repair keeps the exchanges" in line
 
 
 def test_graft_nothing_exchanged_is_a_warning_and_exit_code_0(run, folder):

@@ -52,6 +52,11 @@ def _cause_of_no_exchange(graft: Graft) -> str:
         return "the base satisfies the constraints, or no candidate satisfies them better"
     if all((counts == 0).all() for counts in graft.alternatives.values()):
         return "no segment has a candidate"
+    if graft.repairs:
+        return (
+            "self-repair restored the captured parts, because all donors exceed the acceleration, "
+            "jerk or floor depth of the base; --no-self-repair keeps the exchanges"
+        )
     return "the captured parts cost less than all candidates"
 
 

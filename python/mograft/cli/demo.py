@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from mograft.cli.files import check_suffix, check_writable
+from mograft.cli.graft_outputs import graft_files
 from mograft.cli.output import print_result, show_progress
 from mograft.cli.results import open_page, with_command, write_report
 from mograft.dancer import dance
@@ -11,7 +12,7 @@ from mograft.io.bvh.writer import write_bvh
 from mograft.library.library import Library
 from mograft.search.candidates import count_combinations
 from mograft.synthesis.graft import graft_many
-from mograft.synthesis.graft_files import GRAFT_ENDINGS, write_graft
+from mograft.synthesis.graft_files import write_graft
 
 _N_GRAFTS = 3
 
@@ -23,7 +24,7 @@ def run(options: argparse.Namespace) -> int:
     sample = folder / "dance.bvh"
     page = folder / "index.html"
     paths = [folder / f"dance_graft{i}.bvh" for i in range(_N_GRAFTS)]
-    files = [path.with_suffix(ending) for path in paths for ending in GRAFT_ENDINGS]
+    files = graft_files(paths)
     check_writable([sample, page, *files], force=options.force)
 
     def describe(text: str) -> None:

@@ -11,20 +11,20 @@ from typing import Any
 from mograft.cli.advice import advise
 from mograft.cli.configuration import load_library, options_given
 from mograft.cli.constraints import check_frames, read_constraints, read_obstacles
-from mograft.cli.files import check_suffix, check_writable, expand_folders, library_folder
+from mograft.cli.files import check_writable, expand_folders, library_folder
+from mograft.cli.graft_outputs import check_graft_suffix, graft_files, output_paths
 from mograft.cli.output import print_error, print_remark, print_result
 from mograft.cli.replayed import is_edit, replay_graft
 from mograft.cli.results import with_command, write_report
 from mograft.cli.scenario import check_scenario, read_scenario
 from mograft.errors import join_names, suggest_name
 from mograft.io.addresses import find_addresses, read_clip, split_address
-from mograft.io.formats import SUFFIXES
 from mograft.library.library import Library
 from mograft.library.spec import has_same_hierarchy, rates_match
 from mograft.motion.motion import Motion
 from mograft.search.constraints import Constraint
 from mograft.synthesis.graft import graft_many, repair
-from mograft.synthesis.graft_files import GRAFT_ENDINGS, write_graft
+from mograft.synthesis.graft_files import write_graft
 from mograft.synthesis.graft_plan import grafted_groups
 from mograft.synthesis.graft_result import Graft
 from mograft.synthesis.kept_joints import find_kept_violations
@@ -38,7 +38,7 @@ _MAX_SIGMA_SCALE = 4.0
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    check_suffix(options, ".bvh", is_folder=True)
+    check_graft_suffix(options)
     if getattr(options, "from") is not None:
         return _run_replay(options)
     if not options.files:
@@ -46,8 +46,7 @@ def run(options: argparse.Namespace) -> int:
     if options.reroll:
         options.usage_error("--reroll requires --from")
     options.sources = list(options.files)  # `options.files` is expanded below
-    is_single = options.output.suffix.lower() == ".bvh"
-    if is_single and options.count != 1:
+    if options.output.suffix.lower() == ".bvh" and options.count != 1:
         options.usage_error(f"-o must be a folder if -n is above 1, got {options.output}")
     if options.repair and options.count != 1:
         options.usage_error(f"-n must be 1 with --repair, got {options.count}")
@@ -57,13 +56,8 @@ def run(options: argparse.Namespace) -> int:
     if library is None:
         options.files = expand_folders(options.files, include_grafts=options.include_grafts)
     first = options.files[0] if library is None else library.entries[0].name
-    if is_single:
-        paths, page = [options.output], options.output.with_suffix(".html")
-    else:
-        stem = _base_stem(options, first)
-        paths = [options.output / f"{stem}_graft{i}.bvh" for i in range(options.count)]
-        page = options.output / "index.html"
-    files = [path.with_suffix(ending) for path in paths for ending in GRAFT_ENDINGS]
+    paths, page = output_paths(options, first)
+    files = graft_files(paths)
     check_writable([*files, page] if options.report else files, force=options.force)
     if options.measure and find_spec("scipy") is None:
         raise ValueError("--measure needs SciPy: pip install 'mograft[evaluate]'")
@@ -111,19 +105,6 @@ def _write_results(
         write_report(reported, paths[: len(reported)], page, columns[: len(reported)])
         document["report"] = str(page)
     print_result(options, "grafts", document, [page] if options.report else [])
-
-
-def _base_stem(options: argparse.Namespace, first: str) -> str:
-    """Return the name of the base motion, with which the names of the new motions begin.
-
-    `first` is the first file, or the name of the first clip of a library.
-    """
-    if options.scenario != "original":
-        return "scenario"
-    path, clip = split_address(options.base or first)
-    if clip is not None:
-        return "".join("_" if character in '<>:"/\\|?*' else character for character in clip)
-    return Path(path).stem if Path(path).suffix.lower() in SUFFIXES else Path(path).name
 
 
 def _find_base(library: Library, name: str | None, folder: Path | None) -> Motion | str | None:
@@ -279,6 +260,7 @@ def _write_grafts(
         from mograft.evaluation.world_measures import WorldReference  # takes long to import
 
         reference = WorldReference(grafts[0].library)
+    together: list[tuple[Graft, dict[str, Any]]] = []  # grafts that are written to one file
     for path, graft in zip(paths, grafts, strict=False):
         sections: dict[str, Any] = {}
         if options.report and len(reported) < _MAX_REPORTED:
@@ -291,13 +273,20 @@ def _write_grafts(
             lines.append("  " + ", ".join(f"{name} {text}" for name, text in columns[-1].items()))
         if getattr(options, "from") is None:
             graft = with_command(graft, options, options.sources)
-        write_graft(graft, path, sections, digits=options.digits)
+        if path.suffix.lower() == ".glb":
+            together.append((graft, sections))
+        else:
+            write_graft(graft, path, sections, digits=options.digits)
         motions.append(graft.substitutions)
         provenance = graft.as_dict(path.parent) if options.json else {}
         documents.append({"file": str(path), **provenance, "digits": options.digits, **sections})
         print_remark("\n".join(lines))
-        if not options.json:
+        if not options.json and not together:
             print(path)
+    if together:
+        write_graft([graft for graft, _ in together], paths[0], [own for _, own in together])
+        if not options.json:
+            print(paths[0])
     if len(documents) < options.count:
         print_remark(
             f"warning: the donors allow only {len(documents)} different "

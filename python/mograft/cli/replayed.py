@@ -10,12 +10,12 @@ from mograft.cli.arguments import Argument
 from mograft.cli.configuration import options_given
 from mograft.cli.constraints import read_segment_constraints
 from mograft.cli.files import check_writable, library_folder
+from mograft.cli.graft_outputs import MOTION_SUFFIXES, graft_files
 from mograft.cli.output import print_remark
 from mograft.cli.segment_values import SegmentValue
 from mograft.errors import join_names
 from mograft.io.bvh.decimals import check_digits
 from mograft.library.library import Library
-from mograft.synthesis.graft_files import GRAFT_ENDINGS
 from mograft.synthesis.graft_record import GraftRecord, read_record
 from mograft.synthesis.graft_result import Graft
 from mograft.synthesis.record_library import find_whole_library
@@ -53,9 +53,9 @@ def replay_graft(options: argparse.Namespace) -> tuple[Graft, Path]:
     source = Path(getattr(options, "from"))
     record = read_record(source)
     path: Path = options.output
-    if path.suffix.lower() != ".bvh":
+    if path.suffix.lower() not in MOTION_SUFFIXES:
         path = path / f"{record.name}.bvh"
-    check_writable([path.with_suffix(ending) for ending in GRAFT_ENDINGS], force=options.force)
+    check_writable(graft_files([path]), force=options.force)
     if not options_given(options, "digits"):
         options.digits = _recorded_digits(record)
     folder = library_folder(options)

@@ -197,7 +197,7 @@ def has_provenance(path: Path) -> bool:
     except (OSError, ValueError, RecursionError):
         return False
     schema = document.get("schema") if isinstance(document, dict) else None
-    return isinstance(schema, str) and schema.startswith("mograft.graft/")
+    return isinstance(schema, str) and schema.startswith(("mograft.graft/", "mograft.grafts/"))
 
 
 def exclude_grafts(clips: Sequence[FoundClip]) -> list[FoundClip]:

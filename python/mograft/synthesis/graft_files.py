@@ -1,48 +1,54 @@
-"""The files of a graft: the motion, and beside it its provenance."""
+"""The files of grafts: the motions, and beside them their provenance."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
-from mograft._util.atomic import write_text
+from mograft._util.atomic import write_bytes, write_text
+from mograft._util.validate import check_type
 from mograft.io.bvh.decimals import check_digits
 from mograft.io.bvh.writer import write_bvh
+from mograft.synthesis.graft_animations import add_graft_animations
 from mograft.synthesis.graft_result import Graft
+from mograft.synthesis.provenance import SEVERAL_SCHEMA
 
-GRAFT_ENDINGS = (".bvh", ".json")
-"""Endings of the files of a graft: the motion and its provenance."""
+Sections = Mapping[str, Any]
 
 
 def write_graft(
-    graft: Graft,
+    graft: Graft | Sequence[Graft],
     path: str | PathLike[str],
-    sections: Mapping[str, Any] | None = None,
+    sections: Sections | Sequence[Sections] | None = None,
     *,
     digits: int | None = None,
 ) -> None:
     """Write the motion of a graft, and a file with the provenance from which `replay` remakes it.
 
+    A ``.glb`` file is a copy of the glTF file of the base to which the motion is added; see
+    `write_glb_animations`.
+
     Parameters
     ----------
-    graft : Graft
-        The graft.
+    graft : Graft or sequence of Graft
+        The graft; for a ``.glb`` file also several grafts with bases from one file.
     path : path
-        The BVH file. The provenance has the same name with the ending ``.json``. Existing files are
-        overwritten.
-    sections : mapping of str to JSON values, optional
-        Further keys of the provenance, such as measures of the motion.
+        The ``.bvh`` or ``.glb`` file. The provenance has the same name with the ending ``.json``.
+        Existing files are overwritten.
+    sections : mapping of str to JSON values, or a sequence of them, optional
+        Further keys of the provenance of each graft, such as measures of the motion.
     digits : int, optional
-        Decimals of computed angles; see `write_bvh`. The provenance contains it.
+        Decimals of computed angles in a ``.bvh`` file; see `write_bvh`. The provenance contains it.
 
     Raises
     ------
     ValueError
-        If `digits` is not an integer from 1 to 12.
+        If `digits` is not an integer from 1 to 12; if there is no graft, or several and `path` is
+        not a ``.glb`` file; or if `path` is one, and the bases are not from one glTF file.
     OSError
-        If a file cannot be written.
+        If a file cannot be written, or the glTF file cannot be read.
 
     Examples
     --------
@@ -57,8 +63,29 @@ def write_graft(
     """
     target = Path(fspath(path))
     digits = None if digits is None else check_digits(digits)
-    document = {"mograft": VERSION, **graft.as_dict(target.parent), "digits": digits}
-    document |= sections or {}
+    grafts = [graft] if isinstance(graft, Graft) else list(graft)
+    for own in grafts:
+        check_type("graft", own, Graft)
+    is_glb = target.suffix.lower() == ".glb"
+    if len(grafts) != 1 and not (is_glb and grafts):
+        raise ValueError(
+            f"`graft` must be one graft, for a .glb file one or more, got {len(grafts)}"
+        )
+    if sections is None or isinstance(sections, Mapping):
+        sections = [sections or {}] * len(grafts)
+    documents = [
+        {"mograft": VERSION, **own.as_dict(target.parent), "digits": digits, **extra}
+        for own, extra in zip(grafts, sections, strict=True)
+    ]
+    data = b""
+    if is_glb:
+        names, data = add_graft_animations(grafts, target)
+        documents = [{**own, "animation": name} for own, name in zip(documents, names, strict=True)]
+    several = {"schema": SEVERAL_SCHEMA, "mograft": VERSION, "grafts": documents}
+    document = documents[0] if len(documents) == 1 else several
     # The provenance comes first: an interruption then leaves no motion without it.
     write_text(target.with_suffix(".json"), json.dumps(document, indent=1) + "\n")
-    write_bvh(graft.motion, target, digits=digits)
+    if is_glb:
+        write_bytes(target, data)
+    else:
+        write_bvh(grafts[0].motion, target, digits=digits)

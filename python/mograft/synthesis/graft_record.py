@@ -1,6 +1,7 @@
 """`GraftRecord`: the provenance of a graft as read from a JSON document."""
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike, fspath
@@ -9,9 +10,9 @@ from typing import Any, Self
 
 from mograft.body.groups import JointGroups
 from mograft.config import Config
-from mograft.errors import ProvenanceError
+from mograft.errors import ProvenanceError, join_names
 from mograft.library.origin import LibraryOrigin
-from mograft.synthesis.provenance import SCHEMA
+from mograft.synthesis.provenance import SCHEMA, SEVERAL_SCHEMA
 
 SCHEMA_1 = "mograft.graft/1"
 DAMAGE = (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError)
@@ -158,17 +159,51 @@ class GraftRecord:
 def read_record(source: str | PathLike[str] | Mapping[str, Any]) -> GraftRecord:
     """Read the provenance of a graft from a file, or from a document as `Graft.as_dict` returns it.
 
-    Raise ProvenanceError if it is not the provenance of a graft or is damaged, and OSError if the
-    file cannot be read.
+    Of a file with the provenance of several grafts, ``path#NAME`` names one. Raise ProvenanceError
+    if it is not the provenance of a graft or is damaged, and OSError if the file cannot be read.
     """
     if isinstance(source, Mapping):
         return _parse(source, "document", Path())
-    path = Path(fspath(source))
+    address, _, name = fspath(source).rpartition("#")
+    if not address or os.path.exists(source):
+        address, name = fspath(source), ""
+    path = Path(address)
+    grafts = _read_documents(path)
+    names = [str(own.get("name")) for own in grafts]
+    if name and names.count(name) == 1:
+        return _parse(grafts[names.index(name)], address, path.parent)
+    if name or len(grafts) > 1:
+        raise ProvenanceError(
+            f"{path}: expected the name of a graft, as in {path}#{names[0]}, one of "
+            f"{join_names(names)}; got {name or 'none'}"
+        )
+    return _parse(grafts[0], address, path.parent)
+
+
+def read_clip_record(path: Path, clip: str | None) -> GraftRecord | None:
+    """Read the provenance beside a motion file; None if the clip of the file is not a graft.
+
+    `clip` is None for the only clip. Raises as `read_record`.
+    """
+    source = path.with_suffix(".json")
+    for document in _read_documents(source):
+        if clip is None or document.get("animation", clip) == clip:
+            return _parse(document, str(source), source.parent)
+    return None
+
+
+def _read_documents(path: Path) -> list[Mapping[str, Any]]:
+    """Return the documents of all grafts in a file: at least one object."""
     try:
         document = json.loads(path.read_bytes())
     except (ValueError, RecursionError) as error:
         raise ProvenanceError(f"{path}: not a JSON document: {error}") from None
-    return _parse(document, str(path), path.parent)
+    grafts = [document]
+    if isinstance(document, Mapping) and document.get("schema") == SEVERAL_SCHEMA:
+        grafts = document.get("grafts", [])
+    if not isinstance(grafts, list) or not grafts:
+        raise ProvenanceError(f"{path}: damaged: `grafts` must be a list of objects")
+    return [own if isinstance(own, Mapping) else {} for own in grafts]
 
 
 def _parse(document: Any, label: str, folder: Path) -> GraftRecord:  # noqa: ANN401 - of JSON

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 Record = dict[str, Any]
 
 SCHEMA = "mograft.graft/2"
+SEVERAL_SCHEMA = "mograft.grafts/1"
+"""Of a document with the provenance of several grafts in one file, as ``grafts``."""
 
 _LICENCE_TAGS = ("licence:", "license:")
 """How a tag starts that gives the licence of a clip."""

@@ -12,7 +12,7 @@ from mograft.library.discover import has_provenance
 from mograft.motion.motion import Motion
 from mograft.search.constraint_records import decode_constraint
 from mograft.search.constraints import Constraint
-from mograft.synthesis.graft_record import DAMAGE, ClipRecord, GraftRecord, read_record
+from mograft.synthesis.graft_record import DAMAGE, ClipRecord, GraftRecord, read_clip_record
 from mograft.synthesis.record_library import find_clip
 from mograft.viewing.figure import Figure, TimelineRow
 
@@ -21,13 +21,14 @@ def read_recorded(motion: Motion, path: Path) -> tuple[Figure, GraftRecord] | No
     """Return the figure of a graft, and the provenance in the ``.json`` file beside it.
 
     The figure has the donors, seams and groups of the provenance. Return None if there is no
-    provenance. Warn and return None if it is damaged or describes a motion of another length.
+    provenance of the clip. Warn and return None if it is damaged or describes a motion of another
+    length.
     """
     if not has_provenance(path):
         return None
     try:
-        record = read_record(path.with_suffix(".json"))
-        return _recorded_figure(motion, record), record
+        record = read_clip_record(path, motion.clip)
+        return None if record is None else (_recorded_figure(motion, record), record)
     except (OSError, ProvenanceError) as error:
         warnings.warn(f"{error}; {path} is shown without donors", stacklevel=2)
         return None

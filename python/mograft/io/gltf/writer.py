@@ -117,24 +117,30 @@ class Addition:
 
 
 def find_base_clip(file: GltfFile, base: Motion) -> int:
-    """Return the clip of which `base` is the motion.
+    """Return the clip of which `base` is the motion, by its name.
 
     Raises ValueError if no clip has the name and the duration of `base`.
     """
-    if base.name not in file.clip_names:
-        hint = suggest_name(base.name, file.clip_names)
+    name = base.name if base.clip is None else base.clip
+    if name not in file.clip_names:
+        hint = suggest_name(name, file.clip_names)
         raise ValueError(
-            f"`bases` must be clips of {file.container.path}, which has no {base.name!r}{hint}"
+            f"`bases` must be clips of {file.container.path}, which has no {name!r}{hint}"
         )
-    clip = file.clip_names.index(base.name)
-    animation = _read_base(file, clip)
-    duration = animation.stop - animation.start
-    if abs(base.duration - duration) > 0.25 * base.frame_time:
+    clip = file.clip_names.index(name)
+    if not has_duration(file, clip, base):
         raise ValueError(
-            f"`bases` must be clips of {file.container.path}, where {base.name} has a duration of "
-            f"{duration:.6g} s, got {base.duration:.6g} s"
+            f"`bases` must be clips of {file.container.path}, where {name} has another "
+            f"duration than {base.duration:.6g} s"
         )
     return clip
+
+
+def has_duration(file: GltfFile, clip: int, base: Motion) -> bool:
+    """Return whether a motion is as long as a clip, up to a quarter of a frame."""
+    animation = _read_base(file, clip)
+    difference = abs(base.duration - (animation.stop - animation.start))
+    return difference <= 0.25 * base.frame_time
 
 
 def _add(file: GltfFile, motion: Motion, base: Motion | None) -> Addition:

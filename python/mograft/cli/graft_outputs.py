@@ -1,0 +1,61 @@
+"""The files that ``mograft graft`` writes."""
+
+import argparse
+from collections.abc import Iterable
+from pathlib import Path
+
+from mograft.cli.configuration import options_given
+from mograft.cli.files import check_suffix
+from mograft.io.addresses import split_address
+from mograft.io.formats import SUFFIXES
+
+MOTION_SUFFIXES = (".bvh", ".glb")
+"""Suffixes of the motions of grafts."""
+
+_GLTF_SUFFIXES = (".glb", ".gltf")
+
+
+def check_graft_suffix(options: argparse.Namespace) -> None:
+    """End with a usage error unless ``-o`` of ``mograft graft`` is a folder or a motion file.
+
+    A .glb file requires inputs that may be glTF files. It has no angles for ``--digits``.
+    """
+    paths = [Path(split_address(name)[0]) for name in options.files]
+    may_be_gltf = getattr(options, "from") is not None or any(
+        path.is_dir() or path.suffix.lower() in _GLTF_SUFFIXES for path in paths
+    )
+    suffixes = MOTION_SUFFIXES if may_be_gltf else (".bvh",)
+    check_suffix(options, *suffixes, is_folder=True)
+    if options.output.suffix.lower() == ".glb" and options_given(options, "digits"):
+        options.usage_error(f"--digits requires .bvh; got {options.output.name}")
+
+
+def graft_files(paths: Iterable[Path]) -> list[Path]:
+    """Return the files of grafts whose motions have the given paths, each once."""
+    files = [file for path in paths for file in (path, path.with_suffix(".json"))]
+    return list(dict.fromkeys(files))
+
+
+def output_paths(options: argparse.Namespace, first: str) -> tuple[list[Path], Path]:
+    """Return the file of each motion, which may be the same for all, and that of the report.
+
+    `first` is as for `_base_stem`.
+    """
+    if options.output.suffix.lower() in MOTION_SUFFIXES:
+        return [options.output] * options.count, options.output.with_suffix(".html")
+    stem = _base_stem(options, first)
+    paths = [options.output / f"{stem}_graft{i}.bvh" for i in range(options.count)]
+    return paths, options.output / "index.html"
+
+
+def _base_stem(options: argparse.Namespace, first: str) -> str:
+    """Return the name of the base motion, with which the names of the new motions begin.
+
+    `first` is the first file, or the name of the first clip of a library.
+    """
+    if options.scenario != "original":
+        return "scenario"
+    path, clip = split_address(options.base or first)
+    if clip is not None:
+        return "".join("_" if character in '<>:"/\\|?*' else character for character in clip)
+    return Path(path).stem if Path(path).suffix.lower() in SUFFIXES else Path(path).name
