@@ -11,6 +11,7 @@ import random
 import sys
 import tempfile
 import time
+import warnings
 from functools import cache
 from pathlib import Path
 
@@ -68,7 +69,7 @@ def damaged(seed):
         if rng.random() < 0.2:
             arrays[rng.choice(["poses", "trans", "x", "pose_body"])] = arrays.pop(name)
         else:
-            with np.errstate(all="ignore"):
+            with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
                 arrays[name] = change_array(arrays[name], rng)
     buffer = io.BytesIO()
     rng.choice([np.savez, np.savez_compressed])(buffer, **arrays)

@@ -2,6 +2,12 @@
 
 import numpy as np
 
+from mograft.dancer import dance
+from mograft.io.smpl.joints import SMPL_H
+from mograft.io.smpl.stand_in import stand_in
+from mograft.library.conform import conform
+from mograft.motion import rotations
+
 
 def amass_arrays(n_columns=156, n_frames=30, seed=0, dtype=np.float64):
     """Return the arrays of an AMASS file; SMPL-X files have the keys of that release."""
@@ -26,6 +32,15 @@ def amass_arrays(n_columns=156, n_frames=30, seed=0, dtype=np.float64):
         "pose_eye": poses[:, 69:75],
         "pose_hand": poses[:, 75:],
     }
+
+
+def dance_arrays(seed=0, n_frames=400):
+    """Return the arrays of an SMPL-H file whose body dances."""
+    motion = dance(seed=seed, strides=1).motion[:n_frames].resample(60)
+    body = conform(motion, stand_in(SMPL_H), up=2, root=0)
+    arrays = amass_arrays(156, body.n_frames, seed)
+    poses = rotations.log(body.rotations).reshape(body.n_frames, -1)
+    return arrays | {"poses": poses, "trans": body.positions[:, 0].copy()}
 
 
 def write_arrays(path, arrays):

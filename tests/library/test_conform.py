@@ -8,69 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
-from mograft.body.anatomy import anatomy
 from mograft.body.joint_matching import match_joints
 from mograft.body.mass import mass_model, up_axis
 from mograft.dancer import dance
-from mograft.io.rest_pose import RestPose, rebase
 from mograft.io.smpl.joints import SMPL
 from mograft.io.smpl.stand_in import stand_in
 from mograft.library.conform import conform
 from mograft.motion import rotations
+from tests.library.other_figures import in_other_axes, other_names, with_other_rest_pose
 from tests.strategies import SEEDS, assert_same_rotations, few_examples
 
 DANCE = dance(strides=1).motion[::20]
 SCALES = [1.0, 0.01, 1 / 2.54]  # to centimetres, metres and inches
-
-
-def other_names(skeleton):
-    """Names of another convention, in which no name stays the same."""
-    words = {"UpLeg": "Thigh", "Leg": "Shin", "Arm": "UpperArm", "ForeArm": "LowerArm"}
-    words |= {"Hips": "pelvis", "Shoulder": "Collar", "ToeBase": "Toe", "Head": "skull"}
-    names = []
-    for name in skeleton.names:
-        side = next((word for word in ("Left", "Right") if name.startswith(word)), "")
-        stem = name.removeprefix(side)
-        names.append(f"{words.get(stem, stem)}{side and '_' + side[0]}".lower())
-    return names
-
-
-def in_other_axes(motion, turn, scale, shift=(0.0, 0.0, 0.0)):
-    """The motion in another world: turned, in another unit, moved."""
-    quats, positions = motion.rotations.copy(), scale * motion.positions
-    quats[:, 0] = rotations.multiply(turn, quats[:, 0])
-    positions[:, 0] = rotations.rotate(turn, positions[:, 0]) + np.asarray(shift)
-    skeleton = motion.skeleton.with_offsets(scale * motion.skeleton.offsets)
-    return replace(
-        motion, skeleton=skeleton, rotations=quats, positions=positions, channel_values=None
-    )
-
-
-def with_other_rest_pose(motion, rng):
-    """The same motion relative to a rest pose with bent arms, turned as a whole."""
-    skeleton = motion.skeleton
-    known = anatomy(skeleton)
-    bent = np.tile(rotations.IDENTITY, (skeleton.n_joints, 1))
-    for joint, part in enumerate(known.parts):
-        if part in ("upper_arm", "forearm"):
-            bone = skeleton.offsets[skeleton.children[joint][0]]
-            normal = np.cross(bone, rng.normal(size=3))  # no twist about the bone
-            bent[joint] = rotations.exp(0.8 * normal / np.linalg.norm(normal))
-        elif part in ("hand", "finger"):
-            bent[joint] = bent[skeleton.parents[joint]]
-    pose = rng.integers(4) * np.pi / 2
-    whole = rotations.exp(pose * np.eye(3)[rng.integers(3)])
-    # World rotations of the new rest pose, from which its positions follow.
-    world = rotations.multiply(whole, bent)
-    places = np.zeros_like(skeleton.offsets)
-    for joint, parent in enumerate(skeleton.parents.tolist()):
-        if parent >= 0:
-            places[joint] = places[parent] + rotations.rotate(
-                world[parent], skeleton.offsets[joint]
-            )
-    rest = RestPose(skeleton.names, skeleton.parents, world, places)
-    turned, positions = motion.world_transforms()
-    return rebase(rest, turned, positions, motion.frame_time)
 
 
 @few_examples(30)

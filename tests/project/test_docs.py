@@ -5,6 +5,7 @@ import doctest
 import importlib
 import inspect
 import io
+import json
 import re
 import shlex
 import shutil
@@ -19,6 +20,9 @@ import pytest
 
 import mograft
 from mograft.cli import main
+from mograft.io.smpl.joints import SMPL_H
+from mograft.io.smpl.stand_in import stand_in
+from tests.io.amass_file import dance_arrays, write_arrays
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -80,9 +84,23 @@ def run_python(text, names, page):
     assert not failed, output.getvalue()
 
 
+def make_amass_files():
+    """Write the AMASS-like files and the offsets that the page about AMASS names."""
+    for seed, name in enumerate(("walk", "wave")):
+        write_arrays(f"{name}_poses.npz", dance_arrays(seed))
+    skeleton = stand_in(SMPL_H)
+    offsets = dict(zip(skeleton.names, skeleton.offsets.tolist(), strict=True))
+    Path("body.json").write_text(json.dumps(offsets))
+
+
+PREPARATIONS = {"amass.md": make_amass_files}
+"""Functions that write the files which the reader of a page has."""
+
+
 @pytest.mark.parametrize("page", PAGES, ids=[str(p.relative_to(ROOT)) for p in PAGES])
 def test_documentation_examples_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    PREPARATIONS.get(page.name, lambda: None)()
     names = {}
     for indent, language, fenced in FENCE.findall(page.read_text(encoding="utf-8")):
         text = re.sub(f"^{indent}", "", fenced, flags=re.MULTILINE)

@@ -23,6 +23,7 @@ from mograft.cli.options import (
     GROUPS,
     INCLUDE_GRAFTS,
     JSON,
+    MATCH,
     MOTION_FILES,
     NEIGHBOURHOOD,
     PRESET,
@@ -31,6 +32,7 @@ from mograft.cli.options import (
     SCENARIO_OPTIONS,
     SEED,
     SIGMA_SCALE,
+    SKELETON,
     VARIETY,
     config_option,
     constraint_options,
@@ -106,6 +108,8 @@ _CANDIDATES = command(
     "list the segments that may replace a segment, and why others are refused",
     FILES_OR_LIBRARY,
     INCLUDE_GRAFTS,
+    MATCH,
+    SKELETON,
     option("--clip NAME", "clip that contains the segment (default: the first clip)"),
     exclusive(
         option("--segment N", "index of the segment in the clip, from 0", non_negative_integer),
@@ -130,6 +134,8 @@ _GRAFT = command(
     files_argument("one library, or motion files; with --from not required", "LIB|FILE", nargs="*"),
     *REPLAY_OPTIONS,
     INCLUDE_GRAFTS,
+    MATCH,
+    SKELETON,
     option(
         "--base CLIP|FILE",
         "motion that provides the base group (default: the first clip)",
@@ -208,6 +214,8 @@ _EVALUATE = command(
         "LIB|FILE",
     ),
     INCLUDE_GRAFTS,
+    MATCH,
+    SKELETON,
     output_option(
         f"folder for evaluation.json and index.html; with {LABEL} the .html file to write "
         "(default: no files)",
@@ -263,6 +271,13 @@ COMMANDS = (
         "info",
         "print joints, frame rate, duration, joint groups and faults of files",
         MOTION_FILES,
+        setting(
+            "--match",
+            "anatomy also lists which joints of each file correspond to those of the first file "
+            "(default: names)",
+            choices=("names", "anatomy"),
+        ),
+        SKELETON,
         JSON,
     ),
     command(
@@ -296,6 +311,8 @@ COMMANDS = (
         "create a library from motion files, or add files to a library",
         files_argument("motion files, or folders of them", "FILE|DIR"),
         INCLUDE_GRAFTS,
+        MATCH,
+        SKELETON,
         output_option("folder of the library", required=True, metavar="LIB"),
         switch("--add", "add to an existing library; only new and changed files are read"),
         setting(

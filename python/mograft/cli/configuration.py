@@ -12,8 +12,12 @@ from mograft.cli.options import PRESETS
 from mograft.cli.output import show_progress
 from mograft.config import Config, variety_fields
 from mograft.errors import suggest_name
-from mograft.io.addresses import read_clip
+from mograft.io.addresses import open_clips, read_clip, split_address
+from mograft.io.smpl.rest import read_offsets
 from mograft.library.library import Library
+from mograft.library.spec import Match
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
 
 _CONFIG_OPTIONS = (
     "sigma_scale",
@@ -76,15 +80,54 @@ def load_library(options: argparse.Namespace) -> Library:
             options.usage_error(
                 "--rate is fixed when a library is created: use it with mograft index"
             )
-        refuse_fixed_options(options, "groups", "preset")
+        refuse_fixed_options(options, "groups", "preset", "match", "skeleton")
         library = Library.open(folder)
         config = _with_options(library.config, options)
         return library if config == library.config else library.relabelled(config)
     files = expand_folders(options.files, include_grafts=options.include_grafts)
     groups, config = selected_groups(options), selected_config(options)
+    skeleton, hierarchy = selected_skeleton(options), None
+    match: Match = getattr(options, "match", None) or "names"
+    if match == "anatomy":
+        base = _base_address(getattr(options, "base", None), files)
+        hierarchy = read_clip(base, skeleton=skeleton).skeleton
     with show_progress() as progress:
-        clips = files if rate is None else [read_clip(file).resample(rate) for file in files]
-        return Library.build(clips, groups, config, progress=progress)
+        clips: Sequence[Motion | str] = files
+        if rate is not None:
+            clips = [read_clip(file, skeleton=skeleton).resample(rate) for file in files]
+        return Library.build(
+            clips,
+            groups,
+            config,
+            match=match,
+            hierarchy=hierarchy,
+            skeleton=skeleton,
+            progress=progress,
+        )
+
+
+def _base_address(base: str | None, files: Sequence[str]) -> str:
+    """Return the address of the base: an address, or the name of one of `files`."""
+    if base is None:
+        return files[0]
+    if Path(split_address(base)[0]).exists():
+        return base
+    for address in files:
+        path, clip = split_address(address)
+        if base in (clip, Path(path).stem, Path(path).name):
+            return address
+    return files[0]  # the command reports the unknown name
+
+
+def selected_skeleton(options: argparse.Namespace) -> Skeleton | None:
+    """Return the rest pose that ``--skeleton`` names, or None."""
+    given = getattr(options, "skeleton", None)
+    if given is None:
+        return None
+    path = Path(given)
+    if path.suffix.lower() == ".json":
+        return read_offsets(path)
+    return open_clips(str(path))[0].skeleton
 
 
 def selected_groups(options: argparse.Namespace) -> JointGroups | str:

@@ -5,7 +5,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mograft.cli.configuration import refuse_useless_options, selected_groups
+from mograft.cli.configuration import (
+    refuse_useless_options,
+    selected_groups,
+    selected_skeleton,
+)
 from mograft.cli.files import check_writable, expand_folders, frame_range
 from mograft.cli.frame_times import Range
 from mograft.cli.output import print_remark, print_result, show_progress
@@ -14,6 +18,7 @@ from mograft.io.bvh.writer import write_bvh
 from mograft.io.csv import write_csv
 from mograft.io.glb import write_glb
 from mograft.io.npz import write_npz
+from mograft.io.smpl.writer import write_amass
 from mograft.io.units import UNITS
 from mograft.io.usd import write_usd
 from mograft.motion.motion import Motion
@@ -29,6 +34,7 @@ _ENDINGS_OF_OPTION = {
     "groups": (*_FIGURES, *_FILMS),
     "dark": _FILMS,
     "digits": (".bvh",),
+    "like": (".npz",),
 }
 
 
@@ -47,7 +53,8 @@ def run(options: argparse.Namespace) -> int:
     check_writable([target], force=options.force)
     if options.groups is not None:
         options.groups = selected_groups(options)
-    motions = [_select_frames(read_clip(name), options.frames) for name in files]
+    skeleton = selected_skeleton(options)
+    motions = [_select_frames(read_clip(name, skeleton=skeleton), options.frames) for name in files]
     target.parent.mkdir(parents=True, exist_ok=True)
     document: dict[str, Any] = {"file": str(target)}
     if ending in _FILMS:
@@ -61,6 +68,8 @@ def run(options: argparse.Namespace) -> int:
         else:
             if ending == ".bvh":
                 write_bvh(motions[0], target, digits=options.digits)
+            elif options.like is not None:
+                _write_like(motions[0], target, options.like)
             else:
                 _TABLE_WRITERS[ending](motions[0], target)
             document |= {"up": "as in the file", "unit": "of the file"}
@@ -74,6 +83,15 @@ def _select_frames(motion: Motion, given: Range | None) -> Motion:
         return motion
     first, last = frame_range(motion, given)
     return motion[first : last + 1]
+
+
+def _write_like(motion: Motion, target: Path, source: str) -> None:
+    """Write a motion into a copy of an AMASS file, and print which arrays are omitted."""
+    omitted = write_amass(motion, target, like=source)
+    if omitted:
+        print_remark(
+            f"{target.name}: without {', '.join(omitted)}, which have one row per frame of {source}"
+        )
 
 
 def _write_figure(

@@ -11,7 +11,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
-from mograft.cli.configuration import options_given, selected_config, selected_groups
+from mograft.cli.configuration import (
+    options_given,
+    selected_config,
+    selected_groups,
+    selected_skeleton,
+)
 from mograft.cli.files import check_suffix
 from mograft.cli.lib import describe_library
 from mograft.cli.output import describe_excluded_file, print_remark, print_result, show_progress
@@ -27,7 +32,9 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     check_suffix(options, is_folder=True)
     if options.add:
-        fixed = options_given(options, "groups", "preset", "sigma_scale", "rate", "force")
+        fixed = options_given(
+            options, "groups", "preset", "sigma_scale", "rate", "force", "match", "skeleton"
+        )
         if fixed:
             flag = f"--{fixed[0].replace('_', '-')}"
             options.usage_error(
@@ -107,7 +114,12 @@ def _index(
             library = library.add(options.files, **keywords)
         else:
             groups, config = selected_groups(options), selected_config(options)
-            keywords |= {"rate": options.rate, "force": options.force}
+            keywords |= {
+                "rate": options.rate,
+                "force": options.force,
+                "match": options.match or "names",
+            }
+            keywords["skeleton"] = selected_skeleton(options)
             library = Library.index(options.files, options.output, groups, config, **keywords)
     return library, {path: why for path, why in library.refused.items() if path not in before}
 

@@ -9,11 +9,14 @@ from typing import Any
 
 from mograft.body.faults import HARMLESS_FAULTS, find_faults
 from mograft.body.groups import JointGroups
+from mograft.cli.configuration import selected_skeleton
 from mograft.cli.files import expand_folders
 from mograft.cli.output import print_result
-from mograft.io.addresses import join_address, open_clips, read_clip, split_address
+from mograft.io.addresses import join_address, open_clips, split_address
 from mograft.io.bvh.reader import BvhSummary, scan_bvh
+from mograft.library.spec import describe_match
 from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
 
 MAX_BYTES_IN_MEMORY = 1 << 28
 """Larger BVH files are scanned without a check for faults."""
@@ -21,11 +24,18 @@ MAX_BYTES_IN_MEMORY = 1 << 28
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    documents = []
+    documents: list[dict[str, Any]] = []
+    rest, hierarchy = selected_skeleton(options), None
     for path, addresses in groupby(_find_clips(options.files), key=lambda name: name[0]):
         clips = [
-            _read(path, clip, all_faults=options.verbose or options.json) for _, clip in addresses
+            _read(path, clip, rest, all_faults=options.verbose or options.json)
+            for _, clip in addresses
         ]
+        if options.match == "anatomy":
+            own = open_clips(path, skeleton=rest)[clips[0]["clip"] or 0].skeleton
+            hierarchy = hierarchy or own
+            for document in clips:
+                document["match"] = describe_match(hierarchy, own, path)
         documents += clips
         if not options.json:
             print(_describe(clips[0]) if len(clips) == 1 else _describe_several(clips))
@@ -48,15 +58,17 @@ def _find_clips(names: Iterable[str]) -> Iterable[tuple[str, str | None]]:
             yield path, clips.names[index] if len(clips) > 1 else None
 
 
-def _read(path: str, clip: str | None, *, all_faults: bool) -> dict[str, Any]:
+def _read(
+    path: str, clip: str | None, rest: Skeleton | None, *, all_faults: bool
+) -> dict[str, Any]:
     """Return the contents of a clip; without `all_faults`, harmless faults are omitted."""
     faults: list[str] | None = None
     summary: BvhSummary | Motion
-    clips = open_clips(path)
+    clips = open_clips(path, skeleton=rest)
     if clips.format == "BVH" and os.path.getsize(path) > MAX_BYTES_IN_MEMORY:
         summary = scan_bvh(path)
     else:
-        summary = motion = read_clip(path) if clip is None else clips[clip]
+        summary = motion = clips[0 if clip is None else clip]
         faults = [
             fault.message
             for fault in find_faults(motion)
@@ -130,4 +142,6 @@ def _groups(document: dict[str, Any]) -> list[str]:
 
 
 def _notes(document: dict[str, Any]) -> list[str]:
-    return [f"  note: {note}" for note in document["notes"]]
+    lines = [f"  note: {note}" for note in document["notes"]]
+    match = document.get("match")
+    return lines if not match else [*lines, f"  joints matched by anatomy: {match}"]

@@ -99,6 +99,19 @@ DIGITS = setting(
     "the file (default: those of the file, at least 6)",
     values.decimals,
 )
+MATCH = setting(
+    "--match",
+    "how motions of different hierarchies fit together: names - all must have the same joint names "
+    "and hierarchy; anatomy - joints correspond by body part, and those without a counterpart are "
+    "listed (default: names)",
+    choices=("names", "anatomy"),
+)
+SKELETON = setting(
+    "--skeleton FILE",
+    "rest pose for files that store none, such as those of AMASS: a motion file, or a .json file "
+    "of offsets (default: a stand-in with published proportions)",
+    is_path=True,
+)
 FORCE = switch("--force", "overwrite existing files")
 JSON = switch("--json", "print the results as one JSON document")
 

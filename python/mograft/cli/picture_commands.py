@@ -16,6 +16,7 @@ from mograft.cli.options import (
     FORCE,
     INCLUDE_GRAFTS,
     JSON,
+    SKELETON,
     files_argument,
     groups_option,
     output_option,
@@ -85,6 +86,13 @@ EXPORT = command(
         "(default: the unit that gives the figure human height)",
         unit,
     ),
+    option(
+        "--like FILE",
+        "AMASS file from which a .npz takes all arrays that the motion did not change "
+        "(default: write the arrays of mograft)",
+        is_path=True,
+    ),
+    SKELETON,
     groups_option(f"{FIGURE_COLOURS} of a figure or film", "trunk, arms and legs"),
     setting(
         "--size WIDTHxHEIGHT",

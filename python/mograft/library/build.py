@@ -38,7 +38,7 @@ def build_library(
     if isinstance(groups, str):
         groups = JointGroups.preset(groups, skeleton)
     entries = name_clips([source.updated_info(clip, run.tags) for source, clip in ingested])
-    warn_of_clips(entries, spec.rate, stacklevel=3)
+    warn_of_clips(entries, spec.rate, run.match_notes, stacklevel=3)
     segments = join_segments([(clip.segments.start, clip.segments.stop) for clip in clips])
     rows = np.concatenate([clip.samples for clip in clips])
     samples = Samples(rows, config.samples, skeleton.n_joints)

@@ -163,14 +163,17 @@ class DerivableLibrary(LibraryData):
                 )
             return self, names.index(base)
         check_type("base", base, Motion)
-        self._check_hierarchy(base)
+        base = self._fit_base(base)
         index = self.find_clip(base)
         return (self.with_clip(base), len(self.entries)) if index is None else (self, index)
 
-    def _check_hierarchy(self, base: Motion) -> None:
-        """Raise SkeletonMismatchError if a base motion has another hierarchy than the clips."""
+    def _fit_base(self, base: Motion) -> Motion:
+        """Return a base motion with the hierarchy of the clips.
+
+        Raises SkeletonMismatchError if it has another one; see `LibrarySpec.fit`.
+        """
         try:
-            self.skeleton.check_same_hierarchy(base.skeleton, base.name or "the base")
+            return self.spec.fit(base, base.name or "the base")
         except SkeletonMismatchError as error:
             raise SkeletonMismatchError(
                 f"{error}, unlike {join_names(self.names, 3)} in the library; the base must have "
@@ -201,7 +204,7 @@ class DerivableLibrary(LibraryData):
         SkeletonMismatchError
             If the hierarchy differs.
         """
-        self._check_hierarchy(motion)
+        motion = self._fit_base(motion)
         name = motion.name or "the base"
         if not rates_match(motion.rate, self.rate):
             warnings.warn(

@@ -105,8 +105,14 @@ def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], run: I
             raise RuntimeError("the writer has no previous generation to add clips to")
         # Another process may have added clips since the library was opened.
         base = load_library(LibraryData, writer.base)
-        run = replace(run, config=base.config, rate=writer.base.manifest["given_rate"])
         files = {info.source_file.address: info for info in base.entries if info.source_file}
+        run = replace(
+            run,
+            config=base.config,
+            rate=writer.base.manifest["given_rate"],
+            match=base.spec.match,
+            skeleton=base.spec.rest,
+        )
         pending = [
             clip
             for clip in _pending_files(run, sources, writer.final)
@@ -224,7 +230,9 @@ def _ingest_additions(
         # A changed file that no longer fits is left out, unless no clip would remain.
         if has_same_hierarchy(clip.skeleton, base.skeleton)
     ]
-    spec = run.choose_spec(properties) if properties else base.spec
+    # Clips matched by anatomy keep the specification: their properties are those of other joints.
+    is_chosen = bool(properties) and run.match == "names"
+    spec = run.choose_spec(properties) if is_chosen else base.spec
     if spec.is_equivalent(base.spec) and not writer.is_fragmented([c.location for c in kept]):
         run.raise_if_strict()
         return base.spec, [*kept, *receiver.clips]
@@ -268,7 +276,7 @@ def _complete(
     segments = join_segments([(clip.start, clip.stop) for clip in clips])
     ranges = [RowRange(clip.location.shard, clip.location.first_row, len(clip)) for clip in clips]
     samples = writer.samples(ranges, run.config.samples, spec.skeleton.n_joints)
-    warn_of_clips(entries, spec.rate, stacklevel=4)
+    warn_of_clips(entries, spec.rate, run.match_notes, stacklevel=4)
     if base is not None and is_same:
         embedding, labels, sigma = base.embedding, base.labels, base.sigma
     else:

@@ -22,9 +22,10 @@ from mograft.errors import MograftError
 from mograft.io.addresses import read_clip, split_address
 from mograft.library.discover import SourceFile
 from mograft.library.packing import PackedMotion, pack
-from mograft.library.spec import ClipProperties, LibrarySpec, rates_match
+from mograft.library.spec import ClipProperties, LibrarySpec, describe_match, rates_match
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
 
 DISQUALIFYING_FAULTS = ("first_frame", "teleport", "glitch", "flip")
 """Kinds of faults that exclude a segment in which they occur as a donor."""
@@ -70,6 +71,7 @@ class IngestedClip:
     faults: tuple[str, ...]  # messages of the disqualifying faults
     samples: Packed  # rows of `Samples` in single precision
     boundary_states: Mapping[str, FloatArray]  # result of `boundary_states`, all joints
+    match_note: str = ""  # joints without a counterpart, if the clip has another hierarchy
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,16 +118,17 @@ def sample_segments(
     return replace(samples, rows=samples.pack())
 
 
-def read_properties(task: IngestTask) -> tuple[IngestTask, ClipProperties]:
+def read_properties(task: IngestTask, rest: Skeleton | None) -> tuple[IngestTask, ClipProperties]:
     """Read a clip; return a task that holds the motion, and the properties of the clip.
 
-    Raise one of `INGEST_ERRORS` if the clip cannot be read or has a single frame.
+    `rest` is that of `LibrarySpec`. Raise one of `INGEST_ERRORS` if the clip cannot be read or has
+    a single frame.
     """
-    task, motion = _read(task)
+    task, motion = _read(task, rest)
     return task, ClipProperties.from_motion(motion)
 
 
-def _read(task: IngestTask) -> tuple[IngestTask, Motion]:
+def _read(task: IngestTask, rest: Skeleton | None) -> tuple[IngestTask, Motion]:
     """Return a task that holds the motion as it was read, and the motion at its true rate."""
     label, source = task.label, task.source
     if isinstance(source, str):
@@ -133,7 +136,7 @@ def _read(task: IngestTask) -> tuple[IngestTask, Motion]:
             source.encode()
         except UnicodeEncodeError as error:
             raise ValueError(f"{source!r}: the file name is not UTF-8") from error
-        source = read_clip(source)
+        source = read_clip(source, skeleton=rest)
         source_file = SourceFile.from_path(split_address(label)[0], source.clip)
         task = replace(task, source=source, source_file=source_file, as_read=True)
     if source.n_frames < 2:
@@ -153,9 +156,11 @@ def ingest(
     """
     label, properties = task.label, None
     try:
-        task, motion = _read(task)
+        task, motion = _read(task, spec.rest)
         properties = ClipProperties.from_motion(motion)
-        spec.skeleton.check_same_hierarchy(motion.skeleton, motion.name or label)
+        own = motion.skeleton
+        motion = spec.fit(motion, motion.name or label)
+        match_note = "" if motion.skeleton is own else describe_match(spec.skeleton, own)
         resampled = motion if rates_match(motion.rate, spec.rate) else motion.resample(spec.rate)
         segments = segment(resampled, config)
         is_donor, faults = _check_faults(resampled, segments)
@@ -176,6 +181,7 @@ def ingest(
         faults=faults,
         samples=samples.pack(),
         boundary_states=boundary_states(resampled, segments),
+        match_note=match_note,
     )
 
 

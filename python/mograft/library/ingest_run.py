@@ -9,8 +9,9 @@ from typing import NamedTuple, Protocol, TypedDict
 
 import numpy as np
 
+from mograft._util.validate import check_type
 from mograft.config import Config
-from mograft.errors import SkeletonMismatchError, join_names
+from mograft.errors import SkeletonMismatchError, join_names, suggest_name
 from mograft.io.addresses import absolute_address
 from mograft.library.clip_table import ClipInfo
 from mograft.library.clusters import Progress
@@ -29,12 +30,15 @@ from mograft.library.ingest import (
     read_properties,
 )
 from mograft.library.spec import (
+    MATCHES,
     ClipProperties,
     LibrarySpec,
+    Match,
     choose_spec,
     has_same_hierarchy,
     rates_match,
 )
+from mograft.motion.skeleton import Skeleton
 
 _MAX_SAMPLED_CLIPS = 9
 """Clips from which the library specification is guessed before all clips are read."""
@@ -60,6 +64,9 @@ class IngestOptions(AddOptions, total=False):
     """Keyword arguments of `AddOptions`, and those that only `Library.build` and `index` take."""
 
     rate: float | None
+    match: Match
+    skeleton: Skeleton | None
+    hierarchy: Skeleton | None
 
 
 class ClipOrder(NamedTuple):
@@ -138,11 +145,25 @@ class IngestRun:
     is_packed: bool  # whether clips are returned packed or as motions
     include_grafts: bool = False
     rate: float | None = None
+    match: Match = "names"
+    skeleton: Skeleton | None = None  # the rest pose of files that store none
+    hierarchy: Skeleton | None = None  # of the library, if clips are matched by anatomy
     frame_rates: Mapping[str, float] | None = None
     tags: Mapping[str, Iterable[str]] | None = None
     executor: Executor | None = None
     progress: Progress | None = None
     errors: dict[str, Exception] = field(default_factory=dict)  # of refused clips, by label
+    match_notes: dict[str, list[str]] = field(default_factory=dict)  # labels of clips, by note
+
+    def __post_init__(self) -> None:
+        if self.match not in MATCHES:
+            hint = suggest_name(self.match, MATCHES)
+            raise ValueError(f"`match` must be 'names' or 'anatomy', got {self.match!r}{hint}")
+        for name in ("skeleton", "hierarchy"):
+            if getattr(self, name) is not None:
+                check_type(name, getattr(self, name), Skeleton)
+        if self.hierarchy is not None and self.match != "anatomy":
+            raise ValueError("`hierarchy` requires `match` 'anatomy', got 'names'")
 
     def find_clips(self, sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
         """Find the clips that `sources` stand for.
@@ -197,12 +218,15 @@ class IngestRun:
         """
         properties: list[tuple[ClipOrder, ClipProperties]] = []
         self.errors.clear()
+        self.match_notes.clear()
         results = ingest_all(tasks, spec, self.config, self.executor, is_packed=self.is_packed)
         for done, (clip, result) in enumerate(zip(clips, results, strict=True), start=1):
             self.report("reading", done, len(clips))
             if result.properties is not None:
                 properties.append((clip.order, result.properties))
             if isinstance(result, IngestedClip):
+                if result.match_note:
+                    self.match_notes.setdefault(result.match_note, []).append(result.name)
                 receiver.append((clip, result))
                 continue
             self.errors[result.label] = result.error
@@ -228,7 +252,10 @@ class IngestRun:
         if label is None:
             return
         more = f" and {len(fitting) - 1} more" if len(fitting) > 1 else ""
-        remedy = f", unlike {label}{more}; each library or graft takes clips of one hierarchy"
+        remedy = (
+            f", unlike {label}{more}; each library or graft takes clips of one hierarchy, unless "
+            "joints are matched by anatomy (--match anatomy)"
+        )
         for refused, error in self.errors.items():
             if isinstance(error, SkeletonMismatchError):
                 self.errors[refused] = SkeletonMismatchError(f"{error}{remedy}")
@@ -236,7 +263,10 @@ class IngestRun:
     def choose_spec(self, properties: Sequence[tuple[ClipOrder, ClipProperties]]) -> LibrarySpec:
         """Choose the library specification; the order of ingest does not affect it."""
         ordered = sorted(properties, key=lambda pair: pair[0])
-        return choose_spec([clip for _, clip in ordered], self.rate)
+        return self._choose_spec([clip for _, clip in ordered])
+
+    def _choose_spec(self, clips: Sequence[ClipProperties]) -> LibrarySpec:
+        return choose_spec(clips, self.rate, self.match, self.skeleton, self.hierarchy)
 
     def raise_if_strict(self) -> None:
         """Raise the first error in a strict run."""
@@ -262,27 +292,36 @@ class IngestRun:
             if properties and index not in indices:
                 break
             try:
-                tasks[index], clip = read_properties(tasks[index])
+                tasks[index], clip = read_properties(tasks[index], self.skeleton)
             except INGEST_ERRORS as error:
                 errors.append(error)
             else:
                 properties.append(clip)
         if properties:
-            return tasks, choose_spec(properties, self.rate)
+            return tasks, self._choose_spec(properties)
         if self.strict:
             raise errors[0]
         raise ValueError(f"no clip can be used: {errors[0]}") from errors[0]
 
 
-def warn_of_clips(entries: Sequence[ClipInfo], rate: float, *, stacklevel: int) -> None:
-    """Warn about clips that were resampled to `rate`, and about clips with faults.
+def warn_of_clips(
+    entries: Sequence[ClipInfo],
+    rate: float,
+    match_notes: Mapping[str, Sequence[str]],
+    *,
+    stacklevel: int,
+) -> None:
+    """Warn about clips that were matched by anatomy, resampled to `rate`, or have faults.
 
-    `stacklevel` is the stack frame to which warnings refer: 1 for the caller, 2 for its caller.
+    `match_notes` are those of `IngestRun`. `stacklevel` is the stack frame to which warnings refer:
+    1 for the caller, 2 for its caller.
     """
 
     def warn(message: str) -> None:
         warnings.warn(message, stacklevel=stacklevel + 2)
 
+    for note, names in match_notes.items():
+        warn(f"joints matched by anatomy, {join_names(names, _MAX_WARNINGS)}: {note}")
     resampled = [info.name for info in entries if not rates_match(info.source_rate, rate)]
     if resampled:
         names = join_names(resampled, _MAX_WARNINGS)

@@ -102,6 +102,16 @@ class Library(DerivableLibrary):
             ``.json``. Files that a path or glob names are always included.
         rate : float, optional
             Frames per second of the library. Default: the rate that most frames have.
+        match : {"names", "anatomy"}
+            How clips of different hierarchies fit together. With "names", the default, all clips
+            must have the same joint names and hierarchy. With "anatomy", clips of other hierarchies
+            are converted to the one that most clips have: joints correspond by body part, side and
+            order along the limb, joints without a counterpart stay at rest or are dropped, and a
+            warning lists them. Bones keep their lengths, apart from a conversion of units.
+        hierarchy : Skeleton, optional
+            With ``match="anatomy"``, the skeleton to whose joints all clips are converted.
+        skeleton : Skeleton, optional
+            The rest pose of files that store none, such as those of AMASS; see `read`.
         frame_rates : mapping of str to float, optional
             The true frames per second of clips whose file gives a wrong rate, by name,
             file name, or a glob that matches either.
@@ -127,9 +137,9 @@ class Library(DerivableLibrary):
         Warns
         -----
         UserWarning
-            If clips are resampled to the library's rate or have faults such as a T-pose in the
-            first frame, if the segments of a group are too few or too alike to cluster, or if
-            grafts in folders are left out.
+            If clips are matched by anatomy, are resampled to the library's rate or have faults such
+            as a T-pose in the first frame, if the segments of a group are too few or too alike to
+            cluster, or if grafts in folders are left out.
 
         Examples
         --------
@@ -165,7 +175,8 @@ class Library(DerivableLibrary):
             The files, in any order: the clips of the library are sorted by path.
         path : path
             The folder to create.
-        groups, config, include_grafts, rate, frame_rates, tags, executor, progress
+        groups, config, include_grafts, rate, match, hierarchy, skeleton, frame_rates, tags, \
+executor, progress
             As for `build`.
         strict : bool
             Whether a clip that cannot be read or does not fit is an error. By default it is
@@ -236,7 +247,8 @@ class Library(DerivableLibrary):
         ValueError
             If the library is in memory, or no clip can be used.
         TypeError
-            If `rate` is given, which is fixed when a library is created.
+            If `rate`, `match`, `hierarchy` or `skeleton` is given, which are fixed when a library
+            is created.
         FormatError, FileNotFoundError, SkeletonMismatchError
             As for `index`.
 
@@ -250,8 +262,9 @@ class Library(DerivableLibrary):
 
         if self.folder is None:
             raise ValueError("the library is in memory: save it first, or build it from all clips")
-        if "rate" in options:
-            raise TypeError("`rate` is fixed when a library is created")
+        for name in ("rate", "match", "hierarchy", "skeleton"):
+            if name in options:
+                raise TypeError(f"`{name}` is fixed when a library is created")
         run = IngestRun(config=self.config, strict=strict, is_packed=True, **options)
         add_to_folder(self.folder, sources, run)
         return Library.open(self.folder)

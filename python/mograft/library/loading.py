@@ -42,19 +42,22 @@ def load_library(library_type: type[L], stored: StoredLibrary) -> L:
             )
         states[group] = own
     frames = [arrays[f"frames-{shard}"] for shard in manifest["shards"]]
+    spec = LibrarySpec(
+        skeleton=skeleton_from_json(manifest["skeleton"]),
+        rate=manifest["rate"],
+        root=manifest["root"],
+        up=manifest["up"],
+        match=manifest.get("match", "names"),  # earlier versions did not write it
+        rest=None if manifest.get("rest") is None else skeleton_from_json(manifest["rest"]),
+    )
     library = library_type(
-        clips=StoredClips(stored.table, frames, manifest["rate"], stored.folder),
+        clips=StoredClips(stored.table, frames, spec, stored.folder),
         entries=stored.table.entries,
         segments=Segments(arrays["starts"], arrays["stops"], arrays["clips"]),
         is_donor=arrays["donors"],
         groups=JointGroups.from_toml(manifest["groups"]),
         config=Config.from_dict(manifest["config"]),
-        spec=LibrarySpec(
-            skeleton=skeleton_from_json(manifest["skeleton"]),
-            rate=manifest["rate"],
-            root=manifest["root"],
-            up=manifest["up"],
-        ),
+        spec=spec,
         embedding=embedding,
         labels=labels,
         sigma={group: about["sigma"] for group, about in manifest["group"].items()},

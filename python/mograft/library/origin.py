@@ -13,12 +13,14 @@ import numpy as np
 from mograft.body.mirroring import MirroredClips
 from mograft.errors import MograftError
 from mograft.io.addresses import join_address, read_clip
+from mograft.library.clip_table import skeleton_to_json
 from mograft.library.data import LibraryData
 from mograft.library.derive import BUILD_FIELDS
 from mograft.library.discover import SourceFile
-from mograft.library.spec import rates_match
+from mograft.library.spec import LibrarySpec, Match, rates_match
 from mograft.library.stored_clips import ExtendedClips, StoredClips
 from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +34,9 @@ class LibraryOrigin:
     rate: float  # frames per second
     root: int  # the joint that carries the body through the world
     up: int  # the axis that points up
+    match: Match  # how clips of other hierarchies fit; a key of `MATCHES`
+    hierarchy: Skeleton | None  # of the library, if clips are matched by anatomy
+    rest: Skeleton | None  # the rest pose of files that store none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,6 +119,9 @@ def find_library_origin(library: LibraryData) -> LibraryOrigin:
         rate=float(library.rate),
         root=int(library.root),
         up=int(library.up),
+        match=library.spec.match,
+        hierarchy=library.skeleton if library.spec.match == "anatomy" else None,
+        rest=library.spec.rest,
     )
 
 
@@ -143,6 +151,11 @@ def hash_library(library: LibraryData) -> str:
         "up": int(library.up),
         "config": {name: config[name] for name in BUILD_FIELDS},
     }
+    # Other libraries keep the hash that earlier versions computed.
+    if library.spec.match != "names":
+        document["hierarchy"] = skeleton_to_json(library.skeleton)
+    if library.spec.rest is not None:
+        document["rest"] = skeleton_to_json(library.spec.rest)
     return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()
 
 
@@ -160,29 +173,32 @@ def find_clip_origin(library: LibraryData, clip: int) -> ClipOrigin:
         return library.clips.origins[clip]
     derivation = _Derivation.of(library)
     if derivation.is_extended and clip == len(library.entries) - 1:
-        file = find_source_file(library.clips[clip], library.rate)
+        file = find_source_file(library.clips[clip], library.spec)
         return ClipOrigin(source_file=file, is_in_library=False)
     index = clip % len(derivation.clips)
     file = library.entries[index].source_file
     if file is None:
-        file = find_source_file(library.clips[index], library.rate)
+        file = find_source_file(library.clips[index], library.spec)
     return ClipOrigin(source_file=file, is_mirrored=index != clip)
 
 
-def find_source_file(motion: Motion, rate: float | None = None) -> SourceFile | None:
+def find_source_file(motion: Motion, spec: LibrarySpec | None = None) -> SourceFile | None:
     """Return the file of a motion, or None if the file no longer holds the poses of the motion.
 
-    The poses of the file are resampled to `rate` before the comparison, if `rate` is given.
+    The poses of the file are fitted to the specification of a library before the comparison, if
+    `spec` is given.
     """
     if motion.path is None:
         return None
     try:
         source_file = SourceFile.from_path(os.path.abspath(motion.path), motion.clip)
-        read = read_clip(source_file.address)
+        rest = None if spec is None else spec.rest
+        read = read_clip(source_file.address, skeleton=rest)
+        read = read if spec is None else spec.fit(read, str(motion.path))
     except (MograftError, OSError, ValueError):
         return None
-    if rate is not None and not rates_match(read.rate, rate):
-        read = read.resample(rate)
+    if spec is not None and not rates_match(read.rate, spec.rate):
+        read = read.resample(spec.rate)
     is_same = read.frame_time == motion.frame_time and (
         np.array_equal(read.rotations, motion.rotations)
         and np.array_equal(read.positions, motion.positions)

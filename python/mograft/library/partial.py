@@ -50,8 +50,14 @@ def build_partial_library(
     by itself.
     Raise an error of `read_clip` if a file cannot be read, and ValueError if a clip does not fit.
     """
-    skeleton = read_clip(clips[0].address).skeleton
-    spec = LibrarySpec(skeleton, origin.rate, origin.root, origin.up)
+    spec = LibrarySpec(
+        skeleton=origin.hierarchy or read_clip(clips[0].address, skeleton=origin.rest).skeleton,
+        rate=origin.rate,
+        root=origin.root,
+        up=origin.up,
+        match=origin.match,
+        rest=origin.rest,
+    )
     ingested = [_ingest(clip, config, spec) for clip in clips]
     infos = [
         PendingClip(ClipOrder(0), None, clip.rate_override).updated_info(own, None)

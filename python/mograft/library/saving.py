@@ -86,6 +86,8 @@ def commit_library(
             "given_rate": requested_rate,
             "root": library.root,
             "up": library.up,
+            "match": library.spec.match,
+            "rest": None if library.spec.rest is None else skeleton_to_json(library.spec.rest),
             "clips": len(library.entries),
             "frames": sum(info.n_frames for info in library.entries),
             "segments": len(segments),

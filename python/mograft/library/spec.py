@@ -3,12 +3,24 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 import numpy as np
 
+from mograft.body.anatomy import anatomy
+from mograft.body.joint_matching import match_joints
 from mograft.body.mass import up_axis
+from mograft.library.conform import conform
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
+
+Match: TypeAlias = Literal["names", "anatomy"]
+
+MATCHES = {
+    "names": "clips must have the joint names and the hierarchy of the library",
+    "anatomy": "joints of other hierarchies are matched by body part",
+}
+"""How the joints of clips correspond to those of the library."""
 
 MAX_RATE_DIFFERENCE = 1e-3
 """Relative difference up to which two frame rates count as equal: files round frame times, for
@@ -23,11 +35,24 @@ class LibrarySpec:
     rate: float  # frames per second
     root: int  # the joint that carries the body through the world
     up: int  # the axis that points up: 0, 1 or 2
+    match: Match = "names"  # how clips of other hierarchies fit; a key of `MATCHES`
+    rest: Skeleton | None = None  # the rest pose of files that store none, as for `read`
+
+    def fit(self, motion: Motion, label: str) -> Motion:
+        """Return a motion with the hierarchy of the library.
+
+        Raises SkeletonMismatchError, which calls the motion `label`, if the motion has another
+        hierarchy and joints are matched by name, or if they cannot be matched by anatomy.
+        """
+        if self.match == "anatomy":
+            return conform(motion, self.skeleton, up=self.up, root=self.root)
+        self.skeleton.check_same_hierarchy(motion.skeleton, label)
+        return motion
 
     def is_equivalent(self, other: "LibrarySpec") -> bool:
         """Return whether ingest gives the same results with another specification."""
-        parameters = (self.rate, self.root, self.up)
-        is_same = parameters == (other.rate, other.root, other.up)
+        parameters = (self.rate, self.root, self.up, self.match)
+        is_same = parameters == (other.rate, other.root, other.up, other.match)
         return is_same and has_same_hierarchy(self.skeleton, other.skeleton)
 
 
@@ -54,31 +79,45 @@ class ClipProperties:
         )
 
 
-def choose_spec(clips: Sequence[ClipProperties], rate: float | None = None) -> LibrarySpec:
+def choose_spec(
+    clips: Sequence[ClipProperties],
+    rate: float | None = None,
+    match: Match = "names",
+    rest: Skeleton | None = None,
+    hierarchy: Skeleton | None = None,
+) -> LibrarySpec:
     """Choose the library specification from the properties of at least one clip.
 
-    Its joint names and hierarchy are those that most clips have. Only these clips determine the
-    other parameters: the most frequent root, the up axis of the longest clip and, unless `rate` is
-    given, the rate with the most frames. Ties go to the first clip.
+    Its joint names and hierarchy are those of `hierarchy` or, by default, those that most clips
+    have. Only the clips that have them determine the other parameters: the most frequent root, the
+    up axis of the longest clip and, unless `rate` is given, the rate with the most frames. Ties go
+    to the first clip. If no clip has the given `hierarchy`, all clips determine rate and up axis,
+    and the hips are the root.
     """
     by_hierarchy: dict[tuple[object, ...], list[ClipProperties]] = {}
     for clip in clips:
-        hierarchy = (clip.skeleton.names, clip.skeleton.parents.tobytes())
-        by_hierarchy.setdefault(hierarchy, []).append(clip)
+        key = (clip.skeleton.names, clip.skeleton.parents.tobytes())
+        by_hierarchy.setdefault(key, []).append(clip)
     fitting = max(by_hierarchy.values(), key=len)
+    if hierarchy is not None:
+        fitting = by_hierarchy.get((hierarchy.names, hierarchy.parents.tobytes()), [])
+    roots = Counter(clip.root for clip in fitting if clip.root >= 0)
+    if hierarchy is not None and not fitting:
+        fitting, roots = list(clips), Counter([anatomy(hierarchy).hips])
     frames: dict[float, int] = {}
     for clip in fitting:
         known_rate = next((known for known in frames if rates_match(clip.rate, known)), clip.rate)
         frames[known_rate] = frames.get(known_rate, 0) + clip.n_frames
     if rate is None:
         rate = max(frames, key=lambda known: frames[known])
-    roots = Counter(clip.root for clip in fitting if clip.root >= 0)
     longest = max(fitting, key=lambda clip: (clip.n_frames - 1) / clip.rate)
     return LibrarySpec(
-        skeleton=fitting[0].skeleton,
+        skeleton=hierarchy or fitting[0].skeleton,
         rate=rate,
         root=roots.most_common(1)[0][0] if roots else 0,
         up=longest.up,
+        match=match,
+        rest=rest,
     )
 
 
@@ -90,3 +129,14 @@ def rates_match(rate: float, other: float) -> bool:
 def has_same_hierarchy(skeleton: Skeleton, other: Skeleton) -> bool:
     """Return whether two skeletons have the same joint names and parents."""
     return skeleton.names == other.names and np.array_equal(skeleton.parents, other.parents)
+
+
+def describe_match(skeleton: Skeleton, other: Skeleton, name: str = "the clip") -> str:
+    """Return which joints of two skeletons have no counterpart; "" if the hierarchies are equal.
+
+    Raises SkeletonMismatchError, which calls the other skeleton `name`, if they cannot be matched.
+    """
+    if has_same_hierarchy(skeleton, other):
+        return ""
+    match = match_joints(skeleton, other, name)
+    return match.describe() or "every joint has a counterpart"

@@ -14,7 +14,7 @@ from mograft.analysis.embedding import CHUNK, Samples
 from mograft.library.array_files import HEADER_BYTES
 from mograft.library.clip_table import ClipTable
 from mograft.library.packing import PackedMotion, unpack
-from mograft.library.spec import rates_match
+from mograft.library.spec import LibrarySpec, rates_match
 from mograft.motion.motion import Motion
 
 _MAX_CACHED_CLIPS = 16
@@ -24,15 +24,15 @@ _MAX_CACHED_CLIPS = 16
 class StoredClips(Sequence[Motion]):
     """The clips of a stored library, each of which is read from files when it is accessed.
 
-    `frames` holds for each shard the memory-mapped array of its packed motions. Clips are resampled
-    to `rate`, the frame rate of the library in `folder`.
+    `frames` holds for each shard the memory-mapped array of its packed motions. Clips are fitted to
+    `spec`, the specification of the library in `folder`, and resampled to its rate.
     """
 
     def __init__(
-        self, table: ClipTable, frames: Sequence[FloatArray], rate: float, folder: Path
+        self, table: ClipTable, frames: Sequence[FloatArray], spec: LibrarySpec, folder: Path
     ) -> None:
         self.table, self.folder = table, folder
-        self._frames, self._rate = frames, rate
+        self._frames, self._spec = frames, spec
         self._cache: OrderedDict[int, Motion] = OrderedDict()
 
     def __len__(self) -> int:
@@ -48,9 +48,9 @@ class StoredClips(Sequence[Motion]):
         clip = range(len(self))[index]
         motion = self._cache.get(clip)
         if motion is None:
-            motion = self.original(clip)
-            if not rates_match(motion.rate, self._rate):
-                motion = motion.resample(self._rate)
+            motion = self._spec.fit(self.original(clip), self.table.entries[clip].name)
+            if not rates_match(motion.rate, self._spec.rate):
+                motion = motion.resample(self._spec.rate)
             self._cache[clip] = motion
             if len(self._cache) > _MAX_CACHED_CLIPS:
                 self._cache.popitem(last=False)

@@ -11,7 +11,9 @@ from typing import Any, Self
 from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.errors import ProvenanceError, join_names
+from mograft.library.clip_table import skeleton_from_json
 from mograft.library.origin import LibraryOrigin
+from mograft.motion.skeleton import Skeleton
 from mograft.synthesis.provenance import SCHEMA, SEVERAL_SCHEMA
 
 SCHEMA_1 = "mograft.graft/1"
@@ -282,7 +284,14 @@ def _read_library(record: Mapping[str, Any], folder: Path) -> LibraryOrigin:
         rate=float(record["rate"]),
         root=int(record["root"]),
         up=int(record["up"]),
+        match=record.get("match", "names"),  # earlier versions did not write the last three
+        hierarchy=_optional_skeleton(record.get("hierarchy")),
+        rest=_optional_skeleton(record.get("rest")),
     )
+
+
+def _optional_skeleton(value: Any) -> Skeleton | None:  # noqa: ANN401 - of JSON
+    return None if value is None else skeleton_from_json(value)
 
 
 def _span(value: Sequence[Any]) -> Span:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mograft.library.clip_table import skeleton_to_json
 from mograft.library.discover import SourceFile, relative_path
 from mograft.library.origin import (
     find_clip_origin,
@@ -125,6 +126,9 @@ def _library_record(library: "Library", folder: Path) -> Record:
         "rate": origin.rate,
         "root": origin.root,
         "up": origin.up,
+        "match": origin.match,
+        "hierarchy": None if origin.hierarchy is None else skeleton_to_json(origin.hierarchy),
+        "rest": None if origin.rest is None else skeleton_to_json(origin.rest),
     }
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from mograft.errors import LibraryError, ProvenanceError, join_names
 from mograft.io.addresses import join_address, read_clip, split_address
 from mograft.library.discover import SourceFile, scan_folder
+from mograft.library.ingest_run import IngestOptions
 from mograft.library.library import Library
 from mograft.library.origin import (
     LibraryOrigin,
@@ -98,10 +99,16 @@ def find_whole_library(record: GraftRecord, sources: Sequence[str]) -> Library:
     names = [_present_source(record, own) for own in sources or record.sources]
     if not names:
         raise record.error("the graft was made in Python: give the library, or all of its files")
-    library = Library.build(names, record.groups, record.config)
+    options: IngestOptions = {
+        "match": origin.match,
+        "hierarchy": origin.hierarchy,
+        "skeleton": origin.rest,
+    }
+    library = Library.build(names, record.groups, record.config, **options)
     if hash_library(library) != origin.sha256 and any(Path(name).is_dir() for name in names):
         # The graft may have been made with --include-grafts.
-        library = Library.build(names, record.groups, record.config, include_grafts=True)
+        options["include_grafts"] = True
+        library = Library.build(names, record.groups, record.config, **options)
     return prepare_library(record, library, f"the library of {join_names(names)}")
 
 
@@ -127,7 +134,8 @@ def _with_base(record: GraftRecord, library: Library, sources: Sequence[str]) ->
     elif outside:
         base = n_clips
         if n_clips == len(library.entries):
-            motion = read_clip(find_clip(record, outside[0], sources))
+            rest = None if record.library is None else record.library.rest
+            motion = read_clip(find_clip(record, outside[0], sources), skeleton=rest)
             library = library.with_clip(replace(motion, name=outside[0].name))
     elif record.base in clips:
         base = clips[record.base]

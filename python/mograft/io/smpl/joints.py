@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mograft._util.arrays import IntArray
+from mograft.motion.skeleton import CHANNELS
 
 _PARENT_OF_BODY_JOINT = {
     "pelvis": "",
@@ -64,6 +65,16 @@ def smpl_parents(joints: Sequence[str]) -> IntArray:
     return np.array(
         [joints.index(PARENT_OF_JOINT[name]) if name != "pelvis" else -1 for name in joints]
     )
+
+
+def smpl_channels(n_joints: int) -> tuple[tuple[str, ...], ...]:
+    """Return the channels of the joints if a motion is written as BVH.
+
+    The root turns the body by about 90 degrees about x, from y up to z up. In the order Z, X, Y the
+    angles would be near gimbal lock.
+    """
+    root = (*CHANNELS[:3], "Xrotation", "Zrotation", "Yrotation")
+    return (root, *[("Zrotation", "Xrotation", "Yrotation")] * (n_joints - 1))
 
 
 @dataclass(frozen=True, eq=False)

@@ -135,7 +135,7 @@ def _named_skeleton(
     note = "offsets: those of the given skeleton"
     if missing:
         note += f"; of the stand-in for {join_names(missing)}"
-    return Skeleton(model.joints, model.parents, offsets, end_sites=sites), note
+    return Skeleton(model.joints, model.parents, offsets, standard.channels, sites), note
 
 
 def _length_ratios(
@@ -188,7 +188,7 @@ def _scaled(standard: Skeleton, ratios: dict[tuple[str, str], float]) -> Skeleto
         scales[joint] = ratios.get(key, mean)
     sites = tuple(EndSite(site.parent, mean * site.offset) for site in standard.end_sites)
     offsets = scales[:, None] * standard.offsets
-    return Skeleton(standard.names, standard.parents, offsets, end_sites=sites)
+    return Skeleton(standard.names, standard.parents, offsets, standard.channels, sites)
 
 
 def _smpl_name(name: str) -> str:

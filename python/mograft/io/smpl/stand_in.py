@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 
 from mograft._util.arrays import FloatArray
-from mograft.io.smpl.joints import BodyModel
+from mograft.io.smpl.joints import BodyModel, smpl_channels
 from mograft.motion.skeleton import EndSite, Skeleton
 
 STATURE = 1.7
@@ -71,7 +71,13 @@ def stand_in(model: BodyModel) -> Skeleton:
         for joint, name in enumerate(model.joints)
         if name.replace("right", "left") in _ENDS
     )
-    return Skeleton(model.joints, parents, STATURE * np.array(offsets), end_sites=sites)
+    return Skeleton(
+        model.joints,
+        parents,
+        STATURE * np.array(offsets),
+        smpl_channels(len(model.joints)),
+        end_sites=sites,
+    )
 
 
 def _position(name: str) -> FloatArray:

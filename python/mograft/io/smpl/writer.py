@@ -1,6 +1,7 @@
 """Write motions into copies of AMASS files."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,11 @@ from mograft.io.rest_pose import POSITION_TOLERANCE
 from mograft.io.smpl.reader import AmassFile, open_amass_file, to_motion
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+
+_MAX_ANGLE = 1e-7  # radians
+_MAX_DISTANCE = 1e-6  # metres
+"""Differences up to which a pose counts as unchanged: the rounding of BVH files of six decimals."""
 
 
 def write_amass(
@@ -24,7 +30,7 @@ def write_amass(
     Parameters
     ----------
     motion : Motion
-        A motion with the joints of the body model of `like`, in metres.
+        A motion with the joints of the body model of `like`, in any order, in metres.
     path : str or path
         The file to write.
     like : str or path
@@ -50,13 +56,15 @@ def write_amass(
     Notes
     -----
     Rotation vectors and translations in frames in which the motion has the rotation and position of
-    `like` keep their bits, and so do all other arrays, such as ``betas`` and ``gender``. Other
-    rotations become shortest rotation vectors in the type of the array. Arrays with parts of
+    `like`, within 1e-7 radians and 1e-6 metres, keep their bits; motions that were stored as BVH
+    have errors up to this size. All other arrays, such as ``betas`` and ``gender``, keep theirs.
+    Other rotations become shortest rotation vectors in the type of the array. Arrays with parts of
     ``poses``, such as ``pose_body``, are changed with it. ``mocap_framerate`` changes only if the
     rate of the motion differs.
     """
     file = open_amass_file(Path(like))
-    _check_joints(motion, file)
+    motion = _in_order_of(file, motion)
+    _check_channels(motion, file)
     # The motion of the file on the same skeleton: equal poses are those that were not changed.
     source = to_motion(file, motion.skeleton, motion.rate)
     is_same = _same_rotations(motion, source)
@@ -76,14 +84,38 @@ def write_amass(
     return omitted
 
 
-def _check_joints(motion: Motion, file: AmassFile) -> None:
-    """Raise an error if the file cannot store the motion; see `write_amass`."""
+def _in_order_of(file: AmassFile, motion: Motion) -> Motion:
+    """Return a motion with the joints in the order of the model; BVH stores them depth first.
+
+    Raises SkeletonMismatchError if the motion has other joints.
+    """
     skeleton, model = motion.skeleton, file.model
-    if skeleton.names != model.joints or (skeleton.parents != model.parents).any():
-        raise SkeletonMismatchError(
-            f"{file.archive.path} has the {len(model.joints)} joints of {model.name}, got a motion "
-            f"with {skeleton.n_joints} joints, the first of which is {skeleton.names[0]}"
+    if sorted(skeleton.names) == sorted(model.joints):
+        order = [skeleton.names.index(name) for name in model.joints]
+        ordered = Skeleton(
+            model.joints,
+            model.parents,
+            skeleton.offsets[order],
+            tuple(skeleton.channels[joint] for joint in order),
         )
+        above = np.where(model.parents < 0, -1, np.array(order)[model.parents])
+        if np.array_equal(skeleton.parents[order], above):
+            return replace(
+                motion,
+                skeleton=ordered,
+                rotations=motion.rotations[:, order],
+                positions=motion.positions[:, order],
+                channel_values=None,
+            )
+    raise SkeletonMismatchError(
+        f"{file.archive.path} has the {len(model.joints)} joints of {model.name}, got a motion "
+        f"with {skeleton.n_joints} joints, the first of which is {skeleton.names[0]}"
+    )
+
+
+def _check_channels(motion: Motion, file: AmassFile) -> None:
+    """Raise ValueError if the file cannot store the motion; see `write_amass`."""
+    skeleton, model = motion.skeleton, file.model
     gaps = np.abs(motion.positions - skeleton.offsets)[:, 1:].max(axis=(0, 2), initial=0.0)
     moved = np.flatnonzero(gaps > POSITION_TOLERANCE * np.abs(skeleton.offsets).max(initial=1.0))
     if len(moved):
@@ -121,7 +153,9 @@ def _same_rotations(motion: Motion, source: Motion) -> BoolArray:
     """
     rows = slice(min(motion.n_frames, source.n_frames))
     own, other = motion.rotations[rows], source.rotations[rows]
-    same: BoolArray = (own == other).all(axis=-1) | (own == -other).all(axis=-1)
+    # Half the angle between them is at most the distance of the quaternions.
+    gaps = np.minimum(np.abs(own - other).max(axis=-1), np.abs(own + other).max(axis=-1))
+    same: BoolArray = gaps <= 0.5 * _MAX_ANGLE
     return np.repeat(same, 3, axis=1)
 
 
@@ -131,7 +165,8 @@ def _same_positions(motion: Motion, source: Motion) -> BoolArray:
     The shape is (number of common frames, 3).
     """
     rows = slice(min(motion.n_frames, source.n_frames))
-    same: BoolArray = (motion.positions[rows, 0] == source.positions[rows, 0]).all(axis=-1)
+    gaps = np.abs(motion.positions[rows, 0] - source.positions[rows, 0]).max(axis=-1)
+    same: BoolArray = gaps <= _MAX_DISTANCE
     return np.repeat(same[:, None], 3, axis=1)
 
 

@@ -1,0 +1,155 @@
+"""Options --match and --skeleton: clips of several figures, and rest poses of AMASS files."""
+
+import json
+
+import numpy as np
+import pytest
+
+import mograft as mg
+from mograft.io.smpl.joints import SMPL_H
+from mograft.io.smpl.stand_in import stand_in
+from tests.io.amass_file import amass_arrays, dance_arrays, write_arrays
+from tests.library.test_matched_libraries import OTHER, PARTS
+
+
+@pytest.fixture(scope="module")
+def mixed(tmp_path_factory):
+    """A folder with clips of two figures."""
+    folder = tmp_path_factory.mktemp("mixed")
+    mg.write_bvh(PARTS["a"], folder / "a.bvh")
+    mg.write_npz(OTHER["b"], folder / "b.npz")
+    mg.write_bvh(PARTS["c"], folder / "c.bvh")
+    return folder
+
+
+@pytest.mark.parametrize("base", ["b.npz", "b", None])
+def test_graft_match_anatomy_has_the_hierarchy_of_the_base(run, mixed, tmp_path, base):
+    path = base and str(mixed / base) if base == "b.npz" else base
+    words = ["graft", mixed, "--match", "anatomy", "-o", tmp_path / "g.bvh"]
+    code, _, err = run(*words, *(["--base", path] if path else []))
+    assert code == 0, err
+    assert "joints matched by anatomy" in err
+    expected = OTHER["b"] if base else PARTS["a"]
+    result = mg.read_bvh(tmp_path / "g.bvh")
+    assert result.skeleton.names == expected.skeleton.names
+    document = json.loads((tmp_path / "g.json").read_text())
+    assert document["library"]["match"] == "anatomy"
+    code, _, err = run("graft", "--from", tmp_path / "g.json", "-o", tmp_path / "again.bvh")
+    assert code == 0, err
+    assert (tmp_path / "again.bvh").read_bytes() == (tmp_path / "g.bvh").read_bytes()
+
+
+def test_graft_edit_of_matched_clips_builds_the_same_library(run, mixed, tmp_path):
+    words = ["--match", "anatomy", "--base", str(mixed / "b.npz"), "-o", tmp_path / "g.bvh"]
+    assert run("graft", mixed, *words)[0] == 0
+    code, _, err = run(
+        "graft", "--from", tmp_path / "g.json", "--reroll", "2", "-o", tmp_path / "edit.bvh"
+    )
+    assert code == 0, err
+
+
+def test_graft_match_names_refuses_other_figure_and_names_the_remedy(run, mixed, tmp_path):
+    code, _, err = run("graft", mixed, "-o", tmp_path / "g.bvh")
+    assert code == 1
+    assert "unless joints are matched by anatomy (--match anatomy)" in err
+
+
+def test_info_match_anatomy_lists_joints_without_counterpart(run, mixed, tmp_path):
+    amass = write_arrays(tmp_path / "walk_poses.npz", amass_arrays())
+    code, out, _ = run("info", mixed / "a.bvh", mixed / "b.npz", amass, "--match", "anatomy")
+    assert code == 0
+    assert "joints matched by anatomy: every joint has a counterpart" in out
+    assert "joints matched by anatomy: dropped: " in out
+    assert "note: offsets: a stand-in of 1.7 m" in out
+    documents = json.loads(run("info", mixed / "a.bvh", amass, "--match", "anatomy", "--json")[1])
+    assert [own["match"][:7] for own in documents["files"]] == ["", "dropped"]
+
+
+def test_index_match_anatomy_keeps_match_and_refuses_it_with_add(run, mixed, tmp_path, capsys):
+    code, _, err = run("index", mixed, "-o", tmp_path / "l", "--match", "anatomy")
+    assert code == 0
+    assert "joints matched by anatomy, b" in err
+    assert mg.Library.open(tmp_path / "l").spec.match == "anatomy"
+    for words in (
+        ("index", mixed, "-o", tmp_path / "l", "--add", "--match", "names"),
+        ("graft", tmp_path / "l", "--match", "anatomy", "-o", tmp_path / "g.bvh"),
+    ):
+        with pytest.raises(SystemExit, match="2"):
+            run(*words)
+        assert "--match is fixed when a library is created" in capsys.readouterr().err
+
+
+@pytest.fixture
+def body(tmp_path):
+    """A rest pose as a JSON file: the stand-in, 5 % larger."""
+    skeleton = stand_in(SMPL_H)
+    offsets = dict(zip(skeleton.names, (1.05 * skeleton.offsets).tolist(), strict=True))
+    (tmp_path / "body.json").write_text(json.dumps(offsets))
+    return tmp_path / "body.json"
+
+
+def test_skeleton_option_sets_the_rest_pose_of_amass_files(run, body, tmp_path):
+    walk = write_arrays(tmp_path / "walk.npz", amass_arrays(n_frames=200))
+    run_path = write_arrays(tmp_path / "run.npz", amass_arrays(n_frames=200, seed=1))
+    expected = 1.05 * stand_in(SMPL_H).offsets
+    code, out, err = run("info", walk, "--skeleton", body)
+    assert code == 0, err
+    assert "note: offsets: those of the given skeleton" in out
+    words = ["--skeleton", body, "-o"]
+    assert run("export", walk, *words, tmp_path / "walk.bvh")[0] == 0
+    written = mg.read_bvh(tmp_path / "walk.bvh").skeleton
+    joint = written.names.index("right_knee")
+    np.testing.assert_allclose(written.offsets[joint], expected[5], atol=1e-5)
+    assert run("index", walk, run_path, *words, tmp_path / "l")[0] == 0
+    library = mg.Library.open(tmp_path / "l")
+    np.testing.assert_allclose(library.clips[1].skeleton.offsets, expected, atol=1e-12)
+    for name, sources in (("a", [walk, run_path, *words[:2]]), ("b", [tmp_path / "l"])):
+        code, _, err = run("graft", *sources, "--base", walk, "-o", tmp_path / f"{name}.bvh")
+        assert code == 0, err
+    # The clips are found again with the rest pose that the provenance records.
+    code, _, err = run("graft", "--from", tmp_path / "a.json", "-o", tmp_path / "again.bvh")
+    assert code == 0, err
+    assert (tmp_path / "again.bvh").read_bytes() == (tmp_path / "a.bvh").read_bytes()
+
+
+def test_export_like_amass_takes_unchanged_arrays_through_bvh(run, body, tmp_path):
+    arrays = amass_arrays(n_frames=20)
+    walk = write_arrays(tmp_path / "walk.npz", arrays)
+    for options in ([], ["--skeleton", body]):
+        words = [*options, "--force", "-o"]
+        assert run("export", walk, *words, tmp_path / "walk.bvh")[0] == 0
+        words += [tmp_path / "again.npz", "--like", walk]
+        code, _, err = run("export", tmp_path / "walk.bvh", *words)
+        assert code == 0, err
+        with np.load(tmp_path / "again.npz") as again:
+            for name, array in arrays.items():
+                np.testing.assert_array_equal(again[name], array, err_msg=name)
+    words = ["--frames", "0-9", "-o", tmp_path / "part.npz", "--like", walk]
+    code, _, err = run("export", walk, *words)
+    assert code == 0
+    assert "part.npz: without dmpls, which have one row per frame of" in err
+
+
+def test_graft_of_amass_files_keeps_poses_of_the_base_group(run, tmp_path):
+    arrays = dance_arrays(0)
+    walk = write_arrays(tmp_path / "walk.npz", arrays)
+    wave = write_arrays(tmp_path / "wave.npz", dance_arrays(1))
+    code, _, err = run("graft", walk, wave, "--feet", "never", "-o", tmp_path / "g.bvh")
+    assert code == 0, err
+    words = ("-o", tmp_path / "new.npz", "--like", walk)
+    assert run("export", tmp_path / "g.bvh", *words)[0] == 0
+    with np.load(tmp_path / "new.npz") as new:
+        same = (new["poses"] == arrays["poses"]).all(axis=0).reshape(-1, 3).all(axis=1)
+        np.testing.assert_array_equal(new["trans"], arrays["trans"])
+    kept = {SMPL_H.joints[joint] for joint in np.flatnonzero(same)}
+    legs = {f"{side}_{joint}" for side in ("left", "right") for joint in ("hip", "knee", "ankle")}
+    assert {"pelvis", *legs} <= kept
+    assert not {"left_shoulder", "right_elbow"} & kept
+
+
+def test_skeleton_option_bad_file_is_an_invalid_input(run, tmp_path):
+    walk = write_arrays(tmp_path / "walk.npz", amass_arrays())
+    (tmp_path / "body.json").write_text("[]")
+    code, _, err = run("info", walk, "--skeleton", tmp_path / "body.json")
+    assert code == 3
+    assert "body.json: expected an object of joints and offsets" in err

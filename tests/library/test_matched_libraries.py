@@ -1,0 +1,153 @@
+"""Libraries whose clips have different hierarchies, matched by anatomy."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mograft import (
+    Library,
+    Motion,
+    Skeleton,
+    SkeletonMismatchError,
+    graft,
+    mirror,
+    replay,
+    write_bvh,
+    write_graft,
+)
+from mograft.io.smpl.joints import SMPL_H
+from mograft.io.smpl.stand_in import stand_in
+from mograft.library.conform import conform
+from tests.library.checks import DANCE, assert_same_libraries
+from tests.library.other_figures import as_other_figure
+from tests.strategies import assert_same_rotations
+
+NAMES = ("a", "b", "c")
+PARTS = {name: DANCE[90 * i : 90 * i + 200] for i, name in enumerate(NAMES)}
+PARTS = {name: replace(part, name=name) for name, part in PARTS.items()}
+OTHER = {name: as_other_figure(part, seed) for seed, (name, part) in enumerate(PARTS.items())}
+
+
+def build(clips, **options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return Library.build(clips, match="anatomy", **options)
+
+
+def test_library_matched_by_anatomy_equals_that_of_one_figure():
+    expected = Library.build(list(PARTS.values()))
+    mixed = build([PARTS["a"], OTHER["b"], OTHER["c"]], hierarchy=DANCE.skeleton)
+    assert mixed.skeleton.names == DANCE.skeleton.names
+    assert mixed.up == expected.up
+    np.testing.assert_array_equal(mixed.segments.start, expected.segments.start)
+    for group, labels in expected.labels.items():
+        np.testing.assert_array_equal(mixed.labels[group], labels)
+        np.testing.assert_allclose(mixed.sigma[group], expected.sigma[group], rtol=1e-3)
+    for own, other in zip(mixed.clips, expected.clips, strict=True):
+        assert_same_rotations(own.rotations, other.rotations, atol=1e-5)
+        np.testing.assert_allclose(own.world_positions(), other.world_positions(), atol=0.05)
+
+
+def test_library_of_names_refuses_other_hierarchy_and_names_the_remedy():
+    with pytest.raises(SkeletonMismatchError, match="unless joints are matched by anatomy"):
+        Library.build([PARTS["a"], OTHER["b"]])
+    with pytest.raises(
+        ValueError, match="`match` must be 'names' or 'anatomy', got 'anatomi'; did"
+    ):
+        Library.build([PARTS["a"]], match="anatomi")
+
+
+def test_library_matched_by_anatomy_warns_of_joints_without_counterpart():
+    body = conform(PARTS["b"], stand_in(SMPL_H), up=2, root=0)
+    with pytest.warns(UserWarning, match="joints matched by anatomy, b: .*dropped: .*left_index1"):
+        library = Library.build([PARTS["a"], body], match="anatomy")
+    assert library.skeleton.names == PARTS["a"].skeleton.names
+    with pytest.warns(UserWarning, match="joints matched by anatomy, a: kept at rest: .*left_foot"):
+        library = Library.build([PARTS["a"], body], match="anatomy", hierarchy=body.skeleton)
+    assert library.skeleton.names == SMPL_H.joints
+
+
+def test_library_matched_by_anatomy_refuses_figure_without_limbs():
+    chain = Skeleton(["x", "y"], [-1, 0], np.ones((2, 3)))
+    n_frames = PARTS["b"].n_frames
+    quats = np.tile([0, 0, 0, 1.0], (n_frames, 2, 1))
+    worm = Motion(chain, 1 / 30, quats, np.ones((n_frames, 2, 3)), name="worm")
+    with pytest.raises(SkeletonMismatchError, match="cannot be matched by anatomy"):
+        build([PARTS["a"], worm])
+
+
+def test_graft_of_other_figure_is_on_the_hierarchy_of_the_library():
+    library = build([PARTS["a"], OTHER["b"]])
+    base = OTHER["c"]
+    result = graft(library, base, seed=1)
+    assert result.motion.skeleton.names == DANCE.skeleton.names
+    expected = graft(build([PARTS["a"], OTHER["b"]]), library.spec.fit(base, "c"), seed=1)
+    np.testing.assert_array_equal(result.motion.rotations, expected.motion.rotations)
+    # A clip of the library is found, although its motion has another hierarchy.
+    assert library.resolve_base(OTHER["b"])[1] == 1
+
+
+@pytest.fixture
+def files(tmp_path):
+    """Two clips of one hierarchy and one of another one."""
+    folder = tmp_path / "clips"
+    folder.mkdir()
+    write_bvh(PARTS["a"], folder / "a.bvh")
+    write_bvh(PARTS["c"], folder / "c.bvh")
+    write_bvh(OTHER["b"], folder / "b.bvh")
+    return folder
+
+
+@pytest.mark.filterwarnings("ignore:joints matched by anatomy")
+def test_index_matched_by_anatomy_equals_build_and_is_kept(files, tmp_path):
+    stored = Library.index(files, tmp_path / "l", match="anatomy")
+    built = Library.build([files / name for name in ("a.bvh", "b.bvh", "c.bvh")], match="anatomy")
+    assert_same_libraries(stored, built)
+    for own, other in zip(stored.clips, built.clips, strict=True):
+        np.testing.assert_array_equal(own.rotations, other.rotations)
+        np.testing.assert_array_equal(own.positions, other.positions)
+    again = Library.open(tmp_path / "l")
+    assert again.spec.match == "anatomy"
+    assert again.refused == {}
+    again.save(tmp_path / "copy")
+    assert_same_libraries(Library.open(tmp_path / "copy"), stored)
+    with pytest.raises(TypeError, match="`match` is fixed"):
+        again.add(files, match="names")
+
+
+@pytest.mark.filterwarnings("ignore:joints matched by anatomy")
+def test_add_to_library_matched_by_anatomy_equals_index(files, tmp_path):
+    whole = Library.index(files, tmp_path / "whole", match="anatomy")
+    part = Library.index([files / "a.bvh", files / "c.bvh"], tmp_path / "part", match="anatomy")
+    assert_same_libraries(part.add(files), whole)
+
+
+def test_index_of_names_leaves_other_hierarchy_out(files, tmp_path):
+    library = Library.index(files, tmp_path / "l")
+    assert len(library.clips) == 2
+    (reason,) = library.refused.values()
+    assert "unless joints are matched by anatomy" in reason
+
+
+@pytest.mark.filterwarnings("ignore:joints matched by anatomy")
+def test_mirror_images_of_matched_clips_are_those_of_the_converted_motion():
+    library = build([PARTS["a"], OTHER["b"]]).with_mirror_images()
+    expected = mirror(library.clips[1])
+    assert_same_rotations(library.clips[3].rotations, expected.rotations, atol=1e-12)
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("is_stored", [False, True])
+def test_replay_of_matched_clips_gives_the_same_bytes(files, tmp_path, is_stored):
+    names = [files / name for name in ("b.bvh", "a.bvh", "c.bvh")]
+    if is_stored:
+        library = Library.index(files, tmp_path / "l", match="anatomy")
+    else:
+        library = Library.build(names, match="anatomy", hierarchy=OTHER["a"].skeleton)
+    made = graft(library, library.names[1], seed=2)
+    write_graft(made, tmp_path / "g.bvh")
+    again = replay(tmp_path / "g.json")
+    np.testing.assert_array_equal(again.motion.rotations, made.motion.rotations)
+    np.testing.assert_array_equal(again.motion.positions, made.motion.positions)
