@@ -19,6 +19,7 @@ _USES_OF_PACKAGES = {
     "pillow": "films, mograft export -o x.gif",
     "imageio-ffmpeg": "films, mograft export -o x.mp4, unless ffmpeg is installed",
     "usd-core": "mograft export -o x.usd",
+    "mograft-fbx": "FBX files",
     "pyarrow": "mograft lib export --parquet",
     "shtab": "mograft completion",
     "pybvh": "mograft.to_pybvh, mograft.from_pybvh",
