@@ -9,6 +9,7 @@ from benches.evidence.pooling import pool, subtract
 from benches.evidence.section import Section, Table, count_verdicts, format_estimate
 from benches.evidence.sources import DEVELOPMENT, TEST
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.config import Config
 from mograft.errors import InsufficientDataError
 from mograft.evaluation.detectability import MIN_WINDOWS, pair_other_moments
 from mograft.evaluation.two_sample import block_folds, detect
@@ -29,6 +30,7 @@ SOURCES = (
 MAX_CLIPS = 40
 N_RUNS, N_SPLITS = 4, 2
 MAX_WINDOWS = 1200
+DEFAULT = Config().seam
 NULLS = ("captured, other moments", "captured, donors")
 
 
@@ -64,13 +66,14 @@ def measure(recordings, *, is_quick):
                 raise InsufficientDataError(
                     f"{MIN_WINDOWS} windows at seams are needed, but there are {len(windows)}"
                 )
-            folds = [block_folds(windows.frames, (0, split)) for split in range(N_SPLITS)]
+            n_splits = 1 if is_quick else N_SPLITS
+            folds = [block_folds(windows.frames, (0, split)) for split in range(n_splits)]
             pairs = windows.pairs()
-            found[name] = detect([pairs] * N_SPLITS, folds, 0)
+            found[name] = detect([pairs] * n_splits, folds, 0)
     rng = np.random.default_rng(0)
     others = [pair_other_moments(pairs, rng) for _ in folds]
     found[NULLS[0]] = detect(others, folds, 0)
-    found[NULLS[1]] = detect([windows.donor_pairs()] * N_SPLITS, folds, 0)
+    found[NULLS[1]] = detect([windows.donor_pairs()] * n_splits, folds, 0)
     substitutions = [own for graft in grafts for own in graft.substitutions]
     exchanged = sum(not own.is_own for own in substitutions)
     return {
@@ -163,22 +166,22 @@ def _conclusions(test):
     lines = []
     for key in ("gross", "fine"):
         means = {
-            name: pool([own["auc"][name][key] for own in test.values()])["value"]
-            for name in SEAM_TREATMENTS.names
+            name: pool([own["auc"][name][key] for own in test.values()]) for name in _names(test)
         }
-        known = {name: value for name, value in means.items() if value is not None}
-        if known:
-            lines.append(
-                f"AUC, {key}: smallest for {min(known, key=known.get)}, largest for "
-                f"{max(known, key=known.get)} of the treatments."
-            )
-        differences = [
-            subtract(own["auc"]["gradient"][key], own["auc"][NULLS[0]][key])
-            for own in test.values()
-        ]
-        differences = [own for own in differences if own["value"] is not None]
-        lines.append(
-            f"AUC, {key}, of the default treatment `gradient` less that of captured windows at "
-            f"other moments: {count_verdicts(differences)}."
+        order = sorted(
+            (name for name in SEAM_TREATMENTS.names if means[name]["value"] is not None),
+            key=lambda name: means[name]["value"],
         )
+        ranks = ", ".join(f"{name} {format_estimate(means[name], has_n=False)}" for name in order)
+        nulls = ", ".join(f"{name} {format_estimate(means[name], has_n=False)}" for name in NULLS)
+        lines.append(f"AUC, {key}, from the hardest to the easiest to detect: {ranks}. {nulls}.")
+        for other in (NULLS[0], "offset", "paper"):
+            differences = [
+                subtract(own["auc"][DEFAULT][key], own["auc"][other][key]) for own in test.values()
+            ]
+            differences = [own for own in differences if own["value"] is not None]
+            lines.append(
+                f"AUC, {key}, of `{DEFAULT}`, the default, less that of {other}: "
+                f"{count_verdicts(differences)}."
+            )
     return tuple(lines)

@@ -34,12 +34,16 @@ def test_scheme_adds_copies_of_every_clip_with_its_label(labelled, name):
 
 
 @pytest.mark.parametrize("name", ["CutMix", "CutMix, same label", "grafts", "grafts, same label"])
-def test_scheme_keeps_the_legs_and_changes_the_arms(labelled, name):
+def test_scheme_keeps_legs_and_label_and_changes_the_arms(labelled, name):
     added = SCHEMES[name](labelled, np.random.default_rng(0))
-    originals = {(clip.n_frames, clip.rotations[0, 0].tobytes()): clip for clip in labelled.clips}
+    originals = {
+        (clip.n_frames, clip.rotations[0, 0].tobytes()): (clip, label)
+        for clip, label in zip(labelled.clips, labelled.labels, strict=True)
+    }
     changes = []
-    for clip in added.clips:
-        base = originals[clip.n_frames, clip.rotations[0, 0].tobytes()]
+    for clip, label in zip(added.clips, added.labels, strict=True):
+        base, expected = originals[clip.n_frames, clip.rotations[0, 0].tobytes()]
+        assert label == expected
         same = (clip.rotations == base.rotations).all(axis=(0, 2))
         assert same[0]
         changes.append(rotations.angle(clip.rotations, base.rotations).max())
