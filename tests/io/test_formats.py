@@ -25,7 +25,7 @@ def test_rebase_restores_world_transforms(motion, data):
     )
     turned, places = motion.world_transforms()
     axes = mg.rotations.multiply(turned, rest.rotations)
-    rebased = rebase(rest, 2.5 * axes, places, motion.frame_time)
+    rebased = rebase(rest, axes, places, motion.frame_time)
     extent = np.ptp(motion.skeleton.rest_positions(), axis=0).max()
     np.testing.assert_allclose(rebased.world_positions(), places, atol=1e-9 + 1e-5 * extent)
     np.testing.assert_allclose(rebased.skeleton.offsets, motion.skeleton.offsets, atol=1e-9)

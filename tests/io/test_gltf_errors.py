@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
+from tests import fuzz_gltf
 from tests.io.gltf_scenes import Scene, Track, pack_glb, write_gltf
 
 TIMES = np.array([0.0, 0.5, 1.0])
@@ -208,3 +209,8 @@ def test_read_gltf_hostile_value_raises_format_error_or_reads(tmp_path_factory, 
     except mg.FormatError as error:
         outcome = str(error)
     assert outcome is None or outcome.startswith(f"{path}: ")
+
+
+@pytest.mark.parametrize("seed", [*fuzz_gltf.SEEDS, *range(60)])
+def test_read_gltf_damaged_file_is_refused_or_read(seed, tmp_path):
+    fuzz_gltf.check(seed, tmp_path)

@@ -7,17 +7,19 @@ rest pose of the file, then G W⁻¹ is its world rotation in mograft. World pos
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.memo import remember
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import CHANNELS, Skeleton
 
-POSITION_TOLERANCE = 1e-6
+POSITION_TOLERANCE = 1e-5
 """Distance from its rest offset, as a fraction of the extent of the rest pose, up to which a joint
-counts as not translated. It covers the rounding of files in single precision."""
+counts as not translated. It covers the rounding of exporters that compute in single precision."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,28 +46,48 @@ class RestPose:
 
 
 def rebase(
-    rest: RestPose, world_rotations: FloatArray, world_positions: FloatArray, frame_time: float
+    rest: RestPose,
+    world_rotations: FloatArray,
+    world_positions: FloatArray,
+    frame_time: float,
+    *,
+    name: str = "",
+    path: Path | None = None,
+    clip: str | None = None,
 ) -> Motion:
     """Return the motion that has the world transforms of a file relative to its rest pose.
 
     `world_rotations` has shape (n_frames, n_joints, 4), xyzw, and `world_positions` (n_frames,
-    n_joints, 3). Rotations need not have unit norm. The root has position channels, and so has each
-    joint whose translation varies from its offset by more than `POSITION_TOLERANCE`.
+    n_joints, 3). The root has position channels, and so has each
+    joint whose translation varies from its offset by more than `POSITION_TOLERANCE`. `name`, `path`
+    and `clip` are those of the motion.
     """
-    turned = rotations.multiply(_normalised(world_rotations), rotations.inverse(rest.rotations))
+    turned = rotations.multiply(world_rotations, rotations.inverse(rest.rotations))
     local, positions = to_local(rest.parents, turned, np.array(world_positions, np.float64))
     offsets = rest.offsets()
-    is_translated = np.abs(positions - offsets).max(axis=(0, 2)) > (
-        POSITION_TOLERANCE * rest.extent()
-    )
+    distances = np.abs(positions - offsets).max(axis=0).max(axis=1)  # faster than both at once
+    is_translated = distances > POSITION_TOLERANCE * rest.extent()
     is_translated[0] = True
     positions[:, ~is_translated] = offsets[~is_translated]
+    key = ("skeleton", is_translated.tobytes())
+    return Motion(
+        remember(rest, key, lambda: _skeleton(rest, is_translated)),
+        frame_time,
+        rotations.continuous_signs(_normalised(local)),
+        positions,
+        name=name,
+        path=path,
+        clip=clip,
+    )
+
+
+def _skeleton(rest: RestPose, is_translated: BoolArray) -> Skeleton:
+    """Return the skeleton of a rest pose; the chosen joints have position channels."""
     turns = ("Zrotation", "Xrotation", "Yrotation")
     channels = [
         (*CHANNELS[:3], *turns) if has_positions else turns for has_positions in is_translated
     ]
-    skeleton = Skeleton(rest.names, rest.parents, offsets, tuple(channels))
-    return Motion(skeleton, frame_time, rotations.continuous_signs(_normalised(local)), positions)
+    return Skeleton(rest.names, rest.parents, rest.offsets(), tuple(channels))
 
 
 def restore(rest: RestPose, motion: Motion) -> tuple[FloatArray, FloatArray]:
@@ -96,5 +118,6 @@ def to_local(
 
 def _normalised(quats: FloatArray) -> FloatArray:
     """Return quaternions divided by their norms."""
-    unit: FloatArray = quats / np.linalg.norm(quats, axis=-1, keepdims=True)
+    norms = np.sqrt(np.einsum("...i,...i->...", quats, quats))
+    unit: FloatArray = quats / norms[..., None]
     return unit

@@ -13,6 +13,7 @@ from mograft import _core
 from mograft._util.arrays import (
     BoolArray,
     FloatArray,
+    IntArray,
     as_floats,
     as_quaternions,
     as_vectors,
@@ -306,9 +307,17 @@ def world_transforms(
     For n poses, rotations have shape (n, n_joints, 4) and positions (n, n_joints, 3). The results
     have the same shapes. The values are not checked.
     """
-    return _core.world(
-        skeleton.parents, np.ascontiguousarray(rotations), np.ascontiguousarray(positions)
-    )
+    return forward_kinematics(skeleton.parents, rotations, positions)
+
+
+def forward_kinematics(
+    parents: IntArray, rotations: FloatArray, positions: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return world rotations and positions as `world_transforms` does, given only the parents.
+
+    Parents precede their children; that of joint 0 is -1.
+    """
+    return _core.world(parents, np.ascontiguousarray(rotations), np.ascontiguousarray(positions))
 
 
 def _fill_angles(

@@ -65,34 +65,37 @@ def _read_plain(
     accessors, views = container.items("accessors"), container.items("bufferViews")
     count, width = shape
     kind, n_bytes = _TYPE_OF_WIDTH[width], 4 * count * width
-    starts, buffers = [], set()
+    starts, buffers, usual = [], set(), _UNUSUAL.isdisjoint
+    numbers: list[Any] = list(indices)
     try:
-        for index in indices:
-            accessor = accessors[index]  # type: ignore[call-overload]
-            view = views[accessor["bufferView"]]
-            offset, start = accessor.get("byteOffset", 0), view.get("byteOffset", 0)
+        if min(numbers) < 0:
+            return None
+        for index in numbers:
+            accessor = accessors[index]
+            number = accessor["bufferView"]
+            view = views[number]
+            offset = accessor.get("byteOffset", 0)
             if (
-                accessor["componentType"] != 5126
+                accessor["count"] != count
+                or accessor["componentType"] != 5126
                 or accessor["type"] != kind
-                or accessor["count"] != count
+                or number < 0
                 or not 0 <= offset <= view["byteLength"] - n_bytes
-                or not start >= 0
-                or not _UNUSUAL.isdisjoint(accessor)
-                or not _UNUSUAL.isdisjoint(view)
-                or index < 0  # type: ignore[operator]
-                or accessor["bufferView"] < 0
+                or not usual(accessor)
+                or not usual(view)
             ):
                 return None
             buffers.add(view["buffer"])
-            starts.append(start + offset)
+            starts.append(view.get("byteOffset", 0) + offset)
         (buffer,) = buffers
-        numbers = np.frombuffer(container.buffer(buffer, "bufferViews"), "u1")
+        data = np.frombuffer(container.buffer(buffer, "bufferViews"), "u1")
         first = np.array(starts)
-        if first.dtype.kind != "i" or (first % 4).any() or first.max() + n_bytes > len(numbers):
+        is_inside = first.min() >= 0 and first.max() + n_bytes <= len(data)
+        if first.dtype.kind != "i" or (first % 4).any() or not is_inside:
             return None
     except (KeyError, IndexError, TypeError, ValueError):
         return None
-    floats = numbers[: len(numbers) // 4 * 4].view("<f4")
+    floats = data[: len(data) // 4 * 4].view("<f4")
     chosen = floats[(first // 4)[:, None] + np.arange(count * width)]
     return chosen.astype(np.float64).reshape(len(first), count, width)
 

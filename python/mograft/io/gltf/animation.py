@@ -64,9 +64,12 @@ def animated_properties(container: Container, animation: int) -> set[tuple[int |
         if not isinstance(target, dict):
             container.fail(place, "expected a target in each channel")
         node, path = target.get("node"), target.get("path")
+        if (type(node) is not int and node is not None) or type(path) is not str:
+            container.fail(place, "expected a node and a path in each target")
+        found.add((node, path))
+    for node, _ in found:
         if node is not None:
             container.item("nodes", node, place)
-        found.add((node, str(path)))
     return found
 
 
@@ -241,7 +244,8 @@ def _varies(track: Track) -> BoolArray:
     if track.interpolation == "CUBICSPLINE":
         varies: BoolArray = np.ones(len(track.values), bool)
         return varies
-    different: BoolArray = (track.values != track.values[:, :1]).any(axis=(1, 2))
+    differences = track.values != track.values[:, :1]
+    different: BoolArray = differences.reshape(len(differences), -1).any(axis=1)
     return different
 
 

@@ -47,10 +47,11 @@ class Container:
 
     def item(self, collection: str, index: object, place: str) -> dict[str, Any]:
         """Return the object to which a reference at `place` refers."""
-        items = self.items(collection)
+        items = self.document.get(collection, ())
         if type(index) is not int or not 0 <= index < len(items):
             self.fail(place, f"expected an index of {len(items)} {collection}, got {index!r}")
-        return items[index]
+        found: dict[str, Any] = items[index]
+        return found
 
     def integer(self, value: object, place: str, minimum: int = 0) -> int:
         """Return a value that must be an integer of at least `minimum`."""

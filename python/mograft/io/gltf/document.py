@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -36,11 +37,16 @@ class GltfFile:
     animations: tuple[int, ...]  # index of the animation of each clip
     notes: tuple[str, ...]  # content that is not part of the motions
 
-    @property
+    @cached_property
     def moved_nodes(self) -> IntArray:
         """The nodes above the root joint, and the joints: parents first."""
         nodes: IntArray = np.concatenate([self.above, self.joints])
         return nodes
+
+    @cached_property
+    def moved_parents(self) -> IntArray:
+        """The parent of each moved node, as an index into these; -1 for the first."""
+        return local_parents(self.tree, self.moved_nodes)
 
 
 def read_gltf_file(path: Path) -> GltfFile:

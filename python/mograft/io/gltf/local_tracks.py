@@ -6,13 +6,10 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft.io.gltf.document import GltfFile, local_parents
-from mograft.io.gltf.nodes import Transforms, unmirrored
+from mograft.io.gltf.nodes import SCALE_TOLERANCE, Transforms, unmirrored
 from mograft.io.rest_pose import POSITION_TOLERANCE, restore
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
-
-_SCALE_TOLERANCE = 1e-6
-"""Relative difference of the three scales of a node that counts as none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +84,7 @@ def changed_tracks(
     is_equal |= (motion.rotations == -base.rotations).all(axis=2)
     is_turned = ~is_equal.all(axis=0)
     is_moved = (motion.positions != base.positions).any(axis=(0, 2))
-    spread = np.ptp(scales, axis=2) > _SCALE_TOLERANCE * np.abs(scales[..., 0])
+    spread = np.ptp(scales, axis=2) > SCALE_TOLERANCE * np.abs(scales[..., 0])
     if spread.any():
         parents = file.rest.parents
         below = np.zeros(len(parents), bool)

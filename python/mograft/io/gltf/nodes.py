@@ -12,11 +12,11 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.io.gltf.container import Container
 from mograft.motion import rotations
-from mograft.motion.motion import world_transforms
-from mograft.motion.skeleton import Skeleton
+from mograft.motion.motion import forward_kinematics
 
-_SCALE_TOLERANCE = 1e-6
-"""Relative difference of scales that counts as none; it covers rounding in single precision."""
+SCALE_TOLERANCE = 1e-5
+"""Relative difference of scales that counts as none. It covers the rounding of exporters: Blender
+writes constant scales of 1 with differences up to 1e-5."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,14 +155,15 @@ def to_world(parents: IntArray, local: Transforms) -> tuple[FloatArray, FloatArr
     rotation is that of the mirrored axes, with all three reversed if an odd number is.
     """
     turns, scales = unmirrored(local.rotations, local.scales)
-    spread = np.ptp(scales, axis=2)
-    skeleton = Skeleton(("",) * len(parents), parents, np.zeros((len(parents), 3)))
-    if (spread <= _SCALE_TOLERANCE * np.abs(scales[..., 0])).all():
-        factors = _products(parents, scales[..., 0])
-        places = local.translations.copy()
-        places[:, 1:] *= factors[:, parents[1:], None]
-        return world_transforms(skeleton, turns, places)
-    world_turns, _ = world_transforms(skeleton, turns, local.translations)
+    first = scales[..., 0]
+    spread = np.maximum(np.abs(scales[..., 1] - first), np.abs(scales[..., 2] - first))
+    if (spread <= SCALE_TOLERANCE * np.abs(first)).all():
+        places = local.translations
+        if not (np.abs(first - 1.0) <= SCALE_TOLERANCE).all():
+            places = places.copy()
+            places[:, 1:] *= _products(parents, first)[:, parents[1:], None]
+        return forward_kinematics(parents, turns, places)
+    world_turns, _ = forward_kinematics(parents, turns, local.translations)
     return world_turns, _matrix_positions(parents, turns, scales, local.translations)
 
 
@@ -172,9 +173,9 @@ def unmirrored(turns: FloatArray, scales: FloatArray) -> tuple[FloatArray, Float
     An even number of negative signs is a half turn. With an odd number, it is one after all three
     signs are reversed, which leaves a factor of -1.
     """
-    signs = np.where(scales < 0, -1.0, 1.0)
-    if (signs > 0).all():
+    if (scales >= 0).all():
         return turns, scales
+    signs = np.where(scales < 0, -1.0, 1.0)
     overall = signs.prod(axis=-1, keepdims=True)
     flips = signs * overall  # an even number of -1
     half_turns = np.concatenate([(flips > 0).astype(float), np.zeros((*flips.shape[:-1], 1))], -1)
@@ -184,8 +185,6 @@ def unmirrored(turns: FloatArray, scales: FloatArray) -> tuple[FloatArray, Float
 
 def _products(parents: IntArray, factors: FloatArray) -> FloatArray:
     """Return the products of the factors of each node and its ancestors, shape (n_frames, n)."""
-    if (np.abs(factors - 1.0) <= _SCALE_TOLERANCE).all():
-        return np.ones_like(factors)
     products = factors.copy()
     for node, parent in enumerate(parents.tolist()):
         if parent >= 0:
@@ -197,13 +196,32 @@ def _matrix_positions(
     parents: IntArray, turns: FloatArray, scales: FloatArray, places: FloatArray
 ) -> FloatArray:
     """Return world positions by matrices, which non-uniform scale requires."""
-    axes = np.stack([rotations.rotate(turns, np.eye(3)[i]) for i in range(3)], axis=-1)
-    linear = axes * scales[:, :, None, :]
+    linear = _to_matrices(turns) * scales[:, :, None, :]
     positions = places.copy()
+    for level in _levels(parents):
+        above = parents[level]
+        arms = linear[:, above] @ places[:, level, :, None]
+        positions[:, level] = positions[:, above] + arms[..., 0]
+        linear[:, level] = linear[:, above] @ linear[:, level]
+    return positions
+
+
+def _levels(parents: IntArray) -> list[IntArray]:
+    """Return the nodes of each depth below the root, which is node 0."""
+    depths = np.zeros(len(parents), np.int64)
     for node, parent in enumerate(parents.tolist()):
         if parent >= 0:
-            positions[:, node] = positions[:, parent] + np.einsum(
-                "fij,fj->fi", linear[:, parent], places[:, node]
-            )
-            linear[:, node] = linear[:, parent] @ linear[:, node]
-    return positions
+            depths[node] = depths[parent] + 1
+    return [np.flatnonzero(depths == depth) for depth in range(1, int(depths.max()) + 1)]
+
+
+def _to_matrices(quats: FloatArray) -> FloatArray:
+    """Return the matrices, shape (..., 3, 3), of unit quaternions."""
+    x, y, z, w = np.moveaxis(quats, -1, 0)
+    matrices = np.empty((*quats.shape[:-1], 3, 3))
+    for row, (a, b, c) in enumerate(((x, y, z), (y, z, x), (z, x, y))):
+        following, last = (row + 1) % 3, (row + 2) % 3
+        matrices[..., row, row] = 1.0 - 2.0 * (b * b + c * c)
+        matrices[..., row, following] = 2.0 * (a * b - c * w)
+        matrices[..., row, last] = 2.0 * (a * c + b * w)
+    return matrices

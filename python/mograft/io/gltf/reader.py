@@ -1,7 +1,7 @@
 """Motions of glTF files."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import overload
 
@@ -18,7 +18,7 @@ from mograft.io.gltf.animation import (
     read_tracks,
     sample,
 )
-from mograft.io.gltf.document import GltfFile, NoFigureError, local_parents, read_gltf_file
+from mograft.io.gltf.document import GltfFile, NoFigureError, read_gltf_file
 from mograft.io.gltf.nodes import to_world
 from mograft.io.rest_pose import rebase
 from mograft.motion.motion import Motion
@@ -79,12 +79,17 @@ def read_gltf_clip(file: GltfFile, clip: int, rate: float | None = None) -> Moti
     rows[nodes] = np.arange(len(nodes))
     tracks = read_tracks(file.container, channels)
     local = sample(tracks, times, file.tree.rest.of(nodes, 1), rows)
-    turned, positions = to_world(local_parents(file.tree, nodes), local)
-    length = _length(times, rate)
-    motion = rebase(file.rest, turned[:, first:], positions[:, first:], length.frame_time)
+    turned, positions = to_world(file.moved_parents, local)
     name = file.clip_names[clip]
-    several = name if len(file.clip_names) > 1 else None
-    return replace(motion, name=name, path=file.container.path, clip=several)
+    return rebase(
+        file.rest,
+        turned[:, first:],
+        positions[:, first:],
+        _length(times, rate).frame_time,
+        name=name,
+        path=file.container.path,
+        clip=name if len(file.clip_names) > 1 else None,
+    )
 
 
 def _read_grid(file: GltfFile, clip: int, rate: float | None) -> tuple[Channels, FloatArray]:

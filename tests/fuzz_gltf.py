@@ -1,0 +1,123 @@
+"""Read damaged glTF files for a given time: ``python -m tests.fuzz_gltf SECONDS [SEED]``.
+
+Each file is a small valid one with changes of values in its JSON document, of the bytes of its
+buffer, or of the bytes of the file. Within 5 seconds, reading must return motions of finite numbers
+or raise a `FormatError` with the path. For other results the seed is printed; add such seeds to
+`SEEDS`, which the tests run.
+"""
+
+import contextlib
+import json
+import random
+import sys
+import tempfile
+import time
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+import mograft as mg
+from tests.io.gltf_scenes import pack_glb, random_scene
+
+# Seeds of files that failed in earlier versions.
+SEEDS = ()
+
+_VALUES = (
+    *(None, True, False, -1, 0, 1, 2, 3, 5, 255, 2**31, 2**32, 2**63, 2**64, 10**400),
+    *(0.5, 1e30, 1e300, -1e300, float("nan"), float("inf"), "", "x", "STEP", "CUBICSPLINE"),
+    *("rotation", "SCALAR", "VEC3", "VEC4", "MAT4", 5120, 5121, 5123, 5125, 5126, "../x", "x.bin"),
+    *([], [0], [1, 0], [0] * 16, [None], {}, {"count": 1}, {"bufferView": 0}, "data:;base64,AAAA"),
+)
+
+
+@cache
+def valid_files():
+    """JSON documents and buffers of some valid files."""
+    scales = ("none", "uniform", "mirrored", "any")
+    found = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        scene = random_scene(rng, scale=scales[seed % 4], has_skin=seed % 3 > 0)
+        document, binary = scene.document(rng)
+        found.append((json.dumps(document), binary))
+    return found
+
+
+def mutate(seed):
+    """Return the bytes of a damaged GLB file."""
+    rng = random.Random(seed)
+    text, binary = rng.choice(valid_files())
+    document, buffer = json.loads(text), bytearray(binary)
+    for _ in range(rng.randint(0, 3)):
+        change_value(document, rng)
+    for _ in range(rng.choice((0, 0, 1, 4))):
+        start = rng.randrange(len(buffer) // 4) * 4
+        words = (b"\0\0\xc0\x7f", b"\0\0\x80\x7f", b"\xff\xff\x7f\x7f", b"\0" * 4, rng.randbytes(4))
+        buffer[start : start + 4] = rng.choice(words)
+    if rng.random() < 0.1:
+        del buffer[rng.randrange(len(buffer)) :]
+    data = bytearray(pack_glb(document, bytes(buffer)))
+    if rng.random() < 0.2:
+        for _ in range(rng.randint(1, 4)):
+            data[rng.randrange(len(data))] = rng.randrange(256)
+    if rng.random() < 0.1:
+        del data[rng.randrange(4, len(data)) :]
+    return bytes(data)
+
+
+def change_value(document, rng):
+    """Replace, delete or copy a value at a random place of a JSON document."""
+    inner = document
+    while True:
+        keys = list(inner) if isinstance(inner, dict) else list(range(len(inner)))
+        if not keys:
+            return
+        key = rng.choice(keys)
+        if not isinstance(inner[key], list | dict) or not inner[key] or rng.random() < 0.15:
+            break
+        inner = inner[key]
+    way = rng.randrange(8)
+    if way == 0:
+        del inner[key]
+    elif way == 1 and isinstance(inner, list):
+        inner.append(inner[key])
+    else:
+        inner[key] = rng.choice(_VALUES)
+
+
+def check(seed, folder):
+    """Read a damaged file; return whether it was read."""
+    path = Path(folder) / "damaged.glb"
+    path.write_bytes(mutate(seed))
+    start = time.monotonic()
+    try:
+        clips = mg.read(path)
+        for clip in clips:
+            assert np.isfinite(clip.world_positions()).all()
+            assert np.isfinite(clip.frame_time)
+        message = None
+    except mg.FormatError as error:
+        message = str(error)
+    assert time.monotonic() - start < 5.0, "too slow"
+    assert message is None or message.startswith(f"{path}: "), message
+    return message is None
+
+
+def main(seconds, first):
+    end, seed, accepted = time.monotonic() + seconds, first, 0
+    with tempfile.TemporaryDirectory() as folder:
+        while time.monotonic() < end:
+            try:
+                accepted += check(seed, folder)
+            except BaseException:
+                print(f"seed {seed}", file=sys.stderr)
+                with contextlib.suppress(OSError):
+                    (Path(tempfile.gettempdir()) / "damaged.glb").write_bytes(mutate(seed))
+                raise
+            seed += 1
+    print(f"{seed - first} files from seed {first}: {accepted} read, the others refused")
+
+
+if __name__ == "__main__":
+    main(float(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 0)
