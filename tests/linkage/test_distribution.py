@@ -120,19 +120,22 @@ def test_wheel_needs_numpy_only_and_imports_fast(environment):
     )
     names = {package["name"] for package in json.loads(listed.stdout)}
     assert names - {"pip", "setuptools"} == {"mograft-linkage", "numpy"}
-    code = "import numpy, sys; before = set(sys.modules); import mograft_linkage; print(before)"
+    code = """
+import sys, numpy
+before = set(sys.modules)
+import mograft_linkage
+print(*set(sys.modules) - before)
+"""
     run = subprocess.run(
         [environment, "-X", "importtime", "-c", code], capture_output=True, text=True, check=True
     )
-    lines = re.findall(r"import time:\s+(\d+) \|\s+(\d+) \|\s+(\S+)", run.stderr)
-    with_numpy = ast.literal_eval(run.stdout)
-    added = {name: int(own) for own, _, name in lines if name not in with_numpy}
+    added = set(run.stdout.split())
     ours = {name for name in added if name.startswith("mograft_linkage")}
-    # The number of modules does not depend on the machine; the time has a wide margin.
+    # The modules do not depend on the machine; the time has a wide margin.
     assert len(ours) == len(MODULES) + 1
-    assert {name.partition(".")[0] for name in added.keys() - ours} <= sys.stdlib_module_names
-    assert len(added.keys() - ours) < 20
-    assert sum(added.values()) < 200_000  # microseconds
+    assert {name.partition(".")[0] for name in added - ours} <= {"numpy", *sys.stdlib_module_names}
+    lines = re.findall(r"import time:\s+(\d+) \|\s+\d+ \|\s+(\S+)", run.stderr)
+    assert sum(int(microseconds) for microseconds, name in lines if name in added) < 200_000
 
 
 @pytest.mark.thorough
@@ -149,11 +152,3 @@ print(ml.__version__, ml.CompleteLinkage(n_clusters=4).fit_predict(points).max()
     assert run.stdout.split() == [mograft_linkage.__version__, "3"]
     points = np.random.default_rng(0).normal(size=(3000, 10))
     np.testing.assert_array_equal(np.load(tmp_path / "tree.npy"), mograft_linkage.linkage(points))
-
-
-@pytest.mark.thorough
-def test_crate_can_be_published():
-    if shutil.which("cargo") is None:
-        pytest.skip("needs cargo")
-    command = ["cargo", "publish", "--dry-run", "--allow-dirty", "--package", "mograft-linkage"]
-    subprocess.run(command, cwd=ROOT, check=True)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mograft._standalone.mograft_linkage import linkage
+from mograft._standalone.mograft_linkage.dendrogram import leaves_list
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.embedding import Embedding
 from mograft.errors import suggest_name
@@ -128,7 +129,7 @@ def _branches(tree: FloatArray, labels: IntArray, threshold: float) -> dict[str,
     """Return the branches of a linkage tree by colour; each is a polyline, shape (4, 2)."""
     n = len(labels)
     x = np.zeros(2 * n - 1)
-    x[_leaf_order(tree, n)] = np.arange(n)
+    x[leaves_list(tree)] = np.arange(n)
     height = np.concatenate([np.zeros(n), tree[:, 2]])
     cluster = np.concatenate([labels, np.full(n - 1, -1)])
     branches: dict[str, list[FloatArray]] = {}
@@ -141,20 +142,6 @@ def _branches(tree: FloatArray, labels: IntArray, threshold: float) -> dict[str,
         heights = np.array([height[left], height[node], height[node], height[right]])
         branches.setdefault(colour, []).append(np.stack([corners, heights], axis=1))
     return branches
-
-
-def _leaf_order(tree: FloatArray, n: int) -> list[int]:
-    """Return the n leaves of a linkage tree from left to right, so that no branches cross."""
-    order: list[int] = []
-    stack = [2 * n - 2]
-    while stack:
-        node = stack.pop()
-        if node < n:
-            order.append(node)
-        else:
-            left, right = tree[node - n, :2].astype(int).tolist()
-            stack += [right, left]
-    return order
 
 
 def clusters(library: Library, group: str | None = None, *, ax: "Axes | None" = None) -> "Axes":
