@@ -1,5 +1,6 @@
 """Properties of writing: locks, interruptions, full disks, existing folders."""
 
+import os
 import shutil
 import signal
 import subprocess
@@ -9,7 +10,8 @@ import time
 import numpy as np
 import pytest
 
-from mograft import Library, LibraryError
+import mograft as mg
+from mograft import Library, LibraryError, write_bvh
 from mograft.library import generation, storage
 from tests.library.checks import DANCE, assert_same_libraries, list_files
 
@@ -158,3 +160,29 @@ def test_write_full_disk_names_file_and_leaves_old_library(clip_folder, tmp_path
     assert sorted(path.name for path in tmp_path.iterdir()) == ["l"]
     assert storage.list_leftovers(tmp_path / "l") == []
     assert_same_libraries(Library.open(tmp_path / "l"), library)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="open files cannot be removed here")
+@pytest.mark.parametrize("change", ["add", "force"])
+def test_open_library_keeps_its_clips_and_samples_when_another_generation_is_written(
+    small_library, tmp_path, change
+):
+    folder = tmp_path / "l"
+    shutil.copytree(small_library, folder)
+    library, wanted = Library.open(folder), Library.open(small_library)
+    write_bvh(DANCE[70:200], tmp_path / "b.bvh")
+    if change == "add":
+        Library.open(folder).add(tmp_path / "b.bvh")
+    else:
+        Library.index(tmp_path / "b.bvh", folder, force=True)
+    assert len(Library.open(folder).names) == (2 if change == "add" else 1)
+    library.save(tmp_path / "copy")
+    for got in (library, Library.open(tmp_path / "copy")):
+        assert got.names == wanted.names
+        for ours, theirs in zip(got.samples.chunks(), wanted.samples.chunks(), strict=True):
+            np.testing.assert_array_equal(ours.rows, theirs.rows)
+        np.testing.assert_array_equal(got.clips[0].rotations, wanted.clips[0].rotations)
+    mirrored = library.with_mirror_images()
+    assert mirrored.names == wanted.with_mirror_images().names
+    new = mg.graft(library, seed=3).motion
+    np.testing.assert_array_equal(new.rotations, mg.graft(wanted, seed=3).motion.rotations)

@@ -1,10 +1,13 @@
 """Array files of a library: .npy files with a header of fixed length."""
 
 import contextlib
+import errno
 import io
 import math
 import mmap
+import os
 import re
+import weakref
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -39,6 +42,45 @@ def map_array(path: Path) -> npt.NDArray[Any]:
         if dtype.itemsize * math.prod(shape) == len(data) - HEADER_BYTES:
             return np.ndarray(shape, dtype, data, HEADER_BYTES)
     raise ValueError("the header is damaged or does not match the size of the file")
+
+
+class RowFile:
+    """Rows of an array file that `ArrayWriter` wrote, read when they are needed.
+
+    On POSIX the file stays open, so that its rows can be read after another process removed it. On
+    Windows it is opened for each read: an open file would prevent the removal. The position in the
+    file is given with each read, so threads and forked processes can share it.
+    """
+
+    def __init__(self, path: Path, dtype: str, width: int) -> None:
+        self._path, self._dtype, self._width = path, np.dtype(dtype), width
+        self._handle: int | None = None
+        if os.name == "posix":
+            self._handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+            weakref.finalize(self, os.close, self._handle)
+
+    def __reduce__(self) -> tuple[type["RowFile"], tuple[Path, str, int]]:
+        return RowFile, (self._path, self._dtype.str, self._width)
+
+    def read(self, first: int, n: int) -> npt.NDArray[Any]:
+        """Return rows, shape (n, width); raise OSError if the file has fewer."""
+        row_bytes = self._width * self._dtype.itemsize
+        rows = np.empty((n, self._width), self._dtype)
+        view, start = rows.data.cast("B"), HEADER_BYTES + first * row_bytes
+        filled = 0
+        while filled < len(view):
+            count = self._read_into(view[filled:], start + filled)
+            if not count:
+                raise OSError(errno.EIO, "is shorter than its header states", str(self._path))
+            filled += count
+        return rows
+
+    def _read_into(self, view: memoryview, start: int) -> int:
+        if self._handle is not None:
+            return os.preadv(self._handle, [view], start)
+        with self._path.open("rb") as stream:
+            stream.seek(start)
+            return stream.readinto(view)
 
 
 class ArrayWriter:

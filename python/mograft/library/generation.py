@@ -155,8 +155,8 @@ class GenerationWriter:
         is the number of samples per segment.
         """
         self._close_shards()
-        files = tuple(self.folder / f"samples-{shard}.npy" for shard in self.shards)
-        return StoredSamples(files, merge_ranges(ranges), n_samples, n_joints)
+        paths = [self.folder / f"samples-{shard}.npy" for shard in self.shards]
+        return StoredSamples.from_paths(paths, merge_ranges(ranges), n_samples, n_joints)
 
     def _close_shards(self) -> None:
         for name in [name for name in self._writers if name.startswith(("samples-", "frames-"))]:

@@ -62,7 +62,7 @@ def load_library(library_type: type[L], stored: StoredLibrary) -> L:
         labels=labels,
         sigma={group: about["sigma"] for group, about in manifest["group"].items()},
         boundary_states=states,
-        samples=stored.samples(),
+        samples=stored.samples,
         refused=stored.table.refused,
         folder=stored.folder,
     )

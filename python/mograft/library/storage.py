@@ -12,6 +12,7 @@ import sqlite3
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -40,13 +41,14 @@ class StoredLibrary:
     table: ClipTable
     arrays: dict[str, npt.NDArray[Any]]  # all but ``samples``, by path in the generation, mapped
 
+    @cached_property
     def samples(self) -> StoredSamples:
-        """Return the samples of all segments; the files are read when the samples are used."""
+        """Return the samples of all segments; their files are opened, and read when needed."""
         locations = self.table.locations
         counts = np.bincount(self.arrays["clips"], minlength=len(locations)).tolist()
         folder = self.folder / self.manifest["generation"]
-        return StoredSamples(
-            files=tuple(folder / f"samples-{name}.npy" for name in self.manifest["shards"]),
+        return StoredSamples.from_paths(
+            [folder / f"samples-{name}.npy" for name in self.manifest["shards"]],
             ranges=merge_ranges(
                 RowRange(location.shard, location.first_row, n)
                 for location, n in zip(locations, counts, strict=True)
@@ -65,7 +67,9 @@ def read(folder: Path) -> StoredLibrary:
     for _ in range(_MAX_READ_ATTEMPTS):
         manifest = read_manifest(folder)
         try:
-            return _read_generation(folder, manifest)
+            stored = _read_generation(folder, manifest)
+            _ = stored.samples  # opens the files
+            return stored
         except FileNotFoundError as error:
             # Another process may have replaced the generation since the manifest was read.
             if read_manifest(folder) == manifest:

@@ -1,6 +1,5 @@
 """Clips and samples that are read from the files of a library when they are needed."""
 
-import contextlib
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +10,7 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray, Packed
 from mograft.analysis.embedding import CHUNK, Samples
-from mograft.library.array_files import HEADER_BYTES
+from mograft.library.array_files import RowFile
 from mograft.library.clip_table import ClipTable
 from mograft.library.packing import PackedMotion, unpack
 from mograft.library.spec import LibrarySpec, rates_match
@@ -127,7 +126,7 @@ class StoredSamples:
     as it runs.
     """
 
-    files: tuple[Path, ...]  # the ``samples`` files, one per shard
+    files: tuple[RowFile, ...]  # the ``samples`` files, one per shard
     ranges: tuple[RowRange, ...]  # rows of these files, in the order of the library
     n_samples: int  # per segment
     n_joints: int
@@ -135,22 +134,25 @@ class StoredSamples:
     def __len__(self) -> int:
         return sum(item.n for item in self.ranges)
 
-    @property
-    def _row_width(self) -> int:
-        return self.n_samples * (4 * self.n_joints + 3) + 1
+    @classmethod
+    def from_paths(
+        cls, paths: Iterable[Path], ranges: tuple[RowRange, ...], n_samples: int, n_joints: int
+    ) -> "StoredSamples":
+        """Return the samples in files that are opened now."""
+        width = n_samples * (4 * n_joints + 3) + 1
+        files = tuple(RowFile(path, "<f4", width) for path in paths)
+        return cls(files, ranges, n_samples, n_joints)
 
     def select(self, indices: IntArray) -> Samples:
         """Return the samples of some segments, in the order of `indices`."""
-        rows = np.empty((len(indices), self._row_width), np.float32)
         starts = np.cumsum([0, *(item.n for item in self.ranges)])
         range_of = np.searchsorted(starts, indices, side="right") - 1
-        with contextlib.ExitStack() as stack:
-            streams = [stack.enter_context(path.open("rb")) for path in self.files]
-            for target, index, number in zip(rows, indices.tolist(), range_of, strict=True):
-                shard, first, _ = self.ranges[number]
-                row = first + index - int(starts[number])
-                streams[shard].seek(HEADER_BYTES + target.nbytes * row)
-                target[:] = np.fromfile(streams[shard], "<f4", len(target))
+        found: list[Packed] = []
+        for index, number in zip(indices.tolist(), range_of, strict=True):
+            shard, first, _ = self.ranges[number]
+            found.append(self.files[shard].read(first + index - int(starts[number]), 1))
+        width = self.n_samples * (4 * self.n_joints + 3) + 1
+        rows = np.concatenate(found) if found else np.empty((0, width), np.float32)
         return Samples(rows, self.n_samples, self.n_joints)
 
     def chunks(self) -> Iterator[Samples]:
@@ -159,24 +161,19 @@ class StoredSamples:
             yield Samples(rows, self.n_samples, self.n_joints)
 
     def _row_chunks(self) -> Iterator[Packed]:
-        width = self._row_width
-        with contextlib.ExitStack() as stack:
-            streams = [stack.enter_context(path.open("rb")) for path in self.files]
-            parts: list[Packed] = []
-            n_collected = 0
-            for shard, first, n in self.ranges:
-                n_read = 0
-                while n_read < n:
-                    count = min(n - n_read, CHUNK - n_collected)
-                    streams[shard].seek(HEADER_BYTES + 4 * width * (first + n_read))
-                    part = np.fromfile(streams[shard], "<f4", count * width)
-                    parts.append(part.reshape(count, width))
-                    n_collected, n_read = n_collected + count, n_read + count
-                    if n_collected == CHUNK:
-                        yield parts[0] if len(parts) == 1 else np.concatenate(parts)
-                        parts, n_collected = [], 0
-            if parts:
-                yield np.concatenate(parts)
+        parts: list[Packed] = []
+        n_collected = 0
+        for shard, first, n in self.ranges:
+            n_read = 0
+            while n_read < n:
+                count = min(n - n_read, CHUNK - n_collected)
+                parts.append(self.files[shard].read(first + n_read, count))
+                n_collected, n_read = n_collected + count, n_read + count
+                if n_collected == CHUNK:
+                    yield parts[0] if len(parts) == 1 else np.concatenate(parts)
+                    parts, n_collected = [], 0
+        if parts:
+            yield np.concatenate(parts)
 
 
 @dataclass(frozen=True)
