@@ -127,18 +127,40 @@ impl Clusters {
     }
 
     /// The same clusters in another order: cluster `i` is `order[i]` of these.
-    pub fn reorder(&self, order: &[u32]) -> Self {
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Stopped`] if the progress callback requests a stop.
+    pub fn reorder(&self, workers: &Workers<'_>, order: &[u32]) -> Result<Self, Error> {
+        let dim = self.dim;
         let mut starts = Vec::with_capacity(order.len() + 1);
-        let mut members = Vec::with_capacity(self.members.len());
-        let mut centres = Vec::with_capacity(self.centres.len());
         starts.push(0);
+        let mut end = 0;
         for &cluster in order {
-            members.extend_from_slice(self.members(cluster as usize));
-            starts.push(members.len() as u32);
-            centres.extend_from_slice(self.centre(cluster as usize));
+            end += self.members(cluster as usize).len() as u32;
+            starts.push(end);
         }
-        Self {
-            dim: self.dim,
+        let mut members = vec![0; self.members.len()];
+        let mut centres = vec![0.0; self.centres.len()];
+        let jobs = split_members(&starts, &mut members)
+            .into_iter()
+            .zip(centres.chunks_mut(CLUSTERS_PER_JOB * dim))
+            .zip(order.chunks(CLUSTERS_PER_JOB));
+        workers.run(
+            jobs,
+            || (),
+            |(), ((mut members, centres), order)| {
+                for (centre, &cluster) in centres.chunks_exact_mut(dim).zip(order) {
+                    let source = self.members(cluster as usize);
+                    let (target, rest) = members.split_at_mut(source.len());
+                    target.copy_from_slice(source);
+                    members = rest;
+                    centre.copy_from_slice(self.centre(cluster as usize));
+                }
+            },
+        )?;
+        Ok(Self {
+            dim,
             representatives: select(&self.representatives, order),
             starts,
             members,
@@ -146,7 +168,7 @@ impl Clusters {
             variances: select(&self.variances, order),
             squared_radii: select(&self.squared_radii, order),
             update_counts: select(&self.update_counts, order),
-        }
+        })
     }
 
     /// Unite the clusters that have the same root.
@@ -239,18 +261,7 @@ impl Clusters {
     /// Shrink the balls without a radius, those of new clusters, and sort their members.
     fn refine_balls(&mut self, workers: &Workers<'_>, points: &Points) -> Result<(), Error> {
         let (dim, starts) = (self.dim, &self.starts);
-        let mut rest = self.members.as_mut_slice();
-        let mut members = Vec::with_capacity(starts.len().div_ceil(CLUSTERS_PER_JOB));
-        for bounds in starts
-            .windows(2)
-            .collect::<Vec<_>>()
-            .chunks(CLUSTERS_PER_JOB)
-        {
-            let length = bounds[bounds.len() - 1][1] - bounds[0][0];
-            let (job_members, later) = rest.split_at_mut(length as usize);
-            members.push(job_members);
-            rest = later;
-        }
+        let members = split_members(starts, &mut self.members);
         let radii = self.squared_radii.chunks_mut(CLUSTERS_PER_JOB);
         let balls = self
             .centres
@@ -329,6 +340,19 @@ fn move_towards(centre: &mut [f64], target: &[f64], weight: f64) {
     for (x, &y) in centre.iter_mut().zip(target) {
         *x += weight * (y - *x);
     }
+}
+
+/// The members of each [`CLUSTERS_PER_JOB`] clusters, given the index of each cluster's first.
+fn split_members<'a>(starts: &[u32], mut members: &'a mut [u32]) -> Vec<&'a mut [u32]> {
+    let n_clusters = starts.len() - 1;
+    let mut parts = Vec::with_capacity(n_clusters.div_ceil(CLUSTERS_PER_JOB));
+    for first in (0..n_clusters).step_by(CLUSTERS_PER_JOB) {
+        let end = n_clusters.min(first + CLUSTERS_PER_JOB);
+        let (part, rest) = members.split_at_mut((starts[end] - starts[first]) as usize);
+        parts.push(part);
+        members = rest;
+    }
+    parts
 }
 
 fn select<T: Copy>(values: &[T], indices: &[u32]) -> Vec<T> {

@@ -2,40 +2,88 @@
 //!
 //! The rows are halved recursively along the axis of largest variance, as in a k-d tree.
 
+use crate::error::Error;
+use crate::parallel::Workers;
 use crate::simd::LANES;
 
 /// Rows of which the variance along each axis is estimated.
 const SAMPLE_SIZE: usize = 256;
 
-/// Smallest half that gets a thread of its own.
-const MIN_ROWS_PER_THREAD: usize = 1 << 14;
+/// Parts, per thread, into which rows are divided before every thread sorts parts of its own.
+const PARTS_PER_THREAD: usize = 8;
+
+/// Smallest part that is divided further before that.
+const MIN_DIVIDED_ROWS: usize = 1 << 14;
+
+/// A part of the rows, with one coordinate of each.
+type Keyed = (f64, u32);
 
 /// Sort `order`, a list of rows of `points`, by recursive halving.
 ///
 /// `points` is row-major, `dim` wide, and not NaN. Halves begin at multiples of [`LANES`], so that
 /// every block of that many rows is a box of the halving. Rows of equal coordinates are ordered by
-/// index: the result does not depend on `n_threads`. Takes O(n log n) time for n rows.
-pub(crate) fn sort_by_halving(n_threads: usize, points: &[f64], dim: usize, order: &mut [u32]) {
-    if order.len() <= LANES {
+/// index: the result does not depend on the threads. Takes O(n log n) time for n rows.
+///
+/// # Errors
+///
+/// [`Error::Stopped`] if the progress callback requests a stop.
+pub(crate) fn sort_by_halving(
+    workers: &Workers<'_>,
+    points: &[f64],
+    dim: usize,
+    order: &mut [u32],
+) -> Result<(), Error> {
+    let n_parts = PARTS_PER_THREAD * workers.n_threads();
+    let mut parts = vec![order];
+    // In each step all parts are halved at the same time.
+    while parts.len() < n_parts && parts.iter().any(|part| part.len() > MIN_DIVIDED_ROWS) {
+        workers.run(parts.iter_mut(), Vec::new, |keyed, part| {
+            halve(points, dim, part, keyed);
+        })?;
+        parts = (parts.into_iter())
+            .flat_map(|part| {
+                let middle = middle_of(part.len());
+                let (low, high) = part.split_at_mut(middle);
+                [low, high]
+            })
+            .collect();
+    }
+    workers.run(parts.into_iter(), Vec::new, |keyed, part| sort_part(points, dim, part, keyed))?;
+    Ok(())
+}
+
+/// Sort a part on this thread.
+fn sort_part(points: &[f64], dim: usize, order: &mut [u32], keyed: &mut Vec<Keyed>) {
+    if order.len() > LANES {
+        halve(points, dim, order, keyed);
+        let (low, high) = order.split_at_mut(middle_of(order.len()));
+        sort_part(points, dim, low, keyed);
+        sort_part(points, dim, high, keyed);
+    }
+}
+
+/// Where the second half begins; the end if there is one block only.
+fn middle_of(len: usize) -> usize {
+    let middle = (len / 2).next_multiple_of(LANES);
+    if len > LANES { middle.min(len - 1) } else { len }
+}
+
+/// Move the rows of the first half before the others.
+fn halve(points: &[f64], dim: usize, order: &mut [u32], keyed: &mut Vec<Keyed>) {
+    let middle = middle_of(order.len());
+    if middle == order.len() {
         return;
     }
     let axis = widest_axis(points, dim, order);
-    let middle = (order.len() / 2)
-        .next_multiple_of(LANES)
-        .min(order.len() - 1);
-    let coordinate = |row: u32| points[row as usize * dim + axis];
-    order.select_nth_unstable_by(middle, |&a, &b| {
-        coordinate(a).total_cmp(&coordinate(b)).then(a.cmp(&b))
-    });
-    let (low, high) = order.split_at_mut(middle);
-    if n_threads > 1 && low.len() > MIN_ROWS_PER_THREAD {
-        std::thread::scope(|scope| {
-            scope.spawn(|| sort_by_halving(n_threads / 2, points, dim, low));
-            sort_by_halving(n_threads - n_threads / 2, points, dim, high);
-        });
-    } else {
-        sort_by_halving(1, points, dim, low);
-        sort_by_halving(1, points, dim, high);
+    keyed.clear();
+    keyed.extend(
+        order
+            .iter()
+            .map(|&row| (points[row as usize * dim + axis], row)),
+    );
+    keyed.select_nth_unstable_by(middle, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    for (row, keyed) in order.iter_mut().zip(keyed) {
+        *row = keyed.1;
     }
 }
 

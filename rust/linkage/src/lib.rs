@@ -46,6 +46,7 @@
 //! |---|---|
 //! | [`mod@error`] | the errors of this crate |
 //! | [`simd`] | inner loops for three instruction sets; all `unsafe` code |
+//! | [`profile`] | measurement of the work that threads share |
 //! | [`parallel`] | scoped threads, progress, stopping |
 //! | [`options`] | resources and tuning of a call |
 //! | [`input`] | points as the caller holds them |
@@ -89,6 +90,8 @@ mod packed;
 mod parallel;
 mod plateau;
 mod points;
+#[cfg_attr(not(feature = "profile"), allow(dead_code))]
+pub mod profile;
 mod simd;
 mod spatial_order;
 mod stages;
@@ -145,6 +148,7 @@ pub fn linkage<T: Coordinate>(
     options: &Options<'_>,
 ) -> Result<Vec<[f64; 4]>, Error> {
     let (scaled, merges) = merge_points(&points, f64::INFINITY, options)?;
+    profile::begin_phase("tree");
     Ok(tree::linkage_matrix(points.len(), &merges, |squared| scaled.distance_from_squared(squared)))
 }
 
@@ -226,6 +230,7 @@ fn merge_points<T: Coordinate>(
     workers.check_progress()?;
     let largest = table.check(&workers)?;
     check_memory(table.len().saturating_mul(bytes_per_point(table.dim())), options)?;
+    profile::begin_phase("points");
     let points = Points::new(&workers, table, largest)?;
     let mut merges = points.duplicate_merges.clone();
     let max_squared = points.max_squared(max_height);
@@ -236,7 +241,8 @@ fn merge_points<T: Coordinate>(
         merges.extend(merge_points_on_matrix(&workers, &points, max_squared)?);
         return Ok((points, merges));
     }
-    let points = points.sort_spatially(&workers);
+    profile::begin_phase("halving");
+    let points = points.sort_spatially(&workers)?;
     let max_work = if fits {
         options.tuning.matrix_work * distance_rows::work_of_matrix(points.len(), points.dim)
     } else {

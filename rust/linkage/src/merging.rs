@@ -9,6 +9,8 @@
 //! A cluster selects its nearest neighbour again only if it has merged, or that neighbour has. The
 //! merge of two other clusters brings neither of them nearer.
 
+use std::sync::Mutex;
+
 use crate::error::Error;
 use crate::neighbours::Edge;
 use crate::parallel::Workers;
@@ -18,6 +20,9 @@ const NONE: u32 = u32::MAX;
 
 /// Clusters for which one job selects the nearest neighbour.
 const CLUSTERS_PER_JOB: usize = 256;
+
+/// Edges that one job reads while lists are built, as far as there are threads for all of them.
+const EDGES_PER_JOB: usize = 1 << 22;
 
 /// An entry of a cluster's list of neighbours.
 #[derive(Clone, Copy)]
@@ -50,10 +55,13 @@ pub(crate) struct MergedClusters {
 pub(crate) fn merge_on_graph(
     workers: &Workers<'_>,
     representatives: &[u32],
-    edges: Vec<Edge>,
+    edges: Vec<Vec<Edge>>,
 ) -> Result<MergedClusters, Error> {
     let m = representatives.len();
-    let mut state = State::new(m, edges);
+    let mut state = State::new(adjacency_lists(workers, m, &edges)?);
+    drop(edges);
+    // The buffers of threads, from round to round.
+    let mut buffers = Mutex::new(Vec::new());
     let mut selections: Vec<Selection> = (0..m as u32)
         .zip(&mut state.lists)
         .filter(|(_, list)| !list.is_empty())
@@ -66,27 +74,33 @@ pub(crate) fn merge_on_graph(
         .collect();
     let mut pairs = Vec::new();
     while !selections.is_empty() {
-        workers.run(
+        let take_buffers = || {
+            let buffers = buffers.lock().ok().and_then(|mut buffers| buffers.pop());
+            buffers.unwrap_or_else(|| (vec![NONE; m], Vec::new()))
+        };
+        let used = workers.run(
             selections.chunks_mut(CLUSTERS_PER_JOB),
-            || (vec![NONE; m], Vec::new()),
+            take_buffers,
             |(positions, buffer), chunk| {
                 for selection in chunk {
                     selection.select_nearest(representatives, &state, positions, buffer);
                 }
             },
         )?;
+        buffers = Mutex::new(used);
         for selection in &mut selections {
             state.nearest[selection.cluster as usize] = selection.nearest;
             state.lists[selection.cluster as usize] = std::mem::take(&mut selection.list);
         }
         let merged = reciprocal_pairs(representatives, &state.nearest, &selections);
         state.apply(&merged);
-        let State { roots, nearest, .. } = &state;
-        active.retain(|&i| roots[i as usize] == i && nearest[i as usize].0 != NONE);
+        let State { parents, nearest, .. } = &state;
+        active.retain(|&i| parents[i as usize] == i && nearest[i as usize].0 != NONE);
         state.next_selections(&active, &merged, &mut selections);
         pairs.extend(merged);
     }
-    Ok(MergedClusters { pairs, roots: state.roots })
+    let roots = (0..m as u32).map(|i| state.root(i)).collect();
+    Ok(MergedClusters { pairs, roots })
 }
 
 /// Pairs of clusters that are each other's nearest: the smaller representative first, sorted.
@@ -113,7 +127,8 @@ fn reciprocal_pairs(
 /// The state of all clusters between rounds.
 struct State {
     lists: Vec<Vec<Neighbour>>,
-    roots: Vec<u32>,
+    /// For each cluster, the one that it was merged into; see [`Self::root`].
+    parents: Vec<u32>,
     /// For each cluster, the number of initial clusters that it consists of, itself included.
     sizes: Vec<u32>,
     /// The nearest neighbour of each cluster and its squared distance.
@@ -123,26 +138,33 @@ struct State {
 }
 
 impl State {
-    fn new(m: usize, edges: Vec<Edge>) -> Self {
+    fn new(lists: Vec<Vec<Neighbour>>) -> Self {
+        let m = lists.len();
         Self {
-            lists: adjacency_lists(m, edges),
-            roots: (0..m as u32).collect(),
+            lists,
+            parents: (0..m as u32).collect(),
             sizes: vec![1; m],
             nearest: vec![(NONE, f64::INFINITY); m],
             has_merged: vec![false; m],
         }
     }
 
+    /// The remaining cluster that contains a cluster.
+    fn root(&self, mut cluster: u32) -> u32 {
+        // Lists are updated often; a cluster in them is few merges away from its root.
+        while self.parents[cluster as usize] != cluster {
+            cluster = self.parents[cluster as usize];
+        }
+        cluster
+    }
+
     /// Merge pairs of clusters.
     fn apply(&mut self, merged: &[(u32, u32, f64)]) {
         for &(low, high, _) in merged {
-            self.roots[high as usize] = low;
+            self.parents[high as usize] = low;
             self.sizes[low as usize] += self.sizes[high as usize];
             self.has_merged[low as usize] = true;
             self.has_merged[high as usize] = true;
-        }
-        for i in 0..self.roots.len() {
-            self.roots[i] = self.roots[self.roots[i] as usize];
         }
     }
 
@@ -199,7 +221,7 @@ impl Selection {
     ) {
         buffer.clear();
         for neighbour in self.list.iter().chain(&self.merged_list) {
-            let cluster = state.roots[neighbour.cluster as usize];
+            let cluster = state.root(neighbour.cluster);
             if cluster == self.cluster {
                 continue;
             }
@@ -233,16 +255,41 @@ impl Selection {
 }
 
 /// The list of neighbours of each of `m` clusters.
-fn adjacency_lists(m: usize, edges: Vec<Edge>) -> Vec<Vec<Neighbour>> {
-    let mut degrees = vec![0; m];
-    for edge in &edges {
-        degrees[edge.a as usize] += 1;
-        degrees[edge.b as usize] += 1;
-    }
-    let mut lists: Vec<Vec<Neighbour>> = degrees.into_iter().map(Vec::with_capacity).collect();
-    for Edge { a, b, squared } in edges {
-        lists[a as usize].push(Neighbour { cluster: b, n_pairs: 1, squared });
-        lists[b as usize].push(Neighbour { cluster: a, n_pairs: 1, squared });
-    }
-    lists
+///
+/// Every job reads all edges, for some of the clusters.
+fn adjacency_lists(
+    workers: &Workers<'_>,
+    m: usize,
+    edges: &[Vec<Edge>],
+) -> Result<Vec<Vec<Neighbour>>, Error> {
+    let n_edges: usize = edges.iter().map(Vec::len).sum();
+    let n_jobs = workers.n_threads().max(n_edges / EDGES_PER_JOB).max(1);
+    let width = m.div_ceil(n_jobs).max(1);
+    let mut lists = vec![Vec::new(); m];
+    workers.run(
+        lists.chunks_mut(width).enumerate(),
+        || (),
+        |(), (job, lists)| {
+            let position = |cluster: u32| (cluster as usize).wrapping_sub(job * width);
+            let mut degrees = vec![0; lists.len()];
+            for edge in edges.iter().flatten() {
+                for cluster in [edge.a, edge.b] {
+                    if let Some(degree) = degrees.get_mut(position(cluster)) {
+                        *degree += 1;
+                    }
+                }
+            }
+            for (list, degree) in lists.iter_mut().zip(degrees) {
+                *list = Vec::with_capacity(degree);
+            }
+            for &Edge { a, b, squared } in edges.iter().flatten() {
+                for (cluster, other) in [(a, b), (b, a)] {
+                    if let Some(list) = lists.get_mut(position(cluster)) {
+                        list.push(Neighbour { cluster: other, n_pairs: 1, squared });
+                    }
+                }
+            }
+        },
+    )?;
+    Ok(lists)
 }

@@ -51,10 +51,10 @@ pub(crate) struct Edge {
 
 /// The result of a search.
 pub(crate) enum Edges {
-    /// All pairs within the limit.
-    Complete(Vec<Edge>),
-    /// The pairs found until they were too many.
-    Truncated(Vec<Edge>),
+    /// All pairs within the limit, in parts.
+    Complete(Vec<Vec<Edge>>),
+    /// The pairs found until they were too many, in parts.
+    Truncated(Vec<Vec<Edge>>),
     /// The search ended because all work together exceeds the limit.
     Exhausted,
 }
@@ -96,11 +96,7 @@ pub(crate) fn edges_within(
     if workers.work() > max_work {
         return Ok(Edges::Exhausted);
     }
-    let mut parts = states.into_iter().map(|state| state.edges);
-    let mut edges = parts.next().unwrap_or_default();
-    for part in parts {
-        edges.extend_from_slice(&part);
-    }
+    let edges = states.into_iter().map(|state| state.edges).collect();
     if n_found.into_inner() > max_edges {
         return Ok(Edges::Truncated(edges));
     }

@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::thread;
 
 use crate::error::Error;
+use crate::profile;
 use crate::simd::Isa;
 
 /// A callback that receives the fraction done, 0 to 1; [`ControlFlow::Break`] stops the call.
@@ -114,8 +115,9 @@ impl<'a> Workers<'a> {
             let mut state = init();
             while self.check_progress().is_ok() {
                 let Some(job) = next_job() else { break };
-                work(&mut state, job);
+                profile::measure_job(|| work(&mut state, job));
             }
+            profile::end_run();
             let mut states = vec![state];
             for helper in helpers {
                 match helper.join() {

@@ -85,18 +85,32 @@ impl Points {
     }
 
     /// The same points, with rows that are near in space near in memory.
-    pub fn sort_spatially(self, workers: &Workers<'_>) -> Self {
+    ///
+    /// # Errors
+    ///
+    /// [`Error::OutOfMemory`] and [`Error::Stopped`].
+    pub fn sort_spatially(self, workers: &Workers<'_>) -> Result<Self, Error> {
+        let dim = self.dim;
         let mut order: Vec<u32> = (0..self.len() as u32).collect();
-        sort_by_halving(workers.n_threads(), &self.rows, self.dim, &mut order);
-        let mut rows = Vec::with_capacity(self.rows.len());
-        for &row in &order {
-            rows.extend_from_slice(self.row(row));
-        }
+        sort_by_halving(workers, &self.rows, dim, &mut order)?;
+        let mut rows = allocate(0.0, self.rows.len())?;
+        let jobs = rows
+            .chunks_mut(POINTS_PER_JOB * dim)
+            .zip(order.chunks(POINTS_PER_JOB));
+        workers.run(
+            jobs,
+            || (),
+            |(), (rows, order)| {
+                for (target, &row) in rows.chunks_exact_mut(dim).zip(order) {
+                    target.copy_from_slice(self.row(row));
+                }
+            },
+        )?;
         let input_indices = order
             .iter()
             .map(|&row| self.input_indices[row as usize])
             .collect();
-        Self { rows, input_indices, ..self }
+        Ok(Self { rows, input_indices, ..self })
     }
 
     /// Count of distinct points.

@@ -38,15 +38,15 @@ pub(crate) fn sort_spatially(
 ) -> Result<SpatialOrder, Error> {
     let dim = clusters.centres().len() / clusters.len().max(1);
     let halve = |clusters: &Clusters, order: &mut [u32]| {
-        sort_by_halving(workers.n_threads(), clusters.centres(), dim, order);
+        sort_by_halving(workers, clusters.centres(), dim, order)
     };
     let mut order: Vec<u32> = (0..clusters.len() as u32).collect();
-    halve(clusters, &mut order);
-    let clusters = clusters.reorder(&order);
+    halve(clusters, &mut order)?;
+    let clusters = clusters.reorder(workers, &order)?;
     let gaps = squared_gaps(workers, &clusters)?;
     let mut sorted = gaps.clone();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let (small, large) = (sorted[sorted.len() / 20], sorted[sorted.len() - 1 - sorted.len() / 20]);
+    let mut quantile = |rank| *sorted.select_nth_unstable_by(rank, f64::total_cmp).1;
+    let (small, large) = (quantile(gaps.len() / 20), quantile(gaps.len() - 1 - gaps.len() / 20));
     if large <= small * UNEVEN_RATIO * UNEVEN_RATIO {
         return Ok(SpatialOrder { clusters, by_density: None });
     }
@@ -54,14 +54,14 @@ pub(crate) fn sort_spatially(
     order = (0..clusters.len() as u32).collect();
     order.sort_by_key(|&i| class(i));
     for same_class in order.chunk_by_mut(|&a, &b| class(a) == class(b)) {
-        halve(&clusters, same_class);
+        halve(&clusters, same_class)?;
     }
     let mut by_density: Vec<u32> = (0..clusters.len() as u32).collect();
     by_density.sort_by(|&a, &b| {
         let gap = |i: u32| gaps[order[i as usize] as usize];
         gap(a).total_cmp(&gap(b))
     });
-    Ok(SpatialOrder { clusters: clusters.reorder(&order), by_density: Some(by_density) })
+    Ok(SpatialOrder { clusters: clusters.reorder(workers, &order)?, by_density: Some(by_density) })
 }
 
 /// For each cluster, the smallest squared bound to another cluster of its block.

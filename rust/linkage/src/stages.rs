@@ -16,6 +16,7 @@ use crate::options::Tuning;
 use crate::parallel::Workers;
 use crate::plateau::merge_plateau;
 use crate::points::Points;
+use crate::profile;
 use crate::spatial_order::{SpatialOrder, sort_spatially};
 use crate::threshold::choose_threshold;
 use crate::tree::Merge;
@@ -62,22 +63,29 @@ pub(crate) fn merge_in_stages(
     let mut degree = tuning.degree;
     while clusters.len() > tuning.dense_size.max(1) {
         let m = clusters.len();
+        profile::begin_phase("sort");
         let by_density;
         SpatialOrder { clusters, by_density } = sort_spatially(workers, &clusters)?;
         let by_density = by_density.as_deref();
+        profile::begin_phase("pack");
         let distances = ClusterDistances::new(workers, points, &clusters)?;
+        profile::begin_phase("threshold");
         let wanted = if by_density.is_some() { UNEVEN_DEGREE_FACTOR * degree } else { degree };
         let threshold = choose_threshold(workers, &clusters, &distances, wanted, by_density)?;
         let max_edges = (MAX_EDGE_FACTOR * degree * m as f64) as usize + tuning.spare_edges;
+        profile::begin_phase("blocks");
         let blocks = Blocks::new(&clusters);
+        profile::begin_phase("edges");
         let bounds = Bounds { squared: threshold.min(max_squared), max_edges, max_work };
         let found = find_edges(workers, &blocks, &distances, bounds)?;
         drop(blocks);
         let (merged, threshold, is_sparse) = match found {
             Found::Edges(edges, threshold) => {
                 drop(distances);
-                let is_sparse = (edges.len() as f64) < SPARSE_FRACTION * wanted * m as f64;
-                workers.add_work(edges.len() as u64 * EDGE_WORK);
+                let n_edges: usize = edges.iter().map(Vec::len).sum();
+                let is_sparse = (n_edges as f64) < SPARSE_FRACTION * wanted * m as f64;
+                workers.add_work(n_edges as u64 * EDGE_WORK);
+                profile::begin_phase("merge");
                 let merged = merge_on_graph(workers, &clusters.representatives, edges)?;
                 (merged, threshold, is_sparse)
             }
@@ -88,6 +96,7 @@ pub(crate) fn merge_in_stages(
             }
             Found::Exhausted => return Ok(None),
         };
+        profile::begin_phase("collect");
         let representative = |cluster: u32| clusters.representatives[cluster as usize];
         merges.extend(
             merged
@@ -104,8 +113,10 @@ pub(crate) fn merge_in_stages(
             let max_degree = if is_sparse { MAX_DEGREE_SPARSE } else { MAX_DEGREE_DENSE };
             degree = (degree * 1.5).min(max_degree).max(degree);
         }
+        profile::begin_phase("unite");
         clusters = clusters.unite(workers, points, &merged.roots)?;
     }
+    profile::begin_phase("rest");
     let found = merge_remaining(workers, points, &clusters, max_squared, max_work)?;
     Ok(found.map(|found| {
         merges.extend(found);
@@ -116,7 +127,7 @@ pub(crate) fn merge_in_stages(
 /// The result of a search for edges.
 enum Found {
     /// All pairs within a squared distance, and that distance.
-    Edges(Vec<Edge>, f64),
+    Edges(Vec<Vec<Edge>>, f64),
     /// The smallest squared distance; too many pairs have it.
     Plateau(f64),
     /// All work together exceeds the limit.
@@ -146,13 +157,13 @@ fn find_edges(
     loop {
         let edges = match edges_within(workers, blocks, distances, limit, max_edges, max_work)? {
             Edges::Complete(edges) => {
-                let plateau = plateau.filter(|_| edges.is_empty());
+                let plateau = plateau.filter(|_| edges.iter().all(Vec::is_empty));
                 return Ok(plateau.map_or(Found::Edges(edges, limit), Found::Plateau));
             }
             Edges::Truncated(edges) => edges,
             Edges::Exhausted => return Ok(Found::Exhausted),
         };
-        let mut squares: Vec<f64> = edges.iter().map(|edge| edge.squared).collect();
+        let mut squares: Vec<f64> = edges.iter().flatten().map(|edge| edge.squared).collect();
         drop(edges);
         let quarter = squares.len() / 4;
         let (nearer, &mut quarter, _) = squares.select_nth_unstable_by(quarter, f64::total_cmp);
@@ -179,7 +190,7 @@ fn merge_remaining(
 ) -> Result<Option<Vec<Merge>>, Error> {
     let mut order: Vec<u32> = (0..clusters.len() as u32).collect();
     order.sort_unstable_by_key(|&cluster| clusters.representatives[cluster as usize]);
-    let clusters = clusters.reorder(&order);
+    let clusters = clusters.reorder(workers, &order)?;
     let Some(rows) = rows_of_clusters(workers, points, &clusters, max_squared, max_work)? else {
         return Ok(None);
     };

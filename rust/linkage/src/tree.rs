@@ -45,28 +45,42 @@ pub(crate) fn linkage_matrix(
     to_height: impl Fn(f64) -> f64,
 ) -> Vec<[f64; 4]> {
     let (parents, mut n_missing) = merge_parents(n, merges);
-    let heap_entry = |merge: u32| Reverse((merges[merge as usize].key(), merge));
-    let mut ready: BinaryHeap<_> = (0..merges.len() as u32)
-        .filter(|&merge| n_missing[merge as usize] == 0)
-        .map(heap_entry)
+    let mut order: Vec<(u64, u32)> = (0..)
+        .zip(merges)
+        .map(|(index, merge)| (merge.height.to_bits(), index))
         .collect();
+    order.sort_unstable();
 
     // Number and size of the cluster of each representative.
     let mut clusters: Vec<(u32, u32)> = (0..n as u32).map(|point| (point, 1)).collect();
     let mut rows = Vec::with_capacity(merges.len());
-    while let Some(Reverse((_, index))) = ready.pop() {
-        let merge = merges[index as usize];
-        let [(a, size_a), (b, size_b)] = [merge.low, merge.high].map(|rep| clusters[rep as usize]);
-        let size = size_a + size_b;
-        clusters[merge.low as usize] = ((n + rows.len()) as u32, size);
-        let height = to_height(merge.height);
-        rows.push([f64::from(a.min(b)), f64::from(a.max(b)), height, f64::from(size)]);
+    let mut ready = BinaryHeap::new();
+    for same_height in order.chunk_by(|a, b| a.0 == b.0) {
+        let heap_entry = |merge: u32| Reverse((merges[merge as usize].key(), merge));
+        let indices = same_height.iter().map(|&(_, index)| index);
+        ready.extend(
+            indices
+                .filter(|&index| n_missing[index as usize] == 0)
+                .map(heap_entry),
+        );
+        while let Some(Reverse((_, index))) = ready.pop() {
+            let merge = merges[index as usize];
+            let parts = [merge.low, merge.high].map(|rep| clusters[rep as usize]);
+            let [(a, size_a), (b, size_b)] = parts;
+            let size = size_a + size_b;
+            clusters[merge.low as usize] = ((n + rows.len()) as u32, size);
+            let height = to_height(merge.height);
+            rows.push([f64::from(a.min(b)), f64::from(a.max(b)), height, f64::from(size)]);
 
-        let parent = parents[index as usize];
-        if parent != NONE {
-            n_missing[parent as usize] -= 1;
-            if n_missing[parent as usize] == 0 {
-                ready.push(heap_entry(parent));
+            let parent = parents[index as usize];
+            if parent != NONE {
+                n_missing[parent as usize] -= 1;
+                // A parent of larger height is ready when its height comes.
+                if n_missing[parent as usize] == 0
+                    && merges[parent as usize].height.to_bits() == same_height[0].0
+                {
+                    ready.push(heap_entry(parent));
+                }
             }
         }
     }
