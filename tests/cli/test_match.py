@@ -134,17 +134,39 @@ def test_graft_of_amass_files_keeps_poses_of_the_base_group(run, tmp_path):
     arrays = dance_arrays(0)
     walk = write_arrays(tmp_path / "walk.npz", arrays)
     wave = write_arrays(tmp_path / "wave.npz", dance_arrays(1))
-    code, _, err = run("graft", walk, wave, "--feet", "never", "-o", tmp_path / "g.bvh")
-    assert code == 0, err
+    words = ["graft", walk, wave, "--feet", "never", "--seed", "4", "-o"]
+    for target in ("g.bvh", "direct.npz"):
+        code, _, err = run(*words, tmp_path / target)
+        assert code == 0, err
     words = ("-o", tmp_path / "new.npz", "--like", walk)
     assert run("export", tmp_path / "g.bvh", *words)[0] == 0
-    with np.load(tmp_path / "new.npz") as new:
-        same = (new["poses"] == arrays["poses"]).all(axis=0).reshape(-1, 3).all(axis=1)
+    with np.load(tmp_path / "new.npz") as new, np.load(tmp_path / "direct.npz") as direct:
+        np.testing.assert_allclose(new["poses"], direct["poses"], atol=1e-6)
+        same = (direct["poses"] == arrays["poses"]).all(axis=0).reshape(-1, 3).all(axis=1)
+        for name in ("betas", "gender", "dmpls", "trans"):
+            np.testing.assert_array_equal(direct[name], arrays[name])
+        same &= (new["poses"] == arrays["poses"]).all(axis=0).reshape(-1, 3).all(axis=1)
         np.testing.assert_array_equal(new["trans"], arrays["trans"])
     kept = {SMPL_H.joints[joint] for joint in np.flatnonzero(same)}
     legs = {f"{side}_{joint}" for side in ("left", "right") for joint in ("hip", "knee", "ankle")}
     assert {"pelvis", *legs} <= kept
     assert not {"left_shoulder", "right_elbow"} & kept
+    # The provenance makes the same arrays again.
+    words = ("--from", tmp_path / "direct.json", "-o", tmp_path / "again.npz")
+    assert run("graft", *words)[0] == 0
+    assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "direct.npz").read_bytes()
+
+
+def test_graft_to_npz_requires_a_base_of_amass(run, mixed, tmp_path, capsys):
+    own = mixed / "b.npz"  # of mograft
+    code, _, err = run("graft", own, "-o", tmp_path / "g.npz")
+    assert code == 1
+    assert "g.npz must be a .bvh file: b, the base of" in err
+    assert not list(tmp_path.iterdir())
+    for words in ((mixed / "a.bvh",), (own, "-n", "2"), (own, "--digits", "7")):
+        with pytest.raises(SystemExit, match="2"):
+            run("graft", *words, "-o", tmp_path / "g.npz")
+        capsys.readouterr()
 
 
 def test_skeleton_option_bad_file_is_an_invalid_input(run, tmp_path):

@@ -144,7 +144,11 @@ _GRAFT = command(
     GROUPS,
     setting("--swap GROUP,...", "joint groups to exchange (default: all except the base group)"),
     option("-n --count", "number of motions (default: 1)", positive_integer, 1),
-    output_option("folder for the motions; for a single motion also a .bvh file", required=True),
+    output_option(
+        "folder for the motions; for a single motion also a .bvh file, or an .npz file, a copy of "
+        "the AMASS file of the base; or a .glb file, a copy of the glTF file of the base",
+        required=True,
+    ),
     DIGITS,
     PRESET,
     setting_switch("--mirror", "use the mirror images of all clips as additional donors"),

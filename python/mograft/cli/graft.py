@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     if options.reroll:
         options.usage_error("--reroll requires --from")
     options.sources = list(options.files)  # `options.files` is expanded below
-    if options.output.suffix.lower() == ".bvh" and options.count != 1:
+    if options.output.suffix.lower() in (".bvh", ".npz") and options.count != 1:
         options.usage_error(f"-o must be a folder if -n is above 1, got {options.output}")
     if options.repair and options.count != 1:
         options.usage_error(f"-n must be 1 with --repair, got {options.count}")
@@ -120,7 +120,8 @@ def _find_base(library: Library, name: str | None, folder: Path | None) -> Motio
         return name
     if Path(split_address(name)[0]).exists():
         motion = _find_entry(library, name)
-        return read_clip(name) if motion is None else motion
+        rest = library.spec.rest
+        return read_clip(name, skeleton=rest) if motion is None else motion
     files = [Path(entry.source_file.path).name for entry in library.entries if entry.source_file]
     if len(files) == len(names) and files.count(name) == 1:
         return names[files.index(name)]

@@ -9,24 +9,28 @@ from mograft.cli.files import check_suffix
 from mograft.io.addresses import split_address
 from mograft.io.formats import SUFFIXES
 
-MOTION_SUFFIXES = (".bvh", ".glb")
+MOTION_SUFFIXES = (".bvh", ".glb", ".npz")
 """Suffixes of the motions of grafts."""
 
-_GLTF_SUFFIXES = (".glb", ".gltf")
+_INPUTS_OF_SUFFIX = {".glb": (".glb", ".gltf"), ".npz": (".npz",)}
+"""Suffixes of files of which an output with a suffix may be a copy."""
 
 
 def check_graft_suffix(options: argparse.Namespace) -> None:
     """End with a usage error unless ``-o`` of ``mograft graft`` is a folder or a motion file.
 
-    A .glb file requires inputs that may be glTF files. It has no angles for ``--digits``.
+    A .glb file requires inputs that may be glTF files, an .npz file inputs that may be AMASS files.
+    Neither has angles for ``--digits``.
     """
     paths = [Path(split_address(name)[0]) for name in options.files]
-    may_be_gltf = getattr(options, "from") is not None or any(
-        path.is_dir() or path.suffix.lower() in _GLTF_SUFFIXES for path in paths
-    )
-    suffixes = MOTION_SUFFIXES if may_be_gltf else (".bvh",)
+    suffixes = [".bvh"]
+    for suffix, inputs in _INPUTS_OF_SUFFIX.items():
+        if getattr(options, "from") is not None or any(
+            path.is_dir() or path.suffix.lower() in inputs for path in paths
+        ):
+            suffixes.append(suffix)
     check_suffix(options, *suffixes, is_folder=True)
-    if options.output.suffix.lower() == ".glb" and options_given(options, "digits"):
+    if options.output.suffix.lower() in _INPUTS_OF_SUFFIX and options_given(options, "digits"):
         options.usage_error(f"--digits requires .bvh; got {options.output.name}")
 
 

@@ -6,11 +6,8 @@ from pathlib import Path
 from mograft.io.gltf.document import GltfFile, read_gltf_file
 from mograft.io.gltf.writer import Addition, append_animations, has_duration
 from mograft.library.discover import SourceFile
-from mograft.library.library import Library
 from mograft.library.origin import ClipOrigin, find_clip_origin
 from mograft.synthesis.graft_result import Graft
-
-FORMAT = "glTF"
 
 
 def add_graft_animations(grafts: Sequence[Graft], path: Path) -> tuple[tuple[str, ...], bytes]:
@@ -20,7 +17,7 @@ def add_graft_animations(grafts: Sequence[Graft], path: Path) -> tuple[tuple[str
     change keep the tracks of its base, if the base is a clip of the file. Raises ValueError if the
     bases are not from one glTF file.
     """
-    files = [find_gltf_file(graft.library, _base_clips(graft)) for graft in grafts]
+    files = [find_base_file(graft, "glTF") for graft in grafts]
     for graft, file in zip(grafts, files, strict=True):
         if file is None:
             raise ValueError(
@@ -37,11 +34,11 @@ def add_graft_animations(grafts: Sequence[Graft], path: Path) -> tuple[tuple[str
     return append_animations(source, [_addition(source, graft) for graft in grafts])
 
 
-def find_gltf_file(library: Library, clips: Sequence[int]) -> SourceFile | None:
-    """Return the first glTF file from which one of the given clips was read; None without one."""
-    for clip in clips:
-        file = find_clip_origin(library, clip).source_file
-        if file is not None and file.format == FORMAT:
+def find_base_file(graft: Graft, form: str) -> SourceFile | None:
+    """Return the first file of a format from which a base was read; None without one."""
+    for clip in _base_clips(graft):
+        file = find_clip_origin(graft.library, clip).source_file
+        if file is not None and file.format == form:
             return file
     return None
 

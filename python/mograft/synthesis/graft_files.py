@@ -1,6 +1,7 @@
 """The files of grafts: the motions, and beside them their provenance."""
 
 import json
+import warnings
 from collections.abc import Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
@@ -9,9 +10,11 @@ from typing import Any
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.atomic import write_bytes, write_text
 from mograft._util.validate import check_type
+from mograft.errors import join_names
 from mograft.io.bvh.decimals import check_digits
 from mograft.io.bvh.writer import write_bvh
-from mograft.synthesis.graft_animations import add_graft_animations
+from mograft.io.smpl.writer import write_amass
+from mograft.synthesis.graft_animations import add_graft_animations, find_base_file
 from mograft.synthesis.graft_result import Graft
 from mograft.synthesis.provenance import SEVERAL_SCHEMA
 
@@ -28,15 +31,16 @@ def write_graft(
     """Write the motion of a graft, and a file with the provenance from which `replay` remakes it.
 
     A ``.glb`` file is a copy of the glTF file of the base to which the motion is added; see
-    `write_glb_animations`.
+    `write_glb_animations`. An ``.npz`` file is a copy of the AMASS file of the base; see
+    `write_amass`.
 
     Parameters
     ----------
     graft : Graft or sequence of Graft
         The graft; for a ``.glb`` file also several grafts with bases from one file.
     path : path
-        The ``.bvh`` or ``.glb`` file. The provenance has the same name with the ending ``.json``.
-        Existing files are overwritten.
+        The ``.bvh``, ``.glb`` or ``.npz`` file. The provenance has the same name with the ending
+        ``.json``. Existing files are overwritten.
     sections : mapping of str to JSON values, or a sequence of them, optional
         Further keys of the provenance of each graft, such as measures of the motion.
     digits : int, optional
@@ -46,7 +50,8 @@ def write_graft(
     ------
     ValueError
         If `digits` is not an integer from 1 to 12; if there is no graft, or several and `path` is
-        not a ``.glb`` file; or if `path` is one, and the bases are not from one glTF file.
+        not a ``.glb`` file; or if `path` is a ``.glb`` or ``.npz`` file, and the bases are not from
+        one glTF or AMASS file.
     OSError
         If a file cannot be written, or the glTF file cannot be read.
 
@@ -77,7 +82,9 @@ def write_graft(
         {"mograft": VERSION, **own.as_dict(target.parent), "digits": digits, **extra}
         for own, extra in zip(grafts, sections, strict=True)
     ]
-    data = b""
+    data, source = b"", None
+    if target.suffix.lower() == ".npz":
+        source = _amass_source(grafts[0], target)
     if is_glb:
         names, data = add_graft_animations(grafts, target)
         documents = [{**own, "animation": name} for own, name in zip(documents, names, strict=True)]
@@ -87,5 +94,23 @@ def write_graft(
     write_text(target.with_suffix(".json"), json.dumps(document, indent=1) + "\n")
     if is_glb:
         write_bytes(target, data)
+    elif source is not None:
+        omitted = write_amass(grafts[0].motion, target, like=source)
+        if omitted:
+            warnings.warn(
+                f"{target} lacks {join_names(omitted)}, which have one row per frame of {source}",
+                stacklevel=2,
+            )
     else:
         write_bvh(grafts[0].motion, target, digits=digits)
+
+
+def _amass_source(graft: Graft, target: Path) -> str:
+    """Return the AMASS file of the base of a graft; raise ValueError if there is none."""
+    file = find_base_file(graft, "AMASS")
+    if file is None:
+        raise ValueError(
+            f"{target.name} must be a .bvh file: {graft.base.name}, the base of "
+            f"{graft.motion.name}, is not from an AMASS file; mograft export writes a new .npz"
+        )
+    return file.path
