@@ -1,6 +1,6 @@
 """Matched comparison of the rules of donor selection by compatibility κ."""
 
-from benches.evidence.section import Section, Table, count_verdicts, format_estimate, verdict
+from benches.evidence.section import Section, Table, format_estimate, plain_reading, verdict
 from benches.evidence.sources import SOURCES as ALL_SOURCES
 from benches.evidence.sources import TEST
 from mograft.body.contacts import find_legs
@@ -18,6 +18,12 @@ SOURCES = tuple(ALL_SOURCES)
 METHODS = (RandomLength(), ContactPattern(), Nearest(), Ball(), Analogy())
 REFERENCE = "analogy"
 COMPARED = ("random, length limit", "contact pattern", "nearest neighbours", "ball")
+_MEANINGS = {
+    "random, length limit": "random donors of similar length",
+    "contact pattern": "donors with similar foot contacts",
+    "nearest neighbours": "as many nearest neighbours",
+    "ball": "the ball",
+}
 N_SPLITS = 2
 
 
@@ -61,7 +67,7 @@ def render(results):
             )
         score_rows.append(_score_row(name, result["found"]))
     conclusions = []
-    for sources, title in ((TEST, "test sources"), (SOURCES, "all sources")):
+    for sources, title in ((TEST, "Test sources"), (SOURCES, "All sources")):
         for rule in COMPARED:
             kappas = [
                 _differences(result["found"]["differences"])[rule]["kappa"]
@@ -69,7 +75,8 @@ def render(results):
                 if name in sources and rule in _differences(result["found"]["differences"])
             ]
             if kappas:
-                conclusions.append(f"Analogy less {rule}, {title}: {count_verdicts(kappas)}.")
+                reading = plain_reading("analogy", _MEANINGS[rule], kappas)
+                conclusions.append(f"{title}: {reading}")
     n_undecided = nulls.count("undecided")
     return Section(
         anchor=NAME,
@@ -100,8 +107,8 @@ def render(results):
             Table(
                 ("source", "segments", "AUC", "captured", *(m.name for m in METHODS)),
                 tuple(score_rows),
-                "Share of accepted parts, and in brackets the share of the segments with a donor. "
-                "AUC: probability that the classifier scores a captured part above a random one.",
+                "Accepted parts in percent, and in the last brackets the share of the segments "
+                "with a donor. AUC: probability that the classifier scores a captured part above a random one.",
             ),
         ),
         conclusions=tuple(conclusions),
@@ -118,7 +125,7 @@ def render(results):
 def _score_row(name, found):
     scores = {score["method"]: score for score in found["scores"]}
     cells = [
-        f"{100 * scores[m.name]['accepted']['value']:.0f} % "
+        f"{format_estimate(scores[m.name]['accepted'], 0, 100)} "
         f"({100 * scores[m.name]['exchangeable']:.0f} %)"
         if m.name in scores and scores[m.name]["accepted"]["value"] is not None
         else "-"

@@ -25,8 +25,9 @@ HEADER = """# Evidence
 `python benches/experiments.py --write` writes this page; every figure on it comes from that script.
 Numbers in brackets are 95 % intervals, and n is the number that the text names. The intervals cover
 the choice of segments, donors and blocks of the recordings named in the row. They do not cover the
-choice of the recordings. "Undecided" means that the interval contains 0. The seed is 0, and all
-recordings are resampled to 30 frames per second.
+choice of the recordings. "Better" and "worse" mean that the interval does not contain 0; by chance
+this happens in about one of twenty comparisons. The seed is 0, and all recordings are resampled to
+30 frames per second.
 """
 
 

@@ -93,3 +93,16 @@ def count_verdicts(estimates):
         f"above 0 in {found.count('above')} of {len(found)} sources, below 0 in "
         f"{found.count('below')}, undecided in {found.count('undecided')}"
     )
+
+
+def plain_reading(first, second, estimates):
+    """Return a sentence on the differences of `first` less `second` in several sources."""
+    found = [verdict(estimate) for estimate in estimates]
+    n, above, below = len(found), found.count("above"), found.count("below")
+    if above and not below:
+        return f"{first} is better than {second} in {above} of {n} sources, and worse in none."
+    if below and not above:
+        return f"{first} is worse than {second} in {below} of {n} sources, and better in none."
+    if not above:
+        return f"No advantage of {first} over {second} is shown in any of {n} sources."
+    return f"{first} is better than {second} in {above} of {n} sources, and worse in {below}."
