@@ -108,7 +108,8 @@ def render(results):
                 ("source", "segments", "AUC", "captured", *(m.name for m in METHODS)),
                 tuple(score_rows),
                 "Accepted parts in percent, and in the last brackets the share of the segments "
-                "with a donor. AUC: probability that the classifier scores a captured part above a random one.",
+                "with a donor. AUC: probability that the classifier scores a captured part above a "
+                "random one.",
             ),
         ),
         conclusions=tuple(conclusions),
