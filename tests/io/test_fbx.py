@@ -202,22 +202,6 @@ def test_fbx_takes_are_clips_with_different_names(folder):
     assert clips["walk~2"].positions[0, 0].tolist() == [2.0, 2.0, 2.0]
 
 
-@pytest.mark.parametrize(
-    ("takes", "names"),
-    [
-        (("rig|walk", "rig|run"), ("walk", "run")),
-        (("rig|walk", "rig|walk"), ("walk", "walk~2")),
-        (("rig|walk", "run"), ("rig|walk", "run")),
-        (("rig|walk", "other|run"), ("rig|walk", "other|run")),
-        (("rig|walk", "rig|"), ("rig|walk", "rig|")),
-    ],
-)
-def test_fbx_takes_named_by_blender_lose_name_of_node(folder, takes, names):
-    layers = (Layer({(0, "T"): np.zeros((2, 3))}),)
-    scene = Scene((Node("rig"),), tuple(Take(name, 2, layers) for name in takes))
-    assert read_scene(folder, scene).names == names
-
-
 def test_fbx_joints_are_bones_and_nodes_between_them(folder):
     nodes = (
         Node("scale", kind="Null"),

@@ -140,7 +140,7 @@ def open_fbx(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
     notes = _describe(nodes, joints, unit_metres, axes, scene.n_constraints)
     if not len(joints):
         return Clips(path, (), _no_clip, "FBX", notes, ())
-    names = _clip_names(path, [name for name, _, _, _ in scene_takes], set(scene.names))
+    names = _clip_names(path, [name for name, _, _, _ in scene_takes])
     takes = tuple(
         _define_take((name, clip), span, key_span, rate or file_rate)
         for clip, (name, span, key_span, _) in zip(names, scene_takes, strict=True)
@@ -221,18 +221,14 @@ def _joint_name(name: str, node: int) -> str:
     return printable.strip() or ("scene" if node == 0 else f"node{node}")
 
 
-def _clip_names(path: Path, takes: list[str], nodes: set[str]) -> tuple[str, ...]:
+def _clip_names(path: Path, takes: list[str]) -> tuple[str, ...]:
     """Return the names of the clips of takes, which are different.
 
     The clip of the only take has the name of the file, as programs give such takes names without
-    meaning. Blender names takes ``NODE|NAME``; if all names have this form, their clips are called
-    ``NAME``. Nameless takes are numbered, and so are repeated names.
+    meaning. Nameless takes are numbered, and so are repeated names.
     """
     if len(takes) == 1:
         return (path.stem,)
-    parts = [name.partition("|") for name in takes]
-    if all(node in nodes and name for node, _, name in parts):
-        takes = [name for _, _, name in parts]
     unique: dict[str, None] = {}
     for number, name in enumerate(takes, 1):
         chosen = base = name or f"take{number}"
