@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft.dancer import dance
+from mograft.io import addresses
 from mograft.io.addresses import find_addresses, read_clip, split_address
 from mograft.io.rest_pose import RestPose, rebase, restore
 from tests.strategies import assert_same_rotations, few_examples, motions, quaternions
@@ -139,3 +140,27 @@ def test_format_error_survives_pickle(error):
     copy = pickle.loads(pickle.dumps(error))
     assert (str(copy), vars(copy), type(copy)) == (str(error), vars(error), type(error))
     assert isinstance(copy, ValueError)
+
+
+def test_open_clips_parses_a_file_once_and_again_after_a_change(tmp_path, monkeypatch):
+    motion = dance(strides=1).motion[:9]
+    paths = [tmp_path / f"{number}.glb" for number in range(3)]
+    for path in paths:
+        mg.write_glb([motion, motion[:4]], path)
+    parsed = []
+    real = addresses.read
+    monkeypatch.setattr(
+        addresses, "read", lambda path, **options: parsed.append(path) or real(path, **options)
+    )
+    every = [found for _ in range(3) for path in paths for found in find_addresses(str(path))]
+    lengths = [read_clip(address).n_frames for address in every]
+    assert lengths == [9, 4] * 9
+    assert sorted(parsed) == sorted(map(str, paths))
+    mg.write_glb([motion[:5], motion[:6]], paths[0])
+    assert read_clip(every[0]).n_frames == 5
+    assert len(parsed) == 4
+    # Files above the limit are not kept together.
+    monkeypatch.setattr(addresses, "_MAX_OPEN_BYTES", 1)
+    mg.write_glb([motion[:7], motion[:8]], paths[0])
+    assert read_clip(every[0]).n_frames == 7
+    assert len(addresses._OPEN) == 1

@@ -1,7 +1,8 @@
 """Addresses of clips: ``path``, or ``path#clip`` for a clip of a file that holds several."""
 
 import os
-from functools import lru_cache
+from collections import deque
+from typing import NamedTuple
 
 from mograft.errors import FormatError, join_names
 from mograft.io.clips import Clips
@@ -9,8 +10,21 @@ from mograft.io.formats import read
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-_CACHED_FILES = 2
-"""Files that are kept open, so that a file is not parsed again for each of its clips."""
+_MAX_OPEN_FILES = 16
+_MAX_OPEN_BYTES = 16 << 20
+"""Files that are kept open, and their size if there are several, so that a file is not parsed again
+for each of its clips."""
+
+
+class _OpenFile(NamedTuple):
+    """The clips of a file."""
+
+    key: tuple[object, ...]  # path, state of the file, and arguments of `read`
+    size: int  # bytes
+    clips: Clips
+
+
+_OPEN: deque[_OpenFile] = deque(maxlen=_MAX_OPEN_FILES)  # without a lock, which forks would copy
 
 
 def join_address(path: str, clip: str | None) -> str:
@@ -94,12 +108,12 @@ def open_clips(path: str, *, rate: float | None = None, skeleton: Skeleton | Non
         return read(path, rate=rate, skeleton=skeleton)
     status = os.stat(path)
     state = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
-    return _open_cached(path, state, rate, skeleton)
-
-
-@lru_cache(maxsize=_CACHED_FILES)
-def _open_cached(
-    path: str, _state: tuple[int, ...], rate: float | None, skeleton: Skeleton | None
-) -> Clips:
-    """Open a file; `_state` differs if the file has changed."""
-    return read(path, rate=rate, skeleton=skeleton)
+    key = (path, state, rate, skeleton)
+    for opened in tuple(_OPEN):
+        if opened.key == key:
+            return opened.clips
+    clips = read(path, rate=rate, skeleton=skeleton)
+    _OPEN.append(_OpenFile(key, status.st_size, clips))
+    while len(_OPEN) > 1 and sum(opened.size for opened in tuple(_OPEN)) > _MAX_OPEN_BYTES:
+        _OPEN.popleft()
+    return clips

@@ -9,6 +9,7 @@ from mograft._util.arrays import BoolArray, FloatArray
 from mograft.body.anatomy import anatomy
 from mograft.body.joint_matching import JointMatch, match_joints
 from mograft.body.mass import mass_model, mean_world_positions, up_axis
+from mograft.errors import SkeletonMismatchError
 from mograft.io.units import UNITS, guess_unit
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -147,8 +148,11 @@ def conform(motion: Motion, skeleton: Skeleton, *, up: int, root: int) -> Motion
     own = motion.skeleton
     if own.names == skeleton.names and np.array_equal(own.parents, skeleton.parents):
         return motion
-    name = motion.name or "the clip"
-    return _conformer(_Key(skeleton), _Key(own), name).apply(motion, up, root)
+    try:
+        conformer = _conformer(_Key(skeleton), _Key(own))
+    except SkeletonMismatchError:
+        conformer = Conformer.of(skeleton, own, motion.name or "the clip")  # names the clip
+    return conformer.apply(motion, up, root)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,9 +174,9 @@ class _Key:
 
 
 @lru_cache(maxsize=16)
-def _conformer(skeleton: _Key, other: _Key, name: str) -> Conformer:
+def _conformer(skeleton: _Key, other: _Key) -> Conformer:
     """Return the conversion between two skeletons, which the clips of a source share."""
-    return Conformer.of(skeleton.skeleton, other.skeleton, name)
+    return Conformer.of(skeleton.skeleton, other.skeleton)
 
 
 def _align_rest_poses(skeleton: Skeleton, other: Skeleton, match: JointMatch) -> FloatArray:

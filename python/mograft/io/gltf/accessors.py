@@ -51,7 +51,7 @@ def read_accessors(
                 place, f"expected {shape[0]} elements in accessors[{index}], got {len(array)}"
             )
         arrays.append(array)
-    return np.array(arrays, np.float64)
+    return to_floats(np.array(arrays))
 
 
 def _read_plain(
@@ -97,7 +97,13 @@ def _read_plain(
         return None
     floats = data[: len(data) // 4 * 4].view("<f4")
     chosen = floats[(first // 4)[:, None] + np.arange(count * width)]
-    return chosen.astype(np.float64).reshape(len(first), count, width)
+    return to_floats(chosen).reshape(len(first), count, width)
+
+
+def to_floats(array: Array) -> FloatArray:
+    """Return an array as float64; signalling NaN causes no warning."""
+    with np.errstate(invalid="ignore"):
+        return array.astype(np.float64)
 
 
 def read_accessor(container: Container, index: object, place: str, width: int) -> Array:

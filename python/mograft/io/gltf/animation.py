@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.io.gltf.accessors import read_accessor, read_accessors
+from mograft.io.gltf.accessors import read_accessor, read_accessors, to_floats
 from mograft.io.gltf.container import Container
 from mograft.io.gltf.nodes import Transforms
 from mograft.motion import rotations
@@ -163,7 +163,7 @@ def _objects(container: Container, item: dict[str, Any], name: str, place: str) 
 
 
 def _read_times(container: Container, index: object, place: str) -> FloatArray:
-    times = read_accessor(container, index, place, 1)[:, 0].astype(np.float64)
+    times = to_floats(read_accessor(container, index, place, 1)[:, 0])
     if not np.isfinite(times).all() or times[0] < 0 or (np.diff(times) < 0).any():
         container.fail(f"accessors[{index}]", "expected increasing key times")
     return times
