@@ -1,11 +1,12 @@
 """The other commands that read or write files, and the messages about files."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import pytest
 
-from mograft import read_bvh, write_bvh
+from mograft import read_bvh, write_bvh, write_npz
 from mograft.body import groups as joint_groups
 from mograft.cli.options import PRESETS
 
@@ -196,3 +197,33 @@ def test_plot_strip_unknown_body_needs_no_groups(run, tmp_path):
     code, _, err = run("plot", "strip", path, "-o", tmp_path / "no.png", "--groups", "lower_upper")
     assert code == 1
     assert "needs legs" in err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["graft", "walk.bvh", "-o", "walk.bvh"],
+        ["graft", "walk.bvh", "other.bvh", "-o", "./other.bvh"],
+        ["export", "walk.npz", "-o", "walk.npz"],
+    ],
+)
+def test_force_never_overwrites_an_input(run, clip, working_folder, words):
+    for name in ("walk.bvh", "other.bvh"):
+        shutil.copy(clip, working_folder / name)
+    write_npz(read_bvh(clip), working_folder / "walk.npz")
+    before = {path.name: path.read_bytes() for path in working_folder.iterdir()}
+    code, out, err = run(*words, "--force")
+    assert (code, out) == (1, "")
+    assert err.endswith("is an input; choose another output\n")
+    assert {path.name: path.read_bytes() for path in working_folder.iterdir()} == before
+
+
+@pytest.mark.parametrize("character", ["a", "é"])
+def test_graft_of_file_with_long_name_writes_shorter_name(run, clip, working_folder, character):
+    stem = character * (250 // len(character.encode()))
+    shutil.copy(clip, working_folder / f"{stem}.bvh")
+    code, *_ = run("graft", f"{stem}.bvh", "-o", "out")
+    assert code == 0
+    names = sorted(path.name for path in (working_folder / "out").iterdir())
+    assert [name.split("_graft0")[1] for name in names] == [".bvh", ".json"]
+    assert all(set(name.split("_graft0")[0]) == {character} for name in names)

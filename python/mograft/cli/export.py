@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
     if len(files) > 1 and ending not in _ENDINGS_OF_SEVERAL:
         options.usage_error(f"-o {target.name} can contain only one motion, got {len(files)} files")
     refuse_useless_options(options, _ENDINGS_OF_OPTION, ending, target.name)
-    check_writable([target], force=options.force)
+    check_writable([target], force=options.force, inputs=files)
     if options.groups is not None:
         options.groups = selected_groups(options)
     skeleton = selected_skeleton(options)

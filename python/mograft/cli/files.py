@@ -115,11 +115,11 @@ def check_suffix(options: argparse.Namespace, *suffixes: str, is_folder: bool = 
     options.usage_error(f"-o must be {expected}, got {target.name}{hint}")
 
 
-def check_writable(paths: Sequence[Path], *, force: bool) -> None:
+def check_writable(paths: Sequence[Path], *, force: bool, inputs: Iterable[str] = ()) -> None:
     """Raise an OSError if one of the files `paths` must not or cannot be written.
 
-    A file must not be written if it exists and `force` is false. A file cannot be written if a
-    folder in its path is a file.
+    A file must not be written if it exists and `force` is false, or if it is one of `inputs`, which
+    are files or addresses of clips. A file cannot be written if a folder in its path is a file.
     """
     for path in paths:
         nearest = next((above for above in path.parents if above.exists()), path)
@@ -131,3 +131,7 @@ def check_writable(paths: Sequence[Path], *, force: bool) -> None:
         if len(existing) > 1:
             verb = f"and {len(existing) - 1} other file{'s'[: len(existing) - 2]} exist"
         raise FileExistsError(f"{existing[0]} {verb}; use --force to overwrite")
+    sources = [Path(split_address(name)[0]) for name in inputs]
+    for path in map(Path, existing):
+        if any(source.exists() and path.samefile(source) for source in sources):
+            raise FileExistsError(f"{path} is an input; choose another output")

@@ -58,7 +58,8 @@ def run(options: argparse.Namespace) -> int:
     first = options.files[0] if library is None else library.entries[0].name
     paths, page = output_paths(options, first)
     files = graft_files(paths)
-    check_writable([*files, page] if options.report else files, force=options.force)
+    written = [*files, page] if options.report else files
+    check_writable(written, force=options.force, inputs=options.files)
     if options.measure and find_spec("scipy") is None:
         raise ValueError("--measure needs SciPy: pip install 'mograft[evaluate]'")
     obstacles = read_obstacles(options)

@@ -15,6 +15,8 @@ MOTION_SUFFIXES = (".bvh", ".glb", ".npz")
 _INPUTS_OF_SUFFIX = {".glb": (".glb", ".gltf"), ".npz": (".npz",)}
 """Suffixes of files of which an output with a suffix may be a copy."""
 
+_STEM_BYTES = 220
+
 
 def check_graft_suffix(options: argparse.Namespace) -> None:
     """End with a usage error unless ``-o`` of ``mograft graft`` is a folder or a motion file.
@@ -61,5 +63,9 @@ def _base_stem(options: argparse.Namespace, first: str) -> str:
         return "scenario"
     path, clip = split_address(options.base or first)
     if clip is not None:
-        return "".join("_" if character in '<>:"/\\|?*' else character for character in clip)
-    return Path(path).stem if Path(path).suffix.lower() in SUFFIXES else Path(path).name
+        stem = "".join("_" if character in '<>:"/\\|?*' else character for character in clip)
+    else:
+        stem = Path(path).stem if Path(path).suffix.lower() in SUFFIXES else Path(path).name
+    encoded = stem.encode("utf-8", "surrogateescape")
+    # An ending and a number are added; file systems accept 255 bytes.
+    return stem if len(encoded) <= _STEM_BYTES else encoded[:_STEM_BYTES].decode("utf-8", "ignore")

@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
     target: Path = options.output
     if target.suffix.lower() not in _ENDINGS:
         options.usage_error(f"-o must end in {', '.join(_ENDINGS)}, got {target.name}")
-    check_writable([target], force=options.force)
+    check_writable([target], force=options.force, inputs=options.files)
     try:
         import matplotlib as mpl
     except ImportError as error:

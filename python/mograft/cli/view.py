@@ -22,7 +22,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     if options.output is not None:
         check_suffix(options, ".html", ".htm")
-        check_writable([options.output], force=options.force)
+        check_writable([options.output], force=options.force, inputs=options.files)
     folder = library_folder(options)
     if options.clip and folder is None:
         options.usage_error("--clip requires a library")
