@@ -75,7 +75,7 @@ def assert_is_complete_linkage(tree, distances, relative, absolute):
         row_of[n + i] = kept
 
 
-@settings(max_examples=max(300, settings.default.max_examples))
+@settings(max_examples=max(200, settings.default.max_examples))
 @given(
     difficult_points(),
     st.sampled_from(METRICS),

@@ -57,7 +57,11 @@ def test_squared_euclidean_tree_has_squared_heights(points):
     np.testing.assert_allclose(squared[:, 2], nearest, rtol=2 * EPSILON, atol=0)
 
 
-@given(clouds(kinds=["lattice", "single precision"]), st.sampled_from(METRICS), st.floats(0, 1))
+@given(
+    clouds(max_points=20, kinds=["lattice", "single precision"]),
+    st.sampled_from(METRICS),
+    st.floats(0, 1),
+)
 @example(np.array([[1e-170], [0.0], [1.0]]), "sqeuclidean", 0.0)
 def test_cut_any_metric_at_and_next_to_height_equals_fcluster(points, metric, quantile):
     # Neither zero nor constant rows.
@@ -70,7 +74,7 @@ def test_cut_any_metric_at_and_next_to_height_equals_fcluster(points, metric, qu
             np.testing.assert_array_equal(mg.cut(points, limit, metric=metric), expected)
 
 
-@given(clouds(kinds=["lattice", "single precision"]), st.sampled_from(METRICS))
+@given(clouds(max_points=20, kinds=["lattice", "single precision"]), st.sampled_from(METRICS))
 def test_linkage_any_layout_and_precision_gives_one_tree(points, metric):
     points = np.c_[points, np.full(len(points), 7.0), np.full(len(points), 9.0)]
     tree = mg.linkage(points, metric=metric)
