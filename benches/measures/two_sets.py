@@ -53,14 +53,17 @@ class TestedWindows:
     def auc(self, which, weights):
         """Return the mean AUC over folds for each row of `weights`, shape (n, n_units).
 
-        `which` is 0 for the gross classifier, 1 for the fine one.
+        `which` is 0 for the gross classifier, 1 for the fine one. Folds in which all windows of
+        one of the sets have weight 0 are left out.
         """
         values = []
         for fold in np.unique(self.fold):
             rows = self.fold == fold
             weight = weights[:, self.unit[rows]]
             values.append(weighted_auc(self.scores[which][rows], self.is_new[rows], weight))
-        return np.mean(values, axis=0)
+        is_known = np.isfinite(values)
+        with np.errstate(invalid="ignore"):
+            return np.where(is_known, values, 0.0).sum(axis=0) / is_known.sum(axis=0)
 
 
 def read_windows(motions, blocks):

@@ -182,3 +182,14 @@ def test_compare_sets_copies_are_not_distinguished_and_noise_is(clips):
     noisy = [body_mixing.add_noise(clip, 3.0, np.random.default_rng(0)) for clip in clips]
     shaken = two_sets.assign_blocks(two_sets.read_windows(noisy, blocks_of(clips)), captured)
     assert two_sets.compare_sets(captured, shaken).auc(1, weights) > 0.9
+
+
+def test_auc_leaves_out_folds_without_weight():
+    tested = two_sets.TestedWindows(
+        scores=(np.array([0.0, 1.0, 1.0, 0.0]),) * 2,
+        is_new=np.array([0.0, 1.0, 0.0, 1.0]),
+        unit=np.array([0, 0, 1, 1]),
+        fold=np.array([0, 0, 1, 1]),
+    )
+    weights = np.array([[1.0, 1.0], [1.0, 0.0], [0.0, 2.0], [0.0, 0.0]])
+    np.testing.assert_array_equal(tested.auc(0, weights), [0.5, 1.0, 0.0, np.nan])
