@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from benches.evidence.pooling import pool, subtract
-from benches.evidence.section import Section, Table, count_verdicts, format_estimate
+from benches.evidence.section import Section, Table, format_estimate, plain_reading
 from benches.evidence.sources import DEVELOPMENT, TEST
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.config import Config
@@ -23,9 +23,9 @@ SOURCES = (
     "indian",
     "locomotion",
     "gestures",
+    "everyday",
     "slow walks",
     "acting",
-    "boxing",
 )
 MAX_CLIPS = 40
 N_RUNS, N_SPLITS = 4, 2
@@ -174,14 +174,16 @@ def _conclusions(test):
         )
         ranks = ", ".join(f"{name} {format_estimate(means[name], has_n=False)}" for name in order)
         nulls = ", ".join(f"{name} {format_estimate(means[name], has_n=False)}" for name in NULLS)
-        lines.append(f"AUC, {key}, from the hardest to the easiest to detect: {ranks}. {nulls}.")
+        lines.append(
+            f"AUC, {key}, from the hardest to the easiest to detect: {ranks}. For comparison: "
+            f"{nulls}."
+        )
         for other in (NULLS[0], "offset", "paper"):
             differences = [
-                subtract(own["auc"][DEFAULT][key], own["auc"][other][key]) for own in test.values()
+                subtract(own["auc"][other][key], own["auc"][DEFAULT][key]) for own in test.values()
             ]
             differences = [own for own in differences if own["value"] is not None]
-            lines.append(
-                f"AUC, {key}, of `{DEFAULT}`, the default, less that of {other}: "
-                f"{count_verdicts(differences)}."
-            )
+            title = "captured motion" if other == NULLS[0] else f"`{other}`"
+            reading = plain_reading(f"`{DEFAULT}`, the default,", title, differences)
+            lines.append(f"AUC, {key}, lower is better: {reading}")
     return tuple(lines)
