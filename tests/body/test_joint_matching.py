@@ -111,6 +111,16 @@ def test_match_joints_published_names_give_expected_pairs(name, other, expected)
         assert found.get(own) == theirs
 
 
+def test_match_joints_never_reverses_ancestry():
+    foot = "{S}Leg {{S}Foot | {S}ToeBase}"  # a toe beside the foot, not below it
+    legs = " | ".join(f"{side}UpLeg > {foot.replace('{S}', side)}" for side in ("Left", "Right"))
+    arms = " | ".join(f"{side}Arm > {side}ForeArm > {side}Hand" for side in ("Left", "Right"))
+    other, _ = skeleton_from_text(f"Hips {{{legs} | Spine {{Head | {arms}}}}}")
+    found = pairs(SKELETONS_BY_NAME["Kimodo 30"], other)
+    assert found["LeftFoot"] == "LeftFoot"
+    assert "LeftToeBase" not in found
+
+
 def test_match_joints_face_is_matched_by_name():
     found = pairs(SKELETONS_BY_NAME["SMPL-X"], SKELETONS_BY_NAME["Kimodo 30"])
     assert {own: found[own] for own in ("jaw", "left_eye_smplhf", "right_eye_smplhf")} == {

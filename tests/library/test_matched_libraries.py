@@ -20,6 +20,7 @@ from mograft import (
 from mograft.io.smpl.joints import SMPL_H
 from mograft.io.smpl.stand_in import stand_in
 from mograft.library.conform import conform
+from mograft.library.origin import hash_library
 from tests.library.checks import DANCE, assert_same_libraries
 from tests.library.other_figures import as_other_figure
 from tests.strategies import assert_same_rotations
@@ -115,6 +116,17 @@ def test_index_matched_by_anatomy_equals_build_and_is_kept(files, tmp_path):
     assert_same_libraries(Library.open(tmp_path / "copy"), stored)
     with pytest.raises(TypeError, match="`match` is fixed"):
         again.add(files, match="names")
+
+
+@pytest.mark.filterwarnings("ignore:joints matched by anatomy")
+def test_hash_of_library_depends_on_the_hierarchy_and_the_rest_pose(files):
+    skeleton = PARTS["a"].skeleton
+    larger = skeleton.with_offsets(1.5 * skeleton.offsets)
+    hashes = [
+        hash_library(Library.build(files, match="anatomy", hierarchy=own, skeleton=rest))
+        for own, rest in ((skeleton, None), (larger, None), (skeleton, skeleton))
+    ]
+    assert len(set(hashes)) == 3
 
 
 @pytest.mark.filterwarnings("ignore:joints matched by anatomy")
