@@ -7,6 +7,7 @@ or raise a `FormatError` with the path. For other results the seed is printed; a
 """
 
 import contextlib
+import copy
 import json
 import random
 import sys
@@ -81,9 +82,9 @@ def change_value(document, rng):
     if way == 0:
         del inner[key]
     elif way == 1 and isinstance(inner, list):
-        inner.append(inner[key])
+        inner.append(copy.deepcopy(inner[key]))
     else:
-        inner[key] = rng.choice(_VALUES)
+        inner[key] = copy.deepcopy(rng.choice(_VALUES))
 
 
 def check(seed, folder):

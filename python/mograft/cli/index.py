@@ -17,9 +17,10 @@ from mograft.cli.configuration import (
     selected_groups,
     selected_skeleton,
 )
+from mograft.cli.exclusions import describe_excluded
 from mograft.cli.files import check_suffix
 from mograft.cli.lib import describe_library
-from mograft.cli.output import describe_excluded_file, print_remark, print_result, show_progress
+from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.errors import join_names
 from mograft.library.discover import find_clips, matching_values, read_tags
 from mograft.library.library import Library
@@ -46,8 +47,8 @@ def run(options: argparse.Namespace) -> int:
     tags = None if options.tags is None else read_tags(options.tags)
     _warn_of_unused(options.files, rates, tags or {})
     library, refused = _index(options, rates, tags)
-    for path, reason in refused.items():
-        print_remark(describe_excluded_file(path, reason))
+    for line in describe_excluded(refused):
+        print_remark(line)
     if not options.json:
         print_remark(f"{library}")
     document = {**describe_library(library), "left_out": refused}

@@ -4,8 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from mograft.cli.exclusions import describe_excluded
 from mograft.cli.files import check_suffix, check_writable
-from mograft.cli.output import describe_excluded_file, print_remark, print_result
+from mograft.cli.output import print_remark, print_result
 from mograft.library import storage
 from mograft.library.clip_table import ClipInfo
 from mograft.library.discover import SourceFile
@@ -29,8 +30,7 @@ def run_info(options: argparse.Namespace) -> int:
         )
     if document["tags"]:
         lines.append(f"  tags: {' '.join(document['tags'])}")
-    for path, reason in document["left_out"].items():
-        lines.append(f"  {describe_excluded_file(path, reason)}")
+    lines += [f"  {line}" for line in describe_excluded(document["left_out"])]
     for clip in clips if options.clips else []:
         faults = f"; {'; '.join(clip['faults'])}" if clip["faults"] else ""
         tags = f" [{' '.join(clip['tags'])}]" if clip["tags"] else ""

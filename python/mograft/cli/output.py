@@ -66,8 +66,3 @@ def show_progress() -> Iterator[Callable[[str, int, int], None] | None]:
         yield show
     finally:
         write_control("\r\033[K")
-
-
-def describe_excluded_file(path: str, reason: str) -> str:
-    """Return the line that reports an excluded file; `reason` may begin with the path."""
-    return f"excluded: {reason}" if reason.startswith(path) else f"excluded: {path}: {reason}"
