@@ -1,9 +1,10 @@
-"""Time reading FBX files, compared with the import of Blender.
+"""Time reading FBX files, compared with the imports of Blender.
 
 ``python benches/fbx.py FILE...`` prints a Markdown table with the smallest time to read all takes
-of each file as motions. With ``MOGRAFT_BPY_PYTHON``, the Python of an environment that has bpy, it
-also prints the smallest time in which Blender's own FBX importer imports the file. Blender builds
-meshes and materials, too.
+of each file as motions. With ``MOGRAFT_BPY_PYTHON``, the Python of an environment that has bpy 4.5
+or later, it also prints the smallest times of Blender's importers: `import_scene.fbx`, which is
+independent of ufbx, and `wm.fbx_import`, which uses ufbx as mograft does. Both also build meshes
+and materials; neither computes poses.
 """
 
 import argparse
@@ -24,6 +25,7 @@ from tests.clients import blender_fbx
 from tests.io import fbx_scenes as fbx
 
 N_RUNS = 5
+IMPORTERS = ("import_scene.fbx", "wm.fbx_import")
 
 
 def main(argv=None):
@@ -47,18 +49,20 @@ def report(options):
 
 def _print_table(paths):
     blender = blender_fbx() if os.environ.get("MOGRAFT_BPY_PYTHON") else None
-    print("| file | MB | takes | joint poses | mograft, ms | MB/s | Blender, ms | ratio |")
-    print("|---|---|---|---|---|---|---|---|")
+    heads = ["file", "MB", "takes", "joint poses", "mograft, ms", "MB/s"]
+    if blender is not None:
+        heads += [cell for name in IMPORTERS for cell in (f"`{name}`, ms", "ratio")]
+    print(f"| {' | '.join(heads)} |\n|{'---|' * len(heads)}")
     for path in paths:
         seconds, clips = min((_time(path) for _ in range(N_RUNS)), key=lambda pair: pair[0])
         n_poses = sum(motion.n_frames * motion.n_joints for motion in clips)
         megabytes = path.stat().st_size / 1e6
         cells = [f"{megabytes:.2f}", f"{len(clips)}", f"{n_poses:,}"]
         cells += [f"{seconds * 1e3:.1f}", f"{megabytes / seconds:.0f}"]
-        if blender is not None:
-            theirs = min(blender(path, {}, N_RUNS)["seconds"])
+        for operator in IMPORTERS if blender is not None else ():
+            theirs = min(blender(path, {}, N_RUNS, operator)["seconds"])
             cells += [f"{theirs * 1e3:.0f}", f"{theirs / seconds:.1f}"]
-        print(f"| {path.name} | {' | '.join(cells)} |" + (" | |" if blender is None else ""))
+        print(f"| {path.name} | {' | '.join(cells)} |")
 
 
 def _time(path):

@@ -18,6 +18,10 @@ PYTHON = sys.executable
 _IN_FBX = ["--manifest-path", "python-fbx/Cargo.toml"]
 _FBX_CHECKS = (
     ("rust format of FBX", ["cargo", "fmt", "--all", *_IN_FBX, "--check"]),
+    (
+        "clippy of FBX",
+        ["cargo", "clippy", *_IN_FBX, "--workspace", "--all-targets", "--", "-D", "warnings"],
+    ),
     ("rust tests of FBX", ["cargo", "test", *_IN_FBX, "--workspace", "--quiet"]),
 )
 CHECKS = (

@@ -51,12 +51,13 @@ print("RESULT" + json.dumps({"heads": heads, "actions": [a.name for a in bpy.dat
 # The keys of a take are one frame later than their times.
 _IMPORT_FBX = """
 import bpy, json, sys, time
-path, takes, n_runs = json.loads(sys.argv[1])
+path, takes, n_runs, operator = json.loads(sys.argv[1])
+group, name = operator.split(".")
 seconds = []
 for run in range(n_runs):
     bpy.ops.wm.read_factory_settings(use_empty=True)
     start = time.perf_counter()
-    bpy.ops.import_scene.fbx(filepath=path)
+    getattr(getattr(bpy.ops, group), name)(filepath=path)
     seconds.append(time.perf_counter() - start)
 scene = bpy.context.scene
 objects = sorted(bpy.data.objects, key=lambda o: (o.type != "ARMATURE", not o.animation_data))
@@ -154,12 +155,12 @@ def blender_fbx():
     """Return a function from an FBX file, and times of its takes, to what Blender imports.
 
     The result has `places`, the heads of the bones by take, time and name, and `seconds`, the time
-    of each of `n_runs` imports.
+    of each of `n_runs` imports by `operator`.
     """
     python = _blender_python()
 
-    def import_file(path, takes, n_runs=1):
-        return _run_blender(python, _IMPORT_FBX, [str(path), takes, n_runs])
+    def import_file(path, takes, n_runs=1, operator="import_scene.fbx"):
+        return _run_blender(python, _IMPORT_FBX, [str(path), takes, n_runs, operator])
 
     return import_file
 

@@ -57,6 +57,7 @@ def has_c_compiler():
 def _fbx():
     found = importlib.util.find_spec("mograft_fbx")
     sources = [path for path in _FBX.rglob("*") if path.suffix in {".rs", ".toml", ".pyi"}]
+    sources = [path for path in sources if "target" not in path.relative_to(_FBX).parts]
     if found is not None and os.path.getmtime(found.origin) > max(map(os.path.getmtime, sources)):
         return found.origin
     if not has_c_compiler():
