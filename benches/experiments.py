@@ -10,6 +10,7 @@ measures a few seconds of each source. Needs ``pip install 'mograft[evaluate]'``
 """
 
 import argparse
+import math
 import os
 import sys
 import time
@@ -70,16 +71,20 @@ class Run:
         version = f"{code}-{self._inputs[name]}-{size}"
         stored = self.cache.read(experiment, name, version, is_any_version=self.options.stored)
         if stored is None and not self.options.stored:
-            start = time.perf_counter()
+            start = time.process_time()
             try:
                 stored = {"value": measure(self.recordings(name))}
             except mg.InsufficientDataError as error:
                 stored = {"refused": str(error)}
-            stored |= {"seconds": time.perf_counter() - start, "code": code}
+            stored |= {"processor_seconds": time.process_time() - start, "code": code}
             self.cache.write(experiment, name, version, stored)
-            print(f"{experiment}, {name}: {stored['seconds']:.0f} s", file=sys.stderr, flush=True)
+            print(
+                f"{experiment}, {name}: {stored['processor_seconds']:.0f} s",
+                file=sys.stderr,
+                flush=True,
+            )
         if stored is not None:
-            self.n_seconds += stored["seconds"]
+            self.n_seconds += stored.get("processor_seconds", math.nan)
             self.versions.add(stored["code"])
         return stored
 
@@ -107,7 +112,10 @@ def collect(options):
             if stored is not None:
                 results.setdefault(experiment.NAME, {})[name] = stored
     missing = [name for name in SOURCES if not current.files[name]]
-    notes = [f"The computation took {current.n_seconds / 60:.0f} minutes on one process."]
+    minutes = current.n_seconds / 60
+    notes = []
+    if math.isfinite(minutes):
+        notes.append(f"All experiments took {minutes:.0f} minutes of processor time.")
     if len(current.versions) > 1 or options.stored:
         listed = ", ".join(sorted(current.versions))
         notes.append(f"The results are of these versions of the code: {listed}.")

@@ -69,7 +69,8 @@ def render(results):
         limits=(
             "That a graft looks natural: a person may accept a part that is far from the captured "
             "one, or reject a near one. No person has judged these grafts.",
-            "That the result holds for other kinds of motion than those in the rows.",
+            "That the result holds for other kinds of motion than those in the rows, or for donors "
+            "of other performers: folds divide clips, not people.",
             "In libraries with few segments, analogy has no donor for many segments. They are not "
             "part of the comparison.",
         ),
