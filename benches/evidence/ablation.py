@@ -162,6 +162,8 @@ def render(results):
             "The order of the steps is one of many; another order distributes the changes "
             "differently.",
             "Differences between rows are not paired; overlapping intervals do not decide.",
+            "κ of rows with few segments, or with a classifier near chance, has wide intervals or "
+            "none, and decides nothing.",
         ),
     )
 
@@ -178,10 +180,18 @@ def _conclusions(results):
             lines.append(
                 f"From the paper's parameters to the defaults, {title}: {', '.join(cells)}."
             )
-    rises = []
-    for name, steps in results.items():
-        values = [own["exchanged"]["value"] for own in steps.values()]
-        index = int(np.argmax(np.diff(values))) + 1
-        rises.append(f"{name}: {[*steps][index]}")
-    lines.append(f"The step that raises the exchanged share most: {'; '.join(rises)}.")
+    for key, sign, title in (
+        ("exchanged", 1, "raises the exchanged share"),
+        ("fine", -1, "lowers the fine detectability"),
+        ("head", -1, "lowers the head jerk"),
+    ):
+        steps = [f"{name}: {_largest_step(own, key, sign)}" for name, own in results.items()]
+        lines.append(f"The step that {title} most: {'; '.join(steps)}.")
     return tuple(lines)
+
+
+def _largest_step(steps, key, sign):
+    """Return the step after which a value rises (sign 1) or falls (sign -1) most."""
+    titles = [title for title, own in steps.items() if own[key]["value"] is not None]
+    values = [sign * steps[title][key]["value"] for title in titles]
+    return titles[int(np.argmax(np.diff(values))) + 1] if len(values) > 1 else "not measured"
