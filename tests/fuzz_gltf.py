@@ -2,7 +2,8 @@
 
 Each file is a small valid one with changes of values in its JSON document, of the bytes of its
 buffer, or of the bytes of the file. Within 5 seconds, reading must return motions of finite numbers
-or raise a `FormatError` with the path. For other results the seed is printed; add such seeds to
+or raise a `FormatError` with the path. A copy of a file that is read, with new animations, must
+have the same clips. For other results the seed is printed; add such seeds to
 `SEEDS`, which the tests run.
 """
 
@@ -13,6 +14,7 @@ import random
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -41,6 +43,10 @@ def valid_files():
         rng = np.random.default_rng(seed)
         scene = random_scene(rng, scale=scales[seed % 4], has_skin=seed % 3 > 0)
         document, binary = scene.document(rng)
+        if seed % 2:
+            document["buffers"].append({"byteLength": 3, "uri": "data:;base64,AAAA"})
+            document["bufferViews"].append({"buffer": 1, "byteOffset": 1, "byteLength": 2})
+            document["images"] = [{"uri": "x.png"}, {"bufferView": 0, "mimeType": "image/png"}]
         found.append((json.dumps(document), binary))
     return found
 
@@ -94,15 +100,30 @@ def check(seed, folder):
     start = time.monotonic()
     try:
         clips = mg.read(path)
-        for clip in clips:
-            assert np.isfinite(clip.world_positions()).all()
-            assert np.isfinite(clip.frame_time)
+        places = [clip.world_positions() for clip in clips]
+        assert all(np.isfinite(own).all() for own in places)
+        assert all(np.isfinite(clip.frame_time) for clip in clips)
+        if len(clips):
+            write_copy(clips, places, Path(folder) / "copy.glb")
         message = None
     except mg.FormatError as error:
         message = str(error)
     assert time.monotonic() - start < 5.0, "too slow"
     assert message is None or message.startswith(f"{path}: "), message
     return message is None
+
+
+def write_copy(clips, places, target):
+    """Write a copy with a new animation, and compare the old ones with the world positions."""
+    base = clips[0]
+    if np.abs(base.positions).max() > 1e30:
+        return  # too large for single precision
+    new = replace(base, rotations=base.rotations[::-1], name="new", channel_values=None)
+    mg.write_glb_animations(clips.path, [new, new], target, bases=[base, None])
+    again = mg.read(target)
+    assert len(again) == len(clips) + 2
+    for old, name in zip(places, clips.names, strict=True):
+        np.testing.assert_array_equal(again[name].world_positions(), old)
 
 
 def main(seconds, first):

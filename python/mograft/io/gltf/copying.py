@@ -12,6 +12,8 @@ _IMAGE_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 
 _MAX_IMAGE_BYTES = 1 << 30
 
+Json = dict[str, Any]
+
 
 @dataclass(frozen=True)
 class _Place:
@@ -32,9 +34,10 @@ def copy_content(container: Container) -> tuple[dict[str, Any], GltfBuffer]:
     places, buffers = _merge_buffers(container, buffer)
     is_moved = any(place != _Place(index, 0) for index, place in enumerate(places))
     views = container.items("bufferViews")
-    buffer.views += [_moved_view(view, places) for view in views] if is_moved else views
+    buffer.views += [_moved_view(container, view, places) for view in views] if is_moved else views
     document = {**container.document, "buffers": buffers}
-    if images := document.get("images"):
+    images = document.get("images")
+    if isinstance(images, list):
         document["images"] = [_copy_image(container, image, buffer) for image in images]
     return document, buffer
 
@@ -59,24 +62,26 @@ def _merge_buffers(
     return places, left
 
 
-def _moved_view(view: dict[str, Any], places: list[_Place]) -> dict[str, Any]:
+def _moved_view(container: Container, view: Json, places: list[_Place]) -> Json:
     """Return a buffer view that refers to the buffers of the copy."""
-    view = _moved(view, places)
+    view = _moved(container, view, places)
     extensions = view.get("extensions")
     if isinstance(extensions, dict):
         moved = {
-            name: _moved(value, places) if name in COMPRESSION and type(value) is dict else value
+            name: _moved(container, value, places)
+            if name in COMPRESSION and type(value) is dict
+            else value
             for name, value in extensions.items()
         }
         view["extensions"] = moved
     return view
 
 
-def _moved(reference: dict[str, Any], places: list[_Place]) -> dict[str, Any]:
-    """Return an object with ``buffer`` and ``byteOffset`` of the copy; others as they are."""
-    index, offset = reference.get("buffer"), reference.get("byteOffset", 0)
-    if type(index) is not int or not 0 <= index < len(places) or type(offset) is not int:
-        return dict(reference)
+def _moved(container: Container, reference: Json, places: list[_Place]) -> Json:
+    """Return an object whose ``buffer`` and ``byteOffset`` are those of the copy."""
+    index = container.integer(reference.get("buffer"), "bufferViews.buffer")
+    container.item("buffers", index, "bufferViews.buffer")
+    offset = container.integer(reference.get("byteOffset", 0), "bufferViews.byteOffset")
     place = places[index]
     return {**reference, "buffer": place.buffer, "byteOffset": offset + place.offset}
 
