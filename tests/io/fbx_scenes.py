@@ -83,7 +83,8 @@ def _vector(name, value, kind="Vector3D"):
 
 def _number(name, value, kind):
     second = {"int": "Integer", "enum": "", "bool": "", "double": "Number", "KTime": "Time"}[kind]
-    return ("P", [name, kind, second, "", value], [])
+    stored = value if kind in {"double", "KTime"} else np.int32(value)
+    return ("P", [name, kind, second, "", stored], [])
 
 
 def _node_properties(node):
@@ -341,7 +342,7 @@ def _text_value(value):
         return value.text
     if isinstance(value, str):
         return f'"{value}"'
-    return repr(value)
+    return repr(value.item() if isinstance(value, np.generic) else value)
 
 
 def _text_lines(element, indent, lines):
@@ -384,6 +385,8 @@ def _binary_value(value):
         return b"S" + struct.pack("<I", len(data)) + data
     if isinstance(value, float):
         return b"D" + struct.pack("<d", value)
+    if isinstance(value, np.int32):
+        return b"I" + struct.pack("<i", value)
     if isinstance(value, int):
         return b"L" + struct.pack("<q", value)
     code = {"float64": b"d", "float32": b"f", "int64": b"l", "int32": b"i"}[value.dtype.name]

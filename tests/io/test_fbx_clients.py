@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 import mograft as mg
+from mograft.dancer import dance
 from tests.clients import blender_fbx, run_with_blender
+from tests.io import fbx_scenes as fbx
 from tests.io.recorded_files import DATA
 
 FOLDER = DATA / "fbx"
@@ -35,12 +37,17 @@ def _extension():
     pytest.importorskip("mograft_fbx", reason=reason)
 
 
-def read_both(name):
-    """Return the clips of a file, and Blender's positions of the joints of each clip, in metres."""
+def read_recorded(name):
+    """Return the result of `read_both` for a recorded file."""
     path = FOLDER / f"{name}.fbx"
-    run = blender_fbx()
     if not path.is_file():
         pytest.skip(f"{path} is absent")
+    return read_both(path)
+
+
+def read_both(path):
+    """Return the clips of a file, and Blender's positions of the joints of each clip, in metres."""
+    run = blender_fbx()
     clips = mg.read(path)
     takes = clips.load.__self__.takes
     times = {
@@ -69,15 +76,26 @@ def in_blender(motion, clips):
 @pytest.mark.client
 @pytest.mark.parametrize("name", FIGURES)
 def test_fbx_world_positions_match_blender(name):
-    clips, positions = read_both(name)
+    clips, positions = read_recorded(name)
     for motion, expected in zip(clips, positions, strict=True):
         height = metres(clips) * np.ptp(motion.skeleton.rest_positions(), axis=0).max()
         np.testing.assert_allclose(in_blender(motion, clips), expected, atol=1e-4 * height, rtol=0)
 
 
 @pytest.mark.client
+def test_fbx_generated_rig_matches_blender(tmp_path):
+    motion = dance(seed=2, strides=1).motion[:60]
+    path = tmp_path / "rig.fbx"
+    path.write_bytes(fbx.to_binary(fbx.scene_of_motions([motion, motion[20:]], ("walk", "turn"))))
+    clips, positions = read_both(path)
+    height = metres(clips) * np.ptp(motion.skeleton.rest_positions(), axis=0).max()
+    for clip, expected in zip(clips, positions, strict=True):
+        np.testing.assert_allclose(in_blender(clip, clips), expected, atol=1e-4 * height, rtol=0)
+
+
+@pytest.mark.client
 def test_fbx_interpolation_modes_match_blender_at_keys():
-    clips, (expected,) = read_both("ufbx_maya_interpolation_modes_7500_binary")
+    clips, (expected,) = read_recorded("ufbx_maya_interpolation_modes_7500_binary")
     places = in_blender(clips[0], clips)[KEYED_FRAMES]
     extent = np.ptp(expected)
     np.testing.assert_allclose(places, expected[KEYED_FRAMES], atol=1e-4 * extent, rtol=0)
