@@ -71,7 +71,8 @@ GRAFT = json.dumps({"schema": "mograft.graft/1"})
 SIDECARS = {
     GRAFT: True,
     json.dumps({"mograft": "1.0", "schema": "mograft.graft/2", "name": "walk"}): True,
-    json.dumps({"schema": "mograft.grafts/1"}): False,
+    json.dumps({"schema": "mograft.grafts/1"}): True,
+    json.dumps({"schema": "mograft.graftings/1"}): False,
     json.dumps({"schema": 1}): False,
     json.dumps(["mograft.graft/1"]): False,
     '{"schema": "mograft.graft/1"': False,
