@@ -175,7 +175,8 @@ def test_documentation_builds_without_warnings(tmp_path):
     assert (tmp_path / "graft.html").exists()
     for page in set(PAGES) - {ROOT / "README.md"}:
         # A page such as search.md would be replaced by a page that Sphinx generates.
-        heading = page.read_text(encoding="utf-8").partition("\n")[0]
+        lines = page.read_text(encoding="utf-8").splitlines()
+        heading = next(line for line in lines if line.startswith("# "))
         built_page = tmp_path / page.relative_to(ROOT / "docs").with_suffix(".html")
         (title,) = re.findall("<h1>(.*?)<a", built_page.read_text(encoding="utf-8"))
         assert re.sub(r"<[^>]*>|\W", "", title) == re.sub(r"\W", "", heading), page.name
