@@ -24,7 +24,7 @@ import mograft as mg
 from tests.io.gltf_scenes import pack_glb, random_scene
 
 # Seeds of files that failed in earlier versions.
-SEEDS = (103662,)
+SEEDS = (103662, 4000568)
 
 _VALUES = (
     *(None, True, False, -1, 0, 1, 2, 3, 5, 255, 2**31, 2**32, 2**63, 2**64, 10**400),
