@@ -73,7 +73,12 @@ def test_add_reads_new_and_changed_files_only(clip_folder, tmp_path, monkeypatch
     library = Library.index(folder, tmp_path / "l")
     read = []
     read_clip = ingest.read_clip
-    monkeypatch.setattr(ingest, "read_clip", lambda path: read.append(path) or read_clip(path))
+
+    def read_and_list(path, **options):
+        read.append(path)
+        return read_clip(path, **options)
+
+    monkeypatch.setattr(ingest, "read_clip", read_and_list)
     library = library.add(copy_clips(clip_folder, folder, CLIP_NAMES[:4]))
     assert [os.path.basename(path) for path in read] == ["a.bvh"]
     (folder / "c.bvh").write_bytes((clip_folder / "d.bvh").read_bytes())
