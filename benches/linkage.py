@@ -9,13 +9,16 @@ peers   SciPy and fastcluster, up to 30,000 points, for which they need 7 GB
 large   50,000 to 500,000 points, the tree and the cut at the standard deviation; growth
 real    the segments of a real motion database, the tree and its cuts at both sigmas
 hard    adverse point sets of 100,000 points
+huge    1 to 5 million points: the tree, and the cut at the standard deviation
+axes    tables like gene expression with 34 to 300 axes, with SciPy and fastcluster
+scaling serial share, and 16 simulated threads, by an example of the crate
 ties    points with many equal distances or many axes, with SciPy and fastcluster
 chain   the nearest-neighbour chain over all n(n-1)/2 distances, on adverse point sets
 stop    time from Ctrl-C to the end of the call
 counts  instructions, by Valgrind: independent of the load of the machine
 
-Without PART all parts run, which takes half an hour, mostly for the peers. Figures are appended to
-FILE; benches/linkage_figure.py draws them.
+Without PART all parts run, which takes an hour, mostly for the peers and for millions of points.
+Figures are appended to FILE; benches/linkage_figure.py draws them.
 """
 
 import argparse
@@ -84,6 +87,13 @@ def make(kind, n, n_axes=10):
         return rng.standard_normal((n, 300))
     if kind == "binary":  # some distances occur in 5 % of all pairs
         return rng.integers(0, 2, (n, 64)).astype(float)
+    if kind.startswith("genes"):  # logarithms of counts of 40 kinds of cells
+        n_genes = int(kind.split()[1])
+        fixed = np.random.default_rng(7)
+        rates = fixed.gamma(0.5, 4.0, (40, n_genes))
+        cells = rng.choice(40, n, p=fixed.dirichlet(np.ones(40)))
+        depth = rng.lognormal(0.0, 0.3, (n, 1))
+        return np.log1p(rng.poisson(rates[cells] * depth) + rng.gamma(1.0, 0.1, (n, n_genes)))
     if kind == "unit":  # all distances are equal
         return np.eye(n)
     if kind == "one-hot":  # 40 categories of 5 values
@@ -256,19 +266,66 @@ def hard(_, child):
     return rows
 
 
-def ties(_, child):
+def huge(_, child):
     rows = []
-    for kind, n in TIES:
+    for who, kind, n in HUGE:
+        rows.append(child(who, kind, n, 1, "rms" if who == "cut" else None))
+        show(rows[-1])
+    return rows
+
+
+HUGE = (
+    ("mograft", "mixture", 1_000_000),
+    ("mograft", "walk", 1_000_000),
+    ("cut", "mixture", 2_000_000),
+    ("cut", "walk", 2_000_000),
+    ("cut", "mixture", 5_000_000),
+    ("cut", "walk", 5_000_000),
+)
+
+
+def scaling(_, child):
+    del child  # the example measures processor time
+    command = "cargo run -q --release -p mograft-linkage --features profile --example scaling --"
+    for kind, n in (("mixture", 1_000_000), ("white", 300_000)):
+        print(f"{kind}, {n:,} points")
+        sys.stdout.flush()
+        subprocess.run([*command.split(), str(n), kind], check=True)
+    return []
+
+
+def axes(_, child):
+    return beside_peers(AXES, child)
+
+
+AXES = (
+    ("genes 34", 10_000),
+    ("genes 100", 10_000),
+    ("genes 300", 10_000),
+    ("genes 34", 182_440),
+)
+
+
+def ties(_, child):
+    return beside_peers(TIES, child)
+
+
+def beside_peers(cases, child):
+    rows = []
+    for kind, n in cases:
         ours = child("mograft", kind, n, runs=1)
         show(ours)
         rows.append(ours)
-        for who in installed_peers():
+        for who in installed_peers() if n <= MAX_PEER_POINTS else ():
             row = child(who, kind, n, runs=1)
             ratios = [row[time] / ours[time] for time in ("wall", "cpu")]
             show(row, "{:.1f} times mograft, {:.1f} times in CPU time".format(*ratios))
             rows.append(row)
     return rows
 
+
+# Above this the peers need more than 7 GB.
+MAX_PEER_POINTS = 30_000
 
 TIES = (
     ("unit", 1_500),
@@ -339,7 +396,10 @@ def machine():
     )
 
 
-PARTS = {part.__name__: part for part in (peers, large, real, hard, ties, chain, stop, counts)}
+PARTS = {
+    part.__name__: part
+    for part in (peers, large, huge, real, hard, ties, axes, scaling, chain, stop, counts)
+}
 KINDS = ("white", "mixture", "walk")
 
 
@@ -361,8 +421,8 @@ def main(argv=None):
 
 def report(options):
     print(machine())
-    # Valgrind takes half a minute to import NumPy.
-    names = [name for name in PARTS if name != "counts"] if options.tiny else PARTS
+    # Valgrind takes half a minute to import NumPy, and cargo compiles the example.
+    names = [name for name in PARTS if not options.tiny or name not in ("counts", "scaling")]
     for name in options.parts or names:
         print(f"-- {name}")
         rows = PARTS[name](options.kinds, tiny_child if options.tiny else child)

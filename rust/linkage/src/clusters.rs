@@ -126,7 +126,7 @@ impl Clusters {
         }
     }
 
-    /// The same clusters in another order: cluster `i` is `order[i]` of these.
+    /// Some or all clusters in another order: cluster `i` is `order[i]` of these.
     ///
     /// # Errors
     ///
@@ -140,8 +140,8 @@ impl Clusters {
             end += self.members(cluster as usize).len() as u32;
             starts.push(end);
         }
-        let mut members = vec![0; self.members.len()];
-        let mut centres = vec![0.0; self.centres.len()];
+        let mut members = vec![0; end as usize];
+        let mut centres = vec![0.0; order.len() * dim];
         let jobs = split_members(&starts, &mut members)
             .into_iter()
             .zip(centres.chunks_mut(CLUSTERS_PER_JOB * dim))
@@ -169,6 +169,20 @@ impl Clusters {
             squared_radii: select(&self.squared_radii, order),
             update_counts: select(&self.update_counts, order),
         })
+    }
+
+    /// Append other clusters.
+    pub fn append(&mut self, other: &Self) {
+        let end = self.members.len() as u32;
+        self.representatives
+            .extend_from_slice(&other.representatives);
+        self.starts
+            .extend(other.starts[1..].iter().map(|start| start + end));
+        self.members.extend_from_slice(&other.members);
+        self.centres.extend_from_slice(&other.centres);
+        self.variances.extend_from_slice(&other.variances);
+        self.squared_radii.extend_from_slice(&other.squared_radii);
+        self.update_counts.extend_from_slice(&other.update_counts);
     }
 
     /// Unite the clusters that have the same root.

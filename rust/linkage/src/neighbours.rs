@@ -14,7 +14,7 @@
 //! are measured exactly.
 
 use std::ops::Range;
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 
 use crate::blocks::Blocks;
 use crate::distance::{
@@ -76,23 +76,17 @@ pub(crate) fn edges_within(
     max_edges: usize,
     max_work: f64,
 ) -> Result<Edges, Error> {
-    let search = Search::new(workers, blocks, distances, limit);
-    let n_blocks = blocks.len();
+    let search = Search::new(workers, blocks, Target::Edges(distances), limit);
     let n_found = AtomicUsize::new(0);
-    let tile = |tile| tile * BLOCKS_PER_TILE..n_blocks.min((tile + 1) * BLOCKS_PER_TILE);
-    let states = workers.run(
-        (0..n_blocks.div_ceil(BLOCKS_PER_TILE)).map(tile),
-        SearchState::default,
-        |state, tile| {
-            if n_found.load(Relaxed) > max_edges || workers.work() > max_work {
-                return;
-            }
-            let before = state.edges.len();
-            search.search_tile(tile, state);
-            workers.add_work(std::mem::take(&mut state.scratch.work));
-            n_found.fetch_add(state.edges.len() - before, Relaxed);
-        },
-    )?;
+    let states = workers.run(tiles(blocks.len()), SearchState::default, |state, tile| {
+        if n_found.load(Relaxed) > max_edges || workers.work() > max_work {
+            return;
+        }
+        let before = state.edges.len();
+        search.search_tile(tile, state);
+        workers.add_work(std::mem::take(&mut state.scratch.work));
+        n_found.fetch_add(state.edges.len() - before, Relaxed);
+    })?;
     if workers.work() > max_work {
         return Ok(Edges::Exhausted);
     }
@@ -101,6 +95,44 @@ pub(crate) fn edges_within(
         return Ok(Edges::Truncated(edges));
     }
     Ok(Edges::Complete(edges))
+}
+
+/// Which clusters may be within a squared distance of any other.
+///
+/// `is_known` are clusters that are. Takes the time of [`edges_within`] at worst, without exact
+/// distances, and less if blocks are known as a whole.
+///
+/// # Errors
+///
+/// [`Error::Stopped`] if the progress callback requests a stop.
+pub(crate) fn clusters_within(
+    workers: &Workers<'_>,
+    blocks: &Blocks<'_>,
+    limit: f64,
+    is_known: Vec<bool>,
+) -> Result<Vec<bool>, Error> {
+    let marks: Vec<AtomicBool> = is_known.into_iter().map(AtomicBool::new).collect();
+    let search = Search::new(workers, blocks, Target::Marks(&marks), limit);
+    workers.run(tiles(blocks.len()), SearchState::default, |state, tile| {
+        search.search_tile(tile, state);
+        workers.add_work(std::mem::take(&mut state.scratch.work));
+    })?;
+    Ok(marks.into_iter().map(AtomicBool::into_inner).collect())
+}
+
+/// The blocks of each tile.
+fn tiles(n_blocks: usize) -> impl ExactSizeIterator<Item = Range<usize>> + Send {
+    (0..n_blocks.div_ceil(BLOCKS_PER_TILE))
+        .map(move |tile| tile * BLOCKS_PER_TILE..n_blocks.min((tile + 1) * BLOCKS_PER_TILE))
+}
+
+/// What a search does with the pairs that pass the filters.
+#[derive(Clone, Copy)]
+enum Target<'a> {
+    /// Measure them.
+    Edges(&'a ClusterDistances<'a>),
+    /// Mark both clusters.
+    Marks(&'a [AtomicBool]),
 }
 
 /// The edges that a thread has found, and its buffers.
@@ -115,7 +147,7 @@ struct SearchState {
 struct Search<'a> {
     workers: &'a Workers<'a>,
     blocks: &'a Blocks<'a>,
-    distances: &'a ClusterDistances<'a>,
+    target: Target<'a>,
     limit: Limit,
     /// The limit plus the f32 error that is proportional to it.
     f32_limit: f64,
@@ -134,7 +166,7 @@ impl<'a> Search<'a> {
     fn new(
         workers: &'a Workers<'a>,
         blocks: &'a Blocks<'a>,
-        distances: &'a ClusterDistances<'a>,
+        target: Target<'a>,
         squared: f64,
     ) -> Self {
         let limit = Limit::from_squared(squared);
@@ -148,7 +180,7 @@ impl<'a> Search<'a> {
         Self {
             workers,
             blocks,
-            distances,
+            target,
             limit,
             f32_limit: limit.root * (1.0 + F32_OFFSET_ERROR),
             block_errors: errors.map(block_error).collect(),
@@ -226,6 +258,10 @@ impl<'a> Search<'a> {
         queries: &mut [Query<'_>],
         state: &mut SearchState,
     ) {
+        let selected = self.without_marked(tile_start, selected, j);
+        if selected == 0 {
+            return;
+        }
         let mut needs_f64 = 0;
         for (k, query) in queries.iter_mut().enumerate() {
             let error = self.block_errors[tile_start + k] + self.block_errors[j];
@@ -253,6 +289,20 @@ impl<'a> Search<'a> {
         }
     }
 
+    /// The selected blocks, except those whose clusters, and those of block `j`, are all marked.
+    fn without_marked(&self, tile_start: usize, selected: u16, j: usize) -> u16 {
+        let Target::Marks(marks) = self.target else { return selected };
+        let is_marked =
+            |block: usize| (self.blocks.members(block)).all(|cluster| marks[cluster].load(Relaxed));
+        if !is_marked(j) {
+            return selected;
+        }
+        (0..BLOCKS_PER_TILE).fold(selected, |bits, k| {
+            let is_done = bits >> k & 1 != 0 && is_marked(tile_start + k);
+            bits & !(u16::from(is_done) << k)
+        })
+    }
+
     /// Measure the pairs of blocks `i` and `j` that have passed, and append the edges.
     fn push_edges(&self, i: usize, j: usize, query: &Query<'_>, state: &mut SearchState) {
         let (first, second) = (self.blocks.members(i), self.blocks.members(j));
@@ -267,11 +317,18 @@ impl<'a> Search<'a> {
             while lanes != 0 {
                 let (a, b) = (first.start + row, second.start + lanes.trailing_zeros() as usize);
                 lanes &= lanes - 1;
-                let squared = self
-                    .distances
-                    .squared_within(a, b, self.limit, &mut state.scratch);
-                if let Some(squared) = squared {
-                    state.edges.push(Edge { a: a as u32, b: b as u32, squared });
+                match self.target {
+                    Target::Marks(marks) => {
+                        marks[a].store(true, Relaxed);
+                        marks[b].store(true, Relaxed);
+                    }
+                    Target::Edges(distances) => {
+                        let squared =
+                            distances.squared_within(a, b, self.limit, &mut state.scratch);
+                        if let Some(squared) = squared {
+                            state.edges.push(Edge { a: a as u32, b: b as u32, squared });
+                        }
+                    }
                 }
             }
         }

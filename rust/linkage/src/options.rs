@@ -73,6 +73,8 @@ pub struct Tuning {
     pub matrix_size: usize,
     /// Largest count of clusters that is merged on a full matrix after some stages.
     pub dense_size: usize,
+    /// Smallest count of clusters of which the densest are merged first if density is uneven.
+    pub split_size: usize,
     /// Edges that a stage may find in addition to a multiple of those expected.
     pub spare_edges: usize,
     /// Work on stages, as a fraction of that on a full matrix, after which the matrix is used.
@@ -86,6 +88,7 @@ impl Default for Tuning {
             degree: 10.0,
             matrix_size: 1448,
             dense_size: 256,
+            split_size: 1 << 13,
             spare_edges: 1 << 20,
             matrix_work: 0.4,
         }

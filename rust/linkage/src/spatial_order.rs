@@ -23,8 +23,16 @@ const BLOCKS_PER_JOB: usize = 64;
 pub(crate) struct SpatialOrder {
     /// The clusters: neighbours in space are neighbours in memory.
     pub clusters: Clusters,
-    /// If density is uneven, the clusters by density, the densest first.
-    pub by_density: Option<Vec<u32>>,
+    /// If density is uneven, that of the clusters.
+    pub density: Option<Density>,
+}
+
+/// How near clusters are to others.
+pub(crate) struct Density {
+    /// The clusters, the densest first.
+    pub order: Vec<u32>,
+    /// For each cluster, the squared bound to some other cluster.
+    pub gaps: Vec<f64>,
 }
 
 /// Sort clusters spatially. Takes O(m log m) time for m clusters.
@@ -48,7 +56,7 @@ pub(crate) fn sort_spatially(
     let mut quantile = |rank| *sorted.select_nth_unstable_by(rank, f64::total_cmp).1;
     let (small, large) = (quantile(gaps.len() / 20), quantile(gaps.len() - 1 - gaps.len() / 20));
     if large <= small * UNEVEN_RATIO * UNEVEN_RATIO {
-        return Ok(SpatialOrder { clusters, by_density: None });
+        return Ok(SpatialOrder { clusters, density: None });
     }
     let class = |i: u32| ((gaps[i as usize] / small).log2() / (2.0 * CLASS_RATIO.log2())) as i32;
     order = (0..clusters.len() as u32).collect();
@@ -56,12 +64,11 @@ pub(crate) fn sort_spatially(
     for same_class in order.chunk_by_mut(|&a, &b| class(a) == class(b)) {
         halve(&clusters, same_class)?;
     }
+    let gaps: Vec<f64> = order.iter().map(|&i| gaps[i as usize]).collect();
     let mut by_density: Vec<u32> = (0..clusters.len() as u32).collect();
-    by_density.sort_by(|&a, &b| {
-        let gap = |i: u32| gaps[order[i as usize] as usize];
-        gap(a).total_cmp(&gap(b))
-    });
-    Ok(SpatialOrder { clusters: clusters.reorder(workers, &order)?, by_density: Some(by_density) })
+    by_density.sort_by(|&a, &b| gaps[a as usize].total_cmp(&gaps[b as usize]));
+    let density = Some(Density { order: by_density, gaps });
+    Ok(SpatialOrder { clusters: clusters.reorder(workers, &order)?, density })
 }
 
 /// For each cluster, the smallest squared bound to another cluster of its block.

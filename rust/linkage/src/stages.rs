@@ -2,7 +2,8 @@
 //!
 //! A stage sorts the clusters spatially, chooses a threshold, finds all pairs within it, merges on
 //! their graph and computes the balls of the unions. The crate's documentation proves that the
-//! result does not depend on the thresholds.
+//! result does not depend on the thresholds. If density is uneven, the densest clusters are merged
+//! up to a limit in stages of their own, so that the others are not sorted again in each of them.
 
 use crate::blocks::Blocks;
 use crate::clusters::Clusters;
@@ -10,14 +11,14 @@ use crate::dense::merge_on_matrix;
 use crate::distance::ClusterDistances;
 use crate::distance_rows::rows_of_clusters;
 use crate::error::Error;
-use crate::merging::merge_on_graph;
-use crate::neighbours::{Edge, Edges, edges_within};
+use crate::merging::{MergedClusters, merge_on_graph};
+use crate::neighbours::{Edge, Edges, clusters_within, edges_within};
 use crate::options::Tuning;
 use crate::parallel::Workers;
 use crate::plateau::merge_plateau;
 use crate::points::Points;
 use crate::profile;
-use crate::spatial_order::{SpatialOrder, sort_spatially};
+use crate::spatial_order::{Density, SpatialOrder, sort_spatially};
 use crate::threshold::choose_threshold;
 use crate::tree::Merge;
 
@@ -43,6 +44,9 @@ const EDGE_WORK: u64 = 1000;
 /// Multiple of the edges expected above which a stage lowers its threshold.
 const MAX_EDGE_FACTOR: f64 = 4.0;
 
+/// Fraction of the clusters, the densest, that are merged without the others if density is uneven.
+const DENSE_FRACTION: usize = 8;
+
 /// All merges of distinct points up to a squared distance, every merge behind those of its parts.
 ///
 /// Returns None if all work together exceeds `max_work`, in the unit of [`Workers::add_work`].
@@ -57,29 +61,127 @@ pub(crate) fn merge_in_stages(
     max_work: f64,
     tuning: &Tuning,
 ) -> Result<Option<Vec<Merge>>, Error> {
-    let n = points.len();
-    let mut merges = Vec::with_capacity(n);
-    let mut clusters = Clusters::from_points(points);
-    let mut degree = tuning.degree;
-    while clusters.len() > tuning.dense_size.max(1) {
-        let m = clusters.len();
-        profile::begin_phase("sort");
-        let by_density;
-        SpatialOrder { clusters, by_density } = sort_spatially(workers, &clusters)?;
-        let by_density = by_density.as_deref();
+    let merges = Vec::with_capacity(points.len());
+    let mut run = Run { workers, points, max_work, tuning, merges };
+    let end = run.merge_up_to(Clusters::from_points(points), max_squared, false)?;
+    Ok(end.map(|_| run.merges))
+}
+
+/// A call of [`merge_in_stages`].
+struct Run<'a> {
+    workers: &'a Workers<'a>,
+    points: &'a Points,
+    max_work: f64,
+    tuning: &'a Tuning,
+    /// The merges so far.
+    merges: Vec<Merge>,
+}
+
+impl Run<'_> {
+    /// Merge clusters up to a squared distance; return those that remain.
+    ///
+    /// None if all work together exceeds the limit. The result is empty unless `is_part`: unless
+    /// the clusters are a part of those that the caller merges.
+    fn merge_up_to(
+        &mut self,
+        mut clusters: Clusters,
+        max_squared: f64,
+        is_part: bool,
+    ) -> Result<Option<Clusters>, Error> {
+        let (workers, tuning) = (self.workers, self.tuning);
+        let mut degree = tuning.degree;
+        let mut may_split = true;
+        while clusters.len() > tuning.dense_size.max(1) {
+            let m = clusters.len();
+            profile::begin_phase("sort");
+            let SpatialOrder { clusters: sorted, density } = sort_spatially(workers, &clusters)?;
+            clusters = sorted;
+            if let Some(density) = density
+                .as_ref()
+                .filter(|_| may_split && m >= tuning.split_size)
+                && let Some(limit) = split_limit(density, max_squared)
+            {
+                let n_merges = self.merges.len();
+                let Some(rest) = self.merge_dense(&clusters, density, limit)? else {
+                    return Ok(None);
+                };
+                clusters = rest;
+                may_split = self.merges.len() > n_merges;
+                continue;
+            }
+            may_split = true;
+            let by_density = density.as_ref().map(|density| density.order.as_slice());
+            let Some(stage) = self.run_stage(&clusters, by_density, degree, max_squared)? else {
+                return Ok(None);
+            };
+            self.push_merges(&clusters, &stage.merged.pairs);
+            let is_last = stage.threshold >= max_squared;
+            if is_last && !is_part {
+                return Ok(Some(clusters.reorder(workers, &[])?));
+            }
+            debug_assert!(is_last || !stage.merged.pairs.is_empty(), "a pair is within the limit");
+            if stage.merged.pairs.len() * MIN_MERGED_DIVISOR < m {
+                let max_degree = if stage.is_sparse { MAX_DEGREE_SPARSE } else { MAX_DEGREE_DENSE };
+                degree = (degree * 1.5).min(max_degree).max(degree);
+            }
+            profile::begin_phase("unite");
+            clusters = clusters.unite(workers, self.points, &stage.merged.roots)?;
+            if is_last {
+                return Ok(Some(clusters));
+            }
+        }
+        profile::begin_phase("rest");
+        self.merge_remaining(&clusters, max_squared, is_part)
+    }
+
+    /// Merge the densest clusters up to a limit; return all that remain.
+    ///
+    /// Clusters without any other within the limit do not merge up to it, and those that have one
+    /// merge as if the others did not exist.
+    fn merge_dense(
+        &mut self,
+        clusters: &Clusters,
+        density: &Density,
+        limit: f64,
+    ) -> Result<Option<Clusters>, Error> {
+        profile::begin_phase("split");
+        let is_known = density.gaps.iter().map(|&gap| gap <= limit).collect();
+        let is_dense = clusters_within(self.workers, &Blocks::new(clusters), limit, is_known)?;
+        let select = |is_wanted: bool| -> Vec<u32> {
+            let indices = (0..).zip(&is_dense);
+            indices
+                .filter(|&(_, &is_dense)| is_dense == is_wanted)
+                .map(|(index, _)| index)
+                .collect()
+        };
+        let dense = clusters.reorder(self.workers, &select(true))?;
+        let Some(mut rest) = self.merge_up_to(dense, limit, true)? else { return Ok(None) };
+        rest.append(&clusters.reorder(self.workers, &select(false))?);
+        Ok(Some(rest))
+    }
+
+    /// Find the pairs within a threshold and merge on their graph; None if there is too much work.
+    fn run_stage(
+        &self,
+        clusters: &Clusters,
+        by_density: Option<&[u32]>,
+        degree: f64,
+        max_squared: f64,
+    ) -> Result<Option<Stage>, Error> {
+        let (workers, max_work, m) = (self.workers, self.max_work, clusters.len());
         profile::begin_phase("pack");
-        let distances = ClusterDistances::new(workers, points, &clusters)?;
+        let distances = ClusterDistances::new(workers, self.points, clusters)?;
         profile::begin_phase("threshold");
         let wanted = if by_density.is_some() { UNEVEN_DEGREE_FACTOR * degree } else { degree };
-        let threshold = choose_threshold(workers, &clusters, &distances, wanted, by_density)?;
-        let max_edges = (MAX_EDGE_FACTOR * degree * m as f64) as usize + tuning.spare_edges;
+        let threshold = choose_threshold(workers, clusters, &distances, wanted, by_density)?;
+        let max_edges = (MAX_EDGE_FACTOR * degree * m as f64) as usize + self.tuning.spare_edges;
         profile::begin_phase("blocks");
-        let blocks = Blocks::new(&clusters);
+        let blocks = Blocks::new(clusters);
         profile::begin_phase("edges");
         let bounds = Bounds { squared: threshold.min(max_squared), max_edges, max_work };
         let found = find_edges(workers, &blocks, &distances, bounds)?;
         drop(blocks);
-        let (merged, threshold, is_sparse) = match found {
+        Ok(match found {
             Found::Edges(edges, threshold) => {
                 drop(distances);
                 let n_edges: usize = edges.iter().map(Vec::len).sum();
@@ -87,41 +189,68 @@ pub(crate) fn merge_in_stages(
                 workers.add_work(n_edges as u64 * EDGE_WORK);
                 profile::begin_phase("merge");
                 let merged = merge_on_graph(workers, &clusters.representatives, edges)?;
-                (merged, threshold, is_sparse)
+                Some(Stage { merged, threshold, is_sparse })
             }
             Found::Plateau(squared) => {
-                let merged = merge_plateau(workers, &clusters, &distances, squared, max_work)?;
-                let Some(merged) = merged else { return Ok(None) };
-                (merged, squared, false)
+                let merged = merge_plateau(workers, clusters, &distances, squared, max_work)?;
+                merged.map(|merged| Stage { merged, threshold: squared, is_sparse: false })
             }
-            Found::Exhausted => return Ok(None),
-        };
+            Found::Exhausted => None,
+        })
+    }
+
+    /// Append the merges of pairs of clusters.
+    fn push_merges(&mut self, clusters: &Clusters, pairs: &[(u32, u32, f64)]) {
         profile::begin_phase("collect");
         let representative = |cluster: u32| clusters.representatives[cluster as usize];
-        merges.extend(
-            merged
-                .pairs
-                .iter()
-                .map(|&(a, b, squared)| Merge::new(representative(a), representative(b), squared)),
-        );
-        workers.set_fraction(merges.len() as f64 / n as f64);
-        if threshold >= max_squared {
-            return Ok(Some(merges));
-        }
-        debug_assert!(!merged.pairs.is_empty(), "some pair is within the threshold");
-        if merged.pairs.len() * MIN_MERGED_DIVISOR < m {
-            let max_degree = if is_sparse { MAX_DEGREE_SPARSE } else { MAX_DEGREE_DENSE };
-            degree = (degree * 1.5).min(max_degree).max(degree);
-        }
-        profile::begin_phase("unite");
-        clusters = clusters.unite(workers, points, &merged.roots)?;
+        let merge =
+            |&(a, b, squared): &_| Merge::new(representative(a), representative(b), squared);
+        self.merges.extend(pairs.iter().map(merge));
+        self.workers
+            .set_fraction(self.merges.len() as f64 / self.points.len() as f64);
     }
-    profile::begin_phase("rest");
-    let found = merge_remaining(workers, points, &clusters, max_squared, max_work)?;
-    Ok(found.map(|found| {
-        merges.extend(found);
-        merges
-    }))
+
+    /// Merge few clusters on the full matrix; result as for [`Self::merge_up_to`].
+    fn merge_remaining(
+        &mut self,
+        clusters: &Clusters,
+        max_squared: f64,
+        is_part: bool,
+    ) -> Result<Option<Clusters>, Error> {
+        let (workers, points) = (self.workers, self.points);
+        let mut order: Vec<u32> = (0..clusters.len() as u32).collect();
+        order.sort_unstable_by_key(|&cluster| clusters.representatives[cluster as usize]);
+        let clusters = clusters.reorder(workers, &order)?;
+        let rows = rows_of_clusters(workers, points, &clusters, max_squared, self.max_work)?;
+        let Some(rows) = rows else { return Ok(None) };
+        let pairs = merge_on_matrix(workers, rows)?;
+        self.push_merges(&clusters, &pairs);
+        if !is_part {
+            return Ok(Some(clusters));
+        }
+        let mut roots: Vec<u32> = (0..clusters.len() as u32).collect();
+        // In reverse, so that the root of the cluster that remains is known.
+        for &(kept, removed, _) in pairs.iter().rev() {
+            roots[removed as usize] = roots[kept as usize];
+        }
+        Ok(Some(clusters.unite(workers, points, &roots)?))
+    }
+}
+
+/// The limit up to which the densest clusters are merged without the others, if it is of use.
+fn split_limit(density: &Density, max_squared: f64) -> Option<f64> {
+    let rank = density.order.len() / DENSE_FRACTION;
+    let limit = density.gaps[density.order[rank] as usize];
+    (limit > 0.0 && limit < max_squared).then_some(limit)
+}
+
+/// The result of a stage.
+struct Stage {
+    merged: MergedClusters,
+    /// The squared distance up to which all merges are made.
+    threshold: f64,
+    /// Whether far fewer edges were found than expected.
+    is_sparse: bool,
 }
 
 /// The result of a search for edges.
@@ -178,27 +307,4 @@ fn find_edges(
             limit = limit.next_down();
         }
     }
-}
-
-/// Merge the remaining clusters on the full matrix; None if all work together exceeds `max_work`.
-fn merge_remaining(
-    workers: &Workers<'_>,
-    points: &Points,
-    clusters: &Clusters,
-    max_squared: f64,
-    max_work: f64,
-) -> Result<Option<Vec<Merge>>, Error> {
-    let mut order: Vec<u32> = (0..clusters.len() as u32).collect();
-    order.sort_unstable_by_key(|&cluster| clusters.representatives[cluster as usize]);
-    let clusters = clusters.reorder(workers, &order)?;
-    let Some(rows) = rows_of_clusters(workers, points, &clusters, max_squared, max_work)? else {
-        return Ok(None);
-    };
-    let representative = |cluster: u32| clusters.representatives[cluster as usize];
-    let pairs = merge_on_matrix(workers, rows)?.into_iter();
-    Ok(Some(
-        pairs
-            .map(|(a, b, squared)| Merge::new(representative(a), representative(b), squared))
-            .collect(),
-    ))
 }

@@ -142,6 +142,7 @@ impl Noise {
             dense_size: [0, 2, 9, 40][self.below(4)],
             spare_edges: [0, 100, 1 << 20][self.below(3)],
             matrix_size: 0,
+            split_size: [20, 80, 1 << 13][self.below(3)],
             matrix_work: [0.0, 0.01, 0.1, f64::INFINITY][self.below(4)],
         };
         Options { threads: 1 + self.below(3), tuning, ..Options::default() }
@@ -250,14 +251,16 @@ pub fn tunings() -> impl Strategy<Value = Tuning> {
     let dense_sizes = prop::sample::select(vec![0, 2, 7, 30]);
     let spare_edges = prop::sample::select(vec![0, 50, 1 << 20]);
     let matrix_work = prop::sample::select(vec![0.0, 0.01, 0.1, f64::INFINITY]);
-    (levels, degrees, dense_sizes, spare_edges, matrix_work).prop_map(
-        |(level, degree, dense_size, spare_edges, matrix_work)| Tuning {
+    let split_sizes = prop::sample::select(vec![9, 40, 1 << 13]);
+    (levels, degrees, dense_sizes, spare_edges, matrix_work, split_sizes).prop_map(
+        |(level, degree, dense_size, spare_edges, matrix_work, split_size)| Tuning {
             level,
             degree,
             dense_size,
             spare_edges,
             matrix_size: 0,
             matrix_work,
+            split_size,
         },
     )
 }
