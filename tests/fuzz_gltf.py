@@ -1,9 +1,9 @@
 """Read damaged glTF files for a given time: ``python -m tests.fuzz_gltf SECONDS [SEED]``.
 
 Each file is a small valid one with changes of values in its JSON document, of the bytes of its
-buffer, or of the bytes of the file. Within 5 seconds, reading must return motions of finite numbers
-or raise a `FormatError` with the path. A copy of a file that is read, with new animations, must
-have the same clips. For other results the seed is printed; add such seeds to
+buffer, or of the bytes of the file. Within 5 seconds of processor time, reading must return motions
+of finite numbers or raise a `FormatError` with the path. A copy of a file that is read, with new
+animations, must have the same clips. For other results the seed is printed; add such seeds to
 `SEEDS`, which the tests run.
 """
 
@@ -97,7 +97,7 @@ def check(seed, folder):
     """Read a damaged file; return whether it was read."""
     path = Path(folder) / "damaged.glb"
     path.write_bytes(mutate(seed))
-    start = time.monotonic()
+    start = time.process_time()
     try:
         clips = mg.read(path)
         places = [clip.world_positions() for clip in clips]
@@ -108,7 +108,7 @@ def check(seed, folder):
         message = None
     except mg.FormatError as error:
         message = str(error)
-    assert time.monotonic() - start < 5.0, "too slow"
+    assert time.process_time() - start < 5.0, "too slow"
     assert message is None or message.startswith(f"{path}: "), message
     return message is None
 

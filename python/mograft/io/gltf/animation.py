@@ -26,7 +26,7 @@ _RATE_BOUNDS = (12.0, 500.0)
 _GRID_TOLERANCE = 1e-3
 """Deviation of key times from a uniform grid, as a fraction of its step, that counts as none."""
 
-_MAX_JOINT_FRAMES = 1 << 22
+_MAX_JOINT_FRAMES = 1 << 21
 """Frames times nodes of a motion, unless a track has as many keys. A file of few keys may claim a
 duration whose frames exceed any memory."""
 
