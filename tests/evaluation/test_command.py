@@ -86,7 +86,7 @@ def test_command_labels_of_page_are_evaluated(files, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
-        (["enrichment"], 2, "expected one library or at least one BVH file"),
+        (["enrichment"], 2, "expected one library or at least one motion file"),
         (["label", "quality", "FILE"], 2, "label cannot be combined with enrichment"),
         (["label", "FILE"], 2, "an .html file with label"),
         (["label", "FILE", "-o", "x.txt"], 2, "an .html file with label"),

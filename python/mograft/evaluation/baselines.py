@@ -357,36 +357,44 @@ def draw_donors(
     if method.uses_cost:
         return plan, plan.choose_donors(count, seed)
     rng = np.random.default_rng(seed)
-    return plan, [
-        {
-            group: _draw_sequence(method, pool, candidates, problem.config, rng)
-            for group, pool in problem.pools.items()
-        }
-        for _ in range(count)
-    ]
+    drawn = {
+        group: _draw_sequences(method, pool, candidates, problem.config, count, rng)
+        for group, pool in problem.pools.items()
+    }
+    return plan, [{group: own[index] for group, own in drawn.items()} for index in range(count)]
 
 
-def _draw_sequence(
+def _draw_sequences(
     method: Method,
     pool: SegmentPool,
     candidates: Sequence[IntArray],
     config: Config,
+    count: int,
     rng: np.random.Generator,
-) -> IntArray:
-    """Draw one donor for each position as `Config.choice` "random" does (paper, 4.4).
+) -> list[IntArray]:
+    """Draw donors for each position as `Config.choice` "random" does (paper, 4.4).
 
     Without `Method.has_seam_limit`, the draws are independent. If a position has more than 100
-    candidates, 100 of them are drawn first.
+    candidates, 100 of them are drawn first, for each sequence.
     """
     if not method.has_seam_limit:
-        return np.array([rng.choice(segments) for segments in candidates], np.int64)
-    limited = [
-        segments
-        if len(segments) <= _MAX_DRAWN
-        else np.sort(rng.choice(segments, _MAX_DRAWN, replace=False))
-        for segments in candidates
-    ]
-    return draw_uniform(*prune_dead_ends(pool, limited, config), config, rng)
+        return [
+            np.array([rng.choice(segments) for segments in candidates], np.int64)
+            for _ in range(count)
+        ]
+    if max(map(len, candidates), default=0) <= _MAX_DRAWN:
+        pruned = prune_dead_ends(pool, candidates, config)
+        return [draw_uniform(*pruned, config, rng) for _ in range(count)]
+    sequences = []
+    for _ in range(count):
+        limited = [
+            segments
+            if len(segments) <= _MAX_DRAWN
+            else np.sort(rng.choice(segments, _MAX_DRAWN, replace=False))
+            for segments in candidates
+        ]
+        sequences.append(draw_uniform(*prune_dead_ends(pool, limited, config), config, rng))
+    return sequences
 
 
 def grafted_group(library: Library, group: str | None = None) -> str:
