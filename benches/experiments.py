@@ -50,7 +50,7 @@ class Run:
         self._inputs = {}
         self._recordings = Recordings("", ())
         self.n_seconds = 0.0
-        self.versions = set()
+        self.versions = {}
 
     def recordings(self, name):
         """Return the recordings of a source; those of the last source stay in memory."""
@@ -85,7 +85,7 @@ class Run:
             )
         if stored is not None:
             self.n_seconds += stored.get("processor_seconds", math.nan)
-            self.versions.add(stored["code"])
+            self.versions.setdefault(experiment, set()).add(stored["code"])
         return stored
 
 
@@ -116,9 +116,14 @@ def collect(options):
     notes = []
     if math.isfinite(minutes):
         notes.append(f"All experiments took {minutes:.0f} minutes of processor time.")
-    if len(current.versions) > 1 or options.stored:
-        listed = ", ".join(sorted(current.versions))
-        notes.append(f"The results are of these versions of the code: {listed}.")
+    if len(set().union(*current.versions.values())) > 1 or options.stored:
+        listed = "; ".join(
+            f"{name} {', '.join(sorted(found))}" for name, found in current.versions.items()
+        )
+        notes.append(
+            "Checksums of the code that computed the results, each of the package and of the "
+            f"modules of the section: {listed}. `{FACTS}` are the numbers in the table of sources."
+        )
     if options.quick:
         notes.append("This is a quick run on a few seconds of each source: not a result.")
     if missing:

@@ -1,8 +1,8 @@
 """Matched comparison of the rules of donor selection by compatibility κ."""
 
 from benches.evidence.section import Section, Table, format_estimate, plain_reading, verdict
+from benches.evidence.sources import DEVELOPMENT, TEST
 from benches.evidence.sources import SOURCES as ALL_SOURCES
-from benches.evidence.sources import TEST
 from mograft.body.contacts import find_legs
 from mograft.evaluation import (
     Analogy,
@@ -67,13 +67,13 @@ def render(results):
             )
         score_rows.append(_score_row(name, result["found"]))
     conclusions = []
-    for sources, title in ((TEST, "Test sources"), (SOURCES, "All sources")):
+    for sources, title in ((TEST, "Test sources"), (DEVELOPMENT, "Development sources")):
         for rule in COMPARED:
-            kappas = [
-                _differences(result["found"]["differences"])[rule]["kappa"]
+            kappas = {
+                name: _differences(result["found"]["differences"])[rule]["kappa"]
                 for name, result in results.items()
                 if name in sources and rule in _differences(result["found"]["differences"])
-            ]
+            }
             if kappas:
                 reading = plain_reading("analogy", _MEANINGS[rule], kappas)
                 conclusions.append(f"{title}: {reading}")
@@ -83,16 +83,21 @@ def render(results):
         title="Does the cluster rule select more compatible parts than simpler rules?",
         question="A classifier learns which upper bodies were captured with which legs. Does it "
         "accept the donors of analogy more often than those of other rules for the same segments?",
-        data="All sources, each by itself, in five folds of clips or of blocks of 20 segments: one "
+        data="All sources but `actions and styles`, whose actions are those of `locomotion` and "
+        "`gestures`, each "
+        "by itself, in five folds of clips or of blocks of 20 segments: one "
         "fold has the bases, two are the library (features, threshold and clusters are computed "
         "from them, and all donors are in them), and two train the classifier.",
-        measure="κ of analogy minus κ of the other rule (0 for random parts, 1 for captured "
-        "parts), on the n segments for which both have a donor. Nearest neighbours are as many as "
+        measure="κ of analogy minus κ of the other rule (0 if parts are accepted as "
+        "often as random ones, 1 if as often as captured ones, and above 1 if more often), on the "
+        "n segments for which both have a donor in one split or more. Nearest neighbours are as "
+        "many as "
         "analogy has donors for the same segment. Intervals resample the clips or blocks that "
         "folds do not divide, and splits. Definition: `mograft.evaluation.compatibility`.",
         null="The upper bodies of all segments are shuffled before everything else. κ is then "
         "undefined, so the null is the difference of acceptance rates, in percentage points. Its "
-        f"interval holds 0 in {n_undecided} of {len(nulls)} comparisons.",
+        f"interval holds 0 in {n_undecided} of {len(nulls)} comparisons: the measure favours no "
+        "rule if there is nothing to find. This says nothing in favour of analogy.",
         tables=(
             Table(
                 (
@@ -107,8 +112,12 @@ def render(results):
             Table(
                 ("source", "segments", "AUC", "captured", *(m.name for m in METHODS)),
                 tuple(score_rows),
-                "Accepted parts in percent, and in the last brackets the share of the segments "
-                "with a donor. AUC: probability that the classifier scores a captured part above a "
+                "Accepted parts in percent. n is the number of segments that have a donor in one "
+                f"of the {N_SPLITS} splits or more; the last brackets have the share of segments "
+                "with a donor, mean over splits, which is smaller than n divided by all segments. "
+                "The column captured has all segments, the other columns those with a donor, so "
+                "that a rule can be above captured (stage). AUC: probability that the classifier "
+                "scores a captured part above a "
                 "random one.",
             ),
         ),
@@ -117,8 +126,12 @@ def render(results):
             "That people would judge in the same way: κ is not a share of natural motions.",
             "That analogy is worse or better in libraries with more clips: the library is two "
             "fifths of each source here.",
+        ),
+        notes=(
             "The classifier has features of its own, but similar legs have similar features in "
             "any description. The section on [retrieval](#retrieval) has no classifier.",
+            "The table of accepted parts compares different segments; only the first table "
+            "compares the same segments.",
         ),
     )
 

@@ -23,11 +23,20 @@ EXPERIMENTS: tuple[str, ...] = (
 HEADER = """# Evidence
 
 `python benches/experiments.py --write` writes this page; every figure on it comes from that script.
-Numbers in brackets are 95 % intervals, and n is the number that the text names. The intervals cover
-the choice of segments, donors and blocks of the recordings named in the row. They do not cover the
-choice of the recordings. "Better" and "worse" mean that the interval does not contain 0; by chance
-this happens in about one of twenty comparisons. The seed is 0, and all recordings are resampled to
-30 frames per second.
+Two numbers in brackets after a value are its 95 % interval, with three exceptions that the sections
+state: null columns and the last column in [retrieval](#retrieval) (range of 95 % of the shuffles),
+[counts](#counts) (range of 95 % of the draws), and the shares of segments in [matched](#matched).
+The measure of each section names what n counts. The intervals come from resampling: clips, or
+blocks of segments or frames, of the recordings named in the row, placements in
+[collisions](#collisions), and draws of training clips in [learning](#learning). They do not cover
+the choice of the recordings. "Better" and "worse" mean that the interval of the difference does not
+contain 0; without any difference this happens in about one of twenty comparisons. "Undecided" means
+that the interval contains 0 or does not exist. It does not show that two methods are equal.
+Constants were chosen on the development sources, so only the test sources are held out. The seed is
+0, and all recordings are resampled to 30 frames per second.
+
+Experiments 5.1, 5.2, 5.4 and 5.5 are those of the paper. Experiment 5.3, on naturalness, is
+missing, because no person has judged motions; [matched](#matched) has a classifier instead.
 """
 
 
@@ -73,9 +82,13 @@ def _sources_table(facts):
     return Table(
         ("source", "use", "recordings", "clips", "frames", "segments"),
         tuple(rows),
-        "No constant was chosen on test sources. The Bandai-Namco files do not name their "
-        "performers, so a performer of set 1 may be in both uses; set 2 has another bone table "
-        "than set 1.",
+        "No constant was chosen on the clips of test sources. The six clips of Bandai-Namco set 1 "
+        "on which constants were chosen (table below) have the normal style, which `everyday` "
+        "leaves out, so that no clip is in both uses. The files do not name their performers: a "
+        "performer of set 1 may be in both uses, and `everyday` is then not independent of the "
+        "constants. Set 2 has another bone table than set 1. The segments are those of the "
+        "default configuration; other configurations and the removal of faulty segments give "
+        "other numbers in the sections.",
     )
 
 
@@ -92,5 +105,6 @@ def _constants_table():
     return Table(
         ("constant", "value", "in the paper", "chosen on"),
         tuple(rows),
-        "The constants were not changed after the test sources were measured.",
+        "The constants were not changed after the test sources were measured. The "
+        "recordings of salsa, perfume and indian are in folders whose names begin with `dance_`.",
     )

@@ -160,6 +160,15 @@ def _source_table(results):
     return Table(("source", "n", *names), tuple(rows), "AUC, fine, of every source.")
 
 
+def _differences(results, other, key):
+    """Return the AUC of a treatment less that of the default, by source."""
+    found = {
+        name: subtract(own["auc"][other][key], own["auc"][DEFAULT][key])
+        for name, own in results.items()
+    }
+    return {name: own for name, own in found.items() if own["value"] is not None}
+
+
 def _conclusions(test):
     if not test:
         return ("No test source was measured.",)
@@ -179,11 +188,8 @@ def _conclusions(test):
             f"{nulls}."
         )
         for other in (NULLS[0], "offset", "paper"):
-            differences = [
-                subtract(own["auc"][other][key], own["auc"][DEFAULT][key]) for own in test.values()
-            ]
-            differences = [own for own in differences if own["value"] is not None]
-            title = "captured motion" if other == NULLS[0] else f"`{other}`"
+            differences = _differences(test, other, key)
+            title = f"`{other}`"
             reading = plain_reading(f"`{DEFAULT}`, the default,", title, differences)
             lines.append(f"AUC, {key}, lower is better: {reading}")
     return tuple(lines)

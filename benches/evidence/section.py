@@ -29,7 +29,8 @@ class Section:
 
     The heading is the anchor with spaces and a capital, so that links to the anchor find it.
     `null` is what the measure gives if there is no effect, and how that was obtained. Each
-    conclusion and each limit is one sentence or two.
+    conclusion, each limit and each note is one sentence or two. A limit begins with "That" and
+    states what does not follow; all other remarks on the tables are notes.
     """
 
     anchor: str
@@ -41,6 +42,7 @@ class Section:
     tables: tuple[Table, ...]
     conclusions: tuple[str, ...]
     limits: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
     def lines(self):
         described = {
@@ -56,6 +58,8 @@ class Section:
             lines += table.lines()
         lines += ["**What we conclude.**", "", *(f"- {text}" for text in self.conclusions), ""]
         lines += ["**What we do not conclude.**", "", *(f"- {text}" for text in self.limits), ""]
+        if self.notes:
+            lines += ["**Notes on the tables.**", "", *(f"- {text}" for text in self.notes), ""]
         return lines
 
 
@@ -96,13 +100,21 @@ def count_verdicts(estimates):
 
 
 def plain_reading(first, second, estimates):
-    """Return a sentence on the differences of `first` less `second` in several sources."""
-    found = [verdict(estimate) for estimate in estimates]
-    n, above, below = len(found), found.count("above"), found.count("below")
-    if above and not below:
-        return f"{first} is better than {second} in {above} of {n} sources, and worse in none."
-    if below and not above:
-        return f"{first} is worse than {second} in {below} of {n} sources, and better in none."
-    if not above:
-        return f"No advantage of {first} over {second} is shown in any of {n} sources."
-    return f"{first} is better than {second} in {above} of {n} sources, and worse in {below}."
+    """Return a sentence on the differences of `first` less `second`, by name of the source."""
+    found = {name: verdict(own) for name, own in estimates.items()}
+    worse = [name for name, own in found.items() if own == "below"]
+    n_better = sum(own == "above" for own in found.values())
+    return (
+        f"{first} is better than {second} in {n_better} of {len(found)} sources, worse in "
+        f"{_count(worse)}, and undecided in {len(found) - n_better - len(worse)}."
+    )
+
+
+def _count(names):
+    return f"{len(names)} ({', '.join(names)})" if names else "0"
+
+
+def join_words(words):
+    """Return "a, b and c"."""
+    *others, last = words
+    return f"{', '.join(others)} and {last}" if others else last

@@ -129,12 +129,14 @@ def test_quick_run_writes_every_section(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("lows", "expected"),
     [
-        ((0.1, 0.2, -0.1), "a is better than b in 2 of 3 sources, and worse in none."),
-        ((-0.5, -0.4, -0.1), "a is worse than b in 2 of 3 sources, and better in none."),
-        ((0.1, -0.5), "a is better than b in 1 of 2 sources, and worse in 1."),
-        ((-0.1, -0.1), "No advantage of a over b is shown in any of 2 sources."),
+        ((0.1, 0.2, -0.1), "2 of 3 sources, worse in 0, and undecided in 1."),
+        ((-0.5, -0.4, -0.1), "0 of 3 sources, worse in 2 (s0, s1), and undecided in 1."),
+        ((0.1, -0.5), "1 of 2 sources, worse in 1 (s1), and undecided in 0."),
+        ((-0.1, -0.1), "0 of 2 sources, worse in 0, and undecided in 2."),
     ],
 )
 def test_plain_reading_counts_intervals_beside_zero(lows, expected):
-    estimates = [{"value": 0.0, "interval": [low, low + 0.2], "n": 9} for low in lows]
-    assert section.plain_reading("a", "b", estimates) == expected
+    estimates = {
+        f"s{i}": {"value": 0.0, "interval": [low, low + 0.2], "n": 9} for i, low in enumerate(lows)
+    }
+    assert section.plain_reading("a", "b", estimates) == f"a is better than b in {expected}"
