@@ -85,7 +85,7 @@ class Analogy(Method):
 
 @dataclass(frozen=True)
 class ByCost(Analogy):
-    """Method with the candidates of `Analogy`, of which `Config.choice` selects donors by cost."""
+    """Method whose donors `Config.choice` selects by cost from the candidates of `Analogy`."""
 
     name: str = "analogy, by cost"
     uses_cost: bool = True

@@ -76,7 +76,7 @@ def read_clip(
         return clips[found[0]]
     names = clips.names if pattern is None else [clips.names[index] for index in found]
     if not names:
-        raise FormatError("expected a motion, got none", path)
+        raise FormatError("expected at least one motion, got none", path)
     raise FormatError(
         f"expected the name of one clip, as in {clips.address(found[0])}, got {len(names)} clips: "
         f"{join_names(names)}",
@@ -95,7 +95,7 @@ def find_addresses(address: str, *, skeleton: Skeleton | None = None) -> list[st
     clips = open_clips(path, skeleton=skeleton)
     found = range(len(clips)) if pattern is None else clips.find(pattern)
     if not found:
-        raise FormatError("expected a motion, got none", path)
+        raise FormatError("expected at least one motion, got none", path)
     lengths = clips.lengths
     if len(found) > 1 and lengths is not None:
         found = [index for index in found if lengths[index].n_frames > 1] or found

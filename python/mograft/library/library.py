@@ -28,7 +28,8 @@ Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
 class Library(DerivableLibrary):
     """Clips of one skeleton, cut into segments that are compared and clustered by joint group.
 
-    Use `Library.build` in memory, `Library.index` in a folder, and `Library.open` to open it.
+    `Library.build` builds a library in memory, `Library.index` builds one in a folder, and
+    `Library.open` opens the folder.
 
     Attributes
     ----------
@@ -66,11 +67,11 @@ class Library(DerivableLibrary):
 
     Notes
     -----
-    For a library in a folder, `pickle` stores the path and the checksum instead of the arrays, and
-    the calls of `relabelled` and `with_clip` by which the library was derived. Unpickling opens the
-    folder and repeats the calls. It raises FileNotFoundError if the folder is missing, and
-    LibraryError if the library in the folder has changed. A library in memory is pickled with all
-    arrays.
+    For a library in a folder, `pickle` stores no arrays of the folder. It stores the path, the
+    checksum, and the calls of `relabelled` and `with_clip` by which the library was derived.
+    Unpickling opens the folder and repeats the calls. It raises FileNotFoundError if the folder is
+    missing, and LibraryError if the library in the folder has changed. A library in memory is
+    pickled with all arrays.
     """
 
     @classmethod

@@ -52,7 +52,7 @@ def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
 def _checked_constraints(constraints: Sequence[Constraint], base: Motion) -> list[Constraint]:
     """Check constraints on a base motion, and return them.
 
-    `AvoidSelf` without a captured depth gets the depth in the base motion.
+    If `AvoidSelf.captured` is 0, it is set to the largest depth of self-collision in `base`.
     """
     poses = Poses.from_motion(base)
     check_constraints(constraints, poses)
@@ -117,9 +117,9 @@ class SearchProblem:
     ) -> "SearchProblem":
         """Find the candidates that satisfy limits on cluster and length, and donor constraints.
 
-        `AvoidSelf` without a captured depth gets the depth in the base motion. An item that is not
-        a constraint raises TypeError; a constraint with an unknown joint, clip or frame raises
-        ValueError.
+        If `AvoidSelf.captured` is 0, it is set to the largest depth of self-collision in the base
+        motion. An item that is not a constraint raises TypeError; a constraint with an unknown
+        joint, clip or frame raises ValueError.
         """
         if constraints or isinstance(constraints, Constraint):
             constraints = _checked_constraints(constraints, base)

@@ -18,7 +18,10 @@ from mograft.synthesis.placed_donors import (
 
 @dataclass(frozen=True, eq=False)
 class SmoothedDonor:
-    """One donor of a base segment after gradient smoothing, with the arrays of `PlacedDonors`."""
+    """One donor in the frames of a base segment, after the seam treatment "gradient".
+
+    The attributes have the meanings and shapes of those of `PlacedDonors` for one donor.
+    """
 
     frames: FloatArray  # rotations, shape (1, n_frames, n_joints, 4)
     end_velocity: FloatArray  # in radians per second, shape (1, n_joints, 3)

@@ -179,7 +179,8 @@ class _Panel:
     def _floor_lines(self, focus: FloatArray) -> FloatArray:
         """Return the ends of the lines of a floor grid, shape (n_frames, n_lines, 2, 2).
 
-        The grid covers the floor near the points `focus`, shape (n_frames, 2), given as (x, z).
+        The ends are projected, as (x, y) in pixels. The grid covers the floor near the points
+        `focus`, shape (n_frames, 2), given as (x, z).
         """
         spacing, extent = _FLOOR_SPACING, _FLOOR_EXTENT
         offsets = np.arange(-extent, extent + 1e-6, spacing)
