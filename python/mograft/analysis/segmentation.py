@@ -199,6 +199,7 @@ def segment(motion: Motion, config: Config | None = None) -> Segments:
     True
     """
     config = Config() if config is None else config
+    check_type("motion", motion, Motion)
     first, last = _FRAME_TIMES
     if not first <= motion.frame_time <= last:
         raise ValueError(

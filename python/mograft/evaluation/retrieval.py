@@ -82,7 +82,7 @@ class Retrieval(Record):
     group : str
         Grafted group.
     segments : int
-        Number of held-out segments for which "analogy" has a donor: those that are measured.
+        Number of held-out segments for which "analogy" has a donor; only these are measured.
     held_out : int
         Number of held-out segments with an allowed donor.
     groups : int

@@ -73,7 +73,7 @@ def rebase(
     return Motion(
         remember(rest, key, lambda: _skeleton(rest, is_translated)),
         frame_time,
-        rotations.continuous_signs(_normalised(local)),
+        rotations.continuous_signs(_normalise(local)),
         positions,
         name=name,
         path=path,
@@ -116,7 +116,7 @@ def to_local(
     return local, positions
 
 
-def _normalised(quats: FloatArray) -> FloatArray:
+def _normalise(quats: FloatArray) -> FloatArray:
     """Return quaternions divided by their norms."""
     norms = np.sqrt(np.einsum("...i,...i->...", quats, quats))
     unit: FloatArray = quats / norms[..., None]

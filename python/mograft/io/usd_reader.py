@@ -229,7 +229,7 @@ def _sample(stage: Any, prim: Any, figure: _Figure, rate: float | None) -> Motio
                 )
             getattr(local, name)[frame, nodes] = array[rows]
     _move_figure(figure, local, codes)
-    turned, positions = to_world(figure.parents, _normalised(figure, local, place))
+    turned, positions = to_world(figure.parents, _normalise(figure, local, place))
     first = figure.first
     return rebase(figure.rest_pose(), turned[:, first:], positions[:, first:], frame_time)
 
@@ -277,7 +277,7 @@ def _move_figure(figure: _Figure, local: Transforms, codes: FloatArray) -> None:
             getattr(local, name)[frame, 0] = getattr(world, name)[0, 0]
 
 
-def _normalised(figure: _Figure, local: Transforms, place: str) -> Transforms:
+def _normalise(figure: _Figure, local: Transforms, place: str) -> Transforms:
     """Return transforms with rotations of unit norm."""
     norms = np.linalg.norm(local.rotations, axis=-1, keepdims=True)
     if (norms < 1e-6).any():

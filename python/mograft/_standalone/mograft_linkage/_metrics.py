@@ -97,6 +97,6 @@ def _centre(rows: FloatArray) -> None:
 
 
 def _scale(rows: FloatArray, largest: FloatArray) -> None:
-    """Scale each row by a power of two, in place, so that its largest magnitude is about 1."""
+    """Scale each row by a power of two, in place, to a largest magnitude of about 1."""
     exponents = np.frexp(np.where(np.isfinite(largest), largest, 1.0))[1]
     np.ldexp(rows, -exponents[:, None], out=rows)

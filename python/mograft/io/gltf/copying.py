@@ -34,7 +34,7 @@ def copy_content(container: Container) -> tuple[dict[str, Any], GltfBuffer]:
     places, buffers = _merge_buffers(container, buffer)
     is_moved = any(place != _Place(index, 0) for index, place in enumerate(places))
     views = container.items("bufferViews")
-    buffer.views += [_moved_view(container, view, places) for view in views] if is_moved else views
+    buffer.views += [_move_view(container, view, places) for view in views] if is_moved else views
     document = {**container.document, "buffers": buffers}
     images = document.get("images")
     if isinstance(images, list):
@@ -62,13 +62,13 @@ def _merge_buffers(
     return places, left
 
 
-def _moved_view(container: Container, view: Json, places: list[_Place]) -> Json:
+def _move_view(container: Container, view: Json, places: list[_Place]) -> Json:
     """Return a buffer view that refers to the buffers of the copy."""
-    view = _moved(container, view, places)
+    view = _move(container, view, places)
     extensions = view.get("extensions")
     if isinstance(extensions, dict):
         moved = {
-            name: _moved(container, value, places)
+            name: _move(container, value, places)
             if name in COMPRESSION and type(value) is dict
             else value
             for name, value in extensions.items()
@@ -77,7 +77,7 @@ def _moved_view(container: Container, view: Json, places: list[_Place]) -> Json:
     return view
 
 
-def _moved(container: Container, reference: Json, places: list[_Place]) -> Json:
+def _move(container: Container, reference: Json, places: list[_Place]) -> Json:
     """Return an object whose ``buffer`` and ``byteOffset`` are those of the copy."""
     index = container.integer(reference.get("buffer"), "bufferViews.buffer")
     container.item("buffers", index, "bufferViews.buffer")

@@ -6,7 +6,7 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft.io.gltf.document import GltfFile, local_parents
-from mograft.io.gltf.nodes import SCALE_TOLERANCE, Transforms, unmirrored
+from mograft.io.gltf.nodes import SCALE_TOLERANCE, Transforms, remove_mirroring
 from mograft.io.rest_pose import POSITION_TOLERANCE, restore
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -30,7 +30,7 @@ def local_tracks(file: GltfFile, motion: Motion, nodes: Transforms) -> LocalTrac
     world_turns, world_places = restore(file.rest, motion)
     parents = local_parents(file.tree, file.moved_nodes).tolist()
     n_above, n_frames = len(file.above), motion.n_frames
-    half_turns, _ = unmirrored(
+    half_turns, _ = remove_mirroring(
         np.broadcast_to(rotations.IDENTITY, nodes.rotations.shape), nodes.scales
     )
     local = LocalTracks(np.empty(world_turns.shape), np.empty(world_places.shape))

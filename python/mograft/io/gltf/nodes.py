@@ -154,7 +154,7 @@ def to_world(parents: IntArray, local: Transforms) -> tuple[FloatArray, FloatArr
     children. World rotations are products of the local ones. If axes of a node are mirrored, the
     rotation is that of the mirrored axes, with all three reversed if an odd number is.
     """
-    turns, scales = unmirrored(local.rotations, local.scales)
+    turns, scales = remove_mirroring(local.rotations, local.scales)
     first = scales[..., 0]
     spread = np.maximum(np.abs(scales[..., 1] - first), np.abs(scales[..., 2] - first))
     if (spread <= SCALE_TOLERANCE * np.abs(first)).all():
@@ -167,7 +167,7 @@ def to_world(parents: IntArray, local: Transforms) -> tuple[FloatArray, FloatArr
     return world_turns, _matrix_positions(parents, turns, scales, local.translations)
 
 
-def unmirrored(turns: FloatArray, scales: FloatArray) -> tuple[FloatArray, FloatArray]:
+def remove_mirroring(turns: FloatArray, scales: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Move signs of scales to the rotations, so that the three signs of a node are equal.
 
     An even number of negative signs is a half turn. With an odd number, it is one after all three

@@ -106,7 +106,7 @@ def rest_skeleton(model: BodyModel, given: Skeleton | None) -> tuple[Skeleton, s
             f"got {join_names(given.names, 6)}"
         )
     ratios = _length_ratios(standard, given, scale)
-    return _scaled(standard, ratios), (
+    return _scale(standard, ratios), (
         "offsets: bone lengths of the given skeleton in the T-pose of the stand-in"
     )
 
@@ -174,7 +174,7 @@ def _bone_lengths(skeleton: Skeleton) -> dict[tuple[str, str], float]:
     return lengths
 
 
-def _scaled(standard: Skeleton, ratios: dict[tuple[str, str], float]) -> Skeleton:
+def _scale(standard: Skeleton, ratios: dict[tuple[str, str], float]) -> Skeleton:
     """Return the stand-in with bones scaled by body part; parts without a ratio get the mean."""
     known = anatomy(standard)
     mean = float(np.mean(list(ratios.values())))

@@ -67,7 +67,7 @@ def stand_in(model: BodyModel) -> Skeleton:
         for name, parent in zip(model.joints, parents.tolist(), strict=True)
     ]
     sites = tuple(
-        EndSite(joint, STATURE * _mirrored(_ENDS, name))
+        EndSite(joint, STATURE * _mirror(_ENDS, name))
         for joint, name in enumerate(model.joints)
         if name.replace("right", "left") in _ENDS
     )
@@ -84,13 +84,13 @@ def _position(name: str) -> FloatArray:
     """Return the position of a joint in statures."""
     left = name.replace("right", "left")
     if left in _POSITIONS:
-        return _mirrored(_POSITIONS, name)
+        return _mirror(_POSITIONS, name)
     finger, joint = left.removeprefix("left_")[:-1], int(left[-1])
     reach = _WRIST + _FINGER_SHARES[finger][joint - 1] * _HAND
-    return _mirrored({left: (reach, _SHOULDER, _FINGER_SIDES[finger])}, name)
+    return _mirror({left: (reach, _SHOULDER, _FINGER_SIDES[finger])}, name)
 
 
-def _mirrored(vectors: dict[str, tuple[float, float, float]], name: str) -> FloatArray:
+def _mirror(vectors: dict[str, tuple[float, float, float]], name: str) -> FloatArray:
     """Return the vector of a joint; those on the right are mirror images of those on the left."""
     vector = np.array(vectors[name.replace("right", "left")])
     return vector * [-1.0, 1.0, 1.0] if name.startswith("right") else vector
