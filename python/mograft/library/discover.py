@@ -2,10 +2,12 @@
 
 import contextlib
 import csv
+import errno
 import glob
 import hashlib
 import json
 import os
+import stat
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -42,8 +44,13 @@ class SourceFile(NamedTuple):
 
     @classmethod
     def from_path(cls, path: str, clip: str | None = None) -> "SourceFile":
-        """Return the present state of a file, from which a clip is read."""
+        """Return the present state of a file, from which a clip is read.
+
+        Raise OSError if it is not a regular file: reading a pipe or a device might never end.
+        """
         status = os.stat(path)
+        if not stat.S_ISREG(status.st_mode):
+            raise OSError(errno.EINVAL, "is not a regular file", path)
         state = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
         sha256, form = _hash_and_format(path, state)
         return cls(path, status.st_size, status.st_mtime_ns, sha256, form, clip)

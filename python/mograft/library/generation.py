@@ -21,13 +21,12 @@ from mograft.library.array_files import ArrayWriter
 from mograft.library.clip_table import ClipLocation, ClipTable, skeleton_to_json, write_clip_table
 from mograft.library.data import LibraryData
 from mograft.library.ingest import IngestedClip
+from mograft.library.integrity import DATABASE, MANIFEST
 from mograft.library.packing import PackedMotion
 from mograft.library.storage import (
-    DATABASE,
     FORMAT,
     FORMAT_VERSION,
     LOCK,
-    MANIFEST,
     StoredLibrary,
     hash_files,
     manifest_checksum,
@@ -324,13 +323,15 @@ def _check_is_library(folder: Path) -> None:
 
 def _has_library_manifest(folder: Path) -> bool:
     """Return whether the folder has the manifest of a library, even a truncated one."""
+    if not (folder / MANIFEST).is_file():
+        return False
     try:
         text = (folder / MANIFEST).read_text(encoding="utf-8", errors="replace")
     except OSError:
         return False
     try:
         document = json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         return re.match(rf'\s*{{\s*"format":\s*"{re.escape(FORMAT)}"', text) is not None
     return isinstance(document, dict) and document.get("format") == FORMAT
 
@@ -388,9 +389,12 @@ def _remove_partial_libraries(final: Path) -> None:
 @contextlib.contextmanager
 def _lock(folder: Path) -> Iterator[None]:
     """Hold the exclusive lock of writers of a library; raise LibraryError if it is taken."""
+    path = folder / LOCK
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        raise LibraryError(f"{path} is not a regular file; remove it")
     with contextlib.ExitStack() as stack:
         try:
-            stack.enter_context(exclusive_lock(folder / LOCK))
+            stack.enter_context(exclusive_lock(path))
         except BlockingIOError as error:
             message = f"another process is writing to {folder}; try again later"
             raise LibraryError(message) from error

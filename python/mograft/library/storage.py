@@ -5,10 +5,10 @@ library when the manifest that names it replaces the previous manifest. Readers 
 writers hold an exclusive one (`mograft.library.generation`).
 """
 
+import contextlib
 import hashlib
 import json
 import os
-import sqlite3
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -23,10 +23,20 @@ from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft.errors import LibraryError
 from mograft.library.array_files import map_array
 from mograft.library.clip_table import ClipTable, read_clip_table
+from mograft.library.integrity import (
+    DATABASE,
+    MANIFEST,
+    check_contents,
+    check_folders,
+    check_manifest,
+    damage,
+    damage_raises_library_error,
+    regular_file_size,
+)
 from mograft.library.stored_clips import RowRange, StoredSamples, merge_ranges
 
 FORMAT, FORMAT_VERSION = "mograft.library", 1
-MANIFEST, DATABASE, LOCK = "manifest.json", "catalog.sqlite", ".lock"
+LOCK = ".lock"
 
 _MAX_READ_ATTEMPTS = 8
 """How often reading starts again because another process replaced the generation."""
@@ -73,7 +83,7 @@ def read(folder: Path) -> StoredLibrary:
         except FileNotFoundError as error:
             # Another process may have replaced the generation since the manifest was read.
             if read_manifest(folder) == manifest:
-                raise _damage(folder, f"{Path(error.filename).name} is missing") from error
+                raise damage(folder, f"{Path(error.filename).name} is missing") from error
     raise LibraryError(f"{folder} was rewritten {_MAX_READ_ATTEMPTS} times while it was read")
 
 
@@ -82,6 +92,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     if not folder.exists():
         raise FileNotFoundError(2, "no such library", str(folder))
     try:
+        regular_file_size(folder, MANIFEST)
         document = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
     except NotADirectoryError as error:
         raise LibraryError(f"{folder} is not a mograft library: it is a file") from error
@@ -90,50 +101,42 @@ def read_manifest(folder: Path) -> dict[str, Any]:
             f"{folder} is not a mograft library: it has no {MANIFEST}; "
             f"create one with: mograft index CLIPS -o {folder}"
         ) from error
-    except ValueError as error:
-        raise _damage(folder, f"{MANIFEST} is not valid JSON: {error}") from error
+    except (ValueError, RecursionError) as error:
+        raise damage(folder, f"{MANIFEST} is not valid JSON: {error}") from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise LibraryError(f"{folder} is not a mograft library: its {MANIFEST} has another format")
     version = document.get("version")
-    if not isinstance(version, int):
-        raise _damage(folder, f"{MANIFEST} has no version")
+    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
+        raise damage(folder, f"{MANIFEST} has no version")
     if version > FORMAT_VERSION:
         raise LibraryError(
             f"{folder} has format version {version}, written by mograft "
             f"{document.get('mograft')}; this is mograft {VERSION}, which reads versions up to "
             f"{FORMAT_VERSION}: upgrade mograft"
         )
-    if document.get("checksum") != manifest_checksum(document):
-        raise _damage(folder, f"{MANIFEST} does not match its checksum")
+    with damage_raises_library_error(folder, MANIFEST):
+        if document.get("checksum") != manifest_checksum(document):
+            raise damage(folder, f"{MANIFEST} does not match its checksum")
+    check_manifest(folder, document)
     return document
 
 
 def _read_generation(folder: Path, manifest: dict[str, Any]) -> StoredLibrary:
     arrays = {}
     prefix = manifest["generation"] + "/"
+    check_folders(folder, list(manifest["files"]))
     for name, expected in manifest["files"].items():
-        path = folder / name
-        size = path.stat().st_size
+        size = regular_file_size(folder, name)
         if size != expected["bytes"]:
-            raise _damage(folder, f"{name} has {size} bytes, expected {expected['bytes']}")
+            raise damage(folder, f"{name} has {size} bytes, expected {expected['bytes']}")
         key = name.removeprefix(prefix).removesuffix(".npy")
         if name.endswith(".npy") and not key.startswith("samples-"):
-            try:
-                arrays[key] = map_array(path)
-            except ValueError as error:
-                raise _damage(folder, f"{name}: {error}") from error
-    try:
+            with damage_raises_library_error(folder, name):
+                arrays[key] = map_array(folder / name)
+    with damage_raises_library_error(folder, DATABASE):
         table = read_clip_table(folder / prefix / DATABASE)
-    except (sqlite3.Error, KeyError, TypeError, ValueError) as error:
-        raise _damage(folder, f"{DATABASE}: {error}") from error
+        check_contents(folder, manifest, table, arrays)
     return StoredLibrary(folder, manifest, table, arrays)
-
-
-def _damage(folder: Path, reason: str) -> LibraryError:
-    return LibraryError(
-        f"{folder} is damaged: {reason}. Restore a copy, or build it again: "
-        f"mograft index CLIPS -o {folder} --force"
-    )
 
 
 def verify(folder: Path) -> list[str]:
@@ -143,8 +146,12 @@ def verify(folder: Path) -> list[str]:
     the message of that error. Raise LibraryError if the manifest cannot be read.
     """
     manifest = read_manifest(folder)
-    problems = []
-    files = [name for name in manifest["files"] if (folder / name).is_file()]
+    problems, files = [], []
+    check_folders(folder, list(manifest["files"]))
+    for name in manifest["files"]:
+        with contextlib.suppress(FileNotFoundError):
+            regular_file_size(folder, name)
+            files.append(name)
     hashes = hash_files(folder, files)
     for name, expected in manifest["files"].items():
         if name not in hashes:

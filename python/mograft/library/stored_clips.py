@@ -12,6 +12,7 @@ from mograft._util.arrays import FloatArray, IntArray, Packed
 from mograft.analysis.embedding import CHUNK, Samples
 from mograft.library.array_files import RowFile
 from mograft.library.clip_table import ClipTable
+from mograft.library.integrity import damage_raises_library_error
 from mograft.library.packing import PackedMotion, unpack
 from mograft.library.spec import LibrarySpec, rates_match
 from mograft.motion.motion import Motion
@@ -47,9 +48,11 @@ class StoredClips(Sequence[Motion]):
         clip = range(len(self))[index]
         motion = self._cache.get(clip)
         if motion is None:
-            motion = self._spec.fit(self.original(clip), self.table.entries[clip].name)
-            if not rates_match(motion.rate, self._spec.rate):
-                motion = motion.resample(self._spec.rate)
+            motion = self.original(clip)
+            with damage_raises_library_error(self.folder, f"clip {clip}"):
+                motion = self._spec.fit(motion, self.table.entries[clip].name)
+                if not rates_match(motion.rate, self._spec.rate):
+                    motion = motion.resample(self._spec.rate)
             self._cache[clip] = motion
             if len(self._cache) > _MAX_CACHED_CLIPS:
                 self._cache.popitem(last=False)
@@ -64,19 +67,19 @@ class StoredClips(Sequence[Motion]):
         start, frame_time = location.first_number, location.frame_time
         if info.rate_override is not None and not as_read:
             frame_time = 1.0 / info.rate_override
-        return unpack(
-            PackedMotion(
-                content=location.content,
-                numbers=self._frames[location.shard][start : start + location.n_numbers],
-                skeleton=self.table.skeletons[location.skeleton],
-                frame_time=frame_time,
-                n_frames=info.source_frames,
-                name=info.source_name if as_read else info.name,
-                path=None if info.source_file is None else info.source_file.path,
-                clip=None if info.source_file is None else info.source_file.clip,
-                repairs=location.repairs,
-            )
+        packed = PackedMotion(
+            content=location.content,
+            numbers=self._frames[location.shard][start : start + location.n_numbers],
+            skeleton=self.table.skeletons[location.skeleton],
+            frame_time=frame_time,
+            n_frames=info.source_frames,
+            name=info.source_name if as_read else info.name,
+            path=None if info.source_file is None else info.source_file.path,
+            clip=None if info.source_file is None else info.source_file.clip,
+            repairs=location.repairs,
         )
+        with damage_raises_library_error(self.folder, f"clip {index}"):
+            return unpack(packed)
 
 
 class ExtendedClips(Sequence[Motion]):
