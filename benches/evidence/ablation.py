@@ -8,7 +8,7 @@ import numpy as np
 import mograft as mg
 from benches.evidence import bases
 from benches.evidence.bases import MAX_BASES, MIN_GRAFTS, N_GRAFTS, choose_bases
-from benches.evidence.section import Section, Table, format_estimate
+from benches.evidence.section import Section, Table, count_names, format_estimate
 from mograft.evaluation import Analogy, RandomLength, compatibility, estimate
 from mograft.evaluation.two_sample import block_folds, detect, empty_detection
 from mograft.evaluation.windows import GraftWindows
@@ -148,37 +148,52 @@ def render(results):
         f"and at least {MIN_GRAFTS} in all. Each "
         "row has the changes of all rows above it. The row `paper` is `Config.paper()`, the last "
         "row `Config()`.",
-        measure="Share of exchanged segments; mean gap at seams before their treatment; κ of the "
+        measure="Share of exchanged segments; mean gap at "
+        "seams before their treatment; κ of the "
         "donors with captured and random parts of the same segments "
         "([matched comparison](#matched)); area under the ROC curve of classifiers at seams (0.5 "
-        "is chance); median jerk of the head in the world, divided by that of base and donors. "
-        "n is the number of parts, seams, segments, windows and grafts.",
-        null="Detectability of captured motion is 0.5. A graft that equals its base has no seam, "
-        "so rows with few exchanges have few windows, or none (-). The head jerk of a recording "
-        "is 1.",
+        "is chance); median jerk of the head in the world, divided by that of base and donors. n "
+        "is the number "
+        "of parts, seams, segments, windows and grafts. Intervals resample blocks of ten segments "
+        "(exchanged), of 2.5 s (gap) or of five seconds (detectability), clips or blocks (κ), and "
+        "grafts (head jerk).",
+        null="Detectability of captured motion is 0.5. The number of windows falls for two "
+        "reasons: a graft that equals its base has no seam, and a window counts only if the blocks "
+        "of its base and of its donors are in the same fold, which is rarer where most parts are "
+        "exchanged (locomotion, slow walks). With too few windows there is no value (-), or no "
+        "interval. The head jerk of a recording is 1.",
         tables=(Table(("source", "step", *(c[0] for c in _COLUMNS.values())), tuple(rows)),),
         conclusions=_conclusions(results),
         limits=(
-            "The order of the steps is one of many; another order distributes the changes "
-            "differently.",
-            "Differences between rows are not paired; overlapping intervals do not decide.",
-            "κ of rows with few segments, or with a classifier near chance, has wide intervals or "
-            "none, and decides nothing.",
+            "That a step has the effect of its row in general: the order of the steps is one of "
+            "many, and another order distributes the changes differently.",
+            "That two rows differ, or do not differ, where their intervals overlap: intervals of "
+            "differences between rows were not computed.",
+            "That κ of rows with few segments, or with a classifier near chance, shows anything: "
+            "its intervals are wide or missing.",
+            "That `gradient` is worse or better than other treatments in the default "
+            "configuration: its row is before that of the lean of the trunk. "
+            "[Seams](#seams) compares the treatments with the donors and the lean of the defaults, "
+            "without self-repair.",
         ),
+        notes=("The sources are both development and test sources; see the first table.",),
     )
 
 
 def _conclusions(results):
     lines = []
     for key, (title, digits, scale) in _COLUMNS.items():
-        cells = []
+        cells, n_larger = [], 0
         for name, steps in results.items():
-            first, last = (steps[step][key]["value"] for step in (*STEPS,)[:: len(STEPS) - 1])
-            if first is not None and last is not None:
-                cells.append(f"{name} {scale * first:.{digits}f} to {scale * last:.{digits}f}")
+            first, last = (steps[step][key] for step in (*STEPS,)[:: len(STEPS) - 1])
+            if first["value"] is not None and last["value"] is not None:
+                ends = [format_estimate(own, digits, scale) for own in (first, last)]
+                cells.append(f"{name} {ends[0]} → {ends[1]}")
+                n_larger += last["value"] > first["value"]
         if cells:
             lines.append(
-                f"From the paper's parameters to the defaults, {title}: {', '.join(cells)}."
+                f"From the paper's parameters to the defaults, {title}: {'; '.join(cells)}. The "
+                f"value is larger with the defaults in {n_larger} of {len(cells)} sources."
             )
     for key, sign, title in (
         ("exchanged", 1, "raises the exchanged share"),
@@ -187,7 +202,30 @@ def _conclusions(results):
     ):
         steps = [f"{name}: {_largest_step(own, key, sign)}" for name, own in results.items()]
         lines.append(f"The step that {title} most: {'; '.join(steps)}.")
+    lines += _gradient_conclusion(results)
     return tuple(lines)
+
+
+def _gradient_conclusion(results):
+    """Return what the step to the seam treatment `gradient` changes, by its values."""
+    titles = list(STEPS)
+    step = titles.index("seam treatment gradient")
+    cells = []
+    for key in ("head", "gross", "fine"):
+        changes = {
+            name: last - first
+            for name, steps in results.items()
+            for first, last in [[steps[titles[i]][key]["value"] for i in (step - 1, step)]]
+            if None not in (first, last)
+        }
+        higher = [name for name, own in changes.items() if own > 0]
+        lower = [name for name, own in changes.items() if own < 0]
+        cells.append(
+            f"{_COLUMNS[key][0]} rises in {count_names(higher)} and falls in {count_names(lower)} "
+            f"of {len(changes)} sources"
+        )
+    if results:
+        yield f"At the step to the seam treatment `gradient`, {'; '.join(cells)}."
 
 
 def _largest_step(steps, key, sign):

@@ -3,6 +3,7 @@
 from benches.evidence import bases
 from benches.evidence.bases import MAX_BASES, N_GRAFTS
 from benches.evidence.section import Section, Table, count_verdicts, format_estimate
+from benches.evidence.sources import DEVELOPMENT, TEST
 from mograft.evaluation import Analogy, ContactPattern, RandomLength, evaluate
 from mograft.evaluation.balance import PAPER_TABLE
 
@@ -44,20 +45,6 @@ def render(results):
     paper = tuple(
         (method, f"{100 * hits / n:.2f} %", str(n)) for method, (hits, n) in PAPER_TABLE.items()
     )
-    conclusions = []
-    for kind in ("static", "dynamic"):
-        for method in METHODS:
-            differences = [
-                row["difference"]
-                for found in results.values()
-                for row in found
-                if row["kind"] == kind and row["method"] == method.name
-            ]
-            if differences:
-                conclusions.append(
-                    f"Change of the {kind} rate by exchanges, {method.name}: "
-                    f"{count_verdicts(differences)}."
-                )
     return Section(
         anchor=NAME,
         title="Experiment 5.5: do exchanges cost balance?",
@@ -83,13 +70,34 @@ def render(results):
             Table(("donors in the paper", "unbalanced", "n"), paper),
         ),
         conclusions=(
-            *conclusions,
+            *_conclusions(results),
             "In the paper 17.95 % and 17.09 % of 478 segments differ by 0.86 points; the standard "
-            "error of each is 1.8 points. This difference is not significant.",
+            "error of each is 1.8 points. Taken as independent, their difference is "
+            "not significant; a paired difference cannot be computed from the table.",
         ),
         limits=(
             "That balanced grafts look natural: a walk is statically unbalanced.",
-            "The rates of grafts as such: they depend more on the recording than on the method, "
-            "and the dynamic rate of recordings is far above 0 in some rows.",
+            "That the rate of grafts by itself shows the effect of a method: the rates of the "
+            "recordings differ more between rows than the changes do, and their dynamic rate is "
+            "far "
+            "above 0 in some rows.",
+            "That an undecided change is 0: some intervals are several points wide.",
         ),
     )
+
+
+def _conclusions(results):
+    for names, title in ((TEST, "Test sources"), (DEVELOPMENT, "Development sources")):
+        for kind in ("static", "dynamic"):
+            for method in METHODS:
+                differences = [
+                    row["difference"]
+                    for name, found in results.items()
+                    for row in found
+                    if name in names and row["kind"] == kind and row["method"] == method.name
+                ]
+                if differences:
+                    yield (
+                        f"{title}, change of the {kind} rate by exchanges, {method.name}: "
+                        f"{count_verdicts(differences)}."
+                    )

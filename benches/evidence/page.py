@@ -59,6 +59,7 @@ def write_page(results, facts, notes):
         measured = {name: own["value"] for name, own in stored.items() if "value" in own}
         if measured:
             lines += experiment.render(measured).lines()
+            lines += list_left_out(experiment)
         else:
             lines += [heading(experiment.NAME), "", "Not measured in this run.", ""]
         refused = {name: own["refused"] for name, own in stored.items() if "refused" in own}
@@ -66,6 +67,15 @@ def write_page(results, facts, notes):
             lines += ["Not measured:", ""]
             lines += [f"- {name}: {why}" for name, why in refused.items()] + [""]
     return "\n".join(lines).rstrip() + "\n"
+
+
+def list_left_out(experiment):
+    """Return the lines on the sources that an experiment does not have."""
+    names = [name for name in SOURCES if name not in experiment.SOURCES]
+    if not names:
+        return []
+    reason = getattr(experiment, "LEFT_OUT", "It was not computed for them.")
+    return [f"Sources that are not in this section: {', '.join(names)}. {reason}", ""]
 
 
 def _sources_table(facts):

@@ -116,8 +116,8 @@ def render(results):
         limits=(
             "That a person sees the seams: the classifiers compare half a second of all bone ends.",
             "That an AUC of 0.5 means no difference: other classifiers may find one.",
-            "A treatment that changes whole segments also changes the motion between seams; this "
-            "table has windows at seams only.",
+            "That motion between seams is captured motion: a treatment that changes whole segments "
+            "changes it, too, and the tables have windows at seams only.",
         ),
     )
 

@@ -106,11 +106,12 @@ def plain_reading(first, second, estimates):
     n_better = sum(own == "above" for own in found.values())
     return (
         f"{first} is better than {second} in {n_better} of {len(found)} sources, worse in "
-        f"{_count(worse)}, and undecided in {len(found) - n_better - len(worse)}."
+        f"{count_names(worse)}, and undecided in {len(found) - n_better - len(worse)}."
     )
 
 
-def _count(names):
+def count_names(names):
+    """Return "2 (a, b)", or "0"."""
     return f"{len(names)} ({', '.join(names)})" if names else "0"
 
 

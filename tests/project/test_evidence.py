@@ -104,6 +104,22 @@ def test_page_has_all_sections_in_order():
     assert anchors[1:] == [experiment.NAME for experiment in page.experiments()]
 
 
+@pytest.mark.skipif(not (ROOT / "docs" / "evidence.md").exists(), reason="the page is not written")
+def test_page_limits_are_statements_that_do_not_follow():
+    text = (ROOT / "docs" / "evidence.md").read_text(encoding="utf-8")
+    found = re.findall(r"^\*\*What we do not conclude\.\*\*\n\n((?:- .+\n)+)", text, re.MULTILINE)
+    assert len(found) == len(page.experiments())
+    assert all(line.startswith("- That ") for own in found for line in own.splitlines())
+
+
+def test_sources_that_a_section_lacks_are_named():
+    experiment = next(own for own in page.experiments() if own.NAME == "counts")
+    text = " ".join(page.list_left_out(experiment))
+    assert {name for name in sources.SOURCES if name in text} == set(sources.SOURCES) - set(
+        experiment.SOURCES
+    )
+
+
 def test_experiments_have_known_sources():
     for experiment in page.experiments():
         assert set(experiment.SOURCES) <= set(sources.SOURCES), experiment.NAME
