@@ -67,7 +67,7 @@ def regular_file_size(folder: Path, name: str) -> int:
     Raise LibraryError if the path is another kind of file, such as a pipe, which could block, or a
     symbolic link that leaves the folder. Raise FileNotFoundError if there is no file.
     """
-    path = os.path.join(folder, name)
+    path = f"{folder}{os.sep}{name}"
     status = os.lstat(path)
     if stat.S_ISLNK(status.st_mode):
         _check_link(folder, name)

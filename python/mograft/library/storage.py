@@ -131,8 +131,10 @@ def _read_generation(folder: Path, manifest: dict[str, Any]) -> StoredLibrary:
             raise damage(folder, f"{name} has {size} bytes, expected {expected['bytes']}")
         key = name.removeprefix(prefix).removesuffix(".npy")
         if name.endswith(".npy") and not key.startswith("samples-"):
-            with damage_raises_library_error(folder, name):
+            try:
                 arrays[key] = map_array(folder / name)
+            except ValueError as error:
+                raise damage(folder, f"{name}: {error}") from error
     with damage_raises_library_error(folder, DATABASE):
         table = read_clip_table(folder / prefix / DATABASE)
         check_contents(folder, manifest, table, arrays)
