@@ -230,7 +230,7 @@ def _check_locations(
     )
     _check_types(folder, {int}, *[shard, first, n, first_row, skeleton])
     _check_types(folder, {float}, frame_time)
-    if not all(seconds and _is_rate(1.0 / seconds) for seconds in frame_time):
+    if not all(seconds and _is_rate(1.0 / seconds) for seconds in set(frame_time)):
         raise damage(folder, f"{DATABASE}: a clip has an invalid frame time")
     if not set(content) <= set(get_args(PackedContent)):
         raise damage(folder, f"{DATABASE}: unknown content of a clip")
@@ -271,10 +271,10 @@ def _check_entries(folder: Path, table: ClipTable) -> None:
         raise damage(folder, f"{DATABASE}: a clip has an invalid frame rate")
     _check_types(folder, {int}, source_frames, frames, root, up)
     for column in (faults, tags):
-        _check_types(folder, {str}, [text for texts in column if texts for text in texts])
-    states = [file[:4] for file in files if file is not None]
+        _check_types(folder, {str}, [text for texts in set(column) for text in texts])
+    states = [file for file in files if file is not None]
     if states:
-        _, size, mtime, sha256 = zip(*states, strict=True)
+        _, size, mtime, sha256, *_ = zip(*states, strict=True)
         _check_types(folder, {int}, size, mtime)
         _check_types(folder, {str}, sha256)
 
