@@ -14,7 +14,7 @@ import mograft as mg
 from mograft.dancer import dance
 
 DATA = Path(__file__).parents[1] / "data"
-NAME = "library-0.1"
+NAME = "library-" + ".".join(mg.__version__.split(".")[:2])
 N_CLIPS, N_FRAMES = 2, 44
 
 
@@ -26,6 +26,8 @@ def graft(library):
 def main():
     """Write the library, and the graft beside it."""
     DATA.mkdir(exist_ok=True)
+    if (DATA / f"{NAME}.npz").exists():
+        raise FileExistsError(f"{NAME} exists; a stored library never changes")
     motion = dance(seed=0, strides=1).motion
     with tempfile.TemporaryDirectory() as clips:
         for number in range(N_CLIPS):
