@@ -225,7 +225,7 @@ def _gradient_conclusion(results):
             f"of {len(changes)} sources"
         )
     if results:
-        yield f"At the step to the seam treatment `gradient`, {'; '.join(cells)}."
+        yield f"At the step to the treatment `gradient` (before rounding), {'; '.join(cells)}."
 
 
 def _largest_step(steps, key, sign):

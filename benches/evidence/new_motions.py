@@ -212,6 +212,7 @@ def _variety_conclusion(results):
             [result["quality"][name]["diversity"]["value"] for name in (first, second)]
             for result in results.values()
         ]
+        pairs = [own for own in pairs if None not in own]
         n_smaller = sum(own < other for own, other in pairs)
         cells.append(f"`{first}` than of `{second}` in {n_smaller} of {len(pairs)} sources")
     if results:

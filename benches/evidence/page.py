@@ -74,7 +74,7 @@ def list_left_out(experiment):
     names = [name for name in SOURCES if name not in experiment.SOURCES]
     if not names:
         return []
-    reason = getattr(experiment, "LEFT_OUT", "It was not computed for them.")
+    reason = getattr(experiment, "LEFT_OUT", "The experiment was not computed for them.")
     return [f"Sources that are not in this section: {', '.join(names)}. {reason}", ""]
 
 

@@ -120,6 +120,20 @@ def test_sources_that_a_section_lacks_are_named():
     )
 
 
+def test_counts_name_the_rows_whose_ranges_contain_the_numbers_of_the_paper():
+    counts = import_bench("evidence.counts")
+    narrow, wide = [[0.0] * 4] * 40, [[0.0] * 4] * 20 + [[1e9] * 4] * 20
+    rows = {
+        f"{sigma} {scale:g} {kind}": wide if (sigma, kind) == ("literal", "unfiltered") else narrow
+        for sigma, scale in (("literal", 1.0), ("rms", 1.0), ("rms", 0.75))
+        for kind in ("unfiltered", "filtered")
+    }
+    results = {"x": {**rows, "segments": [[900]] * 40}, "y": {"segments": [[200]]}}
+    (text,) = counts._covering_conclusion(results)
+    assert "x 0 of 8." in text
+    assert "1 of 6 (`x`, eq. 14 literal, factor 1, no length limit)" in text
+
+
 def test_experiments_have_known_sources():
     for experiment in page.experiments():
         assert set(experiment.SOURCES) <= set(sources.SOURCES), experiment.NAME
