@@ -8,7 +8,7 @@ use crate::parallel::{Workers, allocate};
 use crate::points::Points;
 use crate::simd::{self, Aligned, F64Lanes, LANES, TILE_ROWS};
 
-/// Axes that a tile reads at a time: so many of its points stay in the cache.
+/// Axes that a tile reads at a time: with this number, its points stay in the cache.
 const AXES_PER_STEP: usize = 256;
 
 /// Blocks of sixteen points in a tile, along its columns.

@@ -27,8 +27,8 @@ def copy_content(container: Container) -> tuple[dict[str, Any], GltfBuffer]:
     """Return the JSON document of a copy, and its binary buffer with all data of the file.
 
     The bytes of each buffer and of each image in another file follow the binary chunk, which stays
-    where it is. Buffers without data, which extensions use, stay buffers. The document shares the
-    objects of the file that do not change.
+    where it is. Buffers without data, which extensions use, are kept as they are. The document
+    shares the objects of the file that do not change.
     """
     buffer = GltfBuffer(accessors=list(container.items("accessors")))
     places, buffers = _merge_buffers(container, buffer)

@@ -160,7 +160,7 @@ def _same_rotations(motion: Motion, source: Motion) -> BoolArray:
 
 
 def _same_positions(motion: Motion, source: Motion) -> BoolArray:
-    """Return, three times, whether the root is where it is in the file.
+    """Return whether each coordinate of the root is that of the file: the same value for all three.
 
     The shape is (number of common frames, 3).
     """
