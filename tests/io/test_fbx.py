@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
@@ -175,6 +175,7 @@ def test_fbx_animation_layers_are_combined(folder, mode, weight):
 
 
 @given(rate=st.floats(1.0, 200.0), seed=SEEDS)
+@example(rate=65.99988814717312, seed=0)
 @few_examples(25)
 def test_fbx_given_rate_samples_keys_over_exact_duration(folder, rate, seed):
     values = np.random.default_rng(seed).uniform(-10, 10, (6, 3))
@@ -182,7 +183,9 @@ def test_fbx_given_rate_samples_keys_over_exact_duration(folder, rate, seed):
     clips = read_scene(folder, scene, rate=rate)
     motion, duration = clips[0], 5 / 30
     assert motion.n_frames == clips.lengths[0].n_frames
-    assert motion.duration == pytest.approx(duration if motion.n_frames > 1 else 0.0)
+    # The reader takes less than 1e-4 of an interval beyond a whole number of them as rounding.
+    expected_duration = duration if motion.n_frames > 1 else 0.0
+    assert motion.duration == pytest.approx(expected_duration, abs=1e-4 * motion.frame_time)
     assert abs((motion.n_frames - 1) - duration * rate) <= 0.5 + 1e-9 or motion.n_frames == 2
     times = np.arange(motion.n_frames) * motion.frame_time
     keys = np.arange(6) / 30

@@ -190,7 +190,8 @@ def _define_take(
     """Return a take with a whole number of frame intervals at about `rate` in its time span.
 
     `names` are those of the take and of its clip. A take without a time span has that of its keys.
-    The duration is exact: if it is not a multiple of 1 / `rate`, the rate is the nearest possible.
+    If the duration is not a multiple of 1 / `rate`, the rate is the nearest one that keeps the
+    duration; a deviation below `_ROUNDING_INTERVALS` counts as rounding.
     """
     begin, end = span if span[1] > span[0] else key_span or (span[0], span[0])
     duration = max(end - begin, 0.0)
