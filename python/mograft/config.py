@@ -1,10 +1,13 @@
 """`Config`: every adjustable parameter, with its unit and source."""
 
 import math
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from numbers import Real
 from typing import Any, Literal
 
+from mograft._util.cut_frames import freeze_cut_frames
+from mograft._util.frozen_mapping import FrozenMapping
 from mograft._util.registry import CONFIG_OPTIONS
 from mograft._util.validate import python_scalar
 
@@ -12,6 +15,8 @@ FRAME = 1.0 / 30.0
 """Seconds per frame of the paper's recordings: its segment lengths show 30 frames per second."""
 
 _NAMED_SIGMAS = ("rms", "literal")
+_FUNCTION = "function "  # marks the name of a function in `Config.as_dict`
+_SEGMENTATION_FIELDS = {"segmentation": "energy", "segmentation_parameters": {}}
 _MINIMUM_OF_INTEGER = {"samples": 2, "components": 1, "max_candidates": 1}
 # The other fields of type float must be above 0.
 _NOT_NEGATIVE = (
@@ -39,6 +44,16 @@ class Config:
 
     Parameters
     ----------
+    segmentation : str, mapping or callable
+        How motions are cut into segments: one of the registered names, which docs/segmentation.md
+        describes; the cut frames of each clip, as a mapping from the name of the clip to ascending
+        frames; or a function that receives a `Motion` and returns its cut frames. Frames of a
+        mapping count in the clip as it was recorded, at its own rate; a function receives the clip
+        at the rate of the library. A library with a function cannot be stored.
+    segmentation_parameters : mapping
+        Parameters of the method that `segmentation` names, from the name of a parameter to its
+        value. Default: the defaults of the method. The parameters of "energy" are the fields
+        `smoothing`, `omega` and `inertia`.
     smoothing : float
         Standard deviation, in seconds, of the Gaussian that smooths the kinetic energy before
         its extrema are found (4.1.1). 0 disables smoothing.
@@ -167,6 +182,8 @@ class Config:
     ValueError: `sigma_scale` must be above 0, got -1
     """
 
+    segmentation: str | Mapping[str, Sequence[int]] | Callable[[Any], Any] = "energy"
+    segmentation_parameters: Mapping[str, float | str | bool] = FrozenMapping()
     smoothing: float = 2 * FRAME
     min_length: float = 3 * FRAME
     max_length: float = 2.0
@@ -206,8 +223,11 @@ class Config:
     def __post_init__(self) -> None:
         for field in fields(self):
             python_scalar(self, field.name)
+        self._check_segmentation()
         for name, registry in CONFIG_OPTIONS.items():
-            registry.get(getattr(self, name))
+            value = getattr(self, name)
+            if name != "segmentation" or isinstance(value, str):
+                registry.get(value)
         for name, minimum in _MINIMUM_OF_INTEGER.items():
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < minimum:
@@ -232,6 +252,28 @@ class Config:
                 f"`max_length` must be at least {2 * self.min_length:.4g} s, twice `min_length`, "
                 f"got {self.max_length:.4g}"
             )
+
+    def _check_segmentation(self) -> None:
+        """Check the fields of segmentation, and replace mappings by immutable copies."""
+        chosen, parameters = self.segmentation, self.segmentation_parameters
+        if isinstance(chosen, Mapping):
+            object.__setattr__(self, "segmentation", freeze_cut_frames(chosen))
+        elif not isinstance(chosen, str) and not callable(chosen):
+            raise ValueError(
+                "`segmentation` must be a name, a mapping from names of clips to cut frames, or a "
+                f"function, got {chosen!r}"
+            )
+        if not isinstance(parameters, Mapping) or not all(isinstance(k, str) for k in parameters):
+            raise ValueError(
+                "`segmentation_parameters` must map names of parameters to their values, got "
+                f"{parameters!r}"
+            )
+        if parameters and not isinstance(chosen, str):
+            raise ValueError(
+                "`segmentation_parameters` must be empty unless `segmentation` is a name, got "
+                f"{parameters!r}"
+            )
+        object.__setattr__(self, "segmentation_parameters", FrozenMapping(parameters))
 
     def _check_number(self, name: str) -> None:
         value = getattr(self, name)
@@ -301,20 +343,45 @@ class Config:
         return cls(**values, **changes)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the fields as a dict of JSON values; infinity becomes None."""
-        return {name: None if value == math.inf else value for name, value in asdict(self).items()}
+        """Return the fields as a dict of JSON values; infinity becomes None.
+
+        The fields of segmentation are left out if they have their defaults. A function is replaced
+        by its name, and `from_dict` refuses it.
+        """
+        values = {field.name: _to_json(getattr(self, field.name)) for field in fields(self)}
+        for name, default in _SEGMENTATION_FIELDS.items():
+            if values[name] == default:
+                del values[name]
+        return values
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "Config":
         """Return the configuration whose `as_dict` is `values`.
 
-        Raises ValueError if a name is not a field or a value is out of range.
+        Raises ValueError if a name is not a field, a value is out of range, or `segmentation` was a
+        function.
         """
         unknown = set(values) - {field.name for field in fields(cls)}
         if unknown:
             raise ValueError(f"unknown fields of Config: {', '.join(sorted(unknown))}")
         given: dict[str, Any] = {k: math.inf if v is None else v for k, v in values.items()}
+        chosen = given.get("segmentation")
+        if isinstance(chosen, str) and chosen.startswith(_FUNCTION):
+            raise ValueError(
+                f"`segmentation` was the {chosen}, and functions are not stored: give its cut "
+                "frames for each clip instead"
+            )
         return cls(**given)
+
+
+def _to_json(value: object) -> object:
+    """Return the value of a field of `Config` as a JSON value."""
+    if isinstance(value, Mapping):
+        return {name: list(own) if isinstance(own, tuple) else own for name, own in value.items()}
+    if callable(value):
+        module, name = (getattr(value, key, "") for key in ("__module__", "__qualname__"))
+        return f"{_FUNCTION}{module}.{name or type(value).__qualname__}"
+    return None if value == math.inf else value
 
 
 def variety_fields(variety: float) -> dict[str, Any]:

@@ -31,8 +31,11 @@ def test_registry_implementations_keep_the_declared_order():
         declared.implemented_by({"paper": 2})
 
 
-# A seam treatment is added by a module and a registry line alone: `Config.seam` is any string.
-@pytest.mark.parametrize("parameter", [name for name in CONFIG_OPTIONS if name != "seam"])
+# These are extended by a module and a registry line alone: their annotation is any string.
+_OPEN = ("seam", "segmentation")
+
+
+@pytest.mark.parametrize("parameter", [name for name in CONFIG_OPTIONS if name not in _OPEN])
 def test_config_annotation_and_docstring_list_the_registered_values(parameter):
     names = CONFIG_OPTIONS[parameter].names
     assert typing.get_args(typing.get_type_hints(Config)[parameter]) == names

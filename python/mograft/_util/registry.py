@@ -55,6 +55,11 @@ class Registry(Generic[T]):
 
 
 _DESCRIPTIONS = {
+    "segmentation": {
+        "energy": "extrema of the kinetic energy, as in the paper",
+        "com": "steps and flights: lowest points of the centre of mass, take-offs and landings",
+        "contacts": "frames in which a foot begins or ends to touch the floor",
+    },
     "omega": {
         "world": "angular velocities relative to the world",
         "local": "angular velocities relative to the parent joint",

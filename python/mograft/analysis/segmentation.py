@@ -1,7 +1,7 @@
-"""Segmentation of motions at the extrema of their kinetic energy (paper, 4.1.1)."""
+"""Segmentation of motions: at the extrema of their kinetic energy (paper, 4.1.1), or otherwise."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,10 +15,13 @@ from mograft._util.arrays import (
     make_read_only,
     set_fields,
 )
+from mograft._util.cut_frames import as_cut_frames
 from mograft._util.gaussian import gaussian_filter
 from mograft._util.validate import check_type
+from mograft.analysis.segmentations import METHODS
 from mograft.body.mass import mass_model, moments_of_inertia
 from mograft.config import Config
+from mograft.errors import suggest_name
 from mograft.motion.motion import Motion
 
 _FRAME_TIMES = 1e-4, 1.0  # seconds; the memory of smoothing is inversely proportional
@@ -165,15 +168,27 @@ def extrema(curve: FloatArray) -> IntArray:
     return (nonzero[turns] + 1 + nonzero[turns + 1]) // 2
 
 
-def segment(motion: Motion, config: Config | None = None) -> Segments:
-    """Segment a motion at the extrema of its kinetic energy.
+def segment(
+    motion: Motion,
+    config: Config | None = None,
+    *,
+    method: str | Sequence[int] | Callable[[Motion], Any] | None = None,
+    **parameters: Any,  # noqa: ANN401 - of any method
+) -> Segments:
+    """Segment a motion.
 
     Parameters
     ----------
     motion : Motion
         The motion, of at least two frames.
     config : Config, optional
-        Provides `smoothing`, `min_length`, `max_length`, `omega` and `inertia`.
+        Provides `segmentation` with its parameters, `min_length`, `max_length`, and for the method
+        "energy" also `smoothing`, `omega` and `inertia`.
+    method : str, sequence of int, or callable, optional
+        The method, if it is not that of `config`: a name, the cut frames, or a function that
+        receives the motion and returns its cut frames. docs/segmentation.md describes the methods.
+    **parameters
+        Parameters of the method, instead of those of `config`.
 
     Returns
     -------
@@ -183,35 +198,112 @@ def segment(motion: Motion, config: Config | None = None) -> Segments:
     Raises
     ------
     ValueError
-        If the motion has a single frame, or its frame time is not between 0.0001 and 1 second.
+        If the motion has a single frame, its frame time is not between 0.0001 and 1 second, the
+        method or a parameter is unknown, or cut frames are not ascending frames of the motion.
 
     Notes
     -----
-    The energy is smoothed before its extrema are found. Segments shorter than `min_length` are
-    merged as `merge_short_segments` describes; segments longer than `max_length` are split into
-    equal parts.
+    Segments shorter than `min_length` are merged as `merge_short_segments` describes; segments
+    longer than `max_length` are split into equal parts, except with methods that find whole
+    behaviours. Cut frames that the user gives are neither merged nor split.
 
     Examples
     --------
     >>> from mograft.dancer import dance
-    >>> segments = segment(dance(strides=1).motion)
+    >>> motion = dance(strides=1).motion
+    >>> segments = segment(motion)
     >>> bool((segments.stop[:-1] == segments.start[1:]).all())
     True
+    >>> segment(motion, method=[10, 25]).start
+    array([ 0, 10, 25])
     """
     config = Config() if config is None else config
     check_type("motion", motion, Motion)
+    if method is None and parameters:
+        known = {**config.segmentation_parameters, **parameters}
+        config = replace(config, segmentation_parameters=known)
+    elif method is not None:
+        chosen: Any = method
+        if not isinstance(method, str | Mapping) and not callable(method):
+            chosen = {motion.name: as_cut_frames(method, "in `method`")}
+        config = replace(config, segmentation=chosen, segmentation_parameters=parameters)
+    return segment_clip(motion, config, motion.rate)
+
+
+def check_segmentation(config: Config) -> None:
+    """Raise ValueError or TypeError for invalid `Config.segmentation_parameters`."""
+    name, given = config.segmentation, config.segmentation_parameters
+    if not isinstance(name, str):
+        return
+    method = METHODS.get(name)
+    if method is not None:
+        method.make_parameters(name, given)
+    elif given:
+        raise ValueError(
+            "`segmentation_parameters` must be empty for 'energy', whose parameters are the fields "
+            f"`smoothing`, `omega` and `inertia`; got {given!r}"
+        )
+
+
+def segment_clip(motion: Motion, config: Config, own_rate: float) -> Segments:
+    """Segment a motion that was resampled from the rate `own_rate`, in frames per second.
+
+    The cut frames that `Config.segmentation` maps to the name of the motion count at `own_rate`.
+    """
     first, last = _FRAME_TIMES
     if not first <= motion.frame_time <= last:
         raise ValueError(
             f"the frame time of {motion.name or 'the motion'} must be between {first} and {last:g} "
             f"seconds, got {motion.frame_time:g}"
         )
+    if not isinstance(config.segmentation, str):
+        bounds = _given_bounds(motion, config, own_rate)
+        return Segments(bounds[:-1], bounds[1:])
+    check_segmentation(config)
     energy = kinetic_energy(motion, omega=config.omega, inertia=config.inertia)
     curve = gaussian_filter(energy, config.smoothing * motion.rate)
-    bounds = np.concatenate([[0], extrema(curve), [motion.n_frames - 1]])
+    method = METHODS.get(config.segmentation)
+    if method is None:
+        cuts = extrema(curve)
+    else:
+        given = method.make_parameters(config.segmentation, config.segmentation_parameters)
+        cuts = method.cut_frames(motion, given)
+    bounds = np.concatenate([[0], cuts, [motion.n_frames - 1]])
     bounds = merge_short_segments(bounds, curve, max(round(config.min_length * motion.rate), 1))
-    bounds = split_long_segments(bounds, config.max_length * motion.rate)
+    if method is None or not method.has_long_segments:
+        bounds = split_long_segments(bounds, config.max_length * motion.rate)
     return Segments(bounds[:-1], bounds[1:])
+
+
+def _given_bounds(motion: Motion, config: Config, own_rate: float) -> IntArray:
+    """Return both ends of a motion, and the cut frames of a mapping or function.
+
+    Raises ValueError if the motion has a single frame, the user gives no cut frames for it, or one
+    of them is not a frame of the motion.
+    """
+    chosen, last = config.segmentation, motion.n_frames - 1
+    name = motion.name or "the motion"
+    if last < 1:
+        raise ValueError(f"segmentation needs at least 2 frames, {name} has 1")
+    if isinstance(chosen, Mapping):
+        if motion.name not in chosen:
+            raise ValueError(
+                f"`segmentation` must have cut frames for every clip, got none for "
+                f"{motion.name!r}{suggest_name(motion.name, list(chosen))}"
+            )
+        given, scale = chosen[motion.name], motion.rate / own_rate
+    else:
+        assert callable(chosen)
+        given = as_cut_frames(chosen(motion), f"that `segmentation` returned for {name}")
+        scale = 1.0
+    cuts = np.round(np.array(given, np.int64) * scale).astype(np.int64)
+    # One frame of tolerance, for durations that are not a whole number of frames at both rates.
+    if len(cuts) and cuts[-1] > last + (scale != 1.0):
+        raise ValueError(
+            f"cut frames of {name} must be at most {round(last / scale)}, its last frame, got "
+            f"{given[-1]}"
+        )
+    return np.unique(np.concatenate([[0], np.minimum(cuts, last), [last]]))
 
 
 def merge_short_segments(bounds: IntArray, curve: FloatArray, min_length: int) -> IntArray:

@@ -10,7 +10,7 @@ from mograft._util.names import unique_names
 from mograft._util.validate import check_type
 from mograft.analysis.channel_groups import restrict_samples
 from mograft.analysis.embedding import Embedding, Samples, features
-from mograft.analysis.segmentation import Segments, segment
+from mograft.analysis.segmentation import Segments, segment_clip
 from mograft.config import Config
 from mograft.errors import SkeletonMismatchError, join_names, suggest_name
 from mograft.library.clip_table import ClipInfo
@@ -26,6 +26,8 @@ from mograft.library.stored_clips import ExtendedClips, ExtendedSamples
 from mograft.motion.motion import Motion
 
 BUILD_FIELDS = (
+    "segmentation",
+    "segmentation_parameters",
     "smoothing",
     "min_length",
     "max_length",
@@ -205,7 +207,7 @@ class DerivableLibrary(LibraryData):
             If the hierarchy differs.
         """
         motion = self._fit_base(motion)
-        name = motion.name or "the base"
+        name, own_rate = motion.name or "the base", motion.rate
         if not rates_match(motion.rate, self.rate):
             warnings.warn(
                 f"{name} is resampled from {motion.rate:.6g} to {self.rate:.6g} fps, the rate of "
@@ -213,13 +215,16 @@ class DerivableLibrary(LibraryData):
                 stacklevel=2,
             )
             motion = motion.resample(self.rate)
-        return self._append_clip(motion)
+        return self._append_clip(motion, own_rate)
 
-    def _append_clip(self, motion: Motion) -> Self:
-        """Return the library with one more clip, which has the library's hierarchy and rate."""
+    def _append_clip(self, motion: Motion, own_rate: float) -> Self:
+        """Return the library with one more clip, which has the library's hierarchy and rate.
+
+        `own_rate` is its rate before it was resampled, in frames per second.
+        """
         from mograft.library.ingest import boundary_states, sample_segments
 
-        segments = segment(motion, self.config)
+        segments = segment_clip(motion, self.config, own_rate)
         samples = sample_segments(motion, segments, self.spec, self.config)
         states = [boundary_states(motion, segments)]
         held = self.groups.divided_channels(self.skeleton)
@@ -251,7 +256,7 @@ class DerivableLibrary(LibraryData):
             ),
         )
         if self.has_recipe:
-            extended.set_recipe(type(self)._append_clip, self, motion)
+            extended.set_recipe(type(self)._append_clip, self, motion, own_rate)
         return extended
 
 

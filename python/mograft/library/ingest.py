@@ -14,7 +14,7 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, Packed
 from mograft.analysis.embedding import Samples, normalise
-from mograft.analysis.segmentation import Segments, segment
+from mograft.analysis.segmentation import Segments, segment_clip
 from mograft.body.faults import find_faults
 from mograft.body.mass import mass_model
 from mograft.config import Config
@@ -162,7 +162,7 @@ def ingest(
         motion = spec.fit(motion, motion.name or label)
         match_note = "" if motion.skeleton is own else describe_match(spec.skeleton, own)
         resampled = motion if rates_match(motion.rate, spec.rate) else motion.resample(spec.rate)
-        segments = segment(resampled, config)
+        segments = segment_clip(resampled, config, motion.rate)
         is_donor, faults = _check_faults(resampled, segments)
         samples = sample_segments(resampled, segments, spec, config)
     except INGEST_ERRORS as error:

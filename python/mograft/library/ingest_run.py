@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol, TypedDict
 import numpy as np
 
 from mograft._util.validate import check_type
+from mograft.analysis.segmentation import check_segmentation
 from mograft.config import Config
 from mograft.errors import SkeletonMismatchError, join_names, suggest_name
 from mograft.io.addresses import absolute_address
@@ -159,6 +160,7 @@ class IngestRun:
         if self.match not in MATCHES:
             hint = suggest_name(self.match, MATCHES)
             raise ValueError(f"`match` must be 'names' or 'anatomy', got {self.match!r}{hint}")
+        check_segmentation(self.config)
         for name in ("skeleton", "hierarchy"):
             if getattr(self, name) is not None:
                 check_type(name, getattr(self, name), Skeleton)

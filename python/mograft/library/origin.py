@@ -149,7 +149,7 @@ def hash_library(library: LibraryData) -> str:
         "rate": library.rate,
         "root": int(library.root),
         "up": int(library.up),
-        "config": {name: config[name] for name in BUILD_FIELDS},
+        "config": {name: config[name] for name in BUILD_FIELDS if name in config},
     }
     # Other libraries keep the hash that earlier versions computed.
     if library.spec.match != "names":

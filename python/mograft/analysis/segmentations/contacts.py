@@ -1,0 +1,55 @@
+"""Cut frames at the events of the feet: touchdown and lift-off."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft._util.arrays import IntArray
+from mograft.analysis.segmentation_method import SegmentationMethod
+from mograft.body.contacts import detect_contacts
+from mograft.motion.motion import Motion
+
+_EVENTS = ("both", "touchdown", "liftoff")
+
+
+@dataclass(frozen=True)
+class ContactParameters:
+    """Parameters of the method "contacts".
+
+    Parameters
+    ----------
+    events : {"both", "touchdown", "liftoff"}
+        Which events of a foot are cut frames. A touchdown is the first frame of a contact, a
+        lift-off the first frame after it.
+
+    Raises
+    ------
+    ValueError
+        If `events` has another value.
+    """
+
+    events: str = "both"
+
+    def __post_init__(self) -> None:
+        if self.events not in _EVENTS:
+            raise ValueError(f"`events` must be one of {', '.join(_EVENTS)}, got {self.events!r}")
+
+
+def cut_frames(motion: Motion, parameters: ContactParameters) -> IntArray:
+    """Return the frames in which a foot begins or ends to touch the floor.
+
+    A foot touches the floor if its heel or toe does, as `detect_contacts` defines. Raises
+    ValueError if the skeleton has no legs.
+    """
+    contacts = detect_contacts(motion).any(axis=2)
+    if not contacts.shape[1]:
+        raise ValueError(
+            "`segmentation` 'contacts' needs a skeleton with legs, "
+            f"{motion.name or 'the motion'} has none"
+        )
+    changes = np.diff(contacts.astype(np.int8), axis=0)
+    wanted = {"both": changes != 0, "touchdown": changes > 0, "liftoff": changes < 0}
+    return np.flatnonzero(wanted[parameters.events].any(axis=1)) + 1
+
+
+METHOD = SegmentationMethod(ContactParameters, cut_frames)
