@@ -4,13 +4,10 @@ The way of the data: `read_bvh` → `Motion` → `segment` → `Library.build` (
 clustering) → `graft` → `Graft.motion` → `write_bvh`.
 """
 
-import importlib
-from typing import TYPE_CHECKING
-
-from mograft import _core  # noqa: TID251 - the crates hold the version
-
 # Public names are imported when they are first used, because NumPy takes longer to load than
-# `mograft --help` to answer. For type checkers, `X as X` marks a public name.
+# `mograft --help` to answer. For type checkers, `X as X` marks a public name. Nothing is imported
+# here, so that the program handles signals from its first instructions on.
+TYPE_CHECKING = False
 if TYPE_CHECKING:
     from mograft import evaluation as evaluation
     from mograft import plot as plot
@@ -105,7 +102,7 @@ if TYPE_CHECKING:
     from mograft.viewing.report import report_page as report_page
     from mograft.viewing.video import write_video as write_video
 
-__version__ = _core.VERSION
+__version__: str
 
 _HOMES = {
     "io.bvh.reader": "BvhSummary read_bvh scan_bvh",
@@ -166,6 +163,10 @@ if not TYPE_CHECKING:
     __all__ = ["__version__", *_HOME_OF, *_MODULES]
 
     def __getattr__(name: str) -> object:
+        import importlib
+
+        if name == "__version__":
+            return importlib.import_module("mograft._core").VERSION
         if name in _MODULES:
             return importlib.import_module(_MODULES[name])
         if name not in _HOME_OF:

@@ -55,7 +55,7 @@ def test_type_checking_imports_match_lazy_table():
         for node in tree.body
         if isinstance(node, ast.If) and not node.orelse and isinstance(node.test, ast.Name)
     )
-    imported = {alias.name: node.module for node in block.body for alias in node.names}
+    imported = {alias.asname: node.module for node in block.body for alias in node.names}
     declared = {name: f"mograft.{home}" for name, home in mograft._HOME_OF.items()}
     declared |= {name: path.rpartition(".")[0] for name, path in mograft._MODULES.items()}
     assert imported == declared

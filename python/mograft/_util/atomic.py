@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from mograft._util.cleanup import clean_up_by
+
 _DRAFT_ENDING = ".part"
 """Ending of draft folders, which no scan for clips enters."""
 
@@ -51,11 +53,9 @@ def draft_folder(target: Path) -> Iterator[Path]:
     prefix = f".mograft-{key}-{_short_hash(platform.node())}-"
     _remove_stale_drafts(parent, prefix)
     folder = parent / f"{prefix}{os.getpid()}-{os.urandom(4).hex()}{_DRAFT_ENDING}"
-    try:
+    with clean_up_by(lambda: shutil.rmtree(folder, ignore_errors=True)):
         folder.mkdir(mode=0o700)
         yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _short_hash(text: str) -> str:

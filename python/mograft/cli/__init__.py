@@ -2,7 +2,7 @@
 
 Results go to stdout, progress and remarks to stderr. Exit codes: 0 done, 1 failed at run
 time, 2 usage, 3 invalid motion file or damaged library, 4 no donor sequence satisfies the
-constraints, 130 interrupted.
+constraints, 130 interrupted. `mograft.__main__` handles signals of the program.
 """
 
 import argparse

@@ -1,16 +1,11 @@
 """``mograft index``: a library of many files, in a folder."""
 
 import argparse
-import multiprocessing
-import os
-import signal
-import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import Any
 
+from mograft._util.workers import worker_processes
 from mograft.cli.configuration import (
     options_given,
     selected_config,
@@ -24,9 +19,6 @@ from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.errors import join_names
 from mograft.library.discover import find_clips, matching_values, read_tags
 from mograft.library.library import Library
-
-P = ParamSpec("P")
-T = TypeVar("T")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -99,7 +91,7 @@ def _index(
 
     The excluded files are a dict from path to reason.
     """
-    with show_progress() as progress, _workers(options.jobs) as executor:
+    with show_progress() as progress, worker_processes(options.jobs) as executor:
         keywords: dict[str, Any] = {
             "frame_rates": rates,
             "tags": tags,
@@ -123,39 +115,3 @@ def _index(
             keywords["skeleton"] = selected_skeleton(options)
             library = Library.index(options.files, options.output, groups, config, **keywords)
     return library, {path: why for path, why in library.refused.items() if path not in before}
-
-
-@contextmanager
-def _workers(jobs: int) -> Iterator[Executor | None]:
-    """Yield a pool of `jobs` processes, or None if `jobs` is 1."""
-    if jobs == 1:
-        yield None
-        return
-    # Spawned, not forked, as threads and open files do not survive a fork.
-    pool = _Pool(jobs, mp_context=multiprocessing.get_context("spawn"))
-    try:
-        yield pool
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
-class _Pool(ProcessPoolExecutor):
-    """A pool of worker processes that ignore Ctrl-C; only the main process reacts to it."""
-
-    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """Call a function in one of the processes."""
-        if os.name != "posix" or threading.current_thread() is not threading.main_thread():
-            return super().submit(fn, *args, **kwargs)
-        # `submit` may start processes, which inherit the blocked signal. This process delays
-        # Ctrl-C until `submit` returns: a pool interrupted within it never shuts down.
-        received: list[int] = []
-        handler = signal.signal(signal.SIGINT, lambda number, _: received.append(number))
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            future = super().submit(fn, *args, **kwargs)
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-            signal.signal(signal.SIGINT, handler)
-        if received:
-            raise KeyboardInterrupt
-        return future

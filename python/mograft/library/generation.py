@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.arrays import Packed
+from mograft._util.cleanup import clean_up_by
 from mograft._util.lock import exclusive_lock
 from mograft.errors import LibraryError
 from mograft.library.array_files import ArrayWriter
@@ -268,16 +269,14 @@ def _write_new(final: Path) -> Iterator[GenerationWriter]:
     _remove_partial_libraries(final)
     partial = final.with_name(f".{final.name}.partial-{os.getpid()}")
     shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir()
-    try:
+    with clean_up_by(lambda: shutil.rmtree(partial, ignore_errors=True)):
+        partial.mkdir()
         with _lock(partial):
             yield GenerationWriter(partial, final, None, 1)
         # After the lock file is closed: Windows does not rename a folder with an open file.
         if (partial / MANIFEST).exists():
             partial.rename(final)
             _sync(final.parent)
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
 
 
 @contextlib.contextmanager
@@ -293,11 +292,8 @@ def _write_in_place(final: Path, *, add: bool) -> Iterator[GenerationWriter]:
             taken = [int(path.name) for path in final.iterdir() if path.name.isdigit()]
             number = max(taken, default=0) + 1
         _remove(final / f"{number:04d}")  # a killed process may have left it
-        try:
+        with clean_up_by(lambda: _remove_old_generations(final)):
             yield GenerationWriter(final, final, base, number)
-        finally:
-            with contextlib.suppress(LibraryError, OSError):
-                _remove_generations(final, except_for=read_manifest(final)["generation"])
 
 
 def _check_is_library(folder: Path) -> None:
@@ -372,11 +368,13 @@ def _remove(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def _remove_generations(folder: Path, *, except_for: str) -> None:
-    """Remove all generations except the named one, and all drafts of manifests."""
-    for path in folder.iterdir():
-        if path.name != except_for:
-            _remove(path)
+def _remove_old_generations(folder: Path) -> None:
+    """Remove all generations except the current one, and all drafts of manifests."""
+    with contextlib.suppress(LibraryError, OSError):
+        current = read_manifest(folder)["generation"]
+        for path in folder.iterdir():
+            if path.name != current:
+                _remove(path)
 
 
 def _remove_partial_libraries(final: Path) -> None:

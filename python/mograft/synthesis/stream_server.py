@@ -13,6 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from mograft._util.cleanup import clean_up_by
 from mograft.library.library import Library
 from mograft.synthesis.stream_checks import check_stream_config
 from mograft.synthesis.stream_protocol import FrameError, Message, RequestError, read_request
@@ -89,10 +90,8 @@ class StreamServer:
 
     def serve_forever(self) -> None:
         """Serve clients until `close` is called in another thread, or an exception is raised."""
-        try:
+        with clean_up_by(self._release):
             self._server.serve_forever(_POLL_SECONDS)
-        finally:
-            self._release()
 
     def close(self) -> None:
         """End `serve_forever`, which must run in another thread."""

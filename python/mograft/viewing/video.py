@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mograft._util.atomic import atomic_path
+from mograft._util.cleanup import clean_up_by
 from mograft.body.groups import JointGroups
 from mograft.motion.motion import Motion
 from mograft.viewing.film_pictures import draw_pictures
@@ -194,17 +195,20 @@ def _write_mp4(
     with tempfile.TemporaryFile() as errors:
         process = subprocess.Popen(words, stdin=subprocess.PIPE, stderr=errors)
         assert process.stdin is not None  # PIPE was requested.
-        try:
+        with clean_up_by(lambda: _kill(process)):
             with contextlib.suppress(BrokenPipeError):  # The exit code is checked below.
                 for picture in pictures:
                     process.stdin.write(picture.tobytes())
             process.communicate()
-        finally:
-            if process.poll() is None:
-                process.kill()
-                process.communicate()
         if process.returncode:
             errors.seek(0)
             lines = errors.read().decode("utf-8", "replace").strip().splitlines()
             reason = lines[-1] if lines else f"exit code {process.returncode}"
             raise OSError(f"ffmpeg could not write the film: {reason}")
+
+
+def _kill(process: "subprocess.Popen[bytes]") -> None:
+    """End a process that still runs."""
+    if process.poll() is None:
+        process.kill()
+        process.communicate()

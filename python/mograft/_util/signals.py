@@ -1,0 +1,135 @@
+"""End a process by a signal at once: no traceback, no draft and no worker process remains.
+
+Only the program ``mograft`` installs these handlers; the package leaves signals to its caller.
+The module imports little, because a signal before `end_on_signals` prints a traceback of Python.
+"""
+
+import _thread
+import atexit
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+
+_MESSAGES = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "the terminal was closed"}
+_SIGNALS = {getattr(signal, name): _MESSAGES[name] for name in _MESSAGES if hasattr(signal, name)}
+"""The signals that end the process, with the lines that they print on stderr."""
+
+_HANDLER_SECONDS = 0.5
+"""Time until the watching thread acts for a main thread that is inside a kernel."""
+
+_CLEANUP_SECONDS = 1.0
+"""Time until the watching thread ends the process although cleanup has not finished."""
+
+_is_ending = _thread.allocate_lock()
+
+
+def end_on_signals() -> None:
+    """Let SIGINT, SIGTERM and SIGHUP end the process with the exit code 128 + its number.
+
+    Signals that the process ignores, as after ``nohup``, stay ignored. Python calls handlers in the
+    main thread only, between two of its instructions; a second thread ends the process if the main
+    thread does not react, for example within a long computation.
+    """
+    handled = [number for number in _SIGNALS if signal.getsignal(number) != signal.SIG_IGN]
+    for number in handled:
+        signal.signal(number, _handle)
+    read_end, write_end = os.pipe()
+    os.set_blocking(write_end, False)
+    signal.set_wakeup_fd(write_end, warn_on_full_buffer=False)
+    _thread.start_new_thread(_watch, (read_end, frozenset(handled)))
+
+
+def _handle(number: int, _: FrameType | None) -> None:
+    end_process(number)
+
+
+def _watch(read_end: int, handled: frozenset[int]) -> None:
+    """Wait for a signal; end the process if the main thread does not."""
+    while True:
+        number = next((byte for byte in os.read(read_end, 64) if byte in handled), None)
+        if number is not None:
+            time.sleep(_HANDLER_SECONDS)
+            end_process(number)
+            time.sleep(_CLEANUP_SECONDS)
+            os._exit(128 + number)
+
+
+def end_process(number: int) -> None:
+    """Kill the worker processes, call the exit handlers, and end the process.
+
+    The exit handlers remove drafts; see `mograft._util.cleanup`. The function returns only if
+    another call is already ending the process.
+    """
+    if not _is_ending.acquire(blocking=False):
+        return
+    _print_line(_SIGNALS[number])
+    stdout = sys.stdout
+    # Code that was interrupted may hold locks or be inside `print`: errors would be printed.
+    sys.stderr = sys.stdout = None
+    with suppress(Exception):
+        _kill_workers()
+    with suppress(Exception):
+        atexit._run_exitfuncs()
+    with suppress(Exception):
+        stdout.flush()
+    os._exit(128 + number)
+
+
+def _print_line(text: str) -> None:
+    """Write a line to stderr without Python's buffers; remove a progress line of a terminal."""
+    with suppress(OSError):
+        start = "\r\033[K" if os.isatty(2) and os.name == "posix" else ""
+        os.write(2, f"{start}{text}\n".encode())
+
+
+def _kill_workers() -> None:
+    multiprocessing = sys.modules.get("multiprocessing")
+    if multiprocessing is not None:
+        for process in multiprocessing.active_children():
+            process.kill()
+
+
+@contextmanager
+def delay_signals() -> Iterator[None]:
+    """Handle SIGINT, SIGTERM and SIGHUP only when the block ends; within it, block SIGINT.
+
+    Processes that the block starts inherit the blocked SIGINT, so that Ctrl-C in a terminal reaches
+    the main process only. Does nothing outside the main thread and on Windows.
+    """
+    numbers = [number for number in _SIGNALS if callable(signal.getsignal(number))]
+    received: list[int] = []
+    try:
+        previous = {n: signal.signal(n, lambda each, _: received.append(each)) for n in numbers}
+    except ValueError:  # only the main thread may set handlers
+        yield
+        return
+    mask = _block_interrupt()
+    try:
+        yield
+    finally:
+        _restore_mask(mask)
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+    for number in received:
+        signal.raise_signal(number)
+
+
+if sys.platform == "win32":
+
+    def _block_interrupt() -> None:
+        """Do nothing: Windows has no masks of signals."""
+
+    def _restore_mask(mask: None) -> None:
+        """Do nothing: Windows has no masks of signals."""
+
+else:
+
+    def _block_interrupt() -> set[int]:
+        return set(signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}))
+
+    def _restore_mask(mask: set[int]) -> None:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)

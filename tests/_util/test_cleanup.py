@@ -1,0 +1,149 @@
+"""Cleanup at the end of a block, and of a process that a signal ends within it."""
+
+import os
+import subprocess
+import sys
+import time
+from contextlib import nullcontext
+
+import pytest
+
+from mograft._util.cleanup import clean_up_by
+
+
+@pytest.mark.parametrize("error", [None, ValueError, KeyboardInterrupt])
+def test_clean_up_block_ends_calls_action_once(error):
+    calls = []
+    with pytest.raises(error) if error else nullcontext(), clean_up_by(lambda: calls.append(1)):
+        assert calls == []
+        if error:
+            raise error
+    assert calls == [1]
+
+
+posix_only = pytest.mark.skipif(os.name != "posix", reason="the platform has no such signals")
+
+
+def run_python(code):
+    """Run a program; return its exit code, stdout, stderr and the seconds that it took."""
+    start = time.monotonic()
+    child = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
+    )
+    return child.returncode, child.stdout, child.stderr, time.monotonic() - start
+
+
+def test_clean_up_process_exits_calls_action_once():
+    code = """
+import sys
+from mograft._util.cleanup import clean_up_by
+blocks = [clean_up_by(lambda each=each: print(each)) for each in range(3)]
+for block in blocks:
+    block.__enter__()
+blocks[1].__exit__(None, None, None)
+"""
+    returncode, out, err, _ = run_python(code + "import os; sys.stdout.flush(); sys.exit(5)")
+    # Python also closes the generators of the blocks after the exit handlers; cleanup may repeat.
+    assert (returncode, out.split()[:3], err) == (5, ["1", "2", "0"], "")
+
+
+@posix_only
+def test_clean_up_forked_child_leaves_parents_files():
+    code = """
+import os, sys
+from mograft._util.cleanup import clean_up_by
+block = clean_up_by(lambda: print("action", flush=True))
+block.__enter__()
+child = os.fork()
+if child == 0:
+    import atexit
+    atexit._run_exitfuncs()
+    os._exit(0)
+os.waitpid(child, 0)
+print("parent", flush=True)
+block.__exit__(None, None, None)
+"""
+    assert run_python(code)[1].split() == ["parent", "action"]
+
+
+@posix_only
+@pytest.mark.parametrize(
+    ("name", "code", "text"),
+    [
+        ("SIGINT", 130, "interrupted"),
+        ("SIGTERM", 143, "terminated"),
+        ("SIGHUP", 129, "the terminal was closed"),
+    ],
+)
+def test_signal_ends_process_with_cleanup_and_without_unwinding(name, code, text):
+    program = f"""
+import os, signal
+from mograft._util.cleanup import clean_up_by
+from mograft._util.signals import end_on_signals
+end_on_signals()
+try:
+    with clean_up_by(lambda: os.write(1, b"clean")):
+        signal.raise_signal(signal.{name})
+finally:
+    os.write(1, b"unwound")
+"""
+    assert run_python(program)[:3] == (code, "clean", f"{text}\n")
+
+
+@posix_only
+def test_signal_within_kernel_ends_process_soon():
+    # The main thread is in C code for minutes: its handler is not called.
+    program = """
+import hashlib, os, threading, time
+from mograft._util.cleanup import clean_up_by
+from mograft._util.signals import end_on_signals
+end_on_signals()
+threading.Timer(0.2, lambda: os.kill(os.getpid(), 15)).start()
+with clean_up_by(lambda: os.write(1, b"clean")):
+    hashlib.pbkdf2_hmac("sha256", b"", b"", 2_000_000_000)
+"""
+    *result, seconds = run_python(program)
+    assert result == [143, "clean", "terminated\n"]
+    assert seconds < 5
+
+
+@posix_only
+def test_signal_with_blocked_cleanup_ends_process_soon():
+    program = """
+import signal, time
+from mograft._util.cleanup import clean_up_by
+from mograft._util.signals import end_on_signals
+end_on_signals()
+with clean_up_by(lambda: time.sleep(600)):
+    signal.raise_signal(signal.SIGTERM)
+"""
+    *result, seconds = run_python(program)
+    assert result == [143, "", "terminated\n"]
+    assert seconds < 5
+
+
+@posix_only
+def test_signal_ignored_at_start_stays_ignored():
+    program = """
+import signal
+signal.signal(signal.SIGHUP, signal.SIG_IGN)
+from mograft._util.signals import end_on_signals
+end_on_signals()
+signal.raise_signal(signal.SIGHUP)
+print("alive")
+"""
+    assert run_python(program)[:3] == (0, "alive\n", "")
+
+
+@posix_only
+def test_delay_signals_handles_after_block():
+    program = """
+import os, signal
+from mograft._util.signals import delay_signals, end_on_signals
+end_on_signals()
+with delay_signals():
+    signal.raise_signal(signal.SIGTERM)
+    os.write(1, b"block")
+os.write(1, b"never")
+"""
+    assert run_python(program)[:3] == (143, "block", "terminated\n")
