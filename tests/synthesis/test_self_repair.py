@@ -175,6 +175,61 @@ def with_glitch(motion, frame, joints, degrees):
     return replace(motion, rotations=quats, channel_values=None, name="second")
 
 
+def smoothed(motion):
+    """Return a motion whose rotations and positions are averages of five frames."""
+    around = np.arange(motion.n_frames)[:, None] + np.arange(-2, 3)
+    around = around.clip(0, motion.n_frames - 1)
+    quats = motion.rotations[around] * np.sign(
+        (motion.rotations[around] * motion.rotations[:, None]).sum(-1, keepdims=True)
+    )
+    mean = quats.mean(axis=1)
+    mean /= np.linalg.norm(mean, axis=-1, keepdims=True)
+    places = motion.positions[around].mean(axis=1)
+    return replace(motion, rotations=mean, positions=places, channel_values=None, name="smooth")
+
+
+def jerk_magnitudes(motion, joints):
+    """Return world jerk from positions, assigned to the second of four frames; NaN at the ends."""
+    found = np.full((motion.n_frames, len(joints)), np.nan)
+    steps = np.diff(motion.world_positions()[:, joints], n=3, axis=0)
+    found[1:-2] = np.linalg.norm(steps, axis=-1)
+    return found
+
+
+@few_examples(1)
+@given(st.integers(0, 1000))
+def test_jerk_amounts_above_limit_equal_ratios_to_base_and_rest_of_donor_clips(library, seed):
+    base = smoothed(library.clips[0])
+    own = mg.Library.build([base, library.clips[1]])
+    plan = GraftPlan.build(with_config(own, self_repair=False), None, None, ())
+    donors = plan.choose_donors(1, seed)[0]
+    motion = plan.build_graft(donors, seed, 0).motion
+    segments, cut = own.segments, plan.problem.base_segments
+    whole = [Piece(donors, 0, len(cut))]
+    amounts = DefectMeasure(plan.problem, "upper").amounts(motion, whole)[0][:, 2]
+    joints = feature_joints(base.skeleton, np.flatnonzero(plan.problem.driven_joints["upper"]))
+    reached, known = jerk_magnitudes(motion, joints), jerk_magnitudes(base, joints)
+    own_limits = MAX_JERK_RATIO * np.percentile(np.nan_to_num(known), 99.9, axis=0)
+    n_excused = 0
+    for position in range(1, len(cut) - 1):
+        frames = slice(cut.start[position], cut.stop[position])
+        by_base = np.fmax(own_limits, known[frames])
+        limits = by_base.copy()
+        for donor in donors["upper"][position - 1 : position + 2]:
+            jerk = np.nan_to_num(jerk_magnitudes(own.clips[segments.clip[donor]], joints))
+            is_rest = np.ones(len(jerk), bool)
+            is_rest[max(segments.start[donor] - 2, 0) : segments.stop[donor] + 2] = False
+            percentiles = np.percentile(jerk[is_rest], 99.9, axis=0)
+            limits = np.maximum(limits, MAX_JERK_RATIO * percentiles)
+        expected = np.nanmax(reached[frames] / limits)
+        if amounts[position] == 0.0:  # nothing is exchanged here
+            continue
+        if expected > 1.0 or amounts[position] > 1.0:
+            assert amounts[position] == pytest.approx(expected, rel=1e-6)
+        n_excused += expected <= 1.0 < np.nanmax(reached[frames] / by_base)
+    assert n_excused
+
+
 def test_self_repair_donor_with_glitch_is_replaced_if_another_candidate_exists(library):
     """The glitch is below the threshold of the fault detector, so that it is no excluded donor."""
     arms = [library.skeleton.index(name) for name in ("LeftArm", "RightArm")]

@@ -30,12 +30,16 @@ The recordings are the base at the same frames and both donors at theirs.
 """
 
 MAX_JERK_RATIO = 2.0
-"""Greatest world jerk of a joint, as a multiple of the percentile of its jerk in the base."""
+"""Greatest world jerk of a joint, as a multiple of the percentile of its jerk in the recordings.
+
+The recordings are the base and the clips of the donors in the segment and in those next to it,
+without the frames of these donors, so that the error of a donor does not excuse itself.
+"""
 
 MAX_ADDED_DEPTH = 0.01
 """Greatest depth of a heel, toe or hand below the floor, in heights more than its percentile."""
 
-_PERCENTILE = 99.9  # of world jerk and of floor depth in the base
+_PERCENTILE = 99.9  # of world jerk and of floor depth in a recording
 _SEAM_SECONDS = 4.0 / 30.0  # on either side of a seam
 _STEP_SECONDS = 1.0 / 30.0
 """Time between the frames of differences.
@@ -171,13 +175,45 @@ class DefectMeasure:
         for piece, shift in zip(pieces, shifts, strict=True):
             begin, end = int(cut.start[piece.first]), int(cut.stop[piece.stop - 1])
             # A third difference reaches from one step before to two behind.
-            first = begin + step
-            stop = max(end - 2 * step + 1, first)
-            ratios = jerk[first + shift : stop + shift] / self._jerk_references[first:stop]
-            amounts = np.zeros(end - begin + 1)
-            amounts[step : stop - begin] = ratios.max(axis=1, initial=0.0)
-            found.append(self._greatest_at_positions(amounts, piece))
+            own = slice(step, max(end - begin - 2 * step + 1, step))
+            peaks = np.zeros((end - begin + 1, jerk.shape[1]))
+            peaks[own] = jerk[begin + shift :][own]
+            limits = self._jerk_references[begin : end + 1].copy()
+            amounts = self._greatest_at_positions((peaks / limits).max(axis=1, initial=0.0), piece)
+            # Most positions are within the limits by the base alone.
+            for position in piece.first + np.flatnonzero(amounts > 1.0):
+                frames = slice(int(cut.start[position]) - begin, int(cut.stop[position]) - begin)
+                joints = np.flatnonzero((peaks[frames] > limits[frames]).any(axis=0))
+                known = self._donor_jerk_limits(piece, int(position), joints)
+                limits[frames, joints] = np.maximum(limits[frames, joints], known)
+            ratios = (peaks / limits).max(axis=1, initial=0.0)
+            found.append(self._greatest_at_positions(ratios, piece))
         return found
+
+    def _donor_jerk_limits(self, piece: Piece, position: int, joints: IntArray) -> FloatArray:
+        """Return the limits of world jerk by the clips of the donors at and next to a position.
+
+        `joints` are indices into the joints whose jerk is measured; each has a limit.
+        """
+        library, step = self.problem.library, self._step
+        about = slice(max(position - 1, piece.first), min(position + 2, piece.stop))
+        limits = np.zeros(len(joints))
+        for donor in np.unique(piece.donors[self.group][about]).tolist():
+            segment = library.segments[donor : donor + 1]
+            jerk = self._clip_jerk(library.clips[int(segment.clip[0])])[:, joints]
+            # A third difference reaches from one step before to two behind.
+            first, last = int(segment.start[0]) - 2 * step, int(segment.stop[0]) + step
+            others = np.concatenate([jerk[: max(first, 0)], jerk[last + 1 :]])
+            if len(others):
+                percentiles = np.percentile(others, _PERCENTILE, axis=0)
+                limits = np.maximum(limits, MAX_JERK_RATIO * percentiles)
+        return limits
+
+    def _clip_jerk(self, clip: Motion) -> FloatArray:
+        """Return the world jerk of the measured joints in a recording, (n_frames, n_joints)."""
+        joints, step = self._driven_joints, self._step
+        key = ("jerk", joints.tobytes(), step)
+        return remember(clip, key, lambda: world_jerk(clip, joints, step))
 
     def _depth_amounts(
         self, motion: Motion, pieces: Sequence[Piece], shifts: Sequence[int]
@@ -228,14 +264,10 @@ class DefectMeasure:
     @cached_property
     def _jerk_references(self) -> FloatArray:
         """World jerk of the base, or the joint's limit if it is greater, (n_frames, n_joints)."""
-        base, joints, step = self.problem.base, self._driven_joints, self._step
-
-        def compute() -> tuple[FloatArray, FloatArray]:
-            jerk = world_jerk(base, joints, step)
-            limits = np.percentile(jerk, _PERCENTILE, axis=0)
-            return jerk, limits
-
-        jerk, percentiles = remember(base, ("jerk", joints.tobytes(), step), compute)
+        base = self.problem.base
+        jerk = self._clip_jerk(base)
+        key = ("jerk percentiles", self._driven_joints.tobytes(), self._step)
+        percentiles = remember(base, key, lambda: np.percentile(jerk, _PERCENTILE, axis=0))
         least = _LEAST * mass_model(base.skeleton).height
         limits: FloatArray = np.maximum(MAX_JERK_RATIO * percentiles, least)
         return np.maximum(limits, jerk)
