@@ -12,6 +12,7 @@ from mograft import Config, Segments
 from mograft.analysis.embedding import normalise
 from mograft.analysis.zero_moment import (
     N_DIRECTIONS,
+    ZeroMomentTrack,
     added_imbalances,
     mass_offsets,
     support_margins,
@@ -64,8 +65,8 @@ def test_zero_moment_shifts_of_the_same_path_in_less_time_are_not_smaller(seed, 
 
 
 def margins_of(motion, config=CAPTURED):
-    ground = Ground.of(motion)
-    return support_margins(motion, CUT, ground, config, root=0, up=1)
+    track = ZeroMomentTrack.of(motion, CUT, Ground.of(motion), config, root=0, up=1)
+    return support_margins(motion, CUT, track, config, up=1)
 
 
 def test_support_margins_tell_points_inside_from_points_outside_of_the_polygon(motion):
@@ -104,7 +105,8 @@ def test_support_margins_do_not_depend_on_position_and_heading(motion, angle):
 def test_support_margins_are_infinite_in_flight(motion):
     ground = Ground.of(motion)
     lifted = replace(motion, positions=motion.positions + np.array([0.0, ground.height, 0.0]))
-    margins = support_margins(lifted, CUT, ground, Config(), root=0, up=1)
+    track = ZeroMomentTrack.of(lifted, CUT, ground, Config(), root=0, up=1)
+    margins = support_margins(lifted, CUT, track, Config(), up=1)
     assert (margins == np.inf).all()
 
 

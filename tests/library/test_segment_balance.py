@@ -1,12 +1,14 @@
 """The balance of a library's segments."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft import Config, Library
-from mograft.analysis.zero_moment import support_margins
+from mograft.analysis.zero_moment import ZeroMomentTrack, support_margins
 from mograft.body.contacts import Ground
 from mograft.dancer import dance
 
@@ -18,24 +20,28 @@ def library():
     return Library.build(CLIPS)
 
 
+def margins_of(library, clip, cut):
+    config, up = library.config, library.up
+    track = ZeroMomentTrack.of(clip, cut, Ground.of(clip), config, root=library.root, up=up)
+    return support_margins(clip, cut, track, config, up=up)
+
+
 @given(st.lists(st.floats(0.0, 1.0, exclude_max=True), max_size=8))
 def test_support_margins_of_any_segments_are_those_of_their_clips(library, places):
     expected = np.concatenate(
         [
-            support_margins(
-                clip,
-                library.segments[library.segments.of_clip(index)],
-                Ground.of(clip),
-                library.config,
-                root=library.root,
-                up=library.up,
-            )
+            margins_of(library, clip, library.segments[library.segments.of_clip(index)])
             for index, clip in enumerate(library.clips)
         ]
     )
     chosen = np.array([int(place * len(expected)) for place in places], int)
     found = library.pool("upper").balance.support_margins(chosen)
     np.testing.assert_array_equal(found, expected[chosen])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("mograft.library.segment_balance.CHUNK", 7)
+        patch.setattr("mograft.library.segment_balance._MAX_KNOWN_MARGINS", 4_000)
+        again = replace(library).pool("upper").balance.support_margins(chosen)
+    np.testing.assert_array_equal(again, expected[chosen])
 
 
 def test_pool_has_a_balance_only_for_groups_without_root_and_feet(library):

@@ -51,7 +51,7 @@ def test_candidate_lists_of_balls_have_all_donors_within_the_radius_that_fit(
     config = Config(neighbourhood="ball", max_stretch=stretch + 0.01, length_slack=0.0)
     everyone = np.arange(len(pool.segments))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("mograft.search.candidates._POSITIONS_PER_BATCH", batch)
+        patch.setattr("mograft.search.candidates.POSITIONS_PER_BATCH", batch)
         lists = pool.candidate_lists(everyone, config)
     lengths = pool.segments.lengths
     for base, found in zip(everyone, lists, strict=True):
@@ -82,10 +82,12 @@ def test_search_keeps_cheapest_of_those_cheapest_without_balance(
     config = Config(max_stretch=1e6, max_candidates=most)
     model, scenario = cost_model(config, pool), np.arange(len(pool.segments))
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("_POSITIONS_PER_BATCH", "_PAIRS_PER_BATCH", "PRESELECTION"):
-            value = factor if name == "PRESELECTION" else batch
-            patch.setattr(f"mograft.search.candidates.{name}", value)
-        patch.setattr("mograft.search.trellis.PRESELECTION", factor)
+        for module in ("candidates", "trellis"):
+            patch.setattr(f"mograft.search.{module}.POSITIONS_PER_BATCH", batch)
+            patch.setattr(f"mograft.search.{module}.PRESELECTION", factor)
+        patch.setattr("mograft.search.candidates._NEIGHBOURS_PER_BATCH", batch)
+        patch.setattr("mograft.search.balance._PAIRS_PER_BATCH", batch)
+        patch.setattr("mograft.search.balance._MAX_KNOWN_PAIRS", batch)
         limited = pool.candidate_lists(scenario, config, model)
         lists = pool.candidate_lists(scenario, config)
         trellises = [DonorTrellis.build(pool, scenario, own, model) for own in (limited, lists)]

@@ -1,6 +1,6 @@
 """Conversion of array arguments: dtype, shape, finiteness and unit norm are checked here."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -95,6 +95,16 @@ def split_by_counts(items: npt.NDArray[Item], counts: IntArray) -> list[npt.NDAr
         items[start:stop]
         for start, stop in zip((stops - counts).tolist(), stops.tolist(), strict=True)
     ]
+
+
+def join_views(arrays: Sequence[npt.NDArray[Item]]) -> list[npt.NDArray[Item]]:
+    """Return equal arrays that are views of one new array.
+
+    Views of part of a large array keep all of it in memory; these keep nothing else.
+    """
+    if not len(arrays):
+        return []
+    return split_by_counts(np.concatenate(arrays), np.array([len(own) for own in arrays]))
 
 
 def set_fields(owner: object, state: dict[str, Any]) -> None:

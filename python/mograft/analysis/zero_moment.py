@@ -6,9 +6,11 @@ by d - (z/g) d̈ along each horizontal axis, where d is the displacement of the 
 its height; vertical accelerations of the donor are ignored.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.gaussian import gaussian_kernel
 from mograft.analysis.embedding import Samples, segment_headings
 from mograft.analysis.segmentation import Segments
@@ -53,8 +55,39 @@ def mass_offsets(
     return offsets_of_group
 
 
+@dataclass(frozen=True, eq=False)
+class ZeroMomentTrack:
+    """The zero-moment point of a motion and the headings of its segments."""
+
+    ground: Ground
+    points: FloatArray  # shape (n_frames, 3)
+    is_loaded: BoolArray  # whether the point exists, shape (n_frames,)
+    headings: FloatArray | None  # shape (n_segments, 4); None with `Config.keep_heading`
+
+    @classmethod
+    def of(
+        cls, motion: Motion, cut: Segments, ground: Ground, config: Config, *, root: int, up: int
+    ) -> "ZeroMomentTrack":
+        """Measure a motion with the segments `cut`."""
+        height = mass_model(motion.skeleton).height
+        center = _smooth(center_of_mass(motion), SMOOTHING_SECONDS * motion.rate)
+        acceleration = np.gradient(np.gradient(center, axis=0), axis=0) * motion.rate**2
+        floor = float(ground.floors.min())
+        points, is_loaded = zero_moment_points(center, acceleration, ground.up, floor, height)
+        headings = None
+        if not config.keep_heading:
+            headings = segment_headings(motion, cut, root=root, up=up)
+        return cls(ground, points, is_loaded, headings)
+
+
 def support_margins(
-    motion: Motion, cut: Segments, ground: Ground, config: Config, *, root: int, up: int
+    motion: Motion,
+    cut: Segments,
+    track: ZeroMomentTrack,
+    config: Config,
+    *,
+    up: int,
+    chosen: slice = slice(None),
 ) -> FloatArray:
     """Return how far the zero-moment point may move in segments of a motion, in heights.
 
@@ -62,26 +95,24 @@ def support_margins(
     point to the edge of the support polygon along directions at equal angles from the first
     horizontal axis, in the axes of the samples of `normalise`. One of them is negative if the point
     is outside. All are infinite in frames in which no foot carries weight. Samples are those of the
-    nearest frames.
+    nearest frames. `track` is that of the motion with the segments `cut`; the result has the
+    segments `cut[chosen]`.
     """
-    height = mass_model(motion.skeleton).height
-    center = _smooth(center_of_mass(motion), SMOOTHING_SECONDS * motion.rate)
-    acceleration = np.gradient(np.gradient(center, axis=0), axis=0) * motion.rate**2
-    floor = float(ground.floors.min())
-    points, is_loaded = zero_moment_points(center, acceleration, ground.up, floor, height)
+    own = cut[chosen]
     times = np.linspace(0.0, 1.0, config.samples)
-    frames = np.rint(cut.start[:, None] + cut.lengths[:, None] * times).astype(np.int64)
+    frames = np.rint(own.start[:, None] + own.lengths[:, None] * times).astype(np.int64)
     axes = np.insert(_directions(), up, 0.0, axis=1)
-    axes = np.broadcast_to(axes, (len(cut), N_DIRECTIONS, 3))
-    if not config.keep_heading:
-        headings = segment_headings(motion, cut, root=root, up=up)
+    axes = np.broadcast_to(axes, (len(own), N_DIRECTIONS, 3))
+    if track.headings is not None:
+        headings = track.headings[chosen]
         axes = rotations.rotate(np.repeat(headings[:, None], N_DIRECTIONS, axis=1), axes)
     axes = np.repeat(axes, config.samples, axis=0)
     frames = frames.ravel()
-    extents = support_extents(motion, ground, frames, axes)
-    margins = (extents - np.einsum("nkd,nd->nk", axes, points[frames])) / height
-    margins[np.isinf(extents) | ~is_loaded[frames, None]] = np.inf
-    shaped: FloatArray = margins.reshape(len(cut), config.samples, N_DIRECTIONS)
+    extents = support_extents(motion, track.ground, frames, axes)
+    offsets = np.einsum("nkd,nd->nk", axes, track.points[frames])
+    margins = (extents - offsets) / mass_model(motion.skeleton).height
+    margins[np.isinf(extents) | ~track.is_loaded[frames, None]] = np.inf
+    shaped: FloatArray = margins.reshape(len(own), config.samples, N_DIRECTIONS)
     return shaped
 
 

@@ -17,7 +17,7 @@ _HEEL_LENGTH = 0.035  # distance from the ankle back to the end of the heel
 _FOOT_LENGTH = 0.117  # distance from the ankle to the tip of the foot
 _BALL_HALF_WIDTH, _TIP_HALF_WIDTH = 0.0275, 0.0165
 _MIN_FOOT_EXTENT = 0.02  # horizontal distance from ankle to toe of a foot with a direction
-_FRAMES_PER_BATCH = 256  # in memory together with their extents along all directions
+_FRAMES_PER_BATCH = 1024  # in memory together with their extents along all directions
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,9 +189,10 @@ def facing_directions(motion: Motion, ground: Ground) -> FloatArray:
     hips = {limb.side: limb.hip for limb in reversed(ground.limbs)}
     if not {"left", "right"} <= hips.keys():
         return np.zeros((motion.n_frames, 3))
-    positions = motion.world_positions()
-    forward = np.cross(positions[:, hips["left"]] - positions[:, hips["right"]], ground.up)
-    return normalize(forward)
+    lines = np.empty((motion.n_frames, 3))
+    for frames, _, positions in motion.world_blocks():
+        lines[frames] = positions[:, hips["left"]] - positions[:, hips["right"]]
+    return normalize(np.cross(lines, ground.up))
 
 
 def normalize(vectors: FloatArray) -> FloatArray:
@@ -211,14 +212,17 @@ def support_extents(
     unit of the file: the support function of the polygon. The result is -inf in frames in which no
     foot carries weight.
     """
-    _, corners, carries = _soles(motion, ground)
     extents = np.empty(directions.shape[:2])
     axes = horizontal_axes(ground.up)
     for start in range(0, len(frames), _FRAMES_PER_BATCH):
         batch = slice(start, start + _FRAMES_PER_BATCH)
         own = frames[batch]
-        along = corners[own] @ directions[batch][..., axes].swapaxes(1, 2)
-        along[~carries[own]] = -np.inf
+        poses = Motion(
+            motion.skeleton, motion.frame_time, motion.rotations[own], motion.positions[own]
+        )
+        _, corners, carries = _soles(poses, ground)
+        along = corners @ directions[batch][..., axes].swapaxes(1, 2)
+        along[~carries] = -np.inf
         extents[batch] = along.max(axis=1, initial=-np.inf)
     return extents
 

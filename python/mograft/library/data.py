@@ -23,8 +23,9 @@ from mograft.library.stored_clips import ExtendedSamples, StoredClips, StoredSam
 from mograft.library.tables import Columns, library_html, library_tables
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
+from mograft.search.balance import SegmentBalance
 from mograft.search.boundary_states import BoundaryStates
-from mograft.search.candidates import SegmentBalance, SegmentPool
+from mograft.search.candidates import SegmentPool
 
 _RECIPE = "_recipe"
 """Name of the attribute with a function and its arguments, whose result is the library."""

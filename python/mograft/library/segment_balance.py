@@ -8,13 +8,21 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.embedding import CHUNK, Samples
 from mograft.analysis.segmentation import Segments
-from mograft.analysis.zero_moment import N_DIRECTIONS, mass_offsets, support_margins
+from mograft.analysis.zero_moment import (
+    N_DIRECTIONS,
+    ZeroMomentTrack,
+    mass_offsets,
+    support_margins,
+)
 from mograft.body.contacts import Ground
 from mograft.config import Config
 from mograft.library.spec import LibrarySpec
 from mograft.library.stored_clips import ExtendedSamples, StoredSamples
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
+
+_MAX_KNOWN_MARGINS = 1 << 25
+"""Support margins that are kept: 256 MiB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +40,9 @@ class LibraryBalance:
     config: Config
     # Offsets by the joints of a group, shape (n_segments, n_samples, 2); NaN if not yet computed.
     _offsets: dict[bytes, FloatArray] = field(default_factory=dict)
-    _margins: dict[int, FloatArray] = field(default_factory=dict)  # of all segments, by clip
+    _tracks: dict[int, ZeroMomentTrack] = field(default_factory=dict)  # by clip
+    # Margins by clip and block of segments.
+    _margins: dict[tuple[int, int], FloatArray] = field(default_factory=dict)
 
     def mass_offsets(self, joints: IntArray, segments: IntArray) -> FloatArray:
         """Return the mass offsets of a joint group in some segments, shape (n, n_samples, 2)."""
@@ -55,14 +65,35 @@ class LibraryBalance:
         found = np.empty((len(segments), self.config.samples, N_DIRECTIONS))
         clips = self.segments.clip[segments]
         for clip in np.unique(clips).tolist():
-            members = self.segments.of_clip(clip)
-            if clip not in self._margins:
-                self._margins[clip] = self._margins_of_clip(self.clips[clip], members)
-            rows = np.searchsorted(members, segments[clips == clip])
-            found[clips == clip] = self._margins[clip][rows]
+            members, of_clip = self.segments.of_clip(clip), np.flatnonzero(clips == clip)
+            blocks, rows = np.divmod(np.searchsorted(members, segments[of_clip]), CHUNK)
+            for block in np.unique(blocks).tolist():
+                own = blocks == block
+                found[of_clip[own]] = self._margins_of_block(clip, block, members)[rows[own]]
         return found
 
-    def _margins_of_clip(self, motion: Motion, members: IntArray) -> FloatArray:
-        cut, ground = self.segments[members], Ground.of(motion)
-        root, up = self.spec.root, self.spec.up
-        return support_margins(motion, cut, ground, self.config, root=root, up=up)
+    def _margins_of_block(self, clip: int, block: int, members: IntArray) -> FloatArray:
+        """Return the support margins of a block of at most `CHUNK` segments of a clip.
+
+        `members` are all segments of the clip. Blocks are kept up to `_MAX_KNOWN_MARGINS`.
+        """
+        known = self._margins.get((clip, block))
+        if known is None:
+            known = self._compute_margins(clip, block, members)
+            keys = list(self._margins)  # other threads may add blocks
+            self._margins[clip, block] = known
+            n_known = sum(own.size for own in list(self._margins.values()))
+            while n_known > _MAX_KNOWN_MARGINS and keys:
+                dropped = self._margins.pop(keys.pop(0), None)
+                n_known -= 0 if dropped is None else dropped.size
+        return known
+
+    def _compute_margins(self, clip: int, block: int, members: IntArray) -> FloatArray:
+        motion, cut, up = self.clips[clip], self.segments[members], self.spec.up
+        track = self._tracks.get(clip)
+        if track is None:
+            ground, root = Ground.of(motion), self.spec.root
+            track = ZeroMomentTrack.of(motion, cut, ground, self.config, root=root, up=up)
+            self._tracks[clip] = track
+        chosen = slice(block * CHUNK, (block + 1) * CHUNK)
+        return support_margins(motion, cut, track, self.config, up=up, chosen=chosen)

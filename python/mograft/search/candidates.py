@@ -1,18 +1,24 @@
 """Candidate donors: their generation by neighbourhood and length, and their listing with costs."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray, make_read_only, split_by_counts
+from mograft._util.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    join_views,
+    split_by_counts,
+)
 from mograft._util.html_table import html_table
 from mograft.analysis.segmentation import Segments
-from mograft.analysis.zero_moment import added_imbalances, zero_moment_shifts
 from mograft.config import Config
 from mograft.motion import rotations
+from mograft.search.balance import SegmentBalance
 from mograft.search.boundary_states import (
     BoundaryStates,
     pose_gaps,
@@ -23,8 +29,8 @@ from mograft.search.boundary_states import (
 from mograft.search.costs import PRESELECTION, CostModel, SeamScales, length_fits
 from mograft.search.neighbourhoods import NEIGHBOURHOODS
 
-_POSITIONS_PER_BATCH = 1024  # base segments whose neighbours are in memory together
-_PAIRS_PER_BATCH = 1 << 15  # base segments and donors whose zero-moment points are in memory
+POSITIONS_PER_BATCH = 1024  # base segments whose candidates are evaluated together
+_NEIGHBOURS_PER_BATCH = 1 << 19  # base segments and neighbours that are compared together
 _N_TYPICAL_SEAMS = 512  # seams from which the typical gaps are measured
 # Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018: 1/g and 1/g² of the
 # root g of g³ = g + 1. Their multiples modulo 1 fill the square evenly.
@@ -109,17 +115,6 @@ class Candidates:
 
 
 @dataclass(frozen=True, eq=False)
-class SegmentBalance:
-    """Functions of segment indices, shape (n,), to compute the effect of donors on balance.
-
-    They return what the functions of `mograft.analysis.zero_moment` with these names return.
-    """
-
-    mass_offsets: Callable[[IntArray], FloatArray]  # of the grafted group
-    support_margins: Callable[[IntArray], FloatArray]  # of the whole body
-
-
-@dataclass(frozen=True, eq=False)
 class SegmentPool:
     """All segments of a library, with the data for the search for donors of one joint group."""
 
@@ -131,9 +126,6 @@ class SegmentPool:
     points: FloatArray | None = None  # embedding of the base parts; None: all distances are 0
     sigma: float = 0.0  # cluster diameter threshold, in the unit of `points`
     balance: SegmentBalance | None = None  # None: all donors keep the balance
-    # The result of `added_imbalances` for the most pairs so far, by the bytes of both arguments:
-    # all grafts on one base evaluate the same candidates.
-    _added: dict[tuple[bytes, bytes], FloatArray] = field(init=False, default_factory=dict)
 
     def neighbours(self, base: IntArray, config: Config) -> list[IntArray]:
         """Return the indices of the segments in the neighbourhood of each base segment.
@@ -152,22 +144,37 @@ class SegmentPool:
         segments per position. A list always contains the base segment. With `model`, lists are
         limited to `PRESELECTION` times `max_candidates`, the cheapest without the cost of balance.
         """
-        lengths = self.segments.lengths
         lists: list[IntArray] = []
-        for start in range(0, len(scenario), _POSITIONS_PER_BATCH):
-            positions = scenario[start : start + _POSITIONS_PER_BATCH]
+        for start in range(0, len(scenario), POSITIONS_PER_BATCH):
+            positions = scenario[start : start + POSITIONS_PER_BATCH]
             members = self.neighbours(positions, config)
-            counts = np.array([len(own) for own in members])
-            base, donors = np.repeat(positions, counts), np.concatenate(members)
-            fits = length_fits(lengths[base], lengths[donors], self.rate, config)
-            fits = (fits & self.is_donor[donors]) | (donors == base)
-            ends = np.append(0, np.cumsum(fits))[np.cumsum(counts)]
-            found = split_by_counts(donors[fits], np.diff(ends, prepend=0))
-            if model is not None:
-                costs = self.costs_without_balance(base[fits], donors[fits], model)
-                found, _ = model.keep_cheapest_of_each(positions, found, costs, PRESELECTION)
-            lists += found
+            stops = np.cumsum([len(own) for own in members])
+            # Clusters grow with the library: fewer positions at a time keep the memory constant.
+            cuts = np.flatnonzero(np.diff(stops // _NEIGHBOURS_PER_BATCH)) + 1
+            for own in np.split(np.arange(len(positions)), cuts):
+                batch = slice(own[0], own[-1] + 1)
+                lists += self._fitting(positions[batch], members[batch], config, model)
         return lists
+
+    def _fitting(
+        self,
+        positions: IntArray,
+        members: Sequence[IntArray],
+        config: Config,
+        model: CostModel | None,
+    ) -> list[IntArray]:
+        """Return the candidates among the neighbours `members` of base segments."""
+        lengths = self.segments.lengths
+        counts = np.array([len(own) for own in members])
+        base, donors = np.repeat(positions, counts), np.concatenate(members)
+        fits = length_fits(lengths[base], lengths[donors], self.rate, config)
+        fits = (fits & self.is_donor[donors]) | (donors == base)
+        ends = np.append(0, np.cumsum(fits))[np.cumsum(counts)]
+        found = split_by_counts(donors[fits], np.diff(ends, prepend=0))
+        if model is not None:
+            costs = self.costs_without_balance(base[fits], donors[fits], model)
+            found, _ = model.keep_cheapest_of_each(positions, found, costs, PRESELECTION)
+        return join_views(found)
 
     def seam_angles(self, left: IntArray, right: IntArray) -> FloatArray:
         """Return the mean joint angle, in radians, at the seam between each left and right segment.
@@ -200,33 +207,9 @@ class SegmentPool:
 
         See `mograft.analysis.zero_moment.added_imbalances`. The arguments have shape (n,).
         """
-        key = base.tobytes(), donors.tobytes()
-        known = self._added.get(key)
-        if known is not None:
-            return known
-        added = self._compute_added_imbalances(base, donors)
-        if len(added) >= max(map(len, list(self._added.values())), default=0):
-            make_read_only(added)
-            self._added.clear()
-            self._added[key] = added
-        return added
-
-    def _compute_added_imbalances(self, base: IntArray, donors: IntArray) -> FloatArray:
-        found = np.zeros(len(base))
-        others = np.flatnonzero(donors != base)
         if self.balance is None:
-            return found
-        for start in range(0, len(others), _PAIRS_PER_BATCH):
-            batch = others[start : start + _PAIRS_PER_BATCH]
-            pairs = np.stack([base[batch], donors[batch]])
-            segments, members = np.unique(pairs, return_inverse=True)
-            of_base, of_donors = self.balance.mass_offsets(segments)[members.reshape(pairs.shape)]
-            seconds = self.segments.lengths[pairs[0]] / self.rate
-            shifts = zero_moment_shifts(of_base, of_donors, seconds)
-            positions, rows = np.unique(pairs[0], return_inverse=True)
-            margins = self.balance.support_margins(positions)
-            found[batch] = added_imbalances(shifts, margins, rows)
-        return found
+            return np.zeros(len(base))
+        return self.balance.added_imbalances(base, donors, self.segments.lengths / self.rate)
 
     def unary_costs(self, base: IntArray, donors: IntArray, model: CostModel) -> FloatArray:
         """Return the unary cost of each donor for its base segment, shape (n,).
@@ -259,8 +242,8 @@ class SegmentPool:
     ) -> list[FloatArray]:
         """Return the `pairwise_costs` from the candidates of each position to those of the next."""
         found: list[FloatArray] = []
-        for start in range(0, len(candidates) - 1, _POSITIONS_PER_BATCH):
-            lists = candidates[start : start + _POSITIONS_PER_BATCH + 1]
+        for start in range(0, len(candidates) - 1, POSITIONS_PER_BATCH):
+            lists = candidates[start : start + POSITIONS_PER_BATCH + 1]
             counts, boundary = np.array([len(own) for own in lists]), self.boundary
             along = np.concatenate(lists), counts
             angles = pose_gaps_along(boundary.last, boundary.first, *along)

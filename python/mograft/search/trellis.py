@@ -6,8 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.search.candidates import SegmentPool
+from mograft._util.arrays import BoolArray, FloatArray, IntArray, join_views
+from mograft.search.candidates import POSITIONS_PER_BATCH, SegmentPool
 from mograft.search.costs import PRESELECTION, CostModel
 from mograft.search.viterbi import Trellis
 
@@ -39,16 +39,14 @@ class DonorTrellis:
         as many that are cheapest without the cost of balance; the base segment is among them. Ties
         go to the lowest index.
         """
-
-        def pair(lists: Sequence[IntArray]) -> tuple[IntArray, IntArray]:
-            return np.repeat(scenario, [len(own) for own in lists]), np.concatenate(lists)
-
-        costs = pool.costs_without_balance(*pair(candidates), model)
-        if constraint_costs is not None:
-            costs = costs + np.concatenate(constraint_costs)
-        kept, unary = model.keep_cheapest_of_each(scenario, candidates, costs, PRESELECTION)
-        costs = np.concatenate(unary) + pool.balance_costs(*pair(kept), model)
-        kept, unary = model.keep_cheapest_of_each(scenario, kept, costs)
+        kept: list[IntArray] = []
+        unary: list[FloatArray] = []
+        for start in range(0, len(scenario), POSITIONS_PER_BATCH):
+            batch = slice(start, start + POSITIONS_PER_BATCH)
+            own = None if constraint_costs is None else constraint_costs[batch]
+            found, costs = _keep_cheapest(pool, scenario[batch], candidates[batch], model, own)
+            kept += found
+            unary += costs
         seams = pool.pairwise_costs_along(kept, model)
         return cls(scenario, tuple(kept), Trellis(tuple(unary), tuple(seams)))
 
@@ -79,3 +77,24 @@ class DonorTrellis:
     def _keys(positions: IntArray, segments: IntArray) -> IntArray:
         """Return one number per candidate; the numbers ascend by position, then by segment."""
         return (positions << 32) + segments
+
+
+def _keep_cheapest(
+    pool: SegmentPool,
+    scenario: IntArray,
+    candidates: Sequence[IntArray],
+    model: CostModel,
+    constraint_costs: Sequence[FloatArray] | None,
+) -> tuple[list[IntArray], list[FloatArray]]:
+    """Return the cheapest candidates of some positions and their costs; see `DonorTrellis`."""
+
+    def pair(lists: Sequence[IntArray]) -> tuple[IntArray, IntArray]:
+        return np.repeat(scenario, [len(own) for own in lists]), np.concatenate(lists)
+
+    costs = pool.costs_without_balance(*pair(candidates), model)
+    if constraint_costs is not None:
+        costs = costs + np.concatenate(constraint_costs)
+    kept, unary = model.keep_cheapest_of_each(scenario, candidates, costs, PRESELECTION)
+    costs = np.concatenate(unary) + pool.balance_costs(*pair(kept), model)
+    kept, unary = model.keep_cheapest_of_each(scenario, kept, costs)
+    return join_views(kept), join_views(unary)

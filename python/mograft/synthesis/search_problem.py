@@ -259,10 +259,8 @@ class SearchProblem:
 
     def count_alternatives(self, group: str) -> IntArray:
         """Return how many candidates other than the base segment each position has."""
-        lists = self.candidates[group]
-        positions = np.repeat(np.arange(len(lists)), [len(own) for own in lists])
-        is_other = np.concatenate(lists) != self.scenario[positions]
-        return np.bincount(positions[is_other], minlength=len(lists))
+        pairs = zip(self.candidates[group], self.scenario, strict=True)
+        return np.array([np.count_nonzero(own != base) for own, base in pairs], np.int64)
 
     def positions_with(self, excess: FloatArray) -> BoolArray:
         """Return whether each position has a frame in which `excess` is above 0.
