@@ -32,7 +32,7 @@ class SegmentBalance:
         See `mograft.analysis.zero_moment.added_imbalances`. `base` and `donors` have shape (n,).
         `seconds` has the durations of all segments.
         """
-        key = hashlib.sha256(np.stack([base, donors])).digest()
+        key = hashlib.sha256(np.stack([base, donors]).data).digest()
         known = self._known.get(key)
         if known is not None:
             return known
