@@ -19,6 +19,9 @@ class SegmentationMethod:
     parameters. The caller adds both ends, and merges segments shorter than `Config.min_length`."""
     has_long_segments: bool = False
     """Whether segments may be longer than `Config.max_length`: whole behaviours are not split."""
+    look_ahead: float | None = None
+    """Seconds after a cut frame that decide whether it is one; None if all frames do, so that a
+    stream cannot use the method."""
 
     def make_parameters(self, name: str, given: Mapping[str, Any]) -> Any:  # noqa: ANN401 - of any method
         """Return the parameters with the values in `given`, and the defaults for all others.

@@ -31,6 +31,7 @@ from mograft.cli.options import (
     REPLAY_OPTIONS,
     SCENARIO_OPTIONS,
     SEED,
+    SEGMENTATION,
     SIGMA_SCALE,
     SKELETON,
     VARIETY,
@@ -120,6 +121,7 @@ _CANDIDATES = command(
         ),
     ),
     GROUPS,
+    SEGMENTATION,
     option(
         "--group GROUP",
         "joint group to exchange (default: the first group that is not the base group)",
@@ -142,6 +144,7 @@ _GRAFT = command(
         is_path=True,
     ),
     GROUPS,
+    SEGMENTATION,
     setting("--swap GROUP,...", "joint groups to exchange (default: all except the base group)"),
     option("-n --count", "number of motions (default: 1)", positive_integer, 1),
     output_option(
@@ -226,6 +229,7 @@ _EVALUATE = command(
         metavar="DIR",
     ),
     GROUPS,
+    SEGMENTATION,
     PRESET,
     SIGMA_SCALE,
     setting(
@@ -323,6 +327,7 @@ COMMANDS = (
             "-j --jobs N", "number of processes that read files (default: 1)", positive_integer, 1
         ),
         GROUPS,
+        SEGMENTATION,
         PRESET,
         SIGMA_SCALE,
         setting(
@@ -360,6 +365,7 @@ COMMANDS = (
             "(default: all clips)",
         ),
         groups_option(FIGURE_COLOURS, "trunk, arms and legs"),
+        SEGMENTATION,
         option("--title", "title of the page (default: the names of the first three motions)"),
         output_option("HTML file to write (default: a temporary file, opened in the browser)"),
         switch("--open", "open the page in the browser, even if -o is given"),

@@ -1,11 +1,14 @@
 """The library, joint groups and configuration that the options of a command select."""
 
 import argparse
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from mograft._util.cut_frames import freeze_cut_frames
+from mograft.analysis.segmentation import check_segmentation
 from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders, library_folder
 from mograft.cli.options import PRESETS
@@ -80,7 +83,7 @@ def load_library(options: argparse.Namespace) -> Library:
             options.usage_error(
                 "--rate is fixed when a library is created: use it with mograft index"
             )
-        refuse_fixed_options(options, "groups", "preset", "match", "skeleton")
+        refuse_fixed_options(options, "groups", "preset", "segmentation", "match", "skeleton")
         library = Library.open(folder)
         config = _with_options(library.config, options)
         return library if config == library.config else library.relabelled(config)
@@ -146,7 +149,35 @@ def selected_groups(options: argparse.Namespace) -> JointGroups | str:
 def selected_config(options: argparse.Namespace) -> Config:
     """Return the configuration that ``--preset`` selects, changed by the other options."""
     is_paper = getattr(options, "preset", None) == "paper"
-    return _with_options(Config.paper() if is_paper else Config(), options)
+    config = _with_options(Config.paper() if is_paper else Config(), options)
+    return _with_segmentation(config, options)
+
+
+def _with_segmentation(config: Config, options: argparse.Namespace) -> Config:
+    """Return a configuration with the method of segmentation that ``--segmentation`` selects."""
+    chosen = getattr(options, "segmentation", None)
+    if chosen is None:
+        return config
+    if isinstance(chosen, Path):
+        return replace(config, segmentation=_read_cut_frames(chosen), segmentation_parameters={})
+    name, parameters = chosen
+    config = replace(config, segmentation=name, segmentation_parameters=parameters)
+    try:
+        check_segmentation(config)
+    except (TypeError, ValueError) as error:
+        options.usage_error(f"--segmentation: {error}")
+    return config
+
+
+def _read_cut_frames(path: Path) -> Mapping[str, tuple[int, ...]]:
+    """Read the cut frames of each clip from a JSON file; raise ValueError if it holds none."""
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(document, dict):
+            raise ValueError('expected an object such as {"walk": [12, 40]}')
+        return freeze_cut_frames(document)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
 def _with_options(config: Config, options: argparse.Namespace) -> Config:

@@ -20,14 +20,24 @@ from mograft.errors import join_names
 from mograft.library.discover import find_clips, matching_values, read_tags
 from mograft.library.library import Library
 
+_FIXED_OPTIONS = (
+    "groups",
+    "preset",
+    "segmentation",
+    "sigma_scale",
+    "rate",
+    "force",
+    "match",
+    "skeleton",
+)
+"""Options that cannot be combined with ``--add``."""
+
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     check_suffix(options, is_folder=True)
     if options.add:
-        fixed = options_given(
-            options, "groups", "preset", "sigma_scale", "rate", "force", "match", "skeleton"
-        )
+        fixed = options_given(options, *_FIXED_OPTIONS)
         if fixed:
             flag = f"--{fixed[0].replace('_', '-')}"
             options.usage_error(

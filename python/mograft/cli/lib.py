@@ -7,6 +7,7 @@ from typing import Any
 from mograft.cli.exclusions import describe_excluded
 from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import print_remark, print_result
+from mograft.config import Config
 from mograft.library import storage
 from mograft.library.clip_table import ClipInfo
 from mograft.library.discover import SourceFile
@@ -22,7 +23,7 @@ def run_info(options: argparse.Namespace) -> int:
     lines = [
         f"{options.library}",
         f"  {document['clips']} clips, {document['frames']} frames at {document['rate']:.6g} fps",
-        f"  {document['segments']} segments",
+        f"  {document['segments']} segments{_describe_segmentation(library.config)}",
     ]
     for name, group in document["groups"].items():
         lines.append(
@@ -37,6 +38,16 @@ def run_info(options: argparse.Namespace) -> int:
         lines.append(f"  {clip['name']}{tags}: {clip['frames']} frames, {clip['file']}{faults}")
     print_result(options, "lib", {**document, "files": clips}, lines)
     return 0
+
+
+def _describe_segmentation(config: Config) -> str:
+    """Return how a library was segmented, or "" for the default."""
+    if not isinstance(config.segmentation, str):
+        return " by given cut frames"
+    if config.segmentation == Config.segmentation:
+        return ""
+    values = [f"{name} {value}" for name, value in config.segmentation_parameters.items()]
+    return f" by {', '.join([config.segmentation, *values])}"
 
 
 def describe_library(library: Library) -> dict[str, Any]:

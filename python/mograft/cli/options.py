@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from mograft._util.registry import CONFIG_OPTIONS
+from mograft._util.registry import CONFIG_OPTIONS, Registry
 from mograft.cli import values
 from mograft.cli.arguments import (
     Argument,
@@ -53,13 +53,17 @@ def config_option(field: str, subject: str, default: str, paper: str | None = No
     given, `paper` the one with ``--preset paper`` if it differs.
     """
     registry = CONFIG_OPTIONS[field]
-    described = "; ".join(f"{name} - {text}" for name, text in registry.entries.items())
     of_paper = "" if paper is None else f"; with --preset paper: {paper}"
     return setting(
         f"--{field}",
-        f"{subject} (default: {default}{of_paper}): {described}",
+        f"{subject} (default: {default}{of_paper}): {_describe(registry)}",
         choices=registry.names,
     )
+
+
+def _describe(registry: Registry[str]) -> str:
+    """Return the accepted values of a parameter with their descriptions, as one line."""
+    return "; ".join(f"{name} - {text}" for name, text in registry.entries.items())
 
 
 MOTION_FILES = files_argument("motion files, or folders of them")
@@ -87,6 +91,15 @@ VARIETY = setting(
 NEIGHBOURHOOD = config_option("neighbourhood", "segments that can be donors", "cluster")
 SEED = setting(
     "--seed", "seed of the random number generator (default: 0)", non_negative_integer, 0
+)
+SEGMENTATION = setting(
+    "--segmentation NAME|FILE",
+    "how motions are cut into segments (default: energy): "
+    f"{_describe(CONFIG_OPTIONS['segmentation'])}; or a .json file with the cut frames of each "
+    'clip, such as {"walk": [12, 40]}. NAME:PARAMETER=VALUE,... sets parameters, such as '
+    "com:min_flight=0.2",
+    values.segmentation,
+    is_path=True,
 )
 INCLUDE_GRAFTS = setting_switch(
     "--include-grafts",

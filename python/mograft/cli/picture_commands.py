@@ -16,6 +16,7 @@ from mograft.cli.options import (
     FORCE,
     INCLUDE_GRAFTS,
     JSON,
+    SEGMENTATION,
     SKELETON,
     files_argument,
     groups_option,
@@ -43,6 +44,7 @@ PLOT = command(
     ),
     output_option(".png, .svg or .pdf file to write", required=True),
     groups_option(default="lower_upper; for strip trunk, arms and legs"),
+    SEGMENTATION,
     INCLUDE_GRAFTS,
     option(
         "--group NAME",

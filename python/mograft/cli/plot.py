@@ -11,6 +11,7 @@ from mograft.cli.configuration import (
     load_library,
     refuse_fixed_options,
     refuse_useless_options,
+    selected_config,
     selected_groups,
 )
 from mograft.cli.files import (
@@ -22,6 +23,7 @@ from mograft.cli.files import (
 )
 from mograft.cli.frame_times import resolve_frames
 from mograft.cli.output import print_result
+from mograft.config import Config
 from mograft.io.addresses import read_clip, split_address
 from mograft.library.discover import has_provenance
 from mograft.library.library import Library
@@ -35,6 +37,7 @@ _ENDINGS = (".png", ".svg", ".pdf")
 _KINDS_OF_OPTION = {
     "frames": ("strip", "timeline", "energy"),
     "groups": ("strip", "timeline", "pca", "dendrogram", "clusters"),
+    "segmentation": ("timeline", "energy", "pca", "dendrogram", "clusters"),
     "group": ("pca", "dendrogram", "clusters"),
 }
 
@@ -71,17 +74,17 @@ def run(options: argparse.Namespace) -> int:
 def _draw(options: argparse.Namespace) -> "Axes":
     folder = library_folder(options)
     if folder is not None:
-        refuse_fixed_options(options, "groups")
+        refuse_fixed_options(options, "groups", "segmentation")
     if options.clip and (folder is None or options.kind not in _KINDS_OF_OPTION["frames"]):
         options.usage_error(
             "--clip requires a library, and one of the kinds strip, timeline and energy"
         )
     refuse_useless_options(options, _KINDS_OF_OPTION, options.kind, options.kind)
     if options.kind in ("strip", "energy"):
-        motion, groups = _single_motion(options, folder)
+        motion, groups, config = _single_motion(options, folder)
         frames = frame_range(motion, options.frames)
         if options.kind == "energy":
-            return plot.energy(motion, frames=frames)
+            return plot.energy(motion, config, frames=frames)
         return plot.strip(motion, options.poses, groups=groups, frames=frames)
     if options.kind == "timeline":
         scene = _timeline_scene(options, folder)
@@ -111,8 +114,8 @@ def _timeline_scene(options: argparse.Namespace, folder: Path | None) -> Scene:
 
 def _single_motion(
     options: argparse.Namespace, folder: Path | None
-) -> tuple[Motion, JointGroups | str | None]:
-    """Return the only motion that the options select, and the joint groups for its colours.
+) -> tuple[Motion, JointGroups | str | None, Config]:
+    """Return the only motion that the options select, its joint groups and its configuration.
 
     `folder` is that of a library, or None for motion files. Raise ValueError if the options select
     several motions.
@@ -121,10 +124,11 @@ def _single_motion(
     if folder is not None:
         library = Library.open(folder)
         motions = [library.clips[index] for index in select_clips(library, options.clip)]
-        groups = library.groups
+        groups, config = library.groups, library.config
     else:
         groups = None if options.groups is None else selected_groups(options)
+        config = selected_config(options)
         motions = [read_clip(file) for file in expand_folders(options.files)]
     if len(motions) != 1:
         raise ValueError(f"{options.kind} shows exactly one motion, got {len(motions)}")
-    return motions[0], groups
+    return motions[0], groups, config

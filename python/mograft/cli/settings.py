@@ -116,7 +116,8 @@ def _convert_toml(argument: Argument, value: Any, path: Path) -> Any:  # noqa: A
     if is_bool:
         return value
     text = str(value)
-    if text.endswith(".toml"):  # A file of joint groups: relative to the configuration file.
+    is_cut_frames = argument.name == "segmentation" and text.endswith(".json")
+    if text.endswith(".toml") or is_cut_frames:  # A file: relative to the configuration file.
         text = str(path.parent / text)
     return _convert_text(argument, text, place)
 

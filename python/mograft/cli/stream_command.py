@@ -3,7 +3,14 @@
 from pathlib import Path
 
 from mograft.cli.arguments import command, exclusive, option, setting
-from mograft.cli.options import FILES_OR_LIBRARY, GROUPS, INCLUDE_GRAFTS, JSON, VARIETY
+from mograft.cli.options import (
+    FILES_OR_LIBRARY,
+    GROUPS,
+    INCLUDE_GRAFTS,
+    JSON,
+    SEGMENTATION,
+    VARIETY,
+)
 from mograft.cli.values import non_negative_integer, positive_number
 
 STREAM = command(
@@ -12,6 +19,7 @@ STREAM = command(
     FILES_OR_LIBRARY,
     INCLUDE_GRAFTS,
     GROUPS,
+    SEGMENTATION,
     VARIETY,
     exclusive(
         option("--port N", "TCP port; 0 selects a free one", non_negative_integer),

@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TypeVar
 
+from mograft._util.registry import CONFIG_OPTIONS
 from mograft.cli.frame_times import Range, frame_or_frames, frames
 from mograft.errors import suggest_name
 
@@ -80,6 +81,38 @@ def one_of(choices: Collection[str]) -> Callable[[str], str]:
         return text
 
     return convert
+
+
+def segmentation(text: str) -> Path | tuple[str, dict[str, float | bool | str]]:
+    """Parse ``NAME[:PARAMETER=VALUE,...]`` or the name of a .json file.
+
+    Return the path of the file, or the name of the method and its parameters.
+    """
+    if text.lower().endswith(".json"):
+        return Path(text)
+    name, _, rest = text.partition(":")
+    one_of(CONFIG_OPTIONS["segmentation"].names)(name)
+    parameters: dict[str, float | bool | str] = {}
+    for word in rest.split(",") if rest else []:
+        key, separator, value = word.partition("=")
+        if not (key and separator and value) or key in parameters:
+            raise ArgumentTypeError(
+                f"must be NAME:PARAMETER=VALUE,... with different parameters, got {text!r}"
+            )
+        parameters[key] = _plain_value(value)
+    return name, parameters
+
+
+def _plain_value(text: str) -> float | bool | str:
+    """Return an integer, a number, true or false as such, and any other text as it is."""
+    if text in ("true", "false"):
+        return text == "true"
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
 
 
 def picture_size(text: str) -> tuple[int, int]:

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from mograft.cli.configuration import refuse_fixed_options, selected_groups
+from mograft.cli.configuration import refuse_fixed_options, selected_config, selected_groups
 from mograft.cli.files import (
     check_suffix,
     check_writable,
@@ -28,9 +28,15 @@ def run(options: argparse.Namespace) -> int:
         options.usage_error("--clip requires a library")
     if folder is None:
         groups = None if options.groups is None else selected_groups(options)
-        page = view(*expand_folders(options.files), groups=groups, title=options.title, show=False)
+        page = view(
+            *expand_folders(options.files),
+            groups=groups,
+            config=selected_config(options),
+            title=options.title,
+            show=False,
+        )
     else:
-        refuse_fixed_options(options, "groups")
+        refuse_fixed_options(options, "groups", "segmentation")
         library = Library.open(folder)
         clips = Scene.of_clips(library, select_clips(library, options.clip))
         page = view(clips, title=options.title, show=False)

@@ -161,6 +161,8 @@ class IngestRun:
             hint = suggest_name(self.match, MATCHES)
             raise ValueError(f"`match` must be 'names' or 'anatomy', got {self.match!r}{hint}")
         check_segmentation(self.config)
+        if self.is_packed:
+            check_storable(self.config)
         for name in ("skeleton", "hierarchy"):
             if getattr(self, name) is not None:
                 check_type(name, getattr(self, name), Skeleton)
@@ -304,6 +306,15 @@ class IngestRun:
         if self.strict:
             raise errors[0]
         raise ValueError(f"no clip can be used: {errors[0]}") from errors[0]
+
+
+def check_storable(config: Config) -> None:
+    """Raise ValueError if a library with this configuration cannot be stored."""
+    if callable(config.segmentation):
+        raise ValueError(
+            "`segmentation` must be a name or the cut frames of each clip in a stored library, got "
+            f"{config.segmentation!r}: functions are not stored"
+        )
 
 
 def warn_of_clips(

@@ -11,6 +11,7 @@ from mograft._util.arrays import FloatArray
 from mograft.library.clip_table import ClipInfo, ClipLocation, skeleton_to_json
 from mograft.library.data import LibraryData
 from mograft.library.generation import GenerationWriter, write_generation
+from mograft.library.ingest_run import check_storable
 from mograft.library.loading import EMBEDDING_ARRAYS
 from mograft.library.packing import pack
 from mograft.library.stored_clips import ExtendedClips, StoredClips
@@ -24,6 +25,7 @@ def save_library(library: LibraryData, path: Path, *, force: bool) -> None:
     """Write a library to a folder; see `Library.save`."""
     if isinstance(library.clips, ExtendedClips):
         raise ValueError("a library with an appended base motion cannot be saved")
+    check_storable(library.config)
     with write_generation(path, force=force) as writer:
         entries: list[ClipInfo] = []
         locations: list[ClipLocation] = []

@@ -46,7 +46,9 @@ class BaseBuffer:
 
     def discard_before(self, frame: int) -> None:
         """Mark the frames before `frame` as no longer needed; the next push drops them."""
-        self._first_needed = max(self._first_needed, min(frame, self._n_energies - 1))
+        # Without energies, the segmenter holds the frames that it needs.
+        n_used = self._n_energies or self.n_frames
+        self._first_needed = max(self._first_needed, min(frame, n_used - 1))
 
     def motion(self, start: int, stop: int) -> Motion:
         """Return the frames `start` to `stop` - 1."""

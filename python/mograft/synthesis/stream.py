@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray
 from mograft._util.validate import as_integer, check_type
-from mograft.analysis.online_segmentation import OnlineSegmenter
+from mograft.analysis.online_segmentation import OnlineSegmenter, WindowSegmenter
 from mograft.blend.recombine import Part, recombine
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -108,7 +108,8 @@ class Stream:
     ValueError
         If `swap` names an unknown group, the base group, or a group that contains legs, the root or
         single channels; if `horizon` is below 1; if the library's `Config.alignment` is not
-        "uniform"; or if a constraint names an unknown joint or clip.
+        "uniform"; if its `Config.segmentation` needs later frames; or if a constraint names an
+        unknown joint or clip.
 
     Notes
     -----
@@ -157,7 +158,9 @@ class Stream:
         self._library, self._horizon = library, horizon
         self._rng = np.random.default_rng(seed)
         self._donors = StreamDonors.build(library, groups)
-        self._segmenter = OnlineSegmenter(library.rate, library.config)
+        is_energy = library.config.segmentation == "energy"
+        segmenter_type = OnlineSegmenter if is_energy else WindowSegmenter
+        self._segmenter = segmenter_type(library.rate, library.config)
         self._base: BaseBuffer | None = None
         self._search: StreamSearch | None = None
         self._pending: list[PendingSegment] = []
@@ -257,6 +260,9 @@ class Stream:
             self._search = StreamSearch(self._donors, self._base.first_frame)
         else:
             self._base.push(frames)
+        if isinstance(self._segmenter, WindowSegmenter):
+            self._segmenter.push(frames)
+            return
         # The energy of the last frame is not final before the next frame.
         n_known, n_final = self._segmenter.n_frames, self._base.n_frames - 1
         if n_final > n_known:
@@ -280,7 +286,8 @@ class Stream:
             return
         if self._base is None or self._base.n_frames < 2:
             raise ValueError(f"a stream needs at least 2 frames, got {self.n_known}")
-        self._segmenter.push(self._base.next_energies(self._rules.config))
+        if isinstance(self._segmenter, OnlineSegmenter):
+            self._segmenter.push(self._base.next_energies(self._rules.config))
         self._segmenter.close()
         self._is_closed = True
 

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from mograft._util.arrays import as_floats, as_quaternions
 from mograft.analysis.segmentation import Segments
+from mograft.analysis.segmentations import METHODS
 from mograft.body.contacts import find_legs
 from mograft.body.world_poses import Poses
 from mograft.config import Config
@@ -22,6 +23,13 @@ from mograft.synthesis.search_problem import check_constraints
 
 def check_stream_config(config: Config) -> None:
     """Raise ValueError for settings that a stream does not support."""
+    chosen = config.segmentation
+    causal = [n for n, own in METHODS.entries.items() if own is None or own.look_ahead is not None]
+    if chosen not in causal:
+        raise ValueError(
+            f"config.segmentation must be one of {', '.join(map(repr, causal))} in a stream, whose "
+            f"later frames are not known, got {chosen!r}"
+        )
     if config.alignment != "uniform":
         raise ValueError(
             f"config.alignment must be 'uniform' in a stream, got {config.alignment!r}"

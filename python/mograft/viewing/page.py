@@ -17,6 +17,7 @@ from typing import Any
 
 from mograft._util.atomic import write_text
 from mograft.body.groups import JointGroups
+from mograft.config import Config
 from mograft.motion.motion import Motion
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.encoding import MAX_NODE_POSITIONS, encode_scene
@@ -106,6 +107,7 @@ class Page:
 def view(
     *items: Item,
     groups: JointGroups | str | None = None,
+    config: Config | None = None,
     title: str | None = None,
     show: bool | None = None,
 ) -> Page:
@@ -123,6 +125,8 @@ def view(
         graft), otherwise trunk, arms and legs. `groups` have no effect on grafts, their bases
         and the clips of these libraries, which have the colours of their library or .json file,
         and on the figures of a scene.
+    config : Config, optional
+        Parameters of the segmentation of motions that are no clip of these libraries.
     title : str, optional
         Title of the page. Default: the names of the first three figures.
     show : bool, optional
@@ -148,7 +152,7 @@ def view(
     >>> page.html.startswith("<!doctype html>")
     True
     """
-    scene = Scene.of(items, groups)
+    scene = Scene.of(items, groups, config)
     page_title = title or " and ".join(figure.name for figure in scene.figures[:3])
     page = viewer_page(scene, page_title)
     if show is None:

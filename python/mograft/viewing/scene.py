@@ -10,6 +10,7 @@ import numpy as np
 from mograft._util.arrays import IntArray
 from mograft.analysis.segmentation import segment
 from mograft.body.groups import JointGroups
+from mograft.config import Config
 from mograft.io.addresses import find_addresses, read_clip, split_address
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -37,6 +38,7 @@ class Scene:
         cls,
         items: "Iterable[Item]",
         groups: JointGroups | str | None = None,
+        config: Config | None = None,
     ) -> "Scene":
         """Return a scene of the figures of motions, grafts, libraries and other scenes.
 
@@ -48,7 +50,8 @@ class Scene:
         these are the groups of the first library with the same joint names (an item, or the library
         of a graft), otherwise trunk, arms and legs. `groups` have no effect on grafts, their bases
         and the clips of these libraries, which have the colours of their library or .json file, and
-        on the figures of scenes.
+        on the figures of scenes. `config` holds the parameters of the segmentation of motions that
+        are no clip of these libraries.
 
         Raise a TypeError if an item has another type, and a ValueError if there is no item or the
         groups do not fit a skeleton.
@@ -56,7 +59,7 @@ class Scene:
         items = list(items)
         sources = [item.library if isinstance(item, Graft) else item for item in items]
         libraries = [source for source in sources if isinstance(source, Library)]
-        scene = _Builder(groups, libraries)
+        scene = _Builder(groups, libraries, config)
         for item in items:
             scene.add(item)
         if not scene.figures:
@@ -87,8 +90,13 @@ Item = Motion | Graft | Library | Scene | str | os.PathLike[str]
 class _Builder:
     """The figures and constraints of a scene, collected item by item."""
 
-    def __init__(self, groups: JointGroups | str | None, libraries: Sequence[Library]) -> None:
-        self.groups, self.libraries = groups, libraries
+    def __init__(
+        self,
+        groups: JointGroups | str | None,
+        libraries: Sequence[Library],
+        config: Config | None,
+    ) -> None:
+        self.groups, self.libraries, self.config = groups, libraries, config
         self.figures: list[Figure] = []
         self.constraints: list[ShownConstraint] = []
         self.tables: dict[tuple[int, ...], CandidateTable] = {}
@@ -103,7 +111,7 @@ class _Builder:
             for clip in item.clips:
                 self._add_figure(_clip_figure(item, clip))
         elif isinstance(item, Motion):
-            self._add_figure(_motion_figure(item, self.groups, self.libraries))
+            self._add_figure(_motion_figure(item, self.groups, self.libraries, self.config))
         elif isinstance(item, Scene):
             for figure in item.figures:
                 self._add_figure(figure)
@@ -129,7 +137,8 @@ class _Builder:
         figure, record = recorded
         base = recorded_base(motion, record)
         if base is not None:
-            self._add_figure(replace(_motion_figure(base, None, ()), members=figure.members))
+            shown = _motion_figure(base, None, (), record.config)
+            self._add_figure(replace(shown, members=figure.members))
         self._add_figure(figure)
         self._add_constraints(recorded_constraints(record), motion)
 
@@ -174,7 +183,10 @@ def _is_same(a: Motion, b: Motion) -> bool:
 
 
 def _motion_figure(
-    motion: Motion, groups: JointGroups | str | None, libraries: Sequence[Library]
+    motion: Motion,
+    groups: JointGroups | str | None,
+    libraries: Sequence[Library],
+    config: Config | None,
 ) -> Figure:
     for library in libraries:
         for clip in library.clips:
@@ -182,7 +194,7 @@ def _motion_figure(
                 return _clip_figure(library, clip)
     rows: tuple[TimelineRow, ...] = ()
     if motion.n_frames >= 2:
-        found = segment(motion)
+        found = segment(motion, config)
         unclustered = np.full(len(found), -1)
         rows = (TimelineRow.without_donors("segments", found.start, found.stop, unclustered),)
     return Figure(motion, motion.name, _members(motion.skeleton, groups, libraries), rows)

@@ -114,4 +114,5 @@ def find_lowest_points(curve: FloatArray, min_depth: float) -> IntArray:
     return np.array(found, np.int64)
 
 
-METHOD = SegmentationMethod(ComParameters, cut_frames)
+# The centre of mass must rise after a lowest point, and a flight must end.
+METHOD = SegmentationMethod(ComParameters, cut_frames, look_ahead=0.8)

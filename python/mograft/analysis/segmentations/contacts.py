@@ -52,4 +52,5 @@ def cut_frames(motion: Motion, parameters: ContactParameters) -> IntArray:
     return np.flatnonzero(wanted[parameters.events].any(axis=1)) + 1
 
 
-METHOD = SegmentationMethod(ContactParameters, cut_frames)
+# Contacts of less than 0.1 s and gaps of up to 0.07 s are ignored.
+METHOD = SegmentationMethod(ContactParameters, cut_frames, look_ahead=0.25)
