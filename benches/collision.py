@@ -30,7 +30,7 @@ DISTANCES = np.arange(0.25, 1.0, 0.05)
 DIRECTIONS = np.radians(np.arange(0, 360, 30))
 
 
-def copies(motion, poses, step=1):
+def copies(motion, poses, step=1, directions=DIRECTIONS):
     """Yield characters at all distances and in all directions, with either heading."""
     level = [axis for axis in range(3) if axis != poses.up]
     for yaw in (0.0, np.pi):
@@ -38,7 +38,7 @@ def copies(motion, poses, step=1):
         mean = poses.positions[:, 0].mean(axis=0)
         home = mean - (mean if yaw == 0 else half_turn(mean, poses.up))
         for distance in DISTANCES[::step]:
-            for angle in DIRECTIONS[::step]:
+            for angle in directions[::step]:
                 offset = home.copy()
                 offset[level] += distance * poses.height * np.array([np.cos(angle), np.sin(angle)])
                 yield mg.Character(motion, tuple(offset), yaw), distance, np.degrees([angle, yaw])
