@@ -19,6 +19,7 @@ __all__ = [
     "capsule_ends",
     "clearance",
     "clip_states",
+    "continuous_signs",
     "cubic",
     "cubic_positions",
     "cut",
@@ -32,6 +33,7 @@ __all__ = [
     "kinetic_energy",
     "linkage",
     "linkage_condensed",
+    "local",
     "log",
     "moments",
     "multiply",
@@ -41,6 +43,7 @@ __all__ = [
     "rotate",
     "sample",
     "sample_clips",
+    "sample_keys",
     "scan_numbers",
     "segments",
     "segments_positions",
@@ -77,6 +80,7 @@ def from_channels(
     turns: Sequence[tuple[int, int]],
     radians: float,
 ) -> FloatArray: ...
+def continuous_signs(rotations: FloatArray) -> FloatArray: ...
 def from_euler(angles: FloatArray, axes: Sequence[int]) -> FloatArray: ...
 def to_euler(
     rotations: FloatArray,
@@ -101,7 +105,17 @@ def segments(
 def segments_positions(
     positions: FloatArray, starts: IntArray, stops: IntArray, counts: IntArray
 ) -> FloatArray: ...
+def sample_keys(
+    times: FloatArray,
+    key_times: FloatArray,
+    key_starts: IntArray,
+    values: FloatArray,
+    tracks: IntArray,
+) -> FloatArray: ...
 def world(
+    parents: IntArray, rotations: FloatArray, positions: FloatArray
+) -> tuple[FloatArray, FloatArray]: ...
+def local(
     parents: IntArray, rotations: FloatArray, positions: FloatArray
 ) -> tuple[FloatArray, FloatArray]: ...
 def greatest_derivatives(

@@ -190,6 +190,35 @@ def test_read_gltf_long_duration_of_few_keys_raises_format_error(tmp_path):
     tracemalloc.stop()
 
 
+@pytest.mark.parametrize("is_shared", ["times", "values"])
+def test_read_gltf_keys_that_share_bytes_raises_format_error_in_bounded_memory(tmp_path, is_shared):
+    """A file of 1.7 MB with 300 tracks claims 30 million keys, 0.9 GB of numbers."""
+    n_tracks, n_keys = 300, 100_000
+    binary = np.linspace(0, 3, 4 * n_keys, dtype="<f4").tobytes()
+    accessors = [{"bufferView": 0, "componentType": 5126, "count": n_keys, "type": "SCALAR"}]
+    accessors *= n_tracks if is_shared == "times" else 1
+    outputs = len(accessors)
+    accessors.append({"bufferView": 0, "componentType": 5126, "count": n_keys, "type": "VEC4"})
+    numbers = range(n_tracks)
+    samplers = [{"input": i % outputs, "output": outputs} for i in numbers]
+    channels = [{"sampler": i, "target": {"node": i + 1, "path": "rotation"}} for i in numbers]
+    found = {
+        "asset": {"version": "2.0"},
+        "nodes": [{"children": [i + 1 for i in numbers]}, *({} for _ in numbers)],
+        "buffers": [{"byteLength": len(binary)}],
+        "bufferViews": [{"buffer": 0, "byteLength": len(binary)}],
+        "accessors": accessors,
+        "animations": [{"channels": channels, "samplers": samplers}],
+    }
+    path = tmp_path / "shared.glb"
+    path.write_bytes(pack_glb(found, binary))
+    tracemalloc.start()
+    with pytest.raises(mg.FormatError, match=r"animations\[0\]: expected at most \d+ keys"):
+        mg.read(path, rate=1)[0]
+    assert tracemalloc.get_traced_memory()[1] < 50 * path.stat().st_size
+    tracemalloc.stop()
+
+
 @given(data=st.data())
 def test_read_gltf_hostile_value_raises_format_error_or_reads(tmp_path_factory, data):
     found, binary = document()

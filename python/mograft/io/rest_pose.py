@@ -7,10 +7,12 @@ rest pose of the file, then G W⁻¹ is its world rotation in mograft. World pos
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
+from mograft import _core
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.memo import remember
 from mograft.motion import rotations
@@ -34,14 +36,17 @@ class RestPose:
     rotations: FloatArray  # world rotations, shape (n_joints, 4), xyzw
     positions: FloatArray  # world positions, shape (n_joints, 3)
 
+    @cached_property
     def offsets(self) -> FloatArray:
-        """Return the offsets of the joints in the axes of the world, shape (n_joints, 3)."""
-        return self.positions - np.where(
+        """The offsets of the joints in the axes of the world, shape (n_joints, 3)."""
+        offsets: FloatArray = self.positions - np.where(
             (self.parents >= 0)[:, None], self.positions[self.parents], 0.0
         )
+        return offsets
 
+    @cached_property
     def extent(self) -> float:
-        """Return the largest extent of the rest pose along an axis of the world."""
+        """The largest extent of the rest pose along an axis of the world."""
         return float(np.ptp(self.positions, axis=0).max(initial=0.0))
 
 
@@ -63,10 +68,10 @@ def rebase(
     and `clip` are those of the motion.
     """
     turned = rotations.multiply(world_rotations, rotations.inverse(rest.rotations))
-    local, positions = to_local(rest.parents, turned, np.array(world_positions, np.float64))
-    offsets = rest.offsets()
+    local, positions = to_local(rest.parents, turned, np.asarray(world_positions, np.float64))
+    offsets = rest.offsets
     distances = np.abs(positions - offsets).max(axis=0).max(axis=1)  # faster than both at once
-    is_translated = distances > POSITION_TOLERANCE * rest.extent()
+    is_translated = distances > POSITION_TOLERANCE * rest.extent
     is_translated[0] = True
     positions[:, ~is_translated] = offsets[~is_translated]
     key = ("skeleton", is_translated.tobytes())
@@ -87,7 +92,7 @@ def _skeleton(rest: RestPose, is_translated: BoolArray) -> Skeleton:
     channels = [
         (*CHANNELS[:3], *turns) if has_positions else turns for has_positions in is_translated
     ]
-    return Skeleton(rest.names, rest.parents, rest.offsets(), tuple(channels))
+    return Skeleton(rest.names, rest.parents, rest.offsets, tuple(channels))
 
 
 def restore(rest: RestPose, motion: Motion) -> tuple[FloatArray, FloatArray]:
@@ -107,13 +112,9 @@ def to_local(
     The inverse of forward kinematics. Shapes are those of `restore`; the root keeps its world
     transform.
     """
-    local, positions = world_rotations.copy(), world_positions.copy()
-    children = np.flatnonzero(parents >= 0)
-    to_parent = rotations.inverse(world_rotations[:, parents[children]])
-    local[:, children] = rotations.multiply(to_parent, world_rotations[:, children])
-    arms = world_positions[:, children] - world_positions[:, parents[children]]
-    positions[:, children] = rotations.rotate(to_parent, arms)
-    return local, positions
+    return _core.local(
+        parents, np.ascontiguousarray(world_rotations), np.ascontiguousarray(world_positions)
+    )
 
 
 def _normalise(quats: FloatArray) -> FloatArray:

@@ -12,8 +12,8 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.names import unique_names
 from mograft.errors import FormatError
 from mograft.io.clips import Clips
-from mograft.io.gltf.animation import DEFAULT_RATE
 from mograft.io.gltf.nodes import Transforms, decompose, to_world
+from mograft.io.gltf.sampling import DEFAULT_RATE
 from mograft.io.rest_pose import RestPose, rebase
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton

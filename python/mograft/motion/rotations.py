@@ -213,12 +213,7 @@ def continuous_signs(rotations: FloatArray) -> FloatArray:
     The shape is (n_frames, ..., 4). In the first frame w ≥ 0. The dot product of the quaternions
     of consecutive frames is not negative.
     """
-    if not len(rotations):
-        return rotations
-    flips = np.ones(rotations.shape[:-1])
-    flips[0] = np.where(rotations[0, ..., 3] < 0, -1.0, 1.0)
-    flips[1:] = np.where(np.einsum("...i,...i->...", rotations[1:], rotations[:-1]) < 0, -1.0, 1.0)
-    return rotations * np.cumprod(flips, axis=0)[..., None]
+    return _core.continuous_signs(np.ascontiguousarray(rotations, np.float64))
 
 
 def mean_of_products(sums: FloatArray) -> FloatArray:

@@ -49,6 +49,11 @@ pub enum Error {
         /// The index.
         pose: usize,
     },
+    /// A track with keys that do not exist.
+    InvalidTrack {
+        /// Index of the track.
+        track: usize,
+    },
     /// A matrix that is not positive definite.
     NotPositiveDefinite {
         /// First row without a positive pivot.
@@ -87,6 +92,9 @@ impl fmt::Display for Error {
             }
             Self::NotPositiveDefinite { row } => {
                 write!(f, "`bands` must be a positive definite matrix, row {row} is not")
+            }
+            Self::InvalidTrack { track } => {
+                write!(f, "track {track} must have key times and a value for each of them")
             }
             Self::InvalidPose { pose } => {
                 write!(f, "`candidates` must be indices of poses, got {pose}")

@@ -10,7 +10,8 @@
 //! |---|---|
 //! | [`rotation`] | exponential, logarithm, angle, Euler angles |
 //! | [`resample`] | motion between frames: spherical linear, or a C1 cubic |
-//! | [`forward`] | world rotations and positions |
+//! | [`keyframes`] | tracks of keys at the times of frames |
+//! | [`forward`] | world rotations and positions, and from these to local ones |
 //! | [`derivatives`] | accelerations and jerks |
 //! | [`energy`] | angular velocities and kinetic energy |
 //! | [`sample`] | feature vectors of sampled segments |
@@ -28,6 +29,7 @@ pub mod energy;
 mod error;
 pub mod forward;
 pub mod gradient;
+pub mod keyframes;
 pub mod offset;
 pub mod pose;
 pub mod resample;

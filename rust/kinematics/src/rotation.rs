@@ -124,6 +124,25 @@ pub fn slerp(a: DQuat, b: DQuat, t: f64) -> DQuat {
     }
 }
 
+/// The same rotations with signs that do not jump between frames.
+///
+/// `rotations` has `n_joints` quaternions per frame. In the first frame w ≥ 0; the dot product of
+/// the quaternions of a joint in consecutive frames is not negative. Takes O(frames × joints) time.
+/// NaN keeps the sign of the frame before.
+pub fn continuous_signs(rotations: &[DQuat], n_joints: usize) -> Vec<DQuat> {
+    let mut signed = rotations.to_vec();
+    for i in 0..signed.len() {
+        let is_flipped = match i.checked_sub(n_joints) {
+            Some(before) => signed[i].dot(signed[before]) < 0.0,
+            None => signed[i].w < 0.0,
+        };
+        if is_flipped {
+            signed[i] = -signed[i];
+        }
+    }
+    signed
+}
+
 /// Intrinsic Euler angles to rotations: each about an axis of the frame already rotated.
 ///
 /// `angles` holds `axes.len()` angles in radians for each of `n` rotations; axis 0, 1, 2 is x, y,
@@ -329,6 +348,26 @@ mod tests {
         let q = DQuat::from_xyzw(0.0, -0.6, 0.8, 0.0);
         assert_eq!(log(q), log(-q));
         assert!(log(q).y > 0.0);
+    }
+
+    #[test]
+    fn continuous_signs_keeps_rotations_without_jumps() {
+        let flip = |(i, q): (usize, DQuat)| if i * i % 7 < 3 { -q } else { q };
+        let rotations: Vec<_> = lattice().enumerate().map(flip).collect();
+        let signed = continuous_signs(&rotations, 5);
+        assert!(signed[..5].iter().all(|q| q.w >= 0.0));
+        assert!(
+            signed
+                .iter()
+                .zip(&signed[5..])
+                .all(|(a, b)| a.dot(*b) >= 0.0)
+        );
+        assert!(
+            signed
+                .iter()
+                .zip(&rotations)
+                .all(|(a, b)| a == b || *a == -*b)
+        );
     }
 
     #[test]

@@ -2,10 +2,11 @@
 
 use glam::{DQuat, DVec3};
 use mograft_kinematics::energy::{self, Omega};
+use mograft_kinematics::keyframes::{self, Interpolation, KeyTimes, Track};
 use mograft_kinematics::{
     Error, banded, capsule, derivatives, forward, pose, resample, rotation, sample,
 };
-use numpy::{IntoPyArray as _, PyArrayMethods as _, PyUntypedArrayMethods as _};
+use numpy::{IntoPyArray as _, PyArrayMethods as _, PyReadonlyArray2, PyUntypedArrayMethods as _};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -52,6 +53,16 @@ pub fn angle<'py>(py: Python<'py>, a: Floats<'py>, b: Floats<'py>) -> Array<'py>
     let pairs = as_quats(&a)?.iter().zip(as_quats(&b)?);
     let angles = py.detach(|| pairs.map(|(&a, &b)| rotation::angle(a, b)).collect());
     into_array(py, angles, &shape_with_last(&a, &[]))
+}
+
+/// See [`rotation::continuous_signs`].
+#[pyfunction]
+pub fn continuous_signs<'py>(py: Python<'py>, rotations: Floats<'py>) -> Array<'py> {
+    let shape = shape_with_last(&rotations, &[]);
+    let slice = as_quats(&rotations)?;
+    let n_joints = shape.iter().skip(1).product();
+    let quats = py.detach(|| rotation::continuous_signs(slice, n_joints));
+    from_quats(py, quats, &shape)
 }
 
 /// See [`rotation::from_euler`].
@@ -124,6 +135,55 @@ pub fn hermite<'py>(
     from_quats(py, quats, &shape_with_last(&start, &[]))
 }
 
+/// See [`keyframes::sample_keys`].
+///
+/// `key_starts` has one entry per list of key times, and at the end their number. A row of `tracks`
+/// has the first value, the list of key times, and 0, 1 or 2 for step, linear and spline.
+#[pyfunction]
+pub fn sample_keys<'py>(
+    py: Python<'py>,
+    times: Floats<'py>,
+    key_times: Floats<'py>,
+    key_starts: Indices<'py>,
+    values: Floats<'py>,
+    tracks: PyReadonlyArray2<'py, i64>,
+) -> Array<'py> {
+    let (times, seconds, starts) =
+        (times.as_slice()?, key_times.as_slice()?, as_usizes(&key_starts)?);
+    let keys = KeyTimes { seconds, starts: &starts };
+    let tracks = as_tracks(&tracks)?;
+    let shape = [times.len(), tracks.len()];
+    if values.shape().last() == Some(&4) {
+        let values = as_quats(&values)?;
+        let sampled = py.detach(|| keyframes::sample_keys(times, keys, values, &tracks));
+        return from_quats(py, sampled.map_err(value_error)?, &shape);
+    }
+    let values = as_vecs(&values)?;
+    let sampled = py.detach(|| keyframes::sample_keys(times, keys, values, &tracks));
+    from_vecs(py, sampled.map_err(value_error)?, &shape)
+}
+
+/// Convert rows of three integers.
+fn as_tracks(rows: &PyReadonlyArray2<'_, i64>) -> PyResult<Vec<Track>> {
+    let convert = |row: &[i64]| {
+        let &[start, times, interpolation] = row else { return None };
+        Some(Track {
+            start: usize::try_from(start).ok()?,
+            times: usize::try_from(times).ok()?,
+            interpolation: match interpolation {
+                0 => Interpolation::Step,
+                1 => Interpolation::Linear,
+                2 => Interpolation::Spline,
+                _ => return None,
+            },
+        })
+    };
+    let found: Option<Vec<_>> = rows.as_slice()?.chunks(3).map(convert).collect();
+    found.ok_or_else(|| {
+        PyValueError::new_err("`tracks` must have rows of a start, a list and an interpolation")
+    })
+}
+
 /// See [`forward::world`].
 #[pyfunction]
 pub fn world<'py>(
@@ -141,6 +201,26 @@ pub fn world<'py>(
     Ok((
         from_quats(py, world_rotations, &shape)?.into_any(),
         from_vecs(py, world_positions, &shape)?.into_any(),
+    ))
+}
+
+/// See [`forward::local`].
+#[pyfunction]
+pub fn local<'py>(
+    py: Python<'py>,
+    parents: Indices<'py>,
+    rotations: Floats<'py>,
+    positions: Floats<'py>,
+) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+    let (quats, vecs) = (as_quats(&rotations)?, as_vecs(&positions)?);
+    let parents = parents.as_slice()?;
+    let (local_rotations, local_positions) = py
+        .detach(|| forward::local(parents, quats, vecs))
+        .map_err(value_error)?;
+    let shape = shape_with_last(&rotations, &[]);
+    Ok((
+        from_quats(py, local_rotations, &shape)?.into_any(),
+        from_vecs(py, local_positions, &shape)?.into_any(),
     ))
 }
 

@@ -30,10 +30,11 @@ mod _core {
 
     #[pymodule_export]
     use crate::kinematics::{
-        angle, box_clearance, capsule_ends, clearance, cubic, cubic_positions, exp, features,
-        from_channels, from_euler, greatest_derivatives, hermite, kinetic_energy, log, moments,
-        multiply, pose_gaps, pose_gaps_along, rotate, segments, segments_positions, slerp,
-        solve_pentadiagonal, to_euler, velocity_gaps, velocity_gaps_along, world, world_jerk,
+        angle, box_clearance, capsule_ends, clearance, continuous_signs, cubic, cubic_positions,
+        exp, features, from_channels, from_euler, greatest_derivatives, hermite, kinetic_energy,
+        local, log, moments, multiply, pose_gaps, pose_gaps_along, rotate, sample_keys, segments,
+        segments_positions, slerp, solve_pentadiagonal, to_euler, velocity_gaps,
+        velocity_gaps_along, world, world_jerk,
     };
 
     #[pymodule_export]

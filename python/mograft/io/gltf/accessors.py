@@ -34,70 +34,70 @@ Array = npt.NDArray[Any]
 
 
 def read_accessors(
-    container: Container, indices: Sequence[object], place: str, shape: tuple[int, int]
+    container: Container, indices: Sequence[object], place: str, counts: Sequence[int], width: int
 ) -> FloatArray:
-    """Return the elements of several accessors of the same shape (count, width).
+    """Return the elements of several accessors one after another, shape (sum of counts, width).
 
-    The result has the shape (n_accessors, count, width). `place` refers to the accessors.
+    Accessor i must have `counts[i]` elements. `place` refers to the accessors.
     """
-    plain = _read_plain(container, indices, shape)
-    if plain is not None:
-        return plain
+    arrays = _find_plain(container, indices, counts, width)
+    if arrays is not None:
+        return to_floats(np.concatenate(arrays)).reshape(-1, width)
     arrays = []
-    for index in indices:
-        array = read_accessor(container, index, place, shape[1])
-        if len(array) != shape[0]:
+    for index, count in zip(indices, counts, strict=True):
+        array = read_accessor(container, index, place, width)
+        if len(array) != count:
             container.fail(
-                place, f"expected {shape[0]} elements in accessors[{index}], got {len(array)}"
+                place, f"expected {count} elements in accessors[{index}], got {len(array)}"
             )
-        arrays.append(array)
-    return to_floats(np.array(arrays))
+        arrays.append(to_floats(array))
+    return np.concatenate(arrays)
 
 
-def _read_plain(
-    container: Container, indices: Sequence[object], shape: tuple[int, int]
-) -> FloatArray | None:
-    """Return accessors of single-precision numbers without gaps in one buffer.
+def _find_plain(
+    container: Container, indices: Sequence[Any], counts: Sequence[int], width: int
+) -> list[Array] | None:
+    """Return the numbers of accessors of single precision without gaps in one buffer.
 
-    Return None if they have another form or are invalid. Reading all at once takes a third of the
-    time.
+    Return None if they have another form or are invalid. This takes a third of the time of
+    `read_accessor` for each.
     """
     accessors, views = container.items("accessors"), container.items("bufferViews")
-    count, width = shape
-    kind, n_bytes = _TYPE_OF_WIDTH[width], 4 * count * width
-    starts, buffers, usual = [], set(), _UNUSUAL.isdisjoint
-    numbers: list[Any] = list(indices)
+    kind, usual, arrays = _TYPE_OF_WIDTH[width], _UNUSUAL.isdisjoint, []
     try:
-        if min(numbers) < 0:
+        if {*map(type, indices)} != {int} or min(indices) < 0:
             return None
-        for index in numbers:
+        first = views[accessors[indices[0]]["bufferView"]]["buffer"]
+        data = np.frombuffer(container.buffer(first, "bufferViews"), "u1")
+        floats = data[: len(data) // 4 * 4].view("<f4")
+        for index, count in zip(indices, counts, strict=True):
             accessor = accessors[index]
             number = accessor["bufferView"]
             view = views[number]
             offset = accessor.get("byteOffset", 0)
+            start = view.get("byteOffset", 0)
+            size = count * width
             if (
                 accessor["count"] != count
                 or accessor["componentType"] != 5126
                 or accessor["type"] != kind
                 or number < 0
-                or not 0 <= offset <= view["byteLength"] - n_bytes
+                or not 0 <= offset <= view["byteLength"] - 4 * size
+                or view["buffer"] != first
+                or start < 0
+                or (offset | start) % 4
                 or not usual(accessor)
                 or not usual(view)
             ):
                 return None
-            buffers.add(view["buffer"])
-            starts.append(view.get("byteOffset", 0) + offset)
-        (buffer,) = buffers
-        data = np.frombuffer(container.buffer(buffer, "bufferViews"), "u1")
-        first = np.array(starts)
-        is_inside = first.min() >= 0 and first.max() + n_bytes <= len(data)
-        if first.dtype.kind != "i" or (first % 4).any() or not is_inside:
-            return None
+            start = (offset + start) // 4
+            array = floats[start : start + size]
+            if len(array) < size:
+                return None
+            arrays.append(array)
     except (KeyError, IndexError, TypeError, ValueError):
         return None
-    floats = data[: len(data) // 4 * 4].view("<f4")
-    chosen = floats[(first // 4)[:, None] + np.arange(count * width)]
-    return to_floats(chosen).reshape(len(first), count, width)
+    return arrays
 
 
 def to_floats(array: Array) -> FloatArray:

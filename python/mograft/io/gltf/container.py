@@ -36,6 +36,11 @@ class Container:
     file_bytes: int
     _buffers: dict[int, memoryview] = field(default_factory=dict, repr=False)
 
+    @property
+    def n_bytes(self) -> int:
+        """Bytes of the file and of the buffers that have been read."""
+        return self.file_bytes + sum(map(len, self._buffers.values()))
+
     def fail(self, place: str, message: str) -> NoReturn:
         """Raise a `FormatError` for a place in the document."""
         raise FormatError(message, self.path, place)

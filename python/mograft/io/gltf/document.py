@@ -12,7 +12,7 @@ from mograft._util.names import unique_names
 from mograft.errors import FormatError, join_names
 from mograft.io.gltf.animation import PATH_WIDTHS, animated_properties
 from mograft.io.gltf.container import Container, read_container
-from mograft.io.gltf.nodes import NodeTree, read_nodes, to_world
+from mograft.io.gltf.nodes import NodeTree, Transforms, read_nodes, to_world
 from mograft.io.rest_pose import RestPose
 
 
@@ -47,6 +47,18 @@ class GltfFile:
     def moved_parents(self) -> IntArray:
         """The parent of each moved node, as an index into these; -1 for the first."""
         return local_parents(self.tree, self.moved_nodes)
+
+    @cached_property
+    def moved_rows(self) -> IntArray:
+        """The index of each node of the file in `moved_nodes`; 0 for all others."""
+        rows: IntArray = np.zeros(len(self.tree.names), np.int64)
+        rows[self.moved_nodes] = np.arange(len(self.moved_nodes))
+        return rows
+
+    @cached_property
+    def moved_rest(self) -> Transforms:
+        """The default transforms of the moved nodes, one frame."""
+        return self.tree.rest.of(self.moved_nodes, 1)
 
 
 def read_gltf_file(path: Path) -> GltfFile:

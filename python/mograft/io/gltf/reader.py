@@ -5,21 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import overload
 
-import numpy as np
-
 from mograft._util.arrays import FloatArray
 from mograft.errors import FormatError
 from mograft.io.clips import ClipLength, Clips
-from mograft.io.gltf.animation import (
-    DEFAULT_RATE,
-    Channels,
-    choose_times,
-    read_channels,
-    read_tracks,
-    sample,
-)
+from mograft.io.gltf.animation import Channels, read_channels, read_tracks
 from mograft.io.gltf.document import GltfFile, NoFigureError, read_gltf_file
 from mograft.io.gltf.nodes import to_world
+from mograft.io.gltf.sampling import DEFAULT_RATE, choose_times, sample
 from mograft.io.rest_pose import rebase
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -74,13 +66,10 @@ def read_gltf_clip(file: GltfFile, clip: int, rate: float | None = None) -> Moti
     at least 12 frames per second, else 30. Raises `FormatError` if the animation is invalid.
     """
     channels, times = _read_grid(file, clip, rate)
-    nodes, first = file.moved_nodes, len(file.above)
-    rows = np.zeros(len(file.tree.names), np.int64)
-    rows[nodes] = np.arange(len(nodes))
-    tracks = read_tracks(file.container, channels)
-    local = sample(tracks, times, file.tree.rest.of(nodes, 1), rows)
+    animation = read_tracks(file.container, channels)
+    local = sample(animation, times, file.moved_rest, file.moved_rows)
     turned, positions = to_world(file.moved_parents, local)
-    name = file.clip_names[clip]
+    name, first = file.clip_names[clip], len(file.above)
     return rebase(
         file.rest,
         turned[:, first:],
@@ -95,11 +84,13 @@ def read_gltf_clip(file: GltfFile, clip: int, rate: float | None = None) -> Moti
 def _read_grid(file: GltfFile, clip: int, rate: float | None) -> tuple[Channels, FloatArray]:
     """Return the channels of a clip, and the times of its frames."""
     animation, nodes = file.animations[clip], file.moved_nodes
-    channels = read_channels(file.container, animation, frozenset(nodes.tolist()))
+    container = file.container
+    channels = read_channels(container, animation, frozenset(nodes.tolist()))
     try:
-        return channels, choose_times(list(channels.times.values()), rate, len(nodes))
+        times = choose_times(channels.key_times, rate, len(nodes), container.n_bytes)
     except ValueError as error:
-        raise FormatError(str(error), file.container.path, channels.place) from None
+        raise FormatError(str(error), container.path, channels.place) from None
+    return channels, times
 
 
 def _length(times: FloatArray, rate: float | None) -> ClipLength:

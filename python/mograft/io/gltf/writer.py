@@ -13,7 +13,7 @@ from mograft._util.atomic import write_bytes
 from mograft._util.names import unique_names
 from mograft._util.validate import check_type
 from mograft.errors import suggest_name
-from mograft.io.gltf.animation import PATH_WIDTHS, Animation, read_animation, sample
+from mograft.io.gltf.animation import PATH_WIDTHS, Animation, read_animation
 from mograft.io.gltf.buffer import GltfBuffer
 from mograft.io.gltf.copying import copy_content
 from mograft.io.gltf.document import GltfFile, read_gltf_file
@@ -23,6 +23,7 @@ from mograft.io.gltf.local_tracks import (
     frame_times,
     local_tracks,
 )
+from mograft.io.gltf.sampling import sample
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
@@ -166,7 +167,7 @@ def append_animations(
     file: GltfFile, additions: Sequence[Addition]
 ) -> tuple[tuple[str, ...], bytes]:
     """Return the names of the new animations, and the bytes of the GLB file that has them."""
-    skeleton = Skeleton(file.rest.names, file.rest.parents, file.rest.offsets())
+    skeleton = Skeleton(file.rest.names, file.rest.parents, file.rest.offsets)
     for addition in additions:
         motion = addition.motion
         skeleton.check_same_hierarchy(motion.skeleton, motion.name or "a motion")
@@ -197,7 +198,7 @@ class _NewTables:
 def _new_tables(file: GltfFile, addition: Addition) -> _NewTables:
     """Return the tracks that a motion needs in addition to those of its base clip."""
     motion, nodes = addition.motion, file.moved_nodes
-    rest = file.tree.rest.of(nodes, 1)
+    rest = file.moved_rest
     if addition.clip is None or addition.base is None:
         times = frame_times(0.0, motion)
         tracks = local_tracks(file, motion, rest.of(np.arange(len(nodes)), motion.n_frames))
@@ -206,9 +207,7 @@ def _new_tables(file: GltfFile, addition: Addition) -> _NewTables:
     else:
         animation = _read_base(file, addition.clip)
         times = frame_times(animation.start, motion)
-        rows = np.zeros(len(file.tree.names), np.int64)
-        rows[nodes] = np.arange(len(nodes))
-        local = sample(animation.tracks, times, rest, rows)
+        local = sample(animation, times, rest, file.moved_rows)
         tracks = local_tracks(file, motion, local)
         is_turned, is_moved = changed_tracks(file, motion, addition.base, local.scales)
     values: dict[tuple[int, str], FloatArray] = {}
