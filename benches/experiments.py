@@ -4,16 +4,19 @@
 reads the recordings in FOLDER (default: ``../shared/data`` beside the checkout), runs the
 experiments of `benches.evidence`, and prints a page of Markdown; ``--write`` writes it to
 ``docs/evidence.md``. Each result is stored in the folder ``--cache`` under the version of the code
-and of the recordings. An interrupted run continues where it stopped. ``--stored`` computes nothing
-and writes the page from the newest stored results; the page then names the versions. ``--quick``
-measures a few seconds of each source. Needs ``pip install 'mograft[evaluate]'``.
+and of the recordings. An interrupted run continues where it stopped. ``--processes`` results are
+computed at once, by default one on each processor. ``--stored`` computes nothing and writes the
+page from the newest stored results; the page then names the versions. ``--quick`` measures a few
+seconds of each source. Needs ``pip install 'mograft[evaluate]'``.
 """
 
 import argparse
 import math
+import multiprocessing
 import os
 import sys
 import time
+from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -88,29 +91,64 @@ class Run:
             self.versions.setdefault(experiment, set()).add(stored["code"])
         return stored
 
+    def experiment(self, experiment, name):
+        """Return the stored or computed result of a module of experiments on a source."""
+        return self.result(
+            experiment.NAME,
+            (experiment, *getattr(experiment, "HELPERS", ())),
+            name,
+            partial(experiment.measure, is_quick=self.options.quick),
+        )
+
+    def pairs(self):
+        """Return the chosen pairs of experiment and source for which there are recordings."""
+        return [
+            (experiment, name)
+            for name in self.sources()
+            for experiment in page.experiments()
+            if name in experiment.SOURCES
+            and (not self.options.only or experiment.NAME in self.options.only)
+        ]
+
+    def sources(self):
+        """Return the chosen sources for which there are recordings."""
+        return [name for name in self.options.sources or SOURCES if self.files[name]]
+
+
+def start_process(options):
+    """Prepare a process that computes results; it keeps the recordings of the last source."""
+    global _run
+    _run = Run(options)
+
+
+def compute_pair(pair):
+    """Compute and store the result of the experiment of a name on a source."""
+    experiments = {own.NAME: own for own in page.experiments()}
+    _run.experiment(experiments[pair[0]], pair[1])
+
+
+def compute(options):
+    """Compute and store the missing results, several at a time."""
+    pairs = [(experiment.NAME, name) for experiment, name in Run(options).pairs()]
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(options.processes, context, start_process, (options,)) as pool:
+        list(pool.map(compute_pair, pairs))
+
 
 def collect(options):
     """Return the results by experiment and source, the facts by source, and the notes."""
+    if options.processes > 1 and not options.stored:
+        compute(options)
     current = Run(options)
-    chosen = [name for name in options.sources or SOURCES if current.files[name]]
     facts, results = {}, {}
-    for name in chosen:
+    for name in current.sources():
         stored = current.result(FACTS, (), name, measure_facts)
         if stored is not None and "value" in stored:
             facts[name] = stored["value"]
-        for experiment in page.experiments():
-            if name not in experiment.SOURCES:
-                continue
-            if options.only and experiment.NAME not in options.only:
-                continue
-            stored = current.result(
-                experiment.NAME,
-                (experiment, *getattr(experiment, "HELPERS", ())),
-                name,
-                partial(experiment.measure, is_quick=options.quick),
-            )
-            if stored is not None:
-                results.setdefault(experiment.NAME, {})[name] = stored
+    for experiment, name in current.pairs():
+        stored = current.experiment(experiment, name)
+        if stored is not None:
+            results.setdefault(experiment.NAME, {})[name] = stored
     missing = [name for name in SOURCES if not current.files[name]]
     minutes = current.n_seconds / 60
     notes = []
@@ -143,7 +181,9 @@ def report(options):
             results[experiment.NAME] = {experiment.SOURCES[0]: value}
         page.write_page(results, {}, [])
         return
+    start = time.perf_counter()
     text = page.write_page(*collect(options))
+    print(f"{(time.perf_counter() - start) / 60:.1f} minutes in all", file=sys.stderr)
     print(text)
     if options.write:
         (ROOT / "docs" / "evidence.md").write_text(text, encoding="utf-8")
@@ -166,6 +206,12 @@ def main(argv=None):
     )
     parser.add_argument(
         "--sources", nargs="+", choices=SOURCES, help="sources to measure (default: all)"
+    )
+    parser.add_argument(
+        "--processes",
+        type=int,
+        default=len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1,
+        help="number of results computed at once (default: number of processors)",
     )
     parser.add_argument("--quick", action="store_true", help="a few seconds of each source")
     parser.add_argument("--stored", action="store_true", help="compute nothing")
