@@ -22,9 +22,11 @@ _DRAFT_ENDING = ".part"
 def atomic_path(target: Path) -> Iterator[Path]:
     """Yield a temporary path; the file written there replaces `target` when the block succeeds.
 
-    The temporary file is in a `draft_folder` and has the name of `target`, because some writers
-    choose the format by suffix. The permissions of an existing `target` are kept. Raises
-    FileExistsError if `target` is a symbolic link to a missing file.
+    The file is synced before and its folder afterwards, so that a power failure leaves the old or
+    the new file, and the new one once the block has ended. The temporary file is in a
+    `draft_folder` and has the name of `target`, because some writers choose the format by suffix.
+    The permissions of an existing `target` are kept. Raises FileExistsError if `target` is a
+    symbolic link to a missing file.
     """
     path = Path(os.path.realpath(target))
     if target.is_symlink() and not path.exists():
@@ -36,9 +38,30 @@ def atomic_path(target: Path) -> Iterator[Path]:
     with draft_folder(path) as folder:
         draft = folder / path.name
         yield draft
+        sync(draft)
         with contextlib.suppress(OSError):  # no such file, or a file system without permissions
             draft.chmod(stat.S_IMODE(path.stat().st_mode))
         draft.replace(path)
+        sync(path.parent)
+
+
+def sync(path: Path) -> None:
+    """Flush a file, or the entries of a folder, to the disk.
+
+    Folders are left out where the platform or the file system cannot sync them.
+    """
+    is_folder = path.is_dir()
+    if is_folder and os.name != "posix":
+        return
+    # Windows syncs only files that are open for writing.
+    handle = os.open(path, os.O_RDONLY if os.name == "posix" else os.O_RDWR)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if not is_folder or error.errno not in (errno.EINVAL, errno.ENOTSUP):
+            raise OSError(error.errno, error.strerror, str(path)) from error
+    finally:
+        os.close(handle)
 
 
 @contextmanager

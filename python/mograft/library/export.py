@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mograft._util.atomic import atomic_path, draft_folder
+from mograft._util.atomic import atomic_path, draft_folder, sync
 from mograft.io.csv import without_formula
 from mograft.library.library import Library
 from mograft.library.tables import Column, library_tables
@@ -44,12 +44,16 @@ def export_tables(
         draft.mkdir()
         for name, columns in tables.items():
             write(draft / f"{name}.{kind}", columns)
+            sync(draft / f"{name}.{kind}")
         if target.is_dir():
             # Other files in the folder stay.
             for file in draft.iterdir():
                 os.replace(file, target / file.name)
+            sync(target)
         else:
+            sync(draft)
             os.replace(draft, target)
+            sync(target.parent)
     return [target / f"{name}.{kind}" for name in tables]
 
 

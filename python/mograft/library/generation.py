@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.arrays import Packed
+from mograft._util.atomic import sync
 from mograft._util.cleanup import clean_up_by
 from mograft._util.lock import exclusive_lock
 from mograft.errors import LibraryError
@@ -225,14 +226,15 @@ class GenerationWriter:
             "files": dict(sorted(hashes.items())),
         }
         document["checksum"] = manifest_checksum(document)
-        for name in names:
-            _sync(self._root / name)
-        _sync(self.folder)
+        paths = [self._root / name for name in hashes]
+        for path in [*paths, *dict.fromkeys(path.parent for path in paths), self.folder]:
+            sync(path)
+        sync(self._root)  # the manifest must not become valid before the folder that it names
         draft = self._root / f"{MANIFEST}.{self._generation}"
         draft.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-        _sync(draft)
+        sync(draft)
         draft.replace(self._root / MANIFEST)
-        _sync(self._root)
+        sync(self._root)
 
     def abandon(self) -> None:
         """Close the files that are not complete."""
@@ -276,7 +278,7 @@ def _write_new(final: Path) -> Iterator[GenerationWriter]:
         # After the lock file is closed: Windows does not rename a folder with an open file.
         if (partial / MANIFEST).exists():
             partial.rename(final)
-            _sync(final.parent)
+            sync(final.parent)
 
 
 @contextlib.contextmanager
@@ -397,16 +399,3 @@ def _lock(folder: Path) -> Iterator[None]:
             message = f"another process is writing to {folder}; try again later"
             raise LibraryError(message) from error
         yield
-
-
-def _sync(path: Path) -> None:
-    """Flush a file, or the entries of a folder, to the disk."""
-    try:
-        handle = os.open(path, os.O_RDONLY)
-    except OSError:
-        return  # folders cannot be opened on some platforms
-    try:
-        with contextlib.suppress(OSError):
-            os.fsync(handle)
-    finally:
-        os.close(handle)
