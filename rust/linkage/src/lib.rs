@@ -60,6 +60,7 @@
 //! | [`blocks`] | bounding boxes of sixteen clusters |
 //! | [`neighbours`] | all pairs within a limit: three filters over blocks |
 //! | [`threshold`] | the choice of T, from a sample |
+//! | [`adjacency`] | lists of neighbours in the sparse graph |
 //! | [`merging`] | merging on the sparse graph |
 //! | [`plateau`] | merging if too many pairs have the same distance for any graph |
 //! | [`distance_rows`] | the full matrix of distances |
@@ -74,6 +75,7 @@
 //! Clarkson, *Smaller core-sets for balls*, SODA 2003 (enclosing balls).
 #![allow(rustdoc::private_intra_doc_links, reason = "this page is for readers of the source")]
 
+mod adjacency;
 mod blocks;
 mod chain;
 mod clusters;

@@ -8,9 +8,13 @@
 //!
 //! A cluster selects its nearest neighbour again only if it has merged, or that neighbour has. The
 //! merge of two other clusters brings neither of them nearer.
+//!
+//! The list of a union is not longer than that of either part. So every list stays where it was
+//! built, and one allocation holds those of all clusters.
 
 use std::sync::Mutex;
 
+use crate::adjacency::{Neighbour, adjacency_lists, split_lists};
 use crate::error::Error;
 use crate::neighbours::Edge;
 use crate::parallel::Workers;
@@ -21,19 +25,14 @@ const NONE: u32 = u32::MAX;
 /// Clusters for which one job selects the nearest neighbour.
 const CLUSTERS_PER_JOB: usize = 256;
 
-/// Edges that one job reads while lists are built, as far as there are threads for all of them.
-const EDGES_PER_JOB: usize = 1 << 22;
+/// Edges per band of clusters, as far as there are fewer than [`MAX_BANDS`] bands.
+const EDGES_PER_BAND: usize = 1 << 18;
 
-/// An entry of a cluster's list of neighbours.
-#[derive(Clone, Copy)]
-struct Neighbour {
-    /// The neighbour, or a cluster that was merged into it.
-    cluster: u32,
-    /// Count of pairs of parts within the limit that this entry stands for.
-    n_pairs: u32,
-    /// The largest of their squared distances.
-    squared: f64,
-}
+/// Largest count of bands. Each reads all edges that remain, and may need an eighth of them more.
+const MAX_BANDS: usize = 8;
+
+/// Clusters that select at a time: their lists are taken from the others.
+const CLUSTERS_PER_BATCH: usize = 1 << 16;
 
 /// The result of merging clusters up to a limit.
 pub(crate) struct MergedClusters {
@@ -58,45 +57,28 @@ pub(crate) fn merge_on_graph(
     edges: Vec<Vec<Edge>>,
 ) -> Result<MergedClusters, Error> {
     let m = representatives.len();
-    let mut state = State::new(adjacency_lists(workers, m, &edges)?);
-    drop(edges);
-    // The buffers of threads, from round to round.
-    let mut buffers = Mutex::new(Vec::new());
-    let mut selections: Vec<Selection> = (0..m as u32)
-        .zip(&mut state.lists)
-        .filter(|(_, list)| !list.is_empty())
-        .map(|(cluster, list)| Selection::new(cluster, std::mem::take(list)))
-        .collect();
+    let n_edges: usize = edges.iter().map(Vec::len).sum();
+    let n_bands = (n_edges / EDGES_PER_BAND).clamp(1, MAX_BANDS);
+    let mut parts = adjacency_lists(workers, m, edges, n_bands)?;
+    let mut state = State::new(split_lists(&mut parts));
     // Clusters that may still merge.
-    let mut active: Vec<u32> = selections
-        .iter()
-        .map(|selection| selection.cluster)
+    let mut active: Vec<u32> = (0..m as u32)
+        .filter(|&cluster| !state.lists[cluster as usize].is_empty())
         .collect();
+    // Clusters that select in this round, ascending, and what was merged into them.
+    let mut selecting: Vec<(u32, u32)> = active.iter().map(|&cluster| (cluster, NONE)).collect();
     let mut pairs = Vec::new();
-    while !selections.is_empty() {
-        let take_buffers = || {
-            let buffers = buffers.lock().ok().and_then(|mut buffers| buffers.pop());
-            buffers.unwrap_or_else(|| (vec![NONE; m], Vec::new()))
-        };
-        let used = workers.run(
-            selections.chunks_mut(CLUSTERS_PER_JOB),
-            take_buffers,
-            |(positions, buffer), chunk| {
-                for selection in chunk {
-                    selection.select_nearest(representatives, &state, positions, buffer);
-                }
-            },
-        )?;
-        buffers = Mutex::new(used);
-        for selection in &mut selections {
-            state.nearest[selection.cluster as usize] = selection.nearest;
-            state.lists[selection.cluster as usize] = std::mem::take(&mut selection.list);
+    // The buffers of threads, from round to round.
+    let mut buffers = Vec::new();
+    while !selecting.is_empty() {
+        for batch in selecting.chunks(CLUSTERS_PER_BATCH) {
+            buffers = state.select(workers, representatives, batch, buffers)?;
         }
-        let merged = reciprocal_pairs(representatives, &state.nearest, &selections);
+        let merged = reciprocal_pairs(representatives, &state.nearest, &selecting);
         state.apply(&merged);
         let State { parents, nearest, .. } = &state;
         active.retain(|&i| parents[i as usize] == i && nearest[i as usize].0 != NONE);
-        state.next_selections(&active, &merged, &mut selections);
+        state.next_selections(&active, &merged, &mut selecting);
         pairs.extend(merged);
     }
     let roots = (0..m as u32).map(|i| state.root(i)).collect();
@@ -107,11 +89,11 @@ pub(crate) fn merge_on_graph(
 fn reciprocal_pairs(
     representatives: &[u32],
     nearest: &[(u32, f64)],
-    selections: &[Selection],
+    selecting: &[(u32, u32)],
 ) -> Vec<(u32, u32, f64)> {
     let mut pairs = Vec::new();
-    for selection in selections {
-        let (cluster, (other, squared)) = (selection.cluster, selection.nearest);
+    for &(cluster, _) in selecting {
+        let (other, squared) = nearest[cluster as usize];
         if other != NONE && nearest[other as usize].0 == cluster {
             let is_ordered = representatives[cluster as usize] < representatives[other as usize];
             let (low, high) = if is_ordered { (cluster, other) } else { (other, cluster) };
@@ -124,9 +106,12 @@ fn reciprocal_pairs(
     pairs
 }
 
+/// The buffers of a thread: the position of every cluster in the list below, and that list.
+type Buffers = (Vec<u32>, Vec<Neighbour>);
+
 /// The state of all clusters between rounds.
-struct State {
-    lists: Vec<Vec<Neighbour>>,
+struct State<'a> {
+    lists: Vec<&'a mut [Neighbour]>,
     /// For each cluster, the one that it was merged into; see [`Self::root`].
     parents: Vec<u32>,
     /// For each cluster, the number of initial clusters that it consists of, itself included.
@@ -137,8 +122,8 @@ struct State {
     has_merged: Vec<bool>,
 }
 
-impl State {
-    fn new(lists: Vec<Vec<Neighbour>>) -> Self {
+impl<'a> State<'a> {
+    fn new(lists: Vec<&'a mut [Neighbour]>) -> Self {
         let m = lists.len();
         Self {
             lists,
@@ -158,6 +143,46 @@ impl State {
         cluster
     }
 
+    /// Select the nearest neighbours of some clusters.
+    fn select(
+        &mut self,
+        workers: &Workers<'_>,
+        representatives: &[u32],
+        batch: &[(u32, u32)],
+        buffers: Vec<Buffers>,
+    ) -> Result<Vec<Buffers>, Error> {
+        let mut selections: Vec<Selection<'_>> = batch
+            .iter()
+            .map(|&(cluster, merged)| Selection {
+                cluster,
+                list: std::mem::take(&mut self.lists[cluster as usize]),
+                merged_list: (self.lists.get_mut(merged as usize))
+                    .map_or_else(Default::default, std::mem::take),
+                nearest: (NONE, f64::INFINITY),
+            })
+            .collect();
+        let m = self.lists.len();
+        let buffers = Mutex::new(buffers);
+        let take_buffers = || {
+            let buffers = buffers.lock().ok().and_then(|mut buffers| buffers.pop());
+            buffers.unwrap_or_else(|| (vec![NONE; m], Vec::new()))
+        };
+        let buffers = workers.run(
+            selections.chunks_mut(CLUSTERS_PER_JOB),
+            take_buffers,
+            |(positions, buffer), chunk| {
+                for selection in chunk {
+                    selection.select_nearest(representatives, self, positions, buffer);
+                }
+            },
+        )?;
+        for selection in selections {
+            self.nearest[selection.cluster as usize] = selection.nearest;
+            self.lists[selection.cluster as usize] = selection.list;
+        }
+        Ok(buffers)
+    }
+
     /// Merge pairs of clusters.
     fn apply(&mut self, merged: &[(u32, u32, f64)]) {
         for &(low, high, _) in merged {
@@ -169,58 +194,52 @@ impl State {
     }
 
     /// The clusters that must select again: those that have merged, or whose nearest has.
+    ///
+    /// With each of them, the cluster that was merged into it in this round.
     fn next_selections(
         &mut self,
         active: &[u32],
         merged: &[(u32, u32, f64)],
-        selections: &mut Vec<Selection>,
+        selecting: &mut Vec<(u32, u32)>,
     ) {
-        selections.clear();
-        for &cluster in active {
-            let nearest = self.nearest[cluster as usize].0;
-            if self.has_merged[cluster as usize] || self.has_merged[nearest as usize] {
-                let list = std::mem::take(&mut self.lists[cluster as usize]);
-                selections.push(Selection::new(cluster, list));
-            }
-        }
+        let has_merged = |cluster: u32| self.has_merged[cluster as usize];
+        let must_select =
+            |&cluster: &u32| has_merged(cluster) || has_merged(self.nearest[cluster as usize].0);
+        selecting.clear();
+        let clusters = active.iter().copied().filter(must_select);
+        selecting.extend(clusters.map(|cluster| (cluster, NONE)));
         for &(low, high, _) in merged {
             self.has_merged[low as usize] = false;
             self.has_merged[high as usize] = false;
-            let list = std::mem::take(&mut self.lists[high as usize]);
-            let position = selections.binary_search_by_key(&low, |selection| selection.cluster);
-            if let Ok(position) = position {
-                selections[position].merged_list = list;
+            if let Ok(position) = selecting.binary_search_by_key(&low, |&(cluster, _)| cluster) {
+                selecting[position].1 = high;
             }
         }
     }
 }
 
 /// A cluster that must select its nearest neighbour.
-struct Selection {
+struct Selection<'a> {
     cluster: u32,
-    list: Vec<Neighbour>,
+    list: &'a mut [Neighbour],
     /// The list of the cluster that was merged into it in the last round.
-    merged_list: Vec<Neighbour>,
+    merged_list: &'a [Neighbour],
     nearest: (u32, f64),
 }
 
-impl Selection {
-    fn new(cluster: u32, list: Vec<Neighbour>) -> Self {
-        Self { cluster, list, merged_list: Vec::new(), nearest: (NONE, f64::INFINITY) }
-    }
-
+impl Selection<'_> {
     /// Combine the lists and find the nearest neighbour.
     ///
     /// `positions` holds [`NONE`] for every cluster, before and after the call.
     fn select_nearest(
         &mut self,
         representatives: &[u32],
-        state: &State,
+        state: &State<'_>,
         positions: &mut [u32],
         buffer: &mut Vec<Neighbour>,
     ) {
         buffer.clear();
-        for neighbour in self.list.iter().chain(&self.merged_list) {
+        for neighbour in self.list.iter().chain(self.merged_list) {
             let cluster = state.root(neighbour.cluster);
             if cluster == self.cluster {
                 continue;
@@ -235,15 +254,16 @@ impl Selection {
                 known.squared = known.squared.max(neighbour.squared);
             }
         }
-        self.list.clear();
-        self.merged_list = Vec::new();
+        let mut n_kept = 0;
         let size = u64::from(state.sizes[self.cluster as usize]);
         let mut best = (f64::INFINITY, NONE);
         for neighbour in &*buffer {
             positions[neighbour.cluster as usize] = NONE;
             let other_size = u64::from(state.sizes[neighbour.cluster as usize]);
             if u64::from(neighbour.n_pairs) == size * other_size {
-                self.list.push(*neighbour);
+                // Each stands for a pair of its own in the list.
+                self.list[n_kept] = *neighbour;
+                n_kept += 1;
                 let key = (neighbour.squared, representatives[neighbour.cluster as usize]);
                 if key < best {
                     best = key;
@@ -251,45 +271,6 @@ impl Selection {
                 }
             }
         }
+        self.list = &mut std::mem::take(&mut self.list)[..n_kept];
     }
-}
-
-/// The list of neighbours of each of `m` clusters.
-///
-/// Every job reads all edges, for some of the clusters.
-fn adjacency_lists(
-    workers: &Workers<'_>,
-    m: usize,
-    edges: &[Vec<Edge>],
-) -> Result<Vec<Vec<Neighbour>>, Error> {
-    let n_edges: usize = edges.iter().map(Vec::len).sum();
-    let n_jobs = workers.n_threads().max(n_edges / EDGES_PER_JOB).max(1);
-    let width = m.div_ceil(n_jobs).max(1);
-    let mut lists = vec![Vec::new(); m];
-    workers.run(
-        lists.chunks_mut(width).enumerate(),
-        || (),
-        |(), (job, lists)| {
-            let position = |cluster: u32| (cluster as usize).wrapping_sub(job * width);
-            let mut degrees = vec![0; lists.len()];
-            for edge in edges.iter().flatten() {
-                for cluster in [edge.a, edge.b] {
-                    if let Some(degree) = degrees.get_mut(position(cluster)) {
-                        *degree += 1;
-                    }
-                }
-            }
-            for (list, degree) in lists.iter_mut().zip(degrees) {
-                *list = Vec::with_capacity(degree);
-            }
-            for &Edge { a, b, squared } in edges.iter().flatten() {
-                for (cluster, other) in [(a, b), (b, a)] {
-                    if let Some(list) = lists.get_mut(position(cluster)) {
-                        list.push(Neighbour { cluster: other, n_pairs: 1, squared });
-                    }
-                }
-            }
-        },
-    )?;
-    Ok(lists)
 }
