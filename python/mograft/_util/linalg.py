@@ -40,6 +40,22 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
     return found
 
 
+def eigenvalues(matrix: FloatArray) -> FloatArray:
+    """Return the eigenvalues of a positive semidefinite matrix, shape (n,), descending.
+
+    They are at least 0 and rounded to multiples of 2^-32 · p, where p is the smallest power of two
+    above the trace, as those of `eigenvectors`.
+    """
+    values = np.maximum(np.linalg.eigvalsh(matrix)[::-1], 0.0)
+    return round_to_grid(values, _eigenvalue_grid(matrix))
+
+
+def _eigenvalue_grid(matrix: FloatArray) -> float:
+    """Return the spacing of the rounded eigenvalues of a positive semidefinite matrix."""
+    size: float = 2.0 ** float(np.frexp(np.trace(matrix))[1])
+    return _EIGENVALUE_GRID * size
+
+
 def eigenvectors(matrix: FloatArray, n_vectors: int) -> tuple[FloatArray, FloatArray]:
     """Return the eigenvalues and leading eigenvectors of a positive semidefinite matrix.
 
@@ -56,8 +72,7 @@ def eigenvectors(matrix: FloatArray, n_vectors: int) -> tuple[FloatArray, FloatA
     values, vectors = np.linalg.eigh(matrix)
     leading = round_to_grid(vectors[:, ::-1][:, :n_vectors])
     largest = np.take_along_axis(leading, np.abs(leading).argmax(axis=0)[None], axis=0)
-    size = 2.0 ** float(np.frexp(np.trace(matrix))[1])
     return (
-        round_to_grid(values[::-1], _EIGENVALUE_GRID * size),
+        round_to_grid(values[::-1], _eigenvalue_grid(matrix)),
         leading * np.where(largest < 0, -1.0, 1.0) + 0.0,
     )

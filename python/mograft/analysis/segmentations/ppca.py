@@ -1,0 +1,191 @@
+"""Cuts where the distribution of poses changes (Barbič et al. 2004, PPCA)."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.linalg import eigenvectors, product
+from mograft._util.validate import check_positive
+from mograft.analysis.principal_components import Spread
+from mograft.analysis.segmentations.growing_scatter import GrowingScatter
+from mograft.analysis.segmentations.pca import dimensions_of
+from mograft.analysis.segmentations.pose_features import frames_of, pose_features
+from mograft.motion.motion import Motion
+
+_MIN_VARIANCE = 1e-6
+"""Lower bound of the variances of a model: that of a joint that deviates by 0.002 radians, the
+order of the noise of optical recordings."""
+
+_KEPT_ENERGY = 0.999
+"""Share of the variance of the whole motion that the features keep, which speeds up the rest."""
+
+
+@dataclass(frozen=True)
+class PpcaParameters:
+    """Parameters of the segmentation "ppca".
+
+    Parameters
+    ----------
+    window : float
+        Seconds of poses that are compared with the poses before, and the fewest seconds before
+        them (T = 150 frames at 120 fps in the source).
+    step : float
+        Seconds by which the boundary between the two moves (Δ = 10 frames).
+    energy : float
+        Share of the variance that the principal axes of the poses before preserve (τ), between 0
+        and 1.
+    rise : float
+        Rise of the mean Mahalanobis distance from a valley to a peak that makes a cut, as a share
+        of the range of all distances from the start of the motion (0.1 in the source).
+    min_rise : float
+        Least rise that makes a cut, in the unit of the mean distance of the poses before from their
+        own model. It is not in the source, which would cut a motion without a change of behaviour.
+    both_directions : bool
+        Whether the motion is also read backwards, and all cuts united. Forwards alone, a
+        behaviour whose poses all belong to the behaviour before it is not found.
+
+    Raises
+    ------
+    ValueError
+        If a duration or threshold is not above 0, or `energy` is not below 1.
+    """
+
+    window: float = 1.25
+    step: float = 1 / 12
+    energy: float = 0.95
+    rise: float = 0.1
+    min_rise: float = 1.0
+    both_directions: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ("window", "step", "energy", "rise", "min_rise"):
+            check_positive(self, name)
+        if self.energy >= 1:
+            raise ValueError(f"`energy` must be below 1, got {self.energy}")
+
+
+def cut_frames(motion: Motion, parameters: PpcaParameters | None = None) -> IntArray:
+    """Return the frames at which the distribution of poses changes.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion.
+    parameters : PpcaParameters, optional
+        Durations and thresholds. Default: those of the source.
+
+    Returns
+    -------
+    ndarray of int, shape (n_cuts,)
+        The inner cut frames, ascending. There are none if the motion is shorter than two windows,
+        constant, or without joints below the root.
+
+    Notes
+    -----
+    Barbič et al. 2004, "Segmenting Motion Capture Data into Distinct Behaviors", PPCA approach. A
+    pose is the vector x of the quaternions of all joints below the root, here projected onto the
+    D principal axes that hold 99.9 % of the variance of the whole motion. The first K poses of a
+    segment have mean m and covariance C = Σ_{j≤r} λ_j v_j v_jᵀ + σ² Σ_{j>r} v_j v_jᵀ; the first r
+    eigenvalues hold `energy` of their sum, and σ² is the mean of the others. The mean distance of
+    the next T poses is H(K) = mean (x - m)ᵀ C⁻¹ (x - m). As K grows by `step`, H falls while the
+    behaviour continues, rises when the T poses reach the next one, and has its peak when they
+    start with it. A cut is placed at the highest H within one window after H has risen by
+    more than max(`rise` · (max H - min H), `min_rise` · D). The method is restarted there.
+
+    Backward cuts that are closer than half a window to forward ones are united with them: the cut
+    is placed at their mean. The cost is O(n D² + n D³ / step) for n frames.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> cut_frames(dance(strides=1).motion[:60])
+    array([], dtype=int64)
+    """
+    parameters = parameters or PpcaParameters()
+    scores = _principal_scores(pose_features(motion))
+    window = frames_of(parameters.window, motion.rate)
+    step = frames_of(parameters.step, motion.rate)
+    cuts = _cuts_of_direction(scores, window, step, parameters)
+    if parameters.both_directions:
+        backward = _cuts_of_direction(scores[::-1], window, step, parameters)
+        cuts += [len(scores) - 1 - cut for cut in backward]
+    return unite_near_cuts(np.array(cuts, np.int64), window / 2)
+
+
+def _principal_scores(features: FloatArray) -> FloatArray:
+    """Return the features in the axes that hold 99.9 % of their variance, (n_frames, D).
+
+    There are no columns if no feature varies by more than the noise of recordings.
+    """
+    spread = Spread.of([features])
+    if np.trace(spread.scatter) <= _MIN_VARIANCE * len(features):
+        return np.zeros((len(features), 0))
+    variances, axes = eigenvectors(spread.scatter, features.shape[1])
+    return product(features - spread.mean, axes[:, : dimensions_of(variances, _KEPT_ENERGY)])
+
+
+def _cuts_of_direction(
+    scores: FloatArray, window: int, step: int, parameters: PpcaParameters
+) -> list[int]:
+    """Return the cuts that are found when the poses are read in the given order, ascending."""
+    cuts: list[int] = []
+    coarse = max(window // 4, step)
+    distances = np.array([*_window_distances(scores, window, coarse, parameters.energy)])
+    if not len(distances):
+        return cuts
+    least = parameters.min_rise * scores.shape[1]
+    rise = max(parameters.rise * float(np.ptp(distances)), least)
+    start = 0
+    while True:
+        following = _window_distances(scores[start:], window, step, parameters.energy)
+        peak = _first_peak(following, rise, -(-window // step))
+        if peak is None:
+            return cuts
+        start += window + step * peak
+        cuts.append(start)
+
+
+def _window_distances(
+    scores: FloatArray, window: int, step: int, energy: float
+) -> Iterator[float]:
+    """Yield H(K) for K = window, window + step, ... while a whole window follows, in frames."""
+    before = GrowingScatter(scores)
+    counts = range(window, len(scores) - window + 1, step) if scores.shape[1] else range(0)
+    for count in counts:
+        before.grow_to(count)
+        variances, axes = eigenvectors(before.scatter / (count - 1), scores.shape[1])
+        n = dimensions_of(variances, energy)
+        noise = max(float(variances[n:].mean()) if n < len(variances) else 0.0, _MIN_VARIANCE)
+        variances[n:] = noise
+        offsets = (scores[count : count + window] - before.mean) @ axes
+        squares = np.einsum("ij,ij->j", offsets, offsets) / window
+        yield float((squares / np.maximum(variances, noise)).sum())
+
+
+def _first_peak(distances: Iterator[float], rise: float, n_following: int) -> int | None:
+    """Return the index of the first peak that is `rise` above a valley before it, or None.
+
+    The peak is the greatest of the first such distance and the `n_following` after it. It must not
+    be the last distance, because the behaviour after it would last less than a window.
+    """
+    least = np.inf
+    for index, distance in enumerate(distances):
+        least = min(least, distance)
+        if distance > least + rise:
+            near = np.array([distance, *islice(distances, n_following)])
+            peak = int(np.argmax(near))
+            is_last = peak == len(near) - 1 and next(distances, None) is None
+            return None if is_last else index + peak
+    return None
+
+
+def unite_near_cuts(cuts: IntArray, min_gap: float) -> IntArray:
+    """Replace each run of cuts, each closer than `min_gap` to the previous one, by its mean."""
+    cuts = np.sort(cuts)
+    if not len(cuts):
+        return cuts
+    runs = np.split(cuts, np.flatnonzero(np.diff(cuts) >= min_gap) + 1)
+    return np.array([int(np.mean(run)) for run in runs], np.int64)
