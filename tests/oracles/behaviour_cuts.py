@@ -18,10 +18,10 @@ def pca_cuts(features, window, energy, lag, n_settling, deviations, step):
             if len(errors) <= lag:
                 continue
             increase = errors[-1] - errors[-1 - lag]
-            if len(increases) >= n_settling and increase > 1e-6 * lag * step:
-                if increase > np.mean(increases) + deviations * np.std(increases):
-                    cut = end - 1
-                    break
+            is_high = len(increases) >= n_settling and increase > 1e-6 * lag * step
+            if is_high and increase > np.mean(increases) + deviations * np.std(increases):
+                cut = end - 1
+                break
             increases.append(increase)
         if cut is None:
             return cuts

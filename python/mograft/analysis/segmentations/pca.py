@@ -7,6 +7,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.linalg import eigenvalues
 from mograft._util.validate import check_positive
+from mograft.analysis.segmentation_method import SegmentationMethod
 from mograft.analysis.segmentations.growing_scatter import GrowingScatter
 from mograft.analysis.segmentations.pose_features import frames_of, pose_features
 from mograft.motion.motion import Motion
@@ -30,10 +31,11 @@ class PcaParameters:
     lag : float
         Seconds over which the increase of the projection error is measured (l = 60 frames).
     deviations : float
-        Number of standard deviations by which the increase has to exceed its mean (k_σ).
+        Number of standard deviations by which the increase has to exceed its mean (3 in the
+        source).
     settling : float
         Seconds of increases from which mean and standard deviation are taken before the first cut
-        is possible (i₀ in the source, which states no value).
+        is possible, about one cycle of a gait. The source delays the first cut, too.
     step : float
         Seconds between two frames at which the error is computed. The source computes it at
         every frame.
@@ -58,15 +60,15 @@ class PcaParameters:
             raise ValueError(f"`energy` must be below 1, got {self.energy}")
 
 
-def cut_frames(motion: Motion, parameters: PcaParameters | None = None) -> IntArray:
+def cut_frames(motion: Motion, parameters: PcaParameters) -> IntArray:
     """Return the frames at which new poses leave the hyperplane of the segment's first poses.
 
     Parameters
     ----------
     motion : Motion
         The motion.
-    parameters : PcaParameters, optional
-        Durations and thresholds. Default: those of the source.
+    parameters : PcaParameters
+        Durations and thresholds.
 
     Returns
     -------
@@ -92,10 +94,9 @@ def cut_frames(motion: Motion, parameters: PcaParameters | None = None) -> IntAr
     Examples
     --------
     >>> from mograft.dancer import dance
-    >>> cut_frames(dance(strides=1).motion[:60])
+    >>> cut_frames(dance(strides=1).motion[:60], PcaParameters())
     array([], dtype=int64)
     """
-    parameters = parameters or PcaParameters()
     features = pose_features(motion)
     cuts: list[int] = []
     while True:
@@ -145,3 +146,5 @@ def dimensions_of(values: FloatArray, energy: float) -> int:
         return 0
     return int(np.searchsorted(np.cumsum(values), energy * total)) + 1
 
+
+METHOD = SegmentationMethod(PcaParameters, cut_frames, has_long_segments=True)

@@ -10,6 +10,7 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.linalg import eigenvectors, product
 from mograft._util.validate import check_positive
 from mograft.analysis.principal_components import Spread
+from mograft.analysis.segmentation_method import SegmentationMethod
 from mograft.analysis.segmentations.growing_scatter import GrowingScatter
 from mograft.analysis.segmentations.pca import dimensions_of
 from mograft.analysis.segmentations.pose_features import frames_of, pose_features
@@ -43,14 +44,15 @@ class PpcaParameters:
     min_rise : float
         Least rise that makes a cut, in the unit of the mean distance of the poses before from their
         own model. It is not in the source, which would cut a motion without a change of behaviour.
-    both_directions : bool
-        Whether the motion is also read backwards, and all cuts united. Forwards alone, a
-        behaviour whose poses all belong to the behaviour before it is not found.
+    directions : {"both", "forward"}
+        Whether the motion is also read backwards, and all cuts are united. Forwards alone, a
+        behaviour whose poses all occur in the behaviour before it is not found.
 
     Raises
     ------
     ValueError
-        If a duration or threshold is not above 0, or `energy` is not below 1.
+        If a duration or threshold is not above 0, `energy` is not below 1, or `directions` is
+        another word.
     """
 
     window: float = 1.25
@@ -58,24 +60,26 @@ class PpcaParameters:
     energy: float = 0.95
     rise: float = 0.1
     min_rise: float = 1.0
-    both_directions: bool = True
+    directions: str = "both"
 
     def __post_init__(self) -> None:
         for name in ("window", "step", "energy", "rise", "min_rise"):
             check_positive(self, name)
         if self.energy >= 1:
             raise ValueError(f"`energy` must be below 1, got {self.energy}")
+        if self.directions not in ("both", "forward"):
+            raise ValueError(f"`directions` must be both or forward, got {self.directions!r}")
 
 
-def cut_frames(motion: Motion, parameters: PpcaParameters | None = None) -> IntArray:
+def cut_frames(motion: Motion, parameters: PpcaParameters) -> IntArray:
     """Return the frames at which the distribution of poses changes.
 
     Parameters
     ----------
     motion : Motion
         The motion.
-    parameters : PpcaParameters, optional
-        Durations and thresholds. Default: those of the source.
+    parameters : PpcaParameters
+        Durations and thresholds.
 
     Returns
     -------
@@ -101,15 +105,14 @@ def cut_frames(motion: Motion, parameters: PpcaParameters | None = None) -> IntA
     Examples
     --------
     >>> from mograft.dancer import dance
-    >>> cut_frames(dance(strides=1).motion[:60])
+    >>> cut_frames(dance(strides=1).motion[:60], PpcaParameters())
     array([], dtype=int64)
     """
-    parameters = parameters or PpcaParameters()
     scores = _principal_scores(pose_features(motion))
     window = frames_of(parameters.window, motion.rate)
     step = frames_of(parameters.step, motion.rate)
     cuts = _cuts_of_direction(scores, window, step, parameters)
-    if parameters.both_directions:
+    if parameters.directions == "both":
         backward = _cuts_of_direction(scores[::-1], window, step, parameters)
         cuts += [len(scores) - 1 - cut for cut in backward]
     return unite_near_cuts(np.array(cuts, np.int64), window / 2)
@@ -148,9 +151,7 @@ def _cuts_of_direction(
         cuts.append(start)
 
 
-def _window_distances(
-    scores: FloatArray, window: int, step: int, energy: float
-) -> Iterator[float]:
+def _window_distances(scores: FloatArray, window: int, step: int, energy: float) -> Iterator[float]:
     """Yield H(K) for K = window, window + step, ... while a whole window follows, in frames."""
     before = GrowingScatter(scores)
     counts = range(window, len(scores) - window + 1, step) if scores.shape[1] else range(0)
@@ -189,3 +190,6 @@ def unite_near_cuts(cuts: IntArray, min_gap: float) -> IntArray:
         return cuts
     runs = np.split(cuts, np.flatnonzero(np.diff(cuts) >= min_gap) + 1)
     return np.array([int(np.mean(run)) for run in runs], np.int64)
+
+
+METHOD = SegmentationMethod(PpcaParameters, cut_frames, has_long_segments=True)
