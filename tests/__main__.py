@@ -41,6 +41,7 @@ THOROUGH_CHECKS = (
     ("large trees", ["cargo", "test", "--release", *_LINKAGE, "--", "--ignored"]),
     ("documentation of linkage", ["cargo", "rustdoc", *_LINKAGE, "--", "-D", "warnings"]),
     ("package of linkage", ["cargo", "publish", "--dry-run", "--allow-dirty", *_LINKAGE]),
+    ("release", [PYTHON, "-m", "release", "--dry-run"]),
 )
 
 

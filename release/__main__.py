@@ -1,0 +1,115 @@
+"""Build and check a release: ``python -m release --dry-run [STEP ...]``.
+
+Nothing is uploaded: the workflow `release.yml` does that when a tag is pushed. All steps run by
+default, even if an earlier one failed; the exit code is 1 if any failed.
+"""
+
+import argparse
+import subprocess
+import sys
+from collections.abc import Callable
+
+from release.audits import audit_crates, audit_packages
+from release.build import (
+    PLATFORMS,
+    build_sdist,
+    build_wheel,
+    find_missing_target,
+    find_native_platform,
+)
+from release.checks import check_artifacts, check_bills
+from release.distributions import DIST, DISTRIBUTIONS, ROOT, WORK
+from release.notices import find_stale_notices
+from release.trials import try_sdists, try_types, try_wheels
+
+
+def _check_notices(_options: argparse.Namespace) -> None:
+    if stale := find_stale_notices():
+        raise ValueError(f"{', '.join(stale)}: write them by python -m release.notices --write")
+    check_bills()
+
+
+def _build_sdists(_options: argparse.Namespace) -> None:
+    for distribution in DISTRIBUTIONS:
+        build_sdist(distribution)
+
+
+def _build_wheels(options: argparse.Namespace) -> None:
+    for platform in [p for p in PLATFORMS if p.name in options.platform]:
+        if missing := find_missing_target(platform):
+            print(f"{platform.name}: skipped, rustup target add {missing}", flush=True)
+            continue
+        for distribution in DISTRIBUTIONS:
+            build_wheel(distribution, platform, options.interpreter)
+
+
+def _audit(_options: argparse.Namespace) -> None:
+    audit_packages()
+    audit_crates()
+
+
+def _build_documentation(_options: argparse.Namespace) -> None:
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "docs", str(WORK / "docs")]
+    subprocess.run(command, cwd=ROOT, check=True)
+
+
+def _remove_old_artifacts() -> None:
+    """Remove the files of the present version from `DIST`, so that no step checks an older one."""
+    for distribution in DISTRIBUTIONS:
+        for pattern in ("-*.whl", ".tar.gz"):
+            for path in distribution.find_artifacts(DIST, pattern):
+                path.unlink()
+
+
+STEPS: dict[str, tuple[str, Callable[[argparse.Namespace], None]]] = {
+    "notices": ("licences and bills of materials are current and valid", _check_notices),
+    "sdist": ("build the source distributions", _build_sdists),
+    "wheel": ("build the wheels", _build_wheels),
+    "check": ("check all files in dist", lambda _: check_artifacts()),
+    "try-wheel": ("run mograft from wheels, without Rust", lambda o: try_wheels(o.python)),
+    "try-types": ("check types in a foreign project, after try-wheel", lambda _: try_types()),
+    "try-sdist": ("run mograft from sources, without a network", lambda _: try_sdists()),
+    "audit": ("look for known vulnerabilities", _audit),
+    "docs": ("build the documentation", _build_documentation),
+}
+
+
+def main(arguments: list[str]) -> int:
+    """Run the steps; return the exit code."""
+    parser = argparse.ArgumentParser(
+        prog="python -m release",
+        description="Build and check the distributions. Nothing is uploaded.",
+        epilog="\n".join(f"{name:10} {text}" for name, (text, _) in STEPS.items()),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    native = [find_native_platform().name]
+    parser.add_argument("step", nargs="*", help="steps (default: all)")
+    parser.add_argument("--dry-run", action="store_true", required=True, help="upload nothing")
+    parser.add_argument(
+        "--platform",
+        nargs="+",
+        choices=[platform.name for platform in PLATFORMS],
+        default=native,
+        help="platforms of the wheels (default: this one)",
+    )
+    parser.add_argument("--interpreter", help="program of a free-threaded Python, for its wheels")
+    parser.add_argument("--python", default=sys.executable, help="Python of the step try-wheel")
+    options = parser.parse_args(arguments)
+    if unknown := set(options.step) - set(STEPS):
+        parser.error(f"unknown step {min(unknown)}; expected {', '.join(STEPS)}")
+    if not options.step:
+        _remove_old_artifacts()
+    failed = []
+    for name in options.step or STEPS:
+        print(f"\n== {name}: {STEPS[name][0]}", flush=True)
+        try:
+            STEPS[name][1](options)
+        except (OSError, ValueError, subprocess.CalledProcessError) as error:
+            print(f"{name}: {error}", file=sys.stderr, flush=True)
+            failed.append(name)
+    print(f"\n{'failed: ' + ', '.join(failed) if failed else 'all steps passed'}", flush=True)
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
