@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mograft._standalone.mograft_linkage import linkage as linkage
     from mograft._standalone.mograft_linkage import linkage_condensed as linkage_condensed
     from mograft._standalone.mograft_linkage import threshold as threshold
+    from mograft.analysis.group_discovery import GroupDiscovery as GroupDiscovery
     from mograft.analysis.segmentation import Segments as Segments
     from mograft.analysis.segmentation import kinetic_energy as kinetic_energy
     from mograft.analysis.segmentation import segment as segment
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
     from mograft.io.smpl.rest import read_offsets as read_offsets
     from mograft.io.smpl.writer import write_amass as write_amass
     from mograft.io.usd import write_usd as write_usd
+    from mograft.library.group_choice import discover_groups as discover_groups
     from mograft.library.library import Library as Library
     from mograft.motion import resample as resample
     from mograft.motion import rotations as rotations
@@ -136,6 +138,8 @@ _HOMES = {
     "body.group_entries": "subtree",
     "body.groups": "JointGroups",
     "io.pybvh": "from_pybvh to_pybvh",
+    "analysis.group_discovery": "GroupDiscovery",
+    "library.group_choice": "discover_groups",
     "library.library": "Library",
     "body.mirroring": "mirror",
     "motion.motion": "Motion",

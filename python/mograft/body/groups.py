@@ -1,12 +1,10 @@
 """`JointGroups`: the joint groups that are kept or exchanged as a whole."""
 
-import json
 import os
-import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,10 +18,14 @@ from mograft.body.group_entries import (
     channels_of_joint,
     is_joint,
     joint_label,
-    subtree,
 )
+from mograft.body.groups_toml import groups_to_toml, read_groups
+from mograft.config import Config
 from mograft.errors import suggest_name
 from mograft.motion.skeleton import Skeleton
+
+if TYPE_CHECKING:
+    from mograft.library.discover import ClipSource
 
 # Groups of each preset. The first is the base: the hips, their ancestors and the legs.
 PRESETS: Mapping[str, tuple[str, ...]] = {
@@ -58,9 +60,11 @@ class JointGroups:
     See Also
     --------
     JointGroups.preset : Groups by body part.
+    JointGroups.discover : Groups of joints that move together.
 
     Examples
     --------
+    >>> from mograft import subtree
     >>> skeleton = Skeleton(
     ...     ["Hips", "Spine", "Head", "Leg"], [-1, 0, 1, 0], [[0, 0, 0]] * 4
     ... )
@@ -144,13 +148,68 @@ class JointGroups:
         if name not in PRESETS:
             hint = suggest_name(name, PRESETS)
             raise ValueError(f"`preset` must be one of {', '.join(PRESETS)}, got {name!r}{hint}")
-        count = Counter(skeleton.names)
-        found: dict[str, list[Entry]] = {group: [] for group in PRESETS[name]}
+        found: dict[str, list[int]] = {group: [] for group in PRESETS[name]}
         for joint, group in enumerate(_assign(skeleton, PRESETS[name])):
-            label = skeleton.names[joint]
-            found[group].append(label if count[label] == 1 and _is_encodable(label) else joint)
+            found[group].append(joint)
         _check_parts(name, skeleton, found)
-        return cls({group: tuple(entries) for group, entries in found.items()}, base="lower")
+        return groups_of_joints(skeleton, found, "lower")
+
+    @classmethod
+    def discover(
+        cls,
+        clips: "ClipSource | Iterable[ClipSource]",
+        n: int | None = None,
+        *,
+        config: Config | None = None,
+        seed: int = 0,
+    ) -> "JointGroups":
+        """Return groups of joints that move together in some clips.
+
+        Parameters
+        ----------
+        clips : Motion, address, folder or glob, or several
+            Clips of one hierarchy, as for `Library.build`. Of more than 64 clips, 64 at equal
+            intervals are used.
+        n : int, optional
+            The number of groups, at least 2. Default: the number at the largest gap between the
+            heights of the linkage tree.
+        config : Config, optional
+            Provides the parameters of segmentation and the number of samples per segment.
+        seed : int
+            Seed of the permutations that determine the dependence of independent joints.
+
+        Returns
+        -------
+        JointGroups
+            The base group is the first: the hips with their ancestors, and all chains of joints
+            that carry the body, such as the legs. Names are those of the presets if the body parts
+            are the same.
+
+        Raises
+        ------
+        ValueError
+            If `n` is below 2 or above the number of chains, the clips have fewer than three
+            segments, or no joint beside the base moves.
+        SkeletonMismatchError
+            If the hierarchies of the clips differ.
+
+        See Also
+        --------
+        discover_groups : The same groups with the dependences and the linkage tree.
+
+        Notes
+        -----
+        `docs/groups.md` describes the method.
+
+        Examples
+        --------
+        >>> from mograft.dancer import dance
+        >>> JointGroups.discover(dance(strides=2).motion, 3).names
+        ('lower', 'torso', 'arms')
+        """
+        from mograft.library import group_choice  # layer exception: a convenience
+
+        return group_choice.discover_groups(clips, n, config=config, seed=seed).groups
 
     def resolve(self, skeleton: Skeleton) -> dict[str, IntArray]:
         """Return the joints of each group.
@@ -253,6 +312,7 @@ class JointGroups:
 
         Examples
         --------
+        >>> from mograft import subtree
         >>> groups = JointGroups({"lower": ["Hips"], "upper": [subtree("Spine")]})
         >>> print(groups.to_toml(), end="")
         base = "lower"
@@ -265,11 +325,7 @@ class JointGroups:
             {subtree = "Spine"},
         ]
         """
-        lines = [f"base = {_toml_value(self.base)}", "", "[groups]"]
-        for name, entries in self.groups.items():
-            values = [f"    {_toml_value(entry)}," for entry in entries]
-            lines += [f"{_toml_value(name)} = [", *values, "]"]
-        return "\n".join(lines) + "\n"
+        return groups_to_toml(self.groups, self.base)
 
     @classmethod
     def from_toml(cls, source: str | os.PathLike[str]) -> "JointGroups":
@@ -293,32 +349,26 @@ class JointGroups:
         OSError
             If the file cannot be read.
         """
-        text, place = str(source), "groups"
-        if not isinstance(source, str) or "\n" not in source:
-            place = str(source)
-            try:
-                text = Path(source).read_text(encoding="utf-8")
-            except UnicodeDecodeError as error:
-                raise ValueError(f"{place}: not UTF-8: {error}") from error
+        groups, base, place = read_groups(source)
         try:
-            table = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise ValueError(f"{place}: not valid TOML: {error}") from error
-        unknown = sorted(set(table) - {"base", "groups"})
-        if unknown or not isinstance(table.get("groups"), dict):
-            got = ", ".join(table) or "nothing"
-            raise ValueError(
-                f"{place}: must contain a table [groups] and optionally base, got {got}"
-            )
-        groups = {}
-        for name, entries in table["groups"].items():
-            if not isinstance(entries, list):
-                raise ValueError(f"{place}: group {name!r} must be a list, got {entries!r}")
-            groups[name] = tuple(_read_entry(place, name, entry) for entry in entries)
-        try:
-            return cls(groups, base=table.get("base", "lower"))
+            return cls(groups, base=base)
         except (TypeError, ValueError) as error:
             raise ValueError(f"{place}: {error}") from error
+
+
+def groups_of_joints(
+    skeleton: Skeleton, members: Mapping[str, Iterable[int]], base: str
+) -> JointGroups:
+    """Return groups with the joints `members`; entries are names where these are unique."""
+    count = Counter(skeleton.names)
+    labels = [
+        name if count[name] == 1 and _is_encodable(name) else joint
+        for joint, name in enumerate(skeleton.names)
+    ]
+    groups = {
+        group: tuple(labels[joint] for joint in sorted(joints)) for group, joints in members.items()
+    }
+    return JointGroups(groups, base=base)
 
 
 def _assign(skeleton: Skeleton, group_names: tuple[str, ...]) -> list[str]:
@@ -349,7 +399,7 @@ def _assign(skeleton: Skeleton, group_names: tuple[str, ...]) -> list[str]:
     return groups
 
 
-def _check_parts(preset: str, skeleton: Skeleton, found: Mapping[str, list[Entry]]) -> None:
+def _check_parts(preset: str, skeleton: Skeleton, found: Mapping[str, list[int]]) -> None:
     """Raise ValueError if the skeleton lacks a body part of the preset.
 
     `found` holds the joints of each group.
@@ -378,23 +428,3 @@ def _check_parts(preset: str, skeleton: Skeleton, found: Mapping[str, list[Entry
 def _is_encodable(name: str) -> bool:
     """Return whether a name can be encoded as UTF-8: it has no lone surrogate."""
     return not any("\ud800" <= letter <= "\udfff" for letter in name)
-
-
-def _toml_value(value: Entry) -> str:
-    """Return an entry in TOML syntax: strings are escaped as in JSON, and DEL in addition."""
-    if isinstance(value, Subtree):
-        return f"{{subtree = {_toml_value(value.joint)}}}"
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-def _read_entry(place: str, group: str, entry: object) -> Entry:
-    if isinstance(entry, dict) and set(entry) == {"subtree"}:
-        entry = entry["subtree"]
-        if is_joint(entry):
-            return subtree(entry)
-    elif is_joint(entry):
-        return entry
-    raise ValueError(
-        f'{place}: group {group!r} must contain names, indices or {{subtree = "name"}}, '
-        f"got {entry!r}"
-    )

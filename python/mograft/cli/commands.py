@@ -48,6 +48,7 @@ from mograft.cli.values import (
     non_negative_number,
     positive_integer,
     positive_number,
+    preset_or_automatic,
 )
 
 EVALUATION_TOPICS = (
@@ -300,15 +301,16 @@ COMMANDS = (
         "print the joint groups of a file as TOML, which can be edited and passed to --groups",
         positional(
             "file",
-            "motion file, or a folder, whose first file is used",
+            "motion file, or a folder, whose first file is used, or with auto all files",
             is_path=True,
             metavar="FILE",
         ),
         setting(
-            "--preset",
-            "preset of joint groups (default: lower_upper)",
-            choices=PRESETS,
-            default="lower_upper",
+            "--preset NAME",
+            f"preset of joint groups, one of {', '.join(PRESETS)}; or auto or auto:N, groups of "
+            "joints that move together (default: lower_upper)",
+            preset_or_automatic(PRESETS),
+            "lower_upper",
         ),
         output_option("TOML file to write (default: stdout)"),
         FORCE,

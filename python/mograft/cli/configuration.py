@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from mograft._util.automatic_groups import automatic_number, is_automatic
 from mograft._util.cut_frames import freeze_cut_frames
 from mograft.analysis.segmentation import check_segmentation
 from mograft.body.groups import JointGroups
@@ -17,6 +18,7 @@ from mograft.config import Config, variety_fields
 from mograft.errors import suggest_name
 from mograft.io.addresses import open_clips, read_clip, split_address
 from mograft.io.smpl.rest import read_offsets
+from mograft.library.group_choice import discover_groups
 from mograft.library.library import Library
 from mograft.library.spec import Match
 from mograft.motion.motion import Motion
@@ -134,16 +136,45 @@ def selected_skeleton(options: argparse.Namespace) -> Skeleton | None:
 
 
 def selected_groups(options: argparse.Namespace) -> JointGroups | str:
-    """Return what ``--groups`` selects: the name of a preset, or the groups of a TOML file."""
+    """Return what ``--groups`` selects: a preset, automatic groups, or the groups of a TOML file.
+
+    A preset is returned as its name, automatic groups as ``auto`` or ``auto:N``.
+    """
     name: str = options.groups or "lower_upper"
     if name in PRESETS:
         return name
+    if is_automatic(name):
+        try:
+            automatic_number(name)
+        except ValueError as error:
+            options.usage_error(str(error).replace("`groups`", "--groups"))
+        return name
     if Path(name).suffix.lower() != ".toml" and not Path(name).exists():
         options.usage_error(
-            f"--groups must be a TOML file or one of {', '.join(PRESETS)}; got {name}"
+            f"--groups must be a TOML file, auto, auto:N or one of {', '.join(PRESETS)}; got {name}"
             f"{suggest_name(name, PRESETS)}"
         )
     return JointGroups.from_toml(Path(name))
+
+
+def figure_groups(options: argparse.Namespace, files: Sequence[str]) -> JointGroups | str | None:
+    """Return the groups of ``--groups`` for the colours of figures; None if it is not given.
+
+    Automatic groups are discovered in `files`.
+    """
+    if options.groups is None:
+        return None
+    groups = selected_groups(options)
+    if isinstance(groups, str) and is_automatic(groups):
+        found = discover_groups(
+            files,
+            automatic_number(groups),
+            config=selected_config(options),
+            include_grafts=True,
+            skeleton=selected_skeleton(options),
+        )
+        return found.groups
+    return groups
 
 
 def selected_config(options: argparse.Namespace) -> Config:

@@ -5,11 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mograft.cli.configuration import (
-    refuse_useless_options,
-    selected_groups,
-    selected_skeleton,
-)
+from mograft.cli.configuration import figure_groups, refuse_useless_options, selected_skeleton
 from mograft.cli.files import check_writable, expand_folders, frame_range
 from mograft.cli.frame_times import Range
 from mograft.cli.output import print_remark, print_result, show_progress
@@ -51,8 +47,7 @@ def run(options: argparse.Namespace) -> int:
         options.usage_error(f"-o {target.name} can contain only one motion, got {len(files)} files")
     refuse_useless_options(options, _ENDINGS_OF_OPTION, ending, target.name)
     check_writable([target], force=options.force, inputs=files)
-    if options.groups is not None:
-        options.groups = selected_groups(options)
+    options.groups = figure_groups(options, files)
     skeleton = selected_skeleton(options)
     motions = [_select_frames(read_clip(name, skeleton=skeleton), options.frames) for name in files]
     target.parent.mkdir(parents=True, exist_ok=True)

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from mograft._util.atomic import write_text
+from mograft._util.automatic_groups import automatic_number, is_automatic
 from mograft.body.groups import JointGroups
 from mograft.cli.files import check_suffix, check_writable, expand_folders
 from mograft.cli.output import print_result
@@ -15,9 +16,12 @@ def run(options: argparse.Namespace) -> int:
     target: Path | None = options.output
     if target is not None:
         check_suffix(options, ".toml")
-    (file,) = expand_folders([options.file])[:1]
-    skeleton = read_clip(file).skeleton
-    groups = JointGroups.preset(options.preset, skeleton)
+    files = expand_folders([options.file])
+    skeleton = read_clip(files[0]).skeleton
+    if is_automatic(options.preset):
+        groups = JointGroups.discover(files, automatic_number(options.preset))
+    else:
+        groups = JointGroups.preset(options.preset, skeleton)
     if target is not None:
         check_writable([target], force=options.force)
         target.parent.mkdir(parents=True, exist_ok=True)

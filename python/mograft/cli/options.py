@@ -35,8 +35,9 @@ def files_argument(help: str, metavar: str = "FILE", nargs: str = "+") -> Argume
 def groups_option(subject: str = "joint groups", default: str = "lower_upper") -> Argument:
     """Return the option ``--groups``, whose help text contains `subject` and `default`."""
     return setting(
-        "--groups NAME|FILE",
-        f"{subject}: the name of a preset, or a TOML file (default: {default})",
+        "--groups NAME|FILE|auto:N",
+        f"{subject}: the name of a preset, a TOML file, or auto:N, N groups of joints that move "
+        f"together (auto: the number is chosen) (default: {default})",
         is_path=True,
     )
 

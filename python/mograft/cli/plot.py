@@ -8,11 +8,11 @@ from mograft import plot
 from mograft._util.atomic import atomic_path
 from mograft.body.groups import JointGroups
 from mograft.cli.configuration import (
+    figure_groups,
     load_library,
     refuse_fixed_options,
     refuse_useless_options,
     selected_config,
-    selected_groups,
 )
 from mograft.cli.files import (
     check_writable,
@@ -126,9 +126,10 @@ def _single_motion(
         motions = [library.clips[index] for index in select_clips(library, options.clip)]
         groups, config = library.groups, library.config
     else:
-        groups = None if options.groups is None else selected_groups(options)
+        files = expand_folders(options.files)
+        groups = figure_groups(options, files)
+        motions = [read_clip(file) for file in files]
         config = selected_config(options)
-        motions = [read_clip(file) for file in expand_folders(options.files)]
     if len(motions) != 1:
         raise ValueError(f"{options.kind} shows exactly one motion, got {len(motions)}")
     return motions[0], groups, config

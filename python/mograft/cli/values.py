@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TypeVar
 
+from mograft._util.automatic_groups import AUTOMATIC, automatic_number, is_automatic
 from mograft._util.registry import CONFIG_OPTIONS
 from mograft.cli.frame_times import Range, frame_or_frames, frames
 from mograft.errors import suggest_name
@@ -113,6 +114,21 @@ def _plain_value(text: str) -> float | bool | str:
         except ValueError:
             continue
     return text
+
+
+def preset_or_automatic(presets: Collection[str]) -> Callable[[str], str]:
+    """Return a converter that accepts the names `presets`, ``auto`` and ``auto:N``."""
+
+    def convert(text: str) -> str:
+        if not is_automatic(text):
+            return one_of((*presets, AUTOMATIC))(text)
+        try:
+            automatic_number(text)
+        except ValueError as error:
+            raise ArgumentTypeError(str(error).removeprefix("`groups` ")) from None
+        return text
+
+    return convert
 
 
 def picture_size(text: str) -> tuple[int, int]:

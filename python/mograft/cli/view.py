@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from mograft.cli.configuration import refuse_fixed_options, selected_config, selected_groups
+from mograft.cli.configuration import figure_groups, refuse_fixed_options, selected_config
 from mograft.cli.files import (
     check_suffix,
     check_writable,
@@ -27,10 +27,10 @@ def run(options: argparse.Namespace) -> int:
     if options.clip and folder is None:
         options.usage_error("--clip requires a library")
     if folder is None:
-        groups = None if options.groups is None else selected_groups(options)
+        files = expand_folders(options.files)
         page = view(
-            *expand_folders(options.files),
-            groups=groups,
+            *files,
+            groups=figure_groups(options, files),
             config=selected_config(options),
             title=options.title,
             show=False,

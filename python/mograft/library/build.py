@@ -15,6 +15,7 @@ from mograft.library.clip_table import ClipInfo
 from mograft.library.clusters import cluster_groups, embed_groups, join_boundary_states
 from mograft.library.data import LibraryData
 from mograft.library.discover import ClipSource
+from mograft.library.group_choice import choose_groups, spread_evenly
 from mograft.library.ingest import IngestedClip
 from mograft.library.ingest_run import ClipOrder, IngestRun, PendingClip, warn_of_clips
 from mograft.motion.motion import Motion
@@ -35,8 +36,7 @@ def build_library(
     spec = run.ingest_and_choose_spec(pending, ingested)
     clips = [clip for _, clip in ingested]
     skeleton, config = spec.skeleton, run.config
-    if isinstance(groups, str):
-        groups = JointGroups.preset(groups, skeleton)
+    groups = choose_groups(groups, skeleton, config, spread_evenly(clips))
     entries = name_clips([source.updated_info(clip, run.tags) for source, clip in ingested])
     warn_of_clips(entries, spec.rate, run.match_notes, stacklevel=3)
     segments = join_segments([(clip.segments.start, clip.segments.stop) for clip in clips])

@@ -24,7 +24,8 @@ from mograft.library.discover import (
     relative_path,
 )
 from mograft.library.generation import GenerationWriter, write_generation
-from mograft.library.ingest import IngestedClip, IngestTask
+from mograft.library.group_choice import choose_groups, spread_evenly
+from mograft.library.ingest import IngestedClip, IngestTask, ingest_all
 from mograft.library.ingest_run import ClipOrder, IngestRun, PendingClip, warn_of_clips
 from mograft.library.loading import load_library
 from mograft.library.saving import BoundaryParts, commit_library
@@ -93,8 +94,14 @@ def index_folder(
         pending = _pending_files(run, sources, writer.final)
         receiver = _ClipWriter(writer, run)
         spec = run.ingest_and_choose_spec(pending, receiver)
-        if isinstance(groups, str):
-            groups = JointGroups.preset(groups, spec.skeleton)
+        accepted = {clip.order for clip in receiver.clips}
+        sample = spread_evenly([clip for clip in pending if clip.order in accepted])
+        # Read only if groups are discovered.
+        motions = ingest_all(
+            (clip.task() for clip in sample), spec, run.config, run.executor, is_packed=False
+        )
+        again = (clip for clip in motions if isinstance(clip, IngestedClip))
+        groups = choose_groups(groups, spec.skeleton, run.config, again)
         _complete(writer, run, spec, groups, receiver.clips, base=None)
 
 

@@ -93,7 +93,8 @@ class Library(DerivableLibrary):
             ``path#clip``, in which ``clip`` may be a glob. The files of a folder or glob are in
             order of name.
         groups : JointGroups or str
-            The joint groups, or the name of a preset.
+            The joint groups, the name of a preset, or ``auto`` or ``auto:3``, which discovers them
+            in the clips; see `JointGroups.discover`. The library stores the discovered groups.
         config : Config, optional
             The configuration.
         mirrored : bool

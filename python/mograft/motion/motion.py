@@ -117,9 +117,7 @@ class Motion:
         return self.n_frames
 
     def _repr_html_(self) -> str:
-        from mograft.viewing.page import notebook_view  # layer exception: notebooks show a page
-
-        return notebook_view(self)
+        return notebook_html(self)
 
     def __getitem__(self, frames: slice) -> "Motion":
         """Return the motion of a slice of frames; a step of k multiplies the frame time by k."""
@@ -297,6 +295,13 @@ class Motion:
             if self.computed_values is not None:
                 computed |= self.computed_values[frames]
         return computed
+
+
+def notebook_html(item: Any) -> str:  # noqa: ANN401 - a motion, or a graft of a higher layer
+    """Return the HTML that shows a motion or a graft in a notebook."""
+    from mograft.viewing.page import notebook_view  # layer exception: notebooks show a page
+
+    return notebook_view(item)
 
 
 def world_transforms(

@@ -13,7 +13,7 @@ from mograft._util.html_table import html_table
 from mograft.blend.foot_planting import FeetReport
 from mograft.blend.reach_completion import ReachCompletion
 from mograft.library.library import Library
-from mograft.motion.motion import Motion
+from mograft.motion.motion import Motion, notebook_html
 from mograft.search.constraints import Constraint, Violation
 from mograft.search.trellis import DonorSequences
 from mograft.synthesis import graft_report, provenance
@@ -161,9 +161,7 @@ class Graft:
         return () if scenario is None else tuple(scenario.segments.tolist())
 
     def _repr_html_(self) -> str:
-        from mograft.viewing.page import notebook_view  # layer exception: notebooks show a page
-
-        return notebook_view(self) + self._substitution_table()
+        return notebook_html(self) + self._substitution_table()
 
     def _substitution_table(self) -> str:
         """Return an HTML table of the exchanged parts, in the order of the frames."""

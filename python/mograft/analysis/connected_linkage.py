@@ -1,0 +1,48 @@
+"""Complete linkage that merges only neighbours in a graph."""
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+
+
+def connected_linkage(distances: FloatArray, is_neighbour: BoolArray) -> FloatArray:
+    """Cluster by complete linkage; two clusters merge only if a point of each are neighbours.
+
+    `distances` and `is_neighbour` have shape (n, n) and are symmetric, and the graph of neighbours
+    is connected. The result is a tree in SciPy's format, shape (n - 1, 4). Heights never
+    decrease: a cluster gains neighbours only from a cluster that was no farther than they are.
+    Merges of equal distance are ordered by the lowest points of the two clusters, as in
+    `mograft_linkage.linkage`, whose tree results if all points are neighbours.
+    """
+    n = len(distances)
+    members = {point: [point] for point in range(n)}
+    rows = []
+    for step in range(n - 1):
+        candidates = []
+        for first, left in members.items():
+            for second, right in members.items():
+                if left[0] < right[0] and is_neighbour[np.ix_(left, right)].any():
+                    distance = float(distances[np.ix_(left, right)].max())
+                    candidates.append((distance, left[0], right[0], first, second))
+        if not candidates:
+            raise ValueError("the graph of neighbours must be connected")
+        distance, _, _, first, second = min(candidates)
+        merged = sorted(members.pop(first) + members.pop(second))
+        members[n + step] = merged
+        rows.append([min(first, second), max(first, second), distance, len(merged)])
+    return np.array(rows, np.float64).reshape(-1, 4)
+
+
+def labels_after_merges(tree: FloatArray, n_merges: int) -> IntArray:
+    """Return the cluster of each point after the first `n_merges` merges of a tree.
+
+    Clusters are numbered from 0 in the order of their first points.
+    """
+    n = len(tree) + 1
+    roots = list(range(2 * n - 1))
+    for step in range(n_merges - 1, -1, -1):
+        for child in tree[step, :2].astype(int).tolist():
+            roots[child] = roots[n + step]
+    labels: IntArray = np.unique(roots[:n], return_inverse=True)[1]
+    order = {label: rank for rank, label in enumerate(dict.fromkeys(labels.tolist()))}
+    return np.array([order[label] for label in labels.tolist()], np.int64)

@@ -1,0 +1,234 @@
+"""Joint groups from the data: joints that move together form a group."""
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.names import unique_names
+from mograft._util.validate import as_integer
+from mograft.analysis.connected_linkage import connected_linkage, labels_after_merges
+from mograft.analysis.joint_dependence import angular_velocities, joint_dependence
+from mograft.analysis.segmentation import Segments
+from mograft.body.anatomy import anatomy
+from mograft.body.body_parts import ARM, LEG
+from mograft.body.groups import JointGroups, groups_of_joints
+from mograft.body.joint_chains import MIN_SUPPORT_SHARE, JointChains, support_shares
+from mograft.config import Config
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+
+MAX_CLIPS = 64
+"""Maximum number of clips from which groups are discovered."""
+_MAX_SEGMENTS = 2000
+_MIN_SEGMENTS = 3
+_KIND_OF_PART = {
+    "trunk": "torso",
+    "neck": "head",
+    "head": "head",
+    "tail": "tail",
+    **dict.fromkeys(ARM, "arms"),
+    **dict.fromkeys(LEG, "legs"),
+}
+"""Name of a group of joints of each body part."""
+
+
+@dataclass(frozen=True, eq=False)
+class GroupDiscovery:
+    """Joint groups that were discovered in clips, and the measures behind them.
+
+    Attributes
+    ----------
+    groups : JointGroups
+        The groups; the base group is the first.
+    units : tuple of ndarray of int
+        The joints of each unit, ascending; the base is the first unit. A unit is a chain of joints
+        between two branchings of the hierarchy, left and right together.
+    dependence : ndarray, shape (n_units, n_units)
+        The smallest dependence between a joint of one unit and a joint of the other, from 0 to 1.
+    tree : ndarray, shape (n_units - 1, 4)
+        The linkage tree of the units in SciPy's format. Heights are 1 minus the dependence; the
+        last merge, at height 1, is that of the base with all others.
+    labels : ndarray of int, shape (n_units,)
+        The index of the group of each unit.
+    pose : Motion
+        One frame of the first clip, for pictures.
+    """
+
+    groups: JointGroups
+    units: tuple[IntArray, ...]
+    dependence: FloatArray
+    tree: FloatArray
+    labels: IntArray
+    pose: Motion
+
+
+def discover_in_segments(
+    clips: Iterable[tuple[Motion, Segments]], n: int | None, config: Config, seed: int = 0
+) -> GroupDiscovery:
+    """Discover joint groups in segmented motions of one hierarchy; see `JointGroups.discover`."""
+    n = None if n is None else as_integer("n", n, 2)
+    chains, velocities, shares, pose = None, [], [], None
+    for motion, segments in clips:
+        if chains is None:
+            chains = JointChains.from_skeleton(motion.skeleton)
+            middle = motion.n_frames // 2
+            pose = motion[middle : middle + 1]
+        joints = np.array([joint for node in chains.nodes for joint in node])
+        velocities.append(angular_velocities(motion, segments, joints, config))
+        shares.append(support_shares(motion))
+    if chains is None or pose is None:
+        raise ValueError("`clips` must have at least one clip, got none")
+    moved = np.concatenate(velocities)
+    if len(moved) < _MIN_SEGMENTS:
+        raise ValueError(
+            f"discovery of joint groups needs at least {_MIN_SEGMENTS} segments, got {len(moved)}; "
+            "use a preset, or longer clips"
+        )
+    rows = np.unique(np.linspace(0, len(moved) - 1, _MAX_SEGMENTS).round().astype(int))
+    dependence = _fold(chains, joint_dependence(moved[rows], seed))
+    supports: BoolArray = np.stack(shares).mean(axis=0) >= MIN_SUPPORT_SHARE
+    is_static: BoolArray = np.asarray(np.isnan(dependence).all(axis=1))
+    unit_of_node = _units(chains, chains.base_chains(supports), is_static)
+    return _divide(chains, unit_of_node, dependence, n, pose)
+
+
+def _fold(chains: JointChains, dependence: FloatArray) -> FloatArray:
+    """Return the dependence of nodes: the mean over pairs of joints that are not on opposite sides.
+
+    It is NaN for nodes that do not move, and on the diagonal.
+    """
+    sides = anatomy(chains.skeleton).sides
+    joints = [joint for node in chains.nodes for joint in node]
+    is_left = np.array([sides[joint] == "left" for joint in joints])
+    is_right = np.array([sides[joint] == "right" for joint in joints])
+    is_opposite = np.logical_and.outer(is_left, is_right)
+    is_used = ~(is_opposite | is_opposite.T | np.isnan(dependence))
+    owners = np.repeat(np.arange(len(chains.nodes)), [len(node) for node in chains.nodes])
+    indicator = np.equal.outer(np.arange(len(chains.nodes)), owners).astype(np.float64)
+    counts = indicator @ is_used @ indicator.T
+    sums = indicator @ np.where(is_used, dependence, 0.0) @ indicator.T
+    folded: FloatArray = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
+    np.fill_diagonal(folded, np.nan)
+    return folded
+
+
+def _units(chains: JointChains, is_base: BoolArray, is_static: BoolArray) -> IntArray:
+    """Return the unit of each node: 0 for the base, other chains in their order.
+
+    `is_base` holds the chains of the base, `is_static` the nodes that do not move. A chain of which
+    no node moves belongs to the unit of the chain above it.
+    """
+    unit_of_chain: dict[int, int] = {}
+    units = np.zeros(len(chains.nodes), np.int64)
+    for node, (chain, parent) in enumerate(zip(chains.chains, chains.parents, strict=True)):
+        if chain not in unit_of_chain:
+            if is_base[chain]:
+                unit_of_chain[chain] = 0
+            elif is_static[chains.chains == chain].all():
+                unit_of_chain[chain] = int(units[parent])
+            else:
+                unit_of_chain[chain] = max(unit_of_chain.values(), default=0) + 1
+        units[node] = unit_of_chain[chain]
+    return units
+
+
+def _divide(
+    chains: JointChains, unit_of_node: IntArray, dependence: FloatArray, n: int | None, pose: Motion
+) -> GroupDiscovery:
+    """Return the groups of the units, of which `n` or the largest gap determines the number."""
+    n_units = int(unit_of_node.max()) + 1
+    if n_units < 2:
+        raise ValueError(
+            "no joint moves except those of the base group, which carries the body; define the "
+            "groups with a preset or a TOML file"
+        )
+    if n is not None and n > n_units:
+        raise ValueError(
+            f"`n` must be a number of groups from 2 to {n_units} for these clips, got {n}: groups "
+            "consist of whole chains of joints between branchings of the hierarchy"
+        )
+    smallest = np.ones((n_units, n_units))
+    for a in range(n_units):
+        for b in range(n_units):
+            block = dependence[np.ix_(unit_of_node == a, unit_of_node == b)]
+            known = block[~np.isnan(block)]
+            smallest[a, b] = known.min() if len(known) else float(a == b)
+    inner = connected_linkage(1.0 - smallest[1:, 1:], _neighbours(chains, unit_of_node)[1:, 1:])
+    tree = _with_base(inner)
+    if n is None:
+        n = _number_at_largest_gap(tree, 1.0 - np.diag(smallest)[1:])
+    labels = labels_after_merges(tree, n_units - n)
+    units = tuple(np.flatnonzero(unit_of_node[chains.node_of_joint] == u) for u in range(n_units))
+    names = _group_names(chains.skeleton, units, labels)
+    members = {
+        name: np.concatenate([units[u] for u in np.flatnonzero(labels == label)])
+        for label, name in enumerate(names)
+    }
+    return GroupDiscovery(
+        groups=groups_of_joints(chains.skeleton, members, names[0]),
+        units=units,
+        dependence=smallest,
+        tree=tree,
+        labels=labels,
+        pose=pose,
+    )
+
+
+def _neighbours(chains: JointChains, unit_of_node: IntArray) -> BoolArray:
+    """Return which units are connected in the hierarchy, directly or only through the base."""
+    n_units = int(unit_of_node.max()) + 1
+    found = np.zeros((n_units, n_units), bool)
+    for parent, node in chains.edges():
+        found[unit_of_node[parent], unit_of_node[node]] = True
+    found |= found.T
+    attached = np.flatnonzero(found[0])
+    found[np.ix_(attached, attached)] = True
+    found[np.diag_indices(n_units)] = False
+    return found
+
+
+def _with_base(inner: FloatArray) -> FloatArray:
+    """Return a tree of the units without the base as a tree with the base, which merges last."""
+    n = len(inner) + 2
+    tree = inner.copy()
+    tree[:, :2] += 1  # both units and merges come after the base
+    last = [0.0, 1.0 if n == 2 else 2.0 * n - 3.0, 1.0, float(n)]
+    return np.vstack([tree, last])
+
+
+def _number_at_largest_gap(tree: FloatArray, diameters: FloatArray) -> int:
+    """Return the number of groups between the two successive merges of largest height difference.
+
+    `diameters` are the largest distances within a unit; the height before the first merge is the
+    largest of them, but not above the first merge. Ties go to the larger number.
+    """
+    heights = tree[:, 2]
+    first = min(float(diameters.max()), float(heights[0]))
+    gaps = np.diff(np.concatenate([[first], heights]))
+    return len(tree) + 1 - int(np.argmax(gaps))
+
+
+def _group_names(
+    skeleton: Skeleton, units: tuple[IntArray, ...], labels: IntArray
+) -> tuple[str, ...]:
+    """Return the names of the groups, by their body parts as in the presets; unique."""
+    known = anatomy(skeleton)
+    kinds = [
+        Counter(_KIND_OF_PART.get(known.parts[joint], "other") for joint in unit.tolist())
+        for unit in units
+    ]
+    names = []
+    for label in range(int(labels.max()) + 1):
+        own = [kinds[unit] for unit in np.flatnonzero(labels == label).tolist()]
+        if label == 0:
+            has_legs = any("legs" in counts for counts in own)
+            names.append("lower" if known.human else "legs" if has_legs else "base")
+            continue
+        found = {counts.most_common(1)[0][0] for counts in own}
+        is_upper = {"torso", "arms"} <= found
+        order = ("torso", "arms", "legs", "head", "tail", "other")
+        names.append("upper" if is_upper else next(kind for kind in order if kind in found))
+    return tuple(unique_names(names))

@@ -1,0 +1,143 @@
+"""`JointChains`: the hierarchy as chains of joints between branchings, left and right as one."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.body.anatomy import anatomy, feature_joints
+from mograft.body.body_parts import LEG
+from mograft.body.hierarchy import subtree_mask
+from mograft.body.mass import mass_model, up_axis
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+
+MIN_SUPPORT_SHARE = 0.25
+"""Minimum share of frames in which a chain that carries the body is lowest."""
+_SUPPORT_HEIGHT = 0.05
+"""Maximum height above the lowest point of the pose of a point that supports, in heights."""
+_MAX_POSES = 500
+"""Poses of a motion that are examined for support."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointChains:
+    """The joints of a skeleton as nodes, and the nodes as chains.
+
+    A node is a joint together with its counterpart on the other side of the body, if it has one. A
+    chain is a sequence of nodes from one branching of the hierarchy to the next. Joints that are
+    not compared (see `feature_joints`) have the node of the nearest compared ancestor.
+    """
+
+    skeleton: Skeleton
+    nodes: tuple[tuple[int, ...], ...]  # compared joints of each node, ascending
+    parents: IntArray  # node above each node, -1 for the first; parents precede their children
+    chains: IntArray  # chain of each node, numbered from 0 in the order of their first nodes
+    node_of_joint: IntArray  # shape (n_joints,)
+
+    @classmethod
+    def from_skeleton(cls, skeleton: Skeleton) -> "JointChains":
+        """Return the chains of a skeleton."""
+        known = anatomy(skeleton)
+        compared = {0, *feature_joints(skeleton, np.arange(skeleton.n_joints)).tolist()}
+        above = _compared_parents(skeleton, compared)
+        n_children = np.bincount(
+            [above[joint] for joint in compared if joint], minlength=skeleton.n_joints
+        )
+        nodes: dict[tuple[tuple[object, ...], int], list[int]] = {}
+        parents: list[int] = []
+        chains: list[tuple[object, ...]] = []
+        # Of each joint: the key of its chain, and its position in the chain.
+        place: dict[int, tuple[tuple[object, ...], int]] = {}
+        node_of_joint = np.zeros(skeleton.n_joints, np.int64)
+        ranks: dict[tuple[object, ...], int] = {}
+        for joint in range(skeleton.n_joints):
+            parent = above[joint]
+            if joint not in compared:
+                node_of_joint[joint] = node_of_joint[parent]
+                continue
+            if parent >= 0 and n_children[parent] == 1:
+                chain, position = place[parent]
+                place[joint] = chain, position + 1
+            else:
+                node = int(node_of_joint[parent]) if parent >= 0 else -1
+                key = (node, known.parts[joint], known.sides[joint])
+                rank = ranks[key] = ranks.get(key, -1) + 1
+                place[joint] = (*key[:2], bool(key[2]), rank), 0
+            if place[joint] not in nodes:
+                nodes[place[joint]] = []
+                parents.append(int(node_of_joint[parent]) if parent >= 0 else -1)
+                chains.append(place[joint][0])
+            nodes[place[joint]].append(joint)
+            node_of_joint[joint] = list(nodes).index(place[joint])
+        numbers = {chain: number for number, chain in enumerate(dict.fromkeys(chains))}
+        return cls(
+            skeleton=skeleton,
+            nodes=tuple(tuple(joints) for joints in nodes.values()),
+            parents=np.array(parents, np.int64),
+            chains=np.array([numbers[chain] for chain in chains], np.int64),
+            node_of_joint=node_of_joint,
+        )
+
+    @property
+    def n_chains(self) -> int:
+        """Number of chains."""
+        return int(self.chains.max()) + 1
+
+    def edges(self) -> list[tuple[int, int]]:
+        """Return the pairs of nodes that are neighbours in the hierarchy, parents first."""
+        return [(parent, node) for node, parent in enumerate(self.parents.tolist()) if parent >= 0]
+
+    def base_chains(self, supports: BoolArray) -> BoolArray:
+        """Return which chains must be in the base group, shape (n_chains,).
+
+        They are the chains of the hips and of all ancestors of the hips and of the legs, those that
+        are attached to an ancestor of the hips, those of helper joints without a body part beyond
+        the pelvis, and those of which `supports`, shape (n_joints,), has a joint.
+        """
+        skeleton = self.skeleton
+        known = anatomy(skeleton)
+        carriers = set(skeleton.ancestors(known.hips))
+        required = {known.hips, *carriers}
+        for joint in known.joints(*LEG):
+            required |= set(skeleton.ancestors(joint)) - set(known.joints(*LEG))
+        below_hips = subtree_mask(skeleton, [known.hips])
+        is_required = supports | ~below_hips
+        is_required[list(required)] = True
+        found = np.zeros(self.n_chains, bool)
+        found[self.chains[self.node_of_joint[is_required]]] = True
+        is_beyond = np.zeros(self.n_chains, bool)
+        for joints, chain in zip(self.nodes, self.chains, strict=True):
+            is_beyond[chain] |= known.parts[joints[0]] not in ("pelvis", "other")
+        found |= ~is_beyond
+        return found
+
+
+def _compared_parents(skeleton: Skeleton, compared: Iterable[int]) -> list[int]:
+    """Return the nearest compared ancestor of each joint; -1 for the root."""
+    kept = set(compared)
+    found: list[int] = []
+    for parent in skeleton.parents.tolist():
+        found.append(parent if parent < 0 or parent in kept else found[parent])
+    return found
+
+
+def support_shares(motion: Motion) -> FloatArray:
+    """Return the share of poses in which each joint is lowest, shape (n_joints,).
+
+    A joint is lowest if it, or an end site of it, is within 0.05 skeleton heights of the lowest
+    point of the pose. Up to 500 poses at equal intervals are examined.
+    """
+    skeleton, up = motion.skeleton, up_axis(motion)
+    poses = motion[:: -(-motion.n_frames // _MAX_POSES)]
+    world_rotations, positions = poses.world_transforms()
+    heights = positions[..., up].copy()
+    for site in skeleton.end_sites:
+        offset = rotations.rotate(world_rotations[:, site.parent], site.offset)
+        tips = positions[:, site.parent, up] + offset[:, up]
+        heights[:, site.parent] = np.minimum(heights[:, site.parent], tips)
+    limit = heights.min(axis=1, keepdims=True) + _SUPPORT_HEIGHT * mass_model(skeleton).height
+    shares: FloatArray = (heights <= limit).mean(axis=0)
+    return shares

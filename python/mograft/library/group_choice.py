@@ -1,0 +1,102 @@
+"""Joint groups of a library: given, of a preset, or discovered in the clips."""
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, TypeVar, Unpack
+
+import numpy as np
+
+from mograft._util.automatic_groups import automatic_number, is_automatic
+from mograft.analysis.group_discovery import MAX_CLIPS, GroupDiscovery, discover_in_segments
+from mograft.body.groups import JointGroups
+from mograft.config import Config
+from mograft.library.discover import ClipSource
+from mograft.library.ingest import IngestedClip
+from mograft.library.ingest_run import ClipOrder, IngestRun, PendingClip
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+
+if TYPE_CHECKING:
+    from mograft.library.ingest_run import IngestOptions
+
+T = TypeVar("T")
+
+
+def discover_groups(
+    clips: ClipSource | Iterable[ClipSource],
+    n: int | None = None,
+    *,
+    config: Config | None = None,
+    seed: int = 0,
+    **options: "Unpack[IngestOptions]",
+) -> GroupDiscovery:
+    """Discover groups of joints that move together, with the measures behind them.
+
+    Parameters
+    ----------
+    clips, n, config, seed
+        As for `JointGroups.discover`.
+    **options
+        `include_grafts`, `rate`, `match`, `hierarchy`, `skeleton`, `frame_rates` and `executor`, as
+        for `Library.build`.
+
+    Returns
+    -------
+    GroupDiscovery
+        The groups, the dependences and the linkage tree, for `mograft.plot.groups`.
+
+    Raises
+    ------
+    ValueError, SkeletonMismatchError
+        As for `JointGroups.discover`.
+    FormatError, FileNotFoundError
+        If a file is invalid; if a path, folder or glob holds no file.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> discovery = discover_groups(dance(strides=2).motion, 3)
+    >>> [len(unit) for unit in discovery.units]
+    [7, 1, 2, 8]
+    """
+    config = Config() if config is None else config
+    run = IngestRun(config=config, strict=True, is_packed=False, **options)
+    ingested: list[tuple[PendingClip, IngestedClip]] = []
+    found = spread_evenly(run.find_clips(clips))
+    run.ingest_and_choose_spec(
+        [run.pending(ClipOrder(index), clip) for index, clip in enumerate(found)], ingested
+    )
+    return _discover([clip for _, clip in ingested], n, config, seed)
+
+
+def choose_groups(
+    groups: JointGroups | str, skeleton: Skeleton, config: Config, clips: Iterable[IngestedClip]
+) -> JointGroups:
+    """Return the given groups, those of a preset, or those that are discovered in some clips.
+
+    The clips are needed only for a name such as ``auto:3``, and hold motions, not packed ones.
+    """
+    if not isinstance(groups, str):
+        return groups
+    if not is_automatic(groups):
+        return JointGroups.preset(groups, skeleton)
+    return _discover(clips, automatic_number(groups), config, 0).groups
+
+
+def spread_evenly(items: Sequence[T]) -> list[T]:
+    """Return at most `MAX_CLIPS` of the items, at equal intervals, the first and last included."""
+    if len(items) <= MAX_CLIPS:
+        return list(items)
+    chosen = np.linspace(0, len(items) - 1, MAX_CLIPS).round().astype(int)
+    return [items[index] for index in chosen.tolist()]
+
+
+def _discover(
+    clips: Iterable[IngestedClip], n: int | None, config: Config, seed: int
+) -> GroupDiscovery:
+    """Discover groups in ingested clips; segments that are excluded as donors are left out."""
+    motions = (
+        (clip.clip, clip.segments[clip.is_donor])
+        for clip in clips
+        if isinstance(clip.clip, Motion) and clip.is_donor.any()
+    )
+    return discover_in_segments(motions, n, config, seed)

@@ -1,0 +1,351 @@
+"""Discovered joint groups: laws of linkage and dependence, planted couplings, and recordings."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mograft import (
+    Config,
+    JointGroups,
+    Library,
+    Motion,
+    SkeletonMismatchError,
+    discover_groups,
+    linkage_condensed,
+    read,
+    write_bvh,
+)
+from mograft.analysis.connected_linkage import connected_linkage, labels_after_merges
+from mograft.analysis.joint_dependence import joint_dependence
+from mograft.body.joint_chains import JointChains
+from mograft.body.mirroring import partners
+from mograft.library.group_choice import spread_evenly
+from mograft.motion import rotations
+from tests.hierarchies import DATA, human, skeletons
+from tests.strategies import SEEDS, few_examples, person
+
+CHAINS = {
+    "base": "Hips LeftHip LeftKnee LeftAnkle RightHip RightKnee RightAnkle",
+    "torso": "Chest",
+    "head": "Neck Head",
+    "arms": "LeftCollar LeftShoulder LeftElbow LeftWrist"
+    " RightCollar RightShoulder RightElbow RightWrist",
+}
+"""The joints of each chain of `human`."""
+
+
+def smooth_noise(rng, n_frames, n_signals):
+    """Independent smooth signals of unit size, shape (n_frames, n_signals)."""
+    noise = np.fft.rfft(rng.normal(size=(n_frames + 60, n_signals)), axis=0)
+    noise[n_frames // 15 :] = 0.0
+    signals = np.fft.irfft(noise, n_frames + 60, axis=0)[:n_frames]
+    return signals / signals.std(axis=0)
+
+
+def coupled_motion(seed, leaders, n_frames=400, own=0.05):
+    """A motion of `human` in which the chains of `leaders` repeat the motion of other chains.
+
+    All joints of a chain have the same rotation, apart from a share `own` of independent noise.
+    """
+    rng = np.random.default_rng(seed)
+    skeleton = human()
+    signals = {chain: smooth_noise(rng, n_frames, 3) for chain in CHAINS}
+    quats = np.empty((n_frames, skeleton.n_joints, 4))
+    for chain, names in CHAINS.items():
+        for name in names.split():
+            vectors = signals[leaders.get(chain, chain)] + own * smooth_noise(rng, n_frames, 3)
+            # Legs that hardly move carry the body throughout.
+            quats[:, skeleton.index(name)] = rotations.exp(
+                (0.02 if chain == "base" else 0.2) * vectors
+            )
+    positions = np.tile(skeleton.offsets, (n_frames, 1, 1))
+    return Motion(skeleton, 1 / 30, rotations.continuous_signs(quats), positions, name="coupled")
+
+
+def names_of(skeleton, groups):
+    return {
+        frozenset(skeleton.names[joint] for joint in joints)
+        for joints in groups.resolve(skeleton).values()
+    }
+
+
+@st.composite
+def graphs(draw, max_points=9):
+    """Distances of points, and a connected graph of neighbours."""
+    n = draw(st.integers(1, max_points))
+    rng = np.random.default_rng(draw(SEEDS))
+    distances = rng.integers(1, draw(st.sampled_from([3, 1000])), (n, n)) / 8.0
+    distances = np.maximum(distances, distances.T)
+    np.fill_diagonal(distances, 0.0)
+    is_neighbour = rng.random((n, n)) < 0.2
+    for point in range(1, n):
+        is_neighbour[point, rng.integers(point)] = True
+    return distances, (is_neighbour | is_neighbour.T) & ~np.eye(n, dtype=bool)
+
+
+@given(graphs())
+def test_connected_linkage_complete_graph_equals_linkage_condensed(graph):
+    distances, _ = graph
+    n = len(distances)
+    tree = connected_linkage(distances, ~np.eye(n, dtype=bool))
+    assert tree.shape == (n - 1, 4)
+    if n > 1:
+        np.testing.assert_array_equal(tree, linkage_condensed(distances[np.triu_indices(n, 1)]))
+
+
+@given(graphs())
+def test_connected_linkage_clusters_are_connected_and_heights_are_diameters(graph):
+    distances, is_neighbour = graph
+    tree = connected_linkage(distances, is_neighbour)
+    assert (np.diff(tree[:, 2]) >= 0).all()
+    for n_merges in range(len(tree) + 1):
+        labels = labels_after_merges(tree, n_merges)
+        assert labels.max() + 1 == len(distances) - n_merges
+        diameters = []
+        for label in range(labels.max() + 1):
+            points = np.flatnonzero(labels == label)
+            reached = {points[0]}
+            for _ in points:
+                reached |= {p for p in points if is_neighbour[p, list(reached)].any()}
+            assert reached == set(points)
+            diameters.append(distances[np.ix_(points, points)].max())
+        assert max(diameters) == (tree[:n_merges, 2].max() if n_merges else 0.0)
+
+
+def velocities_of(seed, n=40, m=9, n_joints=4):
+    return np.random.default_rng(seed).normal(size=(n, m, n_joints, 3))
+
+
+@given(SEEDS)
+def test_joint_dependence_of_independent_joints_is_small_and_of_linear_maps_is_1(seed):
+    values = velocities_of(seed)
+    mix = np.random.default_rng(seed).normal(size=(3, 3))
+    mix += 3.0 * np.sign(np.linalg.det(mix)) * np.eye(3) / max(np.abs(mix).max(), 1.0)
+    left, sizes, right = np.linalg.svd(mix)
+    values[:, :, 1] = values[:, :, 0] @ (left @ np.diag(np.maximum(sizes, 0.3 * sizes[0])) @ right)
+    found = joint_dependence(values, 0)
+    np.testing.assert_allclose(found, found.T)
+    assert found[0, 1] > 0.999
+    others = found[np.ix_([0, 2, 3], [0, 2, 3])][np.triu_indices(3, 1)]
+    assert (others >= 0).all()
+    assert (others < 0.1).all()
+
+
+@given(SEEDS, st.permutations(range(4)), st.floats(0.1, 10))
+def test_joint_dependence_order_and_speed_of_joints_do_not_matter(seed, order, factor):
+    values = velocities_of(seed)
+    values[:, :, 1] += values[:, :, 0]
+    expected = joint_dependence(values, 3)
+    changed = joint_dependence(factor * values[:, :, order], 3)
+    np.testing.assert_allclose(changed, expected[np.ix_(order, order)], atol=2e-3)
+
+
+def test_joint_dependence_still_joint_is_nan():
+    values = velocities_of(0)
+    values[:, :, 2] *= 1e-3
+    is_nan = np.isnan(joint_dependence(values, 0))
+    assert is_nan[2].all()
+    assert is_nan[:, 2].all()
+    assert is_nan.sum() == 7
+
+
+@given(skeletons())
+def test_joint_chains_every_joint_has_a_node_and_nodes_one_chain(skeleton):
+    chains = JointChains.from_skeleton(skeleton)
+    assert sorted(chains.chains) == sorted(chains.chains.tolist())
+    assert set(chains.node_of_joint) == set(range(len(chains.nodes)))
+    assert (chains.parents < np.arange(len(chains.nodes))).all()
+    for node, joints in enumerate(chains.nodes):
+        assert (chains.node_of_joint[list(joints)] == node).all()
+        parent = chains.parents[node]
+        n_siblings = np.count_nonzero(chains.parents == parent)
+        if parent >= 0 and n_siblings > 1 and len(chains.nodes[parent]) == 1:
+            # A branching ends the chain.
+            assert chains.chains[node] != chains.chains[parent]
+    is_base = chains.base_chains(np.zeros(skeleton.n_joints, bool))
+    assert is_base[chains.chains[chains.node_of_joint[0]]]
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    ("leaders", "pair", "alone"),
+    [({"head": "torso"}, "head", "arms"), ({"arms": "torso"}, "arms", "head")],
+)
+def test_discover_planted_coupling_joins_coupled_chains(seed, leaders, pair, alone):
+    motion = coupled_motion(seed, leaders)
+    groups = JointGroups.discover(motion, 3)
+    together = CHAINS["torso"].split() + CHAINS[pair].split()
+    assert names_of(motion.skeleton, groups) == {
+        frozenset(CHAINS["base"].split()),
+        frozenset(together),
+        frozenset(CHAINS[alone].split()),
+    }
+    # Three chains move alike, of which two are neighbours at most of the gap.
+    assert JointGroups.discover(motion) == groups
+
+
+@few_examples(5)
+@given(SEEDS)
+def test_discover_groups_are_complete_nested_and_left_right_consistent(seed):
+    motion = person(seed, 200)
+    skeleton, pair = motion.skeleton, partners(motion.skeleton)
+    finer = None
+    for n in (4, 3, 2):
+        groups = JointGroups.discover(motion, n)
+        assert len(groups.names) == n
+        members = groups.resolve(skeleton)
+        assert sorted(np.concatenate(list(members.values()))) == list(range(skeleton.n_joints))
+        group_of = {joint: name for name, joints in members.items() for joint in joints.tolist()}
+        assert all(group_of[joint] == group_of[int(pair[joint])] for joint in group_of)
+        assert group_of[0] == groups.base == groups.names[0]
+        if finer is not None:
+            assert len({(finer[joint], group_of[joint]) for joint in group_of}) == n + 1
+        finer = group_of
+
+
+def test_discover_two_groups_equal_preset_lower_upper():
+    motion = coupled_motion(0, {})
+    expected = JointGroups.preset("lower_upper", motion.skeleton)
+    assert JointGroups.discover(motion, 2) == expected
+
+
+def test_discover_chain_that_carries_the_body_is_in_base():
+    motion = coupled_motion(0, {})
+    # In a handstand, the hands are the lowest points.
+    quats = motion.rotations.copy()
+    turn = rotations.from_axis_angle(np.array([0.0, 0.0, 1.0]), np.array(np.pi))
+    quats[:, 0] = rotations.multiply(turn, quats[:, 0])
+    skeleton = motion.skeleton
+    arms = [skeleton.index(name) for name in CHAINS["arms"].split()]
+    quats[:, arms] = rotations.IDENTITY
+    for name, angle in (("LeftShoulder", 90), ("RightShoulder", -90)):
+        axis = np.array([0.0, 0.0, 1.0])
+        overhead = rotations.from_axis_angle(axis, np.radians(angle))
+        quats[:, skeleton.index(name)] = overhead
+    handstand = replace(motion, rotations=rotations.continuous_signs(quats))
+    base = JointGroups.discover(handstand).resolve(skeleton)["lower"]
+    assert set(arms) <= set(base.tolist())
+
+
+def test_discover_is_deterministic_and_scale_of_time_does_not_matter():
+    motion = person(5, 300)
+    first, second = discover_groups(motion, 3), discover_groups(motion, 3)
+    np.testing.assert_array_equal(first.dependence, second.dependence)
+    np.testing.assert_array_equal(first.tree, second.tree)
+    assert first.groups == second.groups
+
+
+def test_discover_tree_cut_at_number_gives_labels():
+    found = discover_groups(coupled_motion(1, {"head": "torso"}), 3)
+    assert found.labels.tolist() == [0, 1, 2, 1]
+    np.testing.assert_allclose(found.tree[0, 2], 1.0 - found.dependence[1, 3])
+    assert found.tree[-1, 2] == 1.0
+    assert [len(unit) for unit in found.units] == [7, 1, 8, 2]
+    assert found.pose.n_frames == 1
+
+
+@pytest.mark.parametrize(
+    ("n", "message"),
+    [
+        (1, "`n` must be a whole number of at least 2, got 1"),
+        (True, "`n` must be a whole number of at least 2, got True"),
+        (2.0, r"`n` must be a whole number of at least 2, got 2\.0"),
+        (5, "`n` must be a number of groups from 2 to 4 for these clips, got 5"),
+    ],
+)
+def test_discover_invalid_number_raises_value_error(n, message):
+    with pytest.raises(ValueError, match=message):
+        JointGroups.discover(coupled_motion(0, {}), n)
+
+
+def test_discover_too_little_motion_raises_value_error():
+    motion = coupled_motion(0, {})
+    with pytest.raises(ValueError, match="needs at least 3 segments, got 1"):
+        JointGroups.discover(motion[:4])
+    still = replace(motion, rotations=np.repeat(motion.rotations[:1], motion.n_frames, axis=0))
+    with pytest.raises(ValueError, match="no joint moves except those of the base group"):
+        JointGroups.discover(still)
+    with pytest.raises(ValueError, match="at least one clip, got none"):
+        JointGroups.discover([])
+
+
+def test_discover_other_hierarchy_raises_mismatch_error():
+    motion = coupled_motion(0, {})
+    names = [name.upper() for name in motion.skeleton.names]
+    other = replace(motion, skeleton=replace(motion.skeleton, names=tuple(names)))
+    with pytest.raises(SkeletonMismatchError):
+        JointGroups.discover([motion, other], 3)
+
+
+@pytest.mark.parametrize("groups", ["auto:x", "auto:1", "auto:", "auto:2.0", "auto:-3"])
+def test_library_invalid_automatic_groups_raise_value_error(groups):
+    with pytest.raises(ValueError, match="must be auto or auto:N"):
+        Library.build(coupled_motion(0, {}), groups)
+
+
+def test_libraries_discover_the_same_groups_and_remember_them(tmp_path):
+    clips = [coupled_motion(seed, {"arms": "torso"}, 200) for seed in range(3)]
+    (tmp_path / "clips").mkdir()
+    for number, motion in enumerate(clips[:2]):
+        write_bvh(motion, tmp_path / "clips" / f"{number}.bvh")
+    paths = [str(tmp_path / "clips" / f"{number}.bvh") for number in range(2)]
+    expected = JointGroups.discover(paths, 3)
+    assert Library.build(paths, "auto:3").groups == expected
+    indexed = Library.index(paths, tmp_path / "library", "auto:3")
+    assert indexed.groups == expected
+    assert set(indexed.labels) == set(expected.names)
+    # Other clips do not change the groups of a library.
+    write_bvh(coupled_motion(7, {"head": "torso"}, 600), tmp_path / "clips" / "2.bvh")
+    added = Library.open(tmp_path / "library").add(tmp_path / "clips" / "2.bvh")
+    assert len(added.clips) == 3
+    assert added.groups == expected
+    assert JointGroups.discover(tmp_path / "clips", 3) != expected
+
+
+@given(st.integers(0, 500))
+def test_spread_evenly_keeps_order_ends_and_limit(n):
+    chosen = spread_evenly(range(n))
+    assert chosen == sorted(set(chosen))
+    assert len(chosen) == min(n, 64)
+    assert n == 0 or (chosen[0], chosen[-1]) == (0, n - 1)
+
+
+def test_discover_uses_segmentation_of_config():
+    motion = coupled_motion(0, {})
+    with pytest.raises(ValueError, match="needs at least 3 segments, got 2"):
+        JointGroups.discover(motion, 3, config=Config(segmentation={"coupled": [200]}))
+
+
+ANIMALS = {
+    "synthetic_quadruped/quadruped_trot.bvh": {
+        "torso": "Spine1 Spine2 Chest",
+        "head": "Neck Head Jaw",
+        "tail": "Tail1 Tail2 Tail3",
+    },
+    "fbx/quaternius_Horse.fbx": {
+        "torso": "Hips Torso Torso_end",
+        "head": "Shoulders Neck Head Head_end",
+        "tail": "Back Tail1 Tail2 Tail3 Tail4 Tail4_end",
+    },
+}
+
+
+@pytest.mark.parametrize("name", ANIMALS)
+def test_discover_animal_has_legs_trunk_head_and_tail(name):
+    if not (DATA / name).exists():
+        pytest.skip(f"the recording {name} is missing")
+    if name.endswith(".fbx"):
+        pytest.importorskip("mograft_fbx", reason="mograft-fbx is not installed")
+    motions = [motion for motion in read(DATA / name) if motion.n_frames > 1]
+    groups = JointGroups.discover(motions, 4)
+    skeleton = motions[0].skeleton
+    found = {
+        group: " ".join(skeleton.names[joint] for joint in joints)
+        for group, joints in groups.resolve(skeleton).items()
+    }
+    assert groups.base == "legs"
+    assert found.pop("legs")
+    assert found == ANIMALS[name]
