@@ -53,12 +53,14 @@ _IMPORT_FBX = """
 import bpy, json, sys, time
 path, takes, n_runs, operator = json.loads(sys.argv[1])
 group, name = operator.split(".")
-seconds = []
+seconds, processor_seconds = [], []
 for run in range(n_runs):
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    start = time.perf_counter()
+    start, used = time.perf_counter(), time.process_time()
     getattr(getattr(bpy.ops, group), name)(filepath=path)
     seconds.append(time.perf_counter() - start)
+    processor_seconds.append(time.process_time() - used)
+used = time.process_time()
 scene = bpy.context.scene
 objects = sorted(bpy.data.objects, key=lambda o: (o.type != "ARMATURE", not o.animation_data))
 figure = objects[0] if objects else None
@@ -78,7 +80,9 @@ for name, times in takes.items():
         else:
             heads = {figure.name: list(figure.matrix_world.translation)}
         places[name].append(heads)
-print("RESULT" + json.dumps({"places": places, "seconds": seconds}))
+found = {"places": places, "seconds": seconds, "processor_seconds": processor_seconds,
+         "pose_seconds": time.process_time() - used}
+print("RESULT" + json.dumps(found))
 """
 
 _PLAY = """
@@ -154,8 +158,9 @@ def blender():
 def blender_fbx():
     """Return a function from an FBX file, and times of its takes, to what Blender imports.
 
-    The result has `places`, the heads of the bones by take, time and name, and `seconds`, the time
-    of each of `n_runs` imports by `operator`.
+    The result has `places`, the heads of the bones by take, time and name, and for each of `n_runs`
+    imports by `operator` its time, `seconds`, and that of the processor, `processor_seconds`.
+    `pose_seconds` is the processor time for the places.
     """
     python = _blender_python()
 

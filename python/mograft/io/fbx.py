@@ -108,8 +108,8 @@ class _FbxFile:
         return replace(motion, name=take.clip)
 
     def _check_finite(self, rotations: FloatArray, positions: FloatArray, place: str) -> None:
-        is_finite = np.isfinite(rotations).all(axis=2) & np.isfinite(positions).all(axis=2)
-        if not is_finite.all():
+        if not (np.isfinite(rotations).all() and np.isfinite(positions).all()):
+            is_finite = np.isfinite(rotations).all(axis=2) & np.isfinite(positions).all(axis=2)
             frame, joint = np.argwhere(~is_finite)[0]
             raise FormatError(
                 f"expected finite transforms, got others for {self.rest.names[joint]} in frame "
