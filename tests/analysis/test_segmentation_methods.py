@@ -163,6 +163,24 @@ def test_lowest_points_are_the_minima_of_that_prominence(values, depth):
     )
 
 
+@pytest.mark.parametrize(
+    "seed", [*range(4), *(pytest.param(k, marks=pytest.mark.thorough) for k in range(4, 50))]
+)
+def test_com_finds_jumps_planted_into_a_dance(seed):
+    rng = np.random.default_rng(seed)
+    motion = dance(seed=seed, strides=1).motion[:900]
+    height = mass_model(motion.skeleton).height
+    positions, planted = motion.positions.copy(), []
+    for start in np.arange(100, 800, 120) + rng.integers(60, size=6):
+        n = int(rng.integers(12, 18))  # 0.4 to 0.57 s
+        time = np.arange(n + 1) / 30.0
+        positions[start : start + n + 1, 0, 1] += 0.5 * 5.6 * time * (time[-1] - time) * height
+        planted += [start, start + n]
+    found = segment(replace(motion, positions=positions), WHOLE, method="com").start
+    # Feet pass 0.03 statures within two frames of take-off and landing.
+    assert np.abs(found[:, None] - planted).min(axis=0).max() <= 3
+
+
 @few_examples(20)
 @given(
     jumps=st.lists(st.floats(0.3, 0.6), min_size=1, max_size=3),
