@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mograft import Config, Library, graft, kinetic_energy, segment, write_bvh
+from mograft import Config, Library, discover_groups, graft, kinetic_energy, segment, write_bvh
 from mograft.cli import main
 from mograft.cli.picture_commands import PLOT_KINDS
 from mograft.dancer import dance
@@ -123,6 +123,47 @@ def test_timeline_exchanged_segments_are_hatched(library, axes):
     starts = sorted(float(c.get_paths()[0].vertices[:, 0].min()) for c in hatched)
     assert starts == sorted(s.start for s in shown if not s.is_own)
     assert len(axes.collections) == 3 * len(shown)
+
+
+def test_groups_tree_and_pose_have_values_and_colours_of_discovery(motion):
+    found = discover_groups(motion, 3)
+    tree, pose = plot.groups(found)
+    heights = sorted(line.get_xdata()[1] for line in tree.lines[:-1])
+    np.testing.assert_allclose(heights, np.sort(found.tree[:, 2]))
+    (line,) = tree.lines[-1:]
+    position = float(line.get_xdata()[0])
+    assert np.count_nonzero(found.tree[:, 2] < position) == len(found.units) - 3
+    labels = tree.get_yticklabels()
+    assert len(labels) == len(found.units)
+    assert labels[0].get_text() == "Hips ... RightFoot"
+    members = found.groups.resolve(motion.skeleton)
+    for label in labels:
+        first = motion.skeleton.index(label.get_text().split(" ... ")[0])
+        index = next(i for i, joints in enumerate(members.values()) if first in joints)
+        assert colors.to_hex(label.get_color()) == plot.PALETTE[index]
+    names = [text.get_text() for text in pose.get_legend().get_texts()]
+    assert set(names) == set(members)
+    pyplot.close("all")
+
+
+def test_command_plot_groups_library_and_files_agree(motion, tmp_path):
+    write_bvh(motion, tmp_path / "a.bvh")
+    Library.index(tmp_path / "a.bvh", tmp_path / "lib")
+    pictures = []
+    for source in ("a.bvh", "lib"):
+        target = tmp_path / f"{source}.svg"
+        words = ["plot", "groups", str(tmp_path / source), "--groups", "auto:2", "-o", str(target)]
+        assert main(words) == 0
+        pictures.append(target.read_bytes())
+    assert pictures[0] == pictures[1]
+
+
+def test_command_plot_groups_preset_is_usage_error(motion, tmp_path, capsys):
+    write_bvh(motion, tmp_path / "a.bvh")
+    words = ["plot", "groups", str(tmp_path / "a.bvh"), "-o", str(tmp_path / "x.svg")]
+    with pytest.raises(SystemExit):
+        main([*words, "--groups", "lower_upper"])
+    assert "needs --groups auto or auto:N, got lower_upper" in capsys.readouterr().err
 
 
 def test_dendrogram_threshold_gives_clusters(library, axes):

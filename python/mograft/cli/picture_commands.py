@@ -24,7 +24,7 @@ from mograft.cli.options import (
 )
 from mograft.cli.values import UNITS, picture_size, positive_integer, positive_number, unit
 
-PLOT_KINDS = ("strip", "timeline", "energy", "pca", "dendrogram", "clusters")
+PLOT_KINDS = ("strip", "timeline", "energy", "pca", "dendrogram", "clusters", "groups")
 
 PLOT = command(
     "plot",
@@ -32,8 +32,8 @@ PLOT = command(
     positional(
         "kind",
         "what to draw: strip (poses of one motion), timeline (segments along time), energy "
-        "(kinetic energy), pca (segments in principal components), dendrogram (linkage tree) or "
-        "clusters (cluster sizes)",
+        "(kinetic energy), pca (segments in principal components), dendrogram (linkage tree), "
+        "clusters (cluster sizes) or groups (which joints move together)",
         choices=PLOT_KINDS,
     ),
     FILES_OR_LIBRARY,
@@ -43,7 +43,7 @@ PLOT = command(
         "walk*; may be repeated (default: all clips)",
     ),
     output_option(".png, .svg or .pdf file to write", required=True),
-    groups_option(default="lower_upper; for strip trunk, arms and legs"),
+    groups_option(default="lower_upper; for strip trunk, arms and legs; for groups auto"),
     SEGMENTATION,
     INCLUDE_GRAFTS,
     option(

@@ -6,13 +6,17 @@ from typing import TYPE_CHECKING
 
 from mograft import plot
 from mograft._util.atomic import atomic_path
+from mograft._util.automatic_groups import AUTOMATIC, automatic_number, is_automatic
+from mograft.analysis.group_discovery import GroupDiscovery
 from mograft.body.groups import JointGroups
 from mograft.cli.configuration import (
     figure_groups,
     load_library,
+    options_given,
     refuse_fixed_options,
     refuse_useless_options,
     selected_config,
+    selected_groups,
 )
 from mograft.cli.files import (
     check_writable,
@@ -26,6 +30,7 @@ from mograft.cli.output import print_result
 from mograft.config import Config
 from mograft.io.addresses import read_clip, split_address
 from mograft.library.discover import has_provenance
+from mograft.library.group_choice import discover_groups, discover_in_library
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.viewing.scene import Scene
@@ -36,8 +41,8 @@ if TYPE_CHECKING:
 _ENDINGS = (".png", ".svg", ".pdf")
 _KINDS_OF_OPTION = {
     "frames": ("strip", "timeline", "energy"),
-    "groups": ("strip", "timeline", "pca", "dendrogram", "clusters"),
-    "segmentation": ("timeline", "energy", "pca", "dendrogram", "clusters"),
+    "groups": ("strip", "timeline", "pca", "dendrogram", "clusters", "groups"),
+    "segmentation": ("timeline", "energy", "pca", "dendrogram", "clusters", "groups"),
     "group": ("pca", "dendrogram", "clusters"),
 }
 
@@ -74,7 +79,8 @@ def run(options: argparse.Namespace) -> int:
 def _draw(options: argparse.Namespace) -> "Axes":
     folder = library_folder(options)
     if folder is not None:
-        refuse_fixed_options(options, "groups", "segmentation")
+        fixed = ("segmentation",) if options.kind == "groups" else ("groups", "segmentation")
+        refuse_fixed_options(options, *fixed)
     if options.clip and (folder is None or options.kind not in _KINDS_OF_OPTION["frames"]):
         options.usage_error(
             "--clip requires a library, and one of the kinds strip, timeline and energy"
@@ -86,6 +92,8 @@ def _draw(options: argparse.Namespace) -> "Axes":
         if options.kind == "energy":
             return plot.energy(motion, config, frames=frames)
         return plot.strip(motion, options.poses, groups=groups, frames=frames)
+    if options.kind == "groups":
+        return plot.groups(_discovery(options, folder))[0]
     if options.kind == "timeline":
         scene = _timeline_scene(options, folder)
         given, rate = options.frames, scene.figures[0].motion.rate
@@ -94,6 +102,28 @@ def _draw(options: argparse.Namespace) -> "Axes":
     library = load_library(options)
     draw = {"pca": plot.pca, "dendrogram": plot.dendrogram, "clusters": plot.clusters}
     return draw[options.kind](library, options.group)
+
+
+def _discovery(options: argparse.Namespace, folder: Path | None) -> GroupDiscovery:
+    """Return the groups that ``--groups auto`` or ``auto:N`` discovers in a library or in files.
+
+    `folder` is that of a library, or None for motion files. Other groups in the settings are
+    ignored; on the command line they are a usage error.
+    """
+    name: str = options.groups or AUTOMATIC
+    if not is_automatic(name):
+        if options_given(options, "groups"):
+            options.usage_error(f"the picture groups needs --groups auto or auto:N, got {name}")
+        name = AUTOMATIC
+    options.groups = name
+    selected_groups(options)  # checks the number
+    if folder is not None:
+        return discover_in_library(Library.open(folder), automatic_number(name))
+    return discover_groups(
+        expand_folders(options.files, include_grafts=options.include_grafts),
+        automatic_number(name),
+        config=selected_config(options),
+    )
 
 
 def _timeline_scene(options: argparse.Namespace, folder: Path | None) -> Scene:

@@ -9,6 +9,7 @@ from mograft._util.automatic_groups import automatic_number, is_automatic
 from mograft.analysis.group_discovery import MAX_CLIPS, GroupDiscovery, discover_in_segments
 from mograft.body.groups import JointGroups
 from mograft.config import Config
+from mograft.library.data import LibraryData
 from mograft.library.discover import ClipSource
 from mograft.library.ingest import IngestedClip
 from mograft.library.ingest_run import ClipOrder, IngestRun, PendingClip
@@ -66,6 +67,17 @@ def discover_groups(
         [run.pending(ClipOrder(index), clip) for index, clip in enumerate(found)], ingested
     )
     return _discover([clip for _, clip in ingested], n, config, seed)
+
+
+def discover_in_library(library: LibraryData, n: int | None = None) -> GroupDiscovery:
+    """Discover `n` groups in the clips of a library, whose own groups do not matter."""
+    motions = []
+    for clip in spread_evenly(range(len(library.entries))):
+        own = library.segments.of_clip(clip)
+        is_donor = library.is_donor[own]
+        if is_donor.any():
+            motions.append((library.clips[clip], library.segments[own[is_donor]]))
+    return discover_in_segments(motions, n, library.config)
 
 
 def choose_groups(

@@ -1,7 +1,7 @@
 """Axes and colours of all pictures."""
 
 import colorsys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -13,14 +13,30 @@ def ensure_axes(ax: "Axes | None", size: tuple[float, float]) -> "Axes":
     """Return `ax`, or if it is None the axes of a new figure with a given size in inches."""
     if ax is not None:
         return ax
+    axes: Axes = _pyplot().subplots(figsize=size, layout="constrained")[1]
+    return axes
+
+
+def ensure_two_axes(
+    axes: "tuple[Axes, Axes] | None", size: tuple[float, float]
+) -> "tuple[Axes, Axes]":
+    """Return `axes`, or if it is None two axes side by side of a new figure."""
+    if axes is not None:
+        return axes
+    options = {"layout": "constrained", "gridspec_kw": {"width_ratios": [2, 1]}}
+    left, right = _pyplot().subplots(1, 2, figsize=size, **options)[1]
+    return left, right
+
+
+def _pyplot() -> Any:  # noqa: ANN401 - a module
+    """Return `matplotlib.pyplot`; raise ImportError with the remedy if it is not installed."""
     try:
         from matplotlib import pyplot
     except ImportError as error:
         raise ImportError(
             "plots need matplotlib: pip install 'mograft[plot]'", name="matplotlib"
         ) from error
-    axes: Axes = pyplot.subplots(figsize=size, layout="constrained")[1]
-    return axes
+    return pyplot
 
 
 def cluster_colour(cluster: int) -> str:
