@@ -2,7 +2,9 @@
 
 import errno
 import shutil
-from dataclasses import dataclass, field
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -10,18 +12,23 @@ from mograft import LibraryError, write_bvh
 from mograft.dancer import dance
 from tests.attack.faults import FaultServer
 from tests.attack.lost_writes import Disk
-from tests.attack.write_paths import WRITE_PATHS, list_debris, reset, visible_state
+from tests.attack.outcome import Outcome
+from tests.attack.write_paths import (
+    WRITE_PATHS,
+    hash_tree,
+    list_debris,
+    reset,
+    visible_state,
+)
 
-_FAULTS = (("fail once", errno.EIO), ("fail once", errno.ENOSPC), ("fail from", errno.EIO))
+# Kinds of faults, their error, and at how many calls one is tried: at each, or at each fourth.
+_FAULTS = (
+    ("kill", 0, 1),
+    ("fail once", errno.EIO, 1),
+    ("fail once", errno.ENOSPC, 4),
+    ("fail from", errno.EIO, 4),
+)
 _LOSSES = ((0.0, 0.0), (1.0, 0.0), (0.5, 0.5))  # probabilities of names and data to be kept
-
-
-@dataclass
-class Outcome:
-    """The number of trials and one message per failure."""
-
-    trials: int = 0
-    failures: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -40,6 +47,7 @@ class CrashHarness:
         self._folder, self.trial = folder, folder / "trial"
         self.paths, self._n_frames = paths, n_frames
         self._baselines = {}
+        self._checked = set()  # folders from which the next start was tried
 
     def __enter__(self):
         motion = dance(seed=5, strides=1).motion
@@ -105,6 +113,10 @@ class CrashHarness:
             fail("the command succeeded, but the state is not new")
         if "Traceback" in run.output:
             fail(f"traceback: {run.output[-300:]}")
+        tree = (path.name, hash_tree(work))
+        if tree in self._checked:
+            return  # the next start from the same files was tried
+        self._checked.add(tree)
         again = self._server.run(path.fill(path.again, self.trial), work)
         if again.code:
             fail(f"the next start fails: {again.output[-300:]}")
@@ -119,11 +131,12 @@ class CrashHarness:
         """Fail each `every`-th call in turn, once or for good, or end the process before it."""
         outcome = Outcome()
         for call in range(1, self.baseline(path).run.calls + 1, every):
-            for mode, number in (*_FAULTS, ("kill", 0)):
+            for mode, number, further in _FAULTS:
+                if call // every % further:
+                    continue
                 run = self._run(path, mode, call, errno=number)
-                self._check(
-                    path, run, f"{mode} at call {call} ({errno.errorcode.get(number)})", outcome
-                )
+                what = f"{mode} at call {call} ({errno.errorcode.get(number)})"
+                self._check(path, run, what, outcome)
                 if run.faults == 0 and run.calls >= call:
                     outcome.failures.append(f"{path.name}: no fault at call {call}")
         return outcome
@@ -133,18 +146,19 @@ class CrashHarness:
         outcome, rng = Outcome(), np.random.default_rng(seed)
         last = self.baseline(path).run.calls + 1  # without a kill: the command ends
         for call in [*range(1, last, every), last]:
+            reset(self.trial, self._template(path))
+            disk = Disk(self.trial / "work")
+            words = path.fill(path.words, self.trial)
+            run = self._server.run(words, self.trial / "work", "kill", call, has_log=True)
+            disk.replay(run.log)
+            disk.load()
             for keep_names, keep_data in _LOSSES:
-                reset(self.trial, self._template(path))
-                disk = Disk(self.trial / "work")
-                words = path.fill(path.words, self.trial)
-                run = self._server.run(words, self.trial / "work", "kill", call, has_log=True)
-                disk.replay(run.log)
                 disk.write_lost(rng, keep_names=keep_names, keep_data=keep_data)
                 what = f"losses after call {call - 1}, keeping {keep_names} {keep_data}"
                 self._check(path, run, what, outcome)
         return outcome
 
-    def full_disk(self, path, *, every_byte=False):
+    def full_disk(self, path, every=1, *, every_byte=False):
         """Let writes fail after numbers of bytes: every one, or before, in and after each write."""
         outcome, baseline = Outcome(), self.baseline(path)
         sizes = [int(line[1]) for line in baseline.run.log if line[0] == "write"]
@@ -153,7 +167,7 @@ class CrashHarness:
         if every_byte:
             counts = np.arange(stops[-1] + 1)
         visible = {name.split("/")[0] for name in (*baseline.old, *baseline.new)}
-        for count in counts[counts >= 0].tolist():
+        for count in counts[counts >= 0][::every].tolist():
             run = self._run(path, "full", count)
             debris = {entry.name for entry in (self.trial / "work").iterdir()} - visible
             if debris:
@@ -172,3 +186,38 @@ class CrashHarness:
             run = self._run(path, seconds=delay)
             self._check(path, run, f"killed after {delay:.4f} s", outcome)
         return outcome
+
+
+def try_all(experiment, scale, paths=WRITE_PATHS):
+    """Return the outcome of an experiment of `CrashHarness` for all commands.
+
+    `scale` is the share of calls, or of kills, that are tried.
+    """
+    outcome = Outcome()
+    memory = Path("/dev/shm")  # what is not synced is lost in the model, not on the disk
+    temporary = tempfile.TemporaryDirectory(dir=memory if memory.is_dir() else None)
+    with temporary as folder, CrashHarness(Path(folder), paths) as harness:
+        for path in paths:
+            outcome.add(experiment(harness, path, scale))
+    return outcome
+
+
+def failed_calls(harness, path, scale):
+    """Fail calls in turn; see `CrashHarness.faults`."""
+    return harness.faults(path, round(1 / scale))
+
+
+def lost_writes(harness, path, scale):
+    """Lose what was not synced; see `CrashHarness.losses`."""
+    return harness.losses(path, round(1 / scale))
+
+
+def full_disks(harness, path, scale):
+    """Fill the disk: at every byte for the smallest command, else around every write."""
+    return harness.full_disk(path, round(1 / scale), every_byte=path.name == "groups")
+
+
+def random_kills(harness, path, scale):
+    """Kill at random moments: 100 times commands that write libraries, 40 times others."""
+    count = 100 if path.name.startswith("index") else 40
+    return harness.random_kills(path, max(1, round(scale * count)))

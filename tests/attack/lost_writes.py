@@ -73,14 +73,17 @@ class Disk:
                 if call == "rename":
                     del self._find(source.parent).entries[source.name]
 
+    def load(self):
+        """Read the contents of all files, before the folder changes further."""
+        self._read(self._tree, self._root)
+
     def write_lost(self, rng, *, keep_names, keep_data):
         """Replace the folder by one that a power failure may leave.
 
         Each folder keeps its present entries with the probability `keep_names`, and otherwise has
         those of its last sync. A file that was not synced keeps its content with the probability
-        `keep_data`, and otherwise loses its end.
+        `keep_data`, and otherwise loses its end. `load` must be called before.
         """
-        self._read(self._tree, self._root)
         shutil.rmtree(self._root)
         self._write(self._tree, self._root, (rng, keep_names, keep_data))
 

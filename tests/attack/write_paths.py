@@ -1,6 +1,7 @@
 """The commands that write, each with its old state, its result and what must hold between them."""
 
 import hashlib
+import re
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,6 +45,8 @@ class WritePath:
             return not is_new or state.get(second) == new.get(second)
         return True
 
+
+_NUMBERS = re.compile(r"(?<=partial-)\d+|-\d+-[0-9a-f]+(?=\.part)")
 
 INDEX = ("index", "{in}/a.bvh", "-o", "{work}/l")
 GRAFT = ("graft", "{in}/a.bvh", "{in}/b.bvh", "-o", "{work}/g.bvh")
@@ -118,6 +121,15 @@ def list_debris(work, expected):
         if (path / storage.MANIFEST).exists():
             debris += [f"{path.name}/{name}" for name in storage.list_leftovers(path)]
     return debris
+
+
+def hash_tree(work):
+    """Return a hash of all names and contents, without numbers of processes in names of drafts."""
+    digest = hashlib.sha256()
+    for path in sorted(work.rglob("*"), key=lambda path: _NUMBERS.sub("", str(path))):
+        name = _NUMBERS.sub("", str(path.relative_to(work)))
+        digest.update(f"{name} {_hash(path) if path.is_file() else ''}\n".encode())
+    return digest.hexdigest()
 
 
 def _hash(path: Path) -> str:
