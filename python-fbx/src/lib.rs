@@ -127,7 +127,7 @@ impl Scene {
 }
 
 /// Reader of FBX files for mograft. Private: call `mograft.read` instead.
-#[pymodule(name = "mograft_fbx")]
+#[pymodule(name = "mograft_fbx", gil_used = false)]
 mod module {
     /// `"debug"` or `"release"`: benchmarks refuse to measure a debug build.
     #[pymodule_export]

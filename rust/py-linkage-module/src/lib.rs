@@ -1,7 +1,7 @@
 //! The extension module of the Python package `mograft_linkage`.
 
 /// Compiled kernels of mograft_linkage. Private: call the functions of the package instead.
-#[pyo3::pymodule]
+#[pyo3::pymodule(gil_used = false)]
 mod _core {
     /// `"debug"` or `"release"`: benchmarks refuse to measure a debug build.
     #[pymodule_export]

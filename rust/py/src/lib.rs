@@ -9,7 +9,8 @@
 //! | `bytes` | `&[u8]`, no copy |
 //! | an error of a kernel | `ValueError` |
 //!
-//! Another thread must not write an array while a call reads it.
+//! Another thread must not write an array while a call reads it. The module has no state: functions read their
+//! arguments and return new arrays, so that free-threaded Python needs no lock (`gil_used = false`).
 #![allow(clippy::needless_pass_by_value, reason = "PyO3 extracts arguments by value")]
 
 mod convert;
@@ -19,7 +20,7 @@ mod text;
 mod trellis;
 
 /// Compiled kernels of mograft. Private: call the functions of the package instead.
-#[pyo3::pymodule]
+#[pyo3::pymodule(gil_used = false)]
 mod _core {
     /// `"debug"` or `"release"`: benchmarks refuse to measure a debug build.
     #[pymodule_export]

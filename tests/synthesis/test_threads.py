@@ -1,0 +1,123 @@
+"""Grafts of one library in many threads have the bytes of serial grafts."""
+
+import json
+import sys
+import sysconfig
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
+import pytest
+
+import mograft as mg
+from mograft.dancer import dance
+from mograft.scenario import walk
+from mograft.synthesis.stream import join_pieces
+
+pytestmark = pytest.mark.usefixtures("quick_switches")
+
+N_THREADS = 8
+
+
+@pytest.fixture
+def quick_switches():
+    """Let threads take turns as often as possible; without a GIL they run at the same time."""
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    yield
+    sys.setswitchinterval(interval)
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    """Return the folder of a library with two clips."""
+    folder = tmp_path_factory.mktemp("threads") / "dance.mograft"
+    clips = [dance(seed=seed, strides=1).motion[:500] for seed in (0, 1)]
+    mg.Library.build(clips, groups="lower_torso_arms").save(folder)
+    return folder
+
+
+def bytes_of(graft):
+    """Return the motion and the provenance of a graft as bytes."""
+    motion = graft.motion
+    text = json.dumps(graft.as_dict(), sort_keys=True).encode()
+    return motion.rotations.tobytes() + motion.positions.tobytes() + text
+
+
+def graft_plainly(seed, library):
+    return bytes_of(mg.graft(library, seed=seed))
+
+
+def graft_with_constraint(seed, library):
+    return bytes_of(mg.graft(library, seed=seed, constraints=[mg.MaxStretch(1.3)]))
+
+
+def graft_scenario(seed, library):
+    scenario = walk(library, 6.0, seed=seed)
+    return bytes_of(mg.graft(library, scenario=scenario, seed=seed))
+
+
+def stream_base(seed, library):
+    stream = mg.Stream(library, seed=seed)
+    base = library.clips[seed % 2][:200]
+    for frame in range(0, 200, 20):
+        stream.push(base[frame : frame + 20])
+    stream.close()
+    return join_pieces(stream.pieces()).rotations.tobytes()
+
+
+def list_candidates(seed, library):
+    found = library.candidates(segment=10 + seed, group="torso")
+    return repr([(c.segment, c.cost) for c in found.allowed]).encode()
+
+
+def run_together(tasks):
+    """Return the results of tasks that begin at the same time, one thread for each."""
+    barrier = threading.Barrier(len(tasks))
+
+    def run(task):
+        barrier.wait()
+        return task()
+
+    with ThreadPoolExecutor(len(tasks)) as pool:
+        return list(pool.map(run, tasks))
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    "work", [graft_plainly, graft_with_constraint, graft_scenario, stream_base, list_candidates]
+)
+def test_threads_with_one_library_give_serial_bytes(stored, work):
+    alone = mg.Library.open(stored)
+    serial = [work(seed, alone) for seed in range(N_THREADS)]
+    shared = mg.Library.open(stored)  # no thread finds values that an earlier call has computed
+    assert run_together([partial(work, seed, shared) for seed in range(N_THREADS)]) == serial
+    assert len(set(serial)) > 1
+
+
+def test_threads_with_different_work_give_serial_bytes(stored):
+    works = [graft_plainly] * 5 + [stream_base, list_candidates, graft_with_constraint]
+    assert len(works) == N_THREADS
+    alone = mg.Library.open(stored)
+    serial = [work(seed, alone) for seed, work in enumerate(works)]
+    shared = mg.Library.open(stored)
+    tasks = [partial(work, seed, shared) for seed, work in enumerate(works)]
+    assert run_together(tasks) == serial
+
+
+def test_threads_that_build_libraries_give_serial_bytes():
+    clips = [dance(seed=seed, strides=1).motion[:500] for seed in (0, 1)]
+
+    def build(seed):
+        library = mg.Library.build(clips[seed % 2])
+        return library.labels["lower"].tobytes() + library.embedding["lower"].points.tobytes()
+
+    serial = [build(seed) for seed in range(4)]
+    assert run_together([partial(build, seed) for seed in range(4)]) == serial
+    assert serial[0] != serial[1]
+
+
+def test_import_leaves_free_threaded_python_without_gil():
+    if not sysconfig.get_config_var("Py_GIL_DISABLED"):
+        pytest.skip("this Python has a GIL")
+    assert not sys._is_gil_enabled()
