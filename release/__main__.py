@@ -19,6 +19,7 @@ from release.build import (
 )
 from release.checks import check_artifacts, check_bills
 from release.distributions import DIST, DISTRIBUTIONS, ROOT, WORK
+from release.emulation import try_aarch64
 from release.notices import find_stale_notices
 from release.trials import try_sdists, try_types, try_wheels
 
@@ -68,6 +69,7 @@ STEPS: dict[str, tuple[str, Callable[[argparse.Namespace], None]]] = {
     "check": ("check all files in dist", lambda _: check_artifacts()),
     "try-wheel": ("run mograft from wheels, without Rust", lambda o: try_wheels(o.python)),
     "try-types": ("check types in a foreign project, after try-wheel", lambda _: try_types()),
+    "try-aarch64": ("run mograft from aarch64 wheels under QEMU", lambda _: try_aarch64()),
     "try-sdist": ("run mograft from sources, without a network", lambda _: try_sdists()),
     "audit": ("look for known vulnerabilities", _audit),
     "docs": ("build the documentation", _build_documentation),
@@ -79,7 +81,7 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m release",
         description="Build and check the distributions. Nothing is uploaded.",
-        epilog="\n".join(f"{name:10} {text}" for name, (text, _) in STEPS.items()),
+        epilog="\n".join(f"{name:12} {text}" for name, (text, _) in STEPS.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     native = [find_native_platform().name]
