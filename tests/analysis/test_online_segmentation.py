@@ -11,6 +11,7 @@ from mograft.analysis.online_segmentation import OnlineSegmenter, WindowSegmente
 from mograft.analysis.segmentation import extrema
 from mograft.analysis.segmentations import METHODS
 from mograft.dancer import dance
+from tests.analysis.behaviours import behaviours
 from tests.strategies import SEEDS, few_examples
 
 DANCES = [dance(seed=seed, strides=1).motion for seed in range(2)]
@@ -115,7 +116,25 @@ def test_window_segmenter_any_chunks_bounds_are_final_and_within_length_limits(
     assert (bounds[0], bounds[-1]) == (0, n - 1)
     if n > 3:
         assert np.diff(bounds).min() >= 3
-    assert np.diff(bounds).max() <= max_length * 30
+    if not METHODS.get(name).has_long_segments:
+        assert np.diff(bounds).max() <= max_length * 30
+
+
+@pytest.mark.parametrize("name", [name for name in CAUSAL if METHODS.get(name).restarts])
+@few_examples(5)
+@given(seed=SEEDS, chunks=st.lists(st.integers(1, 200), min_size=1, max_size=3))
+def test_window_segmenter_of_a_method_that_restarts_equals_segment(name, seed, chunks):
+    motion, _ = behaviours(seed, [5.0, 4.0, 6.0])
+    config = mg.Config(segmentation=name)
+    assert window_bounds(motion, config, chunks) == [0, *mg.segment(motion, config).stop.tolist()]
+
+
+@pytest.mark.parametrize("name", [name for name in CAUSAL if METHODS.get(name).restarts])
+def test_window_segmenter_of_a_method_that_restarts_cuts_constant_motion_after_30_seconds(name):
+    still = np.tile(DANCES[0].rotations[:1], (2000, 1, 1))
+    places = np.tile(DANCES[0].positions[:1], (2000, 1, 1))
+    motion = mg.Motion(DANCES[0].skeleton, 1 / 30, still, places)
+    assert window_bounds(motion, mg.Config(segmentation=name), [500]) == [0, 900, 1800, 1999]
 
 
 @pytest.mark.parametrize("name", CAUSAL)
@@ -125,6 +144,8 @@ def test_window_segmenter_within_its_window_cuts_like_segment(name):
     expected = [0, *mg.segment(motion, config).stop.tolist()]
     found = window_bounds(motion, config, [240])
     assert found[-1] == expected[-1]
+    if METHODS.get(name).restarts:
+        assert found == expected
     # The floor is that of all frames in `segment`, and of those so far here.
     assert set(found[:-1]) >= {f for f in expected[:-1] if f > 120}
 
@@ -135,4 +156,4 @@ def test_window_segmenter_long_motion_holds_limited_history(name):
     segmenter = WindowSegmenter(motion.rate, mg.Config(segmentation=name))
     for first in range(0, motion.n_frames, 50):
         segmenter.push(motion[first : first + 50])
-        assert segmenter._window.n_frames <= 8 * 30 + 3
+        assert segmenter._window.n_frames <= (30 if segmenter._method.restarts else 8) * 30 + 15

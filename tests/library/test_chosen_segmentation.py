@@ -134,7 +134,8 @@ def test_stream_takes_causal_methods_and_refuses_others(name, folder):
     for first in range(0, 400, 25):
         stream.push(base[first : first + 25])
         pieces += stream.pieces()
-    assert pieces
+    is_long = METHODS.get(name) is not None and METHODS.get(name).has_long_segments
+    assert pieces or is_long
     stream.close()
     pieces += stream.pieces()
     assert mg.join_pieces(pieces).n_frames == base.n_frames

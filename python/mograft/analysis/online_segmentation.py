@@ -12,6 +12,8 @@ from mograft.config import Config
 from mograft.motion.motion import Motion
 
 _WINDOW_SECONDS, _STEP_SECONDS = 8.0, 0.1
+# Of methods that start again at each cut: the longest segment, and the time between two searches.
+_MAX_SEGMENT_SECONDS, _LONG_STEP_SECONDS = 30.0, 0.5
 
 
 class OnlineSegmenter:
@@ -127,6 +129,9 @@ class WindowSegmenter:
     floor and other properties of the motion are those of the last 8 s. A cut frame closer than
     `Config.min_length` to the one before is left out, and a segment ends as soon as it has the
     length `Config.max_length`.
+
+    A method that starts again at each cut frame receives all frames from the last cut on, every
+    0.5 s. Its cuts are those of `segment`, except that a segment ends after 30 s.
     """
 
     def __init__(self, rate: float, config: Config) -> None:
@@ -141,10 +146,12 @@ class WindowSegmenter:
         self._method = method
         self._parameters = method.make_parameters(name, config.segmentation_parameters)
         self._min_length = max(round(config.min_length * rate), 1)
-        self._max_length = config.max_length * rate
+        max_seconds = _MAX_SEGMENT_SECONDS if method.has_long_segments else config.max_length
+        self._max_length = max_seconds * rate
         self._n_ahead = max(round(method.look_ahead * rate), self._min_length)
+        step = _LONG_STEP_SECONDS if method.restarts else _STEP_SECONDS
+        self._step = max(round(step * rate), 1)
         self._n_window = round(_WINDOW_SECONDS * rate)
-        self._step = max(round(_STEP_SECONDS * rate), 1)
         self._window: Motion | None = None
         self._final_bound = 0
 
@@ -173,7 +180,10 @@ class WindowSegmenter:
     def _append(self, frames: Motion) -> None:
         frames = replace(frames, channel_values=None)
         if self._window is not None:
-            kept = self._window[-min(self._n_window, self._window.n_frames) :]
+            n_kept = self._n_window
+            if self._method.restarts:
+                n_kept = self.n_frames - self._final_bound
+            kept = self._window[-min(n_kept, self._window.n_frames) :]
             frames = replace(
                 frames,
                 rotations=np.concatenate([kept.rotations, frames.rotations]),
@@ -188,7 +198,8 @@ class WindowSegmenter:
             return
         cuts = self._method.cut_frames(self._window, self._parameters)
         first = self.n_frames - self._window.n_frames
-        if first > 0:  # The frames before the window could change cut frames at its start.
+        # The frames before the window could change cut frames at its start.
+        if first > 0 and not self._method.restarts:
             cuts = cuts[cuts >= self._n_ahead]
         for cut in (cuts + first).tolist():
             if cut <= latest:

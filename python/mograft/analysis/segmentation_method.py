@@ -22,6 +22,9 @@ class SegmentationMethod:
     look_ahead: float | None = None
     """Seconds after a cut frame that decide whether it is one; None if all frames do, so that a
     stream cannot use the method."""
+    restarts: bool = False
+    """Whether the method starts again at each cut frame, so that only frames from the cut on decide
+    on the next one. Otherwise a stream gives the method the latest frames."""
 
     def make_parameters(self, name: str, given: Mapping[str, Any]) -> Any:  # noqa: ANN401 - of any method
         """Return the parameters with the values in `given`, and the defaults for all others.

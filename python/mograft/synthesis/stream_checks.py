@@ -28,7 +28,7 @@ def check_stream_config(config: Config) -> None:
     if chosen not in causal:
         raise ValueError(
             f"config.segmentation must be one of {', '.join(map(repr, causal))} in a stream, whose "
-            f"later frames are not known, got {chosen!r}"
+            f"cuts cannot depend on all later frames, got {chosen!r}"
         )
     if config.alignment != "uniform":
         raise ValueError(

@@ -147,4 +147,6 @@ def dimensions_of(values: FloatArray, energy: float) -> int:
     return int(np.searchsorted(np.cumsum(values), energy * total)) + 1
 
 
-METHOD = SegmentationMethod(PcaParameters, cut_frames, has_long_segments=True)
+METHOD = SegmentationMethod(
+    PcaParameters, cut_frames, has_long_segments=True, look_ahead=0.0, restarts=True
+)
