@@ -61,6 +61,8 @@ _DESCRIPTIONS = {
         "contacts": "frames in which a foot begins or ends to touch the floor",
         "pca": "behaviours: poses that leave the hyperplane of the poses before",
         "ppca": "behaviours: changes of the distribution of poses",
+        "gmm": "behaviours: clusters of poses",
+        "beats": "beats of a rhythmic motion",
     },
     "omega": {
         "world": "angular velocities relative to the world",

@@ -9,12 +9,13 @@ from mograft._util.linalg import eigenvalues
 from mograft._util.validate import check_positive
 from mograft.analysis.segmentation_method import SegmentationMethod
 from mograft.analysis.segmentations.growing_scatter import GrowingScatter
-from mograft.analysis.segmentations.pose_features import frames_of, pose_features
+from mograft.analysis.segmentations.pose_features import (
+    MIN_VARIANCE,
+    dimensions_of,
+    frames_of,
+    pose_features,
+)
 from mograft.motion.motion import Motion
-
-_MIN_ERROR = 1e-6
-"""Increases of the projection error per frame below this value are taken as 0. It is that of
-a joint that deviates by 0.002 radians, the order of the noise of optical recordings."""
 
 
 @dataclass(frozen=True)
@@ -128,23 +129,12 @@ def _length_of_first_segment(
         if len(errors) <= lag:
             continue
         increase = errors[-1] - errors[-1 - lag]
-        if len(increases) >= n_settling and increase > _MIN_ERROR * lag * step:
+        if len(increases) >= n_settling and increase > MIN_VARIANCE * lag * step:
             limit = np.mean(increases) + parameters.deviations * np.std(increases)
             if increase > limit:
                 return end - 1
         increases.append(increase)
     return None
-
-
-def dimensions_of(values: FloatArray, energy: float) -> int:
-    """Return the smallest number of eigenvalues that hold a share `energy` of their sum.
-
-    `values` are descending. The number is 0 if their sum is 0.
-    """
-    total = float(values.sum())
-    if total <= 0:
-        return 0
-    return int(np.searchsorted(np.cumsum(values), energy * total)) + 1
 
 
 METHOD = SegmentationMethod(

@@ -7,18 +7,18 @@ from itertools import islice
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft._util.linalg import eigenvectors, product
+from mograft._util.linalg import eigenvectors
 from mograft._util.validate import check_positive
-from mograft.analysis.principal_components import Spread
 from mograft.analysis.segmentation_method import SegmentationMethod
 from mograft.analysis.segmentations.growing_scatter import GrowingScatter
-from mograft.analysis.segmentations.pca import dimensions_of
-from mograft.analysis.segmentations.pose_features import frames_of, pose_features
+from mograft.analysis.segmentations.pose_features import (
+    MIN_VARIANCE,
+    dimensions_of,
+    frames_of,
+    pose_features,
+    principal_scores,
+)
 from mograft.motion.motion import Motion
-
-_MIN_VARIANCE = 1e-6
-"""Lower bound of the variances of a model: that of a joint that deviates by 0.002 radians, the
-order of the noise of optical recordings."""
 
 _KEPT_ENERGY = 0.999
 """Share of the variance of the whole motion that the features keep, which speeds up the rest."""
@@ -108,7 +108,7 @@ def cut_frames(motion: Motion, parameters: PpcaParameters) -> IntArray:
     >>> cut_frames(dance(strides=1).motion[:60], PpcaParameters())
     array([], dtype=int64)
     """
-    scores = _principal_scores(pose_features(motion))
+    scores = principal_scores(pose_features(motion), _KEPT_ENERGY)
     window = frames_of(parameters.window, motion.rate)
     step = frames_of(parameters.step, motion.rate)
     cuts = _cuts_of_direction(scores, window, step, parameters)
@@ -116,18 +116,6 @@ def cut_frames(motion: Motion, parameters: PpcaParameters) -> IntArray:
         backward = _cuts_of_direction(scores[::-1], window, step, parameters)
         cuts += [len(scores) - 1 - cut for cut in backward]
     return unite_near_cuts(np.array(cuts, np.int64), window / 2)
-
-
-def _principal_scores(features: FloatArray) -> FloatArray:
-    """Return the features in the axes that hold 99.9 % of their variance, (n_frames, D).
-
-    There are no columns if no feature varies by more than the noise of recordings.
-    """
-    spread = Spread.of([features])
-    if np.trace(spread.scatter) <= _MIN_VARIANCE * len(features):
-        return np.zeros((len(features), 0))
-    variances, axes = eigenvectors(spread.scatter, features.shape[1])
-    return product(features - spread.mean, axes[:, : dimensions_of(variances, _KEPT_ENERGY)])
 
 
 def _cuts_of_direction(
@@ -159,7 +147,7 @@ def _window_distances(scores: FloatArray, window: int, step: int, energy: float)
         before.grow_to(count)
         variances, axes = eigenvectors(before.scatter / (count - 1), scores.shape[1])
         n = dimensions_of(variances, energy)
-        noise = max(float(variances[n:].mean()) if n < len(variances) else 0.0, _MIN_VARIANCE)
+        noise = max(float(variances[n:].mean()) if n < len(variances) else 0.0, MIN_VARIANCE)
         variances[n:] = noise
         offsets = (scores[count : count + window] - before.mean) @ axes
         squares = np.einsum("ij,ij->j", offsets, offsets) / window

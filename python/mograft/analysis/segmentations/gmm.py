@@ -1,0 +1,125 @@
+"""Cuts between clusters of poses (Barbič et al. 2004, Gaussian mixture model)."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.validate import as_integer, check_positive
+from mograft.analysis.segmentation_method import SegmentationMethod
+from mograft.analysis.segmentations.gaussian_mixture import GaussianMixture, fit_mixture
+from mograft.analysis.segmentations.pose_features import (
+    frames_of,
+    pose_features,
+    principal_scores,
+)
+from mograft.motion.motion import Motion
+
+
+@dataclass(frozen=True)
+class GmmParameters:
+    """Parameters of the segmentation "gmm".
+
+    Parameters
+    ----------
+    energy : float
+        Share of the variance that the principal axes preserve, in which the poses are clustered,
+        between 0 and 1.
+    max_clusters : int
+        Greatest number of clusters.
+    ratio : float
+        The number of clusters k is the smallest one at which another cluster reduces the
+        clustering error by less than this share of the reduction from one to two clusters.
+    cycle : float
+        Seconds over which the probabilities of the clusters are averaged: a cycle of a gait. It
+        prevents cuts within a cycle whose poses belong to two clusters.
+    step : float
+        Seconds between the poses to which the clusters are fitted.
+
+    Raises
+    ------
+    ValueError
+        If a value is not above 0, `energy` is not below 1, or `max_clusters` is no whole number.
+    """
+
+    energy: float = 0.95
+    max_clusters: int = 12
+    ratio: float = 0.05
+    cycle: float = 1.0
+    step: float = 0.1
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            check_positive(self, field.name)
+        as_integer("max_clusters", self.max_clusters, 1)
+        if self.energy >= 1:
+            raise ValueError(f"`energy` must be below 1, got {self.energy}")
+
+
+def cut_frames(motion: Motion, parameters: GmmParameters) -> IntArray:
+    """Return the frames at which the most probable cluster of poses changes.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion.
+    parameters : GmmParameters
+        Number of clusters and durations.
+
+    Returns
+    -------
+    ndarray of int, shape (n_cuts,)
+        The inner cut frames, ascending. There are none if the motion is shorter than two cycles,
+        constant, or without joints below the root.
+
+    Notes
+    -----
+    Barbič et al. 2004, "Segmenting Motion Capture Data into Distinct Behaviors", GMM approach. A
+    pose is the vector of the quaternions of all joints below the root, projected onto the principal
+    axes of the whole motion that hold `energy` of its variance. Expectation maximization fits k
+    Gaussian distributions, starting from k consecutive parts of the motion. With the clustering
+    error E_k = Σ_i Σ_j p(j | x_i) |x_i - m_j|², k is the smallest number with
+    (E_k - E_{k+1}) / (E_1 - E_2) < `ratio`. A cut is placed where the cluster with the highest
+    probability, averaged over one `cycle`, changes. The average and the start are not in the
+    source. The cost is O(n k D²) for each of at most 60 steps of a fit to n poses.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> cut_frames(dance(strides=1).motion[:60], GmmParameters())
+    array([], dtype=int64)
+    """
+    cycle = frames_of(parameters.cycle, motion.rate)
+    scores = principal_scores(pose_features(motion), parameters.energy)
+    if motion.n_frames <= 2 * cycle or not scores.shape[1]:
+        return np.zeros(0, np.int64)
+    mixture = _fit(scores[:: frames_of(parameters.step, motion.rate)], parameters)
+    probabilities, _ = mixture.posteriors(scores)
+    labels = _centred_means(probabilities, cycle).argmax(axis=1)
+    return np.flatnonzero(np.diff(labels)) + 1
+
+
+def _fit(points: FloatArray, parameters: GmmParameters) -> GaussianMixture:
+    """Return the mixture with the number of clusters that `ratio` selects."""
+    mixture = fit_mixture(points, 1)
+    errors = [mixture.error(points)]
+    for n_clusters in range(2, min(parameters.max_clusters, len(points)) + 1):
+        further = fit_mixture(points, n_clusters)
+        errors.append(further.error(points))
+        if errors[-2] - errors[-1] < parameters.ratio * (errors[0] - errors[1]):
+            break
+        mixture = further
+    return mixture
+
+
+def _centred_means(values: FloatArray, width: int) -> FloatArray:
+    """Return the means of `width` rows around each row; fewer at the ends."""
+    sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
+    rows = np.arange(len(values))
+    first = np.maximum(rows - width // 2, 0)
+    stop = np.minimum(rows - width // 2 + width, len(values))
+    means: FloatArray = (sums[stop] - sums[first]) / (stop - first)[:, None]
+    return means
+
+
+METHOD = SegmentationMethod(GmmParameters, cut_frames, has_long_segments=True)
