@@ -1,6 +1,35 @@
-"""Unique names for clips."""
+"""Unique names for clips, and names of files that every system accepts."""
 
+import re
 from collections.abc import Sequence
+
+# Surrogates from U+DC80 to U+DCFF are bytes of names on Linux that are not UTF-8.
+_UNUSABLE = re.compile(r'[<>:"/\\|?*\x00-\x1f\x7f\ud800-\udc7f\udd00-\udfff]')
+_DEVICES = {"con", "prn", "aux", "nul", "conin$", "conout$"} | {
+    f"{port}{digit}" for port in ("com", "lpt") for digit in "0123456789\u00b9\u00b2\u00b3"
+}
+_MAX_BYTES = 220
+"""File systems accept 255 bytes; an ending and a number are added to names."""
+
+
+def portable_stem(name: str) -> str:
+    """Return a name as the start of a file name that Linux, macOS and Windows accept.
+
+    Forbidden and control characters and unpaired surrogates become ``_``, spaces and dots at the
+    end are removed, and the names of devices such as ``CON`` and ``nul.tar`` get ``_`` appended to
+    their first part. The result has at most 220 bytes in UTF-8. A name that all systems accept is
+    returned unchanged.
+
+    >>> portable_stem("walk: left"), portable_stem("CON"), portable_stem("...")
+    ('walk_ left', 'CON_', '_')
+    """
+    stem = _UNUSABLE.sub("_", name)
+    if len(encoded := stem.encode("utf-8", "surrogateescape")) > _MAX_BYTES:
+        stem = encoded[:_MAX_BYTES].decode("utf-8", "ignore")
+    first, dot, rest = stem.rstrip(" .").partition(".")
+    if first.rstrip().casefold() in _DEVICES:
+        first = f"{first.rstrip()}_"
+    return f"{first}{dot}{rest}" or "_"
 
 
 def unique_names(names: Sequence[str]) -> list[str]:

@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Iterable
 from pathlib import Path
 
+from mograft._util.names import portable_stem
 from mograft.cli.configuration import options_given
 from mograft.cli.files import check_suffix
 from mograft.io.addresses import split_address
@@ -14,8 +15,6 @@ MOTION_SUFFIXES = (".bvh", ".glb", ".npz")
 
 _INPUTS_OF_SUFFIX = {".glb": (".glb", ".gltf"), ".npz": (".npz",)}
 """Suffixes of files of which an output with a suffix may be a copy."""
-
-_STEM_BYTES = 220
 
 
 def check_graft_suffix(options: argparse.Namespace) -> None:
@@ -63,9 +62,7 @@ def _base_stem(options: argparse.Namespace, first: str) -> str:
         return "scenario"
     path, clip = split_address(options.base or first)
     if clip is not None:
-        stem = "".join("_" if character in '<>:"/\\|?*' else character for character in clip)
-    else:
-        stem = Path(path).stem if Path(path).suffix.lower() in SUFFIXES else Path(path).name
-    encoded = stem.encode("utf-8", "surrogateescape")
-    # An ending and a number are added; file systems accept 255 bytes.
-    return stem if len(encoded) <= _STEM_BYTES else encoded[:_STEM_BYTES].decode("utf-8", "ignore")
+        return portable_stem(clip)
+    return portable_stem(
+        Path(path).stem if Path(path).suffix.lower() in SUFFIXES else Path(path).name
+    )

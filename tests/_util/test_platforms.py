@@ -1,0 +1,134 @@
+"""The code for Windows, run here: locks, positions in files, links and names of files."""
+
+import errno
+import importlib.util
+import os
+import re
+import sys
+import types
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mograft as mg
+from mograft._util import atomic
+from mograft._util import lock as lock_module
+from mograft.dancer import dance
+from mograft.library import array_files, generation
+from tests._util.test_names import is_portable
+
+not_on_windows = pytest.mark.skipif(sys.platform == "win32", reason="replaces modules of Windows")
+
+
+class WindowsOs(types.ModuleType):
+    """The module ``os`` as on Windows: no positioned reads, and here no links, too."""
+
+    def __init__(self):
+        super().__init__("os")
+        self.name = "nt"
+
+    def __getattr__(self, name):
+        if name in {"preadv", "pread", "O_CLOEXEC", "fork", "kill"}:
+            raise AttributeError(f"module 'os' has no attribute '{name}'")
+        return getattr(os, name)
+
+    def link(self, *paths):
+        raise OSError(errno.EPERM, "the file system has no links", *paths)
+
+
+class WindowsLocks(types.ModuleType):
+    """The module ``msvcrt`` with one lock for each file, held until the file is closed."""
+
+    LK_NBLCK = 2
+
+    def __init__(self):
+        super().__init__("msvcrt")
+        self._holders = {}
+
+    def locking(self, handle, mode, n_bytes):
+        assert (mode, n_bytes) == (self.LK_NBLCK, 1)
+        assert os.lseek(handle, 0, os.SEEK_CUR) == 0, "Windows locks bytes from the position"
+        key = os.fstat(handle).st_ino
+        holder = self._holders.get(key)
+        # A handle of the same number is a file that was closed and opened again.
+        if holder not in (None, handle) and self._is_open(holder, key):
+            raise PermissionError(errno.EACCES, "another process has locked the file")
+        self._holders[key] = handle
+
+    @staticmethod
+    def _is_open(handle, key):
+        try:
+            return os.fstat(handle).st_ino == key
+        except OSError:
+            return False
+
+
+@not_on_windows
+def test_windows_lock_excludes_until_the_block_ends(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setitem(sys.modules, "msvcrt", WindowsLocks())
+    monkeypatch.setitem(sys.modules, "fcntl", None)  # importing it raises ImportError
+    spec = importlib.util.spec_from_file_location("windows_lock", lock_module.__file__)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    path = tmp_path / ".lock"
+    with module.exclusive_lock(path):
+        with pytest.raises(BlockingIOError), module.exclusive_lock(path):
+            pass
+        with module.exclusive_lock(tmp_path / "other"):
+            pass
+    with module.exclusive_lock(path):
+        pass
+
+
+@not_on_windows
+def test_library_written_and_read_as_on_windows_has_same_bytes(tmp_path, monkeypatch):
+    clips = [tmp_path / "a.bvh", tmp_path / "b.bvh"]
+    for seed, clip in enumerate(clips):
+        mg.write_bvh(dance(seed=seed, strides=1).motion[:300], clip)
+
+    def write(folder):
+        mg.Library.index(clips[:1], folder)
+        library = mg.Library.open(folder).add(clips[1:])
+        files = sorted(path for path in folder.rglob("*.npy"))
+        contents = {path.relative_to(folder): path.read_bytes() for path in files}
+        return contents, mg.graft(library, seed=3).motion.rotations
+
+    expected, rotations = write(tmp_path / "here")
+    for module in (array_files, atomic, generation):
+        monkeypatch.setattr(module, "os", WindowsOs())
+    found, windows_rotations = write(tmp_path / "windows")
+    assert found == expected
+    np.testing.assert_array_equal(windows_rotations, rotations)
+
+
+def test_files_of_library_have_portable_names_for_any_clip_and_group(tmp_path):
+    motion = dance(strides=1).motion[:300]
+    names = ["CON", "con", "a:b", "A:B", "ends.", "..", "x/y", "nul.bvh"]
+    groups = mg.JointGroups.preset("lower_upper", motion.skeleton)
+    renamed = {"CON": groups.groups["lower"], "con": groups.groups["upper"]}
+    groups = mg.JointGroups(renamed, base="CON")
+    clips = [replace(motion, name=name) for name in names]
+    mg.Library.build(clips, groups=groups).save(tmp_path / "l")
+    library = mg.Library.open(tmp_path / "l")
+    assert [entry.name for entry in library.entries] == names
+    assert set(library.labels) >= {"CON"}
+    paths = [path.relative_to(tmp_path).as_posix() for path in (tmp_path / "l").rglob("*")]
+    assert len({path.casefold() for path in paths}) == len(paths)
+    for path in paths:
+        assert all(map(is_portable, path.split("/"))), path
+        assert re.fullmatch(r"[a-z0-9_./-]+", path), path
+
+
+@pytest.mark.parametrize("clip", ["CON", "a:b", "x/y", "ends.", "t\nb"])
+def test_grafts_of_clip_with_unusable_name_have_portable_file_names(tmp_path, monkeypatch, clip):
+    from mograft.cli import main
+
+    monkeypatch.chdir(tmp_path)
+    mg.Library.build([replace(dance(strides=1).motion[:300], name=clip)]).save(Path("l"))
+    assert main(["graft", "l", "-o", "out"]) == 0
+    written = [path.name for path in Path("out").iterdir()]
+    assert len(written) == 2
+    assert all(map(is_portable, written))
