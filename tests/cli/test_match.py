@@ -8,6 +8,8 @@ import pytest
 import mograft as mg
 from mograft.io.smpl.joints import SMPL_H
 from mograft.io.smpl.stand_in import stand_in
+from mograft.synthesis.stream_server import StreamServer
+from mograft.viewing.page import view
 from tests.io.amass_file import amass_arrays, dance_arrays, write_arrays
 from tests.library.test_matched_libraries import OTHER, PARTS
 
@@ -110,6 +112,62 @@ def test_skeleton_option_sets_the_rest_pose_of_amass_files(run, body, tmp_path):
     code, _, err = run("graft", "--from", tmp_path / "a.json", "-o", tmp_path / "again.bvh")
     assert code == 0, err
     assert (tmp_path / "again.bvh").read_bytes() == (tmp_path / "a.bvh").read_bytes()
+
+
+def test_skeleton_option_of_view_and_plot_sets_the_positions(run, body, tmp_path):
+    walk = write_arrays(tmp_path / "walk.npz", amass_arrays(n_frames=200))
+    documents = {}
+    for name, words in (("plain", []), ("given", ["--skeleton", body])):
+        page, picture = tmp_path / f"{name}.html", tmp_path / f"{name}.svg"
+        code, _, err = run("view", walk, *words, "-o", page)
+        assert code == 0, err
+        for kind in ("strip", "timeline"):
+            code, _, err = run("plot", kind, walk, *words, "--force", "-o", picture)
+            assert code == 0, err
+            documents[name, kind] = picture.read_bytes()
+        documents[name, "view"] = page.read_bytes()
+    assert documents["given", "view"] != documents["plain", "view"]
+    motion = mg.read(walk, skeleton=mg.read_offsets(body))[0]
+    shown = view(motion, show=False).html.encode()
+    assert documents["given", "view"] == shown
+    # The poses of a strip fill the picture: a body 5 % larger has other numbers on its axes.
+    assert documents["given", "strip"] != documents["plain", "strip"]
+
+
+def test_skeleton_option_of_check_and_groups_must_fit_the_file(run, body, tmp_path):
+    walk = write_arrays(tmp_path / "walk.npz", amass_arrays(n_frames=200))
+    other = tmp_path / "other.json"
+    other.write_text('{"nose": [0, 0, 1]}')
+    for words in (["check", walk], ["groups", walk], ["groups", walk, "--preset", "auto:2"]):
+        assert run(*words, "--skeleton", body)[0] == 0
+        code, _, err = run(*words, "--skeleton", other)
+        assert code != 0
+        assert "nose" in err
+
+
+def test_match_option_of_plot_draws_clips_of_several_figures(run, mixed, tmp_path, capsys):
+    words = [mixed, "--match", "anatomy", "-o"]
+    for kind in ("pca", "timeline", "groups"):
+        code, _, err = run("plot", kind, *words, tmp_path / f"{kind}.svg")
+        assert code == 0, err
+        assert kind == "groups" or "joints matched by anatomy" in err
+    assert run("plot", "pca", mixed, "-o", tmp_path / "names.svg")[0] == 1
+    with pytest.raises(SystemExit, match="2"):
+        run("plot", "strip", *words, tmp_path / "strip.svg")
+    assert "--match requires timeline, pca, dendrogram, clusters, groups" in capsys.readouterr().err
+
+
+def test_match_option_of_stream_serves_clips_of_several_figures(run, mixed, monkeypatch):
+    served = []
+    monkeypatch.setattr(StreamServer, "serve_forever", lambda server: served.append(server))
+    assert run("stream", mixed, "--port", "0")[0] == 1
+    code, _, err = run("stream", mixed, "--match", "anatomy", "--port", "0")
+    assert code == 0, err
+    (server,) = served
+    monkeypatch.undo()
+    with server:  # which closes the socket
+        pass
+    assert server.library.spec.match == "anatomy"
 
 
 def test_export_like_amass_takes_unchanged_arrays_through_bvh(run, body, tmp_path):

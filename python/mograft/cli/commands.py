@@ -294,6 +294,7 @@ COMMANDS = (
         "check the syntax of motion files, and list faults of the recordings",
         MOTION_FILES,
         setting_switch("--strict", "treat every deviation from the BVH format as an error"),
+        SKELETON,
         JSON,
     ),
     command(
@@ -312,6 +313,7 @@ COMMANDS = (
             preset_or_automatic(PRESETS),
             "lower_upper",
         ),
+        SKELETON,
         output_option("TOML file to write (default: stdout)"),
         FORCE,
         JSON,
@@ -368,6 +370,7 @@ COMMANDS = (
         ),
         groups_option(FIGURE_COLOURS, "trunk, arms and legs"),
         SEGMENTATION,
+        SKELETON,
         option("--title", "title of the page (default: the names of the first three motions)"),
         output_option("HTML file to write (default: a temporary file, opened in the browser)"),
         switch("--open", "open the page in the browser, even if -o is given"),

@@ -6,9 +6,11 @@ from pathlib import Path
 from mograft._util.atomic import write_text
 from mograft._util.automatic_groups import automatic_number, is_automatic
 from mograft.body.groups import JointGroups
+from mograft.cli.configuration import selected_skeleton
 from mograft.cli.files import check_suffix, check_writable, expand_folders
 from mograft.cli.output import print_result
 from mograft.io.addresses import read_clip
+from mograft.library.group_choice import discover_groups
 
 
 def run(options: argparse.Namespace) -> int:
@@ -17,9 +19,11 @@ def run(options: argparse.Namespace) -> int:
     if target is not None:
         check_suffix(options, ".toml")
     files = expand_folders([options.file])
-    skeleton = read_clip(files[0]).skeleton
+    rest = selected_skeleton(options)
+    skeleton = read_clip(files[0], skeleton=rest).skeleton
     if is_automatic(options.preset):
-        groups = JointGroups.discover(files, automatic_number(options.preset))
+        number = automatic_number(options.preset)
+        groups = discover_groups(files, number, skeleton=rest).groups
     else:
         groups = JointGroups.preset(options.preset, skeleton)
     if target is not None:

@@ -16,6 +16,7 @@ from mograft.cli.options import (
     FORCE,
     INCLUDE_GRAFTS,
     JSON,
+    MATCH,
     SEGMENTATION,
     SKELETON,
     files_argument,
@@ -46,6 +47,8 @@ PLOT = command(
     groups_option(default="lower_upper; for strip trunk, arms and legs; for groups auto"),
     SEGMENTATION,
     INCLUDE_GRAFTS,
+    MATCH,
+    SKELETON,
     option(
         "--group NAME",
         "joint group that pca, dendrogram or clusters draws (default: the base group)",

@@ -17,6 +17,7 @@ from mograft.cli.configuration import (
     refuse_useless_options,
     selected_config,
     selected_groups,
+    selected_skeleton,
 )
 from mograft.cli.files import (
     check_writable,
@@ -42,6 +43,7 @@ _ENDINGS = (".png", ".svg", ".pdf")
 _KINDS_OF_OPTION = {
     "frames": ("strip", "timeline", "energy"),
     "groups": ("strip", "timeline", "pca", "dendrogram", "clusters", "groups"),
+    "match": ("timeline", "pca", "dendrogram", "clusters", "groups"),
     "segmentation": ("timeline", "energy", "pca", "dendrogram", "clusters", "groups"),
     "group": ("pca", "dendrogram", "clusters"),
 }
@@ -79,8 +81,8 @@ def run(options: argparse.Namespace) -> int:
 def _draw(options: argparse.Namespace) -> "Axes":
     folder = library_folder(options)
     if folder is not None:
-        fixed = ("segmentation",) if options.kind == "groups" else ("groups", "segmentation")
-        refuse_fixed_options(options, *fixed)
+        fixed = () if options.kind == "groups" else ("groups",)
+        refuse_fixed_options(options, *fixed, "segmentation", "match", "skeleton")
     if options.clip and (folder is None or options.kind not in _KINDS_OF_OPTION["frames"]):
         options.usage_error(
             "--clip requires a library, and one of the kinds strip, timeline and energy"
@@ -123,6 +125,8 @@ def _discovery(options: argparse.Namespace, folder: Path | None) -> GroupDiscove
         expand_folders(options.files, include_grafts=options.include_grafts),
         automatic_number(name),
         config=selected_config(options),
+        match=options.match or "names",
+        skeleton=selected_skeleton(options),
     )
 
 
@@ -139,7 +143,7 @@ def _timeline_scene(options: argparse.Namespace, folder: Path | None) -> Scene:
     grafts = [file for file in files if has_provenance(Path(split_address(file)[0]))]
     options.files = [file for file in files if file not in grafts]
     libraries = [load_library(options)] if options.files else []
-    return Scene.of([*libraries, *grafts])
+    return Scene.of([*libraries, *grafts], skeleton=selected_skeleton(options))
 
 
 def _single_motion(
@@ -158,7 +162,7 @@ def _single_motion(
     else:
         files = expand_folders(options.files)
         groups = figure_groups(options, files)
-        motions = [read_clip(file) for file in files]
+        motions = [read_clip(file, skeleton=selected_skeleton(options)) for file in files]
         config = selected_config(options)
     if len(motions) != 1:
         raise ValueError(f"{options.kind} shows exactly one motion, got {len(motions)}")

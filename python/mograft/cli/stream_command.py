@@ -8,7 +8,9 @@ from mograft.cli.options import (
     GROUPS,
     INCLUDE_GRAFTS,
     JSON,
+    MATCH,
     SEGMENTATION,
+    SKELETON,
     VARIETY,
 )
 from mograft.cli.values import non_negative_integer, positive_number
@@ -18,6 +20,8 @@ STREAM = command(
     "serve grafts of a motion that arrives frame by frame to game engines and other programs",
     FILES_OR_LIBRARY,
     INCLUDE_GRAFTS,
+    MATCH,
+    SKELETON,
     GROUPS,
     SEGMENTATION,
     VARIETY,

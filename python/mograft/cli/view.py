@@ -3,7 +3,12 @@
 import argparse
 from pathlib import Path
 
-from mograft.cli.configuration import figure_groups, refuse_fixed_options, selected_config
+from mograft.cli.configuration import (
+    figure_groups,
+    refuse_fixed_options,
+    selected_config,
+    selected_skeleton,
+)
 from mograft.cli.files import (
     check_suffix,
     check_writable,
@@ -34,9 +39,10 @@ def run(options: argparse.Namespace) -> int:
             config=selected_config(options),
             title=options.title,
             show=False,
+            skeleton=selected_skeleton(options),
         )
     else:
-        refuse_fixed_options(options, "groups", "segmentation")
+        refuse_fixed_options(options, "groups", "segmentation", "skeleton")
         library = Library.open(folder)
         clips = Scene.of_clips(library, select_clips(library, options.clip))
         page = view(clips, title=options.title, show=False)

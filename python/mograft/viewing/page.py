@@ -19,6 +19,7 @@ from mograft._util.atomic import write_text
 from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.encoding import MAX_NODE_POSITIONS, encode_scene
 from mograft.viewing.scene import Item, Scene
@@ -110,6 +111,7 @@ def view(
     config: Config | None = None,
     title: str | None = None,
     show: bool | None = None,
+    skeleton: Skeleton | None = None,
 ) -> Page:
     """Show motions side by side, with the timeline of their segments.
 
@@ -132,6 +134,9 @@ def view(
     show : bool, optional
         Whether to open the browser. Default: True if Python runs in a terminal. A notebook shows
         the page inline if the page is the value of a cell.
+    skeleton : Skeleton, optional
+        Rest pose for files that store none, such as those of AMASS; see `read`. Default: the
+        stand-in of the reader.
 
     Returns
     -------
@@ -152,7 +157,7 @@ def view(
     >>> page.html.startswith("<!doctype html>")
     True
     """
-    scene = Scene.of(items, groups, config)
+    scene = Scene.of(items, groups, config, skeleton)
     page_title = title or " and ".join(figure.name for figure in scene.figures[:3])
     page = viewer_page(scene, page_title)
     if show is None:

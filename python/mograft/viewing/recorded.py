@@ -10,6 +10,7 @@ from mograft.errors import MograftError, ProvenanceError
 from mograft.io.addresses import read_clip
 from mograft.library.discover import has_provenance
 from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
 from mograft.search.constraint_records import decode_constraint
 from mograft.search.constraints import Constraint
 from mograft.synthesis.graft_record import DAMAGE, ClipRecord, GraftRecord, read_clip_record
@@ -75,12 +76,19 @@ def _recorded_row(record: GraftRecord, group: str) -> TimelineRow:
     )
 
 
-def recorded_base(motion: Motion, record: GraftRecord) -> Motion | None:
-    """Return the base of a graft; None if its file is missing, changed or of another length."""
+def recorded_base(
+    motion: Motion, record: GraftRecord, skeleton: Skeleton | None = None
+) -> Motion | None:
+    """Return the base of a graft; None if its file is missing, changed or of another length.
+
+    `skeleton` is the rest pose for files that store none, by default that of the provenance.
+    """
+    if skeleton is None and record.library is not None:
+        skeleton = record.library.rest
     for clip in record.clips:
         if clip.is_base and clip.name == record.base and not clip.is_mirrored:
             try:
-                base = read_clip(find_clip(record, clip, ()))
+                base = read_clip(find_clip(record, clip, ()), skeleton=skeleton)
             except (MograftError, OSError):
                 return None
             return base if base.n_frames == motion.n_frames else None

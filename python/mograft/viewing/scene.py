@@ -39,6 +39,7 @@ class Scene:
         items: "Iterable[Item]",
         groups: JointGroups | str | None = None,
         config: Config | None = None,
+        skeleton: Skeleton | None = None,
     ) -> "Scene":
         """Return a scene of the figures of motions, grafts, libraries and other scenes.
 
@@ -51,7 +52,7 @@ class Scene:
         of a graft), otherwise trunk, arms and legs. `groups` have no effect on grafts, their bases
         and the clips of these libraries, which have the colours of their library or .json file, and
         on the figures of scenes. `config` holds the parameters of the segmentation of motions that
-        are no clip of these libraries.
+        are no clip of these libraries. `skeleton` is the rest pose for files that store none.
 
         Raise a TypeError if an item has another type, and a ValueError if there is no item or the
         groups do not fit a skeleton.
@@ -59,7 +60,7 @@ class Scene:
         items = list(items)
         sources = [item.library if isinstance(item, Graft) else item for item in items]
         libraries = [source for source in sources if isinstance(source, Library)]
-        scene = _Builder(groups, libraries, config)
+        scene = _Builder(groups, libraries, config, skeleton)
         for item in items:
             scene.add(item)
         if not scene.figures:
@@ -95,8 +96,10 @@ class _Builder:
         groups: JointGroups | str | None,
         libraries: Sequence[Library],
         config: Config | None,
+        skeleton: Skeleton | None,
     ) -> None:
         self.groups, self.libraries, self.config = groups, libraries, config
+        self.skeleton = skeleton
         self.figures: list[Figure] = []
         self.constraints: list[ShownConstraint] = []
         self.tables: dict[tuple[int, ...], CandidateTable] = {}
@@ -125,17 +128,17 @@ class _Builder:
             )
 
     def _add_file(self, path: str | os.PathLike[str]) -> None:
-        for address in find_addresses(os.fspath(path)):
+        for address in find_addresses(os.fspath(path), skeleton=self.skeleton):
             self._add_clip(address)
 
     def _add_clip(self, address: str) -> None:
-        motion = read_clip(address)
+        motion = read_clip(address, skeleton=self.skeleton)
         recorded = read_recorded(motion, Path(split_address(address)[0]))
         if recorded is None:
             self.add(motion)
             return
         figure, record = recorded
-        base = recorded_base(motion, record)
+        base = recorded_base(motion, record, self.skeleton)
         if base is not None:
             shown = _motion_figure(base, None, (), record.config)
             self._add_figure(replace(shown, members=figure.members))
