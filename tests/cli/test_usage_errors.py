@@ -78,7 +78,10 @@ def test_main_number_out_of_range_names_option_and_range(capsys, command, option
         ("graft {} --avoid sphere:0,0,0,-1", "--avoid sphere: `radius` must not be negative"),
         ("plot pca {} --frames 1-5", "--frames requires strip, timeline, energy; got pca"),
         ("plot strip {} --group lower", "--group requires pca, dendrogram, clusters; got strip"),
-        ("view {} --groups wings", "--groups must be a TOML file or one of lower_upper"),
+        (
+            "view {} --groups wings",
+            "--groups must be a TOML file, auto, auto:N or one of lower_upper",
+        ),
         ("evaluate {} enrichmen", "expected a file or one of enrichment, balance, naturalness"),
     ],
 )
