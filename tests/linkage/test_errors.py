@@ -1,5 +1,8 @@
 """Errors for invalid input, beside those of SciPy and scikit-learn."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from scipy.cluster import hierarchy
@@ -202,3 +205,26 @@ def test_cophenet_too_many_pairs_raises_memory_error():
     tree[0, 1] = 1
     with pytest.raises(MemoryError):
         mg.dendrogram.cophenet(tree)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the limit is that of Linux")
+@pytest.mark.parametrize("megabytes", [1, 4, 12, 40])
+def test_limited_address_space_raises_memory_error_or_succeeds(megabytes):
+    """The process is never aborted, whatever thread needs memory first."""
+    code = f"""
+import resource
+import numpy as np
+import mograft as mg
+points = np.random.default_rng(0).normal(size=(3000, 10))
+mg.linkage(points[:9])
+size = [line for line in open("/proc/self/status") if line.startswith("VmSize")][0]
+limit = (int(size.split()[1]) << 10) + ({megabytes} << 20)
+resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+try:
+    print(len(mg.linkage(points, threads=4)))
+except MemoryError as error:
+    print("MemoryError", error)
+"""
+    child = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    words = child.stdout.split()
+    assert words[0] == "MemoryError" if megabytes == 1 else words[0] in ("2999", "MemoryError")

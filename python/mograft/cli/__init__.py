@@ -63,6 +63,8 @@ def _run(options: argparse.Namespace) -> int:
             text = str(error)
             if isinstance(error, OSError) and error.filename and error.strerror:
                 text = f"{error.filename}: {error.strerror}"
+            elif isinstance(error, MemoryError):
+                text = f"out of memory: {text}" if text else "out of memory"
             print_error(text)
             code = 1
         except KeyboardInterrupt:

@@ -8,7 +8,9 @@ import sys
 import threading
 import time
 import traceback
+from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -72,7 +74,17 @@ class StreamServer:
         self.library = library
         self.limits = limits or ServerLimits()
         self._path = address if isinstance(address, Path) else None
-        self._server = _open_server(address, self)
+        self._socket_file = ExitStack()
+        if isinstance(address, Path):
+            _remove_dead_socket(address)
+            unlink = partial(address.unlink, missing_ok=True)
+            # Before the socket is made: a signal may end the process at any time.
+            self._socket_file.enter_context(clean_up_by(unlink))
+        try:
+            self._server = _open_server(address, self)
+        except BaseException:
+            self._socket_file.close()
+            raise
         self._free = threading.Semaphore(self.limits.max_connections)
 
     @property
@@ -90,8 +102,10 @@ class StreamServer:
 
     def serve_forever(self) -> None:
         """Serve clients until `close` is called in another thread, or an exception is raised."""
-        with clean_up_by(self._release):
+        try:
             self._server.serve_forever(_POLL_SECONDS)
+        finally:
+            self._release()
 
     def close(self) -> None:
         """End `serve_forever`, which must run in another thread."""
@@ -99,8 +113,7 @@ class StreamServer:
 
     def _release(self) -> None:
         self._server.server_close()
-        if self._path is not None:
-            self._path.unlink(missing_ok=True)
+        self._socket_file.close()
 
     def __enter__(self) -> Self:
         """Serve clients in a thread until the block ends."""
@@ -225,7 +238,6 @@ def _open_server(address: tuple[str, int] | Path, owner: StreamServer) -> _TcpSe
     if isinstance(address, Path):
         if not hasattr(socket, "AF_UNIX"):
             raise OSError("this system has no Unix sockets; use a port")
-        _remove_dead_socket(address)
         server_type = type("_UnixServer", (_TcpServer,), {"address_family": socket.AF_UNIX})
         target = str(address)
     elif ":" in address[0]:

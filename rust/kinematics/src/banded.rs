@@ -1,6 +1,7 @@
 //! Linear systems whose matrix has few diagonals.
 
 use crate::error::{Error, check_len};
+use crate::memory::{copied, filled};
 
 /// Solution of A x = b for a symmetric positive definite matrix of five diagonals.
 ///
@@ -12,13 +13,13 @@ use crate::error::{Error, check_len};
 ///
 /// # Errors
 ///
-/// If the lengths disagree, or if A is not positive definite or has a NaN.
+/// If the lengths disagree, A is not positive definite or has a NaN, or memory is exhausted.
 pub fn solve_pentadiagonal(
     bands: &[[f64; 3]],
     rhs: &[f64],
     width: usize,
 ) -> Result<Vec<f64>, Error> {
-    let mut x = rhs.to_vec();
+    let mut x = copied(rhs)?;
     solve_in_place(bands, &mut x, width)?;
     Ok(x)
 }
@@ -27,9 +28,9 @@ pub fn solve_pentadiagonal(
 pub(crate) fn solve_in_place(bands: &[[f64; 3]], x: &mut [f64], width: usize) -> Result<(), Error> {
     let n = bands.len();
     check_len(x.len(), n * width)?;
-    let mut pivots = vec![0.0; n];
+    let mut pivots = filled(0.0, n)?;
     // Columns 1 and 2 below the diagonal of L.
-    let mut lower = vec![[0.0; 2]; n];
+    let mut lower = filled([0.0; 2], n)?;
     for row in 0..n {
         let [mut pivot, mut first, second] = bands[row];
         if row >= 1 {

@@ -7,6 +7,7 @@
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, check_len};
+use crate::memory::{collected, filled, reserve};
 use crate::rotation::rotate;
 
 /// Both ends of every capsule in every frame.
@@ -32,7 +33,7 @@ pub fn capsule_ends(
     if let Some(&joint) = joints.iter().find(|&&joint| joint >= n_joints) {
         return Err(Error::LengthMismatch { expected: joint + 1, given: n_joints });
     }
-    let mut ends = Vec::with_capacity(2 * n_frames * joints.len());
+    let mut ends = reserve(2 * n_frames * joints.len())?;
     for first in (0..rotations.len()).step_by(n_joints.max(1)) {
         for (&joint, &bone) in joints.iter().zip(bones) {
             let start = positions[first + joint];
@@ -103,7 +104,7 @@ pub fn clearance(
     }
     if pairs.is_empty() {
         let n_frames = other_frames.len();
-        return Ok((vec![f64::INFINITY; n_frames], vec![-1; n_frames]));
+        return Ok((filled(f64::INFINITY, n_frames)?, filled(-1, n_frames)?));
     }
     if let Some(&frame) = other_frames.iter().find(|&&frame| frame >= n_other_frames) {
         return Err(Error::LengthMismatch { expected: frame + 1, given: n_other_frames });
@@ -112,15 +113,16 @@ pub fn clearance(
         Body::new(radii, pairs.iter().map(|pair| pair.0)),
         Body::new(other_radii, pairs.iter().map(|pair| pair.1)),
     ];
-    Ok(other_frames
-        .iter()
-        .enumerate()
-        .map(|(frame, &other_frame)| {
-            bodies[0].set_frame(&ends[frame * width..][..width]);
-            bodies[1].set_frame(&others[other_frame * other_width..][..other_width]);
-            nearest_pair(&bodies, pairs)
-        })
-        .unzip())
+    let mut distances = reserve(other_frames.len())?;
+    let mut nearest = reserve(other_frames.len())?;
+    for (frame, &other_frame) in other_frames.iter().enumerate() {
+        bodies[0].set_frame(&ends[frame * width..][..width]);
+        bodies[1].set_frame(&others[other_frame * other_width..][..other_width]);
+        let (distance, pair) = nearest_pair(&bodies, pairs);
+        distances.push(distance);
+        nearest.push(pair);
+    }
+    Ok((distances, nearest))
 }
 
 /// The capsules of a body in one frame.
@@ -213,11 +215,8 @@ pub fn box_clearance(
         let inner = distance(a.lerp(b, 0.5 * (low + high)));
         inner.min(distance(a)).min(distance(b)) - radius
     };
-    Ok(ends
-        .chunks_exact(2)
-        .zip(radii.iter().cycle())
-        .map(nearest)
-        .collect())
+    let distances = ends.chunks_exact(2).zip(radii.iter().cycle()).map(nearest);
+    collected(distances, ends.len() / 2)
 }
 
 #[cfg(test)]

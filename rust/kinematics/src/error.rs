@@ -59,8 +59,11 @@ pub enum Error {
         /// First row without a positive pivot.
         row: usize,
     },
-    /// A result that does not fit in memory.
-    OutOfMemory,
+    /// The system has refused memory.
+    OutOfMemory {
+        /// Bytes requested.
+        bytes: usize,
+    },
 }
 
 impl std::error::Error for Error {}
@@ -71,9 +74,7 @@ impl fmt::Display for Error {
             Self::TooFewFrames { needed, given } => {
                 write!(f, "at least {needed} frames are required, got {given}")
             }
-            Self::OutOfMemory => {
-                write!(f, "`counts` must not add up to more frames than memory holds")
-            }
+            Self::OutOfMemory { bytes } => write!(f, "unable to allocate {bytes} bytes"),
             Self::TimesNotIncreasing => write!(f, "`frame_times` must strictly increase"),
             Self::LengthMismatch { expected, given } => {
                 write!(f, "expected {expected} values, got {given}")

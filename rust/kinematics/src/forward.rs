@@ -3,6 +3,7 @@
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, check_len, check_parents};
+use crate::memory::copied;
 use crate::rotation::rotate;
 
 /// World rotations and positions of every joint in every frame.
@@ -14,7 +15,7 @@ use crate::rotation::rotate;
 /// # Errors
 ///
 /// If the two buffers differ in length or are not a whole number of frames, or if a parent
-/// does not precede its child.
+/// does not precede its child, or if memory is exhausted.
 pub fn world(
     parents: &[i64],
     rotations: &[DQuat],
@@ -22,8 +23,8 @@ pub fn world(
 ) -> Result<(Vec<DQuat>, Vec<DVec3>), Error> {
     check(parents, rotations, positions)?;
     let n_joints = parents.len();
-    let mut world_rotations = rotations.to_vec();
-    let mut world_positions = positions.to_vec();
+    let mut world_rotations = copied(rotations)?;
+    let mut world_positions = copied(positions)?;
     for first in (0..rotations.len()).step_by(n_joints.max(1)) {
         for (joint, &parent) in parents
             .iter()
@@ -52,7 +53,7 @@ pub fn local(
     positions: &[DVec3],
 ) -> Result<(Vec<DQuat>, Vec<DVec3>), Error> {
     check(parents, rotations, positions)?;
-    let (mut local_rotations, mut local_positions) = (rotations.to_vec(), positions.to_vec());
+    let (mut local_rotations, mut local_positions) = (copied(rotations)?, copied(positions)?);
     for first in (0..rotations.len()).step_by(parents.len().max(1)) {
         for (joint, &parent) in parents
             .iter()

@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use crate::banded::solve_in_place;
 use crate::error::{Error, check_len};
+use crate::memory::{filled, reserve};
 use crate::value::{Value, add};
 
 /// Joints that are solved for at a time, so that the changes of a long motion take little memory.
@@ -45,7 +46,8 @@ pub struct Objective {
 ///
 /// # Errors
 ///
-/// If the lengths disagree or segments do not follow each other; `values` are unchanged then.
+/// If the lengths disagree or segments do not follow each other; `values` are unchanged then. If
+/// memory is exhausted, the values of some joints may have changed.
 pub fn smooth_gradient<V: Value>(
     values: &mut [V],
     n_joints: usize,
@@ -56,15 +58,15 @@ pub fn smooth_gradient<V: Value>(
     check_len(values.len(), frames.len() * n_joints)?;
     check_len(donors.rows.len(), n_joints * row_count(&donors))?;
     check_len(donors.accelerations.len(), n_joints * donors.seams.len())?;
-    let is_free = free_frames(&donors, frames.len(), objective.reach);
+    let is_free = free_frames(&donors, frames.len(), objective.reach)?;
     let joints = moving_joints(donors.rows, n_joints);
     if joints.is_empty() || !is_free.contains(&true) {
         return Ok(());
     }
-    let bands = normal_matrix(&frames, &is_free, objective.weights);
+    let bands = normal_matrix(&frames, &is_free, objective.weights)?;
     for joints in joints.chunks(JOINTS_PER_BLOCK) {
         let system = System { values, n_joints, donors, frames: &frames, is_free: &is_free };
-        let mut change = system.slopes(joints, objective.weights);
+        let mut change = system.slopes(joints, objective.weights)?;
         solve_in_place(&bands, &mut change, 3 * joints.len())?;
         for (frame, change) in change.chunks_exact(3 * joints.len()).enumerate() {
             for (&joint, delta) in joints.iter().zip(change.chunks_exact(3)) {
@@ -90,7 +92,12 @@ struct Frame {
 impl Frame {
     fn list<V>(donors: &Donors<V>) -> Result<Vec<Self>, Error> {
         check_len(donors.stops.len(), donors.starts.len())?;
-        let mut frames: Vec<Self> = Vec::new();
+        let n_rows = donors
+            .starts
+            .iter()
+            .zip(donors.stops)
+            .map(|(start, stop)| stop.saturating_sub(*start).saturating_add(1));
+        let mut frames = reserve(n_rows.fold(0, usize::saturating_add))?;
         let (mut row, mut seams) = (0, donors.seams.iter().enumerate().peekable());
         let first = donors.starts.first().copied().unwrap_or(0);
         for (segment, (&start, &stop)) in donors.starts.iter().zip(donors.stops).enumerate() {
@@ -123,8 +130,8 @@ fn row_count<V>(donors: &Donors<V>) -> usize {
 }
 
 /// Whether each frame is within reach of a seam and not an end of the motion.
-fn free_frames<V>(donors: &Donors<V>, n_frames: usize, reach: f64) -> Vec<bool> {
-    let mut is_free = vec![false; n_frames];
+fn free_frames<V>(donors: &Donors<V>, n_frames: usize, reach: f64) -> Result<Vec<bool>, Error> {
+    let mut is_free = filled(false, n_frames)?;
     let first = donors.starts.first().copied().unwrap_or(0);
     for &seam in donors.seams {
         let Some(&stop) = donors.stops.get(seam) else { continue };
@@ -135,7 +142,7 @@ fn free_frames<V>(donors: &Donors<V>, n_frames: usize, reach: f64) -> Vec<bool> 
     if let [first, .., last] = &mut is_free[..] {
         (*first, *last) = (false, false);
     }
-    is_free
+    Ok(is_free)
 }
 
 /// The joints whose donors are not constant.
@@ -162,9 +169,9 @@ impl<V: Value> System<'_, V> {
     /// Half of the gradient of the sum at `values`: three components per joint, frame by frame.
     ///
     /// It is 0 in frames that are not free.
-    fn slopes(&self, joints: &[usize], weights: [f64; 3]) -> Vec<f64> {
+    fn slopes(&self, joints: &[usize], weights: [f64; 3]) -> Result<Vec<f64>, Error> {
         let (n, width) = (self.frames.len(), joints.len());
-        let mut slopes = vec![0.0; 3 * n * width];
+        let mut slopes = filled(0.0, 3 * n * width)?;
         let mut add = |f: usize, column: usize, slope: DVec3| {
             if self.is_free[f] {
                 let at = 3 * (f * width + column);
@@ -206,7 +213,7 @@ impl<V: Value> System<'_, V> {
                 *last = (step, target);
             }
         }
-        slopes
+        Ok(slopes)
     }
 
     fn value_error(&self, f: usize, joint: usize) -> DVec3 {
@@ -225,8 +232,12 @@ impl<V: Value> System<'_, V> {
 /// The matrix of the normal equations for [`crate::banded::solve_pentadiagonal`].
 ///
 /// Rows and columns of fixed frames are those of the identity.
-fn normal_matrix(frames: &[Frame], is_free: &[bool], weights: [f64; 3]) -> Vec<[f64; 3]> {
-    let mut bands = vec![[weights[0], 0.0, 0.0]; frames.len()];
+fn normal_matrix(
+    frames: &[Frame],
+    is_free: &[bool],
+    weights: [f64; 3],
+) -> Result<Vec<[f64; 3]>, Error> {
+    let mut bands = filled([weights[0], 0.0, 0.0], frames.len())?;
     let mut add = |first: usize, stencil: &[f64], weight: f64| {
         for (i, a) in stencil.iter().enumerate() {
             for (j, b) in stencil[i..].iter().enumerate() {
@@ -255,7 +266,7 @@ fn normal_matrix(frames: &[Frame], is_free: &[bool], weights: [f64; 3]) -> Vec<[
             }
         }
     }
-    bands
+    Ok(bands)
 }
 
 #[cfg(test)]

@@ -21,6 +21,7 @@
 //! | [`offset`] | decaying offsets at seams |
 //! | [`gradient`] | smoothing of seams that keeps derivatives |
 //! | [`banded`] | linear systems of five diagonals |
+//! | [`memory`] | vectors whose allocation may fail |
 
 pub mod banded;
 pub mod capsule;
@@ -30,6 +31,7 @@ mod error;
 pub mod forward;
 pub mod gradient;
 pub mod keyframes;
+pub mod memory;
 pub mod offset;
 pub mod pose;
 pub mod resample;

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use crate::error::{Error, check_len};
+use crate::memory::copied;
 use crate::value::{Value, add};
 
 /// The times of n frames in the pieces between successive seams.
@@ -56,7 +57,7 @@ pub fn add_offsets<V: Value>(
     if let Some(&segment) = times.piece.iter().find(|&&p| p >= times.windows.len()) {
         return Err(Error::InvalidSegment { segment });
     }
-    let mut sums = values.to_vec();
+    let mut sums = copied(values)?;
     for (frame, &piece) in times.piece.iter().enumerate() {
         let own = &mut sums[frame * n_joints..(frame + 1) * n_joints];
         let window = times.windows[piece];

@@ -5,6 +5,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, check_len};
+use crate::memory::{collected, filled, reserve};
 
 /// Mean angle over the joints between each of `ends` and each of `starts`, in radians.
 ///
@@ -13,7 +14,7 @@ use crate::error::{Error, check_len};
 ///
 /// # Errors
 ///
-/// If a buffer is not a whole number of poses.
+/// If a buffer is not a whole number of poses, or memory is exhausted.
 pub fn pose_gaps(ends: &[DQuat], starts: &[DQuat], n_joints: usize) -> Result<Vec<f64>, Error> {
     all_gaps(ends, starts, n_joints, DQuat::to_array, add_angles)
 }
@@ -76,9 +77,11 @@ fn all_gaps<T: Copy, const D: usize>(
     let width = n_joints.max(1);
     check_len(ends.len(), ends.len() / width * n_joints)?;
     check_len(starts.len(), starts.len() / width * n_joints)?;
-    let starts: Vec<_> = starts.chunks_exact(width).collect();
-    let blocks = Blocks::new(&starts, &components);
-    let mut gaps = Vec::with_capacity((ends.len() / width) * starts.len());
+    let starts = collected(starts.chunks_exact(width), starts.len() / width)?;
+    let blocks = Blocks::new(&starts, &components)?;
+    let n_ends = ends.len() / width;
+    // The last block of lanes is truncated after it was appended.
+    let mut gaps = reserve((n_ends * starts.len()).saturating_add(LANES))?;
     for end in ends.chunks_exact(width) {
         blocks.push_mean_gaps(end, &components, &add_gaps, &mut gaps);
     }
@@ -98,12 +101,15 @@ fn gaps_along<T: Copy, const D: usize>(
     let n_poses = ends.len() / width;
     check_len(ends.len(), n_poses * n_joints)?;
     check_len(starts.len(), n_poses * n_joints)?;
-    check_len(candidates.len(), counts.iter().sum())?;
+    check_len(candidates.len(), counts.iter().fold(0, |sum, n| n.saturating_add(sum)))?;
     if let Some(&pose) = candidates.iter().find(|&&pose| pose >= n_poses) {
         return Err(Error::InvalidPose { pose });
     }
-    let n_gaps = counts.windows(2).map(|pair| pair[0] * pair[1]).sum();
-    let mut gaps = Vec::with_capacity(n_gaps);
+    let n_gaps = counts
+        .windows(2)
+        .map(|pair| pair[0].saturating_mul(pair[1]));
+    let n_gaps = n_gaps.fold(LANES, usize::saturating_add);
+    let mut gaps = reserve(n_gaps)?;
     let mut rest = candidates;
     for pair in counts.windows(2) {
         let (left, right) = rest.split_at(pair[0]);
@@ -112,7 +118,7 @@ fn gaps_along<T: Copy, const D: usize>(
             .iter()
             .map(|&pose| &starts[pose * width..][..width])
             .collect();
-        let blocks = Blocks::new(&starts, &components);
+        let blocks = Blocks::new(&starts, &components)?;
         for &pose in left {
             let end = &ends[pose * width..][..width];
             blocks.push_mean_gaps(end, &components, &add_gaps, &mut gaps);
@@ -132,9 +138,9 @@ struct Blocks<const D: usize> {
 }
 
 impl<const D: usize> Blocks<D> {
-    fn new<T: Copy>(poses: &[&[T]], components: impl Fn(&T) -> [f64; D]) -> Self {
+    fn new<T: Copy>(poses: &[&[T]], components: impl Fn(&T) -> [f64; D]) -> Result<Self, Error> {
         let n_joints = poses.first().map_or(0, |pose| pose.len());
-        let mut lanes = vec![[[0.0; LANES]; D]; poses.len().div_ceil(LANES) * n_joints];
+        let mut lanes = filled([[0.0; LANES]; D], poses.len().div_ceil(LANES) * n_joints)?;
         for (block, poses) in lanes.chunks_mut(n_joints.max(1)).zip(poses.chunks(LANES)) {
             for lane in 0..LANES {
                 let pose = poses[lane.min(poses.len() - 1)];
@@ -145,7 +151,7 @@ impl<const D: usize> Blocks<D> {
                 }
             }
         }
-        Self { lanes, n_poses: poses.len() }
+        Ok(Self { lanes, n_poses: poses.len() })
     }
 
     /// Append the mean gap between a pose and each of these.

@@ -9,6 +9,7 @@ use std::f64::consts::{FRAC_2_PI, PI, TAU};
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, check_len};
+use crate::memory::{collected, copied, reserve};
 
 /// Below this angle, the sine equals the angle in f64.
 const SMALL_ANGLE: f64 = 1e-8;
@@ -129,8 +130,12 @@ pub fn slerp(a: DQuat, b: DQuat, t: f64) -> DQuat {
 /// `rotations` has `n_joints` quaternions per frame. In the first frame w ≥ 0; the dot product of
 /// the quaternions of a joint in consecutive frames is not negative. Takes O(frames × joints) time.
 /// NaN keeps the sign of the frame before.
-pub fn continuous_signs(rotations: &[DQuat], n_joints: usize) -> Vec<DQuat> {
-    let mut signed = rotations.to_vec();
+///
+/// # Errors
+///
+/// If memory is exhausted.
+pub fn continuous_signs(rotations: &[DQuat], n_joints: usize) -> Result<Vec<DQuat>, Error> {
+    let mut signed = copied(rotations)?;
     for i in 0..signed.len() {
         let is_flipped = match i.checked_sub(n_joints) {
             Some(before) => signed[i].dot(signed[before]) < 0.0,
@@ -140,24 +145,31 @@ pub fn continuous_signs(rotations: &[DQuat], n_joints: usize) -> Vec<DQuat> {
             signed[i] = -signed[i];
         }
     }
-    signed
+    Ok(signed)
 }
 
 /// Intrinsic Euler angles to rotations: each about an axis of the frame already rotated.
 ///
 /// `angles` holds `axes.len()` angles in radians for each of `n` rotations; axis 0, 1, 2 is x, y,
 /// z. Without axes the result is the identity `n` times.
-pub fn from_euler(angles: &[f64], axes: &[usize], n: usize) -> Vec<DQuat> {
-    (0..n)
-        .map(|i| {
-            let angles = &angles[i * axes.len()..][..axes.len()];
-            let mut q = [0.0, 0.0, 0.0, 1.0];
-            for (&axis, &angle) in axes.iter().zip(angles) {
-                turn(&mut q, axis, angle);
-            }
-            DQuat::from_array(q)
-        })
-        .collect()
+///
+/// # Errors
+///
+/// If the lengths disagree, an axis does not exist, or memory is exhausted.
+pub fn from_euler(angles: &[f64], axes: &[usize], n: usize) -> Result<Vec<DQuat>, Error> {
+    check_len(angles.len(), n.saturating_mul(axes.len()))?;
+    if axes.iter().any(|&axis| axis > 2) {
+        return Err(Error::InvalidChannel);
+    }
+    let rotations = (0..n).map(|i| {
+        let angles = &angles[i * axes.len()..][..axes.len()];
+        let mut q = [0.0, 0.0, 0.0, 1.0];
+        for (&axis, &angle) in axes.iter().zip(angles) {
+            turn(&mut q, axis, angle);
+        }
+        DQuat::from_array(q)
+    });
+    collected(rotations, n)
 }
 
 /// Rotations from the channels of successive frames, as [`from_euler`] for every joint.
@@ -185,7 +197,7 @@ pub fn from_channels(
     if !is_ordered || !turns.iter().all(exists) {
         return Err(Error::InvalidChannel);
     }
-    let mut rotations: Vec<DQuat> = Vec::with_capacity(n_frames * n_joints);
+    let mut rotations: Vec<DQuat> = reserve(n_frames.saturating_mul(n_joints))?;
     for frame in values.chunks_exact(n_channels.max(1)) {
         for joint in starts.windows(2) {
             let mut q = [0.0, 0.0, 0.0, 1.0];
@@ -264,15 +276,24 @@ fn sin_cos(x: f64) -> (f64, f64) {
 ///
 /// Half sums and half differences of the outer angles come directly from the quaternion, which is
 /// accurate near gimbal lock. Source: Bernardes and Viollet, PLoS ONE 17(11), 2022.
-pub fn to_euler(rotations: &[DQuat], axes: [usize; 3], near: [f64; 3]) -> Vec<[f64; 3]> {
+///
+/// # Errors
+///
+/// If an axis does not exist, or memory is exhausted.
+pub fn to_euler(
+    rotations: &[DQuat],
+    axes: [usize; 3],
+    near: [f64; 3],
+) -> Result<Vec<[f64; 3]>, Error> {
+    if axes.iter().any(|&axis| axis > 2) {
+        return Err(Error::InvalidChannel);
+    }
     let mut near = near;
-    rotations
-        .iter()
-        .map(|&q| {
-            near = nearest_euler(q, axes, near);
-            near
-        })
-        .collect()
+    let angles = rotations.iter().map(|&q| {
+        near = nearest_euler(q, axes, near);
+        near
+    });
+    collected(angles, rotations.len())
 }
 
 fn nearest_euler(q: DQuat, [i, j, k]: [usize; 3], near: [f64; 3]) -> [f64; 3] {
@@ -354,7 +375,7 @@ mod tests {
     fn continuous_signs_keeps_rotations_without_jumps() {
         let flip = |(i, q): (usize, DQuat)| if i * i % 7 < 3 { -q } else { q };
         let rotations: Vec<_> = lattice().enumerate().map(flip).collect();
-        let signed = continuous_signs(&rotations, 5);
+        let signed = continuous_signs(&rotations, 5).unwrap();
         assert!(signed[..5].iter().all(|q| q.w >= 0.0));
         assert!(
             signed
@@ -375,8 +396,8 @@ mod tests {
         for axes in [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
             for q in lattice() {
                 for near in [[0.0; 3], [3.0, -2.0, 8.0]] {
-                    let angles = to_euler(&[q], axes, near)[0];
-                    let back = from_euler(&angles, &axes, 1)[0];
+                    let angles = to_euler(&[q], axes, near).unwrap()[0];
+                    let back = from_euler(&angles, &axes, 1).unwrap()[0];
                     assert!(angle(q, back) < 1e-12, "{axes:?} {q} {back}");
                 }
             }
@@ -402,8 +423,8 @@ mod tests {
         let values: Vec<f64> = (0..400).map(|n| f64::from(n * n % 97) * 7.0).collect();
         let rotations = from_channels(&values, 4, &starts, &turns, 0.1).expect("whole frames");
         for (frame, joints) in values.chunks(4).zip(rotations.chunks(2)) {
-            let first = from_euler(&[0.1 * frame[0], 0.1 * frame[3]], &[2, 0], 1)[0];
-            let second = from_euler(&[0.1 * frame[1]], &[1], 1)[0];
+            let first = from_euler(&[0.1 * frame[0], 0.1 * frame[3]], &[2, 0], 1).unwrap()[0];
+            let second = from_euler(&[0.1 * frame[1]], &[1], 1).unwrap()[0];
             assert!(joints[0].abs_diff_eq(first, 1e-14) || joints[0].abs_diff_eq(-first, 1e-14));
             assert!(joints[1].abs_diff_eq(second, 1e-14) || joints[1].abs_diff_eq(-second, 1e-14));
         }
@@ -433,10 +454,10 @@ mod tests {
     fn to_euler_in_gimbal_lock_keeps_first_angle_and_rotation() {
         for middle in [0.5 * PI, -0.5 * PI] {
             for axes in [[2, 0, 1], [0, 1, 2]] {
-                let q = from_euler(&[0.3, middle, 1.1], &axes, 1)[0];
-                let angles = to_euler(&[q], axes, [0.2, 1.5, 1.0])[0];
+                let q = from_euler(&[0.3, middle, 1.1], &axes, 1).unwrap()[0];
+                let angles = to_euler(&[q], axes, [0.2, 1.5, 1.0]).unwrap()[0];
                 assert!((angles[0] - 0.2).abs() < 1e-12);
-                assert!(angle(q, from_euler(&angles, &axes, 1)[0]) < 1e-9);
+                assert!(angle(q, from_euler(&angles, &axes, 1).unwrap()[0]) < 1e-9);
             }
         }
     }
@@ -447,8 +468,12 @@ mod tests {
             .map(|f| [0.2 * f64::from(f), 0.4, -0.15 * f64::from(f)])
             .collect();
         let flat = turns.concat();
-        let rotations = from_euler(&flat, &[2, 0, 1], turns.len());
-        for (angles, expected) in to_euler(&rotations, [2, 0, 1], [0.0; 3]).iter().zip(&turns) {
+        let rotations = from_euler(&flat, &[2, 0, 1], turns.len()).unwrap();
+        for (angles, expected) in to_euler(&rotations, [2, 0, 1], [0.0; 3])
+            .unwrap()
+            .iter()
+            .zip(&turns)
+        {
             for (angle, expected) in angles.iter().zip(expected) {
                 assert!((angle - expected).abs() < 1e-12);
             }

@@ -1,10 +1,12 @@
 //! Sampled segments, and the feature vectors that compare them.
 
+use std::sync::Mutex;
 use std::thread;
 
 use glam::DQuat;
 
 use crate::error::{Error, check_len};
+use crate::memory::filled;
 use crate::rotation::log;
 
 /// Smallest count of segments that gets a thread of its own.
@@ -91,7 +93,7 @@ pub fn features<T: Copy + Into<f64> + Sync>(
     let inverses: Vec<DQuat> = references.iter().map(|r| r.conjugate()).collect();
     let width = 3 * rows.n_samples * joints.len() + n_rest;
     let n = rows.numbers.len() / rows.width.max(1);
-    let mut vectors = vec![0.0; n * width];
+    let mut vectors = filled(0.0, n.saturating_mul(width))?;
     let fill = |vectors: &mut [f64], numbers: &[T]| {
         let numbers = numbers.chunks_exact(rows.width.max(1));
         for (vector, row) in vectors.chunks_exact_mut(width.max(1)).zip(numbers) {
@@ -112,16 +114,25 @@ pub fn features<T: Copy + Into<f64> + Sync>(
         }
     };
     let rows_per_thread = n.div_ceil(threads.max(1)).max(MIN_ROWS_PER_THREAD);
-    thread::scope(|scope| {
-        let parts = vectors.chunks_mut((rows_per_thread * width).max(1));
-        let mut parts = parts.zip(rows.numbers.chunks((rows_per_thread * rows.width).max(1)));
-        let first = parts.next();
-        for (vectors, numbers) in parts {
-            scope.spawn(move || fill(vectors, numbers));
-        }
-        if let Some((vectors, numbers)) = first {
+    let parts = vectors.chunks_mut((rows_per_thread * width).max(1));
+    let parts = parts.zip(rows.numbers.chunks((rows_per_thread * rows.width).max(1)));
+    let n_helpers = parts.len().saturating_sub(1);
+    let parts = Mutex::new(parts);
+    let next_part = || parts.lock().ok().and_then(|mut parts| parts.next());
+    let help = || {
+        while let Some((vectors, numbers)) = next_part() {
             fill(vectors, numbers);
         }
+    };
+    thread::scope(|scope| {
+        for _ in 0..n_helpers {
+            // If the system has no memory for a thread, the others do its part.
+            let helper = thread::Builder::new().spawn_scoped(scope, help);
+            if helper.is_err() {
+                break;
+            }
+        }
+        help();
     });
     Ok(vectors)
 }

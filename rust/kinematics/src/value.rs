@@ -3,6 +3,7 @@
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, check_len};
+use crate::memory::{copied, reserve};
 use crate::rotation::{exp_small, log_small};
 
 /// The rotation or translation of a joint.
@@ -80,7 +81,7 @@ pub(crate) fn add<V: Value>(value: V, delta: DVec3) -> V {
 ///
 /// # Errors
 ///
-/// If the numbers of frames differ or a joint does not exist.
+/// If the numbers of frames differ, a joint does not exist, or memory is exhausted.
 pub fn replace_joints<V: Value>(
     base: &[V],
     n_joints: usize,
@@ -94,7 +95,7 @@ pub fn replace_joints<V: Value>(
     if let Some(&joint) = joints.iter().find(|&&joint| joint >= n_joints) {
         return Err(Error::InvalidJoint { joint });
     }
-    let mut is_changed = Vec::with_capacity(part.len());
+    let mut is_changed = reserve(part.len())?;
     for (frame, part) in base
         .chunks_exact(n_joints.max(1))
         .zip(part.chunks_exact(width.max(1)))
@@ -109,7 +110,7 @@ pub fn replace_joints<V: Value>(
     if !is_changed.contains(&true) {
         return Ok((None, is_changed));
     }
-    let mut replaced = base.to_vec();
+    let mut replaced = copied(base)?;
     for (column, &joint) in joints.iter().enumerate() {
         if !is_changed
             .iter()

@@ -4,7 +4,7 @@ use crate::clusters::Clusters;
 use crate::distance::{ClusterDistances, Limit, Scratch};
 use crate::error::Error;
 use crate::input::Coordinate;
-use crate::parallel::{Workers, allocate};
+use crate::parallel::{Workers, allocate, check_available};
 use crate::points::Points;
 use crate::simd::{self, Aligned, F64Lanes, LANES, TILE_ROWS};
 
@@ -192,6 +192,7 @@ pub(crate) fn rows_of_clusters(
     let distances = ClusterDistances::new(workers, points, clusters)?;
     let limit = Limit::from_squared(max_squared);
     let m = clusters.len();
+    check_available(m.saturating_mul(m).saturating_mul(size_of::<f64>()))?;
     let mut rows = vec![vec![f64::INFINITY; m]; m];
     workers.run(rows.iter_mut().enumerate(), Scratch::default, |scratch, (a, row)| {
         for (b, squared) in row.iter_mut().enumerate().skip(a + 1) {
@@ -221,7 +222,7 @@ const ROWS_PER_BAND: usize = 8;
 ///
 /// # Errors
 ///
-/// [`Error::Stopped`] if the progress callback requests a stop.
+/// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
 pub(crate) fn rows_of_condensed<T: Coordinate>(
     workers: &Workers<'_>,
     n: usize,
@@ -229,6 +230,7 @@ pub(crate) fn rows_of_condensed<T: Coordinate>(
 ) -> Result<Vec<Vec<f64>>, Error> {
     // Row a of the upper triangle, from column a + 1 on.
     let upper = |a: usize| &distances[a * (2 * n - a - 1) / 2..][..n - a - 1];
+    check_available(n.saturating_mul(n).saturating_mul(size_of::<f64>()))?;
     let mut rows: Vec<Vec<f64>> = vec![Vec::new(); n];
     workers.run(
         rows.chunks_mut(ROWS_PER_BAND).enumerate(),

@@ -105,7 +105,7 @@ pub use error::Error;
 pub use input::{Coordinate, Table};
 pub use options::{Options, Tuning, available_memory};
 pub use parallel::Progress;
-use parallel::{Workers, allocate};
+use parallel::{Workers, affordable_threads, allocate, check_available};
 use points::Points;
 pub use simd::{Isa, Level};
 use tree::Merge;
@@ -200,10 +200,10 @@ pub fn linkage_condensed<T: Coordinate>(
     distances: &[T],
     options: &Options<'_>,
 ) -> Result<Vec<[f64; 4]>, Error> {
-    let workers = workers_of(options);
+    let copy_bytes = distances.len().saturating_mul(size_of::<f64>());
+    let workers = workers_of(options, copy_bytes.saturating_mul(2));
     workers.check_progress()?;
     let n = input::check_condensed(&workers, distances)?;
-    let copy_bytes = distances.len().saturating_mul(size_of::<f64>());
     check_memory(copy_bytes, options)?;
     let merges = if matrix_fits(n, options.max_matrix_bytes.min(options.max_bytes)) {
         let rows = distance_rows::rows_of_condensed(&workers, n, distances)?;
@@ -228,10 +228,11 @@ fn merge_points<T: Coordinate>(
     max_height: f64,
     options: &Options<'_>,
 ) -> Result<(Points, Vec<Merge>), Error> {
-    let workers = workers_of(options);
+    let needed = table.len().saturating_mul(bytes_per_point(table.dim()));
+    let workers = workers_of(options, needed);
     workers.check_progress()?;
     let largest = table.check(&workers)?;
-    check_memory(table.len().saturating_mul(bytes_per_point(table.dim())), options)?;
+    check_memory(needed, options)?;
     profile::begin_phase("points");
     let points = Points::new(&workers, table, largest)?;
     let mut merges = points.duplicate_merges.clone();
@@ -279,13 +280,22 @@ fn bytes_per_point(dim: usize) -> usize {
     3 * dim * size_of::<f64>() + 320
 }
 
+/// Check that a call may use `needed` bytes, and that the system has them.
+///
+/// Most vectors of a call are small or grow in threads, where a refused allocation would abort the
+/// process. The bytes are therefore requested at once and released again.
 fn check_memory(needed: usize, options: &Options<'_>) -> Result<(), Error> {
     let limit = options.max_bytes;
-    if needed > limit { Err(Error::MemoryLimit { needed, limit }) } else { Ok(()) }
+    if needed > limit {
+        return Err(Error::MemoryLimit { needed, limit });
+    }
+    check_available(needed)
 }
 
-fn workers_of<'a>(options: &Options<'a>) -> Workers<'a> {
-    Workers::new(options.threads, Isa::up_to(options.tuning.level), options.progress)
+/// The threads of a call that needs `bytes` bytes.
+fn workers_of<'a>(options: &Options<'a>, bytes: usize) -> Workers<'a> {
+    let n_threads = affordable_threads(options.threads, bytes);
+    Workers::new(n_threads, Isa::up_to(options.tuning.level), options.progress)
 }
 
 /// Whether a matrix of n² distances has at most this many bytes.

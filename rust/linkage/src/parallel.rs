@@ -32,6 +32,8 @@ pub(crate) struct Workers<'a> {
 
 impl<'a> Workers<'a> {
     /// `n_threads` threads, at least one, of which the first is the caller's.
+    ///
+    /// See [`affordable_threads`] for a process with little address space.
     pub fn new(n_threads: usize, isa: Isa, progress: Option<Progress<'a>>) -> Self {
         Self {
             n_threads: n_threads.max(1),
@@ -111,7 +113,9 @@ impl<'a> Workers<'a> {
             state
         };
         thread::scope(|scope| {
-            let helpers: Vec<_> = (0..n_helpers).map(|_| scope.spawn(help)).collect();
+            // If the system has no memory for a thread, the others do its jobs.
+            let spawn = |_| thread::Builder::new().spawn_scoped(scope, help).ok();
+            let helpers: Vec<_> = (0..n_helpers).map_while(spawn).collect();
             let mut state = init();
             while self.check_progress().is_ok() {
                 let Some(job) = next_job() else { break };
@@ -130,16 +134,47 @@ impl<'a> Workers<'a> {
     }
 }
 
+/// Address space of a thread: its stack, and what allocators such as glibc's reserve for it.
+const THREAD_BYTES: usize = 72 << 20;
+
+/// The largest count of threads, at most `n_threads`, for which the system has address space
+/// besides `bytes` bytes.
+///
+/// An allocation that is refused in a thread would abort the process. Only processes whose address
+/// space is limited get fewer threads.
+pub(crate) fn affordable_threads(n_threads: usize, bytes: usize) -> usize {
+    let mut n_helpers = n_threads.saturating_sub(1);
+    while n_helpers > 0 {
+        let more = n_helpers.saturating_mul(THREAD_BYTES);
+        if check_available(bytes.saturating_add(more)).is_ok() {
+            break;
+        }
+        n_helpers /= 2;
+    }
+    n_helpers + 1
+}
+
 /// A vector of `len` equal values.
 ///
 /// # Errors
 ///
 /// [`Error::OutOfMemory`] if the system refuses the memory.
 pub(crate) fn allocate<T: Copy>(value: T, len: usize) -> Result<Vec<T>, Error> {
-    let bytes = len.saturating_mul(size_of::<T>());
-    // `vec!` takes zeroed pages from the system, but aborts the process if there are none.
-    Vec::<T>::new()
+    let mut vector = Vec::new();
+    vector
         .try_reserve_exact(len)
-        .map_err(|_| Error::OutOfMemory { bytes })?;
-    Ok(vec![value; len])
+        .map_err(|_| Error::OutOfMemory { bytes: len.saturating_mul(size_of::<T>()) })?;
+    vector.resize(len, value);
+    Ok(vector)
+}
+
+/// Check that the system has `bytes` bytes of memory, by requesting and releasing them.
+///
+/// # Errors
+///
+/// [`Error::OutOfMemory`] if the system refuses the memory.
+pub(crate) fn check_available(bytes: usize) -> Result<(), Error> {
+    Vec::<u8>::new()
+        .try_reserve_exact(bytes)
+        .map_err(|_| Error::OutOfMemory { bytes })
 }

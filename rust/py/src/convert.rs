@@ -1,14 +1,15 @@
 //! Conversions between NumPy arrays and glam types.
 
+use std::collections::TryReserveError;
 use std::fmt::Display;
 
 use glam::{DQuat, DVec3};
-use mograft_kinematics::sample;
+use mograft_kinematics::{Error, memory, sample};
 use numpy::{
     Element, IntoPyArray as _, PyArrayDyn, PyArrayMethods as _, PyReadonlyArray1, PyReadonlyArray2,
     PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods as _,
 };
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 
 /// A C-contiguous array of f64, of any shape.
@@ -73,7 +74,12 @@ fn check_last_axis(shape: &[usize], expected: usize) -> PyResult<()> {
 /// Convert indices, which must not be negative.
 pub fn as_usizes(indices: &Indices<'_>) -> PyResult<Vec<usize>> {
     let as_usize = |&i: &i64| usize::try_from(i).map_err(value_error);
-    indices.as_slice()?.iter().map(as_usize).collect()
+    let indices = indices.as_slice()?;
+    let mut numbers = memory::reserve(indices.len()).map_err(kernel_error)?;
+    for index in indices {
+        numbers.push(as_usize(index)?);
+    }
+    Ok(numbers)
 }
 
 /// The shape of an array with its last axis replaced by `last`.
@@ -100,7 +106,20 @@ pub fn from_vecs<'py>(py: Python<'py>, vecs: Vec<DVec3>, shape: &[usize]) -> Arr
     into_array(py, numbers.into_flattened(), &[shape, &[3]].concat())
 }
 
-/// The Python exception for an error of a kernel.
+/// The Python exception for an error of a kernel of motion.
+pub fn kernel_error(error: Error) -> PyErr {
+    match error {
+        Error::OutOfMemory { .. } => PyMemoryError::new_err(error.to_string()),
+        _ => value_error(error),
+    }
+}
+
+/// The Python exception if the system refuses memory.
+pub fn memory_error(error: TryReserveError) -> PyErr {
+    PyMemoryError::new_err(error.to_string())
+}
+
+/// The Python exception for any other error.
 pub fn value_error(error: impl Display) -> PyErr {
     PyValueError::new_err(error.to_string())
 }

@@ -1,8 +1,9 @@
 //! Bindings of `mograft-kinematics`. Every function has its kernel's name.
 
-use glam::{DQuat, DVec3};
+use glam::DQuat;
 use mograft_kinematics::energy::{self, Omega};
 use mograft_kinematics::keyframes::{self, Interpolation, KeyTimes, Track};
+use mograft_kinematics::memory::collected;
 use mograft_kinematics::{
     Error, banded, capsule, derivatives, forward, pose, resample, rotation, sample,
 };
@@ -12,47 +13,50 @@ use pyo3::prelude::*;
 
 use crate::convert::{
     Array, Floats, Indices, Rows, as_quats, as_rows, as_usizes, as_vecs, from_quats, from_vecs,
-    into_array, shape_with_last, value_error,
+    into_array, kernel_error, shape_with_last,
 };
 
 /// See [`rotation::exp`].
 #[pyfunction]
 pub fn exp<'py>(py: Python<'py>, vectors: Floats<'py>) -> Array<'py> {
     let slice = as_vecs(&vectors)?;
-    let quats: Vec<DQuat> = py.detach(|| slice.iter().map(|&v| rotation::exp(v)).collect());
-    from_quats(py, quats, &shape_with_last(&vectors, &[]))
+    let quats = py.detach(|| collected(slice.iter().map(|&v| rotation::exp(v)), slice.len()));
+    from_quats(py, quats.map_err(kernel_error)?, &shape_with_last(&vectors, &[]))
 }
 
 /// See [`rotation::log`].
 #[pyfunction]
 pub fn log<'py>(py: Python<'py>, rotations: Floats<'py>) -> Array<'py> {
     let slice = as_quats(&rotations)?;
-    let vectors: Vec<DVec3> = py.detach(|| slice.iter().map(|&q| rotation::log(q)).collect());
-    from_vecs(py, vectors, &shape_with_last(&rotations, &[]))
+    let vectors = py.detach(|| collected(slice.iter().map(|&q| rotation::log(q)), slice.len()));
+    from_vecs(py, vectors.map_err(kernel_error)?, &shape_with_last(&rotations, &[]))
 }
 
 /// Products of pairs of quaternions.
 #[pyfunction]
 pub fn multiply<'py>(py: Python<'py>, a: Floats<'py>, b: Floats<'py>) -> Array<'py> {
     let pairs = as_quats(&a)?.iter().zip(as_quats(&b)?);
-    let products = py.detach(|| pairs.map(|(&a, &b)| a.mul_quat(b)).collect());
-    from_quats(py, products, &shape_with_last(&a, &[]))
+    let n = pairs.len();
+    let products = py.detach(|| collected(pairs.map(|(&a, &b)| a.mul_quat(b)), n));
+    from_quats(py, products.map_err(kernel_error)?, &shape_with_last(&a, &[]))
 }
 
 /// See [`rotation::rotate`].
 #[pyfunction]
 pub fn rotate<'py>(py: Python<'py>, rotations: Floats<'py>, vectors: Floats<'py>) -> Array<'py> {
     let pairs = as_quats(&rotations)?.iter().zip(as_vecs(&vectors)?);
-    let rotated: Vec<DVec3> = py.detach(|| pairs.map(|(&q, &v)| rotation::rotate(q, v)).collect());
-    from_vecs(py, rotated, &shape_with_last(&vectors, &[]))
+    let n = pairs.len();
+    let rotated = py.detach(|| collected(pairs.map(|(&q, &v)| rotation::rotate(q, v)), n));
+    from_vecs(py, rotated.map_err(kernel_error)?, &shape_with_last(&vectors, &[]))
 }
 
 /// See [`rotation::angle`].
 #[pyfunction]
 pub fn angle<'py>(py: Python<'py>, a: Floats<'py>, b: Floats<'py>) -> Array<'py> {
     let pairs = as_quats(&a)?.iter().zip(as_quats(&b)?);
-    let angles = py.detach(|| pairs.map(|(&a, &b)| rotation::angle(a, b)).collect());
-    into_array(py, angles, &shape_with_last(&a, &[]))
+    let n = pairs.len();
+    let angles = py.detach(|| collected(pairs.map(|(&a, &b)| rotation::angle(a, b)), n));
+    into_array(py, angles.map_err(kernel_error)?, &shape_with_last(&a, &[]))
 }
 
 /// See [`rotation::continuous_signs`].
@@ -62,7 +66,7 @@ pub fn continuous_signs<'py>(py: Python<'py>, rotations: Floats<'py>) -> Array<'
     let slice = as_quats(&rotations)?;
     let n_joints = shape.iter().skip(1).product();
     let quats = py.detach(|| rotation::continuous_signs(slice, n_joints));
-    from_quats(py, quats, &shape)
+    from_quats(py, quats.map_err(kernel_error)?, &shape)
 }
 
 /// See [`rotation::from_euler`].
@@ -72,7 +76,7 @@ pub fn from_euler<'py>(py: Python<'py>, angles: Floats<'py>, axes: Vec<usize>) -
     let n = shape.iter().product();
     let slice = angles.as_slice()?;
     let quats = py.detach(|| rotation::from_euler(slice, &axes, n));
-    from_quats(py, quats, &shape)
+    from_quats(py, quats.map_err(kernel_error)?, &shape)
 }
 
 /// See [`rotation::from_channels`].
@@ -91,7 +95,7 @@ pub fn from_channels<'py>(
     let slice = values.as_slice()?;
     let quats = py
         .detach(|| rotation::from_channels(slice, n_channels, &starts, &turns, radians))
-        .map_err(value_error)?;
+        .map_err(kernel_error)?;
     from_quats(py, quats, &[n_frames, n_joints])
 }
 
@@ -106,8 +110,8 @@ pub fn to_euler<'py>(
     let slice = as_quats(&rotations)?;
     let angles = py
         .detach(|| rotation::to_euler(slice, axes, near))
-        .into_flattened();
-    into_array(py, angles, &shape_with_last(&rotations, &[3]))
+        .map_err(kernel_error)?;
+    into_array(py, angles.into_flattened(), &shape_with_last(&rotations, &[3]))
 }
 
 /// See [`resample::hermite`].
@@ -123,16 +127,16 @@ pub fn hermite<'py>(
     let (from, to) = (as_quats(&start)?, as_quats(&end)?);
     let (start_velocity, end_velocity) = (as_vecs(&start_velocity)?, as_vecs(&end_velocity)?);
     let t = t.as_slice()?;
-    let quats: Vec<DQuat> = py.detach(|| {
+    let quats = py.detach(|| {
         let ends = from
             .iter()
             .zip(to)
             .zip(start_velocity.iter().zip(end_velocity))
             .zip(t);
-        ends.map(|(((&a, &b), (&u, &v)), &t)| resample::hermite(a, b, u, v, t))
-            .collect()
+        let curve = ends.map(|(((&a, &b), (&u, &v)), &t)| resample::hermite(a, b, u, v, t));
+        collected(curve, t.len())
     });
-    from_quats(py, quats, &shape_with_last(&start, &[]))
+    from_quats(py, quats.map_err(kernel_error)?, &shape_with_last(&start, &[]))
 }
 
 /// See [`keyframes::sample_keys`].
@@ -156,11 +160,11 @@ pub fn sample_keys<'py>(
     if values.shape().last() == Some(&4) {
         let values = as_quats(&values)?;
         let sampled = py.detach(|| keyframes::sample_keys(times, keys, values, &tracks));
-        return from_quats(py, sampled.map_err(value_error)?, &shape);
+        return from_quats(py, sampled.map_err(kernel_error)?, &shape);
     }
     let values = as_vecs(&values)?;
     let sampled = py.detach(|| keyframes::sample_keys(times, keys, values, &tracks));
-    from_vecs(py, sampled.map_err(value_error)?, &shape)
+    from_vecs(py, sampled.map_err(kernel_error)?, &shape)
 }
 
 /// Convert rows of three integers.
@@ -196,7 +200,7 @@ pub fn world<'py>(
     let parents = parents.as_slice()?;
     let (world_rotations, world_positions) = py
         .detach(|| forward::world(parents, quats, vecs))
-        .map_err(value_error)?;
+        .map_err(kernel_error)?;
     let shape = shape_with_last(&rotations, &[]);
     Ok((
         from_quats(py, world_rotations, &shape)?.into_any(),
@@ -216,7 +220,7 @@ pub fn local<'py>(
     let parents = parents.as_slice()?;
     let (local_rotations, local_positions) = py
         .detach(|| forward::local(parents, quats, vecs))
-        .map_err(value_error)?;
+        .map_err(kernel_error)?;
     let shape = shape_with_last(&rotations, &[]);
     Ok((
         from_quats(py, local_rotations, &shape)?.into_any(),
@@ -243,7 +247,7 @@ pub fn kinetic_energy<'py>(
     let inertia = inertia.as_slice()?;
     let energy = py
         .detach(|| energy::kinetic_energy(parents, quats, inertia, frame_time, omega))
-        .map_err(value_error)?;
+        .map_err(kernel_error)?;
     let n_frames = energy.len();
     into_array(py, energy, &[n_frames])
 }
@@ -263,7 +267,7 @@ fn resample_rotations<'py>(
     let quats = as_quats(rotations)?;
     let resampled = py
         .detach(|| kernel(frame_times, quats, n_joints, times))
-        .map_err(value_error)?;
+        .map_err(kernel_error)?;
     from_quats(py, resampled, &[times.len(), n_joints])
 }
 
@@ -302,7 +306,7 @@ pub fn cubic_positions<'py>(
     let vecs = as_vecs(&positions)?;
     let resampled = py
         .detach(|| resample::cubic_positions(frame_times, vecs, n_joints, times))
-        .map_err(value_error)?;
+        .map_err(kernel_error)?;
     from_vecs(py, resampled, &[times.len(), n_joints])
 }
 
@@ -320,7 +324,7 @@ pub fn segments<'py>(
     let quats = as_quats(&rotations)?;
     let resampled = py
         .detach(|| resample::segments(quats, n_joints, &starts, &stops, &counts))
-        .map_err(value_error)?;
+        .map_err(kernel_error)?;
     from_quats(py, resampled, &[counts.iter().sum(), n_joints])
 }
 
@@ -338,7 +342,7 @@ pub fn segments_positions<'py>(
     let vecs = as_vecs(&positions)?;
     let resampled = py
         .detach(|| resample::segments_positions(vecs, n_joints, &starts, &stops, &counts))
-        .map_err(value_error)?;
+        .map_err(kernel_error)?;
     from_vecs(py, resampled, &[counts.iter().sum(), n_joints])
 }
 
@@ -355,7 +359,7 @@ pub fn moments<'py>(py: Python<'py>, rows: Rows<'py>, shape: (usize, usize)) -> 
             py.detach(|| sample::moments(rows))
         }
     };
-    into_array(py, sums.map_err(value_error)?, &[shape.1, 4, 4])
+    into_array(py, sums.map_err(kernel_error)?, &[shape.1, 4, 4])
 }
 
 /// See [`sample::features`].
@@ -387,7 +391,7 @@ pub fn features<'py>(
         }
     };
     let width = 3 * shape.0 * joints.len() + n_rest;
-    into_array(py, vectors.map_err(value_error)?, &[n, width])
+    into_array(py, vectors.map_err(kernel_error)?, &[n, width])
 }
 
 /// See [`pose::pose_gaps`].
@@ -398,7 +402,7 @@ pub fn pose_gaps<'py>(py: Python<'py>, ends: Floats<'py>, starts: Floats<'py>) -
     let (from, to) = (as_quats(&ends)?, as_quats(&starts)?);
     let gaps = py
         .detach(|| pose::pose_gaps(from, to, n_joints))
-        .map_err(value_error)?;
+        .map_err(kernel_error)?;
     into_array(py, gaps, &shape)
 }
 
@@ -410,7 +414,7 @@ pub fn velocity_gaps<'py>(py: Python<'py>, ends: Floats<'py>, starts: Floats<'py
     let (from, to) = (as_vecs(&ends)?, as_vecs(&starts)?);
     let gaps = py
         .detach(|| pose::velocity_gaps(from, to, n_joints))
-        .map_err(value_error)?;
+        .map_err(kernel_error)?;
     into_array(py, gaps, &shape)
 }
 
@@ -428,7 +432,7 @@ pub fn pose_gaps_along<'py>(
     let (from, to) = (as_quats(&ends)?, as_quats(&starts)?);
     let gaps = py
         .detach(|| pose::pose_gaps_along(from, to, n_joints, &candidates, &counts))
-        .map_err(value_error)?;
+        .map_err(kernel_error)?;
     let n = gaps.len();
     into_array(py, gaps, &[n])
 }
@@ -447,7 +451,7 @@ pub fn velocity_gaps_along<'py>(
     let (from, to) = (as_vecs(&ends)?, as_vecs(&starts)?);
     let gaps = py
         .detach(|| pose::velocity_gaps_along(from, to, n_joints, &candidates, &counts))
-        .map_err(value_error)?;
+        .map_err(kernel_error)?;
     let n = gaps.len();
     into_array(py, gaps, &[n])
 }
@@ -463,7 +467,7 @@ pub fn solve_pentadiagonal<'py>(
     let width = rhs.shape()[1];
     let solution = py
         .detach(|| banded::solve_pentadiagonal(rows, values, width))
-        .map_err(value_error)?;
+        .map_err(kernel_error)?;
     into_array(py, solution, rhs.shape())
 }
 
@@ -483,7 +487,7 @@ pub fn capsule_ends<'py>(
     let (joints, bones) = (as_usizes(&joints)?, as_vecs(&bones)?);
     let ends = py
         .detach(|| capsule::capsule_ends(quats, vecs, n_joints, &joints, bones))
-        .map_err(value_error)?;
+        .map_err(kernel_error)?;
     from_vecs(py, ends, &[n_frames, joints.len(), 2])
 }
 
@@ -502,18 +506,17 @@ pub fn clearance<'py>(
     let (radii, other_radii) = (radii.as_slice()?, other_radii.as_slice()?);
     let other_frames = as_usizes(&other_frames)?;
     let (left, right) = pairs;
-    let pairs: Vec<_> = as_usizes(&left)?
-        .into_iter()
-        .zip(as_usizes(&right)?)
-        .collect();
+    let (lefts, rights) = (as_usizes(&left)?, as_usizes(&right)?);
+    let n_pairs = lefts.len();
+    let pairs = collected(lefts.into_iter().zip(rights), n_pairs).map_err(kernel_error)?;
     let (distances, nearest) = py
         .detach(|| capsule::clearance(ends, radii, others, other_radii, &other_frames, &pairs))
-        .map_err(value_error)?;
+        .map_err(kernel_error)?;
     let n_frames = distances.len();
     let (left, right) = (left.as_slice()?, right.as_slice()?);
     // Without pairs the index is -1, and so are both capsules.
     let capsules = |index| usize::try_from(index).map_or([-1, -1], |i| [left[i], right[i]]);
-    let nearest: Vec<[i64; 2]> = nearest.into_iter().map(capsules).collect();
+    let nearest = collected(nearest.into_iter().map(capsules), n_frames).map_err(kernel_error)?;
     let nearest = nearest.into_flattened().into_pyarray(py);
     Ok((
         into_array(py, distances, &[n_frames])?.into_any(),
@@ -535,7 +538,7 @@ pub fn box_clearance<'py>(
     let (center, half, rotation) = (center.into(), half.into(), DQuat::from_array(rotation));
     let distances = py
         .detach(|| capsule::box_clearance(end_points, radii, center, half, rotation))
-        .map_err(value_error)?;
+        .map_err(kernel_error)?;
     into_array(py, distances, &ends.shape()[..2])
 }
 
@@ -550,7 +553,7 @@ pub fn greatest_derivatives<'py>(
     let (quats, joints) = (as_quats(&rotations)?, as_usizes(&joints)?);
     let (accelerations, jerks) = py
         .detach(|| derivatives::greatest_derivatives(quats, n_joints, &joints))
-        .map_err(value_error)?;
+        .map_err(kernel_error)?;
     Ok((
         into_array(py, accelerations, &[n_frames])?.into_any(),
         into_array(py, jerks, &[n_frames])?.into_any(),
@@ -571,6 +574,6 @@ pub fn world_jerk<'py>(
     let shape = [rotations.shape()[0], joints.len()];
     let jerks = py
         .detach(|| derivatives::world_jerk(parents, quats, vecs, &joints))
-        .map_err(value_error)?;
+        .map_err(kernel_error)?;
     into_array(py, jerks, &shape)
 }

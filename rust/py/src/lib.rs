@@ -7,7 +7,7 @@
 //! | C-contiguous float64 or int64 array | `&[f64]` or `&[i64]`, no copy |
 //! | C-contiguous float32 or float64 array of sampled segments | `Rows<f32>` or `Rows<f64>`, no copy |
 //! | `bytes` | `&[u8]`, no copy |
-//! | an error of a kernel | `ValueError` |
+//! | an error of a kernel | `ValueError`, or `MemoryError` if the system refuses memory |
 //!
 //! Another thread must not write an array while a call reads it. The module has no state: functions read their
 //! arguments and return new arrays, so that free-threaded Python needs no lock (`gil_used = false`).

@@ -14,7 +14,7 @@ use pyo3::prelude::*;
 
 use crate::convert::{
     Array, Floats, Indices, as_quats, as_quats_mut, as_usizes, as_vecs, as_vecs_mut, from_quats,
-    from_vecs, value_error,
+    from_vecs, kernel_error,
 };
 
 /// See [`offset::add_offsets`].
@@ -39,11 +39,11 @@ pub fn add_offsets<'py>(
     if values.shape().last() == Some(&4) {
         let quats = as_quats(&values)?;
         let sums = py.detach(|| offset::add_offsets(quats, n_joints, times, before, after));
-        return from_quats(py, sums.map_err(value_error)?, &[n, n_joints]);
+        return from_quats(py, sums.map_err(kernel_error)?, &[n, n_joints]);
     }
     let vecs = as_vecs(&values)?;
     let sums = py.detach(|| offset::add_offsets(vecs, n_joints, times, before, after));
-    from_vecs(py, sums.map_err(value_error)?, &[n, n_joints])
+    from_vecs(py, sums.map_err(kernel_error)?, &[n, n_joints])
 }
 
 /// See [`gradient::smooth_gradient`].
@@ -66,12 +66,12 @@ pub fn smooth_gradient<'py>(
         let donors = Donors { starts, stops, rows, seams, accelerations };
         return py
             .detach(|| gradient::smooth_gradient(quats, n_joints, donors, objective))
-            .map_err(value_error);
+            .map_err(kernel_error);
     }
     let (vecs, rows) = (as_vecs_mut(&mut values)?, as_vecs(rows)?);
     let donors = Donors { starts, stops, rows, seams, accelerations };
     py.detach(|| gradient::smooth_gradient(vecs, n_joints, donors, objective))
-        .map_err(value_error)
+        .map_err(kernel_error)
 }
 
 /// See [`resample::sample_clips`].
@@ -88,11 +88,11 @@ pub fn sample_clips<'py>(
     if is_rotations(&clips) {
         let quats = clips.iter().map(as_quats).collect::<PyResult<Vec<_>>>()?;
         let rows = py.detach(|| resample::sample_clips(&quats, n_joints, &clip, times));
-        return from_quats(py, rows.map_err(value_error)?, &shape);
+        return from_quats(py, rows.map_err(kernel_error)?, &shape);
     }
     let vecs = clips.iter().map(as_vecs).collect::<PyResult<Vec<_>>>()?;
     let rows = py.detach(|| resample::sample_clips(&vecs, n_joints, &clip, times));
-    from_vecs(py, rows.map_err(value_error)?, &shape)
+    from_vecs(py, rows.map_err(kernel_error)?, &shape)
 }
 
 /// Values, velocities and accelerations.
@@ -113,12 +113,12 @@ pub fn clip_states<'py>(
     let (values, velocities, accelerations) = if is_rotations(&clips) {
         let quats = clips.iter().map(as_quats).collect::<PyResult<Vec<_>>>()?;
         let found = py.detach(|| resample::clip_states(&quats, n_joints, &clip, &frames));
-        let (values, velocities, accelerations) = found.map_err(value_error)?;
+        let (values, velocities, accelerations) = found.map_err(kernel_error)?;
         (from_quats(py, values, &shape)?, velocities, accelerations)
     } else {
         let vecs = clips.iter().map(as_vecs).collect::<PyResult<Vec<_>>>()?;
         let found = py.detach(|| resample::clip_states(&vecs, n_joints, &clip, &frames));
-        let (values, velocities, accelerations) = found.map_err(value_error)?;
+        let (values, velocities, accelerations) = found.map_err(kernel_error)?;
         (from_vecs(py, values, &shape)?, velocities, accelerations)
     };
     Ok((values, from_vecs(py, velocities, &shape)?, from_vecs(py, accelerations, &shape)?))
@@ -144,12 +144,12 @@ pub fn replace_joints<'py>(
         let (quats, part) = (as_quats(&base)?, as_quats(&part)?);
         let found =
             py.detach(|| value::replace_joints(quats, n_joints, part, &joints, DQuat::IDENTITY));
-        let (quats, mask) = found.map_err(value_error)?;
+        let (quats, mask) = found.map_err(kernel_error)?;
         (quats.map(|quats| from_quats(py, quats, &[n, n_joints])), mask)
     } else {
         let (vecs, part) = (as_vecs(&base)?, as_vecs(&part)?);
         let found = py.detach(|| value::replace_joints(vecs, n_joints, part, &joints, DVec3::ZERO));
-        let (vecs, mask) = found.map_err(value_error)?;
+        let (vecs, mask) = found.map_err(kernel_error)?;
         (vecs.map(|vecs| from_vecs(py, vecs, &[n, n_joints])), mask)
     };
     let mask = mask.into_pyarray(py).reshape([n, joints.len()])?;

@@ -5,7 +5,7 @@ use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-use crate::convert::{Floats, value_error};
+use crate::convert::{Floats, memory_error, value_error};
 
 /// The fields of `mograft_text::Scan`: count of numbers written, count of bytes read, count of
 /// numbers before every line end, and whether a bad token follows.
@@ -28,6 +28,7 @@ pub fn scan_numbers<'py>(
     };
     let slots = out.as_slice_mut()?;
     let scan = py.detach(|| mograft_text::scan_numbers(text, last, slots));
+    let scan = scan.map_err(memory_error)?;
     let line_ends: Result<Vec<_>, _> = scan.line_ends.into_iter().map(i64::try_from).collect();
     let line_ends = line_ends.map_err(value_error)?.into_pyarray(py);
     Ok((scan.n_values, scan.n_bytes, line_ends, scan.has_bad_token))
@@ -39,6 +40,10 @@ pub fn format_rows<'py>(py: Python<'py>, values: Floats<'py>) -> PyResult<Bound<
     let slice = values.as_slice()?;
     let n_columns = values.shape().last().copied().unwrap_or(1);
     let mut text = Vec::new();
-    py.detach(|| mograft_text::format_rows(slice, n_columns, &mut text));
-    Ok(PyBytes::new(py, &text))
+    py.detach(|| mograft_text::format_rows(slice, n_columns, &mut text))
+        .map_err(memory_error)?;
+    PyBytes::new_with(py, text.len(), |bytes| {
+        bytes.copy_from_slice(&text);
+        Ok(())
+    })
 }

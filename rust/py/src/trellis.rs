@@ -1,10 +1,10 @@
 //! Bindings of `mograft-trellis`. Every function has its kernel's name.
 
-use mograft_trellis::Trellis;
+use mograft_trellis::{Error, Trellis};
 use numpy::{IntoPyArray as _, PyArray1};
 use pyo3::prelude::*;
 
-use crate::convert::{Floats, Indices, as_usizes, value_error};
+use crate::convert::{Floats, Indices, as_usizes, memory_error, value_error};
 
 /// See [`mograft_trellis::sample`].
 #[pyfunction]
@@ -21,7 +21,10 @@ pub fn sample<'py>(
     let trellis = Trellis { counts: &counts, unary, pairwise };
     let path = py
         .detach(|| mograft_trellis::sample(trellis, temperature, draws))
-        .map_err(value_error)?;
+        .map_err(|error| match error {
+            Error::OutOfMemory(error) => memory_error(error),
+            _ => value_error(error),
+        })?;
     let indices: Result<Vec<_>, _> = path.into_iter().map(i64::try_from).collect();
     Ok(indices.map_err(value_error)?.into_pyarray(py))
 }

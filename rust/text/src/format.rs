@@ -1,5 +1,6 @@
 //! Numbers to text: the fewest digits that give the same f64 back.
 
+use std::collections::TryReserveError;
 use std::io::Write as _;
 
 use zmij::Buffer;
@@ -12,6 +13,9 @@ const DECIMALS_SCALE: f64 = 1e6;
 /// No two decimals of at most 15 digits round to the same f64, so the shortest decimal of such a
 /// number is unique.
 const MAX_SCALED: f64 = 1e15;
+
+/// Longest text of a number, such as `-2.2250738585072014e-308`, with the space after it.
+const MAX_BYTES: usize = 25;
 
 /// Below this, `zmij` writes an exponent or more digits than the standard library.
 const MIN_FIXED: f64 = 1e-4;
@@ -26,10 +30,19 @@ const MIN_FIXED: f64 = 1e-4;
 ///
 /// `values` must be finite: NaN and infinity are written as Rust writes them, `NaN` and `inf`,
 /// which [`scan_numbers`](crate::scan_numbers) refuses.
-pub fn format_rows(values: &[f64], n_columns: usize, out: &mut Vec<u8>) {
-    out.reserve(values.len() * 20);
+///
+/// # Errors
+///
+/// If the system refuses memory for the text.
+pub fn format_rows(
+    values: &[f64],
+    n_columns: usize,
+    out: &mut Vec<u8>,
+) -> Result<(), TryReserveError> {
+    out.try_reserve(values.len().saturating_mul(20))?;
     let mut buffer = Buffer::new();
     for row in values.chunks(n_columns.max(1)) {
+        out.try_reserve(row.len().saturating_mul(MAX_BYTES))?;
         for &value in row {
             push_number(value, &mut buffer, out);
             out.push(b' ');
@@ -37,6 +50,7 @@ pub fn format_rows(values: &[f64], n_columns: usize, out: &mut Vec<u8>) {
         out.pop();
         out.push(b'\n');
     }
+    Ok(())
 }
 
 /// Append one number.
@@ -142,7 +156,7 @@ mod tests {
     #[test]
     fn format_rows_of_two_columns_gives_one_line_each() {
         let mut out = b"x".to_vec();
-        format_rows(&[1.0, 2.0, 3.5, -4.0], 2, &mut out);
+        format_rows(&[1.0, 2.0, 3.5, -4.0], 2, &mut out).unwrap();
         assert_eq!(out, b"x1.0 2.0\n3.5 -4.0\n");
     }
 }

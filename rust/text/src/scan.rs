@@ -1,5 +1,7 @@
 //! Text to numbers, correctly rounded.
 
+use std::collections::TryReserveError;
+
 /// The result of a scan.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Scan {
@@ -21,17 +23,21 @@ pub struct Scan {
 ///
 /// `is_last` is false if more text will follow: then a number or CR at the very end, which may
 /// continue there, is left unread. Takes O(`text.len()`) time and no memory but `line_ends`.
-pub fn scan_numbers(text: &[u8], is_last: bool, out: &mut [f64]) -> Scan {
+///
+/// # Errors
+///
+/// If the system refuses memory for `line_ends`.
+pub fn scan_numbers(text: &[u8], is_last: bool, out: &mut [f64]) -> Result<Scan, TryReserveError> {
     let mut scan = Scan::default();
     loop {
         scan.n_bytes =
-            skip_white_space(text, scan.n_bytes, is_last, scan.n_values, &mut scan.line_ends);
+            skip_white_space(text, scan.n_bytes, is_last, scan.n_values, &mut scan.line_ends)?;
         let rest = &text[scan.n_bytes..];
         let (Some(&first), Some(slot)) = (rest.first(), out.get_mut(scan.n_values)) else {
-            return scan;
+            return Ok(scan);
         };
         if first == b'\r' {
-            return scan;
+            return Ok(scan);
         }
         match fast_float2::parse_partial::<f64, _>(rest) {
             Ok((value, length)) if value.is_finite() && is_complete(rest, length, is_last) => {
@@ -41,7 +47,7 @@ pub fn scan_numbers(text: &[u8], is_last: bool, out: &mut [f64]) -> Scan {
             }
             _ => {
                 scan.has_bad_token = is_last || !is_prefix_of_number(rest);
-                return scan;
+                return Ok(scan);
             }
         }
     }
@@ -92,7 +98,7 @@ fn skip_white_space(
     is_last: bool,
     n_values: usize,
     line_ends: &mut Vec<usize>,
-) -> usize {
+) -> Result<usize, TryReserveError> {
     while let Some(&byte) = text.get(position) {
         if !is_white_space(byte) {
             break;
@@ -105,11 +111,12 @@ fn skip_white_space(
             _ => false,
         };
         if is_line_end {
+            line_ends.try_reserve(1)?;
             line_ends.push(n_values);
         }
         position += 1;
     }
-    position
+    Ok(position)
 }
 
 #[cfg(test)]
@@ -118,7 +125,7 @@ mod tests {
 
     fn scan_all(text: &str) -> (Vec<f64>, Scan) {
         let mut out = vec![f64::NAN; text.len()];
-        let scan = scan_numbers(text.as_bytes(), true, &mut out);
+        let scan = scan_numbers(text.as_bytes(), true, &mut out).unwrap();
         out.truncate(scan.n_values);
         (out, scan)
     }
@@ -186,7 +193,7 @@ mod tests {
                 (expected, expected.is_none())
             );
             // If more text may follow, a token is bad only if no number begins with it.
-            let open = scan_numbers(token.as_bytes(), false, &mut [0.0]);
+            let open = scan_numbers(token.as_bytes(), false, &mut [0.0]).unwrap();
             let can_continue = ["", "0", "0e0"]
                 .iter()
                 .any(|more| is_number(&format!("{token}{more}")));
@@ -221,14 +228,14 @@ mod tests {
     fn scan_text_in_two_pieces_equals_scan_of_whole() {
         let text = b"  1.25 -3e-2\r\n+.5\r7. \n\n 123456789.5e3 \r\n";
         let mut whole = [0.0; 5];
-        let scan = scan_numbers(text, true, &mut whole);
+        let scan = scan_numbers(text, true, &mut whole).unwrap();
         assert_eq!((scan.n_values, scan.n_bytes, scan.has_bad_token), (5, text.len(), false));
         for cut in 0..=text.len() {
             for capacity in 0..=5 {
                 let mut out = [0.0; 5];
-                let first = scan_numbers(&text[..cut], false, &mut out[..capacity]);
+                let first = scan_numbers(&text[..cut], false, &mut out[..capacity]).unwrap();
                 let (begun, rest) = out.split_at_mut(first.n_values);
-                let second = scan_numbers(&text[first.n_bytes..], true, rest);
+                let second = scan_numbers(&text[first.n_bytes..], true, rest).unwrap();
                 let later = second.line_ends.iter().map(|end| end + begun.len());
                 let line_ends: Vec<_> = first.line_ends.iter().copied().chain(later).collect();
                 assert_eq!((out, line_ends), (whole, scan.line_ends.clone()), "cut at {cut}");

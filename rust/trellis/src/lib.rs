@@ -3,6 +3,7 @@
 //! A trellis has one or more candidates at every position. A path takes one candidate per
 //! position; it costs the sum of their unary costs and of the pairwise costs of neighbours.
 
+use std::collections::TryReserveError;
 use std::fmt;
 
 /// The costs of a trellis. Costs may be infinite.
@@ -17,25 +18,52 @@ pub struct Trellis<'a> {
     pub pairwise: &'a [f64],
 }
 
-/// Buffers whose lengths do not match the numbers of candidates.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LengthMismatch;
+/// Why no path was drawn.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Error {
+    /// Buffers whose lengths do not match the numbers of candidates.
+    LengthMismatch,
+    /// The system has refused memory.
+    OutOfMemory(TryReserveError),
+}
 
-impl std::error::Error for LengthMismatch {}
+impl std::error::Error for Error {}
 
-impl fmt::Display for LengthMismatch {
+impl From<TryReserveError> for Error {
+    fn from(error: TryReserveError) -> Self {
+        Self::OutOfMemory(error)
+    }
+}
+
+impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "`unary`, `pairwise` and `draws` must match `counts`, which must not be 0")
+        match self {
+            Self::LengthMismatch => {
+                write!(
+                    f,
+                    "`unary`, `pairwise` and `draws` must match `counts`, which must not be 0"
+                )
+            }
+            Self::OutOfMemory(error) => error.fmt(f),
+        }
     }
 }
 
 impl Trellis<'_> {
-    fn check(&self) -> Result<(), LengthMismatch> {
-        let n_pairs = self.counts.windows(2).map(|pair| pair[0] * pair[1]);
-        let fits = self.unary.len() == self.counts.iter().sum::<usize>()
-            && self.pairwise.len() == n_pairs.sum::<usize>()
+    fn check(&self) -> Result<(), Error> {
+        let n_pairs = self
+            .counts
+            .windows(2)
+            .map(|pair| pair[0].saturating_mul(pair[1]));
+        let n_candidates = self
+            .counts
+            .iter()
+            .fold(0, |sum: usize, n| sum.saturating_add(*n));
+        let fits = self.unary.len() == n_candidates
+            && self.pairwise.len() == n_pairs.fold(0, usize::saturating_add)
             && !self.counts.contains(&0);
-        if fits { Ok(()) } else { Err(LengthMismatch) }
+        if fits { Ok(()) } else { Err(Error::LengthMismatch) }
     }
 }
 
@@ -48,20 +76,17 @@ impl Trellis<'_> {
 ///
 /// # Errors
 ///
-/// If the lengths do not match, or a position has no candidate.
-pub fn sample(
-    trellis: Trellis<'_>,
-    temperature: f64,
-    draws: &[f64],
-) -> Result<Vec<usize>, LengthMismatch> {
+/// If the lengths do not match, a position has no candidate, or memory is exhausted.
+pub fn sample(trellis: Trellis<'_>, temperature: f64, draws: &[f64]) -> Result<Vec<usize>, Error> {
     trellis.check()?;
     if draws.len() != trellis.counts.len() {
-        return Err(LengthMismatch);
+        return Err(Error::LengthMismatch);
     }
-    let weights = log_weights(trellis, temperature);
+    let weights = log_weights(trellis, temperature)?;
     let (mut weights, mut pairwise) = (weights.as_slice(), trellis.pairwise);
-    let mut path: Vec<usize> = Vec::with_capacity(draws.len());
-    let mut ends = Vec::new();
+    let (mut path, mut ends) = (Vec::<usize>::new(), Vec::new());
+    path.try_reserve_exact(draws.len())?;
+    ends.try_reserve_exact(trellis.counts.iter().copied().max().unwrap_or(0))?;
     for (position, (&count, draw)) in trellis.counts.iter().zip(draws).enumerate() {
         let (own, rest) = weights.split_at(count);
         weights = rest;
@@ -87,14 +112,13 @@ pub fn sample(
 }
 
 /// The logarithm of the summed probabilities, not normalized, of all continuations of candidates.
-fn log_weights(trellis: Trellis<'_>, temperature: f64) -> Vec<f64> {
-    let mut weights: Vec<f64> = trellis
-        .unary
-        .iter()
-        .map(|cost| -cost / temperature)
-        .collect();
+fn log_weights(trellis: Trellis<'_>, temperature: f64) -> Result<Vec<f64>, TryReserveError> {
+    let mut weights = Vec::new();
+    weights.try_reserve_exact(trellis.unary.len())?;
+    weights.extend(trellis.unary.iter().map(|cost| -cost / temperature));
     let (mut earlier, mut pairwise) = (weights.as_mut_slice(), trellis.pairwise);
     let mut onward = Vec::new();
+    onward.try_reserve_exact(trellis.counts.iter().copied().max().unwrap_or(0))?;
     for pair in trellis.counts.windows(2).rev() {
         let (rest, later) = earlier.split_at_mut(earlier.len() - pair[1]);
         let (before, rows) = pairwise.split_at(pairwise.len() - pair[0] * pair[1]);
@@ -111,7 +135,7 @@ fn log_weights(trellis: Trellis<'_>, temperature: f64) -> Vec<f64> {
         }
         (earlier, pairwise) = (rest, before);
     }
-    weights
+    Ok(weights)
 }
 
 /// The logarithm of a sum of exponentials, without overflow; -∞ if all terms are 0.
@@ -155,10 +179,10 @@ mod tests {
 
     #[test]
     fn sample_refuses_lengths_that_do_not_match() {
-        assert_eq!(sample(TRELLIS, 1.0, &[0.0]), Err(LengthMismatch));
+        assert_eq!(sample(TRELLIS, 1.0, &[0.0]), Err(Error::LengthMismatch));
         let trellis = Trellis { pairwise: &[], ..TRELLIS };
-        assert_eq!(sample(trellis, 1.0, &[0.0; 3]), Err(LengthMismatch));
+        assert_eq!(sample(trellis, 1.0, &[0.0; 3]), Err(Error::LengthMismatch));
         let trellis = Trellis { counts: &[2, 0], unary: &[0.0; 2], pairwise: &[] };
-        assert_eq!(sample(trellis, 1.0, &[0.0; 2]), Err(LengthMismatch));
+        assert_eq!(sample(trellis, 1.0, &[0.0; 2]), Err(Error::LengthMismatch));
     }
 }
