@@ -9,7 +9,9 @@ set of BVH files with one skeleton below it, at 30 frames per second. It prints
   motions and take seconds;
 - ``neighbourhood``: measures of grafts with clusters and with balls, by `sigma_scale`;
 - ``temperature``: the same by `temperature`;
-- ``dial``: the same by the variety of `Config.with_variety`.
+- ``dial``: the same by the variety of `Config.with_variety`;
+- ``auto``: for each source the scale that `sigma_scale` "auto" chooses for the legs and for the
+  upper body, and the error of repetitions, as a share of that of random segments.
 
 ``--only NAME`` prints one of these. Novelty, the difference between
 grafts and the detectability at seams are those of `mograft.evaluation`: 0.5 means that
@@ -28,6 +30,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import mograft as mg
 from benches._common import run, tiny_motion
 from mograft import evaluation
+from mograft.analysis.scale_choice import scale_curve
 from mograft.evaluation.detectability import MIN_WINDOWS
 from mograft.evaluation.two_sample import block_folds, detect
 from mograft.evaluation.windows import GraftWindows
@@ -45,7 +48,7 @@ COLUMNS = (
     "seams, fine",
 )
 VARIETIES = (0.0, 0.25, 0.5, 0.75, 1.0)
-PARTS = ("radius", "share", "neighbourhood", "temperature", "dial")
+PARTS = ("radius", "share", "neighbourhood", "temperature", "dial", "auto")
 MAX_BASES = 3  # clips of a source that are bases
 MAX_WINDOWS = 600
 
@@ -111,6 +114,18 @@ def print_shares(sources, count):
     print("| mean |" + "".join(f" {100 * share:.0f} %, {gap:.1f}° |" for share, gap in means))
 
 
+def print_automatic(sources):
+    print("| source | segments | lower | its repetition error | upper | its repetition error |")
+    print("|---|---|---|---|---|---|")
+    for name, library in sources.items():
+        curves = [scale_curve(library.embedding, group, library.config) for group in library.labels]
+        cells = "".join(
+            " - | - |" if curve is None else f" {curve.scale:.2f} | {curve.repetition_error:.2f} |"
+            for curve in curves
+        )
+        print(f"| {name} | {len(library.segments)} |{cells}")
+
+
 def measure(library, config, count):
     """The values of `COLUMNS`, of some grafts on up to `MAX_BASES` clips of a library."""
     library = library.relabelled(config)
@@ -154,6 +169,8 @@ def report(options):
         print_radius(sources)
     if options.only in (None, "share"):
         print_shares(sources, options.count)
+    if options.only in (None, "auto"):
+        print_automatic(sources)
     settings = {
         "neighbourhood": [
             (f"{name}, {scale:g}", mg.Config(neighbourhood=name, sigma_scale=scale))

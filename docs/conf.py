@@ -64,6 +64,7 @@ def make_pictures() -> None:
         "pca": lambda: plot.pca(library),
         "dendrogram": lambda: plot.dendrogram(library),
         "clusters": lambda: plot.clusters(library),
+        "threshold": lambda: plot.threshold(library),
         "groups": lambda: plot.groups(mg.discover_groups(motion, 3))[0],
     }
     for name, draw in drawings.items():

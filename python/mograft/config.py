@@ -82,8 +82,11 @@ class Config:
         Spread of all segments, of which `sigma_scale` is a multiple (4.3). "rms" is √(mean d²),
         where d is the distance of a segment from the mean of all segments. "literal" is √(mean d),
         as eq. 14 is printed. A number is the cluster diameter threshold itself.
-    sigma_scale : float
+    sigma_scale : float or "auto"
         Cluster diameter threshold as a multiple of `sigma`; without effect if `sigma` is a number.
+        "auto" chooses the multiple of each group from the data, between 0.3 and 1.875: the largest
+        at which the other parts of two segments of a cluster differ no more than those of a
+        segment and its nearest repetition (docs/choice.md).
         Larger values give more variety, smaller values more similarity.
     neighbourhood : {"cluster", "ball"}
         Which segments are similar enough to replace a base segment, compared by the motion of the
@@ -196,7 +199,7 @@ class Config:
     position_floor: float = 0.001
     length_floor: float = 0.5
     sigma: Literal["rms", "literal"] | float = "rms"
-    sigma_scale: float = 0.75
+    sigma_scale: float | Literal["auto"] = 0.75
     neighbourhood: Literal["cluster", "ball"] = "cluster"
     max_stretch: float = 0.15
     length_slack: float = FRAME
@@ -244,6 +247,12 @@ class Config:
                     f"`sigma` must be one of {_NAMED_SIGMAS} or a number, got {self.sigma!r}"
                 )
             self._check_number("sigma")
+        if isinstance(self.sigma_scale, str) and self.sigma_scale != "auto":
+            raise ValueError(
+                f"`sigma_scale` must be a number above 0 or 'auto', got {self.sigma_scale!r}"
+            )
+        if self.sigma_scale != "auto":
+            self._check_number("sigma_scale")
         for field in fields(self):
             if field.type is float:
                 self._check_number(field.name)

@@ -208,6 +208,10 @@ VARIETY_CASES = [
     ("variety = 1", ("--variety", 0), 0.3),
     ("sigma-scale = 2", ("--variety", 1), 1.875),
     ("variety = 1\nsigma-scale = 2", (), None),
+    ("", ("--sigma-scale", "auto"), "auto"),
+    ('sigma-scale = "auto"', (), "auto"),
+    ('sigma-scale = "auto"', ("--variety", 1), 1.875),
+    ("", ("--variety", 1, "--sigma-scale", "auto"), None),
 ]
 
 

@@ -67,7 +67,8 @@ def _describe_missing(graft: Graft, group: str) -> str:
     causes = Counter(_find_causes(library, group, segments[counts == 0]))
     numbers = ", ".join(f"{n} {cause}" for cause, n in causes.most_common())
     config = library.config
-    is_widest = config.sigma_scale >= variety_fields(1.0)["sigma_scale"]
+    scale = library.sigma_scales[library.groups.base]
+    is_widest = scale >= variety_fields(1.0)["sigma_scale"]
     similar = "raise --sigma-scale" if is_widest else "raise --variety"
     remedies = ", ".join(
         _REMEDIES[cause].format(similar=similar, max_stretch=config.max_stretch)

@@ -48,6 +48,7 @@ from mograft.cli.values import (
     non_negative_number,
     positive_integer,
     positive_number,
+    positive_number_or_auto,
     preset_or_automatic,
 )
 
@@ -158,14 +159,15 @@ _GRAFT = command(
     setting_switch("--mirror", "use the mirror images of all clips as additional donors"),
     VARIETY,
     setting(
-        "--sigma-scale X",
+        "--sigma-scale X|auto",
         "cluster diameter threshold, as a multiple of sigma, the spread of all segments; larger "
-        "values give more variety, smaller values more similarity (default: the value of the "
+        "values give more variety, smaller values more similarity; auto chooses it for each joint "
+        "group by the repetitions in the motions (default: the value of the "
         "configuration, usually 0.75; if neither this option nor --variety is given and the donors "
         "allow fewer than COUNT different motions, X is multiplied by 4/3 until they allow "
         "enough or X would exceed 4); --repair multiplies X in the same way, even if this option "
         "is given, while violations remain that other donors could remove",
-        positive_number,
+        positive_number_or_auto,
     ),
     NEIGHBOURHOOD,
     config_option("choice", "selection of donors", "sample", paper="random"),

@@ -177,13 +177,13 @@ def _make_grafts(
     grafts = graft_many(library, base, options.count, **keywords)
     is_fixed = options.sigma_scale is not None or options.variety is not None
     while len(grafts) < options.count and not is_fixed:
-        scale = library.config.sigma_scale * 4 / 3
+        present = library.sigma_scales[library.groups.base]
+        scale = present * 4 / 3
         if scale > _MAX_SIGMA_SCALE or library.config.sigma not in ("rms", "literal"):
             break
         print_remark(
             f"only {len(grafts)} different motions with sigma_scale "
-            f"{library.config.sigma_scale:.3g}; trying {scale:.3g}, "
-            "which allows less similar donors"
+            f"{present:.3g}; trying {scale:.3g}, which allows less similar donors"
         )
         library = library.relabelled(replace(library.config, sigma_scale=scale))
         grafts = graft_many(library, base, options.count, **keywords)

@@ -25,9 +25,12 @@ def run_info(options: argparse.Namespace) -> int:
         f"  {document['clips']} clips, {document['frames']} frames at {document['rate']:.6g} fps",
         f"  {document['segments']} segments{_describe_segmentation(library.config)}",
     ]
+    is_chosen = library.config.sigma_scale == "auto"
     for name, group in document["groups"].items():
+        chosen = f" (sigma_scale auto: {group['sigma_scale']:.3g})" if is_chosen else ""
         lines.append(
             f"  {name}: {group['clusters']} clusters of diameter {group['sigma']:.4g} at most"
+            f"{chosen}"
         )
     if document["tags"]:
         lines.append(f"  tags: {' '.join(document['tags'])}")
@@ -62,6 +65,7 @@ def describe_library(library: Library) -> dict[str, Any]:
             group: {
                 "clusters": int(labels.max(initial=-1)) + 1,
                 "sigma": library.sigma[group],
+                "sigma_scale": library.sigma_scales[group],
                 "joints": [library.skeleton.names[joint] for joint in library.joints(group)],
             }
             for group, labels in library.labels.items()

@@ -17,7 +17,13 @@ from mograft.cli.arguments import (
 )
 from mograft.cli.frame_times import frame_count, frames
 from mograft.cli.segment_values import ban, segment_value, take
-from mograft.cli.values import non_negative_integer, non_negative_number, positive_number, share
+from mograft.cli.values import (
+    non_negative_integer,
+    non_negative_number,
+    positive_number,
+    positive_number_or_auto,
+    share,
+)
 
 PRESETS = ("lower_upper", "lower_torso_arms", "lower_torso_larm_rarm", "lower_torso_head_larm_rarm")
 DEFAULT_DURATION = 60.0
@@ -78,10 +84,11 @@ PRESET = setting(
     choices=("default", "paper"),
 )
 SIGMA_SCALE = setting(
-    "--sigma-scale X",
+    "--sigma-scale X|auto",
     "cluster diameter threshold, as a multiple of sigma, the spread of all segments; larger values "
-    "give more variety, smaller values more similarity (default: 0.75; with --preset paper: 1)",
-    positive_number,
+    "give more variety, smaller values more similarity; auto chooses it for each joint group by "
+    "the repetitions in the motions (default: 0.75; with --preset paper: 1)",
+    positive_number_or_auto,
 )
 VARIETY = setting(
     "--variety X",

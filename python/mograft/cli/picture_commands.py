@@ -25,7 +25,16 @@ from mograft.cli.options import (
 )
 from mograft.cli.values import UNITS, picture_size, positive_integer, positive_number, unit
 
-PLOT_KINDS = ("strip", "timeline", "energy", "pca", "dendrogram", "clusters", "groups")
+PLOT_KINDS = (
+    "strip",
+    "timeline",
+    "energy",
+    "pca",
+    "dendrogram",
+    "clusters",
+    "threshold",
+    "groups",
+)
 
 PLOT = command(
     "plot",
@@ -34,7 +43,8 @@ PLOT = command(
         "kind",
         "what to draw: strip (poses of one motion), timeline (segments along time), energy "
         "(kinetic energy), pca (segments in principal components), dendrogram (linkage tree), "
-        "clusters (cluster sizes) or groups (which joints move together)",
+        "clusters (cluster sizes), threshold (how --sigma-scale auto is chosen) or groups (which "
+        "joints move together)",
         choices=PLOT_KINDS,
     ),
     FILES_OR_LIBRARY,
@@ -51,7 +61,7 @@ PLOT = command(
     SKELETON,
     option(
         "--group NAME",
-        "joint group that pca, dendrogram or clusters draws (default: the base group)",
+        "joint group that pca, dendrogram, clusters or threshold draws (default: the base group)",
     ),
     setting("--poses", "number of poses that strip draws (default: 12)", positive_integer, 12),
     option(

@@ -1,6 +1,7 @@
 """``mograft plot``: pictures of motions and of their clusters."""
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,12 +41,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _ENDINGS = (".png", ".svg", ".pdf")
-_KINDS_OF_OPTION = {
+_CLUSTER_KINDS = {
+    "pca": plot.pca,
+    "dendrogram": plot.dendrogram,
+    "clusters": plot.clusters,
+    "threshold": plot.threshold,
+}
+_KINDS_OF_OPTION: Mapping[str, tuple[str, ...]] = {
     "frames": ("strip", "timeline", "energy"),
-    "groups": ("strip", "timeline", "pca", "dendrogram", "clusters", "groups"),
-    "match": ("timeline", "pca", "dendrogram", "clusters", "groups"),
-    "segmentation": ("timeline", "energy", "pca", "dendrogram", "clusters", "groups"),
-    "group": ("pca", "dendrogram", "clusters"),
+    "groups": ("strip", "timeline", *_CLUSTER_KINDS, "groups"),
+    "match": ("timeline", *_CLUSTER_KINDS, "groups"),
+    "segmentation": ("timeline", "energy", *_CLUSTER_KINDS, "groups"),
+    "group": tuple(_CLUSTER_KINDS),
 }
 
 
@@ -102,8 +109,7 @@ def _draw(options: argparse.Namespace) -> "Axes":
         shown = None if given is None else resolve_frames(given, rate)
         return plot.timeline(scene, frames=shown)
     library = load_library(options)
-    draw = {"pca": plot.pca, "dendrogram": plot.dendrogram, "clusters": plot.clusters}
-    return draw[options.kind](library, options.group)
+    return _CLUSTER_KINDS[options.kind](library, options.group)
 
 
 def _discovery(options: argparse.Namespace, folder: Path | None) -> GroupDiscovery:

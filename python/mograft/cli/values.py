@@ -131,6 +131,13 @@ def preset_or_automatic(presets: Collection[str]) -> Callable[[str], str]:
     return convert
 
 
+def positive_number_or_auto(text: str) -> float | str:
+    """Read a number above 0, or the word ``auto``."""
+    if text == "auto":
+        return text
+    return _number(float, text, lambda number: 0 < number < math.inf, "a number above 0, or auto")
+
+
 def picture_size(text: str) -> tuple[int, int]:
     """Parse ``WIDTHxHEIGHT``, a size in pixels."""
     width, _, height = text.partition("x")

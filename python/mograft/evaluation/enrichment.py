@@ -136,8 +136,9 @@ def enrichment(library: Library, groups: Sequence[int] = _GROUPS) -> Enrichment:
     if min(groups, default=2) < 2:
         raise ValueError(f"`groups` must contain numbers of at least 2, got {min(groups)}")
     base, config = library.groups.base, library.config
+    scale = library.sigma_scales[base]
     return _count_combinations(
-        library, library.labels[base], config.sigma, config.sigma_scale, library.sigma[base], groups
+        library, library.labels[base], config.sigma, scale, library.sigma[base], groups
     )
 
 

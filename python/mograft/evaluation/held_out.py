@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from mograft._standalone.mograft_linkage import cut, threshold
+from mograft._standalone.mograft_linkage import cut
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.channel_groups import restrict_samples
 from mograft.analysis.embedding import Embedding, Samples, features
+from mograft.analysis.scale_choice import cluster_thresholds
 from mograft.evaluation import estimate
 from mograft.library.clusters import embed_groups, nearest_clusters
 from mograft.library.library import Library
@@ -44,7 +45,7 @@ def fit_on(library: Library, is_fitted: BoolArray) -> Library:
     embedding: dict[str, Embedding | None] = {}
     labels: dict[str, IntArray] = {}
     sigma: dict[str, float] = {}
-    config = library.config
+    thresholds = cluster_thresholds(embeddings, library.config)
     for group, known in embeddings.items():
         if known is None:
             embedding[group], sigma[group] = None, 0.0
@@ -52,7 +53,7 @@ def fit_on(library: Library, is_fitted: BoolArray) -> Library:
             continue
         added = _project(known, restrict_samples(rest, library.skeleton, held[group]))
         joined = replace(known, points=np.concatenate([known.points, added]))
-        sigma[group] = threshold(known.points, config.sigma, config.sigma_scale)
+        sigma[group] = thresholds[group]
         clusters = cut(known.points, sigma[group])
         new = nearest_clusters(joined, clusters, len(others), sigma[group])
         labels[group] = np.concatenate([clusters, new])[order]

@@ -11,6 +11,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.channel_groups import restrict_ends
 from mograft.analysis.embedding import Embedding, Samples
+from mograft.analysis.scale_choice import scale_of_threshold
 from mograft.analysis.segmentation import Segments
 from mograft.body.contacts import find_legs
 from mograft.body.groups import JointGroups
@@ -98,6 +99,18 @@ class LibraryData:
     def up(self) -> int:
         """The axis that points up: 0, 1 or 2."""
         return self.spec.up
+
+    @property
+    def sigma_scales(self) -> dict[str, float]:
+        """Cluster diameter threshold of each group as a multiple of `Config.sigma`.
+
+        With `Config.sigma_scale` "auto", these are the chosen multiples. They have no meaning if
+        `Config.sigma` is a number.
+        """
+        return {
+            group: scale_of_threshold(self.embedding[group], sigma, self.config)
+            for group, sigma in self.sigma.items()
+        }
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -168,7 +168,7 @@ def clusters(library: Library, group: str | None = None, *, ax: "Axes | None" = 
     ValueError
         If the group does not exist.
     """
-    name, labels = _labels(library, group)
+    name, labels = group_labels(library, group)
     axes = ensure_axes(ax, (8, 3))
     sizes = np.bincount(labels)
     order = np.argsort(-sizes, kind="stable")
@@ -184,7 +184,8 @@ def clusters(library: Library, group: str | None = None, *, ax: "Axes | None" = 
     return axes
 
 
-def _labels(library: Library, group: str | None) -> tuple[str, IntArray]:
+def group_labels(library: Library, group: str | None) -> tuple[str, IntArray]:
+    """Return the name of a group, by default the base group, and the cluster of each segment."""
     name = library.groups.base if group is None else group
     if name not in library.labels:
         hint = suggest_name(name, library.labels)
@@ -197,7 +198,7 @@ def _embedding(library: Library, group: str | None) -> tuple[str, Embedding, Int
 
     The default group is the base group.
     """
-    name, labels = _labels(library, group)
+    name, labels = group_labels(library, group)
     embedding = library.embedding[name]
     if embedding is None or len(embedding.points) < 2:
         raise ValueError(

@@ -214,7 +214,7 @@ def repair(
         if best is None or _total_excess(graft) < _total_excess(best):
             best = graft
         config = library.config
-        sigma_scale = config.sigma_scale * 4 / 3
+        sigma_scale = library.sigma_scales[library.groups.base] * 4 / 3
         if _are_kept(best, plan) or sigma_scale > widest or not isinstance(config.sigma, str):
             return best
         library = library.relabelled(replace(config, sigma_scale=sigma_scale))

@@ -1,0 +1,194 @@
+"""The scale of the cluster diameter threshold, chosen from the error of exchanged parts."""
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft._standalone.mograft_linkage import linkage, threshold
+from mograft._standalone.mograft_linkage.dendrogram import fcluster
+from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.linalg import product
+from mograft.analysis.embedding import Embedding
+from mograft.config import Config, variety_fields
+
+AUTOMATIC_SCALE = "auto"
+"""Value of `Config.sigma_scale` that chooses the scale of each group from the data."""
+SCALES: FloatArray = np.geomspace(
+    variety_fields(0.0)["sigma_scale"], variety_fields(1.0)["sigma_scale"], 39
+)
+"""Scales that are tried, ascending: from variety 0 to variety 1; the one in the middle is 0.75."""
+TOLERANCE = 0.1
+"""Share by which the error within clusters may exceed that of repetitions."""
+MIN_SEGMENTS = 20
+"""Number of segments below which no scale is chosen."""
+_MAX_SEGMENTS = 3000
+_CHUNK = 256
+
+
+@dataclass(frozen=True, eq=False)
+class ScaleCurve:
+    """The error of exchanged parts by scale of the threshold, and the scale that is chosen.
+
+    Errors are mean squared distances of held-out parts, the parts of a segment in all other groups,
+    as multiples of those of two random segments; 1 is chance.
+
+    Attributes
+    ----------
+    scales : ndarray, shape (n_scales,)
+        The scales, ascending.
+    errors : ndarray, shape (n_scales,)
+        The error between segments of one cluster; NaN if no cluster has two segments.
+    repetition_error : float
+        The error between a segment and its repetition, the nearest other segment in this group.
+    limit : float
+        1.1 times `repetition_error`.
+    scale : float
+        The largest scale whose error is at most `limit`; the smallest scale if there is none.
+    """
+
+    scales: FloatArray
+    errors: FloatArray
+    repetition_error: float
+    limit: float
+    scale: float
+
+
+def cluster_thresholds(
+    embedding: Mapping[str, Embedding | None], config: Config
+) -> dict[str, float]:
+    """Return the cluster diameter threshold of each group; 0 for a group without an embedding.
+
+    With the scale "auto", warn of groups for which none can be chosen; they have the default.
+    """
+    sigma: dict[str, float] = {}
+    for group, embedded in embedding.items():
+        if embedded is None:
+            sigma[group] = 0.0
+            continue
+        scale = config.sigma_scale
+        if isinstance(scale, str):
+            scale = _chosen_scale(embedding, group, config) if _is_named(config) else 1.0
+        sigma[group] = threshold(embedded.points, config.sigma, scale)
+    return sigma
+
+
+def scale_of_threshold(embedded: Embedding | None, sigma: float, config: Config) -> float:
+    """Return the scale of a group with the cluster diameter threshold `sigma`.
+
+    It is `config.sigma_scale`, or with "auto" the tried scale that is nearest to the quotient of
+    the threshold and the spread of the points.
+    """
+    given = config.sigma_scale
+    if not isinstance(given, str):
+        return given
+    spread = 0.0 if embedded is None else threshold(embedded.points, config.sigma)
+    if not (spread > 0 and sigma > 0):
+        return float(Config.sigma_scale)
+    return float(SCALES[np.abs(np.log(SCALES * spread / sigma)).argmin()])
+
+
+def scale_curve(
+    embedding: Mapping[str, Embedding | None], group: str, config: Config
+) -> ScaleCurve | None:
+    """Return the error of exchanged parts by scale for the clusters of a group.
+
+    `embedding` holds the embeddings of all groups for the same segments, in order of time. The
+    result is None if there are fewer than 20 segments, or if no other group has an embedding. Of
+    more than 3000 segments, 3000 at equal intervals are clustered.
+
+    Notes
+    -----
+    The repetition of a segment is the nearest other segment in `group`, without the segments
+    immediately before and after it. For the points x of another group, the error of two segments is
+    |x_i - x_j|² / (2 · total variance of x), which is 1 on average for independent segments. Errors
+    are means over the other groups, and over segments: each segment contributes the mean over the
+    other members of its cluster.
+    """
+    own = embedding[group]
+    parts = [known.points for name, known in embedding.items() if name != group and known]
+    if own is None or not parts or len(own.points) < MIN_SEGMENTS:
+        return None
+    n = len(own.points)
+    rows = np.unique(np.linspace(0, n - 1, _MAX_SEGMENTS).round().astype(int))
+    held_out = _joined_parts(parts)
+    nearest = _nearest_repetitions(own.points, rows)
+    repetition_error = float(np.square(held_out[rows] - held_out[nearest]).sum(axis=1).mean())
+    limit = (1.0 + TOLERANCE) * repetition_error
+    tree = linkage(own.points[rows])
+    diameters = threshold(own.points, config.sigma) * SCALES
+    errors = np.array(
+        [_error_within(held_out[rows], fcluster(tree, float(d)) - 1) for d in diameters]
+    )
+    within = np.flatnonzero(errors <= limit)
+    scale = float(SCALES[within[-1]] if len(within) else SCALES[0])
+    return ScaleCurve(SCALES, errors, repetition_error, limit, scale)
+
+
+def _is_named(config: Config) -> bool:
+    """Return whether the threshold is a multiple of a spread, not a given number."""
+    return isinstance(config.sigma, str)
+
+
+def _chosen_scale(embedding: Mapping[str, Embedding | None], group: str, config: Config) -> float:
+    """Return the scale of a group; warn and return the default if none can be chosen."""
+    curve = scale_curve(embedding, group, config)
+    if curve is not None:
+        return curve.scale
+    own = embedding[group]
+    n = 0 if own is None else len(own.points)
+    reason = "no other group can be compared"
+    if n < MIN_SEGMENTS:
+        reason = f"{n} segments are fewer than {MIN_SEGMENTS}"
+    warnings.warn(
+        f"group {group}: sigma_scale cannot be chosen, because {reason}; "
+        f"{Config.sigma_scale} is used",
+        stacklevel=2,
+    )
+    return float(Config.sigma_scale)
+
+
+def _joined_parts(parts: list[FloatArray]) -> FloatArray:
+    """Return the points of several groups as one, such that each group has the same weight.
+
+    The mean squared distance of two random rows is 1. Groups without variance have no weight.
+    """
+    centred = [points - points.mean(axis=0) for points in parts]
+    spreads = [2.0 * float(np.square(points).sum()) / (len(points) - 1) for points in centred]
+    kept = [points / np.sqrt(s) for points, s in zip(centred, spreads, strict=True) if s > 0]
+    if not kept:
+        return np.zeros((len(parts[0]), 1))
+    joined: FloatArray = np.concatenate(kept, axis=1) / np.sqrt(len(kept))
+    return joined
+
+
+def _nearest_repetitions(points: FloatArray, rows: IntArray) -> IntArray:
+    """Return for each of `rows` the nearest point that is not the row or a row next to it."""
+    squares = np.square(points).sum(axis=1)
+    nearest = []
+    for start in range(0, len(rows), _CHUNK):
+        chunk = rows[start : start + _CHUNK]
+        distances = squares[None] - 2.0 * product(points[chunk], points.T)
+        for offset in (-1, 0, 1):
+            beside = np.clip(chunk + offset, 0, len(points) - 1)
+            distances[np.arange(len(chunk)), beside] = np.inf
+        nearest.append(distances.argmin(axis=1))
+    return np.concatenate(nearest)
+
+
+def _error_within(points: FloatArray, labels: IntArray) -> float:
+    """Return the mean squared distance of a point to the other points of its cluster.
+
+    The mean is over all points in clusters of two or more; NaN if there is none.
+    """
+    sizes = np.bincount(labels)
+    sums = np.stack([np.bincount(labels, axis) for axis in points.T], axis=1)
+    squares = np.bincount(labels, np.square(points).sum(axis=1))
+    is_several = sizes > 1
+    n = sizes[is_several]
+    if not len(n):
+        return float("nan")
+    # The sum over pairs i < j of |x_i - x_j|² is n Σ|x|² - |Σx|².
+    pairs = n * squares[is_several] - np.square(sums[is_several]).sum(axis=1)
+    return float((2.0 * np.maximum(pairs, 0.0) / (n - 1)).sum() / n.sum())
