@@ -32,7 +32,7 @@ def frames(path: str, seed: int) -> int:
 def labels(n_points: int) -> list[int]:
     points = np.random.default_rng(0).normal(size=(n_points, 3))
     tree = mograft_linkage.linkage(points)
-    return mograft_linkage.cut(tree, 2).tolist()
+    return [int(label) for label in mograft_linkage.cut(tree, 2)]
 
 
 print(frames("dance.bvh", 7) + dance(strides=1).motion.n_frames, labels(9))

@@ -1,10 +1,16 @@
 """Download the programs that read files of mograft into ``.clients``, and install mograft-fbx.
 
+The glTF validator has the version and the SHA-512 of ``gltf_validator/package-lock.json``, which
+npm checks. The crates of mograft-fbx have the versions and the SHA-256 of its ``Cargo.lock``.
+Chromium is downloaded only if none is installed, by playwright, whose version determines its
+version; playwright checks no hash. ``MOGRAFT_NO_CHROMIUM=1`` prevents this download.
+
 Without a network or a C compiler this prints what is missing. The tests that need it skip with a
 reason, so that no failure here is an error.
 """
 
 import importlib.util
+import json
 import os
 import shutil
 import subprocess
@@ -14,7 +20,8 @@ from pathlib import Path
 from tests.browser import executable
 from tests.clients import FETCHED, NODE_MODULES
 
-VALIDATOR = "gltf-validator@2.0.0-dev.3.10"
+LOCKED = Path(__file__).with_name("gltf_validator")
+"""Folder of ``package.json`` and of the lock file with the hash of the glTF validator."""
 _TIMEOUT_SECONDS = 240
 _COMPILE_TIMEOUT_SECONDS = 900
 _FBX = Path(__file__).parents[1] / "python-fbx"
@@ -29,14 +36,32 @@ def fetch():
 
 
 def _validator():
-    if (NODE_MODULES / "gltf-validator").is_dir():
-        return f"in {NODE_MODULES}"
+    installed = NODE_MODULES / "gltf-validator" / "package.json"
+    if installed.exists():
+        version = json.loads(installed.read_text(encoding="utf-8"))["version"]
+        if version == locked_version() or FETCHED.resolve() not in NODE_MODULES.parents:
+            return f"{version} in {NODE_MODULES}"
     npm = shutil.which("npm")
     if npm is None or shutil.which("node") is None:
         return "skipped: npm is not installed"
-    words = [npm, "install", "--prefix", str(FETCHED), "--no-audit", "--no-fund"]
-    words += ["--ignore-scripts", "--fetch-retries=1", "--fetch-timeout=30000", VALIDATOR]
-    return _run(words)
+    return install_locked(npm, FETCHED)
+
+
+def locked_version():
+    """Return the version of the glTF validator in the lock file."""
+    lock = json.loads((LOCKED / "package-lock.json").read_text(encoding="utf-8"))
+    return lock["packages"]["node_modules/gltf-validator"]["version"]
+
+
+def install_locked(npm, folder, source=LOCKED):
+    """Install the locked packages of a folder; return what was done.
+
+    ``npm ci`` installs nothing if the hash of a download differs from the lock file.
+    """
+    for name in ("package.json", "package-lock.json"):
+        shutil.copyfile(source / name, folder / name)
+    words = [npm, "ci", "--prefix", str(folder), "--no-audit", "--no-fund", "--ignore-scripts"]
+    return _run([*words, "--fetch-retries=1", "--fetch-timeout=30000"])
 
 
 def _chromium():
@@ -45,6 +70,8 @@ def _chromium():
     found = executable()
     if found is not None:
         return found
+    if os.environ.get("MOGRAFT_NO_CHROMIUM"):
+        return "skipped: MOGRAFT_NO_CHROMIUM is set"
     os.environ.setdefault("PLAYWRIGHT_BROWSERS_PATH", str(FETCHED / "browsers"))
     return _run([sys.executable, "-m", "playwright", "install", "chromium"])
 
@@ -63,13 +90,18 @@ def _fbx():
     if not has_c_compiler():
         return "skipped: there is no C compiler"
     words = [sys.executable, "-m", "pip", "install", "--quiet", "--force-reinstall", "--no-deps"]
-    return _run([*words, str(_FBX)], _COMPILE_TIMEOUT_SECONDS)
+    return _run([*words, str(_FBX)], _COMPILE_TIMEOUT_SECONDS, MATURIN_PEP517_ARGS="--locked")
 
 
-def _run(words, timeout=_TIMEOUT_SECONDS):
+def _run(words, timeout=_TIMEOUT_SECONDS, **variables):
     try:
         completed = subprocess.run(
-            words, capture_output=True, text=True, check=False, timeout=timeout
+            words,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=timeout,
+            env=os.environ | variables,
         )
     except subprocess.TimeoutExpired:
         return f"skipped: not finished after {timeout} s"
