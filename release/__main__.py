@@ -84,15 +84,17 @@ def main(arguments: list[str]) -> int:
         epilog="\n".join(f"{name:12} {text}" for name, (text, _) in STEPS.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    native = [find_native_platform().name]
+    default = [find_native_platform().name]
+    if default == ["manylinux-x86-64"]:
+        default.append("manylinux-aarch64")
     parser.add_argument("step", nargs="*", help="steps (default: all)")
     parser.add_argument("--dry-run", action="store_true", required=True, help="upload nothing")
     parser.add_argument(
         "--platform",
         nargs="+",
         choices=[platform.name for platform in PLATFORMS],
-        default=native,
-        help="platforms of the wheels (default: this one)",
+        default=default,
+        help=f"platforms of the wheels (default: {' and '.join(default)})",
     )
     parser.add_argument("--interpreter", help="program of a free-threaded Python, for its wheels")
     parser.add_argument("--python", default=sys.executable, help="Python of the step try-wheel")

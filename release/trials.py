@@ -145,7 +145,7 @@ def try_sdists() -> None:
 
 def _vendor_crates(source: Path) -> None:
     process = subprocess.run(
-        ["cargo", "vendor", "--locked", "--quiet", "vendor"],
+        ["cargo", "vendor", "--locked", "vendor"],
         cwd=source,
         check=True,
         capture_output=True,
