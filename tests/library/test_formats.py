@@ -7,11 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import mograft as mg
 from mograft.library.discover import find_clips
 from mograft.library.origin import hash_library
 from tests.library.checks import DANCE
+from tests.strategies import few_examples
 
 NAMES = ("walk", "jump", "walk.b#2", "turn/../left")
 
@@ -92,6 +95,31 @@ def test_add_changed_file_replaces_its_clips(several, tmp_path):
     assert sorted(changed.names) == sorted(NAMES)
     assert {info.n_frames for info in changed.entries} == {100}
     assert hash_library(changed) != before
+
+
+@given(st.sets(st.sampled_from(NAMES), min_size=1), st.sets(st.sampled_from(NAMES), min_size=1))
+@few_examples(4)
+def test_add_changed_file_equals_index_of_the_changed_file(tmp_path_factory, before, after):
+    """Clips that the file no longer contains are removed, and named in a warning."""
+    folder = tmp_path_factory.mktemp("changed")
+    clips = folder / "clips"
+    clips.mkdir()
+    mg.write_bvh(DANCE[:150], clips / "other.bvh")
+    parts = {name: replace(DANCE[60 * i : 60 * i + 90], name=name) for i, name in enumerate(NAMES)}
+    mg.write_glb([parts[name] for name in NAMES if name in before], clips / "pack.glb")
+    library = mg.Library.index(clips, folder / "l")
+    mg.write_glb([parts[name][1:] for name in NAMES if name in after], clips / "pack.glb")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        added = library.add(clips)
+    fresh = mg.Library.index(clips, folder / "fresh")
+    assert added.names == fresh.names
+    assert [info.n_frames for info in added.entries] == [info.n_frames for info in fresh.entries]
+    assert hash_library(added) == hash_library(fresh)
+    removed = sorted(before - after) if len(before) > 1 else []
+    messages = [str(own.message) for own in caught if "no longer contains" in str(own.message)]
+    assert len(messages) == bool(removed)
+    assert all(name in messages[0] for name in removed)
 
 
 def test_tags_and_frame_rates_name_clips_of_files(several):

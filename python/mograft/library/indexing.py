@@ -1,7 +1,8 @@
 """Build a library in a folder, and add clips to it."""
 
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import warnings
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import chain
 from pathlib import Path
@@ -11,7 +12,8 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.embedding import CHUNK
 from mograft.body.groups import JointGroups
-from mograft.io.addresses import split_address
+from mograft.errors import MograftError, join_names
+from mograft.io.addresses import find_addresses, open_clips, split_address
 from mograft.library.build import join_segments, name_clips
 from mograft.library.clip_table import ClipInfo, ClipLocation
 from mograft.library.clusters import cluster_groups, embed_groups, feature_joints_by_group
@@ -127,7 +129,8 @@ def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], run: I
         ]
         if not pending and not run.tags:
             return
-        kept = _kept_clips(base, writer.base, pending, run)
+        stale = _stale_addresses(files, pending, run)
+        kept = _kept_clips(base, writer.base, pending, run, stale)
         receiver = _ClipWriter(writer, run)
         spec, clips = _ingest_additions(writer, run, base, kept, pending, receiver)
         # Without new files, and unless all clips were ingested again, only tags have changed.
@@ -177,12 +180,48 @@ def _is_new_or_changed(clip: PendingClip, files: Mapping[str, ClipInfo]) -> bool
         return True  # ingest will raise the error
 
 
+def _stale_addresses(
+    files: Mapping[str, ClipInfo], pending: Sequence[PendingClip], run: IngestRun
+) -> frozenset[str]:
+    """Return the addresses of the library's clips that their changed files no longer contain.
+
+    `files` holds the metadata of the library's clips by address. Warn of these clips, except those
+    whose address has only changed because the number of clips in the file has.
+    """
+    changed = {split_address(clip.task().label)[0] for clip in pending}
+    known: dict[str, list[SourceFile]] = {}
+    for info in files.values():
+        if info.source_file is not None and info.source_file.path in changed:
+            known.setdefault(info.source_file.path, []).append(info.source_file)
+    stale: set[str] = set()
+    for path, sources in known.items():
+        try:
+            found = set(find_addresses(path, skeleton=run.skeleton))
+            names = {*open_clips(path, skeleton=run.skeleton).names}
+        except (OSError, MograftError):
+            continue  # the ingest reports the error
+        old = [source for source in sources if source.address not in found]
+        stale |= {source.address for source in old}
+        removed = [source.clip for source in old if source.clip and source.clip not in names]
+        if removed:
+            warnings.warn(
+                f"removed from the library, because {path} no longer contains them: "
+                f"{join_names(removed)}",
+                stacklevel=4,
+            )
+    return frozenset(stale)
+
+
 def _kept_clips(
-    base: LibraryData, stored: StoredLibrary, pending: Sequence[PendingClip], run: IngestRun
+    base: LibraryData,
+    stored: StoredLibrary,
+    pending: Sequence[PendingClip],
+    run: IngestRun,
+    stale: Collection[str],
 ) -> list[_IndexedClip]:
     """Return the clips of the previous generation that no pending clip replaces.
 
-    Tags of the run are added to their metadata.
+    Clips whose addresses are in `stale` are left out. Tags of the run are added to the metadata.
     """
     replaced = {clip.order for clip in pending}
     indices = np.arange(len(base.entries) + 1)
@@ -193,6 +232,8 @@ def _kept_clips(
         order = ClipOrder(1, (f"{index:09}",))
         if info.source_file is not None:
             address = info.source_file.address
+            if address in stale:
+                continue
             order = ClipOrder(0, _path_key(address, stored.folder))
             tags = dict.fromkeys(chain(info.tags, *matching_values(run.tags, FoundClip(address))))
             if len(tags) > len(info.tags):

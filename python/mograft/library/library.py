@@ -257,7 +257,8 @@ executor, progress
         Notes
         -----
         A file is unchanged if its size and modification time, or else its SHA-256, are the
-        same. Clips whose files were removed stay in the library.
+        same. Clips whose files were removed stay in the library. Clips that a changed file no
+        longer contains are removed, with a warning.
         """
         from mograft.library.indexing import add_to_folder
         from mograft.library.ingest_run import IngestRun
