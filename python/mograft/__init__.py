@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from mograft.errors import FormatError as FormatError
     from mograft.errors import InsufficientDataError as InsufficientDataError
     from mograft.errors import LibraryError as LibraryError
+    from mograft.errors import MemoryBudgetError as MemoryBudgetError
     from mograft.errors import MograftError as MograftError
     from mograft.errors import ProvenanceError as ProvenanceError
     from mograft.errors import SkeletonMismatchError as SkeletonMismatchError
@@ -114,8 +115,8 @@ _HOMES = {
     "search.constraints": "Constraint Violation",
     "search.donor_constraints": "Ban KeepOriginal MaxAngle MaxStretch NotFrom OnlyFrom Use",
     "search.pose_constraints": "Avoid AvoidSelf Custom Face KeepOut Reach",
-    "errors": "BvhError FormatError InsufficientDataError LibraryError MograftError "
-    "ProvenanceError SkeletonMismatchError",
+    "errors": "BvhError FormatError InsufficientDataError LibraryError "
+    "MemoryBudgetError MograftError ProvenanceError SkeletonMismatchError",
     "body.faults": "Fault find_faults",
     "body.contacts": "foot_skate",
     "blend.foot_planting": "FeetReport plant_feet",

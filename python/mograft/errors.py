@@ -34,6 +34,10 @@ class FormatError(MograftError, ValueError):
         return type(self), (self.message, self.path, self.place)
 
 
+class MemoryBudgetError(MograftError, MemoryError):
+    """Work that needs more memory than the system has available; it was not begun."""
+
+
 class BvhError(FormatError):
     """Invalid BVH file; the message starts with path, line and column.
 

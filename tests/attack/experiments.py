@@ -48,7 +48,8 @@ def cut_texts(folder, count):  # noqa: ARG001
     motion = MOTION[:40]
     file = io.BytesIO()
     write_bvh(motion, file)
-    text, numbers = file.getvalue(), motion.channel_numbers()
+    text = file.getvalue()
+    numbers = mg.read_bvh(io.BytesIO(text)).channel_numbers()
     start = text.index(b"Frame Time")
     for _ in range(count):
         outcome.trials += 1

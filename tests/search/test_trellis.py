@@ -92,6 +92,20 @@ def test_donor_sequence_and_path_are_inverse(make_pool, seed):
 
 
 @given(SEEDS)
+def test_seam_costs_that_are_computed_again_equal_those_that_are_stored(make_pool, seed):
+    pool, config = make_pool(seed), Config(max_stretch=2.0)
+    stored = build(pool, config).costs
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("mograft.search.trellis._MAX_STORED_SEAM_COSTS", 0)
+        patch.setattr("mograft.search.trellis.POSITIONS_PER_BATCH", 3)
+        computed = build(pool, config).costs
+        assert not isinstance(computed.pairwise, tuple)
+        for one, other in zip(stored.pairwise, computed.pairwise, strict=True):
+            np.testing.assert_array_equal(other, one)
+        np.testing.assert_array_equal(viterbi(computed), viterbi(stored))
+
+
+@given(SEEDS)
 def test_trellis_of_a_tenth_of_the_amplitude_has_the_same_seam_costs(make_pool, seed):
     """All angles and velocities are scaled by 1/10: typical gaps and scales follow."""
     rng = np.random.default_rng(seed)

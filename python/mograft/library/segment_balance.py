@@ -21,8 +21,8 @@ from mograft.library.stored_clips import ExtendedSamples, StoredSamples
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-_MAX_KNOWN_MARGINS = 1 << 25
-"""Support margins that are kept: 256 MiB."""
+_MAX_KNOWN_MARGINS = 1 << 24
+"""Support margins that are kept: 128 MiB."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,10 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, join_views
 from mograft.search.candidates import POSITIONS_PER_BATCH, SegmentPool
 from mograft.search.costs import PRESELECTION, CostModel
-from mograft.search.viterbi import Trellis
+from mograft.search.viterbi import ComputedMatrices, Trellis
+
+_MAX_STORED_SEAM_COSTS = 1 << 24
+"""Costs of seams that are stored: 128 MiB. More are computed again in each pass over a trellis."""
 
 DonorSequences = dict[str, IntArray]
 """The donor sequence of each grafted group: the donor segment at each position."""
@@ -47,8 +50,7 @@ class DonorTrellis:
             found, costs = _keep_cheapest(pool, scenario[batch], candidates[batch], model, own)
             kept += found
             unary += costs
-        seams = pool.pairwise_costs_along(kept, model)
-        return cls(scenario, tuple(kept), Trellis(tuple(unary), tuple(seams)))
+        return cls(scenario, tuple(kept), Trellis(tuple(unary), _seam_costs(pool, kept, model)))
 
     def donor_sequence(self, path: IntArray) -> IntArray:
         """Return the donor segment at each position of a path, shape (n_positions,)."""
@@ -98,3 +100,17 @@ def _keep_cheapest(
     costs = np.concatenate(unary) + pool.balance_costs(*pair(kept), model)
     kept, unary = model.keep_cheapest_of_each(scenario, kept, costs)
     return join_views(kept), join_views(unary)
+
+
+def _seam_costs(
+    pool: SegmentPool, candidates: Sequence[IntArray], model: CostModel
+) -> Sequence[FloatArray]:
+    """Return the costs of seams, computed when they are read if they are many."""
+    counts = np.array([len(own) for own in candidates], np.int64)
+    if (counts[:-1] * counts[1:]).sum() <= _MAX_STORED_SEAM_COSTS:
+        return tuple(pool.pairwise_costs_along(candidates, model))
+
+    def compute(start: int, stop: int) -> list[FloatArray]:
+        return pool.pairwise_costs_along(candidates[start : stop + 1], model)
+
+    return ComputedMatrices(compute, range(len(candidates) - 1), POSITIONS_PER_BATCH)

@@ -5,8 +5,9 @@ the start, accumulating the least cost (or the weight) of all continuations of e
 then once forwards to read off the path.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import overload
 
 import numpy as np
 
@@ -14,12 +15,49 @@ from mograft import _core
 from mograft._util.arrays import FloatArray, IntArray
 
 
+class ComputedMatrices(Sequence[FloatArray]):
+    """Pairwise costs that are computed when they are read, a block of positions at a time.
+
+    `compute` returns the matrices of the positions `start` to `stop` - 1. The last block is kept.
+    `positions` are those of this sequence.
+    """
+
+    def __init__(
+        self,
+        compute: Callable[[int, int], list[FloatArray]],
+        positions: range,
+        block_length: int,
+        block: tuple[int, list[FloatArray]] = (-1, []),
+    ) -> None:
+        self._compute, self._positions = compute, positions
+        self._block_length, self._block = block_length, block
+
+    def __len__(self) -> int:
+        return len(self._positions)
+
+    @overload
+    def __getitem__(self, index: int) -> FloatArray: ...
+    @overload
+    def __getitem__(self, index: slice) -> "ComputedMatrices": ...
+    def __getitem__(self, index: int | slice) -> "FloatArray | ComputedMatrices":
+        chosen = self._positions[index]
+        if isinstance(chosen, range):
+            return ComputedMatrices(self._compute, chosen, self._block_length, self._block)
+        number, row = divmod(chosen, self._block_length)
+        known, matrices = self._block  # another thread may replace it
+        if known != number:
+            start = number * self._block_length
+            matrices = self._compute(start, start + self._block_length)
+            self._block = number, matrices
+        return matrices[row]
+
+
 @dataclass(frozen=True, eq=False)
 class Trellis:
     """Unary costs of the candidates at each position, and pairwise costs to the next position."""
 
     unary: tuple[FloatArray, ...]  # for each position shape (n_candidates,); infinite if forbidden
-    pairwise: tuple[FloatArray, ...]  # for each position but the last shape (n, n of the next)
+    pairwise: Sequence[FloatArray]  # for each position but the last shape (n, n of the next)
 
     def __len__(self) -> int:
         return len(self.unary)
@@ -57,8 +95,8 @@ class Trellis:
 
     def restrict_first(self, indices: IntArray) -> "Trellis":
         """Return the trellis with only the candidates `indices` at the first position."""
-        first = tuple(own[indices] for own in self.pairwise[:1])
-        return Trellis((self.unary[0][indices], *self.unary[1:]), first + self.pairwise[1:])
+        first = [own[indices] for own in self.pairwise[:1]]
+        return Trellis((self.unary[0][indices], *self.unary[1:]), (*first, *self.pairwise[1:]))
 
     def slice_within(self, path: IntArray, start: int, stop: int) -> "Trellis":
         """Return the trellis of positions `start` to `stop - 1`; the others are fixed as in `path`.
@@ -156,10 +194,32 @@ def sample(trellis: Trellis, temperature: float, rng: np.random.Generator) -> In
     """
     if not len(trellis):
         return np.zeros(0, np.int64)
+    if isinstance(trellis.pairwise, ComputedMatrices):
+        return _sample_stepwise(trellis, temperature, rng.random(len(trellis)))
     counts = np.array([len(costs) for costs in trellis.unary])
     pairwise = np.concatenate([np.zeros(0), *(costs.ravel() for costs in trellis.pairwise)])
     draws = rng.random(len(trellis))
     return _core.sample(counts, np.concatenate(trellis.unary), pairwise, temperature, draws)
+
+
+def _sample_stepwise(trellis: Trellis, temperature: float, draws: FloatArray) -> IntArray:
+    """Draw a path as the kernel does, with the pairwise costs of few positions in memory."""
+    weights = [-trellis.unary[-1] / temperature]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for unary, pairwise in zip(trellis.unary[-2::-1], trellis.pairwise[::-1], strict=True):
+            onward = weights[-1] - pairwise / temperature
+            top = onward.max(axis=1)
+            top = np.where(np.isfinite(top), top, 0.0)
+            sums = np.exp(onward - top[:, None]).sum(axis=1)
+            weights.append(-unary / temperature + (top + np.log(sums)))
+        path: list[int] = []
+        for position, (ends, draw) in enumerate(zip(reversed(weights), draws, strict=True)):
+            if position:
+                ends = ends - trellis.pairwise[position - 1][path[-1]] / temperature
+            sums = np.cumsum(np.exp(ends - ends.max()))
+            index = int(np.searchsorted(sums, draw * sums[-1], side="right"))
+            path.append(min(index, len(ends) - 1))
+    return np.array(path, np.int64)
 
 
 def diverse(trellis: Trellis, count: int, penalty: float) -> list[IntArray]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import overload
 
 from mograft._util.arrays import IntArray
+from mograft._util.memory import check_memory
 from mograft._util.validate import as_integer, check_type
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -15,6 +16,9 @@ from mograft.synthesis.donor_repair import restrict_to_violations
 from mograft.synthesis.graft_plan import GraftPlan
 from mograft.synthesis.graft_result import Graft
 from mograft.synthesis.kept_joints import find_kept_violations
+
+MEMORY_FACTOR = 5
+"""Memory of a graft, in addition to library and base, as a multiple of the arrays of the base."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +90,8 @@ def graft(
         If the base has another hierarchy than the library.
     TypeError
         If an item of `constraints` is not a constraint.
+    MemoryBudgetError
+        If the graft needs more memory than is available; see `docs/reliability.md`.
     ValueError
         If `swap` names an unknown group or the base group; if a constraint names a joint, clip
         or frame that does not exist; if `scenario` names an unknown segment or is given
@@ -148,6 +154,8 @@ def graft_many(
     count, seed = as_integer("count", count, 1), as_integer("seed", seed)
     check_type("library", library, Library)
     _check_base(base)
+    if scenario is None:
+        _check_memory(library, base)
     plan = GraftPlan.build(library, base, swap, constraints, scenario)
     return Grafts(plan, tuple(plan.choose_donors(count, seed)), seed)
 
@@ -236,3 +244,18 @@ def _total_excess(graft: Graft) -> float:
 def _check_base(base: object) -> None:
     if base is not None and not isinstance(base, str):
         check_type("base", base, Motion)
+
+
+def _check_memory(library: Library, base: Motion | str | None) -> None:
+    """Raise MemoryBudgetError if a graft on the base needs more memory than is available."""
+    if isinstance(base, Motion):
+        name, n_frames = base.name, base.n_frames
+    else:
+        clip = library.names.index(base) if base in library.names else 0
+        name, n_frames = library.names[clip], library.entries[clip].n_frames
+    n_numbers = 7 * library.skeleton.n_joints + library.skeleton.n_channels
+    check_memory(
+        f"a graft on {name} with {n_frames} frames",
+        MEMORY_FACTOR * 8 * n_numbers * n_frames,
+        "divide the base into parts, such as motion[:100000], or use a computer with more memory",
+    )
