@@ -230,3 +230,20 @@ def test_fit_mixture_two_separate_clusters_are_its_components(seed, n_dimensions
     np.testing.assert_allclose(mixture.weights[order], np.bincount(labels) / len(labels))
     means = [points[labels == label].mean(axis=0) for label in (0, 1)]
     np.testing.assert_allclose(mixture.means[order], means)
+
+
+@given(npst.arrays(np.int64, st.integers(1, 60), elements=st.integers(0, 3)), st.integers(1, 12))
+def test_merge_short_runs_keeps_long_runs_and_leaves_no_short_one(labels, min_length):
+    def runs(values):
+        return np.split(values, np.flatnonzero(np.diff(values)) + 1)
+
+    merged = gmm.merge_short_runs(labels, min_length)
+    lengths = [len(run) for run in runs(merged)]
+    assert len(lengths) == 1 or min(lengths) >= min_length
+    if min(len(run) for run in runs(labels)) >= min_length:
+        np.testing.assert_array_equal(merged, labels)
+    assert set(merged.tolist()) <= set(labels.tolist())
+    # A run that is longer than all others together keeps its label.
+    longest = max(runs(labels), key=len)
+    if 2 * len(longest) > len(labels):
+        assert longest[0] in merged

@@ -31,8 +31,8 @@ class GmmParameters:
         The number of clusters k is the smallest one at which another cluster reduces the
         clustering error by less than this share of the reduction from one to two clusters.
     cycle : float
-        Seconds over which the probabilities of the clusters are averaged: a cycle of a gait. It
-        prevents cuts within a cycle whose poses belong to two clusters.
+        Seconds over which the probabilities of the clusters are averaged, and shortest behaviour: a
+        cycle of a gait. It prevents cuts within a cycle whose poses belong to two clusters.
     step : float
         Seconds between the poses to which the clusters are fitted.
 
@@ -80,8 +80,9 @@ def cut_frames(motion: Motion, parameters: GmmParameters) -> IntArray:
     Gaussian distributions, starting from k consecutive parts of the motion. With the clustering
     error E_k = Σ_i Σ_j p(j | x_i) |x_i - m_j|², k is the smallest number with
     (E_k - E_{k+1}) / (E_1 - E_2) < `ratio`. A cut is placed where the cluster with the highest
-    probability, averaged over one `cycle`, changes. The average and the start are not in the
-    source. The cost is O(n k D²) for each of at most 60 steps of a fit to n poses.
+    probability, averaged over one `cycle`, changes; clusters that last less than a `cycle` are
+    merged with a neighbour. The average, the merging and the start are not in the source. The cost
+    is O(n k D²) for each of at most 60 steps of a fit to n poses.
 
     Examples
     --------
@@ -96,7 +97,7 @@ def cut_frames(motion: Motion, parameters: GmmParameters) -> IntArray:
     mixture = _fit(scores[:: frames_of(parameters.step, motion.rate)], parameters)
     probabilities, _ = mixture.posteriors(scores)
     labels = _centred_means(probabilities, cycle).argmax(axis=1)
-    return np.flatnonzero(np.diff(labels)) + 1
+    return np.flatnonzero(np.diff(merge_short_runs(labels, cycle))) + 1
 
 
 def _fit(points: FloatArray, parameters: GmmParameters) -> GaussianMixture:
@@ -120,6 +121,24 @@ def _centred_means(values: FloatArray, width: int) -> FloatArray:
     stop = np.minimum(rows - width // 2 + width, len(values))
     means: FloatArray = (sums[stop] - sums[first]) / (stop - first)[:, None]
     return means
+
+
+def merge_short_runs(labels: IntArray, min_length: int) -> IntArray:
+    """Return labels without runs of equal labels that are shorter than `min_length`.
+
+    The shortest run is merged first: it takes the label of the longer neighbour. The first of
+    equal runs or neighbours is selected. A single run may be shorter.
+    """
+    values = labels.copy()
+    while True:
+        bounds = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]])
+        lengths = np.diff(bounds)
+        run = int(np.argmin(lengths))
+        if len(lengths) == 1 or lengths[run] >= min_length:
+            return values
+        beside = [k for k in (run - 1, run + 1) if 0 <= k < len(lengths)]
+        longer = max(beside, key=lambda k: lengths[k])
+        values[bounds[run] : bounds[run + 1]] = values[bounds[longer]]
 
 
 METHOD = SegmentationMethod(GmmParameters, cut_frames, has_long_segments=True)
