@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 
 import mograft as mg
-from mograft.io.bvh import cursor
+from mograft.io.bvh import cursor, header
 from tests.dialects import clips, dialects, to_text
 from tests.io.bvh_helpers import (
     REFLOWED_ROWS,
@@ -340,3 +340,16 @@ def test_read_bvh_error_position_is_right_across_chunks(end, size):
     ):
         read(text.replace("\n", end).encode())
     assert (caught.value.line, caught.value.column) == (520, 5)
+
+
+def test_more_joints_than_the_limit_are_refused_with_position(tmp_path):
+    lines = ["HIERARCHY", "ROOT r {", "OFFSET 0 0 0", "CHANNELS 1 Xrotation"]
+    joints = [f"JOINT j{n} {{ OFFSET 0 0 0 CHANNELS 0 }}" for n in range(100)]
+    end = ["}", "MOTION", "Frames: 1", "Frame Time: 0.1", "0"]
+    path = tmp_path / "many.bvh"
+    with patch.object(header, "_MAX_JOINTS", 100):
+        path.write_text("\n".join([*lines, *joints, *end]))
+        with pytest.raises(mg.BvhError, match=r"many.bvh:104:1: expected at most 100 joints"):
+            mg.read_bvh(path)
+        path.write_text("\n".join([*lines, *joints[1:], *end]))
+        assert mg.read_bvh(path).n_joints == 100

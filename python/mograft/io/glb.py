@@ -14,6 +14,7 @@ from mograft.body.groups import JointGroups
 from mograft.io.bone_mesh import BoneMesh, bone_mesh, joint_group_indices
 from mograft.io.gltf.buffer import GltfBuffer
 from mograft.io.palette import linear_colours
+from mograft.io.single_precision import check_single_precision
 from mograft.io.units import ExportTransform
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -52,7 +53,8 @@ def write_glb(
     SkeletonMismatchError
         If the hierarchies differ.
     ValueError
-        If there is no motion, the scale is not above 0, or the groups do not fit the skeleton.
+        If there is no motion, the scale is not above 0, the groups do not fit the skeleton, or a
+        position is above 1e38.
 
     Notes
     -----
@@ -94,6 +96,7 @@ def _build_document(
     """Fill the buffer; return the JSON document without the entries that `GltfBuffer.pack` adds."""
     skeleton = motions[0].skeleton
     rest = transform.points(skeleton.rest_positions())
+    check_single_precision("rest position", rest, skeleton)
     mesh = _build_mesh(buffer, bone_mesh(skeleton, transform), group_indices)
     # In the rest pose, the axes of every joint are those of the root, rotated to y up.
     inverse_bind = np.zeros((skeleton.n_joints, 4, 4))

@@ -12,6 +12,7 @@ from mograft._util.atomic import write_bytes
 from mograft.errors import FormatError, join_names
 from mograft.io.clips import Clips
 from mograft.io.npz_archive import NpzArchive, as_format_error, open_npz_archive
+from mograft.io.single_precision import check_single_precision
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import EndSite, Skeleton
 
@@ -27,6 +28,11 @@ def write_npz(motion: Motion, path: str | os.PathLike[str]) -> None:
         The motion.
     path : str or path
         The file to write.
+
+    Raises
+    ------
+    ValueError
+        If a position is above 1e38.
 
     Notes
     -----
@@ -54,6 +60,9 @@ def write_npz(motion: Motion, path: str | os.PathLike[str]) -> None:
     """
     skeleton = motion.skeleton
     sites = skeleton.end_sites
+    world_positions = motion.world_positions()
+    check_single_precision("position", motion.positions, skeleton)
+    check_single_precision("world position", world_positions, skeleton)
     buffer = io.BytesIO()
     np.savez_compressed(
         buffer,
@@ -70,7 +79,7 @@ def write_npz(motion: Motion, path: str | os.PathLike[str]) -> None:
         end_names=_to_strings([site.name for site in sites]),
         rotations=motion.rotations.astype(np.float32),
         positions=motion.positions.astype(np.float32),
-        world_positions=motion.world_positions().astype(np.float32),
+        world_positions=world_positions.astype(np.float32),
     )
     write_bytes(Path(path), buffer.getvalue())
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray
 from mograft.body.mass import mass_model, up_axis
+from mograft.io.single_precision import check_single_precision
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -63,14 +64,9 @@ class ExportTransform:
         single precision.
         """
         quats, positions = motion.rotations.copy(), self.scale * motion.positions
-        is_large = (np.abs(positions) > np.finfo(np.float32).max).any(axis=2)
-        if is_large.any():
-            frame, joint = (int(index) for index in np.argwhere(is_large)[0])
-            raise ValueError(
-                f"the position of {motion.skeleton.names[joint]} in frame {frame} of "
-                f"{motion.name or 'the motion'} must be within the range of single precision, got "
-                f"{np.abs(positions[frame, joint]).max():.3g} m; `scale` is {self.scale:g}"
-            )
+        hint = f" m; `scale` is {self.scale:.6g}"
+        owner = motion.name or "the motion"
+        check_single_precision("position", positions, motion.skeleton, owner, hint)
         quats[:, 0] = rotations.multiply(self.to_y_up, quats[:, 0])
         positions[:, 0] = rotations.rotate(self.to_y_up, positions[:, 0])
         return rotations.continuous_signs(quats), positions

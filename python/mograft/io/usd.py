@@ -12,6 +12,7 @@ from mograft._util.atomic import atomic_path
 from mograft.body.groups import JointGroups
 from mograft.io.bone_mesh import BoneMesh, bone_mesh, joint_group_indices
 from mograft.io.palette import linear_colours
+from mograft.io.single_precision import check_single_precision
 from mograft.io.units import ExportTransform
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -55,7 +56,7 @@ def write_usd(
         If usd-core is not installed.
     ValueError
         If the path has another suffix, the scale is not above 0, or the groups do not fit the
-        skeleton.
+        skeleton, or a position is above 1e38.
 
     Notes
     -----
@@ -121,6 +122,7 @@ def _define_skeleton(stage: Any, skeleton: Skeleton, transform: ExportTransform)
     prim.CreateJointsAttr(_joint_paths(skeleton))
     prim.CreateJointNamesAttr([_to_usd_text(name) for name in skeleton.names])
     world_positions = transform.points(skeleton.rest_positions())
+    check_single_precision("rest position", world_positions, skeleton)
     positions = transform.scale * skeleton.offsets
     positions[0] = world_positions[0]
     quats = np.tile(rotations.IDENTITY, (skeleton.n_joints, 1))

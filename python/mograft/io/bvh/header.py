@@ -13,6 +13,9 @@ from mograft.motion.skeleton import CHANNELS, EndSite, Skeleton
 _NAME = re.compile(rb"([^\r\n{]*)[ \t-\r]*")
 _SITE = re.compile(rb"(site(?=[ \t-\r{]|\Z))[ \t-\r]*", re.IGNORECASE)
 _FRAMES = re.compile(rb"(frames[ \t-\r]*:?)[ \t-\r]*", re.IGNORECASE)
+_MAX_JOINTS = 1 << 16
+"""Joints of a file: some seconds of reading, and far more than any figure has."""
+
 _FRAME_TIME = re.compile(rb"(frames?[ \t-\r]*time[ \t-\r]*:?)[ \t-\r]*", re.IGNORECASE)
 
 _CHANNEL_OF_WORD = {name.lower().encode(): name for name in CHANNELS}
@@ -99,6 +102,8 @@ def _read_hierarchy(cursor: Cursor) -> Skeleton:
         joint = joints[stack[-1]]
         word = cursor.take_keyword()
         if word == b"JOINT":
+            if len(joints) == _MAX_JOINTS:
+                cursor.fail(f"expected at most {_MAX_JOINTS} joints, got more")
             joint.n_children += 1
             stack.append(len(joints))
             joints.append(_read_joint(cursor, "JOINT", stack[-2]))
