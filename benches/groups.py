@@ -3,9 +3,11 @@
 ``python benches/groups.py [FOLDER]`` reads the recordings in FOLDER (default: ``../shared/data``
 beside the checkout) and prints
 
-- ``table``: for each hierarchy, the groups that `discover_groups` finds at the number of the preset
-  ``lower_torso_arms``, or at four groups for an animal, and the joints in other groups than there;
-- ``quality``: measures of grafts with the discovered groups and with those of each preset.
+- ``table``: for each human, the groups that `discover_groups` finds at the number of the preset
+  ``lower_torso_arms``, the joints in other groups than there, the dependences of trunk and head and
+  of trunk and arms, and the number of groups of ``auto``; for other skeletons, four groups;
+- ``quality``: the measures of `benches/variety.py` for grafts with the groups of each preset, and
+  with discovered groups. ``--source`` selects other sources by the beginning of their names.
 
 ``--only NAME`` prints one of these. Quality needs scikit-learn.
 """
@@ -22,13 +24,18 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
 from benches._common import run, tiny_motion
+from benches.variety import COLUMNS, RATE, measure
 from mograft.body.anatomy import anatomy, feature_joints
+from mograft.body.groups import PRESETS
 from mograft.library.discover import scan_folder
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 PRESET = "lower_torso_arms"
 N_ANIMAL_GROUPS = 4
 PARTS = ("table", "quality")
+QUALITY_SOURCES = ("bandai_ds1", "dance_cmu94")
+MAX_CLIPS = 2  # clips of a source for the measures of quality
+COUNT = 2  # grafts per clip
 
 
 def read_sources(folder):
@@ -65,54 +72,110 @@ def differing_joints(skeleton, found, expected):
     return min(differing, key=len)
 
 
-def describe_source(motions):
-    """The number of segments, the groups and how they differ from the preset."""
+def unit_dependence(discovery, first, second):
+    """The dependence of the units with two body parts; "-" if one of them is not a unit."""
+    parts = anatomy(discovery.pose.skeleton).parts
+    units = [
+        next((u for u, own in enumerate(discovery.units[1:], 1) if part in parts_of(parts, own)), 0)
+        for part in (first, second)
+    ]
+    return f"{discovery.dependence[tuple(units)]:.2f}" if all(units) else "-"
+
+
+def parts_of(parts, joints):
+    """The body parts of some joints."""
+    return {parts[joint] for joint in joints.tolist()}
+
+
+def describe_human(motions):
+    """The cells of a human in the table, and whether the groups are those of the preset."""
     skeleton = motions[0].skeleton
-    is_human = anatomy(skeleton).human
-    try:
-        expected = mg.JointGroups.preset(PRESET, skeleton).resolve(skeleton) if is_human else None
-    except ValueError as error:
-        return "-", "-", f"no preset: {error}"
-    n_groups = len(expected) if is_human else N_ANIMAL_GROUPS
-    library = mg.Library.build(motions, "lower_upper") if is_human else None
-    n_segments = "-" if library is None else len(library.segments)
-    try:
-        groups = mg.JointGroups.discover(motions, n_groups)
-    except ValueError as error:
-        return n_segments, "-", str(error)
-    found = groups.resolve(skeleton)
-    shown = "; ".join(f"{name} {len(joints)}" for name, joints in found.items())
-    if not is_human:
-        return n_segments, shown, members_text(skeleton, found)
-    differing = differing_joints(skeleton, found, expected)
-    names = [skeleton.names[joint] for joint in differing]
-    return n_segments, shown, f"differs: {', '.join(names)}" if names else "equal"
+    expected = mg.JointGroups.preset(PRESET, skeleton).resolve(skeleton)
+    discovery = mg.discover_groups(motions, len(expected))
+    found = discovery.groups.resolve(skeleton)
+    n_by_gap = len(mg.JointGroups.discover(motions).names)
+    differing = [skeleton.names[joint] for joint in differing_joints(skeleton, found, expected)]
+    pairs = [unit_dependence(discovery, "trunk", part) for part in ("head", "forearm")]
+    difference = ", ".join(differing) or "none"
+    return [counts_text(found), difference, *pairs, str(n_by_gap)], not differing
 
 
-def members_text(skeleton, found):
-    """The joints of all groups except the base."""
-    return "; ".join(
+def counts_text(found):
+    """The names of groups with their numbers of joints."""
+    return ", ".join(f"{name} {len(joints)}" for name, joints in found.items())
+
+
+def describe_animal(motions):
+    """The groups of a skeleton that is not human, and the joints of all except the base."""
+    skeleton = motions[0].skeleton
+    found = mg.JointGroups.discover(motions, N_ANIMAL_GROUPS).resolve(skeleton)
+    members = [
         f"{name}: {' '.join(skeleton.names[joint] for joint in joints)}"
         for name, joints in list(found.items())[1:]
-    )
+    ]
+    return f"{counts_text(found)} | {'; '.join(members)}"
 
 
 def print_table(sources):
-    print("| source | clips | segments | groups and joints | beside the preset |")
-    print("|---|---|---|---|---|")
-    equal = humans = 0
+    heads = ("source", "groups and joints", "differing joints", "trunk-head", "trunk-arm", "auto")
+    print("".join(f"| {head} " for head in heads) + "|\n" + "|---" * len(heads) + "|")
+    n_equal = n_humans = 0
+    others = []
     for name, motions in sources.items():
-        n_segments, shown, difference = describe_source(motions)
-        humans += difference == "equal" or difference.startswith("differs")
-        equal += difference == "equal"
-        print(f"| {name} | {len(motions)} | {n_segments} | {shown} | {difference} |", flush=True)
-    print(f"\nequal to {PRESET}: {equal} of {humans} humans")
+        if not anatomy(motions[0].skeleton).human:
+            others.append((name, motions))
+            continue
+        try:
+            cells, is_equal = describe_human(motions)
+            n_equal, n_humans = n_equal + is_equal, n_humans + 1
+        except ValueError as error:
+            cells = ["none", str(error), "-", "-", "-"]
+        print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
+    print(f"\nequal to {PRESET}: {n_equal} of {n_humans}\n")
+    print("| not human | groups and joints | joints of the other groups |\n|---|---|---|")
+    for name, motions in others:
+        try:
+            print(f"| {name} | {describe_animal(motions)} |")
+        except ValueError as error:
+            print(f"| {name} | none | {error} |")
+
+
+def distinct_groups(motions):
+    """Joint groups by label: those of the presets, and discovered ones that differ from them."""
+    skeleton = motions[0].skeleton
+    found = {}
+    for label in (*PRESETS, "auto:2", "auto:3", "auto:4", "auto"):
+        try:
+            groups = mg.Library.build(motions[:MAX_CLIPS], label).groups
+        except ValueError:
+            continue
+        parts = frozenset(frozenset(own.tolist()) for own in groups.resolve(skeleton).values())
+        labels, _ = found.setdefault(parts, ([], groups))
+        labels.append(label)
+    return {", ".join(labels): groups for labels, groups in found.values()}
+
+
+def print_quality(sources):
+    """Print the measures of `benches/variety.py` by source and joint groups."""
+    print("| source | groups |" + "".join(f" {title} |" for title in COLUMNS))
+    print("|---|---|" + "---|" * len(COLUMNS))
+    for name, motions in sources.items():
+        for label, groups in distinct_groups(motions).items():
+            library = mg.Library.build(motions[:MAX_CLIPS], groups, rate=RATE)
+            exchanged, new, between, gap, *areas = measure(library, mg.Config(), COUNT)
+            cells = "".join(f" {area:.2f} |" for area in areas)
+            print(
+                f"| {name} | {label} | {exchanged:.2f} | {new:.2f} | {between:.2f} | {gap:.1f}° |"
+                + cells,
+                flush=True,
+            )
 
 
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("folder", nargs="?", type=Path, default=DATA)
     parser.add_argument("--only", choices=PARTS)
+    parser.add_argument("--source", action="append", help="beginning of the names of sources")
     return run(parser, report, argv)
 
 
@@ -120,6 +183,11 @@ def report(options):
     sources = {"dancer": [tiny_motion()]} if options.tiny else read_sources(options.folder)
     if options.only in (None, "table"):
         print_table(sources)
+    if options.only in (None, "quality"):
+        chosen = QUALITY_SOURCES if options.source is None else tuple(options.source)
+        print_quality(
+            {name: own for name, own in sources.items() if options.tiny or name.startswith(chosen)}
+        )
 
 
 if __name__ == "__main__":

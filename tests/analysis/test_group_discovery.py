@@ -134,6 +134,14 @@ def test_joint_dependence_of_independent_joints_is_small_and_of_linear_maps_is_1
     assert (others < 0.1).all()
 
 
+@given(SEEDS)
+def test_joint_dependence_of_independent_joints_has_no_bias_from_few_segments(seed):
+    # Velocities are constant within the 20 segments, so chance alone gives r² of 3 / 19.
+    values = np.repeat(velocities_of(seed, n=20, m=1, n_joints=10), 9, axis=1)
+    found = joint_dependence(values, 0)
+    assert found[np.triu_indices(10, 1)].mean() < 0.1
+
+
 @given(SEEDS, st.permutations(range(4)), st.floats(0.1, 10))
 def test_joint_dependence_order_and_speed_of_joints_do_not_matter(seed, order, factor):
     values = velocities_of(seed)
@@ -245,6 +253,21 @@ def test_discover_tree_cut_at_number_gives_labels():
     assert found.tree[-1, 2] == 1.0
     assert [len(unit) for unit in found.units] == [7, 1, 8, 2]
     assert found.pose.n_frames == 1
+
+
+def test_discover_left_and_right_of_a_chain_may_move_independently():
+    rng = np.random.default_rng(3)
+    motion = coupled_motion(3, {})
+    quats = motion.rotations.copy()
+    for side in ("Left", "Right"):
+        shared = smooth_noise(rng, motion.n_frames, 3)
+        for name in CHAINS["arms"].split():
+            if name.startswith(side):
+                own = shared + 0.05 * smooth_noise(rng, motion.n_frames, 3)
+                quats[:, motion.skeleton.index(name)] = rotations.exp(0.2 * own)
+    found = discover_groups(replace(motion, rotations=rotations.continuous_signs(quats)), 3)
+    # Pairs of joints on both sides do not count; else this would be about a half.
+    assert found.dependence[2, 2] > 0.8
 
 
 @pytest.mark.parametrize(
