@@ -47,10 +47,10 @@ CMU = "dance_cmu60_salsa/60_0*.bvh"
 PARTS = ("speed", "planted", "agreement", "grafts")
 TOLERANCE = 0.1  # seconds
 N_SHIFTS = 10
-MAX_FRAMES = 9000  # of a source: five minutes
+MAX_FRAMES = 3600  # of a source: two minutes
 MIN_BASE_SECONDS = 60.0  # of the clips that are bases
-MAX_WINDOWS = 600
-N_SPLITS = 2  # of the folds of compatibility
+MAX_WINDOWS = 400
+N_SPLITS = 1  # of the folds of compatibility
 PIECE_SECONDS = (3.0, 6.0)
 
 
@@ -337,7 +337,7 @@ def main(argv=None):
     parser.add_argument("--only", choices=PARTS)
     parser.add_argument("--source", action="append", choices=list(SOURCES), help="default: five")
     parser.add_argument("--frames", type=int, default=MAX_FRAMES, help="frames of a source")
-    parser.add_argument("--count", type=int, default=3, help="grafts per clip")
+    parser.add_argument("--count", type=int, default=2, help="grafts per clip")
     return run(parser, report, argv, is_timing=True)
 
 

@@ -11,8 +11,9 @@ from mograft.analysis.online_segmentation import OnlineSegmenter, WindowSegmente
 from mograft.analysis.segmentation import extrema
 from mograft.analysis.segmentations import METHODS
 from mograft.dancer import dance
+from mograft.motion import rotations
 from tests.analysis.behaviours import behaviours
-from tests.strategies import SEEDS, few_examples
+from tests.strategies import SEEDS, few_examples, star_skeleton
 
 DANCES = [dance(seed=seed, strides=1).motion for seed in range(2)]
 CAUSAL = [name for name, own in METHODS.entries.items() if own and own.look_ahead is not None]
@@ -131,9 +132,9 @@ def test_window_segmenter_of_a_method_that_restarts_equals_segment(name, seed, c
 
 @pytest.mark.parametrize("name", [name for name in CAUSAL if METHODS.get(name).restarts])
 def test_window_segmenter_of_a_method_that_restarts_cuts_constant_motion_after_30_seconds(name):
-    still = np.tile(DANCES[0].rotations[:1], (2000, 1, 1))
-    places = np.tile(DANCES[0].positions[:1], (2000, 1, 1))
-    motion = mg.Motion(DANCES[0].skeleton, 1 / 30, still, places)
+    skeleton = star_skeleton(2)
+    still = np.tile(rotations.IDENTITY, (2000, 2, 1))
+    motion = mg.Motion(skeleton, 1 / 30, still, np.tile(skeleton.offsets, (2000, 1, 1)))
     assert window_bounds(motion, mg.Config(segmentation=name), [500]) == [0, 900, 1800, 1999]
 
 
