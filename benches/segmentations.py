@@ -1,6 +1,6 @@
 """Compare the methods of segmentation.
 
-``python benches/segmentations.py DATA [--only PART]`` prints four tables:
+``python benches/segmentations.py DATA [--only PART]`` prints five tables:
 
 - ``speed``: how many times faster than real time each method cuts the dancer (57 channels, 30
   frames per second), and the processor time for a minute of a CMU recording at 120 frames per
@@ -9,8 +9,9 @@
   events of the dancer, and the joints of motions put together from pieces of recordings; and how
   late "contacts" finds the foot events;
 - ``agreement``: the agreement of each method with each other one on the recordings;
-- ``grafts``: length of the segments, share with a donor, exchanged share, detectability at seams,
-  and compatibility, for each source.
+- ``segments``: for each source, the number and length of the segments, the share with a donor, the
+  share that donor sequences exchange, and the seam angle;
+- ``grafts``: for each source, the detectability at seams, and the compatibility.
 
 DATA holds the recordings of the experiments (`benches/evidence/sources.py`). Agreement is F1:
 cuts of both sides are paired one to one if they are at most 0.1 s apart. In parentheses is what
@@ -40,11 +41,12 @@ from mograft.evaluation.two_sample import block_folds, detect
 from mograft.evaluation.windows import GraftWindows
 from mograft.scenario.realize import realize_scenario
 from mograft.scenario.scenario import Scenario
+from mograft.synthesis.graft_plan import GraftPlan
 
 METHODS = CONFIG_OPTIONS["segmentation"].names
 CHOSEN = ("salsa A", "perfume", "basketball", "actions and styles", "everyday")
 CMU = "dance_cmu60_salsa/60_0*.bvh"
-PARTS = ("speed", "planted", "agreement", "grafts")
+PARTS = ("speed", "planted", "agreement", "segments", "grafts")
 TOLERANCE = 0.1  # seconds
 N_SHIFTS = 10
 MAX_FRAMES = 3600  # of a source: two minutes
@@ -267,30 +269,56 @@ def compatibility_of(library, splits):
     return [f"{kappa.value:.2f}", f"{shares[0]} ({shares[1]} to {shares[2]})"]
 
 
+def choose_donors(library, count):
+    """The share of exchanged segments, and the mean seam angle in degrees, of donor sequences."""
+    is_new, gaps = [], []
+    for name in choose_bases(library):
+        plan = GraftPlan.build(library, name, None, ())
+        for donors in plan.choose_donors(count, 0):
+            for group, sequence in donors.items():
+                is_new.append(sequence != plan.problem.scenario)
+                gaps.append(plan.pools[group].seam_angles_along(sequence))
+    gaps = np.concatenate(gaps)
+    gaps = gaps[gaps > 1e-9]
+    return np.concatenate(is_new).mean(), np.degrees(gaps.mean()) if len(gaps) else np.nan
+
+
+def print_segments(sources, count):
+    titles = ("per minute", "median length", "10 % to 90 %", "with a donor", "exchanged", "seam")
+    print("| source | method |" + "".join(f" {title} |" for title in titles))
+    print("|---|---|" + "---|" * len(titles))
+    for name, motions in sources.items():
+        for method in METHODS:
+            library = mg.Library.build(motions, config=mg.Config(segmentation=method))
+            seconds = library.segments.lengths / library.rate
+            low, high = np.percentile(seconds, (10, 90))
+            minutes = sum(motion.duration for motion in motions) / 60
+            share, angle = choose_donors(library, count)
+            cells = (
+                f"{len(seconds) / minutes:.0f}",
+                f"{np.median(seconds):.2f} s",
+                f"{low:.2f} to {high:.2f} s",
+                f"{100 * donor_share(library):.0f} %",
+                f"{100 * share:.0f} %",
+                f"{angle:.1f}°",
+            )
+            print(f"| {name} | `{method}` | {' | '.join(cells)} |", flush=True)
+
+
 def print_grafts(sources, count, methods, splits):
-    titles = ("segments per minute", "median length", "10 % to 90 %", "with a donor", "exchanged")
-    titles += ("seams, gross", "seams, fine", "κ", "accepted, points above random")
+    titles = ("seams, gross", "seams, fine", "κ", "accepted, points above random")
     print("| source | method |" + "".join(f" {title} |" for title in titles))
     print("|---|---|" + "---|" * len(titles))
     for name, motions in sources.items():
         for method in methods:
             library = mg.Library.build(motions, config=mg.Config(segmentation=method))
-            seconds = library.segments.lengths / library.rate
-            low, high = np.percentile(seconds, (10, 90))
-            minutes = sum(motion.duration for motion in motions) / 60
-            cells = [
-                f"{len(seconds) / minutes:.0f}",
-                f"{np.median(seconds):.2f} s",
-                f"{low:.2f} to {high:.2f} s",
-                f"{100 * donor_share(library):.0f} %",
-            ]
             grafts = [
-                g for own in choose_bases(library) for g in mg.graft_many(library, own, count)
+                graft
+                for base in choose_bases(library)
+                for graft in mg.graft_many(library, base, count)
             ]
-            is_new = [not own.is_own for graft in grafts for own in graft.substitutions]
             gross, fine = detect_seams(grafts)
-            cells += [f"{100 * np.mean(is_new):.0f} %", f"{gross:.2f}", f"{fine:.2f}"]
-            cells += compatibility_of(library, splits)
+            cells = [f"{gross:.2f}", f"{fine:.2f}", *compatibility_of(library, splits)]
             print(f"| {name} | `{method}` | {' | '.join(cells)} |", flush=True)
 
 
@@ -325,6 +353,8 @@ def report(options):
         print_event_offsets(dances)
     if options.only in (None, "agreement"):
         print_agreement(sources)
+    if options.only in (None, "segments"):
+        print_segments(sources, options.count)
     if options.only in (None, "grafts"):
         methods, splits = (METHODS[:1], 1) if is_tiny else (METHODS, N_SPLITS)
         print_grafts(sources, options.count, methods, splits)
