@@ -18,6 +18,8 @@ from mograft.config import Config
 from mograft.motion import rotations
 from mograft.motion.resample import clip_states, sample_clips
 
+_FRAMES_PER_BLOCK = 8192
+
 
 @dataclass(frozen=True, eq=False)
 class SegmentTimes:
@@ -87,10 +89,10 @@ class DonorTimeline:
 
         A frame that two segments share has two values; that of the later segment is returned.
         """
-        return values.take(self._kept_rows, axis=0)
+        return values.take(self.kept_rows, axis=0)
 
     @cached_property
-    def _kept_rows(self) -> IntArray:
+    def kept_rows(self) -> IntArray:
         """The indices of `frame_times` without the last frames that the next segments share."""
         last = np.cumsum(self.cut.lengths + 1) - 1
         is_shared = self.cut.stop[:-1] == self.cut.start[1:]
@@ -194,13 +196,22 @@ class DonorLayout:
 
     def close(self) -> tuple[FloatArray, FloatArray]:
         """Return the rotations and translations in all frames, with the gaps at seams closed."""
-        merge, times = self.timeline.merge_frames, self.timeline.frame_times()
-        times = SegmentTimes(merge(times.segment), merge(times.frames))
         quats, positions = (
-            self._close(space, times, merge(rows))
+            self._close_frames(space, rows)
             for space, rows in zip((ROTATIONS, TRANSLATIONS), self._rows, strict=True)
         )
         return quats, positions
+
+    def _close_frames(self, space: ValueSpace, rows: FloatArray) -> FloatArray:
+        """Return values in all frames, given those at the times of `frame_times`."""
+        times, kept = self.timeline.frame_times(), self.timeline.kept_rows
+        closed = np.empty((len(kept), *rows.shape[1:]))
+        # In blocks, so that no second array has all frames.
+        for start in range(0, len(kept), _FRAMES_PER_BLOCK):
+            own = kept[start : start + _FRAMES_PER_BLOCK]
+            own_times = SegmentTimes(times.segment[own], times.frames[own])
+            closed[start : start + len(own)] = self._close(space, own_times, rows[own])
+        return closed
 
     def close_at(self, space: ValueSpace, times: SegmentTimes) -> FloatArray:
         """Return rotations or translations at n points in time, with the gaps at seams closed."""
@@ -219,26 +230,27 @@ class DonorLayout:
         )
 
     def _close(self, space: ValueSpace, times: SegmentTimes, values: FloatArray) -> FloatArray:
-        timeline, treatment = self.timeline, SEAM_TREATMENTS.get(self.config.seam)
-        if treatment.spans_segments:
-            seams = np.arange(len(self.seams))
-            boundaries = timeline.boundaries(space, self._tracks(space), seams)
-        else:
-            seams = np.flatnonzero(self.seams)
-            boundaries = self._seam_boundaries(space)
-        piece_times = timeline.piece_times(seams, times, self.config.seam_blend)
-        return treatment.close(values, piece_times, boundaries)
+        treatment = SEAM_TREATMENTS.get(self.config.seam)
+        piece_times = self.timeline.piece_times(self._closed_seams, times, self.config.seam_blend)
+        return treatment.close(values, piece_times, self._boundaries(space))
 
-    def _seam_boundaries(self, space: ValueSpace) -> SeamBoundaries:
+    def _boundaries(self, space: ValueSpace) -> SeamBoundaries:
         return self._rotation_boundaries if space is ROTATIONS else self._translation_boundaries
 
     @cached_property
+    def _closed_seams(self) -> IntArray:
+        """The indices of the segments that end with a seam that the treatment closes."""
+        if SEAM_TREATMENTS.get(self.config.seam).spans_segments:
+            return np.arange(len(self.seams))
+        return np.flatnonzero(self.seams)
+
+    @cached_property
     def _rotation_boundaries(self) -> SeamBoundaries:
-        return self.timeline.boundaries(ROTATIONS, self.rotations, np.flatnonzero(self.seams))
+        return self.timeline.boundaries(ROTATIONS, self.rotations, self._closed_seams)
 
     @cached_property
     def _translation_boundaries(self) -> SeamBoundaries:
-        return self.timeline.boundaries(TRANSLATIONS, self.positions, np.flatnonzero(self.seams))
+        return self.timeline.boundaries(TRANSLATIONS, self.positions, self._closed_seams)
 
     def smooth(self, quats: FloatArray, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Apply `SeamTreatment.smooth` to the rotations and translations of all frames."""
@@ -257,7 +269,7 @@ class DonorLayout:
             blend=config.seam_blend * timeline.rate,
             rate=timeline.rate,
             donor_rows=self._rows[space is TRANSLATIONS],
-            seam_accelerations=self._seam_boundaries(space).accelerations,
+            seam_accelerations=self._boundaries(space).accelerations,
         )
         return SEAM_TREATMENTS.get(config.seam).smooth(closed)
 
