@@ -26,7 +26,6 @@ from tests.attack.experiments import (
     repeated_calls,
     small_linkages,
 )
-from tests.attack.kernel_calls import kernel_calls
 from tests.attack.pages import hostile_pages
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reliability.md"
@@ -46,7 +45,6 @@ OTHERS = {
     "hostile_libraries": (hostile_libraries, 2_700, "manifests changed on purpose, with checksum"),
     "damaged_texts": (damaged_texts, 25_000, "damaged BVH texts"),
     "cut_texts": (cut_texts, 20_100, "BVH texts cut anywhere"),
-    "kernel_calls": (kernel_calls, 120_000, "random arguments for compiled kernels"),
     "small_linkages": (small_linkages, 3_400, "trees of small sets of points, half with ties"),
     "repeated_calls": (repeated_calls, 5_300, "repeated calls: memory does not grow"),
     "grafts_in_workers": (grafts_in_workers, 360, "grafts in threads, forked and new processes"),
