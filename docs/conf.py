@@ -7,6 +7,7 @@ the API from the code.
 import importlib
 import inspect
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
 
@@ -94,6 +95,39 @@ def stream_dance(library: mg.Library) -> mg.Motion:
     return join_pieces(pieces + stream.pieces())
 
 
+GALLERY = {
+    "strip": ("Ten poses of the built-in dancer", "plot.strip(motion, 10)"),
+    "graft": ("The same frames with grafted upper bodies", "plot.strip(graft.motion, 10)"),
+    "timeline": ("Source of each part of a graft", "plot.timeline(graft)"),
+    "energy": ("Kinetic energy and the segments cut at its extrema", "plot.energy(motion)"),
+    "pca": ("Segments as points, coloured by cluster", "plot.pca(library)"),
+    "dendrogram": ("Tree of complete linkage", "plot.dendrogram(library)"),
+    "clusters": ("Sizes of the clusters", "plot.clusters(library)"),
+    "groups": ("Linkage tree of the joints, and the discovered groups", "plot.groups(discovery)"),
+    "minute": ("A base of a minute from a random walk", "mg.graft(library, scenario=walk(...))"),
+    "live": ("Graft of a stream that receives ten frames at a time", "mg.Stream(library)"),
+    "collision": ("Colliding arms, and the same frames after repair", "mg.repair(graft)"),
+    "threshold": ("Error of exchanged parts by the scale of clusters", "plot.threshold(library)"),
+}
+"""Title and code of each picture, in the order of the gallery."""
+
+PAGES = {
+    "graft": ("A captured motion and a graft, side by side", "mg.view(graft)"),
+    "report": ("Report with the source of each part", "mograft graft dance.bvh -o out --report"),
+}
+"""Title and code of each page."""
+
+
+def make_gallery() -> None:
+    """Write a page with all pictures and pages that the build has made."""
+    lines = ["# Gallery", "", "The build of this documentation makes all pictures and pages.", ""]
+    for name, (title, code) in PAGES.items():
+        lines += [f'- <a href="../{name}.html">{title}</a>: `{code}`']
+    for name, (title, code) in GALLERY.items():
+        lines += ["", f"## {title}", "", f"`{code}`", "", f"![{title}]({name}.png)"]
+    (MADE / "gallery.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
 def make_command_line() -> None:
     """Write the reference of the command line from its parsers."""
     lines = ["# Command line", ""]
@@ -144,7 +178,18 @@ def _module_entries(module: ModuleType) -> list[str]:
         elif inspect.isfunction(value) or inspect.isclass(value):
             directive = "autofunction" if inspect.isfunction(value) else "autoclass"
             entries.append(f"```{{eval-rst}}\n.. {directive}:: {module.__name__}.{name}\n```\n")
+        else:
+            entries.append(_data_entry(f"{module.__name__}.{name}", value))
     return entries
+
+
+def _data_entry(name: str, value: object) -> str:
+    """Return the entry of a constant: its type, and the keys of a mapping."""
+    text = "Constant."
+    if isinstance(value, Mapping):
+        text = f"Mapping with the keys {', '.join(f'``{key}``' for key in value)}."
+    kind = type(value).__name__
+    return f"```{{eval-rst}}\n.. py:data:: {name}\n   :type: {kind}\n\n   {text}\n```\n"
 
 
 def make_depth() -> None:
@@ -159,5 +204,6 @@ def make_depth() -> None:
 
 make_pictures()
 make_depth()
+make_gallery()
 make_command_line()
 make_api()

@@ -2,17 +2,21 @@
 
 The viewer and the report in Chromium, every kind of plot, and the first second of a film, each
 light and dark and 1280 and 480 pixels wide, of a BVH file or the built-in dancer.
+``python -m tests.looks --readme`` makes the picture of the demo page in the README.
 """
 
 import sys
+import tempfile
 import warnings
 from pathlib import Path
 
 import matplotlib as mpl
 from matplotlib import pyplot
+from PIL import Image
 
 import mograft as mg
 from mograft import plot
+from mograft.cli import main as command
 from mograft.dancer import dance
 from tests.browser import chromium, open_page
 
@@ -82,7 +86,23 @@ def films(folder, new):
             )
 
 
+def readme_picture():
+    """Run ``mograft demo``, and save a picture of its page as ``docs/demo.png``."""
+    target = Path(__file__).parents[1] / "docs" / "demo.png"
+    with tempfile.TemporaryDirectory() as folder, chromium() as browser:
+        command(["demo", "-o", folder])
+        with open_page(browser, Path(folder) / "index.html", 1000, 720) as page:
+            page.evaluate("mograft.seek(150)")
+            page.screenshot(path=target)
+    image = Image.open(target).quantize(64, dither=Image.Dither.NONE)
+    image.save(target, optimize=True)
+    print(target, target.stat().st_size, "bytes")
+
+
 def main(words):
+    if words == ["--readme"]:
+        readme_picture()
+        return
     folder = Path(words[0])
     folder.mkdir(parents=True, exist_ok=True)
     mpl.use("agg")

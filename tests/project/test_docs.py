@@ -12,6 +12,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 import tomllib
 from functools import cache
 from pathlib import Path
@@ -153,6 +154,7 @@ def test_documentation_table_lists_every_extra():
 def test_documentation_builds_without_warnings(tmp_path):
     for module in ("sphinx", "furo", "myst_parser"):
         pytest.importorskip(module, reason=f"{module} is not installed")
+    start = time.time_ns() - 10**9  # file systems round times
     process = subprocess.run(
         [
             sys.executable,
@@ -184,9 +186,51 @@ def test_documentation_builds_without_warnings(tmp_path):
     for words in ("graft", "lib verify", "config show"):
         assert f"mograft {words}" in commands
     reference = (tmp_path / "_made" / "api.html").read_text(encoding="utf-8")
+    assert find_undocumented(reference) == []
+    gallery = (tmp_path / "_made" / "gallery.html").read_text(encoding="utf-8")
+    found = (ROOT / "docs" / "_made").glob("*.png")
+    pictures = {path.stem for path in found if path.stat().st_mtime_ns >= start}
+    assert pictures == set(re.findall(r'src="\.\./_images/(\w+)\.png"', gallery))
+    pages = {path.name for path in (ROOT / "docs" / "_made" / "pages").glob("*.html")}
+    assert pages <= set(re.findall(r'href="\.\./(\w+\.html)"', gallery))
+    index = (tmp_path / "searchindex.js").read_text(encoding="utf-8")
+    assert '"transplant' in index
+    assert (tmp_path / "search.html").exists()
+
+
+def find_undocumented(reference):
+    """Return the public names, members of classes included, that the reference does not define."""
+    expected, missing = {}, []
     for name in set(mograft.__all__) - {"__version__"}:
-        module = inspect.ismodule(getattr(mograft, name))
-        assert f">mograft.{name}<" in reference if module else f'id="mograft.{name}"' in reference
+        value = getattr(mograft, name)
+        if inspect.ismodule(value):
+            missing += [] if f">mograft.{name}<" in reference else [name]
+            known = {f"mograft.{n}" for n in mograft.__all__}
+            for inner in value.__all__:
+                if getattr(mograft, inner, None) is not getattr(value, inner):
+                    expected[f"{value.__name__}.{inner}"] = getattr(value, inner)
+                else:
+                    assert f"mograft.{inner}" in known
+        else:
+            expected[f"mograft.{name}"] = value
+    for name, value in list(expected.items()):
+        if inspect.isclass(value) and name.count(".") == 1:
+            members = {n for n, member in vars(value).items() if is_documented_member(n, member)}
+            expected |= {f"{name}.{member}": None for member in members}
+    return sorted(missing + [n for n in expected if f'id="{n}"' not in reference])
+
+
+def is_documented_member(name, member):
+    """Return whether a member of a class is public and a method or a property."""
+    kinds = property | classmethod | staticmethod
+    is_method = inspect.isfunction(member) or isinstance(member, kinds)
+    return not name.startswith("_") and is_method
+
+
+def test_undocumented_names_are_found():
+    assert "mograft.graft" in find_undocumented("")
+    assert "mograft.Library.build" in find_undocumented("")
+    assert "mograft.plot.strip" in find_undocumented("")
 
 
 LINK = re.compile(r"\]\(([^)#:]+)\)")
