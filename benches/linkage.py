@@ -126,7 +126,7 @@ def run_chain(points):
     """Run the nearest-neighbour chain on one thread, distances included."""
     from scipy.spatial.distance import pdist
 
-    return mg.linkage_condensed(pdist(points), threads=1, memory_limit=0)
+    return mg.linkage_condensed(pdist(points), n_threads=1, memory_limit=0)
 
 
 def measure(who, kind, n, runs, diameter=None):
@@ -139,7 +139,7 @@ def measure(who, kind, n, runs, diameter=None):
     call = {
         "mograft": lambda: mg.linkage(points),
         "cut": lambda: mg.cut(points, diameter),
-        "one thread": lambda: mg.linkage(points, threads=1, memory_limit=0),
+        "one thread": lambda: mg.linkage(points, n_threads=1, memory_limit=0),
         "chain": lambda: run_chain(points),
         "SciPy": lambda: run_scipy(points),
         "fastcluster": lambda: run_fastcluster(points),
@@ -350,7 +350,8 @@ def chain(_, child):
 
 
 def stop(_, child):
-    rows = [child("stop", "white", 500_000, runs=6), child("stop", "binary", 100_000, runs=6)]
+    cases = (("mixture", 1_000_000), ("white", 500_000), ("binary", 100_000))
+    rows = [child("stop", kind, n, runs=6) for kind, n in cases]
     for row in rows:
         show(row, "from the signal to the exception, median")
     return rows

@@ -72,7 +72,7 @@ def greedy(points):
 
 
 RESOURCES = st.fixed_dictionaries(
-    {"threads": st.integers(1, 3), "memory_limit": st.sampled_from([0, None])}
+    {"n_threads": st.integers(1, 3), "memory_limit": st.sampled_from([0, None])}
 )
 """Arguments that change the running time only. rust/linkage/tests vary the tuning parameters."""
 
@@ -237,8 +237,8 @@ def assert_resources_do_not_matter(n):
         diameter = np.quantile(tree[:, 2], 0.9)
         labels = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
         np.testing.assert_array_equal(mg.cut(points, diameter), labels, name)
-        for threads in (1, 2, 3):
-            other = mg.linkage(points, threads=threads, memory_limit=0)
+        for n_threads in (1, 2, 3):
+            other = mg.linkage(points, n_threads=n_threads, memory_limit=0)
             np.testing.assert_array_equal(other, tree, name)
 
 
@@ -337,7 +337,7 @@ def test_threshold_equals_deviation_from_mean_point():
         mg.threshold(points, "std")
 
 
-@pytest.mark.parametrize(("name", "value"), [("threads", 0), ("memory_limit", -1)])
+@pytest.mark.parametrize(("name", "value"), [("n_threads", 0), ("memory_limit", -1)])
 def test_linkage_threads_or_memory_out_of_range_raises_value_error(name, value):
     for cluster in (mg.linkage, lambda points, **options: mg.cut(points, 1.0, **options)):
         with pytest.raises(ValueError, match=f"`{name}` must be . or more, got {value}"):

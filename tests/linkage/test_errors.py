@@ -176,8 +176,8 @@ OWN = [
     ),
     (lambda: mg.linkage(POINTS + 1j), TypeError, "`points` must be real numbers, got complex128"),
     (lambda: mg.linkage(csr_array(POINTS)), TypeError, "`points` must be dense, got a sparse"),
-    (lambda: mg.linkage(POINTS, threads=0), ValueError, "`threads` must be 1 or more, got 0"),
-    (lambda: mg.linkage(POINTS, threads=1.5), TypeError, "`threads` must be a whole number"),
+    (lambda: mg.linkage(POINTS, n_threads=0), ValueError, "`n_threads` must be 1 or more, got 0"),
+    (lambda: mg.linkage(POINTS, n_threads=1.5), TypeError, "`n_threads` must be a whole number"),
     (
         lambda: mg.linkage(POINTS, max_memory=10),
         MemoryError,
@@ -221,7 +221,7 @@ size = [line for line in open("/proc/self/status") if line.startswith("VmSize")]
 limit = (int(size.split()[1]) << 10) + ({megabytes} << 20)
 resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 try:
-    print(len(mg.linkage(points, threads=4)))
+    print(len(mg.linkage(points, n_threads=4)))
 except MemoryError as error:
     print("MemoryError", error)
 """

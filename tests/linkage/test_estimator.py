@@ -100,13 +100,26 @@ def test_complete_linkage_n_clusters_equals_scipy(points, k):
         ),
         ({"compute_full_tree": "no"}, ValueError, "`compute_full_tree` must be True, False or"),
         ({"metric": "cityblock"}, ValueError, "`metric` must be one of .*, got 'cityblock'"),
-        ({"threads": 0}, ValueError, "`threads` must be 1 or more, got 0"),
+        ({"n_threads": 0}, ValueError, "`n_threads` must be 1 or more, got 0"),
     ],
 )
 def test_complete_linkage_invalid_parameter_raises_at_fit(parameters, error, message):
     model = mg.CompleteLinkage(**parameters)
     with pytest.raises(error, match=message):
         model.fit(np.arange(10.0).reshape(5, 2))
+
+
+def test_threads_is_an_older_name_of_n_threads():
+    points = np.random.default_rng(3).standard_normal((60, 4))
+    model = mg.CompleteLinkage(threads=2)
+    assert model.get_params() == mg.CompleteLinkage(n_threads=2).get_params()
+    assert clone(model).set_params(threads=1).n_threads == 1
+    np.testing.assert_array_equal(mg.linkage(points, threads=1), mg.linkage(points))
+    with pytest.raises(ValueError, match="`n_threads` must be 1 or more, got 0"):
+        mg.cut(points, 1.0, threads=0)
+    for call in (mg.CompleteLinkage, lambda **names: mg.linkage(points, **names)):
+        with pytest.raises(TypeError, match="`n_threads` must be given once, got `threads` too"):
+            call(n_threads=1, threads=1)
 
 
 def test_complete_linkage_sparse_matrix_raises_type_error():

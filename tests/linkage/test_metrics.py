@@ -118,7 +118,7 @@ for axis in range(100):
     points[:, axis] = rng.random(40_000)
 mg.cut(points[:3].copy(), 0.5)
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-mg.cut(points, 1e-9, memory_limit=0, threads=1)
+mg.cut(points, 1e-9, memory_limit=0, n_threads=1)
 print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) << 10)
 """
 

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from ._checks import (
     FloatArray,
     IntArray,
+    accept_threads,
     as_count,
     as_floats,
     as_height,
@@ -25,11 +26,12 @@ from ._kernels import kernels
 from ._metrics import Metric, check_metric, convert_heights, converted_points, euclidean_limit
 
 
+@accept_threads
 def linkage(
     points: npt.ArrayLike,
     *,
     metric: Metric = "euclidean",
-    threads: int | None = None,
+    n_threads: int | None = None,
     memory_limit: int | None = None,
     max_memory: int | None = None,
     progress: Callable[[float], object] | None = None,
@@ -44,8 +46,9 @@ def linkage(
         The distance of two points, as in `scipy.spatial.distance`. "cosine" is 1 minus the cosine
         of the angle of two points seen from the origin. "correlation" is the same for points
         minus the mean of their coordinates.
-    threads : int, optional
-        Number of threads; the tree does not depend on it. Default: one per processor.
+    n_threads : int, optional
+        Number of threads; the tree does not depend on it. Default: one per processor. `threads`
+        is accepted as an older name of this argument.
     memory_limit : int, optional
         Maximum size, in bytes, of a matrix of all distances, which takes ``8 * n**2``. It is
         used for fewer than 1,449 points, and if too few distances can be excluded for the
@@ -70,7 +73,7 @@ def linkage(
         If the points are not real numbers.
     ValueError
         If there are fewer than two points, a point has no coordinate, a coordinate is not finite,
-        `metric` is unknown, or `threads` or a limit is out of range. For "cosine", if all
+        `metric` is unknown, or `n_threads` or a limit is out of range. For "cosine", if all
         coordinates of a point are 0; for "correlation", if they are equal. For "sqeuclidean", if
         a height exceeds the range of float64.
     MemoryError
@@ -103,19 +106,20 @@ def linkage(
            [2., 3., 5., 3.]])
     """
     check_metric(metric)
-    limits = _limits(threads, memory_limit, kernels.available_memory() // 2, max_memory)
+    limits = _limits(n_threads, memory_limit, kernels.available_memory() // 2, max_memory)
     converted = converted_points(as_points(points, 2), metric)
     tree = kernels.linkage(converted, *limits, progress)
     convert_heights(tree[:, 2], metric)
     return tree
 
 
+@accept_threads
 def cut(
     points: npt.ArrayLike,
     max_diameter: float,
     *,
     metric: Metric = "euclidean",
-    threads: int | None = None,
+    n_threads: int | None = None,
     memory_limit: int | None = None,
     max_memory: int | None = None,
     progress: Callable[[float], object] | None = None,
@@ -129,7 +133,7 @@ def cut(
     max_diameter : float
         Greatest distance between two points of a cluster, inclusive, in the unit of the metric.
         0 merges only equal points.
-    metric, threads, memory_limit, max_memory, progress
+    metric, n_threads, memory_limit, max_memory, progress
         As for `linkage`.
 
     Returns
@@ -155,15 +159,16 @@ def cut(
     """
     check_metric(metric)
     limit = euclidean_limit(as_height("max_diameter", max_diameter), metric)
-    limits = _limits(threads, memory_limit, kernels.available_memory() // 2, max_memory)
+    limits = _limits(n_threads, memory_limit, kernels.available_memory() // 2, max_memory)
     converted = converted_points(as_points(points, 0), metric)
     return kernels.cut(converted, limit, *limits, progress)
 
 
+@accept_threads
 def linkage_condensed(
     distances: npt.ArrayLike,
     *,
-    threads: int | None = None,
+    n_threads: int | None = None,
     memory_limit: int | None = None,
     max_memory: int | None = None,
     progress: Callable[[float], object] | None = None,
@@ -175,7 +180,7 @@ def linkage_condensed(
     distances : array_like, shape (n * (n - 1) / 2,)
         The distance of each pair, in the order of `scipy.spatial.distance.pdist`: (0, 1),
         (0, 2), ..., (1, 2), .... They need not satisfy the triangle inequality.
-    threads, max_memory, progress
+    n_threads, max_memory, progress
         As for `linkage`.
     memory_limit : int, optional
         Maximum size, in bytes, of the full matrix, which is twice as large as `distances`. If the
@@ -193,7 +198,7 @@ def linkage_condensed(
         If the distances are not real numbers.
     ValueError
         If a distance is negative or not finite, the number of distances is not n(n-1)/2 for any
-        n of at least 2, or `threads` or a limit is out of range.
+        n of at least 2, or `n_threads` or a limit is out of range.
     MemoryError
         As for `linkage`.
 
@@ -212,7 +217,7 @@ def linkage_condensed(
     if condensed.ndim != 1 or len(condensed) < 1:
         raise ValueError(f"`distances` must have shape (n_pairs >= 1,), got {condensed.shape}")
     # The full matrix holds every distance twice, and a diagonal of n * 8 bytes.
-    limits = _limits(threads, memory_limit, 32 * condensed.size + 64, max_memory)
+    limits = _limits(n_threads, memory_limit, 32 * condensed.size + 64, max_memory)
     return kernels.linkage_condensed(condensed, *limits, progress)
 
 
@@ -267,10 +272,11 @@ def threshold(points: npt.ArrayLike, kind: str | float = "rms", scale: float = 1
 
 
 def _limits(
-    threads: int | None, memory_limit: int | None, default_limit: int, max_memory: int | None
+    n_threads: int | None, memory_limit: int | None, default_limit: int, max_memory: int | None
 ) -> tuple[int, int, int | None]:
     """Return the number of threads, the size of a matrix and the memory that a kernel may use."""
-    n_threads = os.cpu_count() or 1 if threads is None else as_count("threads", threads, 1)
+    default_threads = os.cpu_count() or 1
+    n_threads = default_threads if n_threads is None else as_count("n_threads", n_threads, 1)
     if max_memory is not None:
         max_memory = as_count("max_memory", max_memory, 0)
     if memory_limit is None:

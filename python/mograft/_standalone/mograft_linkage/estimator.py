@@ -6,7 +6,7 @@ from typing import Literal, Self
 import numpy as np
 import numpy.typing as npt
 
-from ._checks import FloatArray, Floats, IntArray, as_height
+from ._checks import FloatArray, Floats, IntArray, accept_threads, as_height
 from ._metrics import Metric
 from .clustering import linkage
 from .dendrogram import top_clusters
@@ -16,7 +16,7 @@ _PARAMETERS = (
     "distance_threshold",
     "metric",
     "compute_full_tree",
-    "threads",
+    "n_threads",
     "memory_limit",
 )
 
@@ -35,8 +35,8 @@ class CompleteLinkage:
     compute_full_tree : {"auto", True, False}
         Accepted as by scikit-learn, which ignores it in the same case: the tree is always
         complete. False must not be combined with `distance_threshold`.
-    threads, memory_limit : int, optional
-        As for `linkage`.
+    n_threads, memory_limit : int, optional
+        As for `linkage`. `threads` is accepted as an older name of `n_threads`.
 
     Attributes
     ----------
@@ -78,6 +78,7 @@ class CompleteLinkage:
 
     _estimator_type = "clusterer"
 
+    @accept_threads
     def __init__(
         self,
         n_clusters: int | None = 2,
@@ -85,14 +86,14 @@ class CompleteLinkage:
         distance_threshold: float | None = None,
         metric: Metric = "euclidean",
         compute_full_tree: bool | Literal["auto"] = "auto",
-        threads: int | None = None,
+        n_threads: int | None = None,
         memory_limit: int | None = None,
     ) -> None:
         self.n_clusters = n_clusters
         self.distance_threshold = distance_threshold
         self.metric = metric
         self.compute_full_tree = compute_full_tree
-        self.threads = threads
+        self.n_threads = n_threads
         self.memory_limit = memory_limit
 
     def __repr__(self) -> str:
@@ -104,6 +105,7 @@ class CompleteLinkage:
         """Return the parameters by name; `deep` exists because scikit-learn passes it."""
         return {name: getattr(self, name) for name in _PARAMETERS}
 
+    @accept_threads
     def set_params(self, **params: object) -> Self:
         """Set parameters by name and return the estimator; an unknown name raises ValueError."""
         for name, value in params.items():
@@ -126,7 +128,7 @@ class CompleteLinkage:
         n = len(points)
         limit = self._limit(n)
         tree = linkage(
-            points, metric=self.metric, threads=self.threads, memory_limit=self.memory_limit
+            points, metric=self.metric, n_threads=self.n_threads, memory_limit=self.memory_limit
         )
         heights = tree[:, 2].copy()
         # scikit-learn does not merge at the threshold itself.
