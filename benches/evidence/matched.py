@@ -14,7 +14,7 @@ from mograft.evaluation import (
 )
 
 NAME = "matched"
-SOURCES = tuple(ALL_SOURCES)
+SOURCES = tuple(name for name in ALL_SOURCES if name != "actions and styles")
 METHODS = (RandomLength(), ContactPattern(), Nearest(), Ball(), Analogy())
 REFERENCE = "analogy"
 COMPARED = ("random, length limit", "contact pattern", "nearest neighbours", "ball")
