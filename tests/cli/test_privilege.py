@@ -1,0 +1,102 @@
+"""Commands in folders that the user may not write.
+
+Root ignores the modes of files by a capability, which ``setpriv`` removes.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from mograft.cli import main
+
+_IS_ROOT = os.name == "posix" and os.geteuid() == 0
+_PREFIX = ("setpriv", "--bounding-set", "-dac_override,-dac_read_search") if _IS_ROOT else ()
+pytestmark = pytest.mark.skipif(
+    os.name != "posix" or (_IS_ROOT and shutil.which("setpriv") is None),
+    reason="no modes of folders, or root without setpriv",
+)
+
+
+def run_unprivileged(*words, cwd):
+    """Run Python so that the modes of files and folders hold, also for root."""
+    return subprocess.run(
+        [*_PREFIX, sys.executable, *map(str, words)],
+        cwd=cwd,
+        env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1"},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+
+@pytest.fixture
+def locked(clip):
+    """A folder with a clip and a library that its user may only read."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        shutil.copy(clip, folder / "a.bvh")
+        assert main(["index", str(clip), "-o", str(folder / "library")]) == 0
+        paths = [folder, *folder.rglob("*")]
+        for path in paths:
+            path.chmod(0o555 if path.is_dir() else 0o444)
+        yield folder
+        for path in paths:
+            path.chmod(0o755)
+
+
+def list_state(folder):
+    """Return the paths, sizes and times of all files below a folder."""
+    stats = {path: path.stat() for path in folder.rglob("*")}
+    return {str(path): (stat.st_size, stat.st_mtime_ns) for path, stat in stats.items()}
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["graft", "a.bvh", "-o", "new.bvh"],
+        ["index", "a.bvh", "-o", "new"],
+        ["index", "a.bvh", "-o", "library", "--force"],
+        ["index", "a.bvh", "-o", "library", "--add"],
+        ["export", "a.bvh", "-o", "a.npz"],
+        ["view", "a.bvh", "-o", "page.html"],
+        ["lib", "export", "library", "--csv", "-o", "tables"],
+    ],
+    ids="-".join,
+)
+def test_write_to_read_only_folder_ends_with_one_line_and_changes_nothing(locked, words):
+    before = list_state(locked)
+    child = run_unprivileged("-m", "mograft", *words, cwd=locked)
+    assert child.returncode == 1, child.stderr
+    assert child.stderr.splitlines()[-1].startswith("error: ")
+    assert "Permission denied" in child.stderr.splitlines()[-1]
+    assert "Traceback" not in child.stderr
+    assert list_state(locked) == before
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["info", "a.bvh"],
+        ["lib", "info", "library"],
+        ["lib", "verify", "library"],
+        ["candidates", "library", "--segment", "3"],
+    ],
+    ids="-".join,
+)
+def test_read_of_read_only_folder_succeeds(locked, words):
+    before = list_state(locked)
+    child = run_unprivileged("-m", "mograft", *words, cwd=locked)
+    assert child.returncode == 0, child.stderr
+    assert list_state(locked) == before
+
+
+def test_unreadable_clip_is_named(locked):
+    (locked / "a.bvh").chmod(0o000)
+    child = run_unprivileged("-m", "mograft", "info", "a.bvh", cwd=locked)
+    assert (child.returncode, child.stderr) == (1, "error: a.bvh: Permission denied\n")
