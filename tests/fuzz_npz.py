@@ -76,6 +76,7 @@ def damaged(seed):
     data = bytearray(buffer.getvalue())
     for _ in range(rng.choice([0, 0, 1, 2, 6])):
         start = rng.choice([rng.randrange(len(data)), rng.randrange(400), -1 - rng.randrange(900)])
+        start = max(min(start, len(data) - 1), -len(data))
         if rng.random() < 0.8:
             data[start] = rng.choice(
                 [0, 255, rng.randrange(256), data[start] ^ 1 << rng.randrange(8)]

@@ -272,6 +272,20 @@ def test_fbx_recorded_text_6100_matches_binary_7500():
     np.testing.assert_allclose(old.world_positions(), new.world_positions(), atol=1e-4)
 
 
+@pytest.mark.parametrize("take", ["Base", "Spin", "Wiggle"])
+def test_fbx_recorded_text_6100_matches_binary_7400_that_blender_reads(take):
+    """A client test compares the binary file with the importer of Blender, which reads no text."""
+    old = mg.read(recorded("ufbx_blender_279_sausage_6100_ascii.fbx"))[take]
+    clips = mg.read(recorded("ufbx_blender_279_sausage_7400_binary.fbx"))
+    new = clips[f"Skeleton|{take}"]
+    joints = ("Bottom", "Middle", "Top")
+    places = [
+        motion.world_positions()[:, [motion.skeleton.names.index(name) for name in joints]]
+        for motion in (old, new)
+    ]
+    np.testing.assert_allclose(*places, atol=1e-5)
+
+
 def keyed_value(keys, time):
     """Return the value of a curve at `time` ticks; `keys` has the words of a text file."""
     for (start, value, *mode), (stop, following, *_) in itertools.pairwise(keys):

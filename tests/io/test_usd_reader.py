@@ -1,5 +1,6 @@
 """USD files, read back from our writer, written by hand, and with wrong content."""
 
+import struct
 import sys
 
 import numpy as np
@@ -16,6 +17,8 @@ from tests.strategies import assert_same_rotations, few_examples
 
 pxr = pytest.importorskip("pxr", reason="usd-core is not installed")
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt  # noqa: E402
+
+from tests import fuzz_usd  # noqa: E402 - needs usd-core
 
 ENDINGS = (".usd", ".usda", ".usdc")
 
@@ -236,6 +239,46 @@ def test_read_usd_damaged_file_raises_format_error(tmp_path, content):
         path.write_bytes(content)
         with pytest.raises(mg.FormatError, match=rf"a\{ending}"):
             mg.read(path)
+
+
+@pytest.mark.parametrize("seed", sorted({*fuzz_usd.SEEDS, *range(40)}))
+def test_read_usd_damaged_text_gives_motions_or_format_error(tmp_path, seed):
+    if seed in fuzz_usd.SEEDS or fuzz_usd.mutate(seed)[0] == "usda":
+        fuzz_usd.check(seed, tmp_path)
+
+
+@pytest.mark.parametrize("section", range(6))
+@pytest.mark.parametrize("claim", [2**30, 2**40, 2**63, 2**64 - 1])
+def test_read_usd_binary_file_with_too_large_section_raises_format_error(tmp_path, section, claim):
+    """A file of 2 KB that claims 10 GB makes usd-core allocate them."""
+    mg.write_usd(dance(strides=1).motion[:5], tmp_path / "m.usdc")
+    data = bytearray((tmp_path / "m.usdc").read_bytes())
+    (contents,) = struct.unpack_from("<q", data, 16)
+    name, first, size = struct.unpack_from("<16sqq", data, contents + 8 + 32 * section)
+    place = name.rstrip(b"\0").decode()
+    struct.pack_into("<Q", data, first, claim)
+    path = tmp_path / "large.usdc"
+    path.write_bytes(data)
+    with pytest.raises(mg.FormatError, match=f"section {place}: expected at most"):
+        mg.read(path)
+    struct.pack_into("<q", data, contents + 24 + 32 * section, size + len(data))
+    path.write_bytes(data)
+    with pytest.raises(mg.FormatError, match=f"section {place}: expected an end"):
+        mg.read(path)
+    struct.pack_into("<q", data, 16, claim % 2**63)
+    path.write_bytes(data)
+    with pytest.raises(mg.FormatError, match=r"table of contents|position"):
+        mg.read(path)
+
+
+def test_read_usd_long_animation_of_few_keys_raises_format_error(tmp_path):
+    stage = Usd.Stage.CreateInMemory()
+    define_figure(stage, "f", ["a"], [np.eye(4)])
+    define_animation(stage, "/f/walk", ["a"], {0.0: KEY, 1e5: KEY})
+    path = save(stage, tmp_path / "a.usda")
+    with pytest.raises(mg.FormatError, match=r"a duration of .* choose a lower rate"):
+        mg.read(path)[0]
+    assert mg.read(path, rate=1)[0].n_frames > 1000
 
 
 def test_read_usd_skeleton_without_rest_pose_raises_format_error(tmp_path):

@@ -1,7 +1,9 @@
 """Read the motions of USD files: the animations of UsdSkel skeletons."""
 
+import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +17,7 @@ from mograft.io.clips import Clips
 from mograft.io.gltf.nodes import Transforms, decompose, to_world
 from mograft.io.gltf.sampling import DEFAULT_RATE
 from mograft.io.rest_pose import RestPose, rebase
+from mograft.io.usd_crate import check_crate
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
@@ -23,8 +26,10 @@ _CHANNELS = ("translations", "rotations", "scales")
 _GRID_TOLERANCE = 1e-6
 """Deviation of keys from time codes, in time codes, that counts as none."""
 
-_MAX_FRAMES = 1 << 18
-"""Frames of a motion, unless it has as many keys: two keys may claim any duration."""
+_MIN_FRAME_LIMIT, _FRAMES_PER_KEY = 1 << 15, 8
+_MIN_POSE_LIMIT, _POSES_PER_BYTE = 1 << 21, 8
+"""Limits of the frames of a motion, and of the poses of its joints: at least these constants, else
+these multiples of the keys and of the bytes of the layers. Two keys may claim any duration."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,32 +69,53 @@ def open_usd(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
     usd-core is not installed.
     """
     stage = _open_stage(path)
-    figures = [_read_figure(path, prim) for prim in _prims(stage, "Skeleton")]
-    animations = _prims(stage, "SkelAnimation")
-    pairs = [(animation, _find_figure(path, animation, figures)) for animation in animations]
+    with _usd_errors(path):
+        figures = [_read_figure(path, prim) for prim in _prims(stage, "Skeleton")]
+        animations = _prims(stage, "SkelAnimation")
+        pairs = [(animation, _find_figure(path, animation, figures)) for animation in animations]
+        notes = _notes(stage)
 
     def load(clip: int) -> Motion:
         animation, figure = pairs[clip]
-        motion = _sample(stage, animation, figure, rate)
+        with _usd_errors(path):
+            motion = _sample(stage, animation, figure, rate)
         return replace(motion, name=names[clip], path=path)
 
     names = tuple(unique_names([animation.GetName() for animation in animations]))
-    return Clips(path, names, load, "USD", _notes(stage))
+    return Clips(path, names, load, "USD", notes)
+
+
+@contextmanager
+def _usd_errors(path: Path) -> Iterator[None]:
+    """Convert the errors of usd-core, which may occur at any access, to `FormatError`.
+
+    Values of other types and names that are not UTF-8 cause TypeError and ValueError.
+    """
+    from pxr import Tf
+
+    try:
+        yield
+    except FormatError:
+        raise
+    except (Tf.ErrorException, RuntimeError, TypeError, ValueError, OverflowError) as error:
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        raise FormatError(f"expected a USD file: {lines[-1] if lines else error}", path) from error
 
 
 def _open_stage(path: Path) -> Any:  # noqa: ANN401 - pxr has no types
     """Open a stage whose layers all lie in the folder of the file."""
     try:
-        from pxr import Sdf, Tf, Usd
+        from pxr import Sdf, Usd
     except ImportError as error:
         raise ModuleNotFoundError(
             "USD needs usd-core: pip install 'mograft[usd]'", name="usd-core"
         ) from error
-    try:
+    with _usd_errors(path):
         folder = path.resolve().parent
         pending, known = [str(path)], set()
         while pending:
             name = pending.pop()
+            check_crate(Path(name))
             layer = Sdf.Layer.FindOrOpen(name)
             if layer is None or name in known:
                 continue
@@ -102,9 +128,6 @@ def _open_stage(path: Path) -> Any:  # noqa: ANN401 - pxr has no types
                     )
                 pending.append(target)
         stage = Usd.Stage.Open(str(path))
-    except Tf.ErrorException as error:
-        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-        raise FormatError(f"expected a USD file: {lines[-1] if lines else error}", path) from error
     if stage is None:
         raise FormatError("expected a USD file", path)
     return stage
@@ -209,6 +232,7 @@ def _sample(stage: Any, prim: Any, figure: _Figure, rate: float | None) -> Motio
         raise FormatError("expected finite times and time codes above 0 per second", figure.path)
     try:
         codes, frame_time = _choose_times(keys, codes_per_second, rate)
+        _check_poses(stage, len(codes) * len(figure.parents))
     except ValueError as error:
         raise FormatError(str(error), figure.path, place) from None
     joints = list(map(str, animation.GetJointsAttr().Get() or ()))
@@ -253,13 +277,22 @@ def _choose_times(
         elif np.abs(steps - np.round(steps)).max() <= _GRID_TOLERANCE:
             rate = codes_per_second
     duration = float(keys[-1] - keys[0]) / codes_per_second
-    if duration * rate > max(_MAX_FRAMES, 8 * len(keys)):
+    if duration * rate > max(_MIN_FRAME_LIMIT, _FRAMES_PER_KEY * len(keys)):
         raise ValueError(
             f"a duration of {duration:.6g} s at {rate:.6g} frames per second is too long for "
             f"{len(keys)} keys; choose a lower rate"
         )
     count = max(round(duration * rate), 1) + 1
     return np.linspace(keys[0], keys[-1], count), duration / (count - 1)
+
+
+def _check_poses(stage: Any, n_poses: int) -> None:  # noqa: ANN401
+    """Raise ValueError if a motion has more poses than the layers of a stage may hold."""
+    paths = [layer.realPath for layer in stage.GetUsedLayers()]
+    n_bytes = sum(os.path.getsize(path) for path in paths if os.path.isfile(path))
+    limit = max(_MIN_POSE_LIMIT, _POSES_PER_BYTE * n_bytes)
+    if n_poses > limit:
+        raise ValueError(f"expected at most {limit} joint poses in files of this size")
 
 
 def _move_figure(figure: _Figure, local: Transforms, codes: FloatArray) -> None:
