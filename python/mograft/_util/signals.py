@@ -28,10 +28,10 @@ _is_ending = _thread.allocate_lock()
 
 
 def end_on_signals() -> None:
-    """Let SIGINT, SIGTERM and SIGHUP end the process with the exit code 128 + its number.
+    """Let SIGINT, SIGTERM and SIGHUP end the process; the exit code is 128 + the signal's number.
 
     Signals that the process ignores, as after ``nohup``, stay ignored. Python calls handlers in the
-    main thread only, between two of its instructions; a second thread ends the process if the main
+    main thread only, between two instructions; a second thread ends the process if the main
     thread does not react, for example within a long computation.
     """
     handled = [number for number in _SIGNALS if signal.getsignal(number) != signal.SIG_IGN]
@@ -59,10 +59,11 @@ def _watch(read_end: int, handled: frozenset[int]) -> None:
 
 
 def end_process(number: int) -> None:
-    """Kill the worker processes, call the exit handlers, and end the process.
+    """Print why, kill the worker processes, call the exit handlers, and end the process.
 
-    The exit handlers remove drafts; see `mograft._util.cleanup`. The function returns only if
-    another call is already ending the process.
+    `number` is that of the signal; the exit code is 128 + `number`. The exit handlers remove
+    drafts; see `mograft._util.cleanup`. The function returns only if another call is already ending
+    the process.
     """
     if not _is_ending.acquire(blocking=False):
         return

@@ -138,7 +138,10 @@ def _units(chains: JointChains, is_base: BoolArray, is_static: BoolArray) -> Int
 def _divide(
     chains: JointChains, unit_of_node: IntArray, dependence: FloatArray, n: int | None, pose: Motion
 ) -> GroupDiscovery:
-    """Return the groups of the units, of which `n` or the largest gap determines the number."""
+    """Merge units to `n` groups, by default where the heights of successive merges differ most.
+
+    `pose` is kept for pictures.
+    """
     n_units = int(unit_of_node.max()) + 1
     if n_units < 2:
         raise ValueError(

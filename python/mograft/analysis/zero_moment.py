@@ -89,14 +89,15 @@ def support_margins(
     up: int,
     chosen: slice = slice(None),
 ) -> FloatArray:
-    """Return how far the zero-moment point may move in segments of a motion, in heights.
+    """Return how far the zero-moment point may move in segments of a motion, in skeleton heights.
 
-    The result, shape (n_segments, n_samples, N_DIRECTIONS), is the distance from the zero-moment
-    point to the edge of the support polygon along directions at equal angles from the first
-    horizontal axis, in the axes of the samples of `normalise`. One of them is negative if the point
-    is outside. All are infinite in frames in which no foot carries weight. Samples are those of the
-    nearest frames. `track` is that of the motion with the segments `cut`; the result has the
-    segments `cut[chosen]`.
+    For each of `N_DIRECTIONS` horizontal directions, the result, shape
+    (n_segments, n_samples, N_DIRECTIONS), is the distance from the zero-moment point to the line
+    that bounds the support polygon in this direction and is perpendicular to it. At least one is
+    negative if the point is outside. The directions are at equal angles from the first horizontal
+    axis of the segment, as in `normalise`. All are infinite in frames in which no foot carries
+    weight. Samples are those of the nearest frames. `track` is that of the motion with the segments
+    `cut`; the result has the segments `cut[chosen]`.
     """
     own = cut[chosen]
     times = np.linspace(0.0, 1.0, config.samples)

@@ -203,7 +203,10 @@ class DonorLayout:
         return quats, positions
 
     def _close_frames(self, space: ValueSpace, rows: FloatArray) -> FloatArray:
-        """Return values in all frames, given those at the times of `frame_times`."""
+        """Return the values in all frames with the gaps at seams closed.
+
+        `rows` are the values at the times of `frame_times`.
+        """
         times, kept = self.timeline.frame_times(), self.timeline.kept_rows
         closed = np.empty((len(kept), *rows.shape[1:]))
         # In blocks, so that no second array has all frames.

@@ -22,7 +22,7 @@ def groups_to_toml(groups: Mapping[str, tuple[Entry, ...]], base: str) -> str:
 def read_groups(
     source: str | os.PathLike[str],
 ) -> tuple[dict[str, tuple[Entry, ...]], Any, str]:
-    """Return groups, base and a label for messages from TOML; see `JointGroups.from_toml`.
+    """Read groups and base from TOML, and name the source for messages; see `from_toml`.
 
     The type of the base is not checked.
     """

@@ -158,7 +158,10 @@ def candidate_beats(motion: Motion, parameters: BeatParameters) -> tuple[FloatAr
 
 
 def _pulse_train(times: FloatArray, weights: FloatArray, duration: float) -> FloatArray:
-    """Return the weights of candidates in bins of 1/60 s, shared by the two nearest bins."""
+    """Return the weights of possible beats as a series in bins of 1/60 s.
+
+    Each weight is divided between the two bins nearest to its time.
+    """
     positions = times * _GRID_RATE
     bins = np.floor(positions).astype(np.int64)
     share = positions - bins

@@ -88,8 +88,8 @@ def _find_flights(
 def find_lowest_points(curve: FloatArray, min_depth: float) -> IntArray:
     """Return the frames of the minima of a curve that rises by at least `min_depth` on both sides.
 
-    Between two of them the curve rises by at least `min_depth` above both; of equal frames the
-    first is returned. The ends of the curve are not returned.
+    Between two of them the curve rises by at least `min_depth` above both; of frames with
+    equal heights the first is returned. The ends of the curve are not returned.
     """
     steps = np.diff(curve)
     nonzero = np.flatnonzero(steps)

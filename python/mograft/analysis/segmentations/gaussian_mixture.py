@@ -56,7 +56,7 @@ class GaussianMixture:
 
 
 def fit_mixture(points: FloatArray, n_components: int) -> GaussianMixture:
-    """Fit a mixture to points in the order of time, shape (n, m), of which at least one differs.
+    """Fit a mixture to points in the order of time, shape (n, m), that are not all equal.
 
     The fit starts from components that are `n_components` consecutive parts of equal length, so
     that poses of one behaviour tend to belong to one component; it is deterministic.

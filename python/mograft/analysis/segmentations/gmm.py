@@ -39,7 +39,7 @@ class GmmParameters:
     Raises
     ------
     ValueError
-        If a value is not above 0, `energy` is not below 1, or `max_clusters` is no whole number.
+        If a value is not above 0, `energy` is not below 1, or `max_clusters` is not a whole number.
     """
 
     energy: float = 0.95

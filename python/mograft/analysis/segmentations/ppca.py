@@ -40,7 +40,8 @@ class PpcaParameters:
         and 1.
     rise : float
         Rise of the mean Mahalanobis distance from a valley to a peak that makes a cut, as a share
-        of the range of all distances from the start of the motion (0.1 in the source).
+        of the range (greatest minus smallest) of the distances in the whole motion (0.1 in the
+        source). These distances are computed once, without starting again at cuts.
     min_rise : float
         Least rise that makes a cut, in the unit of the mean distance of the poses before from their
         own model. It is not in the source, which would cut a motion without a change of behaviour.

@@ -29,11 +29,11 @@ whose frames exceed any memory."""
 def choose_times(
     key_times: Sequence[FloatArray], rate: float | None, n_nodes: int, n_bytes: int
 ) -> FloatArray:
-    """Return the times of the frames of a file of `n_bytes`, from the first to the last key.
+    """Return equally spaced times of frames, from the first to the last key.
 
-    Their number is that of the whole intervals nearest to `rate`, by default the rate of the keys,
-    so that the duration is exact. An animation of one key has one frame. Raises ValueError if there
-    are too many frames.
+    The duration is divided into the whole number of intervals nearest to its product with `rate`,
+    by default the rate of the keys. An animation of one key has one frame. Raises ValueError if
+    there are more frames than a file of `n_bytes` with `n_nodes` nodes credibly has.
     """
     keys = np.unique(np.concatenate(key_times))
     start, stop = float(keys[0]), float(keys[-1])
