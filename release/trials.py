@@ -144,8 +144,13 @@ def try_sdists() -> None:
 
 
 def _vendor_crates(source: Path) -> None:
+    """Copy the crates of a source distribution into it, in the versions of its lock file.
+
+    Without ``--locked``: the lock file lists crates of the whole workspace, of which the source
+    distribution contains a part, and cargo removes the others.
+    """
     process = subprocess.run(
-        ["cargo", "vendor", "--locked", "vendor"],
+        ["cargo", "vendor", "vendor"],
         cwd=source,
         check=True,
         capture_output=True,
