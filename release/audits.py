@@ -33,9 +33,12 @@ def audit_packages() -> None:
     skipped = [package["name"] for package in found if "skip_reason" in package]
     if vulnerable := [package for package in found if package.get("vulns")]:
         raise ValueError(f"known vulnerabilities: {json.dumps(vulnerable)[:2000]}")
-    print(f"pip-audit: no vulnerability in {len(found) - len(skipped)} packages", flush=True)
+    n_examined = len(found) - len(skipped)
+    print(
+        f"pip-audit: examined {n_examined} of {len(found)} packages: no vulnerability", flush=True
+    )
     if skipped:
-        print(f"pip-audit: no advisories for {len(skipped)} packages: {skipped}", flush=True)
+        print(f"pip-audit: no advisories could be read for {skipped}", flush=True)
 
 
 def audit_crates() -> None:
