@@ -300,7 +300,7 @@ def print_segments(sources, count):
                 f"{low:.2f} to {high:.2f} s",
                 f"{100 * donor_share(library):.0f} %",
                 f"{100 * share:.0f} %",
-                f"{angle:.1f}°",
+                "none" if np.isnan(angle) else f"{angle:.1f}°",
             )
             print(f"| {name} | `{method}` | {' | '.join(cells)} |", flush=True)
 
