@@ -23,7 +23,7 @@ from pxr import Gf, Usd, UsdGeom, UsdSkel, Vt
 import mograft as mg
 
 # Seeds of files that failed in earlier versions.
-SEEDS = (15, 593, 761, 1000415)
+SEEDS = (15, 593, 761, 1000415, 2002924)
 
 MAX_SECONDS, MAX_KIBIBYTES = 10.0, 1 << 20
 FILES_PER_PROCESS = 400
@@ -154,7 +154,7 @@ def change_bytes(data, rng):
         data[start : start + rng.randint(1, 64)] = data[: rng.randint(1, 64)]
     else:
         del data[start:]
-    return bytes(data)
+    return bytes(data) or b"P"
 
 
 def outcome(function, argument):

@@ -32,6 +32,10 @@ _MIN_POSE_LIMIT, _POSES_PER_BYTE = 1 << 21, 8
 these multiples of the keys and of the bytes of the layers. Two keys may claim any duration."""
 
 
+_VALUE_ERRORS = (AttributeError, OverflowError, RuntimeError, TypeError, ValueError)
+"""Errors of values that have another type than that of the schema, and of names not in UTF-8."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Figure:
     """A skeleton of a stage: its joints below the prim of the skeleton, which is node 0.
@@ -87,17 +91,14 @@ def open_usd(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
 
 @contextmanager
 def _usd_errors(path: Path) -> Iterator[None]:
-    """Convert the errors of usd-core, which may occur at any access, to `FormatError`.
-
-    Values of other types and names that are not UTF-8 cause TypeError and ValueError.
-    """
+    """Convert the errors of usd-core, which may occur at any access, to `FormatError`."""
     from pxr import Tf
 
     try:
         yield
     except FormatError:
         raise
-    except (Tf.ErrorException, RuntimeError, TypeError, ValueError, OverflowError) as error:
+    except (Tf.ErrorException, *_VALUE_ERRORS) as error:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         raise FormatError(f"expected a USD file: {lines[-1] if lines else error}", path) from error
 
