@@ -150,9 +150,9 @@ def _chosen_scale(embedding: Mapping[str, Embedding | None], group: str, config:
 
 
 def _joined_parts(parts: list[FloatArray]) -> FloatArray:
-    """Return the points of several groups as one, such that each group has the same weight.
+    """Join the points of each segment in several groups to one point; groups have equal weights.
 
-    The mean squared distance of two random rows is 1. Groups without variance have no weight.
+    The mean squared distance of two random rows is 1. Groups without variance are left out.
     """
     centred = [points - points.mean(axis=0) for points in parts]
     spreads = [2.0 * float(np.square(points).sum()) / (len(points) - 1) for points in centred]

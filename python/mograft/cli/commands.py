@@ -304,7 +304,7 @@ COMMANDS = (
         "print the joint groups of a file as TOML, which can be edited and passed to --groups",
         positional(
             "file",
-            "motion file, or a folder, whose first file is used, or with auto all files",
+            "motion file or folder; of a folder, --preset auto uses all files, others the first",
             is_path=True,
             metavar="FILE",
         ),

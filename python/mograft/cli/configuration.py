@@ -201,7 +201,7 @@ def _with_segmentation(config: Config, options: argparse.Namespace) -> Config:
 
 
 def _read_cut_frames(path: Path) -> Mapping[str, tuple[int, ...]]:
-    """Read the cut frames of each clip from a JSON file; raise ValueError if it holds none."""
+    """Read the cut frames of each clip from a JSON file; raise ValueError if it is invalid."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(document, dict):

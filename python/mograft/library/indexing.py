@@ -221,7 +221,8 @@ def _kept_clips(
 ) -> list[_IndexedClip]:
     """Return the clips of the previous generation that no pending clip replaces.
 
-    Clips whose addresses are in `stale` are left out. Tags of the run are added to the metadata.
+    Clips whose addresses are in `stale` are left out. The tags of the run whose keys match the
+    address of a clip are added to its metadata.
     """
     replaced = {clip.order for clip in pending}
     indices = np.arange(len(base.entries) + 1)

@@ -36,7 +36,7 @@ class ContactParameters:
 
 
 def cut_frames(motion: Motion, parameters: ContactParameters) -> IntArray:
-    """Return the frames in which a foot begins or ends to touch the floor.
+    """Return the frames in which a foot starts or stops touching the floor.
 
     A foot touches the floor if its heel or toe does, as `detect_contacts` defines. Raises
     ValueError if the skeleton has no legs.

@@ -127,7 +127,7 @@ def merge_short_runs(labels: IntArray, min_length: int) -> IntArray:
     """Return labels without runs of equal labels that are shorter than `min_length`.
 
     The shortest run is merged first: it takes the label of the longer neighbour. The first of
-    equal runs or neighbours is selected. A single run may be shorter.
+    equal runs or neighbours is selected. If only one run is left, it may be shorter.
     """
     values = labels.copy()
     while True:

@@ -38,7 +38,8 @@ def read_accessors(
 ) -> FloatArray:
     """Return the elements of several accessors one after another, shape (sum of counts, width).
 
-    Accessor i must have `counts[i]` elements. `place` refers to the accessors.
+    Accessor i must have `counts[i]` elements. `place` is where the document
+    refers to the accessors, for messages.
     """
     arrays = _find_plain(container, indices, counts, width)
     if arrays is not None:

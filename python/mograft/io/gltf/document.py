@@ -57,7 +57,7 @@ class GltfFile:
 
     @cached_property
     def moved_rest(self) -> Transforms:
-        """The default transforms of the moved nodes, one frame."""
+        """The default transforms of `moved_nodes`, one frame."""
         return self.tree.rest.of(self.moved_nodes, 1)
 
 
