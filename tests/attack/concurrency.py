@@ -57,6 +57,7 @@ def points_of(library):
 
 FAR = (mg.Avoid(mg.Sphere((0.0, 900.0, 0.0), 5.0)),)
 CALLS = {
+    "discover_groups": lambda library: mg.discover_groups(library.clips[:2]),
     "graft": lambda library: mg.graft(library, library.names[-1], seed=3),
     "graft_many": lambda library: mg.graft_many(library, count=3, seed=1)[:],
     "repair": lambda library: mg.repair(library, constraints=FAR),

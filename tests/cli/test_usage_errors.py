@@ -46,12 +46,12 @@ def test_main_wrong_usage_returns_2(arguments, capsys):
     [
         ("graft", "--seed", "x", "an integer of at least 0"),
         ("graft", "--count", "1.5", "an integer of at least 1"),
-        ("graft", "--sigma-scale", "nan", "a number above 0"),
+        ("graft", "--sigma-scale", "nan", "a number above 0, or auto"),
         ("graft", "--temperature", "-1", "a number above 0"),
         ("graft", "--max-stretch", "nan", "a number of at least 0"),
         ("graft", "--max-angle", "-4", "a number above 0"),
         ("graft", "--radius", "0", "a number above 0"),
-        ("index", "--sigma-scale", "-1", "a number above 0"),
+        ("index", "--sigma-scale", "-1", "a number above 0, or auto"),
         ("graft", "--variety", "1.5", "a number from 0 to 1"),
         ("index", "--rate", "0", "a number above 0"),
         ("evaluate", "--rate", "inf", "a number above 0"),
@@ -77,7 +77,10 @@ def test_main_number_out_of_range_names_option_and_range(capsys, command, option
         ),
         ("graft {} --avoid sphere:0,0,0,-1", "--avoid sphere: `radius` must not be negative"),
         ("plot pca {} --frames 1-5", "--frames requires strip, timeline, energy; got pca"),
-        ("plot strip {} --group lower", "--group requires pca, dendrogram, clusters; got strip"),
+        (
+            "plot strip {} --group lower",
+            "--group requires pca, dendrogram, clusters, threshold; got strip",
+        ),
         (
             "view {} --groups wings",
             "--groups must be a TOML file, auto, auto:N or one of lower_upper",
