@@ -124,7 +124,7 @@ def test_killed_command_workers_end():
     assert_session_ends(child.pid)
 
 
-@pytest.mark.thorough  # a worker that is killed while it sends a result may not be noticed
+@pytest.mark.thorough  # in rare cases the pool of Python does not notice the killed worker
 def test_killed_worker_raises_clear_error(many_clips):
     child = start("index", "clips", "-o", "lib", "-j", "2")
     wait_until(COMMANDS["index"][1], child)
