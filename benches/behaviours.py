@@ -2,19 +2,27 @@
 
 ``python benches/behaviours.py [DATA] [--seeds 50]`` prints two tables:
 
-- precision and recall of the cuts between behaviours, for motions put together from known pieces.
-  "dancer": six successive combinations of leg style and arm pattern of the dancer, each of eight
-  strides. "recordings": six pieces of 5 to 8 s of the Bandai-Namco clips in the folders
-  DATA/bandai_ds1 and DATA/bandai_ds2 (walk, wave, punch, dance), cross-faded over 0.5 s;
-  neighbours are of different kinds. "other recordings": the same with walks, runs, waves and
-  raised arms from the archive of both sets, without the clips of the folders. A clip that is
-  shorter than its piece is continued backwards in time. A cut is correct if it is at most the
-  tolerance away from the middle of a change; each change counts once.
+- precision and recall of the cuts between behaviours, for motions of six known pieces (below).
+  Neighbours are of different kinds. A cut is correct if it is at most the tolerance away from
+  the middle of a change; each change counts once.
 - the largest error of the interval between beats, and the share of motions within 2 %: motions
   from pose to pose, of 6 to 20 s, at 30, 60 and 120 frames per second; and walks of the dancer,
   whose steps are known.
 
-The defaults were chosen with the dancer and "recordings" in view.
+The pieces:
+
+- "walk, jump, wave: dancer": eight strides of the dancer, who jumps by bending both knees;
+- "walk, jump, wave: captured": one person, in DATA/skel_animated_drawings, without the standing
+  before and after each action;
+- "walk, jump, wave: animated": clips of the KayKit packs in DATA/glb;
+- "dancer": eight strides each of successive combinations of leg style and arm pattern;
+- "recordings": the Bandai-Namco clips in the folders DATA/bandai_ds1 and DATA/bandai_ds2 (walk,
+  wave, punch, dance);
+- "other recordings": walks, runs, waves and raised arms from the archive of both sets, without the
+  clips of the folders.
+
+Pieces of clips last 5 to 8 s and are cross-faded over 0.5 s; a clip that is shorter is continued
+backwards in time. The defaults were chosen with "dancer" and "recordings" in view.
 """
 
 import argparse
@@ -28,83 +36,24 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
+from benches._behaviour_pieces import (
+    animated_actions,
+    captured_actions,
+    dance_of,
+    dancer_pieces,
+    dancer_who_jumps,
+    read_clips,
+    recorded_pieces,
+)
 from benches._common import run
 from benches.evidence.sources import ARCHIVE, SOURCES, find_files
 from mograft.analysis.segmentations import METHODS, beats
-from mograft.dancer import dance
 from mograft.motion import rotations
 
 NAMES = ("pca", "ppca", "gmm")
 TOLERANCES = (0.5, 1.0)  # seconds
-N_PIECES = 6
-PIECE_SECONDS = (5.0, 8.0)
-FADE_SECONDS = 0.5
-MIN_CLIP_SECONDS = 3.0
-MARGIN = 0.12  # share of a clip at each end, in which people stand before and after an action
 KINDS = ("walk", "run", "wave", "raise")  # first words of actions of other recordings
 MAX_OTHER = 60  # clips of the archive
-
-
-@functools.lru_cache(maxsize=1)
-def dance_of(seed, strides):
-    return dance(seed, strides=strides)
-
-
-def dancer_pieces(seed, strides=8):
-    """A part of a dance of six combinations, and the frames at which they change."""
-    made = dance_of(seed, strides)
-    is_change = (made.legs[1:] != made.legs[:-1]) | (made.arms[1:] != made.arms[:-1])
-    bounds = np.concatenate([[0], np.flatnonzero(is_change) + 1, [len(made)]])
-    first = int(np.random.default_rng(seed).integers(len(bounds) - 1 - N_PIECES))
-    start, *changes, stop = bounds[first : first + N_PIECES + 1]
-    return made.motion[start:stop], np.array(changes) - start
-
-
-def read_clips(paths):
-    """The rotations of clips by kind of action, without their ends; and one of the motions."""
-    clips, sample = {}, None
-    for path in sorted(paths):
-        motion = mg.read_bvh(path)
-        if motion.duration >= MIN_CLIP_SECONDS:
-            margin = round(MARGIN * motion.n_frames)
-            kind = path.name.split("_")[1]
-            clips.setdefault(kind, []).append(motion.rotations[margin:-margin])
-            sample = sample or motion
-    return clips, sample
-
-
-def recorded_pieces(seed, clips, sample):
-    """A motion of six pieces of clips, and the frames in the middle of the cross-fades."""
-    rng = np.random.default_rng(seed)
-    fade = round(FADE_SECONDS * sample.rate)
-    joined, changes, last = None, [], None
-    for _ in range(N_PIECES):
-        last = str(rng.choice([kind for kind in clips if kind != last]))
-        clip = clips[last][rng.integers(len(clips[last]))]
-        length = round(rng.uniform(*PIECE_SECONDS) * sample.rate)
-        while len(clip) < length:
-            clip = np.concatenate([clip, clip[-2::-1]])
-        start = rng.integers(len(clip) - length + 1)
-        piece = clip[start : start + length]
-        if joined is None:
-            joined = piece
-            continue
-        changes.append(len(joined) - fade // 2)
-        joined = cross_fade(joined, piece, fade)
-    positions = np.repeat(sample.positions[:1], len(joined), axis=0)
-    root = sample.locomotion_root()
-    positions[:, root] = np.resize(sample.positions[:, root], (len(joined), 3))
-    quats = joined / np.linalg.norm(joined, axis=-1, keepdims=True)
-    return mg.Motion(sample.skeleton, sample.frame_time, quats, positions), np.array(changes)
-
-
-def cross_fade(before, after, n_frames):
-    """The rotations of two pieces, of which `n_frames` frames overlap."""
-    share = np.arange(1, n_frames + 1) / (n_frames + 1)
-    share = (3 * share**2 - 2 * share**3)[:, None, None]
-    gaps = rotations.multiply(rotations.inverse(before[-n_frames:]), after[:n_frames])
-    mixed = rotations.multiply(before[-n_frames:], rotations.exp(rotations.log(gaps) * share))
-    return np.concatenate([before[:-n_frames], mixed, after[n_frames:]])
 
 
 def count_correct(cuts, changes, tolerance):
@@ -117,7 +66,7 @@ def count_correct(cuts, changes, tolerance):
     return len(cuts) - len(free)
 
 
-def metronome(seed, interval, rate, seconds, n_joints=6):
+def metronome(seed, interval, rate, seconds=16.0, n_joints=6):
     """A motion from one random pose to the next, one per `interval`, at rest in each pose."""
     rng = np.random.default_rng(seed)
     phase = np.arange(round(seconds * rate)) / rate / interval
@@ -180,9 +129,14 @@ def print_tempo(seeds):
 def report(options):
     """Print the tables."""
     seeds = 1 if options.tiny else options.seeds
-    sets = {"dancer": functools.partial(dancer_pieces, strides=1 if options.tiny else 8)}
+    strides = 1 if options.tiny else 8
+    sets = {"walk, jump, wave: dancer": functools.partial(dancer_who_jumps, strides=strides)}
     if options.data and not options.tiny:
         data = Path(options.data)
+        for title, actions in (("captured", captured_actions), ("animated", animated_actions)):
+            sets[f"walk, jump, wave: {title}"] = functools.partial(recorded_pieces, **actions(data))
+    sets["dancer"] = functools.partial(dancer_pieces, strides=strides)
+    if options.data and not options.tiny:
         paths = sorted(data.glob("bandai_ds*/*.bvh"))
         sets["recordings"] = functools.partial(recorded_pieces, **clips_of(paths))
         if (data / ARCHIVE).exists():

@@ -3,9 +3,10 @@
 ``python benches/groups.py [FOLDER]`` reads the recordings in FOLDER (default: ``../shared/data``
 beside the checkout) and prints
 
-- ``table``: for each human, the groups that `discover_groups` finds at the number of the preset
-  ``lower_torso_arms``, the joints in other groups than there, the dependences of trunk and head and
-  of trunk and arms, and the number of groups of ``auto``; for other skeletons, four groups;
+- ``table``: for each human, the number of segments, the groups that `discover_groups` finds at the
+  number of the preset ``lower_torso_arms``, the joints in other groups than there, the dependences
+  of trunk and head and of trunk and arms, and the number of groups of ``auto``; for other
+  skeletons, four groups;
 - ``quality``: the measures of `benches/variety.py` for grafts with the groups of each preset, and
   with discovered groups. ``--source`` selects other sources by the beginning of their names.
 
@@ -97,7 +98,8 @@ def describe_human(motions):
     differing = [skeleton.names[joint] for joint in differing_joints(skeleton, found, expected)]
     pairs = [unit_dependence(discovery, "trunk", part) for part in ("head", "forearm")]
     difference = ", ".join(differing) or "none"
-    return [counts_text(found), difference, *pairs, str(n_by_gap)], not differing
+    n_segments = sum(len(mg.segment(motion)) for motion in motions)
+    return [str(n_segments), counts_text(found), difference, *pairs, str(n_by_gap)], not differing
 
 
 def counts_text(found):
@@ -117,8 +119,9 @@ def describe_animal(motions):
 
 
 def print_table(sources):
-    heads = ("source", "groups and joints", "differing joints", "trunk-head", "trunk-arm", "auto")
-    print("".join(f"| {head} " for head in heads) + "|\n" + "|---" * len(heads) + "|")
+    heads = ("segments", "groups and joints", "differing joints", "trunk-head", "trunk-arm", "auto")
+    print("| source " + "".join(f"| {head} " for head in heads) + "|")
+    print("|---" * (len(heads) + 1) + "|")
     n_equal = n_humans = 0
     others = []
     for name, motions in sources.items():
@@ -129,7 +132,7 @@ def print_table(sources):
             cells, is_equal = describe_human(motions)
             n_equal, n_humans = n_equal + is_equal, n_humans + 1
         except ValueError as error:
-            cells = ["none", str(error), "-", "-", "-"]
+            cells = ["-", "none", str(error), "-", "-", "-"]
         print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
     print(f"\nequal to {PRESET}: {n_equal} of {n_humans}\n")
     print("| not human | groups and joints | joints of the other groups |\n|---|---|---|")

@@ -11,10 +11,10 @@ real    the segments of a real motion database, the tree and its cuts at both si
 hard    adverse point sets of 100,000 points
 huge    1 to 5 million points: the tree, and the cut at the standard deviation
 axes    tables like gene expression with 34 to 300 axes, with SciPy and fastcluster
-scaling serial share, and 16 simulated threads, by an example of the crate
+scaling serial share, 16 simulated threads and counted comparisons, by an example of the crate
 ties    points with many equal distances or many axes, with SciPy and fastcluster
 chain   the nearest-neighbour chain over all n(n-1)/2 distances, on adverse point sets
-stop    time from Ctrl-C to the end of the call
+stop    time from Ctrl-C at random moments to the end of the call
 counts  instructions, by Valgrind: independent of the load of the machine
 
 Without PART all parts run, which takes an hour, mostly for the peers and for millions of points.
@@ -133,7 +133,7 @@ def measure(who, kind, n, runs, diameter=None):
     """Return the seconds of runs in this process, and the memory that they used."""
     points = make(kind, n)[:n]
     if who == "stop":
-        return {"wall": interrupt_delays(points, runs), "cpu": [0], "MB": 0}
+        return interrupt_delays(points, runs)
     if diameter == "rms":
         diameter = mg.threshold(points)
     call = {
@@ -159,23 +159,33 @@ def measure(who, kind, n, runs, diameter=None):
 
 
 def interrupt_delays(points, runs):
-    """Return the seconds from an interrupt to the end of the call; each interrupt is later."""
-    delays = []
-    for run in range(runs):
+    """Return the seconds from interrupts at random moments to the end of the call."""
+    # A shell starts background processes with SIGINT ignored, and children inherit that.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    begin = time.perf_counter()
+    mg.linkage(points)
+    duration = time.perf_counter() - begin
+    walls, cpus = [], []
+    for moment in np.random.default_rng(0).uniform(0, 0.95 * duration, runs):
         sent = []
 
         def interrupt(sent=sent):
-            sent.append(time.perf_counter())
+            sent.append((time.perf_counter(), time.process_time()))
             os.kill(os.getpid(), signal.SIGINT)
 
-        timer = threading.Timer(0.2 + 1.3 * run, interrupt)
-        timer.start()
+        timer = threading.Timer(moment, interrupt)
+        has_ended = False
         try:
+            timer.start()  # on a busy machine, the interrupt may arrive before the call
             mg.linkage(points)
+            has_ended = True
+            timer.cancel()
+            timer.join()  # a late interrupt arrives here, not in the next run
         except KeyboardInterrupt:
-            delays.append(time.perf_counter() - sent[0])
-        timer.cancel()
-    return delays or [np.nan]
+            if not has_ended:
+                walls.append(time.perf_counter() - sent[0][0])
+                cpus.append(time.process_time() - sent[0][1])
+    return {"wall": walls or [np.nan], "cpu": cpus or [np.nan], "MB": 0}
 
 
 def child(who, kind, n, runs=3, diameter=None):
@@ -195,7 +205,9 @@ def tiny_child(who, kind, n, runs=3, diameter=None):  # noqa: ARG001 - as `child
 
 def summary(who, kind, n, measured):
     wall, cpu = statistics.median(measured["wall"]), statistics.median(measured["cpu"])
-    return {"who": who, "kind": kind, "n": n, "wall": wall, "cpu": cpu, "MB": measured["MB"]}
+    largest = {f"largest {time}": max(measured[time]) for time in ("wall", "cpu")}
+    row = {"who": who, "kind": kind, "n": n, "wall": wall, "cpu": cpu, "MB": measured["MB"]}
+    return row | largest
 
 
 def show(row, note=""):
@@ -287,7 +299,8 @@ HUGE = (
 def scaling(_, child):
     del child  # the example measures processor time
     command = "cargo run -q --release -p mograft-linkage --features profile --example scaling --"
-    for kind, n in (("mixture", 1_000_000), ("white", 300_000)):
+    cases = (("mixture", 1_000_000), ("white", 10_000), ("white", 100_000), ("white", 300_000))
+    for kind, n in cases:
         print(f"{kind}, {n:,} points")
         sys.stdout.flush()
         subprocess.run([*command.split(), str(n), kind], check=True)
@@ -350,10 +363,11 @@ def chain(_, child):
 
 
 def stop(_, child):
-    cases = (("mixture", 1_000_000), ("white", 500_000), ("binary", 100_000))
-    rows = [child("stop", kind, n, runs=6) for kind, n in cases]
+    cases = (("mixture", 1_000_000), ("white", 500_000), ("binary", 100_000), ("coins", 20_000))
+    rows = [child("stop", kind, n, runs=20) for kind, n in cases]
     for row in rows:
-        show(row, "from the signal to the exception, median")
+        wall, cpu = (f"{row[f'largest {time}']:.3f} s" for time in ("wall", "cpu"))
+        show(row, f"from the signal to the exception, median; largest {wall}, {cpu} CPU")
     return rows
 
 

@@ -3,8 +3,8 @@
     python benches/linkage_figure.py [FIGURES.json]
 
 draws two stages of complete linkage into docs/linkage-stages.svg. With the output of
-``benches/linkage.py --json FIGURES.json`` it also draws the run time over the number of points into
-docs/linkage-speed.svg.
+``benches/linkage.py peers large --json FIGURES.json`` it also draws the run time over the number of
+points into docs/linkage-speed.svg, and prints the first table of docs/linkage.md.
 """
 
 import argparse
@@ -85,6 +85,19 @@ def draw_speed(rows, folder):
     figure.savefig(folder / "linkage-speed.svg", metadata={"Date": None})
 
 
+def print_table(rows):
+    """Print the rows of the first table of docs/linkage.md."""
+    found = {(row["who"], row["kind"], row["n"]): row for row in rows}
+    for (who, kind, n), ours in sorted(found.items(), key=lambda item: item[0][1:]):
+        if who != "mograft":
+            continue
+        peers = [found.get((peer, kind, n)) for peer in ("SciPy", "fastcluster")]
+        ratios = [f"{peer['wall'] / ours['wall']:.0f} times" if peer else "" for peer in peers]
+        memory = [f"{row['MB']:.0f}" if row else "" for row in (ours, peers[0])]
+        cells = (f"{kind}, {n:,}", f"{ours['wall']:.3g} s", *ratios, *memory)
+        print("| " + " | ".join(cells) + " |")
+
+
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("figures", nargs="?", type=Path, metavar="FIGURES.json")
@@ -94,14 +107,18 @@ def main(argv=None):
 @mpl.rc_context(STYLE)
 def report(options):
     if options.tiny:
-        rows = [{"who": "mograft", "kind": "white", "n": n, "wall": n / 1e5} for n in (10, 100)]
+        row = {"who": "mograft", "kind": "white", "MB": 1}
+        rows = [{**row, "n": n, "wall": n / 1e5} for n in (10, 100)]
+        print_table(rows)
         with tempfile.TemporaryDirectory() as folder:
             draw_stages(Path(folder))
             draw_speed(rows, Path(folder))
         return
     draw_stages(DOCS)
     if options.figures is not None:
-        draw_speed(json.loads(options.figures.read_text())["rows"], DOCS)
+        rows = json.loads(options.figures.read_text())["rows"]
+        draw_speed(rows, DOCS)
+        print_table(rows)
 
 
 if __name__ == "__main__":

@@ -28,8 +28,24 @@ TINY_FRAMES = (600,)
 BASELINE_FRAMES = 60
 N_SEEDS = 4
 
+SPHERE = "sphere:0,190,200,15"
+"""An obstacle above the path of the dancer."""
+
+REACH = "25:RightHand:-15,118,22~0.1"
+"""A position near that of the hand in this frame."""
+
 COMMANDS = {
     "graft": ("graft", "{file}", "-o", "{folder}/new.bvh"),
+    "graft, feet planted": (
+        "graft",
+        "{file}",
+        "--groups",
+        "{folder}/groups.toml",
+        "-o",
+        "{folder}/new.bvh",
+    ),
+    "graft, obstacle": ("graft", "{file}", "--avoid", SPHERE, "-o", "{folder}/new.bvh"),
+    "graft, reach": ("graft", "{file}", "--reach", REACH, "-o", "{folder}/new.bvh"),
     "index": ("index", "{file}", "-o", "{folder}/l.mograft"),
     "view": ("view", "{file}", "-o", "{folder}/page.html"),
     "export glb": ("export", "{file}", "-o", "{folder}/new.glb"),
@@ -65,6 +81,12 @@ def write_motion(motions, n_frames, path):
     return sum(array.nbytes for array in arrays) / 2**20
 
 
+def write_groups(skeleton, path):
+    """Write joint groups whose base is the upper body, so that grafts plant the feet."""
+    parts = mg.JointGroups.preset("lower_upper", skeleton)
+    path.write_text(replace(parts, base="upper").to_toml())
+
+
 def measure(words):
     """Return exit code, peak MiB and processor seconds of ``mograft`` in a new process."""
     command = [sys.executable, "-c", _PROGRAM, sys.executable, "-m", "mograft", *words, "--force"]
@@ -86,6 +108,7 @@ def report(options):
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         file = folder / "long.bvh"
+        write_groups(motions[0].skeleton, folder / "groups.toml")
         for n_frames in (BASELINE_FRAMES, *sizes):
             arrays.append(write_motion(motions, n_frames, file))
             for name in commands:

@@ -18,6 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
 from benches._common import run, tiny_motion
+from mograft._util.registry import CONFIG_OPTIONS
 from mograft.blend.donor_timeline import DonorTimeline
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.transplant import GraftedGroup, transplant
@@ -125,6 +126,13 @@ def stance(motion, up):
     return np.linalg.norm(offsets, axis=1).mean() / found.height
 
 
+def head_jerk(motion):
+    """Median magnitude of the third difference of the head's position in the world."""
+    head = anatomy(motion.skeleton).joints("head")[0]
+    path = motion.world_positions()[:, head]
+    return np.median(np.linalg.norm(np.diff(path, 3, axis=0), axis=-1)) * RATE**3
+
+
 def measure_torso(motion, seeds):
     """Rows of numbers by `Config.torso`, as ratios to the recording's."""
     hips, last = trunk(motion)
@@ -133,10 +141,10 @@ def measure_torso(motion, seeds):
         turned = one.world_transforms()[0]
         waist = rotations.multiply(rotations.inverse(turned[:, hips]), turned[:, last])
         numbers = [*derivatives(turned[:, [last]], RATE), *derivatives(waist[:, None], RATE)]
-        return np.array([*numbers, stance(one, up)])
+        return np.array([head_jerk(one), *numbers, stance(one, up)])
 
     rows = {}
-    for torso in ("pelvis", "world"):
+    for torso in CONFIG_OPTIONS["torso"].names:
         library = mg.Library.build(motion, config=mg.Config(torso=torso))
         original = figures(motion, library.up)
         rows[torso] = np.mean(
@@ -180,8 +188,8 @@ def report(options):
         for name, (bend, jerk, off, share) in treatments.items():
             skate = "" if name == "none" else f"{slides[name]:.3f}"
             print(f"| {name} | {bend:.2f} | {jerk:.2f} | {off:.2f}° | {share:.0f} % | {skate} |")
-        print("\n| torso | chest: acceleration | jerk | waist: acceleration | jerk | stance |")
-        print("|---|---|---|---|---|---|")
+        columns = "head: jerk | chest: acceleration | jerk | waist: acceleration | jerk | stance"
+        print(f"\n| torso | {columns} |\n|---|---|---|---|---|---|---|")
         for name, numbers in measure_torso(motion, options.seeds).items():
             print(f"| {name} | {' | '.join(f'{number:.3f}' for number in numbers)} |", flush=True)
 

@@ -265,8 +265,9 @@ def compatibility_of(library, splits):
         return ["not defined", ""]
     kappa = next(own.kappa for own in found.scores if own.method == "analogy")
     more = found.difference("analogy", "random, length limit").accepted
-    shares = [f"{100 * value:.1f}" for value in (more.value, more.low, more.high)]
-    return [f"{kappa.value:.2f}", f"{shares[0]} ({shares[1]} to {shares[2]})"]
+    share, low, high = (100 * value for value in (more.value, more.low, more.high))
+    interval = f" ({low:.1f} to {high:.1f})" if np.isfinite(low) else ", no interval"
+    return [f"{kappa.value:.2f}", f"{share:.1f}{interval}"]
 
 
 def choose_donors(library, count):

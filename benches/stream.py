@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from contextlib import contextmanager
+from contextlib import chdir, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -34,8 +34,13 @@ def serve(library, *words):
     command = [sys.executable, "-m", "mograft", "stream", library, *words, "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
-            lines = iter(process.stdout.readline, "}\n")
-            yield json.loads("".join(lines) + "}")["address"]
+            text = ""
+            while not text.endswith("}\n"):
+                line = process.stdout.readline()
+                if not line:
+                    raise OSError(f"{' '.join(command)} ended: see its error above")
+                text += line
+            yield json.loads(text)["address"]
         finally:
             process.kill()
 
@@ -92,15 +97,16 @@ def print_row(name, seconds, free, rate):
 
 def report(options):
     n_dances, n_frames = (1, 240) if options.tiny else (13, None)
-    with tempfile.TemporaryDirectory() as folder:
-        path = f"{folder}/dances.mograft"
+    # The path of a socket has at most about 100 bytes.
+    with tempfile.TemporaryDirectory() as folder, chdir(folder):
+        path = "dances.mograft"
         mg.Library.build([dance(seed=s).motion[:n_frames] for s in range(n_dances)]).save(path)
         library, base = mg.Library.open(path), dance(seed=99).motion[:n_frames]
         print(f"{library}, {base.n_frames} frames\n")
         print(
             f"{'ms: median, 99 %, maximum':28} {'without piece':23}   {'with piece':23}   s behind"
         )
-        with serve(path, "--port", "0") as tcp, serve(path, "--socket", f"{folder}/s") as unix:
+        with serve(path, "--port", "0") as tcp, serve(path, "--socket", "s") as unix:
             for horizon in HORIZONS:
                 for name, times in (
                     ("calls", time_calls(library, base, horizon)),

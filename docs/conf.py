@@ -31,11 +31,26 @@ MADE = HERE / "_made"
 
 project = "mograft"
 author = "the mograft authors"
+project_copyright = author
 release = mg.__version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 html_theme = "furo"
 html_title = f"mograft {release}"
 html_extra_path = ["_made/pages"]
+html_static_path = ["_static"]
+templates_path = ["_templates"]
+html_js_files = [("versions.js", {"defer": "defer"})]
+# Those of the theme, and the menu of versions, which is visible on the site only.
+html_sidebars = {
+    "**": [
+        "sidebar/brand.html",
+        "sidebar/versions.html",
+        "sidebar/search.html",
+        "sidebar/scroll-start.html",
+        "sidebar/navigation.html",
+        "sidebar/scroll-end.html",
+    ]
+}
 exclude_patterns = ["_build", "_made/pages"]
 # Sphinx resolves the n_joints of a shape as a name, which is ambiguous.
 suppress_warnings = ["config.cache", "ref.python"]
@@ -77,9 +92,7 @@ def make_pictures() -> None:
     collides = Trial.run(clip, step=3 if is_tiny else 1)
     assert collides is not None
     collides.draw(MADE / "collision.png")
-    mg.view(new.base[:900], new.motion[:900], title="A graft", show=False).save(
-        MADE / "pages" / "graft.html", force=True
-    )
+    mg.view(new, title="A graft", show=False).save(MADE / "pages" / "graft.html", force=True)
     mg.report_page([new]).save(MADE / "pages" / "report.html", force=True)
 
 
@@ -161,15 +174,15 @@ def make_api() -> None:
     for name in ("body.capsules", "dancer"):
         modules[name] = importlib.import_module(f"mograft.{name}")
     for name, module in modules.items():
-        parts[f"mograft.{name}"] = _module_entries(module)
+        parts[f"mograft.{name}"] = _module_entries(f"mograft.{name}", module)
     lines = ["# API", ""]
     for title, entries in parts.items():
         lines += [f"## {title}", "", *entries]
     (MADE / "api.md").write_text("\n".join(lines), encoding="utf-8")
 
 
-def _module_entries(module: ModuleType) -> list[str]:
-    """Return the summary of a module and the entries of its public names."""
+def _module_entries(path: str, module: ModuleType) -> list[str]:
+    """Return the summary of a module and the entries of its public names; users import `path`."""
     entries = [f"{inspect.getdoc(module).split(chr(10) * 2)[0]}\n"]
     for name in module.__all__:
         value = getattr(module, name)
@@ -177,9 +190,9 @@ def _module_entries(module: ModuleType) -> list[str]:
             entries.append(f"`mograft.{name}`, above.\n")
         elif inspect.isfunction(value) or inspect.isclass(value):
             directive = "autofunction" if inspect.isfunction(value) else "autoclass"
-            entries.append(f"```{{eval-rst}}\n.. {directive}:: {module.__name__}.{name}\n```\n")
+            entries.append(f"```{{eval-rst}}\n.. {directive}:: {path}.{name}\n```\n")
         else:
-            entries.append(_data_entry(f"{module.__name__}.{name}", value))
+            entries.append(_data_entry(f"{path}.{name}", value))
     return entries
 
 

@@ -10,11 +10,11 @@ from release.distributions import ROOT, WORK
 from release.tools import install_tools
 
 
-def audit_packages() -> None:
+def audit_packages() -> list[str]:
     """Look up NumPy and the pinned programs of a release with pip-audit.
 
-    Raises ValueError if one has a known vulnerability. Without access to the advisories of PyPI
-    this prints which packages were not examined.
+    Raises ValueError if one has a known vulnerability. Returns a line for the packages that were
+    not examined: all of them without access to the advisories of PyPI.
     """
     WORK.mkdir(exist_ok=True)
     report = WORK / "pip-audit.json"
@@ -33,19 +33,22 @@ def audit_packages() -> None:
     skipped = [package["name"] for package in found if "skip_reason" in package]
     if vulnerable := [package for package in found if package.get("vulns")]:
         raise ValueError(f"known vulnerabilities: {json.dumps(vulnerable)[:2000]}")
-    n_examined = len(found) - len(skipped)
-    print(
-        f"pip-audit: examined {n_examined} of {len(found)} packages: no vulnerability", flush=True
-    )
-    if skipped:
-        print(f"pip-audit: no advisories could be read for {skipped}", flush=True)
+    if examined := len(found) - len(skipped):
+        print(f"pip-audit: {examined} packages have no known vulnerability", flush=True)
+    if not skipped:
+        return []
+    return [f"pip-audit: no advisories for {len(skipped)} of {len(found)} packages"]
 
 
-def audit_crates() -> None:
-    """Check licences, sources and versions of the crates, and advisories if they can be fetched."""
+def audit_crates() -> list[str]:
+    """Check licences, sources and versions of the crates, and advisories if they can be fetched.
+
+    Returns a line for each check that was skipped. Raises CalledProcessError or ValueError if a
+    check fails.
+    """
     if shutil.which("cargo-deny") is None:
-        print("cargo deny: skipped: cargo install cargo-deny --locked", flush=True)
-        return
+        return ["cargo deny: not installed: cargo install cargo-deny --locked"]
+    skipped = []
     for manifest in ("Cargo.toml", "python-fbx/Cargo.toml"):
         command = ["cargo", "deny", "--workspace", "--manifest-path", manifest]
         command += ["--config", str(ROOT / "deny.toml"), "check", "--hide-inclusion-graph"]
@@ -56,4 +59,7 @@ def audit_crates() -> None:
         if process.returncode and "failed to fetch advisory database" not in process.stderr:
             raise ValueError(process.stderr[-4000:])
         if process.returncode:
-            print(f"cargo deny: advisories of {manifest} not examined, no network", flush=True)
+            skipped.append(
+                f"cargo deny: no advisories for {manifest}: their database is not reachable"
+            )
+    return skipped

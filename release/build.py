@@ -2,6 +2,7 @@
 
 import os
 import platform
+import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -33,6 +34,14 @@ PLATFORMS = (
 )
 
 
+CHECKED_TARGETS = ("x86_64-pc-windows-msvc", "x86_64-apple-darwin", "aarch64-apple-darwin")
+CHECKED_CRATES = ("mograft-python", "mograft-linkage-module")
+_CHECK_VARIABLES = {
+    "CARGO_TARGET_DIR": str(WORK / "target-check"),
+    "PYO3_CROSS_PYTHON_VERSION": "3.11",
+}
+
+
 def find_native_platform() -> Platform:
     """Return the platform of the machine that runs this script."""
     machine = {"AMD64": "x86_64", "arm64": "aarch64"}.get(platform.machine(), platform.machine())
@@ -41,16 +50,49 @@ def find_native_platform() -> Platform:
 
 
 def find_missing_target(wanted: Platform) -> str | None:
-    """Return the target of rustc whose standard library is not installed, if any."""
+    """Return the target of rustc whose standard library is neither installed nor installable.
+
+    Rustup, if there is one, installs a missing target.
+    """
     targets = [wanted.target]
     if wanted.name == "macos-universal2":
         targets = ["x86_64-apple-darwin", "aarch64-apple-darwin"]
-    command = [os.environ.get("RUSTC", "rustc"), "--print", "target-libdir", "--target"]
     for target in targets:
-        process = subprocess.run([*command, target], capture_output=True, text=True, check=False)
-        if process.returncode or not Path(process.stdout.strip()).is_dir():
+        if not _has_target(target) and not _add_target(target):
             return target
     return None
+
+
+def _add_target(target: str) -> bool:
+    """Install a target of rustc by rustup; return whether it is installed."""
+    if shutil.which("rustup") is not None:
+        subprocess.run(["rustup", "target", "add", target], check=False, capture_output=True)
+    return _has_target(target)
+
+
+def _has_target(target: str) -> bool:
+    """Return whether the standard library of a target of rustc is installed."""
+    command = [os.environ.get("RUSTC", "rustc"), "--print", "target-libdir", "--target", target]
+    process = subprocess.run(command, capture_output=True, text=True, check=False)
+    return process.returncode == 0 and Path(process.stdout.strip()).is_dir()
+
+
+def check_targets() -> list[str]:
+    """Check with cargo that the crates of `CHECKED_CRATES` compile for Windows and macOS.
+
+    Nothing is linked, so that no linker and no library of these systems is needed. Returns the
+    targets that were skipped, each with the reason.
+    """
+    skipped = []
+    for target in CHECKED_TARGETS:
+        if not _has_target(target) and not _add_target(target):
+            skipped.append(f"{target}: no such target of rustc")
+            continue
+        words = [word for crate in CHECKED_CRATES for word in ("--package", crate)]
+        command = ["cargo", "check", "--quiet", "--locked", "--target", target, *words]
+        subprocess.run(command, cwd=ROOT, check=True, env=os.environ | _CHECK_VARIABLES)
+        print(f"{target}: {' and '.join(CHECKED_CRATES)} compile", flush=True)
+    return skipped
 
 
 def build_sdist(distribution: Distribution) -> None:
@@ -64,7 +106,7 @@ def build_wheel(
     """Write the wheel of a platform to `DIST`.
 
     Without `interpreter` the wheel serves Python 3.11 and later. Free-threaded Python has no stable
-    ABI before version 3.15, so that it needs a wheel of its own: `interpreter` is its program.
+    ABI before version 3.15 and needs a wheel of its own: `interpreter` is its program.
     The wheel does not contain paths of this machine.
     """
     _hide_paths()

@@ -6,9 +6,11 @@ import shutil
 import subprocess
 import sys
 import tarfile
+import time
 from pathlib import Path
 
-from release.distributions import DIST, DISTRIBUTIONS, WORK
+from release import suite
+from release.distributions import DIST, DISTRIBUTIONS, ROOT, WORK
 from release.tools import bin_of, run_tool
 
 _KEPT_VARIABLES = ("LANG", "SSL_CERT_FILE", "SYSTEMROOT", "TEMP", "TMP", "TMPDIR")
@@ -50,9 +52,13 @@ def make_fresh_environment(name: str, python: str = sys.executable) -> Path:
 
 
 def run_fresh(
-    folder: Path, program: str, *words: str | Path, rust: dict[str, str] | None = None
+    folder: Path,
+    program: str,
+    *words: str | Path,
+    rust: dict[str, str] | None = None,
+    cwd: Path | None = None,
 ) -> str:
-    """Run a program of a fresh environment in its folder; return what it printed.
+    """Run a program of a fresh environment in its folder, or in `cwd`; return what it printed.
 
     The environment has no variables of this process except those of pip and of the system. Its
     PATH holds no cargo and no rustc, unless `rust` gives the variables of cargo.
@@ -68,7 +74,7 @@ def run_fresh(
     command = [str(bin_of(folder / "venv") / program), *map(str, words)]
     print(f"$ {program} {' '.join(map(str, words))}", flush=True)
     process = subprocess.run(
-        command, cwd=folder, env=environment, check=False, capture_output=True, text=True
+        command, cwd=cwd or folder, env=environment, check=False, capture_output=True, text=True
     )
     if process.returncode:
         raise ValueError(f"{program} failed:\n{process.stdout[-2000:]}{process.stderr[-4000:]}")
@@ -76,13 +82,18 @@ def run_fresh(
 
 
 def try_wheels(python: str = sys.executable) -> None:
-    """Install the wheels of this machine without Rust, and run mograft from them."""
+    """Install the wheels of this machine without Rust, and run mograft from them.
+
+    Prints the time from the start of the installation of mograft to the page of the demo.
+    """
     folder = make_fresh_environment("wheel", python)
+    start = time.perf_counter()
     for distribution in DISTRIBUTIONS:
         words = ["-m", "pip", "install", "--quiet", "--only-binary", ":all:", "--find-links"]
         run_fresh(folder, "python", *words, DIST, f"{distribution.name}=={distribution.version}")
         run_fresh(folder, "python", "-c", f"import {distribution.extension}")
     run_demo(folder)
+    print(f"{time.perf_counter() - start:.0f} s from pip install to the page", flush=True)
 
 
 def run_demo(folder: Path) -> None:
@@ -93,6 +104,32 @@ def run_demo(folder: Path) -> None:
         raise ValueError("mograft demo wrote no page demo/index.html")
     digest = hashlib.sha256((folder / "demo" / "dance_graft0.bvh").read_bytes()).hexdigest()
     print(f"SHA-256 of demo/dance_graft0.bvh: {digest}", flush=True)
+
+
+_ORIGIN = """
+import sys, mograft
+print(mograft.__file__)
+print(getattr(sys, "_is_gil_enabled", lambda: True)())
+"""
+
+
+def try_tests() -> None:
+    """Run the tests of `release.suite` in the environment of the step `try-wheel`.
+
+    Raises ValueError if a test fails, if mograft does not come from the wheel, or if importing it
+    enables the GIL of a free-threaded Python.
+    """
+    folder = WORK / "wheel"
+    words = ["-m", "pip", "install", "--quiet", "--only-binary", ":all:"]
+    run_fresh(folder, "python", *words, *suite.list_requirements())
+    path, has_gil = run_fresh(folder, "python", "-c", _ORIGIN, cwd=ROOT).split("\n")[:2]
+    if not Path(path).is_relative_to(folder):
+        raise ValueError(f"the environment of the wheels imports mograft from {path}")
+    is_free = "import sysconfig; print(sysconfig.get_config_var('Py_GIL_DISABLED') or 0)"
+    if run_fresh(folder, "python", "-c", is_free).strip() == "1" and has_gil == "True":
+        raise ValueError("importing mograft enables the GIL")
+    report = run_fresh(folder, "python", *suite.list_words(), cwd=ROOT)
+    print(report.strip().splitlines()[-1], flush=True)
 
 
 def try_types() -> None:

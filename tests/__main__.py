@@ -4,8 +4,14 @@
 installs the extension that reads FBX, if there is a C compiler. Checks of Rust follow, then style
 and types, then the tests. Every check runs even if an earlier one failed; the exit code is 1 if any
 failed.
+
+pytest uses one process per processor, at most `MAX_PROCESSES`. All tests of a file run in the same
+process, because they share fixtures. ``-n 0`` runs all tests in one process. So does
+``--thorough``: its largest inputs would not fit into memory several times. So does an environment
+without pytest-xdist.
 """
 
+import importlib.util
 import shutil
 import subprocess
 import sys
@@ -15,6 +21,11 @@ from pathlib import Path
 from tests.fetch import fetch, has_c_compiler
 
 PYTHON = sys.executable
+MAX_PROCESSES = 4
+_PARALLEL = [
+    *("-n", "auto", "--maxprocesses", str(MAX_PROCESSES)),
+    *("--dist", "loadfile", "--no-loadscope-reorder"),  # the shortest files, doctests, come last
+]
 _IN_FBX = ["--manifest-path", "python-fbx/Cargo.toml"]
 _FBX_CHECKS = (
     ("rust format of FBX", ["cargo", "fmt", "--all", *_IN_FBX, "--check"]),
@@ -55,12 +66,17 @@ def main(arguments):
     fetch()
     failed = []
     for name, command in CHECKS + (THOROUGH_CHECKS if "--thorough" in arguments else ()):
-        extra = arguments if name == "pytest" else []
+        extra = _pytest_arguments(arguments) if name == "pytest" else []
         print(f"\n== {name}: {' '.join([*command, *extra])}", flush=True)
         if subprocess.run([*command, *extra], check=False).returncode:
             failed.append(name)
     print(f"\n{'failed: ' + ', '.join(failed) if failed else 'all checks passed'}", flush=True)
     return 1 if failed else 0
+
+
+def _pytest_arguments(arguments):
+    is_parallel = "--thorough" not in arguments and importlib.util.find_spec("xdist") is not None
+    return [*(_PARALLEL if is_parallel else ()), *arguments]
 
 
 sys.exit(main(sys.argv[1:]))

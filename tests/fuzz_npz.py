@@ -60,7 +60,7 @@ def change_array(array, rng):
     return array
 
 
-def damaged(seed):
+def damage(seed):
     """Return the bytes of a damaged file."""
     rng = random.Random(seed)
     arrays = dict(rng.choice(valid_arrays()))
@@ -100,7 +100,7 @@ def outcome(path):
 def check(seed, folder):
     """Read a damaged file; return whether it is a motion."""
     path = Path(folder) / "m.npz"
-    path.write_bytes(damaged(seed))
+    path.write_bytes(damage(seed))
     start = time.monotonic()
     found = outcome(path)
     assert time.monotonic() - start < 5.0, "too slow"

@@ -18,20 +18,27 @@ NAME = "ablation"
 HELPERS = (bases,)
 SOURCES = ("salsa A", "perfume", "slow walks", "stage", "locomotion")
 _DEFAULT = mg.Config()
+
+
+def _defaults(*names):
+    return {name: getattr(_DEFAULT, name) for name in names}
+
+
 STEPS = {
-    "paper": (),
-    "segments of 0.1 to 2 s": ("min_length", "max_length"),
-    "without heading": ("keep_heading",),
-    "floors of the scales": ("rotation_floor", "position_floor", "length_floor"),
-    "threshold 0.75 rms": ("sigma", "sigma_scale"),
-    "length slack of a frame": ("length_slack",),
-    "choice by cost": ("choice",),
-    "seam treatment gradient": ("seam",),
-    "lean of the trunk": ("torso",),
-    "weight of balance": ("balance_weight",),
-    "self-repair: the defaults": ("self_repair", "feet", "reach_ik"),
+    "paper": {},
+    "segments of 0.1 to 2 s": _defaults("min_length", "max_length"),
+    "without heading": _defaults("keep_heading"),
+    "floors of the scales": _defaults("rotation_floor", "position_floor", "length_floor"),
+    "threshold 0.75 rms": _defaults("sigma", "sigma_scale"),
+    "length slack of a frame": _defaults("length_slack"),
+    "choice by cost": _defaults("choice"),
+    "seam treatment gradient": _defaults("seam"),
+    "lean of the trunk": {"torso": "world"},
+    "sway of the pelvis": _defaults("torso"),
+    "weight of balance": _defaults("balance_weight"),
+    "self-repair: the defaults": _defaults("self_repair", "feet", "reach_ik"),
 }
-"""Fields of `Config` that each step sets to their defaults, in addition to the steps before."""
+"""The fields of `Config` that each step sets, in addition to the steps before."""
 MAX_WINDOWS = 500
 MIN_WINDOWS = 60
 
@@ -39,8 +46,8 @@ MIN_WINDOWS = 60
 def configs():
     """Return the configuration of each step."""
     found, config = {}, mg.Config.paper()
-    for title, names in STEPS.items():
-        config = replace(config, **{name: getattr(_DEFAULT, name) for name in names})
+    for title, fields in STEPS.items():
+        config = replace(config, **fields)
         found[title] = config
     if config != _DEFAULT:
         raise AssertionError("the steps do not lead to the defaults")
@@ -53,7 +60,7 @@ def measure(recordings, *, is_quick):
     for title, config in configs().items():
         library = recordings.build(config)
         # κ does not depend on choice, seams and repair.
-        pairs = replace(config, **{n: getattr(_DEFAULT, n) for n in _WITHOUT_EFFECT_ON_PAIRS})
+        pairs = replace(config, **_defaults(*_WITHOUT_EFFECT_ON_PAIRS))
         if pairs != previous:
             kappa, previous = _kappa(library), pairs
         found[title] = {"kappa": kappa, **_measure_grafts(library, is_quick=is_quick)}

@@ -1,6 +1,6 @@
 """Make new motions out of captured ones by grafting body parts.
 
-The way of the data: `read_bvh` → `Motion` → `segment` → `Library.build` (embedding,
+The steps: `read_bvh` → `Motion` → `segment` → `Library.build` (embedding,
 clustering) → `graft` → `Graft.motion` → `write_bvh`.
 """
 

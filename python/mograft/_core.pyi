@@ -13,6 +13,7 @@ __all__ = [
     "BUILD_PROFILE",
     "VERSION",
     "add_offsets",
+    "added_imbalances",
     "angle",
     "available_memory",
     "box_clearance",
@@ -23,6 +24,7 @@ __all__ = [
     "cubic",
     "cubic_positions",
     "cut",
+    "distances",
     "exp",
     "features",
     "format_rows",
@@ -30,6 +32,7 @@ __all__ = [
     "from_euler",
     "greatest_derivatives",
     "hermite",
+    "keep_cheapest",
     "kinetic_energy",
     "linkage",
     "linkage_condensed",
@@ -44,12 +47,12 @@ __all__ = [
     "sample",
     "sample_clips",
     "sample_keys",
+    "scan_hierarchy",
     "scan_numbers",
     "segments",
     "segments_positions",
     "slerp",
     "smooth_gradient",
-    "solve_pentadiagonal",
     "to_euler",
     "velocity_gaps",
     "velocity_gaps_along",
@@ -150,6 +153,10 @@ def velocity_gaps(ends: FloatArray, starts: FloatArray) -> FloatArray: ...
 def velocity_gaps_along(
     ends: FloatArray, starts: FloatArray, candidates: IntArray, counts: IntArray
 ) -> FloatArray: ...
+def distances(points: FloatArray, from_: IntArray, to: IntArray, /) -> FloatArray: ...
+def keep_cheapest(
+    counts: IntArray, costs: FloatArray, is_first: BoolArray, limit: int
+) -> tuple[IntArray, IntArray]: ...
 def sample(
     counts: IntArray,
     unary: FloatArray,
@@ -170,13 +177,20 @@ def add_offsets(
     before: tuple[FloatArray, FloatArray],
     after: tuple[FloatArray, FloatArray],
 ) -> FloatArray: ...
+def added_imbalances(
+    offsets: FloatArray,
+    bases: tuple[IntArray, FloatArray, FloatArray],
+    donors: tuple[IntArray, IntArray],
+    directions: FloatArray,
+    scale: float,
+    threads: int,
+) -> FloatArray: ...
 def smooth_gradient(
     values: FloatArray,
     donors: tuple[IntArray, IntArray, FloatArray, IntArray, FloatArray],
     weights: Sequence[float],
     reach: float,
 ) -> None: ...
-def solve_pentadiagonal(bands: FloatArray, rhs: FloatArray) -> FloatArray: ...
 def kinetic_energy(
     parents: IntArray,
     rotations: FloatArray,
@@ -184,6 +198,21 @@ def kinetic_energy(
     frame_time: float,
     omega: str,
 ) -> FloatArray: ...
+def scan_hierarchy(
+    text: bytes,
+    start: int,
+    opened: Sequence[tuple[int, int, int]],
+    n_joints: int,
+    limits: tuple[int, int],
+) -> tuple[
+    IntArray,
+    FloatArray,
+    IntArray,
+    FloatArray,
+    list[tuple[int, int, int]],
+    int,
+    list[tuple[int, int, int]],
+]: ...
 def scan_numbers(
     text: bytes, start: int, out: FloatArray, *, last: bool
 ) -> tuple[int, int, IntArray, bool]: ...

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from mograft._util.cut_frames import freeze_cut_frames
 from mograft._util.frozen_mapping import FrozenMapping
-from mograft._util.registry import CONFIG_OPTIONS
+from mograft._util.registry import AUTOMATIC_SCALE, CONFIG_OPTIONS
 from mograft._util.validate import python_scalar
 
 FRAME = 1.0 / 30.0
@@ -84,9 +84,9 @@ class Config:
         as eq. 14 is printed. A number is the cluster diameter threshold itself.
     sigma_scale : float or "auto"
         Cluster diameter threshold as a multiple of `sigma`; without effect if `sigma` is a number.
-        "auto" chooses the multiple of each group from the data, between 0.3 and 1.875: the largest
-        at which the other parts of two segments of a cluster differ no more than those of a
-        segment and its nearest repetition (docs/choice.md).
+        "auto" chooses a multiple between 0.3 and 1.875 for each joint group: the largest at which
+        the motion of the other groups differs between segments of a cluster at most 1.1 times as
+        much as between a segment and its repetition (docs/choice.md).
         Larger values give more variety, smaller values more similarity.
     neighbourhood : {"cluster", "ball"}
         Which segments are similar enough to replace a base segment, compared by the motion of the
@@ -114,9 +114,10 @@ class Config:
         Weight, in the unary cost, of the distance between the base group's motion in the donor and
         in the base segment, as a multiple of the cluster diameter threshold.
     balance_weight : float
-        Weight, in the unary cost, of the share of the base segment by which a donor prolongs the
-        time that the zero-moment point is outside of the support polygon. 0 disables it. It applies
-        to groups that move neither the root nor a foot, and not in streams.
+        Weight, in the unary cost, of the imbalance that a donor adds. The imbalance is about the
+        share of the base segment in which the zero-moment point is outside of the support polygon.
+        0 disables the term. It applies to groups that move neither the root nor a foot, and not in
+        streams.
     angle_scale : float
         Seam angle, in radians, at which the pairwise cost is 1; the cost is proportional to the
         square of the angle. The scale is reduced to twice the mean seam angle between members of
@@ -154,14 +155,16 @@ class Config:
         How a donor is stretched to the length of the base segment: at a constant rate, or by
         dynamic time warping, which aligns the base group's motion in the donor with that in the
         base segment. The warp is used only if it reduces their distance by at least 5 %.
-    torso : {"pelvis", "world"}
-        What a grafted trunk keeps if the pelvis of the base is oriented differently from that of
-        the donor: its angle to the pelvis (the paper), or its lean in the world, with the heading
-        of the base (Heck, Kovar and Gleicher 2006).
+    torso : {"pelvis", "world", "balanced"}
+        What a grafted trunk keeps if the pelvis of the base moves differently from that of the
+        donor: its angle to the pelvis (the paper), or its lean in the world, with the heading of
+        the base (Heck, Kovar and Gleicher 2006). With "balanced" it keeps its lean too, and in
+        addition responds to the sway of the base's pelvis as the trunk of the base does
+        (docs/seams.md).
     self_repair : bool
-        Whether donors are replaced at frames at which the acceleration, jerk or depth below the
-        floor of the assembled motion exceeds that of the recordings by the limits in
-        docs/seams.md. It has no effect with the choices "best" and "random".
+        Whether donors are replaced where the assembled motion has a greater acceleration, jerk or
+        depth below the floor than the limits in docs/seams.md, which derive from the recordings. It
+        has no effect with the choices "best" and "random".
     feet : {"auto", "never"}
         Whether feet are planted: "auto" plants them if an exchanged group drives the feet or
         the root; "never" leaves them.
@@ -218,7 +221,7 @@ class Config:
     seam_window: float = 5 * FRAME
     seam_blend: float = 0.3
     alignment: Literal["uniform", "dtw"] = "uniform"
-    torso: Literal["pelvis", "world"] = "world"
+    torso: Literal["pelvis", "world", "balanced"] = "balanced"
     self_repair: bool = True
     feet: Literal["auto", "never"] = "auto"
     reach_ik: float = 0.25
@@ -247,11 +250,12 @@ class Config:
                     f"`sigma` must be one of {_NAMED_SIGMAS} or a number, got {self.sigma!r}"
                 )
             self._check_number("sigma")
-        if isinstance(self.sigma_scale, str) and self.sigma_scale != "auto":
+        if isinstance(self.sigma_scale, str) and self.sigma_scale != AUTOMATIC_SCALE:
             raise ValueError(
-                f"`sigma_scale` must be a number above 0 or 'auto', got {self.sigma_scale!r}"
+                f"`sigma_scale` must be a number above 0 or {AUTOMATIC_SCALE!r}, got "
+                f"{self.sigma_scale!r}"
             )
-        if self.sigma_scale != "auto":
+        if self.sigma_scale != AUTOMATIC_SCALE:
             self._check_number("sigma_scale")
         for field in fields(self):
             if field.type is float:
@@ -397,7 +401,7 @@ def variety_fields(variety: float) -> dict[str, Any]:
     """Return the names and values of the fields of `Config` that a variety from 0 to 1 sets.
 
     The only field is ``sigma_scale = 0.75 · 2.5^(2 · variety - 1)``: 0.3 for a variety of 0, 0.75
-    for 0.5 and 1.9 for 1.
+    for 0.5 and 1.875 for 1.
 
     Raises ValueError if `variety` is not a number between 0 and 1.
     """

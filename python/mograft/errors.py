@@ -35,7 +35,7 @@ class FormatError(MograftError, ValueError):
 
 
 class MemoryBudgetError(MograftError, MemoryError):
-    """Work that needs more memory than the system has available; it was not begun."""
+    """The work needs more memory than the system has available, and was not begun."""
 
 
 class BvhError(FormatError):

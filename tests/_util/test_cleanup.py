@@ -1,10 +1,12 @@
 """Cleanup at the end of a block, and of a process that a signal ends within it."""
 
 import os
+import signal
 import subprocess
 import sys
 import time
 from contextlib import nullcontext
+from math import inf
 
 import pytest
 
@@ -25,12 +27,24 @@ posix_only = pytest.mark.skipif(os.name != "posix", reason="the platform has no 
 
 
 def run_python(code):
-    """Run a program; return its exit code, stdout, stderr and the seconds that it took."""
-    start = time.monotonic()
+    """Run a program; return its exit code, stdout and stderr."""
     child = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False
     )
-    return child.returncode, child.stdout, child.stderr, time.monotonic() - start
+    return child.returncode, child.stdout, child.stderr
+
+
+def assert_ends_soon(code, expected):
+    """Assert the result of a program, and that it ends within 5 s.
+
+    Other processes may delay one run, or two: the limit is for an idle machine.
+    """
+    seconds = []
+    while len(seconds) < 3 and min(seconds, default=inf) >= 5:
+        start = time.monotonic()
+        assert run_python(code) == expected
+        seconds.append(time.monotonic() - start)
+    assert min(seconds) < 5
 
 
 def test_clean_up_process_exits_calls_action_once():
@@ -42,7 +56,7 @@ for block in blocks:
     block.__enter__()
 blocks[1].__exit__(None, None, None)
 """
-    returncode, out, err, _ = run_python(code + "import os; sys.stdout.flush(); sys.exit(5)")
+    returncode, out, err = run_python(code + "import os; sys.stdout.flush(); sys.exit(5)")
     # Python also closes the generators of the blocks after the exit handlers; cleanup may repeat.
     assert (returncode, out.split()[:3], err) == (5, ["1", "2", "0"], "")
 
@@ -67,6 +81,7 @@ block.__exit__(None, None, None)
 
 
 @posix_only
+@pytest.mark.usefixtures("hangup_not_ignored")
 @pytest.mark.parametrize(
     ("name", "code", "text"),
     [
@@ -87,7 +102,7 @@ try:
 finally:
     os.write(1, b"unwound")
 """
-    assert run_python(program)[:3] == (code, "clean", f"{text}\n")
+    assert run_python(program) == (code, "clean", f"{text}\n")
 
 
 @posix_only
@@ -98,13 +113,11 @@ import hashlib, os, threading, time
 from mograft._util.cleanup import clean_up_by
 from mograft._util.signals import end_on_signals
 end_on_signals()
-threading.Timer(0.2, lambda: os.kill(os.getpid(), 15)).start()
 with clean_up_by(lambda: os.write(1, b"clean")):
+    threading.Timer(0.2, lambda: os.kill(os.getpid(), 15)).start()
     hashlib.pbkdf2_hmac("sha256", b"", b"", 2_000_000_000)
 """
-    *result, seconds = run_python(program)
-    assert result == [143, "clean", "terminated\n"]
-    assert seconds < 5
+    assert_ends_soon(program, (143, "clean", "terminated\n"))
 
 
 @posix_only
@@ -117,9 +130,31 @@ end_on_signals()
 with clean_up_by(lambda: time.sleep(600)):
     signal.raise_signal(signal.SIGTERM)
 """
-    *result, seconds = run_python(program)
-    assert result == [143, "", "terminated\n"]
-    assert seconds < 5
+    assert_ends_soon(program, (143, "", "terminated\n"))
+
+
+@posix_only
+def test_cleanup_of_suspended_process_has_its_time():
+    program = """
+import os, signal, time
+from mograft._util.cleanup import clean_up_by
+from mograft._util.signals import end_on_signals
+def clean():
+    time.sleep(0.7)
+    os.kill(os.getpid(), signal.SIGSTOP)
+    for _ in range(2):
+        time.sleep(0.1)
+    os.write(1, b"clean")
+end_on_signals()
+with clean_up_by(clean):
+    signal.raise_signal(signal.SIGTERM)
+"""
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as child:
+        assert os.WIFSTOPPED(os.waitpid(child.pid, os.WUNTRACED)[1])
+        time.sleep(2.0)  # longer than cleanup may take
+        child.send_signal(signal.SIGCONT)
+        assert child.stdout.read() == b"clean"
+    assert child.returncode == 143
 
 
 @posix_only
@@ -132,7 +167,7 @@ end_on_signals()
 signal.raise_signal(signal.SIGHUP)
 print("alive")
 """
-    assert run_python(program)[:3] == (0, "alive\n", "")
+    assert run_python(program) == (0, "alive\n", "")
 
 
 @posix_only
@@ -146,4 +181,4 @@ with delay_signals():
     os.write(1, b"block")
 os.write(1, b"never")
 """
-    assert run_python(program)[:3] == (143, "block", "terminated\n")
+    assert run_python(program) == (143, "block", "terminated\n")

@@ -13,22 +13,11 @@ from mograft.analysis.segmentations import beats
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.analysis.behaviours import behaviours
+from tests.project.test_benches import import_bench
 from tests.strategies import SEEDS, few_examples, quaternions, star_skeleton
 
 DEFAULT = beats.BeatParameters()
-
-
-def metronome(seed, interval, rate, seconds=16.0, n_joints=5):
-    """A motion from one random pose to the next, one per `interval`, at rest in each pose."""
-    rng = np.random.default_rng(seed)
-    phase = np.arange(round(seconds * rate)) / rate / interval
-    poses = rng.uniform(-0.8, 0.8, size=(int(phase[-1]) + 2, n_joints, 3))
-    pose = phase.astype(int)
-    share = (phase - pose)[:, None, None]
-    share = share**3 * (10 - 15 * share + 6 * share**2)
-    skeleton = star_skeleton(n_joints)
-    quats = rotations.exp(poses[pose] * (1 - share) + poses[pose + 1] * share)
-    return Motion(skeleton, 1 / rate, quats, np.tile(skeleton.offsets, (len(quats), 1, 1)))
+metronome = import_bench("behaviours").metronome
 
 
 @few_examples(25)

@@ -13,7 +13,7 @@ from scipy.stats import multivariate_normal
 from mograft import Motion, Skeleton
 from mograft.analysis.segmentations import gaussian_mixture, gmm, pca, ppca
 from mograft.analysis.segmentations.growing_scatter import GrowingScatter
-from mograft.analysis.segmentations.pose_features import pose_features
+from mograft.analysis.segmentations.pose_features import pose_features, principal_scores
 from mograft.motion import rotations
 from tests.analysis.behaviours import RATE, behaviours
 from tests.oracles import behaviour_cuts as oracle
@@ -120,11 +120,13 @@ def test_pca_cut_frames_equal_oracle(seed, seconds):
 )
 def test_growing_scatter_equals_numpy_covariance(rows, first, step):
     growing = GrowingScatter(rows + 3)
-    for n in range(first, 13, step):
-        growing.grow_to(n)
-        np.testing.assert_allclose(growing.mean, rows[:n].mean(axis=0) + 3, atol=1e-12)
-        expected = np.cov(rows[:n], rowvar=False) * (n - 1)
-        np.testing.assert_allclose(growing.scatter, expected, atol=1e-12)
+    counts = np.arange(first, 13, step)
+    for several in np.split(counts, [1, 3]):
+        means, scatters = growing.grow_through(several)
+        for n, mean, scatter in zip(several, means, scatters, strict=True):
+            np.testing.assert_allclose(mean, rows[:n].mean(axis=0) + 3, atol=1e-12)
+            expected = np.cov(rows[:n], rowvar=False) * (n - 1)
+            np.testing.assert_allclose(scatter, expected, atol=1e-12)
 
 
 @few_examples(8)
@@ -138,6 +140,19 @@ def test_ppca_window_distances_equal_mahalanobis_oracle(seed, step):
         for n in range(20, 71, step)
     ]
     np.testing.assert_allclose(found, expected, rtol=1e-4)
+
+
+@few_examples(6)
+@given(SEEDS, DURATIONS, st.floats(0.6, 1.5), st.sampled_from([0.1, 0.2, 0.3]))
+def test_ppca_cut_frames_equal_oracle_that_computes_one_distance_at_a_time(
+    seed, seconds, window, step
+):
+    motion, _ = behaviours(seed, seconds)
+    parameters = ppca.PpcaParameters(window=window, step=step, directions="forward")
+    scores = principal_scores(pose_features(motion), 0.999)
+    frames = (round(window * RATE), round(step * RATE))
+    expected = oracle.ppca_cuts(scores, *frames, parameters)
+    np.testing.assert_array_equal(ppca.cut_frames(motion, parameters), expected)
 
 
 @few_examples(4)

@@ -248,6 +248,21 @@ def test_embedding_project_reproduces_points():
     np.testing.assert_allclose(embedding.project(matrix), embedding.points, atol=1e-10)
 
 
+@given(LONG, st.integers(1, 5), st.booleans(), st.integers(0, 1))
+def test_normalise_any_number_of_segments_at_a_time_gives_same_bits(
+    motion, length, keep_heading, root
+):
+    config = Config(keep_heading=keep_heading)
+    keywords = {**NORMALISATION, "root": root}
+    expected = normalise([motion], segment(motion), config, **keywords)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("mograft.analysis.embedding.CHUNK", length)
+        found = normalise([motion], segment(motion), config, **keywords)
+        packed = normalise([motion], segment(motion), config, **keywords, is_packed=True)
+    np.testing.assert_array_equal(found.rows, expected.rows)
+    np.testing.assert_array_equal(packed.rows, expected.pack(), strict=True)
+
+
 def test_embed_too_few_or_equal_segments_warns_and_returns_none():
     motion = random_motion(np.random.default_rng(3), 4)
     for segments, message in (

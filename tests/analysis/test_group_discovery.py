@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mograft import (
@@ -18,10 +18,13 @@ from mograft import (
     read,
     write_bvh,
 )
-from mograft.analysis.connected_linkage import connected_linkage, labels_after_merges
+from mograft._standalone.mograft_linkage.dendrogram import labels_after_merges
+from mograft.analysis import group_discovery
+from mograft.analysis.connected_linkage import connected_linkage
 from mograft.analysis.joint_dependence import joint_dependence
-from mograft.body.joint_chains import JointChains
+from mograft.body.joint_chains import JointChains, support_shares
 from mograft.body.mirroring import partners
+from mograft.dancer import dance
 from mograft.library.group_choice import spread_evenly
 from mograft.motion import rotations
 from tests.hierarchies import DATA, human, skeletons
@@ -195,6 +198,27 @@ def test_discover_planted_coupling_joins_coupled_chains(seed, leaders, pair, alo
     assert JointGroups.discover(motion) == groups
 
 
+LEADERS = st.dictionaries(
+    st.sampled_from(["torso", "head", "arms"]), st.sampled_from(list(CHAINS)), max_size=2
+)
+
+
+@few_examples(12)
+@given(SEEDS, LEADERS, st.integers(2, 4))
+@example(0, {"head": "arms"}, 3)  # these two move alike, but the torso is between them
+def test_discover_groups_are_connected_directly_or_by_the_base(seed, leaders, n):
+    motion = coupled_motion(seed, leaders, 200)
+    parents, pair = motion.skeleton.parents.tolist(), partners(motion.skeleton)
+    groups = JointGroups.discover(motion, n).resolve(motion.skeleton)
+    base = set(groups.pop("lower").tolist())
+    for joints in map(np.ndarray.tolist, groups.values()):
+        reached = {joints[0]}  # left and right count as one
+        for _ in joints:
+            reached |= {parents[joint] for joint in reached} & set(joints)
+            reached |= {j for j in joints if {parents[j], int(pair[j])} & reached}
+        assert reached == set(joints) or {parents[j] for j in joints} <= base | set(joints)
+
+
 @few_examples(5)
 @given(SEEDS)
 def test_discover_groups_are_complete_nested_and_left_right_consistent(seed):
@@ -212,6 +236,52 @@ def test_discover_groups_are_complete_nested_and_left_right_consistent(seed):
         if finer is not None:
             assert len({(finer[joint], group_of[joint]) for joint in group_of}) == n + 1
         finer = group_of
+
+
+def test_discover_dependence_of_chains_is_that_of_their_least_dependent_joints():
+    motion = coupled_motion(4, {"arms": "torso"})
+    quats = motion.rotations.copy()
+    rng = np.random.default_rng(99)
+    elbows = [motion.skeleton.index(f"{side}Elbow") for side in ("Left", "Right")]
+    for elbow in elbows:
+        quats[:, elbow] = rotations.exp(0.2 * smooth_noise(rng, motion.n_frames, 3))
+    torso, arms = 1, 2
+    coupled = discover_groups(motion, 3).dependence
+    found = discover_groups(replace(motion, rotations=quats), 3).dependence
+    assert coupled[torso, arms] > 0.8
+    assert found[torso, arms] < 0.3
+    assert found[arms, arms] < 0.3  # within the chain, too
+
+
+@given(
+    st.lists(st.integers(0, 8), min_size=1, max_size=6).map(sorted),
+    st.lists(st.integers(0, 8), min_size=1, max_size=6),
+)
+def test_discovered_number_of_groups_is_between_the_merges_that_differ_most(heights, diameters):
+    tree = np.column_stack([np.zeros((len(heights), 2)), heights, heights]).astype(float)
+    found = group_discovery._number_at_largest_gap(tree, np.array(diameters, float))
+    # The height at which a number of groups is complete, and that of the next merge.
+    done = {len(tree) + 1: min(max(diameters), heights[0])}
+    done |= {len(tree) - step: heights[step] for step in range(len(tree))}
+    gaps = {n: done[n - 1] - done[n] for n in range(2, len(tree) + 2)}
+    assert found == max(n for n in gaps if gaps[n] == max(gaps.values()))
+
+
+@pytest.mark.parametrize(("still", "above"), [("head", "torso"), ("torso", "base")])
+def test_discover_chain_that_does_not_move_belongs_to_the_chain_above(still, above):
+    motion = coupled_motion(0, {})
+    quats = motion.rotations.copy()
+    joints = [motion.skeleton.index(name) for name in CHAINS[still].split()]
+    quats[:, joints] = quats[:1, joints]
+    groups = JointGroups.discover(replace(motion, rotations=quats), 3).resolve(motion.skeleton)
+    expected = CHAINS[above].split() + CHAINS[still].split()
+    found = {frozenset(motion.skeleton.names[j] for j in own) for own in groups.values()}
+    assert frozenset(expected) in found
+
+
+def test_discover_config_of_wrong_type_raises_type_error():
+    with pytest.raises(TypeError, match="`config` must be a Config, got int"):
+        JointGroups.discover(coupled_motion(0, {}), config=3)
 
 
 def test_discover_two_groups_equal_preset_lower_upper():
@@ -236,6 +306,42 @@ def test_discover_chain_that_carries_the_body_is_in_base():
     handstand = replace(motion, rotations=rotations.continuous_signs(quats))
     base = JointGroups.discover(handstand).resolve(skeleton)["lower"]
     assert set(arms) <= set(base.tolist())
+
+
+TURNS = [
+    rotations.from_axis_angle(np.array(axis), np.array(angle))
+    for axis, angle in (
+        ([1.0, 0.0, 0.0], np.pi),  # -y is up
+        ([0.0, 0.0, 1.0], np.pi),  # -y is up
+        ([1.0, 0.0, 0.0], -np.pi / 2),  # -z is up
+        ([1.0, 0.0, 0.0], np.pi / 2),  # z is up
+        ([0.0, 0.0, 1.0], np.pi / 2),  # -x is up
+    )
+]
+
+
+# A rest pose that stays upright in a motion with -y up describes a handstand.
+@pytest.mark.parametrize(
+    ("turn", "turns_rest_pose"),
+    [*((turn, True) for turn in TURNS), (TURNS[2], False), (TURNS[4], False)],
+)
+def test_support_shares_do_not_depend_on_the_up_direction(turn, turns_rest_pose):
+    motion = dance(strides=1).motion
+    skeleton, quats = motion.skeleton, motion.rotations.copy()
+    if turns_rest_pose:
+        offsets = rotations.rotate(turn, skeleton.offsets)
+        sites = tuple(
+            replace(site, offset=rotations.rotate(turn, site.offset)) for site in skeleton.end_sites
+        )
+        skeleton = replace(skeleton, offsets=offsets, end_sites=sites)
+        quats = rotations.multiply(rotations.multiply(turn, quats), rotations.inverse(turn))
+        positions = rotations.rotate(turn, motion.positions)
+    else:
+        positions = motion.positions.copy()
+        quats[:, 0] = rotations.multiply(turn, quats[:, 0])
+        positions[:, 0] = rotations.rotate(turn, positions[:, 0])
+    turned = Motion(skeleton, motion.frame_time, rotations.continuous_signs(quats), positions)
+    np.testing.assert_allclose(support_shares(turned), support_shares(motion), atol=0.01)
 
 
 def test_discover_is_deterministic_and_scale_of_time_does_not_matter():
@@ -282,6 +388,12 @@ def test_discover_left_and_right_of_a_chain_may_move_independently():
 def test_discover_invalid_number_raises_value_error(n, message):
     with pytest.raises(ValueError, match=message):
         JointGroups.discover(coupled_motion(0, {}), n)
+
+
+@pytest.mark.parametrize("seed", [-1, "a", 1.5])
+def test_discover_invalid_seed_raises_value_error(seed):
+    with pytest.raises(ValueError, match="`seed` must be a whole number of at least 0, got"):
+        JointGroups.discover(coupled_motion(0, {}), seed=seed)
 
 
 def test_discover_too_little_motion_raises_value_error():

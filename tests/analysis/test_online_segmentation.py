@@ -77,6 +77,13 @@ def test_online_segmenter_without_extrema_cuts_at_max_length():
     assert segmenter.bounds[:5] == [0, 30, 60, 90, 120]
 
 
+def test_online_segmenter_max_length_below_one_interval_cuts_at_all_frames():
+    segmenter = OnlineSegmenter(1.0, mg.Config(max_length=0.5))
+    segmenter.push(np.linspace(1.0, 2.0, 20))
+    segmenter.close()
+    assert segmenter.bounds == list(range(20))
+
+
 def test_online_segmenter_long_dance_holds_limited_history():
     motion = dance(seed=3, strides=1).motion
     segmenter = OnlineSegmenter(motion.rate, mg.Config())

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft import Config, Library, Reach, cut, graft, repair
+from mograft.analysis import scale_choice
 from mograft.analysis.embedding import Embedding
 from mograft.analysis.scale_choice import (
     MIN_SEGMENTS,
@@ -53,9 +54,10 @@ def repetitions(seed, noise, n_patterns=12, n_repeats=40, n_axes=8):
     return parts, pattern
 
 
-def brute_curve(parts, group, scales):
-    """The errors and the repetition error, pair by pair."""
+def brute_curve(parts, group, scales, rows=None):
+    """The errors and the repetition error, pair by pair; only `rows` are clustered."""
     own, n = parts[group].points, len(parts[group].points)
+    rows = np.arange(n) if rows is None else rows
     others = [known.points for name, known in parts.items() if name != group]
 
     def error(i, j):
@@ -66,18 +68,18 @@ def brute_curve(parts, group, scales):
     spread = np.sqrt(((own - own.mean(axis=0)) ** 2).sum(axis=1).mean())
     errors = []
     for scale in scales:
-        labels = cut(own, scale * spread)
+        labels = cut(own[rows], scale * spread)
         means = []
-        for i in range(n):
-            members = [j for j in np.flatnonzero(labels == labels[i]) if j != i]
+        for i, label in zip(rows, labels, strict=True):
+            members = [j for j in rows[labels == label] if j != i]
             if members:
                 means.append(np.mean([error(i, j) for j in members]))
         errors.append(np.mean(means) if means else np.nan)
     nearest = [
         min((j for j in range(n) if abs(i - j) > 1), key=lambda j: ((own[i] - own[j]) ** 2).sum())
-        for i in range(n)
+        for i in rows
     ]
-    return errors, np.mean([error(i, nearest[i]) for i in range(n)])
+    return errors, np.mean([error(i, j) for i, j in zip(rows, nearest, strict=True)])
 
 
 @few_examples(5)
@@ -90,6 +92,24 @@ def test_scale_curve_equals_pairwise_oracle(seed, n_others):
     found = scale_curve(parts, "0", Config())
     errors, repetition = brute_curve(parts, "0", SCALES[::6])
     np.testing.assert_allclose(found.errors[::6], errors, rtol=1e-9)
+    np.testing.assert_allclose(found.repetition_error, repetition, rtol=1e-9)
+
+
+@few_examples(5)
+@given(SEEDS, st.integers(5, 40), st.integers(1, 50))
+def test_scale_curve_clusters_some_of_many_segments_and_searches_repetitions_in_all(
+    seed, max_segments, chunk
+):
+    rng = np.random.default_rng(seed)
+    parts = {name: embedding(rng.normal(size=(70, 3)).cumsum(axis=0)) for name in "ab"}
+    parts["a"].points[-1] = parts["a"].points[0] + 1e-3  # neither is next to the other in time
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scale_choice, "_MAX_SEGMENTS", max_segments)
+        patch.setattr(scale_choice, "_CHUNK", chunk)
+        found = scale_curve(parts, "a", Config())
+    rows = np.unique(np.linspace(0, 69, max_segments).round().astype(int))
+    errors, repetition = brute_curve(parts, "a", SCALES[::9], rows)
+    np.testing.assert_allclose(found.errors[::9], errors, rtol=1e-9)
     np.testing.assert_allclose(found.repetition_error, repetition, rtol=1e-9)
 
 
@@ -120,8 +140,11 @@ def test_scale_is_a_tried_scale_and_the_largest_within_the_limit(seed, n, n_grou
         curve = scale_curve(parts, group, AUTO)
         assert SCALES[0] <= curve.scale <= SCALES[-1]
         np.testing.assert_allclose(curve.limit, (1 + TOLERANCE) * curve.repetition_error)
-        within = curve.errors <= curve.limit
-        assert curve.scale == (SCALES[within][-1] if within.any() else SCALES[0])
+        for tolerance in (0.0, TOLERANCE, 0.5):
+            within = curve.errors <= (1 + tolerance) * curve.repetition_error
+            expected = SCALES[within][-1] if within.any() else SCALES[0]
+            assert curve.scale_at(tolerance) == expected
+        assert curve.scale == curve.scale_at(TOLERANCE)
         assert scale_of_threshold(parts[group], thresholds[group], AUTO) == curve.scale
     assert thresholds == cluster_thresholds(parts, AUTO)
 

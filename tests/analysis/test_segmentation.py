@@ -134,6 +134,13 @@ def test_segment_equals_oracle(motion, config):
     np.testing.assert_array_equal([*segments.start, segments.stop[-1]], bounds)
 
 
+@given(motions(min_frames=2, max_frames=50), st.floats(0.01, 0.99))
+def test_segment_max_length_below_one_interval_counts_as_one_interval(motion, intervals):
+    seconds = intervals * motion.frame_time
+    config = Config(min_length=seconds / 4, max_length=seconds)
+    assert (segment(motion, config).lengths == 1).all()
+
+
 @given(SEEDS)
 def test_segment_still_motion_is_split_only_at_max_length(seed):
     n_frames = int(np.random.default_rng(seed).integers(2, 400))
@@ -148,8 +155,10 @@ def test_segmentation_invalid_arguments_raise_value_error():
         segment(single)
     with pytest.raises(ValueError, match="segment 1 must stop after its start, got 4 to 4"):
         Segments([0, 4], [4, 4])
-    with pytest.raises(ValueError, match="must be 'own', 'subtree' or 'unit', got 'heavy'"):
-        kinetic_energy(steady_rotation(chain(), 0, 1.0), inertia="heavy")
+    for name in ("omega", "inertia"):
+        for value in ("heavy", ["own"], None):
+            with pytest.raises(ValueError, match=f"`{name}` must be one of .*, got "):
+                kinetic_energy(steady_rotation(chain(), 0, 1.0), **{name: value})
 
 
 def test_segments_concatenate_keeps_order_and_clips():
@@ -177,8 +186,25 @@ def test_segments_indexing_keeps_start_stop_and_clip_together(seed):
         assert chosen.clip.tolist() == clip[expected].tolist()
 
 
-@pytest.mark.parametrize("seconds", [1e-9, 9e-5, 1.01, 30.0])
+@pytest.mark.parametrize("seconds", [2e-5, 9e-5, 1.01, 30.0])
 def test_segment_extreme_frame_time_is_refused_by_name(seconds):
     motion = replace(dance(strides=1).motion, frame_time=seconds, name="walk")
     with pytest.raises(ValueError, match=r"frame time of walk must be between 0.0001 and 1 sec"):
         segment(motion)
+
+
+@pytest.mark.parametrize(
+    ("parts", "error", "message"),
+    [
+        ([], ValueError, "`parts` must have at least one Segments, got none"),
+        ([3], TypeError, "`parts` must be a Segments, got int"),
+    ],
+)
+def test_concatenate_segments_invalid_parts_raise(parts, error, message):
+    with pytest.raises(error, match=message):
+        Segments.concatenate(parts)
+
+
+def test_segment_config_of_wrong_type_raises_type_error():
+    with pytest.raises(TypeError, match="`config` must be a Config, got int"):
+        segment(dance(strides=1).motion, config=3)

@@ -16,7 +16,7 @@ from mograft.analysis.zero_moment import (
     added_imbalances,
     mass_offsets,
     support_margins,
-    zero_moment_shifts,
+    zero_moment_operators,
 )
 from mograft.body.contacts import Ground
 from mograft.body.mass import center_of_mass, mass_model
@@ -26,6 +26,7 @@ from mograft.evaluation.balance import dynamic_balance
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
+from tests.oracles import balance as balance_oracle
 from tests.oracles import search as oracle
 from tests.strategies import SEEDS, few_examples
 
@@ -35,17 +36,31 @@ ANGLES = 2.0 * np.pi * np.arange(N_DIRECTIONS) / N_DIRECTIONS
 AXES = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1)
 
 
+def zero_moment_shifts(base, donors, seconds):
+    """The shifts of the zero-moment point by donors."""
+    return zero_moment_operators(base.shape[1], seconds) @ (donors - base)
+
+
 @few_examples(20)
 @given(SEEDS, st.floats(0.1, 2.0))
-def test_zero_moment_shifts_match_the_oracle(seed, seconds):
+def test_zero_moment_operators_match_quadrature(seed, seconds):
     base, donors = 0.01 * np.random.default_rng(seed).normal(size=(2, 3, 10, 2))
     expected = [oracle.zero_moment_shift(*pair, seconds) for pair in zip(base, donors, strict=True)]
     found = zero_moment_shifts(base, donors, np.full(3, seconds))
     np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
 
 
+@given(SEEDS, st.integers(2, 12), st.floats(0.02, 5.0))
+def test_zero_moment_operators_match_the_sum_of_a_line_and_sines(seed, n_samples, seconds):
+    base, donors = 0.01 * np.random.default_rng(seed).normal(size=(2, 3, n_samples, 2))
+    durations = np.array([seconds, 2.0 * seconds, 0.5])
+    expected = balance_oracle.zero_moment_shifts(base, donors, durations)
+    found = zero_moment_shifts(base, donors, durations)
+    np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
+
+
 @given(SEEDS, st.floats(0.05, 3.0), st.floats(-2.0, 2.0))
-def test_zero_moment_shifts_of_a_constant_displacement_are_the_displacement(seed, seconds, shift):
+def test_zero_moment_operators_move_the_point_by_a_constant_displacement(seed, seconds, shift):
     base = np.random.default_rng(seed).normal(size=(1, 10, 2))
     displacement = np.array([shift, 0.5 * shift])
     found = zero_moment_shifts(base, base + displacement, np.array([seconds]))
@@ -53,7 +68,7 @@ def test_zero_moment_shifts_of_a_constant_displacement_are_the_displacement(seed
 
 
 @given(SEEDS, st.floats(0.2, 2.0))
-def test_zero_moment_shifts_of_the_same_path_in_less_time_are_not_smaller(seed, seconds):
+def test_zero_moment_operators_of_the_same_path_in_less_time_are_not_smaller(seed, seconds):
     """The smoothing time is short against the duration, so acceleration outweighs smoothing."""
     path = np.sin(np.pi * np.linspace(0.0, 1.0, 10))[:, None] * [1.0, 0.0]
     path = np.random.default_rng(seed).uniform(0.1, 1.0) * path[None]
@@ -99,7 +114,7 @@ def test_support_margins_are_distances_of_one_point_to_the_support_polygon(motio
 @given(st.floats(-3.0, 3.0))
 def test_support_margins_do_not_depend_on_position_and_heading(motion, angle):
     expected = margins_of(motion, Config())
-    np.testing.assert_allclose(margins_of(moved(motion, angle), Config()), expected, atol=1e-9)
+    np.testing.assert_allclose(margins_of(move(motion, angle), Config()), expected, atol=1e-9)
 
 
 def test_support_margins_are_infinite_in_flight(motion):
@@ -110,31 +125,57 @@ def test_support_margins_are_infinite_in_flight(motion):
     assert (margins == np.inf).all()
 
 
+def added_by_shifts(shifts, margins, counts):
+    """The imbalances that shifts add; `counts` are those of each base segment."""
+    n, n_samples = len(counts), shifts.shape[1]
+    offsets = np.concatenate([np.zeros((1, n_samples, 2)), shifts])
+    operators = np.repeat(np.eye(n_samples)[None], n, axis=0)
+    bases = np.zeros(n, np.int64), operators, margins
+    return added_imbalances(offsets, bases, 1 + np.arange(len(shifts)), np.array(counts))
+
+
 @given(SEEDS, st.floats(0.0, 0.2))
 def test_added_imbalances_match_the_definition_for_support_of_a_disc(seed, size):
     """The support is a disc of radius 0.1 about a point away from the base's zero-moment point."""
     rng = np.random.default_rng(seed)
     shifts, centers = size * rng.normal(size=(6, 10, 2)), 0.1 * rng.normal(size=(2, 10, 2))
-    margins, rows = 0.1 + centers @ AXES.T, rng.integers(0, 2, 6)
+    margins, counts = 0.1 + centers @ AXES.T, [2, 4]
 
     def imbalance(points, disc):
         return expit((np.linalg.norm(points - centers[disc], axis=1) - 0.1) / 0.01).mean()
 
+    rows = np.repeat([0, 1], counts)
     expected = [
         imbalance(own, row) - imbalance(0 * own, row) for own, row in zip(shifts, rows, strict=True)
     ]
-    found = added_imbalances(shifts, margins, rows)
+    found = added_by_shifts(shifts, margins, counts)
     # Every direction is within pi / 48 of a sampled one, so distances err by 0.2 % of the radius.
     np.testing.assert_allclose(found, np.maximum(expected, 0.0), atol=0.02)
+
+
+@given(SEEDS, st.integers(2, 12), st.lists(st.integers(0, 20), max_size=6), st.floats(0.0, 0.2))
+def test_added_imbalances_match_those_of_numpy(seed, n_samples, counts, size):
+    rng = np.random.default_rng(seed)
+    offsets = size * rng.normal(size=(9, n_samples, 2))
+    margins = rng.normal(0.05, 0.05, (len(counts), n_samples, N_DIRECTIONS))
+    margins[rng.random(margins.shape[:2]) < 0.2] = np.inf
+    bases, donors = rng.integers(0, 9, len(counts)), rng.integers(0, 9, sum(counts))
+    seconds, rows = rng.uniform(0.05, 3.0, len(counts)), np.repeat(np.arange(len(counts)), counts)
+    operators = zero_moment_operators(n_samples, seconds)
+    found = added_imbalances(offsets, (bases, operators, margins), donors, np.array(counts, int))
+    tracks = offsets[bases[rows]], offsets[donors]
+    shifts = balance_oracle.zero_moment_shifts(*tracks, seconds[rows])
+    expected = balance_oracle.added_imbalances(shifts, margins, rows)
+    np.testing.assert_allclose(found, expected, atol=1e-11)
+    assert (found[bases[rows] == donors] == 0.0).all()
 
 
 @given(SEEDS)
 def test_added_imbalances_without_shift_or_support_are_zero(seed):
     margins = np.random.default_rng(seed).normal(size=(3, 10, N_DIRECTIONS))
-    rows = np.arange(3)
-    assert (added_imbalances(np.zeros((3, 10, 2)), margins, rows) == 0.0).all()
+    assert (added_by_shifts(np.zeros((3, 10, 2)), margins, [1, 1, 1]) == 0.0).all()
     flight = np.full(margins.shape, np.inf)
-    assert (added_imbalances(np.ones((3, 10, 2)), flight, rows) == 0.0).all()
+    assert (added_by_shifts(np.ones((3, 10, 2)), flight, [1, 1, 1]) == 0.0).all()
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +225,7 @@ def test_mass_offsets_do_not_depend_on_a_joint_above_the_root(motion):
     np.testing.assert_allclose(sampled_offsets(below, joints + 1, root=1)[1], expected, atol=1e-9)
 
 
-def moved(motion, angle):
+def move(motion, angle):
     """The motion turned about the vertical axis and shifted over the floor."""
     turn = rotations.from_axis_angle([0.0, 1.0, 0.0], np.array([angle]))
     quats, positions = motion.rotations.copy(), motion.positions.copy()
@@ -197,6 +238,4 @@ def moved(motion, angle):
 def test_mass_offsets_do_not_depend_on_position_and_heading(motion, angle):
     joints = np.arange(5, motion.n_joints)
     expected = sampled_offsets(motion, joints)[1]
-    np.testing.assert_allclose(
-        sampled_offsets(moved(motion, angle), joints)[1], expected, atol=1e-9
-    )
+    np.testing.assert_allclose(sampled_offsets(move(motion, angle), joints)[1], expected, atol=1e-9)

@@ -1,6 +1,6 @@
 """Attack mograft in many ways, and print the results: ``python -m tests.attack``.
 
-All experiments together take about two hours. ``--only`` selects some, ``--scale`` repeats them
+All experiments together take about half an hour. ``--only`` selects some, ``--scale`` repeats them
 less often, and ``--results FILE`` keeps results, so that several runs give one table. ``--write``
 writes the table to docs/reliability.md. The exit code is 1 if an experiment failed.
 """

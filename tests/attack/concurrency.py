@@ -28,7 +28,7 @@ EXEMPT = {
 """Public functions that are not called, and why."""
 
 
-def written(write, suffix):
+def write_file(write, suffix):
     """Return the bytes of the file that a function writes."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"m{suffix}"
@@ -43,7 +43,7 @@ def read_back(read, write, suffix):
         return read(path)
 
 
-def replayed(library):
+def replay(library):
     return read_back(
         lambda path: mg.replay(path.with_suffix(".json"), library),
         lambda path: mg.write_graft(mg.graft(library, seed=4), path),
@@ -61,8 +61,8 @@ CALLS = {
     "graft": lambda library: mg.graft(library, library.names[-1], seed=3),
     "graft_many": lambda library: mg.graft_many(library, count=3, seed=1)[:],
     "repair": lambda library: mg.repair(library, constraints=FAR),
-    "replay": replayed,
-    "write_graft": lambda library: written(
+    "replay": replay,
+    "write_graft": lambda library: write_file(
         lambda path: mg.write_graft(mg.graft(library, seed=5), path), ".bvh"
     ),
     "report_page": lambda library: mg.report_page([mg.graft(library, seed=6)]).html,
@@ -101,9 +101,15 @@ CALLS = {
     "read_npz": lambda library: read_back(
         mg.read_npz, lambda path: mg.write_npz(library.clips[0], path), ".npz"
     ),
-    "write_npz": lambda library: written(lambda path: mg.write_npz(library.clips[0], path), ".npz"),
-    "write_csv": lambda library: written(lambda path: mg.write_csv(library.clips[0], path), ".csv"),
-    "write_glb": lambda library: written(lambda path: mg.write_glb(library.clips[0], path), ".glb"),
+    "write_npz": lambda library: write_file(
+        lambda path: mg.write_npz(library.clips[0], path), ".npz"
+    ),
+    "write_csv": lambda library: write_file(
+        lambda path: mg.write_csv(library.clips[0], path), ".csv"
+    ),
+    "write_glb": lambda library: write_file(
+        lambda path: mg.write_glb(library.clips[0], path), ".glb"
+    ),
 }
 """Calls by the name of the public function, each on a library with several clips."""
 

@@ -14,31 +14,33 @@ from mograft.motion import rotations
 
 
 @pytest.fixture(scope="module")
-def labelled():
+def labelled_clips():
     """Eight clips of two dancers: those of one label are slow, those of the other fast."""
     clips = [take.motion for take in dance(seed=3, strides=1).takes(8)]
     return LabelledClips(tuple(clips), np.array(["wave-left-hand", "run"] * 4))
 
 
 @pytest.mark.parametrize("name", SCHEMES)
-def test_scheme_adds_copies_of_every_clip_with_its_label(labelled, name):
-    added = SCHEMES[name](labelled, np.random.default_rng(0))
-    n = 0 if name == "none" else N_COPIES * len(labelled)
+def test_scheme_adds_copies_of_every_clip_with_its_label(labelled_clips, name):
+    added = SCHEMES[name](labelled_clips, np.random.default_rng(0))
+    n = 0 if name == "none" else N_COPIES * len(labelled_clips)
     assert len(added) == len(added.labels) == n
     if name == "mirror and noise":
-        assert list(added.labels[: len(labelled)]) == ["wave-right-hand", "run"] * 4
+        assert list(added.labels[: len(labelled_clips)]) == ["wave-right-hand", "run"] * 4
     else:
-        counts = {label: list(labelled.labels).count(label) for label in set(labelled.labels)}
+        counts = {
+            label: list(labelled_clips.labels).count(label) for label in set(labelled_clips.labels)
+        }
         found = {label: list(added.labels).count(label) for label in set(added.labels)}
         assert found == {label: N_COPIES * k for label, k in counts.items() if n}
 
 
 @pytest.mark.parametrize("name", ["CutMix", "CutMix, same label", "grafts", "grafts, same label"])
-def test_scheme_keeps_legs_and_label_and_changes_the_arms(labelled, name):
-    added = SCHEMES[name](labelled, np.random.default_rng(0))
+def test_scheme_keeps_legs_and_label_and_changes_the_arms(labelled_clips, name):
+    added = SCHEMES[name](labelled_clips, np.random.default_rng(0))
     originals = {
         (clip.n_frames, clip.rotations[0, 0].tobytes()): (clip, label)
-        for clip, label in zip(labelled.clips, labelled.labels, strict=True)
+        for clip, label in zip(labelled_clips.clips, labelled_clips.labels, strict=True)
     }
     changes = []
     for clip, label in zip(added.clips, added.labels, strict=True):
@@ -56,12 +58,12 @@ def test_swap_sides_is_an_involution():
     assert swap_sides("walk-turn-right") == "walk-turn-left"
 
 
-def test_clip_features_do_not_depend_on_place_and_heading(labelled):
+def test_clip_features_do_not_depend_on_place_and_heading(labelled_clips):
     from dataclasses import replace
 
     from mograft.body import mass
 
-    clip = labelled.clips[0]
+    clip = labelled_clips.clips[0]
     root, up = clip.locomotion_root(), mass.up_axis(clip)
     turn = rotations.from_axis_angle(np.eye(3)[up], 1.0)
     quats, positions = clip.rotations.copy(), clip.positions.copy()
@@ -102,13 +104,13 @@ def test_run_share_finds_planted_gain_and_no_gain_of_nothing(monkeypatch):
         assert same["value"] == 0
 
 
-def test_split_actions_tests_on_one_performer_only(labelled):
+def test_split_actions_tests_on_one_performer_only(labelled_clips):
     groups = np.array([0, 0, 0, 1, 1, 1, 2, 2])
     for seed in range(6):
-        pool, test = learning.split_actions(labelled, groups, seed)
-        own = {groups[k] for k, clip in enumerate(labelled.clips) if clip in test.clips}
+        pool, test = learning.split_actions(labelled_clips, groups, seed)
+        own = {groups[k] for k, clip in enumerate(labelled_clips.clips) if clip in test.clips}
         assert own == {seed % 3}
-        assert len(pool) + len(test) == len(labelled)
+        assert len(pool) + len(test) == len(labelled_clips)
 
 
 def test_mean_estimate_interval_is_students():

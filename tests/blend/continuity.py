@@ -3,8 +3,16 @@
 import numpy as np
 
 from mograft.blend.donor_timeline import SegmentTimes
+from mograft.blend.value_spaces import ROTATIONS
 
 STEP = 1e-5  # of a frame
+
+
+def close_at(layout, space, times):
+    """Values of a layout at any times, with the gaps at seams closed."""
+    tracks = layout.rotations if space is ROTATIONS else layout.positions
+    values = layout.timeline.sample(space, tracks, times)
+    return layout._close(space, layout._piece_times(times), values)
 
 
 def one_sided_velocities(space, curve, frames, side):
@@ -20,7 +28,7 @@ def jumps(layout, space):
     """
 
     def on(segment):
-        return lambda frames: layout.close_at(space, SegmentTimes(segment, frames))
+        return lambda frames: close_at(layout, space, SegmentTimes(segment, frames))
 
     n = layout.timeline.cut.lengths
     left = np.arange(len(n) - 1)

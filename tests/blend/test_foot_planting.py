@@ -12,6 +12,9 @@ from mograft import (
     JointGroups,
     KeepOriginal,
     Library,
+    Motion,
+    Skeleton,
+    SkeletonMismatchError,
     foot_skate,
     graft,
     plant_feet,
@@ -23,6 +26,7 @@ from mograft.blend.root_shift import limit_descent, limit_floor_speed
 from mograft.blend.two_bone_ik import bend_limb
 from mograft.body.contacts import Ground, detect_contacts, find_legs, foot_heights
 from mograft.body.mass import mass_model
+from mograft.body.support_polygon import support_polygons
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.hierarchies import DANCES, DATA, distinct_recordings, recording
@@ -391,6 +395,20 @@ def test_plant_feet_invalid_arguments_raise_value_error(sample):
         ValueError, match=r"`min_heights` must have shape \(\d+, 2, 2\), got \(3, 2\)"
     ):
         plant_feet(sample.motion, min_heights=np.zeros((3, 2)))
+    with pytest.raises(ValueError, match=r"`min_heights` must have shape .*, got \(1, 1\)"):
+        plant_feet(sample.motion, min_heights=[[0]])
+    heights = np.zeros((sample.motion.n_frames, 2, 2))
+    heights[7, 1, 0] = np.nan
+    with pytest.raises(ValueError, match=r"`min_heights` must be numbers, got NaN at \[7, 1, 0\]"):
+        plant_feet(sample.motion, min_heights=heights)
+    other = Motion(Skeleton(["a"], [-1], [[0, 0, 0]]), 1, [[[0, 0, 0, 1.0]]], [[[0, 0, 0.0]]])
+    for call in (plant_feet, support_polygons):
+        with pytest.raises(SkeletonMismatchError, match="`floor_reference` lacks"):
+            call(sample.motion, floor_reference=other)
+        with pytest.raises(TypeError, match="`floor_reference` must be a Motion, got str"):
+            call(sample.motion, floor_reference="a.bvh")
+    with pytest.raises(ValueError, match=r"`movable_legs` must have 2 entries, .* got True"):
+        plant_feet(sample.motion, movable_legs=True)
     with pytest.raises(ValueError, match="`feet` must be one of"):
         Config(feet="sometimes")
 

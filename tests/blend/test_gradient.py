@@ -3,11 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from mograft import Config, _core  # noqa: TID251 - the kernel by itself
+from mograft import Config
 from mograft.analysis.segmentation import Segments
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
@@ -180,23 +179,3 @@ def test_gradient_of_smooth_donors_keeps_their_acceleration_at_the_seam():
     _, solved = layout.smooth(*layout.close())
     _, offset = replace(layout, config=Config(seam="offset")).close()
     assert peak(solved) < 0.5 * peak(offset)
-
-
-@given(st.integers(1, 12), st.integers(0, 3), SEEDS)
-def test_solve_pentadiagonal_agrees_with_numpy(n, width, seed):
-    rng = np.random.default_rng(seed)
-    factor = np.tril(np.triu(rng.normal(size=(n, n)), -2)) + 3.0 * np.eye(n)
-    matrix = factor @ factor.T
-    bands = np.full((n, 3), np.nan)
-    for k in range(3):
-        bands[: max(n - k, 0), k] = np.diagonal(matrix, k)
-    bands = np.nan_to_num(bands, nan=7.0)
-    rhs = rng.normal(size=(n, width))
-    np.testing.assert_allclose(
-        _core.solve_pentadiagonal(bands, rhs), np.linalg.solve(matrix, rhs), rtol=1e-8, atol=1e-10
-    )
-
-
-def test_solve_pentadiagonal_indefinite_matrix_raises_value_error():
-    with pytest.raises(ValueError, match="positive definite matrix, row 1 is not"):
-        _core.solve_pentadiagonal(np.array([[1.0, 2.0, 0.0], [1.0, 0.0, 0.0]]), np.ones((2, 1)))

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from mograft import Config, Library, _core, graft  # noqa: TID251 - the kernel by itself
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline, SegmentTimes
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
-from mograft.blend.seams import PieceTimes, SeamBoundaries
+from mograft.blend.seams import PieceTimes, SeamBoundaries, restrict_to_pieces
 from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS
 from mograft.motion import rotations
 from mograft.motion.resample import slerp
-from tests.blend.continuity import jumps, one_sided_velocities
+from tests.blend.continuity import close_at, jumps, one_sided_velocities
 from tests.hierarchies import DANCES, recording
 from tests.oracles import seams as oracle
 from tests.strategies import (
@@ -79,7 +79,7 @@ def test_close_two_uniform_rotations_meet_at_the_seam(poses, angular, blend, sea
     treatment = SEAM_TREATMENTS.get(seam)
 
     def curve(piece):
-        def close_at(frames):
+        def close(frames):
             seconds = np.asarray(frames) / RATE
             from_seam = seconds - durations[0] if piece == 0 else seconds
             values = rotations.multiply(
@@ -88,7 +88,7 @@ def test_close_two_uniform_rotations_meet_at_the_seam(poses, angular, blend, sea
             times = PieceTimes(np.full(len(seconds), piece), seconds, durations, blend)
             return treatment.close(values, times, boundaries)
 
-        return close_at
+        return close
 
     end, start = np.array([durations[0] * RATE]), np.zeros(1)
     gap = np.linalg.norm(ROTATIONS.delta(boundaries.before, boundaries.after), axis=-1)
@@ -108,7 +108,7 @@ def test_close_frames_out_of_reach_are_unchanged(lengths, seed, seam):
     timeline = layout.timeline
     times = timeline.frame_times()
     source = timeline.sample(ROTATIONS, layout.rotations, times)
-    values = layout.close_at(ROTATIONS, times)
+    values = close_at(layout, ROTATIONS, times)
     np.testing.assert_allclose(np.linalg.norm(values, axis=-1), 1.0, atol=1e-12)
     every = np.concatenate([[False], layout.seams, [False]])
     if treatment.spans_segments:
@@ -121,6 +121,39 @@ def test_close_frames_out_of_reach_are_unchanged(lengths, seed, seam):
             last = len(pieces.durations) - 1
             unchanged &= (pieces.seconds_left >= layout.config.seam_blend) | (pieces.piece == last)
     np.testing.assert_array_equal(values[unchanged], source[unchanged])
+
+
+@few_examples(40)
+@given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(NAMES), st.integers(1, 20))
+def test_close_any_number_of_frames_at_a_time_gives_same_bits(lengths, seed, seam, n_frames):
+    layout = random_layout(lengths, seed, seam)
+    every = [
+        SEAM_TREATMENTS.get(seam).close(
+            values[layout.timeline.kept_rows],
+            layout._piece_times(layout.timeline.frame_times())[layout.timeline.kept_rows],
+            layout._boundaries(space),
+        )
+        for space, values in zip((ROTATIONS, TRANSLATIONS), layout._rows, strict=True)
+    ]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("mograft.blend.donor_timeline._FRAMES_PER_BLOCK", n_frames)
+        for expected, found in zip(every, layout.close(), strict=True):
+            np.testing.assert_array_equal(found, expected)
+
+
+@few_examples(40)
+@given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(NAMES), st.data())
+def test_restrict_to_pieces_keeps_those_of_the_times_and_one_on_each_side(
+    lengths, seed, seam, data
+):
+    layout = random_layout(lengths, seed, seam)
+    times, boundaries = layout._piece_times(layout.timeline.frame_times()), layout._boundaries
+    start = data.draw(st.integers(0, len(times.piece) - 1))
+    own = times[start : start + data.draw(st.integers(1, 20))]
+    near, seams = restrict_to_pieces(own, boundaries(ROTATIONS))
+    assert len(seams.before) == len(near.durations) - 1
+    assert len(near.durations) <= len(np.unique(own.piece)) + 2
+    np.testing.assert_array_equal(near.durations[near.piece], own.durations[own.piece])
 
 
 @given(SEEDS, st.sampled_from(NAMES))
@@ -229,7 +262,7 @@ def test_close_at_fractional_frames_agrees_with_whole_frames(lengths, seed):
     some = np.random.default_rng(seed).random(len(times.segment)) < 0.5
     subset = SegmentTimes(times.segment[some], times.frames[some])
     np.testing.assert_array_equal(
-        layout.close_at(ROTATIONS, subset), layout.close_at(ROTATIONS, times)[some]
+        close_at(layout, ROTATIONS, subset), close_at(layout, ROTATIONS, times)[some]
     )
 
 

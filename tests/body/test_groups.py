@@ -258,6 +258,7 @@ def test_resolve_duplicate_names_show_index():
         ({"lower": [True], "upper": ["b"]}, "lower", TypeError, "must contain names"),
         ({1: ["a"], "lower": ["b"]}, "lower", TypeError, "group names must be str, got 1"),
         (["a", "b"], "lower", TypeError, "`groups` must map group names to joints"),
+        ({"a": ["x"], "b": ["y"]}, ["a"], ValueError, r"`base` must be one of a, b, got \['a'\]"),
     ],
 )
 def test_groups_invalid_arguments_raise(groups, base, error, message):
@@ -268,6 +269,7 @@ def test_groups_invalid_arguments_raise(groups, base, error, message):
 def test_groups_entry_types_are_checked():
     groups = JointGroups({"lower": np.array([0, 1]), "upper": [2]})
     assert groups.to_toml().count("    0,") == 1
+    assert subtree(np.int64(1)) == subtree(1)
     with pytest.raises(TypeError, match=r"`joint` must be a name or an index, got \['Spine'\]"):
         subtree(["Spine"])
 
@@ -284,6 +286,7 @@ def test_groups_entry_types_are_checked():
         ('[groups]\na = [{tree = "b"}]\nlower = ["b"]\n', "group 'a' must contain names"),
         ('[groups]\na = [{subtree = true}]\nlower = ["b"]\n', "group 'a' must contain names"),
         ('[groups]\nlower = ["b"]\n', "groups: `groups` must have at least two"),
+        ('base = ["b"]\n[groups]\na = ["b"]\nb = ["c"]\n', r"`base` must be one of.*got \['b'\]"),
         ('base = 3\n[groups]\nlower = ["b"]\nupper = ["c"]\n', "`base` must be one of.*got 3"),
     ],
 )
@@ -304,6 +307,8 @@ def test_from_toml_errors_name_the_file(tmp_path):
 def test_preset_unknown_name_raises_value_error():
     with pytest.raises(ValueError, match=r"`preset` must be one of lower_upper.*got 'upper_lower'"):
         JointGroups.preset("upper_lower", human())
+    with pytest.raises(ValueError, match=r"`preset` must be one of.*got \['lower_upper'\]"):
+        JointGroups.preset(["lower_upper"], human())
 
 
 needs_recordings = pytest.mark.skipif(not distinct_recordings(), reason=f"no recordings at {DATA}")

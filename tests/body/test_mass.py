@@ -279,7 +279,9 @@ def test_mass_model_arrays_are_read_only():
 def test_mass_model_invalid_options_raise_value_error():
     with pytest.raises(ValueError, match="`sex` must be one of male, female, mean, got 'both'"):
         mass_model(human(), sex="both")
-    with pytest.raises(ValueError, match="`kind` must be 'own', 'subtree' or 'unit', got 'all'"):
+    with pytest.raises(
+        ValueError, match="`inertia` must be one of 'own', 'subtree', 'unit', got 'all'"
+    ):
         moments_of_inertia(mass_model(human()), human(), "all")
 
 

@@ -188,5 +188,11 @@ def test_mirror_asymmetric_skeleton_raises_value_error():
         Library.build(motion, groups, Config(), mirrored=True)
     offsets = human().offsets.copy()
     offsets[2] *= 2.0
-    with pytest.raises(ValueError, match=r"bones must be symmetric .*offsets of LeftKnee"):
+    with pytest.raises(
+        ValueError, match=r"offset of LeftKnee is not the mirror image of RightKnee"
+    ):
+        mirror(replace(person(1), skeleton=human().with_offsets(offsets)))
+    offsets = human().offsets.copy()
+    offsets[7, 0] = 5.0
+    with pytest.raises(ValueError, match=r"the offset of Chest is not in the mirror plane"):
         mirror(replace(person(1), skeleton=human().with_offsets(offsets)))

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from scipy.spatial import ConvexHull
 
+from mograft import InsufficientDataError, Motion, Skeleton
 from mograft.body.mass import mass_model
 from mograft.body.support_polygon import convex_hull, signed_distance, support_polygons
 from mograft.dancer import dance
@@ -17,6 +18,13 @@ def planar_points(min_size=1, max_size=12):
     return npst.arrays(
         np.float64, st.tuples(st.integers(min_size, max_size), st.just(2)), elements=coordinate
     )
+
+
+def test_support_polygons_without_legs_raises_error_with_all_joints():
+    skeleton = Skeleton(["Hips"], [-1], [[0, 0, 0]])
+    motion = Motion(skeleton, 1 / 30, [[[0.0, 0.0, 0.0, 1.0]]] * 4, [[[0.0, 90.0, 0.0]]] * 4)
+    with pytest.raises(InsufficientDataError, match=r"no leg is known among the joints Hips$"):
+        support_polygons(motion)
 
 
 @given(planar_points(3))

@@ -1,6 +1,7 @@
 """Fixtures of the command line: clips, an empty working folder, and ways to run commands."""
 
 import os
+from dataclasses import replace
 
 import pytest
 
@@ -33,6 +34,29 @@ def clip(tmp_path_factory):
     """A BVH file of 400 frames."""
     path = tmp_path_factory.mktemp("clip") / "a.bvh"
     write_bvh(dance(seed=1, strides=1).motion[:400], path)
+    return path
+
+
+@pytest.fixture(scope="package")
+def folder_of_many_clips(tmp_path_factory):
+    """A folder of 3,000 links to a BVH file of 1,491 frames, whose ingest takes minutes.
+
+    A command that reads them is certainly still busy when a test sends it a signal, even if the
+    test itself is not scheduled for half a minute.
+    """
+    folder = tmp_path_factory.mktemp("many")
+    motion = dance(seed=1, strides=1).motion
+    write_bvh(motion, folder.with_suffix(".bvh"))
+    for number in range(3_000):
+        os.link(folder.with_suffix(".bvh"), folder / f"c{number}.bvh")
+    return folder
+
+
+@pytest.fixture(scope="package")
+def slow_clip(tmp_path_factory):
+    """A BVH file of 25 minutes, whose films take minutes at 50 and more pictures per second."""
+    path = tmp_path_factory.mktemp("slow") / "slow.bvh"
+    write_bvh(replace(dance(seed=1, strides=1).motion, frame_time=1.0), path)
     return path
 
 

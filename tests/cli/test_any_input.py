@@ -36,7 +36,7 @@ def list_places(value):
 
 
 @st.composite
-def damaged(draw, text):
+def damaged_bytes(draw, text):
     """A text in which bytes, or the values of a JSON document, were changed."""
     if text.startswith("{") and draw(st.booleans()):
         document = json.loads(text)
@@ -77,7 +77,7 @@ def test_damaged_file_gives_an_exit_code_and_no_exception(
     n_examples = 300 if request.config.getoption("--thorough") else 15
 
     @settings(max_examples=n_examples, suppress_health_check=list(HealthCheck), deadline=None)
-    @given(damaged(valid[name]))
+    @given(damaged_bytes(valid[name]))
     def check(data):
         Path(name).write_bytes(data)
         try:

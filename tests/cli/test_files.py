@@ -3,6 +3,7 @@
 import json
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -21,6 +22,28 @@ def test_info_prints_joints_frames_and_groups(run, folder):
     assert document["schema"] == "mograft.info/1"
     assert document["files"][0]["joints"] == 18
     assert document["files"][0]["groups"]["lower"][0] == "Hips"
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_info_invalid_files_are_reported_and_all_others_described(run, folder, tmp_path, as_json):
+    clips = tmp_path / "clips"
+    shutil.copytree(folder, clips)
+    for name in ("0.bvh", "aa.bvh", "z.bvh"):
+        (clips / name).write_text("HIERARCHY\nnonsense\n")
+    flags = ["--json"] if as_json else []
+    for names in ([clips], sorted(clips.iterdir())):
+        code, out, err = run("info", *names, *flags)
+        assert code == 3
+        errors = [f"error: {clips / name}:2:" for name in ("0.bvh", "aa.bvh", "z.bvh")]
+        lines = err.splitlines()
+        assert all(line.startswith(own) for line, own in zip(lines, errors, strict=True))
+        if as_json:
+            files = {Path(file["file"]).name: file for file in json.loads(out)["files"]}
+            assert list(files) == ["0.bvh", "a.bvh", "aa.bvh", "b.bvh", "z.bvh"]
+            assert files["a.bvh"]["frames"] == 600
+            assert [name for name in files if files[name]["error"]] == ["0.bvh", "aa.bvh", "z.bvh"]
+        else:
+            assert out == run("info", clips / "a.bvh", clips / "b.bvh")[1]
 
 
 def test_info_large_file_is_scanned(run, folder, monkeypatch):

@@ -51,6 +51,12 @@ def test_frame_accepts_digits_and_one_point_only(text):
             frame(text)
 
 
+@pytest.mark.parametrize("digits", [11, 300, 400])
+def test_time_above_the_limit_is_refused(digits):
+    with pytest.raises(ArgumentTypeError, match="must be at most 1e\\+09 s"):
+        frame("9" * digits + "s")
+
+
 @pytest.mark.parametrize("text", ["5-10s", "5s-10", "5s", "-5s", "5s-", "1s-2s-3s"])
 def test_range_with_one_time_or_one_end_is_refused(text):
     with pytest.raises(ArgumentTypeError):

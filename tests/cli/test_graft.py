@@ -113,7 +113,7 @@ def test_graft_torso_alignment_and_mirror_options_apply(run, folder, tmp_path):
         return path.read_bytes(), document
 
     plain, document = write_graft("plain")
-    assert (document["config"]["torso"], document["config"]["alignment"]) == ("world", "uniform")
+    assert (document["config"]["torso"], document["config"]["alignment"]) == ("balanced", "uniform")
     for name, value in (("torso", "pelvis"), ("alignment", "dtw"), ("neighbourhood", "ball")):
         other, document = write_graft(name, f"--{name}", value)
         assert document["config"][name] == value
@@ -365,7 +365,7 @@ def test_graft_different_skeletons_names_joints(run, folder, tmp_path):
     (tmp_path / "other.bvh").write_text(text)
     code, _, err = run("graft", folder / "a.bvh", tmp_path / "other.bvh", "-o", tmp_path / "out")
     assert code == 1
-    assert "other lacks LeftForeArm and has also LeftElbow" in err
+    assert "other lacks LeftForeArm and also has LeftElbow" in err
 
 
 def test_graft_base_given_as_path_file_name_or_clip_is_same(run, folder, tmp_path):
@@ -557,6 +557,7 @@ def test_graft_from_provenance_of_stored_library_writes_same_bytes(run, folder, 
     ("options", "message"),
     [
         (["--seed", "3"], "--seed cannot be combined with --from"),
+        (["--seed", "0"], "--seed cannot be combined with --from"),
         (["-n", "2"], "--count cannot be combined with --from"),
         (["--avoid-self"], "--avoid-self cannot be combined with --from"),
         (["--base", "b"], "--base cannot be combined with --from"),
@@ -588,6 +589,19 @@ def first(folder, tmp_path_factory):
     path = tmp_path_factory.mktemp("first") / "new.bvh"
     assert main(["graft", str(folder), "-o", str(path), "--seed", "4"]) == 0
     return path
+
+
+def test_graft_from_with_edits_passes_the_seed_that_is_given(run, first, folder, tmp_path):
+    def edited(*words):
+        path = tmp_path / "edited.bvh"
+        source = first.with_suffix(".json")
+        code, _, err = run(
+            "graft", folder, "--from", source, "--reroll", "1", "-o", path, "--force", *words
+        )
+        assert code == 0, err
+        return json.loads(path.with_suffix(".json").read_text())["seed"]
+
+    assert [edited(), edited("--seed", "0"), edited("--seed", "7")] == [4, 0, 7]
 
 
 def read_donors(path):

@@ -75,7 +75,7 @@ def test_option_of_another_command_has_no_suggestion(usage_error, words, flag):
 
 def test_usage_error_is_one_usage_line_and_one_error(usage_error):
     assert usage_error("plot", "pca", "a.bvh").splitlines() == [
-        "usage: mograft plot KIND FILE ... -o OUTPUT [options] (see mograft plot --help)",
+        "usage: mograft plot KIND LIB|FILE ... -o OUTPUT [options] (see mograft plot --help)",
         "error: the following arguments are required: -o/--output",
     ]
     assert usage_error().splitlines()[0] == "usage: mograft COMMAND [options] (see mograft --help)"

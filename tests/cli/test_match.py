@@ -15,7 +15,7 @@ from tests.library.test_matched_libraries import OTHER, PARTS
 
 
 @pytest.fixture(scope="module")
-def mixed(tmp_path_factory):
+def mixed_folder(tmp_path_factory):
     """A folder with clips of two figures."""
     folder = tmp_path_factory.mktemp("mixed")
     mg.write_bvh(PARTS["a"], folder / "a.bvh")
@@ -25,9 +25,9 @@ def mixed(tmp_path_factory):
 
 
 @pytest.mark.parametrize("base", ["b.npz", "b", None])
-def test_graft_match_anatomy_has_the_hierarchy_of_the_base(run, mixed, tmp_path, base):
-    path = base and str(mixed / base) if base == "b.npz" else base
-    words = ["graft", mixed, "--match", "anatomy", "-o", tmp_path / "g.bvh"]
+def test_graft_match_anatomy_has_the_hierarchy_of_the_base(run, mixed_folder, tmp_path, base):
+    path = base and str(mixed_folder / base) if base == "b.npz" else base
+    words = ["graft", mixed_folder, "--match", "anatomy", "-o", tmp_path / "g.bvh"]
     code, _, err = run(*words, *(["--base", path] if path else []))
     assert code == 0, err
     assert "joints matched by anatomy" in err
@@ -41,39 +41,45 @@ def test_graft_match_anatomy_has_the_hierarchy_of_the_base(run, mixed, tmp_path,
     assert (tmp_path / "again.bvh").read_bytes() == (tmp_path / "g.bvh").read_bytes()
 
 
-def test_graft_edit_of_matched_clips_builds_the_same_library(run, mixed, tmp_path):
-    words = ["--match", "anatomy", "--base", str(mixed / "b.npz"), "-o", tmp_path / "g.bvh"]
-    assert run("graft", mixed, *words)[0] == 0
+def test_graft_edit_of_matched_clips_builds_the_same_library(run, mixed_folder, tmp_path):
+    words = ["--match", "anatomy", "--base", str(mixed_folder / "b.npz"), "-o", tmp_path / "g.bvh"]
+    assert run("graft", mixed_folder, *words)[0] == 0
     code, _, err = run(
         "graft", "--from", tmp_path / "g.json", "--reroll", "2", "-o", tmp_path / "edit.bvh"
     )
     assert code == 0, err
 
 
-def test_graft_match_names_refuses_other_figure_and_names_the_remedy(run, mixed, tmp_path):
-    code, _, err = run("graft", mixed, "-o", tmp_path / "g.bvh")
+def test_graft_match_names_refuses_other_figure_and_names_the_remedy(run, mixed_folder, tmp_path):
+    code, _, err = run("graft", mixed_folder, "-o", tmp_path / "g.bvh")
     assert code == 1
     assert "unless joints are matched by anatomy (--match anatomy)" in err
 
 
-def test_info_match_anatomy_lists_joints_without_counterpart(run, mixed, tmp_path):
+def test_info_match_anatomy_lists_joints_without_counterpart(run, mixed_folder, tmp_path):
     amass = write_arrays(tmp_path / "walk_poses.npz", amass_arrays())
-    code, out, _ = run("info", mixed / "a.bvh", mixed / "b.npz", amass, "--match", "anatomy")
+    code, out, _ = run(
+        "info", mixed_folder / "a.bvh", mixed_folder / "b.npz", amass, "--match", "anatomy"
+    )
     assert code == 0
     assert "joints matched by anatomy: every joint has a counterpart" in out
     assert "joints matched by anatomy: dropped: " in out
     assert "note: offsets: a stand-in of 1.7 m" in out
-    documents = json.loads(run("info", mixed / "a.bvh", amass, "--match", "anatomy", "--json")[1])
+    documents = json.loads(
+        run("info", mixed_folder / "a.bvh", amass, "--match", "anatomy", "--json")[1]
+    )
     assert [own["match"][:7] for own in documents["files"]] == ["", "dropped"]
 
 
-def test_index_match_anatomy_keeps_match_and_refuses_it_with_add(run, mixed, tmp_path, capsys):
-    code, _, err = run("index", mixed, "-o", tmp_path / "l", "--match", "anatomy")
+def test_index_match_anatomy_keeps_match_and_refuses_it_with_add(
+    run, mixed_folder, tmp_path, capsys
+):
+    code, _, err = run("index", mixed_folder, "-o", tmp_path / "l", "--match", "anatomy")
     assert code == 0
     assert "joints matched by anatomy, b" in err
     assert mg.Library.open(tmp_path / "l").spec.match == "anatomy"
     for words in (
-        ("index", mixed, "-o", tmp_path / "l", "--add", "--match", "names"),
+        ("index", mixed_folder, "-o", tmp_path / "l", "--add", "--match", "names"),
         ("graft", tmp_path / "l", "--match", "anatomy", "-o", tmp_path / "g.bvh"),
     ):
         with pytest.raises(SystemExit, match="2"):
@@ -145,13 +151,13 @@ def test_skeleton_option_of_check_and_groups_must_fit_the_file(run, body, tmp_pa
         assert "nose" in err
 
 
-def test_match_option_of_plot_draws_clips_of_several_figures(run, mixed, tmp_path, capsys):
-    words = [mixed, "--match", "anatomy", "-o"]
+def test_match_option_of_plot_draws_clips_of_several_figures(run, mixed_folder, tmp_path, capsys):
+    words = [mixed_folder, "--match", "anatomy", "-o"]
     for kind in ("pca", "timeline", "groups"):
         code, _, err = run("plot", kind, *words, tmp_path / f"{kind}.svg")
         assert code == 0, err
         assert kind == "groups" or "joints matched by anatomy" in err
-    assert run("plot", "pca", mixed, "-o", tmp_path / "names.svg")[0] == 1
+    assert run("plot", "pca", mixed_folder, "-o", tmp_path / "names.svg")[0] == 1
     with pytest.raises(SystemExit, match="2"):
         run("plot", "strip", *words, tmp_path / "strip.svg")
     assert (
@@ -160,11 +166,11 @@ def test_match_option_of_plot_draws_clips_of_several_figures(run, mixed, tmp_pat
     )
 
 
-def test_match_option_of_stream_serves_clips_of_several_figures(run, mixed, monkeypatch):
+def test_match_option_of_stream_serves_clips_of_several_figures(run, mixed_folder, monkeypatch):
     served = []
     monkeypatch.setattr(StreamServer, "serve_forever", lambda server: served.append(server))
-    assert run("stream", mixed, "--port", "0")[0] == 1
-    code, _, err = run("stream", mixed, "--match", "anatomy", "--port", "0")
+    assert run("stream", mixed_folder, "--port", "0")[0] == 1
+    code, _, err = run("stream", mixed_folder, "--match", "anatomy", "--port", "0")
     assert code == 0, err
     (server,) = served
     monkeypatch.undo()
@@ -218,13 +224,13 @@ def test_graft_of_amass_files_keeps_poses_of_the_base_group(run, tmp_path):
     assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "direct.npz").read_bytes()
 
 
-def test_graft_to_npz_requires_a_base_of_amass(run, mixed, tmp_path, capsys):
-    own = mixed / "b.npz"  # of mograft
+def test_graft_to_npz_requires_a_base_of_amass(run, mixed_folder, tmp_path, capsys):
+    own = mixed_folder / "b.npz"  # of mograft
     code, _, err = run("graft", own, "-o", tmp_path / "g.npz")
     assert code == 1
     assert "g.npz must be a .bvh file: b, the base of" in err
     assert not list(tmp_path.iterdir())
-    for words in ((mixed / "a.bvh",), (own, "-n", "2"), (own, "--digits", "7")):
+    for words in ((mixed_folder / "a.bvh",), (own, "-n", "2"), (own, "--digits", "7")):
         with pytest.raises(SystemExit, match="2"):
             run("graft", *words, "-o", tmp_path / "g.npz")
         capsys.readouterr()
@@ -235,4 +241,4 @@ def test_skeleton_option_bad_file_is_an_invalid_input(run, tmp_path):
     (tmp_path / "body.json").write_text("[]")
     code, _, err = run("info", walk, "--skeleton", tmp_path / "body.json")
     assert code == 3
-    assert "body.json: expected an object of joints and offsets" in err
+    assert "body.json: expected an object with joint offsets, got a list" in err

@@ -1,5 +1,6 @@
 """Commands in a limited address space: one line of error, no abort, no draft."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +10,7 @@ import pytest
 from mograft import write_bvh
 from mograft.dancer import dance
 
-resource = pytest.importorskip("resource", reason="the platform has no limits of processes")
+pytest.importorskip("resource", reason="the platform has no limits of processes")
 
 COMMANDS = {
     "view": ["view", "long.bvh", "-o", "view.html"],
@@ -33,14 +34,21 @@ def long_clip(tmp_path_factory):
     return path
 
 
+LIMITED = """
+import os, resource, sys
+limit = int(sys.argv[1]) << 20
+resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+os.execv(sys.executable, [sys.executable, "-m", "mograft", *sys.argv[2:]])
+"""
+
+
 def run_limited(words, megabytes):
     """Run a command whose address space is limited."""
-    limit = (megabytes << 20, megabytes << 20)
     return subprocess.run(
-        [sys.executable, "-m", "mograft", *words],
+        [sys.executable, "-c", LIMITED, str(megabytes), *words],
+        env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},  # each thread takes address space
         capture_output=True,
         text=True,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, limit),
         timeout=300,
         check=False,
     )

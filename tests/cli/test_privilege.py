@@ -36,7 +36,7 @@ def run_unprivileged(*words, cwd):
 
 
 @pytest.fixture
-def locked(clip):
+def locked_folder(clip):
     """A folder with a clip and a library that its user may only read."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -69,14 +69,14 @@ def list_state(folder):
     ],
     ids="-".join,
 )
-def test_write_to_read_only_folder_ends_with_one_line_and_changes_nothing(locked, words):
-    before = list_state(locked)
-    child = run_unprivileged("-m", "mograft", *words, cwd=locked)
+def test_write_to_read_only_folder_ends_with_one_line_and_changes_nothing(locked_folder, words):
+    before = list_state(locked_folder)
+    child = run_unprivileged("-m", "mograft", *words, cwd=locked_folder)
     assert child.returncode == 1, child.stderr
     assert child.stderr.splitlines()[-1].startswith("error: ")
     assert "Permission denied" in child.stderr.splitlines()[-1]
     assert "Traceback" not in child.stderr
-    assert list_state(locked) == before
+    assert list_state(locked_folder) == before
 
 
 @pytest.mark.parametrize(
@@ -89,14 +89,14 @@ def test_write_to_read_only_folder_ends_with_one_line_and_changes_nothing(locked
     ],
     ids="-".join,
 )
-def test_read_of_read_only_folder_succeeds(locked, words):
-    before = list_state(locked)
-    child = run_unprivileged("-m", "mograft", *words, cwd=locked)
+def test_read_of_read_only_folder_succeeds(locked_folder, words):
+    before = list_state(locked_folder)
+    child = run_unprivileged("-m", "mograft", *words, cwd=locked_folder)
     assert child.returncode == 0, child.stderr
-    assert list_state(locked) == before
+    assert list_state(locked_folder) == before
 
 
-def test_unreadable_clip_is_named(locked):
-    (locked / "a.bvh").chmod(0o000)
-    child = run_unprivileged("-m", "mograft", "info", "a.bvh", cwd=locked)
+def test_unreadable_clip_is_named(locked_folder):
+    (locked_folder / "a.bvh").chmod(0o000)
+    child = run_unprivileged("-m", "mograft", "info", "a.bvh", cwd=locked_folder)
     assert (child.returncode, child.stderr) == (1, "error: a.bvh: Permission denied\n")

@@ -1,11 +1,68 @@
 """The option ``--segmentation`` of all commands that segment motions."""
 
 import json
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 import mograft as mg
+from mograft._util.registry import CONFIG_OPTIONS
+from mograft.analysis.segmentations import METHODS
 from mograft.cli import main
+
+NAMES = CONFIG_OPTIONS["segmentation"].names
+
+
+def is_causal(name):
+    method = METHODS.get(name)
+    return method is None or method.look_ahead is not None
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_entry_point_takes_every_method_and_libraries_remember_it(name, clip, run):
+    config = mg.Config(segmentation=name)
+    motion = mg.read_bvh(clip)
+    expected = mg.segment(motion, config)
+    stops = str(expected.stop.tolist()).replace(" ", "")
+
+    library = mg.Library.index(clip, "indexed", config=config)
+    assert mg.graft(library, seed=1).library.config == config
+    assert len(library.candidates(0, "upper")) >= 1
+    assert stops in mg.view(motion, config=config, show=False).html
+    if is_causal(name):
+        stream = mg.Stream(library)
+        stream.push(motion)
+        stream.close()
+        assert mg.join_pieces(stream.pieces()).n_frames == motion.n_frames
+    else:
+        with pytest.raises(ValueError, match="segmentation` must be one of 'energy', "):
+            mg.Stream(library)
+
+    option = ("--segmentation", name)
+    assert run("index", clip, "-o", "lib", *option)[0] == 0
+    assert run("graft", clip, "-o", "new", *option)[0] == 0
+    (record,) = [json.loads(path.read_text()) for path in Path("new").glob("*.json")]
+    assert record["config"].get("segmentation", "energy") == name
+    assert run("view", clip, "-o", "page.html", *option)[0] == 0
+    assert stops in Path("page.html").read_text()
+    for words in ((clip, *option), ("lib",)):
+        code, out, _ = run("candidates", *words, "--segment", "0", "--json")
+        assert code == 0
+        assert json.loads(out)["frames"] == [0, expected.stop[0]]
+    for folder in ("indexed", "lib"):
+        opened = mg.Library.open(folder)
+        assert opened.config == config
+        np.testing.assert_array_equal(opened.segments.start, expected.start)
+
+
+def test_unknown_method_names_the_methods_and_the_file(clip, usage_error):
+    message = usage_error("graft", clip, "-o", "x", "--segmentation", "nope")
+    assert (
+        f"--segmentation: must be one of {', '.join(NAMES)} or the name of a .json file with cut "
+        "frames; got 'nope'"
+    ) in message
+    assert "did you mean 'gmm'?" in usage_error("view", clip, "-o", "x", "--segmentation", "gm")
 
 
 @pytest.mark.parametrize(

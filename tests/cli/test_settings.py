@@ -126,6 +126,17 @@ def test_settings_groups_path_is_relative_to_config_file(run, clip, working_fold
     assert groups == {"torso", "arms"}
 
 
+def test_settings_skeleton_and_labels_paths_are_relative_to_config_file(
+    run, working_folder, monkeypatch
+):
+    Path(CONFIG_FILE).write_text('skeleton = "rest.json"\n[evaluate]\nlabels = "labels.csv"\n')
+    (working_folder / "below").mkdir()
+    monkeypatch.chdir(working_folder / "below")
+    for command, name in (("info", "rest.json"), ("evaluate", "labels.csv")):
+        _, out, _ = run("config", "show", command)
+        assert f'= "{working_folder / name}"' in out
+
+
 def test_settings_unused_option_is_not_refused(run, usage_error, clip):
     Path(CONFIG_FILE).write_text(
         '[graft]\ngroups = "lower_upper"\n[index]\ngroups = "lower_upper"\n'
@@ -181,6 +192,12 @@ def test_settings_exclude_output_force_json_and_help():
     for command in COMMANDS:
         flags = {flag for argument in command.settings() for flag in argument.flags}
         assert flags.isdisjoint({"-o", "--output", "--force", "--json", "--help"}), command.name
+
+
+def test_settings_actions_declare_none_because_only_commands_read_them():
+    for command in COMMANDS:
+        for action in command.actions:
+            assert not list(action.settings()), action.name
 
 
 def test_settings_groups_are_ignored_for_libraries(run, clip):

@@ -7,12 +7,13 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from mograft.cli import main
-from tests.cli.test_process import assert_complete, start, wait_until
+from tests.cli.test_process import assert_complete, running, start, wait_until
 
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/stat").exists(), reason="finds processes in /proc"
@@ -33,35 +34,40 @@ def list_session(session):
     return found
 
 
-def assert_session_ends(session, seconds=2.0):
-    """Assert that all processes of a session end in time; kill the others."""
-    end = time.monotonic() + seconds
-    while list_session(session) and time.monotonic() < end:
+def wait_until_session_ends(session):
+    """Wait until all processes of a session have ended."""
+    for _ in range(6_000):
+        if not list_session(session):
+            return
         time.sleep(0.01)
-    left = list_session(session)
-    for process_id in left:
-        os.kill(process_id, signal.SIGKILL)
-    assert not left
+    raise AssertionError(f"processes are left: {list_session(session)}")
 
 
-@pytest.fixture
-def many_clips(working_folder, clip):
-    (working_folder / "clips").mkdir()
-    for number in range(40):
-        shutil.copy(clip, working_folder / "clips" / f"c{number}.bvh")
-    return working_folder
+def list_workers(session):
+    """Return the ids of the worker processes of a session."""
+    found = []
+    for each in list_session(session):
+        with suppress(OSError):  # the process has ended
+            if b"spawn_main" in Path(f"/proc/{each}/cmdline").read_bytes():
+                found.append(each)
+    return found
 
 
+# Each command has work for minutes.
 COMMANDS = {
-    "graft": (["graft", "CLIP", "-o", "out", "-n", "400"], lambda: any(Path().glob("out/*.bvh"))),
-    "index": (["index", "clips", "-o", "lib"], lambda: any(Path().glob(".lib*/*/frames*"))),
-    "index workers": (
-        ["index", "clips", "-o", "lib", "-j", "2"],
-        lambda: any(Path().glob(".lib*/*/frames*")),
+    "graft": (["graft", "CLIP", "-o", "out", "-n", "3000"], lambda: any(Path().glob("out/*.bvh"))),
+    "index": (["index", "MANY", "-o", "lib"], lambda: has_frames()),
+    "index workers": (["index", "MANY", "-o", "lib", "-j", "2"], lambda: has_frames()),
+    "export": (
+        ["export", "SLOW", "-o", "x.gif", "--size", "64x64", "--rate", "50"],
+        lambda: has_draft(),
     ),
-    "export": (["export", "CLIP", "-o", "x.gif", "--size", "1920x1080"], lambda: has_draft()),
     "stream": (["stream", "CLIP", "--socket", "socket"], lambda: Path("socket").exists()),
 }
+
+
+def has_frames():
+    return any(Path().glob(".lib*/*/frames*"))
 
 
 def has_draft():
@@ -77,68 +83,74 @@ def make_cases():
             yield pytest.param(name, number, marks=marks)
 
 
-@pytest.mark.parametrize(("name", "number"), list(make_cases()))
-def test_signal_ends_command_and_workers_and_leaves_no_draft(many_clips, clip, name, number):
-    if name == "export":
-        pytest.importorskip("PIL", reason="Pillow is not installed")
+@pytest.fixture
+def places(clip, folder_of_many_clips, slow_clip):
+    return {"CLIP": clip, "MANY": folder_of_many_clips, "SLOW": slow_clip}
+
+
+def end_by_signal(name, number, places):
+    """Run a command and end it by a signal; return the seconds until all its processes ended."""
     words, is_running = COMMANDS[name]
-    child = start(*(clip if word == "CLIP" else word for word in words))
-    wait_until(is_running, child)
-    assert child.poll() is None
-    # Only Ctrl-C reaches the workers as well.
-    (os.killpg if number == signal.SIGINT else os.kill)(child.pid, number)
-    begin = time.monotonic()
-    _, err = child.communicate(timeout=60)
-    assert time.monotonic() - begin < 2
-    assert_session_ends(child.pid)
+    with running(*(places.get(word, word) for word in words)) as child:
+        wait_until(is_running, child)
+        # Only Ctrl-C reaches the workers as well.
+        (os.killpg if number == signal.SIGINT else os.kill)(child.pid, number)
+        begin = time.monotonic()
+        _, err = child.communicate(timeout=60)
+        wait_until_session_ends(child.pid)
+        seconds = time.monotonic() - begin
     assert child.returncode == SIGNALS[number]
     assert err.splitlines()[-1] in ("interrupted", "terminated", "the terminal was closed")
     assert name == "graft" or len(err.splitlines()) == 1
     assert "Traceback" not in err
-    left = {path.name for path in many_clips.iterdir()} - {"clips"}
-    assert left == ({"out"} if name == "graft" else set())
-    for path in assert_complete(many_clips):
-        assert path.parent.name == "clips" or path.with_suffix(".json").exists()
+    assert {path.name for path in Path().iterdir()} == ({"out"} if name == "graft" else set())
+    for path in assert_complete(Path()):
+        assert path.with_suffix(".json").exists()
+    shutil.rmtree("out", ignore_errors=True)
+    return seconds
 
 
-@pytest.mark.usefixtures("many_clips")
-def test_sigterm_while_adding_keeps_library_and_removes_new_generation(clip):
+@pytest.mark.usefixtures("hangup_not_ignored", "working_folder")
+@pytest.mark.parametrize(("name", "number"), list(make_cases()))
+def test_signal_ends_command_and_workers_soon_and_leaves_no_draft(places, name, number):
+    """Other processes may delay one end, or two: the promise of 2 s is for an idle machine."""
+    if name == "export":
+        pytest.importorskip("PIL", reason="Pillow is not installed")
+    assert any(end_by_signal(name, number, places) < 2 for _ in range(3))
+
+
+@pytest.mark.usefixtures("working_folder")
+def test_sigterm_while_adding_keeps_library_and_removes_new_generation(clip, folder_of_many_clips):
     assert main(["index", str(clip), "-o", "lib"]) == 0
     before = sorted(path for path in Path("lib").rglob("*") if path.name != ".lock")
-    child = start("index", "clips", "-o", "lib", "--add", "-j", "2")
-    wait_until(lambda: any(Path("lib/0002").glob("samples-0002.npy")), child)
-    child.terminate()
-    child.communicate(timeout=60)
+    with running("index", folder_of_many_clips, "-o", "lib", "--add", "-j", "2") as child:
+        wait_until(lambda: any(Path("lib/0002").glob("samples-0002.npy")), child)
+        child.terminate()
+        child.communicate(timeout=60)
     assert child.returncode == 143
     assert sorted(path for path in Path("lib").rglob("*") if path.name != ".lock") == before
     assert main(["lib", "verify", "lib"]) == 0
 
 
-@pytest.mark.usefixtures("many_clips")
-def test_killed_command_workers_end():
-    child = start("index", "clips", "-o", "lib", "-j", "2")
-    wait_until(COMMANDS["index"][1], child)
-    assert len(list_session(child.pid)) >= 3
-    child.kill()
-    child.communicate(timeout=60)
-    assert_session_ends(child.pid)
+@pytest.mark.usefixtures("working_folder")
+def test_killed_command_workers_end(folder_of_many_clips):
+    with running("index", folder_of_many_clips, "-o", "lib", "-j", "2") as child:
+        wait_until(lambda: has_frames() and len(list_workers(child.pid)) == 2, child)
+        child.kill()
+        child.communicate(timeout=60)
+        wait_until_session_ends(child.pid)
 
 
-@pytest.mark.thorough  # in rare cases the pool of Python does not notice the killed worker
-def test_killed_worker_raises_clear_error(many_clips):
-    child = start("index", "clips", "-o", "lib", "-j", "2")
-    wait_until(COMMANDS["index"][1], child)
-    commands = {
-        each: Path(f"/proc/{each}/cmdline").read_bytes() for each in list_session(child.pid)
-    }
-    worker = next(each for each, words in commands.items() if b"spawn_main" in words)
-    os.kill(worker, signal.SIGKILL)
-    _, err = child.communicate(timeout=60)
-    assert_session_ends(child.pid)
+def test_killed_worker_raises_clear_error(working_folder, folder_of_many_clips):
+    with running("index", folder_of_many_clips, "-o", "lib", "-j", "2") as child:
+        wait_until(lambda: has_frames() and len(list_workers(child.pid)) == 2, child)
+        os.kill(list_workers(child.pid)[0], signal.SIGKILL)
+        _, err = child.communicate(timeout=60)
+        wait_until_session_ends(child.pid)
     assert child.returncode == 1
     assert err.startswith("error: a worker process was killed")
     assert len(err.splitlines()) == 1
-    assert [path.name for path in many_clips.iterdir()] == ["clips"]
+    assert list(working_folder.iterdir()) == []
 
 
 AT_IMPORT = """

@@ -57,6 +57,15 @@ def library(library):
     return replace(library, is_donor=is_donor)
 
 
+@pytest.mark.parametrize("method", [Analogy(), ByCost(), Nearest(), Ball()], ids=repr)
+def test_candidates_do_not_depend_on_configured_neighbourhood(library, method):
+    ball = library.relabelled(replace(library.config, neighbourhood="ball"))
+    scenario = np.arange(len(library.segments))
+    found = [method.candidates(own, scenario) for own in (library, ball)]
+    for of_cluster, of_ball in zip(*found, strict=True):
+        np.testing.assert_array_equal(of_cluster, of_ball)
+
+
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_candidates_contain_base_segment_and_no_excluded_donor(library, method):
     scenario = np.arange(len(library.segments))[::-3]
@@ -117,7 +126,7 @@ def test_nearest_without_count_has_as_many_donors_as_analogy(library):
 def test_ball_candidates_are_those_of_its_neighbourhood(library):
     segments = np.arange(len(library.segments))
     config = replace(library.config, neighbourhood="ball")
-    expected = Analogy().candidates(library.relabelled(config), segments)
+    expected = library.pool("upper").candidate_lists(segments, config)
     for own, other in zip(Ball().candidates(library, segments), expected, strict=True):
         np.testing.assert_array_equal(own, other)
 

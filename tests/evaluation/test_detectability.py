@@ -40,7 +40,7 @@ def change(grafts, function):
 
 @pytest.fixture(scope="module")
 def captured_copies(grafts):
-    return detectability("copies", change(grafts, copy_base))
+    return detectability("copies", change(grafts, copy_base), splits=1)
 
 
 def test_detectability_copies_of_base_have_auc_one_half(captured_copies):
@@ -59,7 +59,8 @@ def test_detectability_copies_of_base_have_auc_one_half(captured_copies):
 def test_detectability_jitter_at_seams_is_detected_there_only(grafts, captured_copies):
     joint = landmarks(grafts[0][0].motion.skeleton)["chest"][0]
     copies = change(grafts, copy_base)
-    jittered = detectability("jitter", change(copies, lambda g: add_jitter(g, joint, reach=2)))
+    jittered = change(copies, lambda g: add_jitter(g, joint, reach=2))
+    jittered = detectability("jitter", jittered, splits=1)
     assert jittered.seams.fine.low > 0.8
     assert jittered.seams.gross.value > 0.6
     assert jittered.other_moments == captured_copies.other_moments
@@ -120,6 +121,22 @@ def test_tested_windows_share_no_block_with_trained_ones(grafts, monkeypatch):
         assert trained
         assert used
         assert trained.isdisjoint(used)
+
+
+@pytest.mark.parametrize("place", ["seams", "between seams"])
+def test_windows_of_no_graft_or_of_donors_in_short_clips_are_empty(grafts, monkeypatch, place):
+    windows = GraftWindows.of(grafts[0], place, 100, np.random.default_rng(0))
+    full = windows.donor_pairs()
+    assert len(full.new) > 0
+    nothing = windows._choose(np.zeros(0, np.int64))
+    found = [nothing.pairs(), nothing.donor_pairs()]
+    # Windows that are longer than each clip of the donors.
+    monkeypatch.setattr("mograft.evaluation.windows.window_reach", lambda *_: 10**6)
+    found.append(windows.donor_pairs())
+    for pairs in found:
+        assert len(pairs.base) == len(pairs.new) == len(pairs.row) == len(pairs.blocks_used) == 0
+        for own, other in zip(pairs.new.blocks, full.new.blocks, strict=True):
+            assert own.shape == (0, other.shape[1])
 
 
 def test_tested_windows_have_weight_of_captured_window_at_same_frame(grafts):

@@ -42,6 +42,19 @@ def test_moment_laws_one_count_too_large_fail(labels, k, factor):
     assert all(law.holds == (law.margin >= 1 - 1e-9) for law in laws)
 
 
+def test_counts_do_not_depend_on_neighbourhood(library):
+    ball = library.relabelled(replace(library.config, neighbourhood="ball"))
+    assert enrichment(ball) == enrichment(library)
+    assert sweep(ball, ("rms",), (0.25, 1.0)) == sweep(library, ("rms",), (0.25, 1.0))
+
+
+def test_sweep_invalid_arguments_raise_value_error(library):
+    with pytest.raises(ValueError, match="`groups` must contain numbers of at least 2, got 1"):
+        sweep(library, groups=(2, 1))
+    with pytest.raises(ValueError, match="`readings` must be among literal, rms, got 'mean'"):
+        sweep(library, ("rms", "mean"))
+
+
 def test_moment_laws_paper_tables_fail_for_five_groups():
     for _, segments, counts in PAPER_TABLES.values():
         failed = {law.name for law in moment_laws(segments, counts) if not law.holds}

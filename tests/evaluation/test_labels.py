@@ -87,6 +87,18 @@ def test_label_items_count_zero_raises_value_error(library):
         label_items(library, 0)
 
 
+def test_label_items_negative_number_of_captured_pieces_raises_value_error(library):
+    with pytest.raises(ValueError, match="`captured` must be a whole number of at least 0, got -1"):
+        label_items(library, 5, captured=-1)
+
+
+def test_read_labels_too_long_cell_raises_value_error(library, tmp_path):
+    path = tmp_path / "labels.csv"
+    path.write_text("x" * 200_000)
+    with pytest.raises(ValueError, match="not a CSV table: field larger"):
+        read_labels(path, library)
+
+
 def test_label_items_base_group_raises_value_error(library):
     with pytest.raises(ValueError, match="`group` must be one of upper"):
         label_items(library, 5, group="lower")

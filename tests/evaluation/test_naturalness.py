@@ -106,8 +106,12 @@ def test_compatibility_few_donors_raises_insufficient_data_error(library):
         compatibility(faulty, methods=METHODS)
 
 
-def test_compatibility_base_group_raises_value_error(library):
-    with pytest.raises(ValueError, match="must not be the base"):
+def test_compatibility_invalid_arguments_raise_value_error(library):
+    with pytest.raises(ValueError, match="`splits` must be a whole number of at least 1, got 0"):
+        compatibility(library, splits=0)
+    with pytest.raises(ValueError, match="`group` must be one of upper, got 'wings'"):
+        compatibility(library, "wings")
+    with pytest.raises(ValueError, match="`group` must be one of upper, got 'lower'"):
         compatibility(library, "lower", METHODS)
 
 

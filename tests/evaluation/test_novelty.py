@@ -1,5 +1,6 @@
 """Novelty, coverage and diversity: of copies, of known distances, and against all pairs."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -31,6 +32,15 @@ def test_novelty_of_captured_motion_is_none(library):
     assert found.novelty.n == 0
     assert found.coverage.value == 0
     assert found.between.n == 0
+
+
+def test_novelty_library_with_every_motion_twice_has_no_relative_measure(library):
+    clip = library.clips[0]
+    twice = Library.build([clip, replace(clip, name="again")])
+    found = novelty(make_grafts(twice, RandomLength(), 2))
+    assert found.changed.value > 0
+    assert math.isnan(found.novelty.value)
+    assert math.isnan(found.coverage.value)
 
 
 def test_novelty_copies_of_another_base_have_distance_zero(library):

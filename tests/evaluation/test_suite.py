@@ -107,7 +107,7 @@ def test_evaluate_unknown_topic_raises_value_error(library, topics):
 
 @pytest.mark.parametrize("name", ["runs", "bases"])
 def test_evaluate_zero_count_raises_value_error(library, name):
-    with pytest.raises(ValueError, match=f"`{name}` must be at least 1"):
+    with pytest.raises(ValueError, match=f"`{name}` must be a whole number of at least 1"):
         evaluate(library, **{name: 0})
 
 

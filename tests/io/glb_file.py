@@ -66,7 +66,7 @@ class Glb:
             visit(root, np.eye(4))
         return world
 
-    def skinned(self, animation, frame):
+    def skin_vertices(self, animation, frame):
         """Return the skinned vertices of the mesh in a frame, and the joint of each."""
         skin = self.document["skins"][0]
         inverse = self.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)

@@ -15,6 +15,6 @@ def file_id(path):
 
 
 def require(path, folder):
-    if path is None:
-        pytest.skip(f"no files in {folder}")
+    if path is None or not path.exists():
+        pytest.skip(f"no such files in {folder}")
     return path

@@ -10,11 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mograft as mg
-from mograft.io.bvh import cursor
+from mograft.io.bvh import cursor, header
 from mograft.motion import rotations
 from tests.dialects import Clip, Dialect, clips, dialects, layouts, to_text
-from tests.fuzz_bvh import SEEDS, check
+from tests.fuzz_bvh import SEEDS, check, mutate
 from tests.io.bvh_helpers import (
+    TEXT,
     assert_same_numbers,
     assert_same_skeleton,
     read,
@@ -114,8 +115,56 @@ def test_read_bvh_position_channels_replace_or_add_to_offsets(clip, add_offsets)
     np.testing.assert_array_equal(round_trip(motion).positions, expected)
 
 
+def read_without_kernel(text, *, strict):
+    """Return the hierarchy and the repairs, or the message of the error."""
+
+    def read_nothing(text, start, opened, n_joints, limits):  # noqa: ARG001 - as the kernel
+        rows = [np.empty((0, width)) for width in (6, 3, 2, 3)]
+        integers = [row.astype(np.int64) for row in rows]
+        return integers[0], rows[1], integers[2], rows[3], [], 0, opened
+
+    with patch.object(header._core, "scan_hierarchy", read_nothing):
+        return read_hierarchy(text, strict=strict)
+
+
+def read_hierarchy(text, chunk_bytes=cursor.CHUNK_BYTES, *, strict):
+    try:
+        with patch.object(cursor, "CHUNK_BYTES", chunk_bytes):
+            summary = mg.scan_bvh(io.BytesIO(text), strict=strict)
+    except mg.BvhError as error:
+        return str(error)
+    skeleton = summary.skeleton
+    sites = [(own.parent, own.offset.tolist(), own.before, own.name) for own in skeleton.end_sites]
+    joints = skeleton.names, skeleton.parents.tolist(), skeleton.offsets.tolist()
+    return joints, skeleton.channels, sites, summary.repairs
+
+
+def to_bytes(text):
+    return text if isinstance(text, bytes) else text.encode()
+
+
+@few_examples(100)
+@given(clips(), dialects() | layouts(), st.sampled_from([7, 100, cursor.CHUNK_BYTES]))
+def test_usual_hierarchies_are_read_as_all_others(clip, dialect, chunk_bytes):
+    text = to_bytes(to_text(clip, dialect))
+    assert not isinstance(read_hierarchy(text, chunk_bytes, strict=False), str)
+    for strict in (False, True):
+        found = read_hierarchy(text, chunk_bytes, strict=strict)
+        assert found == read_without_kernel(text, strict=strict)
+
+
+@few_examples(300)
+@given(st.integers(0, 2**32), st.booleans(), st.booleans())
+def test_damaged_usual_hierarchies_are_read_as_all_others(seed, is_small, strict):
+    with patch("tests.fuzz_bvh.TEXT", TEXT.encode()):
+        text = mutate(seed)
+    chunk_bytes = 50 if is_small else cursor.CHUNK_BYTES
+    found = read_hierarchy(text, chunk_bytes, strict=strict)
+    assert found == read_without_kernel(text, strict=strict)
+
+
 def test_bvh_chain_deeper_than_recursion_limit_round_trips():
-    n_joints = 6000
+    n_joints = 2000
     skeleton = mg.Skeleton(
         tuple(f"j{joint}" for joint in range(n_joints)),
         np.arange(-1, n_joints - 1),

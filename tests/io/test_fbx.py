@@ -245,7 +245,7 @@ def test_fbx_unit_is_in_the_notes_and_not_applied(folder):
     assert_matches_equations(clips[0], scene, static_rest(scene)[1])
 
 
-def recorded(name):
+def recorded_file(name):
     path = FOLDER / name
     if not path.is_file():
         pytest.skip(f"{path} is absent")
@@ -254,8 +254,8 @@ def recorded(name):
 
 @pytest.mark.parametrize("pose", ["bind", "stance"])
 def test_fbx_recorded_pose_matches_bvh_of_same_figure(pose):
-    clip = mg.read(recorded(f"Geno_{pose}.fbx"))[0]
-    twin = mg.read_bvh(recorded(f"Geno_{pose}.bvh"))
+    clip = mg.read(recorded_file(f"Geno_{pose}.fbx"))[0]
+    twin = mg.read_bvh(recorded_file(f"Geno_{pose}.bvh"))
     assert clip.skeleton.names == twin.skeleton.names
     np.testing.assert_array_equal(clip.skeleton.parents, twin.skeleton.parents)
     assert (clip.n_frames, round(clip.rate)) == (twin.n_frames, round(twin.rate))
@@ -266,8 +266,8 @@ def test_fbx_recorded_pose_matches_bvh_of_same_figure(pose):
 
 
 def test_fbx_recorded_text_6100_matches_binary_7500():
-    old = mg.read(recorded("ufbx_maya_interpolation_modes_6100_ascii.fbx"))[0]
-    new = mg.read(recorded("ufbx_maya_interpolation_modes_7500_binary.fbx"))[0]
+    old = mg.read(recorded_file("ufbx_maya_interpolation_modes_6100_ascii.fbx"))[0]
+    new = mg.read(recorded_file("ufbx_maya_interpolation_modes_7500_binary.fbx"))[0]
     assert old.n_frames == new.n_frames
     np.testing.assert_allclose(old.world_positions(), new.world_positions(), atol=1e-4)
 
@@ -275,8 +275,8 @@ def test_fbx_recorded_text_6100_matches_binary_7500():
 @pytest.mark.parametrize("take", ["Base", "Spin", "Wiggle"])
 def test_fbx_recorded_text_6100_matches_binary_7400_that_blender_reads(take):
     """A client test compares the binary file with the importer of Blender, which reads no text."""
-    old = mg.read(recorded("ufbx_blender_279_sausage_6100_ascii.fbx"))[take]
-    clips = mg.read(recorded("ufbx_blender_279_sausage_7400_binary.fbx"))
+    old = mg.read(recorded_file("ufbx_blender_279_sausage_6100_ascii.fbx"))[take]
+    clips = mg.read(recorded_file("ufbx_blender_279_sausage_7400_binary.fbx"))
     new = clips[f"Skeleton|{take}"]
     joints = ("Bottom", "Middle", "Top")
     places = [
@@ -324,7 +324,7 @@ def read_keys(text):
 
 
 def test_fbx_recorded_interpolation_modes_match_own_curves():
-    path = recorded("ufbx_maya_interpolation_modes_6100_ascii.fbx")
+    path = recorded_file("ufbx_maya_interpolation_modes_6100_ascii.fbx")
     motion = mg.read(path)[0]
     keys = read_keys(path.read_text())
     assert [mode for _, _, mode, *_ in keys] == list("UULLUUUCCCCU")

@@ -48,7 +48,7 @@ def path(tmp_path):
     ],
 )
 def test_fbx_other_content_is_refused(path, data):
-    assert_refused(path, data, "expected an FBX file, got one that ufbx refuses: ")
+    assert_refused(path, data, "expected an FBX file, got one that the library ufbx cannot read: ")
 
 
 @pytest.mark.parametrize("version", [5800, 6000, 7800, 9000])
@@ -112,7 +112,7 @@ def test_fbx_frame_rate_that_is_not_credible_needs_rate(path):
     )
     assert mode in data
     path.write_bytes(data.replace(mode, custom))
-    with pytest.raises(mg.FormatError, match=r"GlobalSettings: expected a frame rate .*1e\+300"):
+    with pytest.raises(mg.FormatError, match=r"GlobalSettings: expected a frame time .*1e-300"):
         mg.read(path)
     assert mg.read(path, rate=30)[0].n_frames == 2
 
@@ -125,7 +125,7 @@ def test_fbx_array_of_16_gib_is_refused_in_bounded_memory(path):
     data = fbx.to_binary(one_node())
     assert data.count(small) == 3
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    assert_refused(path, data.replace(small, array, 1), "ufbx refuses: Memory limit")
+    assert_refused(path, data.replace(small, array, 1), "ufbx cannot read: Memory limit")
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 300_000
 
 

@@ -93,6 +93,16 @@ def test_read_missing_file_raises_file_not_found(tmp_path):
         mg.read(tmp_path / "no.bvh")
 
 
+def test_clips_index_that_does_not_exist_raises_error_naming_file(tmp_path):
+    mg.write_bvh(dance(strides=1).motion[:3], tmp_path / "dance.bvh")
+    clips = mg.read(tmp_path / "dance.bvh")
+    assert clips[-1].name == clips[np.int64(0)].name == "dance"
+    with pytest.raises(IndexError, match=r"dance\.bvh has 1 clip, got the index 1"):
+        clips[1]
+    with pytest.raises(TypeError, match="must be an integer, name or slice, got float"):
+        clips[0.0]
+
+
 def test_read_rate_resamples(tmp_path):
     motion = dance(strides=1).motion[:61]
     mg.write_bvh(motion, tmp_path / "dance.bvh")

@@ -40,7 +40,7 @@ def test_write_glb_joint_positions_equal_forward_kinematics(tmp_path_factory, mo
     for k, frame in enumerate(frames):
         world = file.matrices(animation, frame)
         actual[k] = [world[joint][:3, 3] for joint in range(motion.n_joints)]
-        positions, joints = file.skinned(animation, frame)
+        positions, joints = file.skin_vertices(animation, frame)
         # The first corner of a bone is at its joint.
         tolerance = 1e-6 * np.abs(expected).max()
         np.testing.assert_allclose(
@@ -60,7 +60,7 @@ def test_write_glb_mesh_follows_bones_for_any_up_axis(motion, tmp_path):
         positions[:, 0] = rotations.rotate(tilt, positions[:, 0])
         write_glb(replace(motion, rotations=quats, positions=positions), tmp_path / "m.glb")
         file = Glb(tmp_path / "m.glb")
-        actual, joints = file.skinned(file.document["animations"][0], 40)
+        actual, joints = file.skin_vertices(file.document["animations"][0], 40)
         world = 0.01 * motion.world_positions()[40]
         # Upright, not mirrored: equal to the original up to a rotation about y.
         heights = actual[:, 1]
@@ -90,7 +90,7 @@ def test_write_glb_world_root_has_no_bone_in_mesh(motion, tmp_path):
     for name, moved in (("a", motion), ("b", under_world_root(motion, moving_root=True))):
         write_glb(moved, tmp_path / f"{name}.glb")
         file = Glb(tmp_path / f"{name}.glb")
-        vertices.append(file.skinned(file.document["animations"][0], 40))
+        vertices.append(file.skin_vertices(file.document["animations"][0], 40))
     (plain, plain_joints), (rooted, rooted_joints) = vertices
     np.testing.assert_array_equal(rooted_joints, plain_joints + 1)
     np.testing.assert_allclose(rooted, plain, atol=1e-4)
@@ -136,6 +136,8 @@ def test_write_glb_guesses_unit_from_height(motion, tmp_path, size, unit):
 def test_write_glb_invalid_argument_raises_value_error(motion, tmp_path):
     with pytest.raises(ValueError, match="`motions` must hold at least one"):
         write_glb([], tmp_path / "m.glb")
+    with pytest.raises(TypeError, match="`motions` must be a Motion, got str"):
+        write_glb("dance.bvh", tmp_path / "m.glb")
     for scale in (0, -1, np.nan, np.inf):
         with pytest.raises(ValueError, match="`scale` must be above 0"):
             write_glb(motion, tmp_path / "m.glb", scale=scale)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft.io.gltf.document import read_gltf_file
+from mograft.io.gltf.nodes import NodeTree
 from tests import strategies
 from tests.clients import blender_player
 from tests.io.glb_file import Glb
@@ -153,3 +154,21 @@ def read_start(container, animation):
     """Return the time of the first key of an animation."""
     inputs = {sampler["input"] for sampler in animation["samplers"]}
     return min(container.items("accessors")[index]["min"][0] for index in inputs)
+
+
+@given(st.integers(1, 30), st.integers(0, 99), st.data())
+def test_node_tree_roots_and_common_ancestor_equal_sets_of_ancestors(n_nodes, seed, data):
+    rng = np.random.default_rng(seed)
+    labels = rng.permutation(n_nodes)  # parents may follow their children
+    parents = np.full(n_nodes, -1)
+    for node in range(1, n_nodes):
+        above = int(rng.integers(-1, node)) if data.draw(st.booleans()) else node - 1
+        parents[labels[node]] = labels[above] if above >= 0 else -1
+    tree = NodeTree((), parents, (), None)
+    nodes = data.draw(st.lists(st.integers(0, n_nodes - 1), min_size=1))
+    roots = [tree.ancestors(node)[-1] for node in nodes]
+    assert tree.roots(nodes) == roots
+    family = [node for node, root in zip(nodes, roots, strict=True) if root == roots[0]]
+    shared = set.intersection(*[set(tree.ancestors(node)) for node in family])
+    lowest = max(shared, key=lambda node: len(tree.ancestors(node)))
+    assert tree.common_ancestor(family) == lowest

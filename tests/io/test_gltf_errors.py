@@ -182,6 +182,8 @@ def test_read_gltf_long_duration_of_few_keys_raises_format_error(tmp_path):
         end = found["bufferViews"][view]["byteOffset"] + 12
         binary[end - 4 : end] = struct.pack("<f", 1e30)
     path = tmp_path / "long.glb"
+    path.write_bytes(pack_glb(*document()))
+    read_all(path)  # modules that are imported by the first use are not measured
     path.write_bytes(pack_glb(found, bytes(binary)))
     tracemalloc.start()
     with pytest.raises(mg.FormatError, match=r"animations\[0\]: a duration of 1e\+30 s at 30"):

@@ -32,7 +32,7 @@ def test_read_kimodo_positions_equal_posed_joints(path):
     assert motion.is_translated.tolist() == [True] + [False] * 29  # bones keep their lengths
     assert clips.notes == (
         "frames per second: 30, that of Kimodo's models; the file states none",
-        "arrays without joints: foot_contacts",
+        "arrays that are not part of the motion: foot_contacts",
     )
 
 

@@ -4,7 +4,9 @@ import contextlib
 import io
 import subprocess
 import sys
+import warnings
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from mograft.io.npz_archive import open_npz_archive
 from tests import fuzz_npz
 from tests.io.amass_file import amass_arrays, write_arrays
 from tests.io.kimodo_file import kimodo_arrays
+from tests.memory import PEAK_BYTES
 from tests.strategies import few_examples
 
 
@@ -58,13 +61,14 @@ def test_npz_bomb_is_refused_in_bounded_memory(tmp_path):
                 member.write(bytes(2**20))
     assert path.stat().st_size < 2**22
     code = (
-        "import resource, sys, mograft as mg\n"
-        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        f"{PEAK_BYTES}\n"
+        "import sys, mograft as mg\n"
+        "before = peak_bytes()\n"
         "try:\n"
         "    mg.read(sys.argv[1])\n"
         "except mg.FormatError as error:\n"
         "    print(error)\n"
-        "print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024)\n"
+        "print((peak_bytes() - before) >> 20)\n"
     )
     run = subprocess.run(
         [sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True
@@ -105,6 +109,25 @@ def test_npz_fortran_order_and_other_types_are_read(tmp_path):
     for name in ("f", "big"):
         np.testing.assert_array_equal(archive.read_floats(name, (2, "n")), values)
     np.testing.assert_array_equal(archive.read_floats("int", (3,)), [0, 1, 2])
+
+
+def test_npz_header_of_python_2_is_read_without_warning(tmp_path):
+    header = header_of((2, 3)).replace(b"(2, 3), }  ", b"(2L, 3L), }")
+    assert b"2L" in header
+    values = np.arange(6.0).reshape(2, 3)
+    path = write_members(tmp_path / "a.npz", {"x": header + values.tobytes()})
+    np.testing.assert_array_equal(open_npz_archive(path).read_floats("x", (2, 3)), values)
+
+
+def test_npz_read_in_threads_keeps_the_filters_of_warnings(valid_files):
+    before, interval = list(warnings.filters), sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(8) as pool:
+            list(pool.map(open_npz_archive, valid_files * 50))
+    finally:
+        sys.setswitchinterval(interval)
+    assert list(warnings.filters) == before
 
 
 @pytest.fixture(scope="module")

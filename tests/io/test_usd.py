@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mograft import EndSite, Motion, Skeleton, write_bvh, write_usd
 from mograft.body.mass import mass_model
 from mograft.cli import main
-from mograft.io.usd import SUFFIXES
+from mograft.io.usd import SUFFIXES, _joint_paths
 from mograft.motion import rotations
 from tests import strategies
 from tests.clients import blender
@@ -20,6 +20,15 @@ from tests.strategies import HOSTILE_NAMES
 
 pxr = pytest.importorskip("pxr", reason="usd-core is not installed")
 from pxr import Usd, UsdGeom, UsdSkel, UsdValidation  # noqa: E402
+
+
+@given(st.lists(st.sampled_from(["A", "A_2", "A_3", "A_4", "A_2_2"]), min_size=1, max_size=6))
+@example(["A", "A_3", "A", "A"])
+def test_joint_paths_of_any_names_are_unique(names):
+    """Also if a name looks like another name with a number appended."""
+    parents = [-1, *[0] * (len(names) - 1)]
+    paths = _joint_paths(Skeleton(names, parents, np.zeros((len(names), 3))))
+    assert len(set(paths)) == len(names)
 
 
 def matrices(query, frame):

@@ -118,6 +118,17 @@ def test_conform_translated_joint_keeps_positions_and_gets_channels():
     assert result.skeleton.channels[joint][:3] == ("Xposition", "Yposition", "Zposition")
 
 
+def test_conform_skeletons_that_differ_in_end_sites_gives_their_end_sites():
+    """Conversions are cached by skeleton."""
+    names = tuple(name.replace("Left", "l_") for name in DANCE.skeleton.names)
+    renamed = replace(DANCE, skeleton=replace(DANCE.skeleton, names=names))
+    assert DANCE.skeleton.end_sites
+    for sites in (DANCE.skeleton.end_sites, DANCE.skeleton.end_sites[1:], ()):
+        target = replace(DANCE.skeleton, end_sites=sites)
+        result = conform(renamed, target, up=1, root=0)
+        assert len(result.skeleton.end_sites) == len(sites)
+
+
 def test_conform_other_figure_raises_skeleton_mismatch_error():
     worm = mg.Motion(
         mg.Skeleton(["a", "b"], [-1, 0], np.ones((2, 3))),

@@ -6,6 +6,7 @@ import shutil
 import sqlite3
 import time
 import warnings
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 from mograft import Library, LibraryError
 from mograft.cli import main
 from mograft.library import storage
+from mograft.motion import limits
 from tests.library.checks import list_files
 
 ENDLESS = "WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x FROM n) SELECT {} FROM n"
@@ -50,7 +52,7 @@ def copied_library(small_library, tmp_path):
     return tmp_path / "l"
 
 
-def put(*path, value):
+def put_value(*path, value):
     """Return a change of one entry of the manifest."""
 
     def change(folder, document):  # noqa: ARG001 - all changes have these arguments
@@ -110,49 +112,51 @@ def view(table, columns):
 
 HOSTILE = {
     "no generation": lambda _, document: document.pop("generation"),
-    "absolute generation": put("generation", value="/tmp"),
-    "generation of another library": put("generation", value="../l/0001"),
-    "generation with line break": put("generation", value="0001\n"),
-    "short generation": put("generation", value="1"),
-    "generation of another type": put("generation", value=1),
-    "foreign shard": put("shards", value=["../0001"]),
-    "unlisted shard": put("shards", value=["0002"]),
-    "shard of another type": put("shards", value=[["0001"]]),
-    "shards of another type": put("shards", value=None),
+    "absolute generation": put_value("generation", value="/tmp"),
+    "generation of another library": put_value("generation", value="../l/0001"),
+    "generation with line break": put_value("generation", value="0001\n"),
+    "short generation": put_value("generation", value="1"),
+    "generation of another type": put_value("generation", value=1),
+    "foreign shard": put_value("shards", value=["../0001"]),
+    "unlisted shard": put_value("shards", value=["0002"]),
+    "shard of another type": put_value("shards", value=[["0001"]]),
+    "shards of another type": put_value("shards", value=None),
     "absolute file": rename_file("0001/starts.npy", "/etc/hostname"),
     "file of another folder": rename_file("0001/starts.npy", "0001/../../l/0001/starts.npy"),
     "file without folder": rename_file("0001/starts.npy", "starts.npy"),
     "file of another suffix": rename_file("0001/starts.npy", "0001/starts.pkl"),
     "file with NUL": rename_file("0001/starts.npy", "0001/starts\0.npy"),
-    "files as list": put("files", value=[]),
-    "no files": put("files", value={}),
-    "size of another type": put("files", "0001/starts.npy", value={"bytes": "1", "sha256": "0"}),
-    "state of another type": put("files", "0001/starts.npy", value=[]),
-    "negative version": put("version", value=-1),
-    "version of another type": put("version", value=True),
-    "rate of zero": put("rate", value=0),
-    "rate NaN": put("rate", value=float("nan")),
-    "rate above all": put("rate", value=1e8),
-    "rate as text": put("rate", value="30"),
-    "root without joint": put("root", value=99),
-    "no axis": put("up", value=3),
-    "huge number of samples": put("config", "samples", value=10**15),
-    "samples as text": put("config", "samples", value="ten"),
-    "config as list": put("config", value=[1]),
-    "field of another type": put("config", "sigma", value=[]),
-    "groups in a file": put("groups", value="/dev/zero"),
-    "groups without table": put("groups", value="\n"),
-    "group without folder": put("group", "upper", value={}),
-    "group in another folder": put("group", "upper", "folder", value="../0"),
-    "group without arrays": put("group", "upper", "folder", value="7"),
-    "group as list": put("group", value=[]),
-    "no groups": put("group", value={}),
-    "skeleton of another type": put("skeleton", value=3),
-    "skeleton without joints": put("skeleton", "names", value=[]),
-    "skeleton with a cycle": put("skeleton", "parents", value=[-1, *[17] * 17]),
-    "end sites of another type": put("skeleton", "end_sites", value=[3]),
-    "argument of the skeleton": put("skeleton", "other", value=3),
-    "deep skeleton": put("rest", value={"names": ["a"], "parents": 1}),
+    "files as list": put_value("files", value=[]),
+    "no files": put_value("files", value={}),
+    "size of another type": put_value(
+        "files", "0001/starts.npy", value={"bytes": "1", "sha256": "0"}
+    ),
+    "state of another type": put_value("files", "0001/starts.npy", value=[]),
+    "negative version": put_value("version", value=-1),
+    "version of another type": put_value("version", value=True),
+    "rate of zero": put_value("rate", value=0),
+    "rate NaN": put_value("rate", value=float("nan")),
+    "rate above all": put_value("rate", value=1e8),
+    "rate as text": put_value("rate", value="30"),
+    "root without joint": put_value("root", value=99),
+    "no axis": put_value("up", value=3),
+    "huge number of samples": put_value("config", "samples", value=10**15),
+    "samples as text": put_value("config", "samples", value="ten"),
+    "config as list": put_value("config", value=[1]),
+    "field of another type": put_value("config", "sigma", value=[]),
+    "groups in a file": put_value("groups", value="/dev/zero"),
+    "groups without table": put_value("groups", value="\n"),
+    "group without folder": put_value("group", "upper", value={}),
+    "group in another folder": put_value("group", "upper", "folder", value="../0"),
+    "group without arrays": put_value("group", "upper", "folder", value="7"),
+    "group as list": put_value("group", value=[]),
+    "no groups": put_value("group", value={}),
+    "skeleton of another type": put_value("skeleton", value=3),
+    "skeleton without joints": put_value("skeleton", "names", value=[]),
+    "skeleton with a cycle": put_value("skeleton", "parents", value=[-1, *[17] * 17]),
+    "end sites of another type": put_value("skeleton", "end_sites", value=[3]),
+    "argument of the skeleton": put_value("skeleton", "other", value=3),
+    "deep skeleton": put_value("rest", value={"names": ["a"], "parents": 1}),
     "endless view of clips": view("clip", ["id", "name"]),
     "endless view of skeletons": view("skeleton", ["id", "json"]),
     "endless view of refused files": view("refused", ["path", "reason"]),
@@ -210,10 +214,10 @@ def test_open_hostile_library_raises_library_error_soon(copied_library, name):
     path = copied_library / "manifest.json"
     if path.is_file() and not path.is_symlink():
         seal(copied_library, document)
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(LibraryError):
         use(copied_library)
-    assert time.perf_counter() - start < 2
+    assert time.process_time() - start < 2  # also if other processes are busy
 
 
 def test_open_sealed_library_without_changes_is_accepted(copied_library):
@@ -301,3 +305,18 @@ def test_write_lock_that_is_a_link_raises_library_error(copied_library, tmp_path
         Library.open(copied_library).add(str(tmp_path))
     assert not (tmp_path / "created").exists()
     assert list_files(copied_library)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("MAX_JOINTS", 3, "expected at most 3 joints, got"),
+        ("MAX_LEVELS", 2, "expected at most 2 levels of joints, got"),
+        ("MAX_NAME_CHARACTERS", 2, "names of at most 2 characters, got one of"),
+        ("MAX_FRAMES", 9, "expected at most 9 frames, got"),
+    ],
+)
+def test_library_beyond_limits_raises_library_error(small_library, name, value, message):
+    with patch.object(limits, name, value), pytest.raises(LibraryError, match=message) as caught:
+        Library.open(small_library)
+    assert str(caught.value).startswith(f"{small_library} is damaged: ")

@@ -105,7 +105,7 @@ def test_build_other_hierarchy_raises_skeleton_mismatch(motion):
     names = list(motion.skeleton.names)
     names[3] = "Hoof"
     other = replace(motion, skeleton=replace(motion.skeleton, names=names), name="goat")
-    with pytest.raises(SkeletonMismatchError, match=r"goat lacks LeftFoot and has also Hoof"):
+    with pytest.raises(SkeletonMismatchError, match=r"goat lacks LeftFoot and also has Hoof"):
         Library.build([motion, other])
 
 
@@ -264,3 +264,21 @@ def test_build_root_is_that_of_most_clips():
     chunks = zip(library.samples.chunks(), expected.samples.chunks(), strict=True)
     for chunk, expected_chunk in chunks:
         np.testing.assert_allclose(chunk.rows, expected_chunk.rows, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"errors": {}}, "unknown option `errors`: expected executor, frame_rates, hierarchy, "),
+        ({"match_notes": {}}, "unknown option `match_notes`: expected"),
+        ({"tag": {}}, "unknown option `tag`: .*did you mean 'tags'"),
+        ({"tags": ["slow"]}, "`tags` must be a Mapping, got list"),
+        ({"frame_rates": 30.0}, "`frame_rates` must be a Mapping, got float"),
+        ({"progress": 3}, "`progress` must be a function, got int"),
+        ({"executor": 3}, "`executor` must be a Executor, got int"),
+        ({"config": {}}, "`config` must be a Config, got dict"),
+    ],
+)
+def test_build_invalid_options_raise_type_error(motion, options, message):
+    with pytest.raises(TypeError, match=message):
+        Library.build(motion, **options)

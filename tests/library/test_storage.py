@@ -23,7 +23,7 @@ from tests.library.checks import assert_same_libraries, list_files
 from tests.strategies import motions
 
 
-@settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=10, suppress_health_check=list(HealthCheck))
 @given(motions(min_frames=60, min_joints=3), st.sampled_from((1.0, 2.0, 0.37)), st.booleans())
 def test_save_and_open_restore_every_bit(tmp_path, motion, speed, paper):
     """For any skeleton, with several rates, with and without channels of a file."""

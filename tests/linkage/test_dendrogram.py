@@ -119,9 +119,11 @@ TREE = np.array([[0.0, 2.0, 1.0, 2.0], [1.0, 3.0, 5.0, 3.0]])
         (TREE * [1, 1, 1, 1] + [[0.5, 0, 0, 0], [0, 0, 0, 0]], "must merge clusters that exist"),
         (TREE - [[0, 0, 0, 0], [0, 1, 0, 0]], "`tree` must merge each cluster once"),
         (TREE - [[0, 0, 0, 0], [0, 0, 4.5, 0]], "`tree` must have finite heights"),
-        (TREE - [0, 0, 0, 1], "`tree` must have the numbers of points"),
+        (TREE - [0, 0, 0, 1], "`tree` must have the number of points of each"),
         (TREE * [1, 1, -1, 1], "`tree` must have finite heights"),
         (TREE * [1, 1, np.nan, 1], "`tree` must have finite heights"),
+        (TREE * [1, 1, 1, np.nan], "`tree` must have the number of points of each"),
+        (TREE * [1, 1, 1, 1e300], "`tree` must have the number of points of each"),
     ],
 )
 def test_helpers_invalid_tree_raises_value_error(tree, message):
@@ -143,13 +145,21 @@ def test_helpers_invalid_tree_raises_value_error(tree, message):
         (lambda: dendrogram.fcluster(TREE, 1.5, "maxclust"), ValueError, "`t` must be a whole"),
         (lambda: dendrogram.fcluster(TREE, np.nan), ValueError, "`t` must be 0 or more, got nan"),
         (lambda: dendrogram.fcluster(TREE, 1, "inconsistent"), ValueError, "`criterion` must be"),
-        (lambda: dendrogram.truncate(TREE), ValueError, "exactly one of p and distance"),
-        (lambda: dendrogram.truncate(TREE, p=2, distance=1.0), ValueError, "exactly one of p and"),
+        (lambda: dendrogram.truncate(TREE), ValueError, "exactly one of `p` and `distance`"),
+        (
+            lambda: dendrogram.truncate(TREE, p=2, distance=1.0),
+            ValueError,
+            "exactly one of `p` and",
+        ),
         (lambda: dendrogram.truncate(TREE, p=0), ValueError, "`p` must be 1 or more, got 0"),
         (lambda: dendrogram.truncate(TREE, distance=-1), ValueError, "`distance` must be 0 or"),
         (lambda: dendrogram.cophenet(TREE, [0, 1]), ValueError, "`pairs` must have shape"),
         (lambda: dendrogram.cophenet(TREE, [[0.5, 1]]), TypeError, "`pairs` must be whole numbers"),
-        (lambda: dendrogram.cophenet(TREE, [[0, 3]]), IndexError, "`pairs` must be between 0 and"),
+        (lambda: dendrogram.cophenet(TREE, [[0, 3]]), IndexError, "between 0 and 2, got 3"),
+        (lambda: dendrogram.cophenet(TREE, [[-1, 3]]), IndexError, "between 0 and 2, got -1"),
+        (lambda: dendrogram.cophenet(TREE, [[0, 1], [2]]), ValueError, "`pairs` must be an array"),
+        (lambda: dendrogram.fcluster(TREE, None), TypeError, "`t` must be a number, got None"),
+        (lambda: dendrogram.fcluster(TREE, "2", "maxclust"), TypeError, "`t` must be a number"),
     ],
 )
 def test_helpers_invalid_argument_raises(call, error, message):

@@ -142,6 +142,30 @@ TABLE = [
 ]
 
 
+def test_linkage_excessive_limits_have_no_effect():
+    tree = mg.linkage(POINTS)
+    for name in ("n_threads", "memory_limit", "max_memory"):
+        np.testing.assert_array_equal(mg.linkage(POINTS, **{name: 10**30}), tree)
+
+
+@pytest.mark.parametrize("given", ["2", [1.0, 2.0], 1j], ids=str)
+@pytest.mark.parametrize(
+    ("name", "call"),
+    [
+        ("max_diameter", lambda given: mg.cut(POINTS, given)),
+        ("kind", lambda given: mg.threshold(POINTS, [given])),
+        ("scale", lambda given: mg.threshold(POINTS, scale=given)),
+        (
+            "distance_threshold",
+            lambda given: fit(POINTS, n_clusters=None, distance_threshold=given),
+        ),
+    ],
+)
+def test_number_arguments_of_other_type_raise_type_error(name, call, given):
+    with pytest.raises(TypeError, match=f"`{name}` must be a number, got"):
+        call(given)
+
+
 @pytest.mark.parametrize(("call", "peer", "error", "message"), TABLE, ids=range(len(TABLE)))
 def test_invalid_input_raises_error_of_peer(call, peer, error, message):
     with pytest.raises(error, match=message):
@@ -199,12 +223,24 @@ def test_invalid_input_raises_error(call, error, message):
         call()
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the limit is that of Linux")
 def test_cophenet_too_many_pairs_raises_memory_error():
-    merges = np.arange(2.0**19 - 1)
-    tree = np.column_stack([np.r_[0, merges[:-1] + 2], 2.0**19 + merges - 1, merges, merges + 2])
-    tree[0, 1] = 1
-    with pytest.raises(MemoryError):
-        mg.dendrogram.cophenet(tree)
+    """A terabyte, also where the system promises more memory than it has."""
+    code = """
+import resource
+import numpy as np
+import mograft as mg
+merges = np.arange(2.0**19 - 1)
+tree = np.column_stack([np.r_[0, merges[:-1] + 2], 2.0**19 + merges - 1, merges, merges + 2])
+tree[0, 1] = 1
+resource.setrlimit(resource.RLIMIT_AS, (1 << 36, 1 << 36))
+try:
+    mg.dendrogram.cophenet(tree)
+except MemoryError:
+    print("MemoryError")
+"""
+    child = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert child.stdout == "MemoryError\n"
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the limit is that of Linux")

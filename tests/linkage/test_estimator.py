@@ -29,7 +29,9 @@ METRICS = ("euclidean", "sqeuclidean", "cosine", "correlation")
 @pytest.mark.parametrize("parameters", [{}, {"metric": "sqeuclidean"}, {"compute_full_tree": True}])
 def test_complete_linkage_passes_check_estimator(parameters):
     results = check_estimator(mg.CompleteLinkage(**parameters), on_skip=None)
-    assert {result["status"] for result in results} == {"passed", "skipped"}
+    found = {result["status"] for result in results}
+    # scikit-learn before 1.9 skips no check.
+    assert found in ({"passed"}, {"passed", "skipped"})
 
 
 @given(

@@ -12,6 +12,7 @@ from scipy.spatial.distance import pdist
 
 import mograft as mg
 from tests.analysis.test_clustering import by_first_appearance, clouds
+from tests.memory import PEAK_BYTES
 
 METRICS = ("euclidean", "sqeuclidean", "cosine", "correlation")
 EPSILON = np.finfo(float).eps
@@ -111,21 +112,21 @@ def test_angular_metrics_extreme_lengths_do_not_overflow():
 
 
 MEMORY = """
-import resource, numpy as np, mograft as mg
+import numpy as np, mograft as mg
 rng = np.random.default_rng(0)
 points = np.empty((40_000, 100), np.{dtype}, "{order}")
 for axis in range(100):
     points[:, axis] = rng.random(40_000)
 mg.cut(points[:3].copy(), 0.5)
-before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+before = peak_bytes()
 mg.cut(points, 1e-9, memory_limit=0, n_threads=1)
-print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) << 10)
+print(peak_bytes() - before)
 """
 
 
 def test_cut_single_precision_columns_are_not_copied():
     def extra_bytes(dtype, order):
-        script = MEMORY.format(dtype=dtype, order=order)
+        script = PEAK_BYTES + MEMORY.format(dtype=dtype, order=order)
         run = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
         return int(run.stdout)
 

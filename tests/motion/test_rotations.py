@@ -156,6 +156,7 @@ def test_hermite_meets_end_rotations_and_velocities(start, end, leaving, reachin
             lambda: rotations.from_matrices([1.0, 0, 0]),
             r"`matrices` must have shape \(\.\.\., 3, 3\)",
         ),
+        (lambda: rotations.from_axis_angle([0, 0, 0], 1.0), "`axis` must have a length above 0"),
         (
             lambda: rotations.from_euler([1.0], "Q"),
             "`order` must consist of the letters X, Y and Z",

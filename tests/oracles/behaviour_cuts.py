@@ -39,3 +39,34 @@ def mean_mahalanobis(before, after, energy, min_variance):
     model = np.maximum(np.where(np.arange(len(values)) < n, values, noise), noise)
     inverse = np.linalg.inv(axes @ np.diag(model) @ axes.T)
     return float(np.mean([(row - mean) @ inverse @ (row - mean) for row in after]))
+
+
+def ppca_cuts(scores, window, step, parameters):
+    """Cut frames of "ppca" in one direction; `window` and `step` are in frames."""
+
+    def distances(first, stride):
+        rows = scores[first:]
+        return [
+            mean_mahalanobis(rows[:n], rows[n : n + window], parameters.energy, 1e-6)
+            for n in range(window, len(rows) - window + 1, stride)
+        ]
+
+    start, cuts = 0, []
+    overall = distances(0, max(window // 4, step))
+    if not overall:
+        return cuts
+    share = parameters.rise * (max(overall) - min(overall))
+    rise = max(share, parameters.min_rise * scores.shape[1])
+    n_following = int(np.ceil(window / step))
+    while True:
+        found = distances(start, step)
+        lowest = np.minimum.accumulate(found) if found else []
+        risen = [k for k in range(len(found)) if found[k] > lowest[k] + rise]
+        if not risen:
+            return cuts
+        near = found[risen[0] : risen[0] + n_following + 1]
+        peak = risen[0] + int(np.argmax(near))
+        if peak == len(found) - 1:
+            return cuts
+        start += window + step * peak
+        cuts.append(start)

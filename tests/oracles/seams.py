@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from mograft import _core  # noqa: TID251 - the solution of a banded system is tested by itself
 from mograft.blend.seams import add_deltas, at_piece_ends
 
 
@@ -13,8 +12,8 @@ def smooth_gradient(closed, weights):
     is_step = _donor_steps(closed.cut)
     slopes = _slopes(closed, values, is_step, weights) * moves[:, None]
     slopes[~is_free] = 0.0
-    bands = _normal_matrix(is_step, weights, is_free)
-    change = _core.solve_pentadiagonal(bands, -slopes.reshape(len(values), -1))
+    matrix = _normal_matrix(is_step, weights, is_free)
+    change = np.linalg.solve(matrix, -slopes.reshape(len(values), -1))
     return add_deltas(closed.space, values, change.reshape(slopes.shape))
 
 
@@ -89,22 +88,21 @@ def _free_frames(closed):
 
 
 def _normal_matrix(is_step, weights, is_free):
-    """Return the matrix of the normal equations for `solve_pentadiagonal`, (n_frames, 3).
+    """Return the matrix of the normal equations, (n_frames, n_frames).
 
     `is_step` is that of `_donor_steps`. Rows and columns of fixed frames are those of the identity.
     """
-    bands = np.zeros((len(is_free), 3))
-    bands[:, 0] = weights[0]
+    matrix = weights[0] * np.eye(len(is_free))
     terms = (
         ((-1.0, 1.0), weights[1] * is_step),
         ((1.0, -2.0, 1.0), weights[2] * (is_step[:-1] & is_step[1:])),
     )
     for stencil, weight in terms:
-        for i, first in enumerate(stencil):
-            for j, second in enumerate(stencil[i:]):
-                bands[i : i + len(weight), j] += weight * first * second
-    bands[~is_free] = 0.0
-    bands[~is_free, 0] = 1.0
-    bands[:-1, 1][~is_free[1:]] = 0.0
-    bands[:-2, 2][~is_free[2:]] = 0.0
-    return bands
+        derivative = np.zeros((len(weight), len(is_free)))
+        for offset, factor in enumerate(stencil):
+            derivative += factor * np.eye(len(weight), len(is_free), offset)
+        matrix += derivative.T @ (weight[:, None] * derivative)
+    matrix[~is_free] = 0.0
+    matrix[:, ~is_free] = 0.0
+    matrix[~is_free, ~is_free] = 1.0
+    return matrix

@@ -122,7 +122,7 @@ def zero_moment_shift(base, donor, seconds, steps=40):
     kernel = np.exp(-0.5 * (15 * offsets) ** 2)
     kernel /= kernel.sum()
 
-    def smoothed(time):
+    def smooth(time):
         v = (time - offsets) / seconds
         values = np.outer(1 - v, difference[0]) + np.outer(v, difference[-1])
         return kernel @ (values + np.sin(np.pi * np.outer(v, modes)) @ weights)
@@ -130,6 +130,6 @@ def zero_moment_shift(base, donor, seconds, steps=40):
     h = 0.01 * seconds / n
     moved = []
     for time in u * seconds:
-        before, here, after = smoothed(time - h), smoothed(time), smoothed(time + h)
+        before, here, after = smooth(time - h), smooth(time), smooth(time + h)
         moved.append(here - 0.56 * 1.75 / 9.81 * (before - 2 * here + after) / h**2)
     return np.array(moved)

@@ -208,8 +208,16 @@ def test_plots_invalid_arguments_raise_value_error(motion, library):
         plot.strip(motion, 0)
     with pytest.raises(ValueError, match="`group` must be one of lower, upper, got 'wings'"):
         plot.pca(library, "wings")
-    with pytest.raises(ValueError, match="`components` must be numbers from 1 to 10, got 11"):
+    with pytest.raises(ValueError, match="`components` must be whole numbers from 1 to 10, got 11"):
         plot.pca(library, components=(1, 11))
+    for components in ((1,), (1, 2.5)):
+        with pytest.raises(ValueError, match="`components` must be"):
+            plot.pca(library, components=components)
+    n = motion.n_frames
+    for draw in (plot.energy, plot.timeline):
+        for outside in ((-5, 20), (n, n + 9)):
+            with pytest.raises(ValueError, match=f"`frames` .* first within 0-{n - 1}, got"):
+                draw(motion, frames=outside)
     with pytest.raises(ValueError, match="`frames` must be two ascending numbers"):
         plot.timeline(motion, frames=(5, 5))
     with pytest.raises(ValueError, match="at least 2 frames"):

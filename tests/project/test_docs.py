@@ -208,7 +208,7 @@ def find_undocumented(reference):
             known = {f"mograft.{n}" for n in mograft.__all__}
             for inner in value.__all__:
                 if getattr(mograft, inner, None) is not getattr(value, inner):
-                    expected[f"{value.__name__}.{inner}"] = getattr(value, inner)
+                    expected[f"mograft.{name}.{inner}"] = getattr(value, inner)
                 else:
                     assert f"mograft.{inner}" in known
         else:

@@ -126,6 +126,12 @@ def test_walk_costly_new_run_is_preferred_to_free_repeated_run(library):
         assert set(entered[:3]) == {0, 21}
 
 
+@pytest.mark.parametrize("outside", [-1, 10**6])
+def test_repetition_segment_outside_library_raises_value_error(library, outside):
+    with pytest.raises(ValueError, match=f"`scenario` must contain only segments 0 to .*{outside}"):
+        repetition(library, [0, outside])
+
+
 @pytest.mark.parametrize("penalty", [-1.0, np.nan, np.inf])
 def test_walks_invalid_repeat_penalty_raises_value_error(library, graph, penalty):
     for make, argument in ((walk, 5.0), (fill, 300), (to_beats, [0.0, 1.0, 2.0])):

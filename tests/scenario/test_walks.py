@@ -127,7 +127,9 @@ def test_walk_long_duration_on_few_segments_uses_all_evenly(library):
 
 
 def test_walk_invalid_duration_raises_value_error(library):
-    with pytest.raises(ValueError, match="`duration` must be above 0 seconds, got 0"):
+    with pytest.raises(
+        ValueError, match=r"`duration` must be above 0 and at most 86400 seconds .*, got 0"
+    ):
         walk(library, 0)
     for endless in (np.inf, np.nan):
         with pytest.raises(ValueError, match="`duration` must be finite"):
@@ -149,14 +151,30 @@ def test_fill_invalid_frames_raises_value_error(library):
             fill(library, frames)
 
 
-def test_to_beats_invalid_beats_raises_value_error(library):
+def test_to_beats_table_above_limit_raises_value_error(library, graph, monkeypatch):
+    monkeypatch.setattr("mograft.scenario.walks._MAX_TABLE", 1 << 10)
     with pytest.raises(
         ValueError, match=r"a walk on a graph of \d+ segments must have at most \d+ frames"
     ):
-        to_beats(library, [0.0, 1.0, 1e9])
+        to_beats(library, [0.0, 1.0, 100.0], graph=graph)
+
+
+def test_to_beats_invalid_beats_raises_value_error(library):
     with pytest.raises(
         ValueError, match="`beats` must contain at least two times in seconds, got 1"
     ):
         to_beats(library, [0.0])
     with pytest.raises(ValueError, match="`beats` must ascend, got 1 after 1"):
         to_beats(library, [0.0, 1.0, 1.0])
+
+
+@pytest.mark.parametrize("duration", [1e300, 86_400.1, np.inf, 0.0, -1.0, True])
+def test_walk_duration_outside_limits_raises_value_error(library, graph, duration):
+    with pytest.raises(ValueError, match=r"`duration` must be (above 0 and at most 86400|finite)"):
+        walk(library, duration, graph=graph)
+
+
+@pytest.mark.parametrize("last", [1e300, 1.7e308, 86_401.0])
+def test_to_beats_span_above_limit_raises_value_error(library, graph, last):
+    with pytest.raises(ValueError, match="`beats` must span at most 86400 seconds"):
+        to_beats(library, [0.0, last], graph=graph)

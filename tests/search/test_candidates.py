@@ -73,6 +73,17 @@ def test_candidate_lists_without_length_limit_are_the_clusters(make_pool, seed):
         assert count_combinations(pool.labels, n_groups) == enumerated
 
 
+@given(SEEDS, st.integers(0, 40), st.floats(1e-3, 1e3))
+def test_distances_equal_norms_of_differences(make_pool, seed, n_axes, sigma):
+    rng = np.random.default_rng(seed)
+    pool = make_pool(seed)
+    points = rng.normal(size=(len(pool.segments), n_axes))
+    pool = replace(pool, points=points, sigma=sigma)
+    base, donors = rng.integers(0, len(points), (2, 30))
+    expected = np.linalg.norm(points[donors] - points[base], axis=1) / sigma
+    np.testing.assert_allclose(pool.distances(base, donors), expected, rtol=1e-14)
+
+
 @given(SEEDS, st.integers(1, 4), st.integers(1, 3), st.integers(1, 20))
 def test_search_keeps_cheapest_of_those_cheapest_without_balance(
     make_pool, seed, most, factor, batch
@@ -86,7 +97,7 @@ def test_search_keeps_cheapest_of_those_cheapest_without_balance(
             patch.setattr(f"mograft.search.{module}.POSITIONS_PER_BATCH", batch)
             patch.setattr(f"mograft.search.{module}.PRESELECTION", factor)
         patch.setattr("mograft.search.candidates._NEIGHBOURS_PER_BATCH", batch)
-        patch.setattr("mograft.search.balance._PAIRS_PER_BATCH", batch)
+        patch.setattr("mograft.search.balance._SEGMENTS_PER_BATCH", factor)
         patch.setattr("mograft.search.balance._MAX_KNOWN_PAIRS", batch)
         limited = pool.candidate_lists(scenario, config, model)
         lists = pool.candidate_lists(scenario, config)
@@ -223,8 +234,13 @@ def test_list_candidates_refusals_name_the_exceeded_limits(make_pool, seed):
             is_wide = max(candidate.gap_before, candidate.gap_after) > 0.3
             assert ("seam: " in candidate.refused) == is_wide
             assert ("length: " in candidate.refused) == (candidate.segment not in fitting)
+            # With `length_slack` a difference of exactly the limit is accepted.
+            assert "not below" not in candidate.refused
         total = len(found.allowed) + len(found.refused) + found.elsewhere
         assert total == len(pool.segments)
+        strict = list_segment(pool, segment, replace(config, length_slack=0.0)).refused
+        refusals = [candidate.refused for candidate in strict if "length: " in candidate.refused]
+        assert all("is not below 0.15" in refusal for refusal in refusals)
 
 
 @few_examples(40)

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import mograft as mg
@@ -722,11 +722,65 @@ def test_report_prints_the_limit_of_seam_gaps(library):
             "`frames` must be a first and a last frame, ascending",
         ),
         (lambda: mg.MaxAngle(0.1, weight=1.0), "MaxAngle accepts neither weight nor frames"),
+        (lambda: mg.AvoidSelf(captured=-1), "`captured` must not be negative, got -1"),
     ],
 )
 def test_constraint_invalid_arguments_raise(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_custom_function_that_is_not_callable_raises_type_error():
+    with pytest.raises(TypeError, match="`function` must be callable, got 5"):
+        mg.Custom(5)
+
+
+@pytest.mark.parametrize(
+    "constraints",
+    [None, 5, mg.MaxAngle(0.2), iter([mg.KeepOriginal()])],
+    ids=["none", "number", "constraint", "iterator"],
+)
+@pytest.mark.parametrize("function", [mg.graft, mg.graft_many, mg.repair, mg.Stream])
+def test_constraints_that_are_not_a_list_raise_type_error(library, function, constraints):
+    """An iterator would be empty after the first pass, and its constraints would be ignored."""
+    with pytest.raises(TypeError, match="`constraints` must be a list of constraints, got"):
+        function(library, constraints=constraints)
+
+
+@pytest.mark.parametrize("widest", [np.inf, np.nan, 0.0, -1, "2", True])
+def test_repair_invalid_widest_raises_value_error(library, widest):
+    """With an infinite limit, clusters would be enlarged without end."""
+    far = mg.Reach(HAND, (0.0, 9999.0, 0.0), 200)
+    with pytest.raises(ValueError, match="`widest` must be a finite number above 0, got"):
+        mg.repair(library, constraints=[far], widest=widest)
+
+
+def test_repair_of_no_library_raises_type_error():
+    with pytest.raises(TypeError, match="`library` must be a Library, got str"):
+        mg.repair("clips", constraints=[])
+
+
+@pytest.mark.parametrize("kind", [list, np.array])
+def test_box_rotation_of_any_kind_becomes_a_tuple_of_floats(kind):
+    box = mg.Box((0, 0, 0), (1, 1, 1), kind([0, 0, 0, 1]))
+    assert box == mg.Box((0, 0, 0), (1, 1, 1))
+    assert type(box.rotation) is tuple
+    assert {type(number) for number in box.rotation} == {float}
+
+
+def test_custom_errors_below_0_count_as_0(poses):
+    custom = mg.Custom(lambda poses: np.linspace(-3.0, 2.0, len(poses)), weight=1.0)
+    expected = np.linspace(-3.0, 2.0, len(poses)).clip(min=0.0)
+    np.testing.assert_array_equal(custom.errors(poses)[0], expected)
+
+
+@given(st.integers(1, 3000), st.integers(1, 3000), st.sampled_from([0.0, 1e-5, 5e-4, 0.1, 2.0]))
+@example(2000, 1999, 0.0)
+def test_max_stretch_errors_are_above_1_for_greater_stretches_only(base, donor, limit):
+    first, second = (mg.Segments(np.array([0]), np.array([n])) for n in (base, donor))
+    (error,) = mg.MaxStretch(limit).donor_errors(first, second, ())
+    assert (error > 1.0) == (abs(base - donor) / base > limit * (1 + 1e-9))
+    assert error > 1.0 or error == 0.0
 
 
 @pytest.mark.parametrize(
@@ -739,7 +793,7 @@ def test_constraint_invalid_arguments_raise(make, message):
         (
             mg.OnlyFrom(tags="happy"),
             ValueError,
-            "tags must be empty: no clip has a tag; got 'happy'",
+            "`tags` must be empty: no clip has a tag; got 'happy'",
         ),
     ],
 )
@@ -752,3 +806,20 @@ def test_limit_config_takes_the_smallest_angle():
     angles = [mg.MaxAngle(0.4), mg.MaxAngle(0.2), mg.Reach("a", (0, 0, 0), 0)]
     assert limit_config(mg.Config(), angles) == mg.Config(max_angle=0.2)
     assert limit_config(mg.Config(), [mg.MaxAngle(3.0)]) == mg.Config()
+
+
+@pytest.mark.parametrize("kind", [mg.OnlyFrom, mg.NotFrom])
+@pytest.mark.parametrize("several", [np.array, iter, dict.fromkeys])
+def test_names_of_constraints_may_be_any_iterable_of_strings(kind, several):
+    words = ["waltz", "tango"]
+    expected = kind(tuple(words), tags=tuple(words))
+    assert kind(several(words), tags=several(words)) == expected
+    with pytest.raises(ValueError, match="`clips` or `tags` must be given"):
+        kind(several([]))
+
+
+@pytest.mark.parametrize("words", [np.array("waltz"), np.array([1.0]), 3, None, [["waltz"]], b"a"])
+def test_names_of_constraints_of_another_type_raise_type_error(words):
+    for keywords in ({"clips": words}, {"clips": "a", "tags": words}):
+        with pytest.raises(TypeError, match="must be a name or several names, got"):
+            mg.OnlyFrom(**keywords)

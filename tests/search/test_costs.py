@@ -16,6 +16,7 @@ from mograft.search.costs import (
     infeasible_costs,
     length_fits,
 )
+from tests.strategies import SEEDS
 
 ROBUST, PAPER = Config(), Config.paper()
 SCALES = SeamScales(0.3, 2.0)
@@ -80,6 +81,25 @@ def test_keep_cheapest_keeps_the_base_and_lowest_indices_of_ties(costs, base, mo
     kept = CostModel(Config(max_candidates=most), SCALES).keep_cheapest(costs, is_base)
     others = sorted((i for i in range(9) if i != base), key=lambda i: (costs[i], i))
     assert kept.tolist() == sorted([base, *others[: most - 1]])
+
+
+@given(SEEDS, st.lists(st.integers(0, 12), min_size=1, max_size=8), st.integers(1, 4))
+def test_keep_cheapest_of_each_is_keep_cheapest_at_each_position(seed, counts, factor):
+    rng = np.random.default_rng(seed)
+    model, scenario = CostModel(Config(max_candidates=2), SCALES), rng.integers(0, 12, len(counts))
+    candidates = [np.sort(rng.permutation(12)[:count]) for count in counts]
+    costs = [rng.choice([-np.inf, -0.5, -0.0, 0.0, 1.0, np.inf], count) for count in counts]
+    kept, kept_costs = model.keep_cheapest_of_each(
+        scenario, candidates, np.concatenate(costs), factor
+    )
+    assert len(kept) == len(kept_costs) == len(counts)
+    for position, (segments, own) in enumerate(zip(candidates, costs, strict=True)):
+        order = np.lexsort((own, segments != scenario[position]))[: 2 * factor]
+        order.sort()
+        np.testing.assert_array_equal(kept[position], segments[order])
+        np.testing.assert_array_equal(kept_costs[position], own[order])
+        is_base = segments == scenario[position]
+        np.testing.assert_array_equal(model.keep_cheapest(own, is_base, factor), order)
 
 
 @given(st.floats(1e-3, 10.0), st.floats(1e-3, 10.0))

@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft import Config
-from mograft.analysis.zero_moment import added_imbalances, zero_moment_shifts
 from mograft.search.costs import INFEASIBLE_PENALTY
 from mograft.search.donor_choice import cost_model
 from mograft.search.trellis import DonorTrellis
 from mograft.search.viterbi import viterbi
+from tests.oracles import balance as balance_oracle
 from tests.oracles import search as oracle
 from tests.strategies import SEEDS, few_examples
 
@@ -38,8 +38,9 @@ def test_trellis_costs_match_the_formula_and_keep_the_cheapest(make_pool, seed, 
         ratio = min(lengths[i], lengths[k]) / max(lengths[i], lengths[k])
         distance = np.linalg.norm(pool.points[i] - pool.points[k]) / pool.sigma
         offsets = pool.balance.mass_offsets([[i], [k]])
-        shift = zero_moment_shifts(*offsets, np.array([lengths[i] / pool.rate]))
-        added = added_imbalances(shift, pool.balance.support_margins([i]), np.array([0]))[0]
+        shift = balance_oracle.zero_moment_shifts(*offsets, np.array([lengths[i] / pool.rate]))
+        margins = pool.balance.support_margins([i])
+        added = balance_oracle.added_imbalances(shift, margins, np.array([0]))[0]
         balance = config.balance_weight * added * (i != k)
         return 1 - ratio + 0.25 * distance + balance - config.novelty * (i != k)
 
@@ -69,6 +70,24 @@ def test_added_imbalances_do_not_depend_on_earlier_calls(make_pool, seed, draw):
     for base, donors in [*calls, *calls]:
         fresh = replace(pool).added_imbalances(base, donors)
         np.testing.assert_array_equal(pool.added_imbalances(base, donors), fresh)
+
+
+@given(SEEDS, st.integers(0, 2**32 - 1), st.integers(1, 5))
+def test_added_imbalances_of_runs_of_base_segments_match_the_formula(make_pool, seed, draw, size):
+    pool, rng = make_pool(seed, n_labels=1), np.random.default_rng(draw)
+    n = len(pool.segments)
+    base = np.repeat(rng.integers(0, n, 12), rng.integers(0, 4, 12))
+    donors, seconds = rng.integers(0, n, len(base)), pool.segments.lengths / pool.rate
+    shifts = balance_oracle.zero_moment_shifts(
+        pool.balance.mass_offsets(base), pool.balance.mass_offsets(donors), seconds[base]
+    )
+    margins = pool.balance.support_margins(base)
+    expected = balance_oracle.added_imbalances(shifts, margins, np.arange(len(base)))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("mograft.search.balance._SEGMENTS_PER_BATCH", size)
+        found = pool.added_imbalances(base, donors)
+    np.testing.assert_allclose(found, expected, atol=1e-11)
+    np.testing.assert_array_equal(found, replace(pool).added_imbalances(base, donors))
 
 
 @given(SEEDS, st.floats(0.0, 20.0), st.floats(0.0, 20.0))

@@ -215,7 +215,10 @@ def test_searches_with_computed_matrices_equal_those_with_stored_ones(
     """For blocks of any length, and on any part of the positions."""
     stored = make_trellis(seed, n_positions=n_positions, forbidden=forbidden)
     matrices = ComputedMatrices(
-        lambda start, stop: list(stored.pairwise[start:stop]), range(n_positions - 1), block_length
+        lambda start, stop: list(stored.pairwise[start:stop]),
+        lambda position, index: stored.pairwise[position][index],
+        range(n_positions - 1),
+        block_length,
     )
     computed = Trellis(stored.unary, matrices)
     start = data.draw(st.integers(0, n_positions - 1))
@@ -233,6 +236,30 @@ def test_searches_with_computed_matrices_equal_those_with_stored_ones(
         if math.isfinite(one.cost(viterbi(one))):
             drawn = [sample(own, 0.7, np.random.default_rng(seed)) for own in (one, other)]
             np.testing.assert_array_equal(*drawn)
+
+
+def test_computed_matrices_compute_blocks_within_the_slice_that_is_read():
+    """A search of a few positions computes these once; a row needs no block."""
+    computed, rows = [], []
+
+    def compute(start, stop):
+        computed.append((start, stop))
+        return [np.zeros((2, 2))] * (stop - start)
+
+    def compute_row(position, index):
+        rows.append((position, index))
+        return np.zeros(2)
+
+    matrices = ComputedMatrices(compute, compute_row, range(20), 8)
+    costs = Trellis((np.zeros(2),) * 21, matrices)
+    list(matrices)
+    list(matrices[::-1])
+    assert computed == [(0, 8), (8, 16), (16, 20), (8, 16), (0, 8)]
+    computed.clear()
+    viterbi(costs.slice_within(np.zeros(21, np.int64), 9, 13))
+    assert (computed, rows) == ([(8, 13)], [])
+    costs.pairwise_row(12, 1), costs.pairwise_row(13, 0)
+    assert (computed, rows) == ([(8, 13)], [(13, 0)])
 
 
 def test_searches_of_an_empty_trellis_return_the_empty_path():

@@ -338,7 +338,7 @@ def test_graft_bad_argument_raises_value_error(library, call, message):
 def test_graft_base_of_another_skeleton_raises_skeleton_mismatch_error(library, motion):
     names = ["Hip", *motion.skeleton.names[1:]]
     other = replace(motion, skeleton=replace(motion.skeleton, names=names), name="other")
-    with pytest.raises(SkeletonMismatchError, match="other lacks Hips and has also Hip"):
+    with pytest.raises(SkeletonMismatchError, match="other lacks Hips and also has Hip"):
         graft(library, other)
 
 

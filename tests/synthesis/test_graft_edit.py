@@ -275,7 +275,7 @@ def test_replace_in_scenario_numbers_segments_of_the_scenario(library):
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
-        (lambda graft: graft.replace(), ValueError, "give an edit or `reroll`"),
+        (lambda graft: graft.replace(), ValueError, "an edit or `reroll` must be given"),
         (lambda graft: graft.replace(mg.Use(999, 3)), ValueError, "`segment` of Use must be 0 to"),
         (
             lambda graft: graft.replace(reroll=[999]),

@@ -257,6 +257,13 @@ def test_provenance_contains_licence_tag(folder):
     assert [clip["licence"] for clip in clips] == ["CC BY 4.0", None]
 
 
+@pytest.mark.parametrize("name", ["new.json", "new.fbx", "new"])
+def test_write_graft_path_with_another_ending_raises_value_error(library, tmp_path, name):
+    with pytest.raises(ValueError, match=rf"`path` must end with \.bvh, .*, got {name}"):
+        mg.write_graft(mg.graft(library, seed=1), tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
 def test_replay_changed_or_missing_file_names_file_and_hashes(folder, tmp_path):
     clips = tmp_path / "clips"
     shutil.copytree(folder, clips)
@@ -286,6 +293,14 @@ def test_replay_another_library_names_both_hashes(folder, library):
         mg.replay(document, other)
 
 
+def nest_lists(depth):
+    """A list in a list, and so on."""
+    inner = []
+    for _ in range(depth):
+        inner = [inner]
+    return inner
+
+
 DAMAGED = {
     "schema": ({"schema": "mograft.candidates/1"}, "mograft.candidates/1"),
     "newer": ({"schema": "mograft.graft/99"}, "mograft.graft/99"),
@@ -304,6 +319,18 @@ DAMAGED = {
             }
         },
         "'X'",
+    ),
+    "nested constraint": (
+        {
+            "request": {
+                "method": "graft",
+                "base": None,
+                "swap": None,
+                "command": None,
+                "constraints": [{"kind": "Ban", "donor": nest_lists(10_000)}],
+            }
+        },
+        "recursion",
     ),
     "poses": ({"poses_sha256": "0" * 64}, "differs from that of the provenance"),
 }

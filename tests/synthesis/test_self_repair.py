@@ -61,20 +61,20 @@ def donors_of(graft):
 
 
 def peaks(motion, joints, frame):
-    """Return the greatest angular acceleration and jerk of a joint about a frame, per frame."""
+    """Return the greatest angular acceleration and jerk of joints about a frame, per frame."""
     accelerations, jerks = [0.0], [0.0]
     for at in range(frame - HALF_WIDTH, frame + HALF_WIDTH + 1):
         if at < 1 or at > motion.n_frames - 2:
             continue
-        for joint in joints:
-            quats = motion.rotations[at - 1 : at + 3, joint]
-            steps = [
-                rotations.log(rotations.multiply(rotations.inverse(a), b))
-                for a, b in itertools.pairwise(quats)
-            ]
-            accelerations.append(np.linalg.norm(steps[1] - steps[0]))
-            if len(steps) == 3:
-                jerks.append(np.linalg.norm(steps[2] - 2 * steps[1] + steps[0]))
+        quats = motion.rotations[at - 1 : at + 3, joints]
+        steps = [
+            rotations.log(rotations.multiply(rotations.inverse(a), b))
+            for a, b in itertools.pairwise(quats)
+        ]
+        accelerations.append(np.linalg.norm(steps[1] - steps[0], axis=-1).max())
+        if len(steps) == 3:
+            jerk = steps[2] - 2 * steps[1] + steps[0]
+            jerks.append(np.linalg.norm(jerk, axis=-1).max())
     return np.array([max(accelerations), max(jerks)])
 
 
@@ -175,7 +175,7 @@ def with_glitch(motion, frame, joints, degrees):
     return replace(motion, rotations=quats, channel_values=None, name="second")
 
 
-def smoothed(motion):
+def smooth(motion):
     """Return a motion whose rotations and positions are averages of five frames."""
     around = np.arange(motion.n_frames)[:, None] + np.arange(-2, 3)
     around = around.clip(0, motion.n_frames - 1)
@@ -199,7 +199,7 @@ def jerk_magnitudes(motion, joints):
 @few_examples(1)
 @given(st.integers(0, 1000))
 def test_jerk_amounts_above_limit_equal_ratios_to_base_and_rest_of_donor_clips(library, seed):
-    base = smoothed(library.clips[0])
+    base = smooth(library.clips[0])
     own = mg.Library.build([base, library.clips[1]])
     plan = GraftPlan.build(with_config(own, self_repair=False), None, None, ())
     donors = plan.choose_donors(1, seed)[0]
@@ -207,6 +207,10 @@ def test_jerk_amounts_above_limit_equal_ratios_to_base_and_rest_of_donor_clips(l
     segments, cut = own.segments, plan.problem.base_segments
     whole = [Piece(donors, 0, len(cut))]
     amounts = DefectMeasure(plan.problem, "upper").amounts(motion, whole)[0][:, 2]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("mograft.synthesis.defects._POSITIONS_PER_BLOCK", 7)
+        in_blocks = DefectMeasure(plan.problem, "upper").amounts(motion, whole)[0][:, 2]
+    np.testing.assert_array_equal(in_blocks, amounts)
     joints = feature_joints(base.skeleton, np.flatnonzero(plan.problem.driven_joints["upper"]))
     reached, known = jerk_magnitudes(motion, joints), jerk_magnitudes(base, joints)
     own_limits = MAX_JERK_RATIO * np.percentile(np.nan_to_num(known), 99.9, axis=0)
@@ -231,7 +235,7 @@ def test_jerk_amounts_above_limit_equal_ratios_to_base_and_rest_of_donor_clips(l
 
 
 def test_self_repair_donor_with_glitch_is_replaced_if_another_candidate_exists(library):
-    """The glitch is below the threshold of the fault detector, so that it is no excluded donor."""
+    """The glitch is below the threshold of the fault detector, so its segment remains a donor."""
     arms = [library.skeleton.index(name) for name in ("LeftArm", "RightArm")]
     n_planted = 0
     for seed in range(6):
@@ -421,3 +425,15 @@ def test_floor_points_are_those_that_a_group_moves_and_planting_does_not_raise(
     assert sorted(names(library, "upper", "auto")) == sorted(hands)
     assert sorted(names(root_library, "lower", "auto")) == sorted(hands)
     assert sorted(names(root_library, "lower", "never")) == sorted(feet + hands)
+
+
+@few_examples(1)
+@given(st.integers(0, 1000))
+def test_self_repair_any_number_of_frames_assembled_together_gives_same_graft(library, seed):
+    expected = mg.graft(library, seed=seed)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("mograft.synthesis.self_repair._FRAMES_PER_ASSEMBLY", 150)
+        found = mg.graft(library, seed=seed)
+    assert len(expected.repairs) > 1
+    assert found.repairs == expected.repairs
+    assert found.substitutions == expected.substitutions

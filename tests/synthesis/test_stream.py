@@ -622,7 +622,9 @@ def test_stream_group_with_legs_or_root_raises_value_error(library):
 @pytest.mark.parametrize(("field", "value"), [("alignment", "dtw")])
 def test_stream_unsupported_config_raises_value_error(library, field, value):
     other = replace(library, config=replace(library.config, **{field: value}))
-    with pytest.raises(ValueError, match=rf"config\.{field} must be .* in a stream, got '{value}'"):
+    with pytest.raises(
+        ValueError, match=rf"`Config\.{field}` must be .* in a stream, got '{value}'"
+    ):
         mg.Stream(other)
 
 

@@ -29,7 +29,7 @@ def quick_switches():
 
 
 @pytest.fixture(scope="module")
-def stored(tmp_path_factory):
+def library_folder(tmp_path_factory):
     """Return the folder of a library with two clips."""
     folder = tmp_path_factory.mktemp("threads") / "dance.mograft"
     clips = [dance(seed=seed, strides=1).motion[:500] for seed in (0, 1)]
@@ -87,20 +87,21 @@ def run_together(tasks):
 @pytest.mark.parametrize(
     "work", [graft_plainly, graft_with_constraint, graft_scenario, stream_base, list_candidates]
 )
-def test_threads_with_one_library_give_serial_bytes(stored, work):
-    alone = mg.Library.open(stored)
+def test_threads_with_one_library_give_serial_bytes(library_folder, work):
+    alone = mg.Library.open(library_folder)
     serial = [work(seed, alone) for seed in range(N_THREADS)]
-    shared = mg.Library.open(stored)  # no thread finds values that an earlier call has computed
+    # No thread finds values that an earlier call has computed.
+    shared = mg.Library.open(library_folder)
     assert run_together([partial(work, seed, shared) for seed in range(N_THREADS)]) == serial
     assert len(set(serial)) > 1
 
 
-def test_threads_with_different_work_give_serial_bytes(stored):
+def test_threads_with_different_work_give_serial_bytes(library_folder):
     works = [graft_plainly] * 5 + [stream_base, list_candidates, graft_with_constraint]
     assert len(works) == N_THREADS
-    alone = mg.Library.open(stored)
+    alone = mg.Library.open(library_folder)
     serial = [work(seed, alone) for seed, work in enumerate(works)]
-    shared = mg.Library.open(stored)
+    shared = mg.Library.open(library_folder)
     tasks = [partial(work, seed, shared) for seed, work in enumerate(works)]
     assert run_together(tasks) == serial
 

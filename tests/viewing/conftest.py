@@ -4,6 +4,7 @@ import pytest
 
 from mograft import Library, graft
 from mograft.dancer import dance
+from tests.browser import chromium
 
 
 @pytest.fixture(scope="package")
@@ -22,3 +23,10 @@ def library(motion):
 def new(library):
     """A graft of the library."""
     return graft(library, seed=3)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A headless Chromium."""
+    with chromium() as found:
+        yield found

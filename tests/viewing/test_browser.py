@@ -33,18 +33,12 @@ from mograft.motion import rotations
 from mograft.viewing.objects import ShownConstraint
 from mograft.viewing.report import report_page
 from mograft.viewing.scene import Scene
-from tests.browser import TIMEOUT_MILLISECONDS, chromium, open_page, wait_until
+from tests.browser import TIMEOUT_MILLISECONDS, open_page, wait_until
 from tests.strategies import HOSTILE_NAMES
 
 DASH = "\N{EN DASH}"
 
 pytestmark = pytest.mark.browser
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as found:
-        yield found
 
 
 @pytest.fixture(scope="module")
@@ -262,42 +256,6 @@ def test_report_space_plays_wherever_the_focus_is(browser, new, tmp_path, focus)
         page.locator("[data-part=frame]").focus()
         page.keyboard.press("Space")
         assert not page.evaluate("mograft.state.playing")
-
-
-def test_notebook_wheel_scrolls_until_view_has_focus(browser, new, tmp_path):
-    path = tmp_path / "notebook.html"
-    filler = "<div style='height:3000px'>text</div>"
-    path.write_text(f"<!doctype html>{new._repr_html_()}{filler}", encoding="utf-8")
-    page = browser.new_page(viewport={"width": 1000, "height": 800})
-    page.set_default_timeout(TIMEOUT_MILLISECONDS)
-    page.goto(path.as_uri())
-    page.frame_locator("iframe").locator("#mograft[data-ready='1']").wait_for()
-    frame = page.frames[1]
-    page.mouse.move(400, 200)
-    turn_wheel_until(page, page, "scrollY > 50")
-    assert frame.evaluate("mograft.state.zoom") == 1
-    page.evaluate("scrollTo(0, 0)")
-    page.mouse.click(400, 200)
-    turn_wheel_until(page, frame, "mograft.state.zoom < 1")
-    assert page.evaluate("scrollY") == 0
-    page.mouse.click(400, 750)  # The focus returns to the notebook.
-    page.mouse.move(400, 200)
-    turn_wheel_until(page, page, "scrollY > 50")
-    page.close()
-
-
-def turn_wheel_until(page, frame, condition):
-    """Turn the wheel until a condition holds in a frame.
-
-    Chromium sends all wheel events of one gesture to one target; a pause ends the gesture.
-    """
-    for _ in range(30):
-        page.wait_for_timeout(1000)
-        page.mouse.wheel(0, 100)
-        page.wait_for_timeout(500)
-        if frame.evaluate(condition):
-            return
-    raise AssertionError(f"the condition never held: {condition}")
 
 
 OBSTACLES = {

@@ -104,6 +104,17 @@ def test_report_donor_table_equals_candidates(grafts, library):
     assert row[4] == f"{(counts == 0).sum()} of {len(counts)}"
 
 
+def test_report_donor_table_with_ball_counts_segments_in_ball(library):
+    ball = library.relabelled(replace(library.config, neighbourhood="ball"))
+    page = report_page([graft(ball, seed=3)])
+    (row,) = cells(page, "Limits on donors")
+    segments = np.arange(len(ball.segments))
+    members = ball.pool("upper").neighbours(segments, ball.config)
+    assert row[1] == f"{np.mean([len(own) - 1 for own in members]):.1f}"
+    assert float(row[1]) >= float(row[2]) >= float(row[3])
+    assert "within the ball of lower" in page.html
+
+
 def test_report_clip_table_counts_all_donors():
     takes = [own.motion for own in dance(seed=1, strides=1).takes(2)]
     new = graft(Library.build(takes), seed=1)

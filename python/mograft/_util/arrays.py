@@ -1,6 +1,6 @@
 """Conversion of array arguments: dtype, shape, finiteness and unit norm are checked here."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -23,10 +23,9 @@ def as_floats(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> Fl
     any shape. Raises TypeError if the elements are not real numbers, ValueError if the shape
     differs or an element is not finite. Error messages call the argument `name`.
     """
-    array = _as_array(name, value, shape)
-    finite = np.isfinite(array)
-    if not finite.all():
-        index = tuple(int(i) for i in np.argwhere(~finite)[0])
+    array = _as_real_array(name, value, shape)
+    if not all(np.isfinite(block).all() for block in _blocks(array)):
+        index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise ValueError(f"`{name}` must be finite, got {array[index]} at {list(index)}")
     return array
 
@@ -36,7 +35,7 @@ def as_quaternions(name: str, value: npt.ArrayLike, shape: Shape | None = None) 
 
     The errors are those of `as_floats`, and ValueError if a norm differs from 1 by more than 1e-6.
     """
-    quats = _as_array(name, value, None if shape is None else (*shape, 4))
+    quats = _as_real_array(name, value, None if shape is None else (*shape, 4))
     if quats.shape[-1:] != (4,):
         as_floats(name, quats)
         raise ValueError(f"`{name}` must have shape (..., 4), got {quats.shape}")
@@ -55,10 +54,12 @@ def _is_unit(quats: FloatArray) -> BoolArray:
 
 
 def _blocks(array: FloatArray) -> Iterator[FloatArray]:
-    """Return views of consecutive rows, so that temporary arrays of a long motion stay small."""
+    """Yield views of consecutive rows, so that temporary arrays of a long motion stay small."""
     if array.ndim < 2:
-        return iter([array])
-    return (array[i : i + _ROWS_PER_BLOCK] for i in range(0, len(array), _ROWS_PER_BLOCK))
+        yield array
+        return
+    for start in range(0, len(array), _ROWS_PER_BLOCK):
+        yield array[start : start + _ROWS_PER_BLOCK]
 
 
 def as_vectors(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> FloatArray:
@@ -74,7 +75,7 @@ def as_indices(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> I
 
     Raises TypeError if the elements are not whole numbers, ValueError if the shape differs.
     """
-    array = np.asarray(value, order="C")
+    array = np.asarray(_as_array(name, value), order="C")
     if array.size and array.dtype.kind not in "iu":
         raise TypeError(f"`{name}` must be whole numbers, got {array.dtype}")
     indices = array.astype(np.int64, copy=False)
@@ -97,16 +98,6 @@ def split_by_counts(items: npt.NDArray[Item], counts: IntArray) -> list[npt.NDAr
     ]
 
 
-def join_views(arrays: Sequence[npt.NDArray[Item]]) -> list[npt.NDArray[Item]]:
-    """Return equal arrays that are views of one new array.
-
-    Views of part of a large array keep all of it in memory; these keep nothing else.
-    """
-    if not len(arrays):
-        return []
-    return split_by_counts(np.concatenate(arrays), np.array([len(own) for own in arrays]))
-
-
 def set_fields(owner: object, state: dict[str, Any]) -> None:
     """Set the fields in `state` on the frozen dataclass `owner`, and make arrays read-only."""
     for value in state.values():
@@ -120,11 +111,15 @@ def make_read_only(array: npt.NDArray[np.generic]) -> None:
     array.flags.writeable = False
 
 
-def _as_array(name: str, value: npt.ArrayLike, shape: Shape | None) -> FloatArray:
+def _as_array(name: str, value: npt.ArrayLike) -> npt.NDArray[Any]:
     try:
-        array = np.asarray(value)
+        return np.asarray(value)
     except ValueError:
         raise ValueError(f"`{name}` must be an array, got rows of different lengths") from None
+
+
+def _as_real_array(name: str, value: npt.ArrayLike, shape: Shape | None) -> FloatArray:
+    array = _as_array(name, value)
     if array.size and array.dtype.kind not in "fiu":
         raise TypeError(f"`{name}` must be real numbers, got {array.dtype}")
     floats = np.ascontiguousarray(array, dtype=np.float64).reshape(array.shape)

@@ -3,14 +3,16 @@
 import contextlib
 import errno
 import hashlib
+import json
 import os
 import platform
 import shutil
 import stat
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from mograft._util.cleanup import clean_up_by
 
@@ -22,11 +24,11 @@ _DRAFT_ENDING = ".part"
 def atomic_path(target: Path) -> Iterator[Path]:
     """Yield a temporary path; the file written there replaces `target` when the block succeeds.
 
-    The file is synced before and its folder afterwards, so that a power failure leaves the old or
-    the new file, and the new one once the block has ended. The temporary file is in a
-    `draft_folder` and has the name of `target`, because some writers choose the format by suffix.
-    The permissions of an existing `target` are kept. Raises FileExistsError if `target` is a
-    symbolic link to a missing file.
+    The file is synced before the replacement, and its folder after it. A power failure within the
+    block leaves the old or the new file, and one after the block leaves the new file. The
+    temporary file is in a `draft_folder` and has the name of `target`, because some writers choose
+    the format by suffix. The permissions of an existing `target` are kept. Raises OSError if
+    `target` is a symbolic link to a missing file or a folder, or if its folder does not exist.
     """
     path = Path(os.path.realpath(target))
     if target.is_symlink() and not path.exists():
@@ -48,7 +50,7 @@ def atomic_path(target: Path) -> Iterator[Path]:
 def sync(path: Path) -> None:
     """Flush a file, or the entries of a folder, to the disk.
 
-    Folders are left out where the platform or the file system cannot sync them.
+    Has no effect on a folder if the platform or the file system cannot sync folders.
     """
     is_folder = path.is_dir()
     if is_folder and os.name != "posix":
@@ -68,8 +70,8 @@ def sync(path: Path) -> None:
 def draft_folder(target: Path) -> Iterator[Path]:
     """Create a temporary folder beside `target`, yield its path, and remove it afterwards.
 
-    Such folders for the same target that belong to ended processes of this computer are removed
-    first.
+    First, it removes the folders that ended processes of this computer have left for the same
+    target.
     """
     parent = target.parent
     key = _short_hash(target.name)
@@ -131,3 +133,11 @@ def write_bytes(path: Path, data: bytes) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write text atomically as UTF-8, without conversion of line endings."""
     write_bytes(path, text.encode("utf-8"))
+
+
+def write_json(path: Path, document: Mapping[str, Any]) -> None:
+    """Write a JSON document atomically, indented by one space; its text is written in pieces."""
+    encoder = json.JSONEncoder(indent=1)
+    with atomic_path(path) as draft, draft.open("x", encoding="utf-8", newline="") as stream:
+        stream.writelines(encoder.iterencode(document))
+        stream.write("\n")

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def clean_up_by(action: Callable[[], object]) -> Iterator[None]:
-    """Call `action` once: when the block ends, or when the process exits within it.
+    """Call `action` once: when the block ends, or when the process exits within the block.
 
     The exit may be `mograft._util.signals.end_process`, which does not unwind the stack. A forked
     child does not call the action of its parent.

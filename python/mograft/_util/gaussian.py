@@ -19,6 +19,12 @@ def gaussian_filter(values: FloatArray, sigma: float) -> FloatArray:
     return np.convolve(padded, kernel, mode="valid")
 
 
+def gaussian_filter_columns(curves: FloatArray, sigma: float) -> FloatArray:
+    """Smooth each column of `curves`, shape (n, n_curves), by `gaussian_filter`."""
+    columns = [gaussian_filter(np.ascontiguousarray(column), sigma) for column in curves.T]
+    return np.stack(columns, axis=1)
+
+
 def gaussian_kernel(sigma: float) -> FloatArray:
     """Return the weights of a Gaussian filter, shape (2 * r + 1,); their sum is 1.
 

@@ -15,7 +15,7 @@ _EIGENVALUE_GRID = 2.0**-32
 """Spacing of eigenvalues, as a share of the power of two above the trace."""
 
 
-def round_to_grid(values: FloatArray, spacing: float = GRID) -> FloatArray:
+def round_to_grid(values: FloatArray, spacing: float | FloatArray = GRID) -> FloatArray:
     """Round numbers to multiples of `spacing`, a power of two; halves go to the even multiple.
 
     The result contains no negative zeros.
@@ -43,17 +43,21 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
 def eigenvalues(matrix: FloatArray) -> FloatArray:
     """Return the eigenvalues of a positive semidefinite matrix, shape (n,), descending.
 
-    They are at least 0 and rounded to multiples of 2^-32 · p, where p is the smallest power of two
-    above the trace, as those of `eigenvectors`.
+    They are at least 0. As in `eigenvectors`, they are rounded to multiples of 2^-32 · p, where p
+    is the smallest power of two above the trace.
     """
     values = np.maximum(np.linalg.eigvalsh(matrix)[::-1], 0.0)
     return round_to_grid(values, _eigenvalue_grid(matrix))
 
 
-def _eigenvalue_grid(matrix: FloatArray) -> float:
-    """Return the spacing of the rounded eigenvalues of a positive semidefinite matrix."""
-    size: float = 2.0 ** float(np.frexp(np.trace(matrix))[1])
-    return _EIGENVALUE_GRID * size
+def _eigenvalue_grid(matrices: FloatArray) -> FloatArray:
+    """Return the spacing of the grid to which the eigenvalues of each matrix are rounded.
+
+    The matrices are positive semidefinite.
+    """
+    exponents = np.frexp(np.trace(matrices, axis1=-2, axis2=-1))[1]
+    spacing: FloatArray = np.ldexp(_EIGENVALUE_GRID, exponents)
+    return spacing
 
 
 def eigenvectors(matrix: FloatArray, n_vectors: int) -> tuple[FloatArray, FloatArray]:
@@ -69,10 +73,21 @@ def eigenvectors(matrix: FloatArray, n_vectors: int) -> tuple[FloatArray, FloatA
     eigenvalues are nearly equal: see "Principal components" on the contributing page. Signs are
     chosen after rounding, because before it entries of equal size can differ in the last bits.
     """
-    values, vectors = np.linalg.eigh(matrix)
-    leading = round_to_grid(vectors[:, ::-1][:, :n_vectors])
+    values, vectors = principal_axes(matrix)
+    leading = vectors[:, :n_vectors]
     largest = np.take_along_axis(leading, np.abs(leading).argmax(axis=0)[None], axis=0)
     return (
-        round_to_grid(values[::-1], _eigenvalue_grid(matrix)),
+        values,
         leading * np.where(largest < 0, -1.0, 1.0) + 0.0,
     )
+
+
+def principal_axes(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the eigenvalues and all eigenvectors of positive semidefinite matrices, (..., n, n).
+
+    The results have the shapes (..., n) and (..., n, n). They equal those of `eigenvectors`, except
+    that the signs of the eigenvectors are arbitrary.
+    """
+    values, vectors = np.linalg.eigh(matrices)
+    spacing = _eigenvalue_grid(matrices)[..., None]
+    return round_to_grid(values[..., ::-1], spacing), round_to_grid(vectors[..., ::-1])

@@ -11,8 +11,8 @@ _KEPT: WeakKeyDictionary[Any, dict[Hashable, Any]] = WeakKeyDictionary()
 def remember(owner: object, key: Hashable, compute: Callable[[], _Result]) -> _Result:
     """Return the result of `compute`, which is called once for each pair of owner and key.
 
-    `owner` is an immutable object, compared by identity. The results for an owner are discarded
-    when the owner is.
+    `owner` is an immutable object, compared by identity. Its results are discarded together with
+    it.
 
     >>> class Owner: ...
     >>> owner = Owner()

@@ -1,7 +1,7 @@
 """Unique names for clips, and names of files that every system accepts."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 # Surrogates from U+DC80 to U+DCFF are bytes of names on Linux that are not UTF-8.
 _UNUSABLE = re.compile(r'[<>:"/\\|?*\x00-\x1f\x7f\ud800-\udc7f\udd00-\udfff]')
@@ -32,10 +32,29 @@ def portable_stem(name: str) -> str:
     return f"{first}{dot}{rest}" or "_"
 
 
+def as_words(name: str, words: object) -> str | Collection[str]:
+    """Return a string, or several strings in any iterable, as a string or a collection of strings.
+
+    Lists, tuples and sets are returned as they are. Raises TypeError, which calls the argument
+    `name`, for anything else.
+    """
+    if isinstance(words, str):
+        return words
+    several = words
+    if isinstance(words, Iterable) and not isinstance(words, list | tuple | set | frozenset):
+        # Arrays without axes are iterable by type only.
+        several = tuple(words) if getattr(words, "ndim", 1) else None
+    if not isinstance(several, list | tuple | set | frozenset) or not all(
+        isinstance(word, str) for word in several
+    ):
+        raise TypeError(f"`{name}` must be a name or several names, got {words!r}")
+    return several
+
+
 def unique_names(names: Sequence[str]) -> list[str]:
     """Return names made unique: repeated names get ``~2``, ``~3``... appended.
 
-    An empty name becomes ``clip`` with the index of the clip.
+    An empty name becomes ``clip`` and its index in `names`.
     """
     taken: set[str] = set()
     distinct = []

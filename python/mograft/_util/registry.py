@@ -11,6 +11,9 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 S = TypeVar("S")
 
+AUTOMATIC_SCALE = "auto"
+"""Value of `Config.sigma_scale` that chooses the scale of each group from the data."""
+
 
 @dataclass(frozen=True, eq=False)
 class Registry(Generic[T]):
@@ -99,6 +102,7 @@ _DESCRIPTIONS = {
     "torso": {
         "pelvis": "a grafted trunk keeps its angle to the pelvis",
         "world": "a grafted trunk keeps its lean in the world, with the heading of the base",
+        "balanced": "as world, and the trunk also balances the sway of the base's pelvis",
     },
     "feet": {
         "auto": "feet planted unless the base group holds both legs and root",

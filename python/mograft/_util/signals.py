@@ -48,18 +48,24 @@ def _handle(number: int, _: FrameType | None) -> None:
 
 
 def _watch(read_end: int, handled: frozenset[int]) -> None:
-    """Wait for a signal; end the process if the main thread does not."""
+    """Wait for a signal; end the process if the main thread does not do so within 0.5 s."""
     while True:
         number = next((byte for byte in os.read(read_end, 64) if byte in handled), None)
         if number is not None:
-            time.sleep(_HANDLER_SECONDS)
+            _sleep(_HANDLER_SECONDS)
             end_process(number)
-            time.sleep(_CLEANUP_SECONDS)
+            _sleep(_CLEANUP_SECONDS)
             os._exit(128 + number)
 
 
+def _sleep(seconds: float) -> None:
+    """Sleep in short steps, so that the main thread has as long if the process is suspended."""
+    for _ in range(20):
+        time.sleep(seconds / 20)
+
+
 def end_process(number: int) -> None:
-    """Print why, kill the worker processes, call the exit handlers, and end the process.
+    """Print the reason, kill the worker processes, call the exit handlers, and end the process.
 
     `number` is that of the signal; the exit code is 128 + `number`. The exit handlers remove
     drafts; see `mograft._util.cleanup`. The function returns only if another call is already ending
@@ -81,7 +87,7 @@ def end_process(number: int) -> None:
 
 
 def _print_line(text: str) -> None:
-    """Write a line to stderr without Python's buffers; remove a progress line of a terminal."""
+    """Write a line to stderr without Python's buffers; on a terminal, overwrite a progress line."""
     with suppress(OSError):
         start = "\r\033[K" if os.isatty(2) and os.name == "posix" else ""
         os.write(2, f"{start}{text}\n".encode())

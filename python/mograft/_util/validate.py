@@ -51,7 +51,7 @@ def check_finite(owner: object, name: str) -> None:
 
 
 def python_scalar(owner: object, name: str) -> Any:  # noqa: ANN401 - whatever the field holds
-    """Return the field `name` of `owner`; first convert a NumPy scalar in it to a Python scalar."""
+    """Return the field `name` of `owner`; replace a NumPy scalar in it by a Python scalar."""
     value = getattr(owner, name)
     if isinstance(value, np.generic):
         value = value.item()

@@ -2,12 +2,18 @@
 
 import multiprocessing
 import os
+import pickle
+import sys
 import threading
+import traceback
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
-from typing import ParamSpec, TypeVar
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from functools import partial
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection
+from queue import SimpleQueue
+from typing import Any, ParamSpec, TypeVar
 
 from mograft._util.signals import delay_signals
 from mograft.errors import MograftError
@@ -20,41 +26,132 @@ T = TypeVar("T")
 def worker_processes(n: int) -> Iterator[Executor | None]:
     """Yield an executor of `n` processes, or None if `n` is 1.
 
-    Raise MograftError if a worker process is killed, for example because memory is exhausted.
+    A call raises MograftError if its process is killed, for example because memory is exhausted. If
+    an exception leaves the block, the processes are killed, so they must not write files.
     """
     if n == 1:
         yield None
         return
-    # Spawned, not forked, as threads and open files do not survive a fork.
-    context = multiprocessing.get_context("spawn")
-    pool = _Pool(n, mp_context=context, initializer=_end_with_parent)
+    pool = _Pool(n)
     try:
         yield pool
-    except BrokenProcessPool as error:
-        raise MograftError(
-            "a worker process was killed, possibly because memory is exhausted; use fewer processes"
-        ) from error
+    except BaseException:
+        pool.kill()
+        raise
     finally:
-        pool.shutdown(cancel_futures=True)
+        pool.end()
 
 
-class _Pool(ProcessPoolExecutor):
-    """A pool of worker processes that ignore Ctrl-C; only the main process reacts to it."""
+class _Worker:
+    """A process with a pipe to which no other process writes.
+
+    If the process is killed, even while it sends a result, its pipe ends and the call fails. With
+    `concurrent.futures.ProcessPoolExecutor`, whose processes share one pipe, the call would wait
+    forever for the rest of the result.
+    """
+
+    def __init__(self) -> None:
+        # Spawned, not forked, as threads and open files do not survive a fork.
+        context = multiprocessing.get_context("spawn")
+        self._connection, far_end = context.Pipe()
+        self._process = context.Process(target=_serve, args=(far_end,), daemon=True)
+        self._process.start()
+        far_end.close()  # now only the process has it open
+
+    def call(self, function: Callable[[], T]) -> T:
+        """Call a function in the process and return its result, or raise its exception."""
+        message = pickle.dumps(function)
+        try:
+            self._connection.send_bytes(message)
+            result, error, trace = self._connection.recv()
+        except (EOFError, OSError) as broken:
+            raise MograftError(
+                "a worker process was killed, possibly because memory is exhausted; use fewer "
+                "processes"
+            ) from broken
+        if error is not None:
+            error.add_note(trace)
+            raise error
+        found: T = result
+        return found
+
+    def end(self) -> None:
+        """Close the pipe, and wait until the process has ended."""
+        self._connection.close()
+        self._process.join()
+
+    def kill(self) -> None:
+        """End the process at once."""
+        self._process.kill()
+
+
+class _Pool(ThreadPoolExecutor):
+    """Worker processes that ignore Ctrl-C, and one thread per process that awaits its results."""
+
+    def __init__(self, n: int) -> None:
+        super().__init__(n)
+        self._n = n
+        self._started: list[_Worker] = []
+        self._idle: SimpleQueue[_Worker] = SimpleQueue()
+        if sys.platform != "win32":
+            # The first start of a process starts the tracker, which unblocks SIGINT; the process
+            # would inherit that.
+            resource_tracker.ensure_running()
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
         """Call a function in one of the processes."""
-        # `submit` may start processes. A pool that is interrupted within it never shuts down.
+        # A signal between the start of a process and its entry in the list would leave it running.
         with delay_signals():
-            return super().submit(fn, *args, **kwargs)
+            if len(self._started) < self._n:
+                worker = _Worker()
+                self._started.append(worker)
+                self._idle.put(worker)
+            return super().submit(self._call, partial(fn, *args, **kwargs))
+
+    def _call(self, function: Callable[[], T]) -> T:
+        worker = self._idle.get()
+        try:
+            return worker.call(function)
+        finally:
+            self._idle.put(worker)
+
+    def end(self) -> None:
+        """Wait for the calls that have begun, and end the processes."""
+        self.shutdown(cancel_futures=True)
+        for worker in self._started:
+            worker.end()
+
+    def kill(self) -> None:
+        """End the processes at once; calls that have begun raise MograftError."""
+        for worker in self._started:
+            worker.kill()
+
+
+def _serve(connection: Connection) -> None:
+    """Call the functions that arrive through a pipe, and send their results, until it is closed."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    with suppress(EOFError, OSError):
+        while True:
+            connection.send_bytes(_answer(connection.recv_bytes()))
+
+
+def _answer(message: bytes) -> bytes:
+    """Call a pickled function; return its pickled result, exception and traceback."""
+    answer: tuple[Any, BaseException | None, str]
+    try:
+        answer = pickle.loads(message)(), None, ""
+        return pickle.dumps(answer)
+    except BaseException as error:
+        trace = traceback.format_exc()
+        try:
+            return pickle.dumps((None, error, trace))
+        except Exception:
+            return pickle.dumps((None, RuntimeError(repr(error)), trace))
 
 
 def _end_with_parent() -> None:
     """End this worker process when the process that started it has ended, for whatever reason."""
-
-    def wait() -> None:
-        parent = multiprocessing.parent_process()
-        if parent is not None:
-            parent.join()
-            os._exit(1)
-
-    threading.Thread(target=wait, daemon=True).start()
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

@@ -138,7 +138,7 @@ def restrict_samples(samples: Samples, skeleton: Skeleton, channels: DividedChan
 
 @dataclass(frozen=True, eq=False)
 class RestrictedSamples:
-    """Samples of a library in which each joint of `channels` rotates only about its axes."""
+    """Samples of a library in which each joint of `channels` rotates only about its given axes."""
 
     samples: Source
     skeleton: Skeleton

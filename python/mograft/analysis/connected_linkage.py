@@ -2,15 +2,15 @@
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray
 
 
 def connected_linkage(distances: FloatArray, is_neighbour: BoolArray) -> FloatArray:
-    """Cluster by complete linkage; two clusters merge only if a point of each are neighbours.
+    """Cluster by complete linkage; two clusters merge only if some of their points are neighbours.
 
     `distances` and `is_neighbour` have shape (n, n) and are symmetric, and the graph of neighbours
-    is connected. The result is a tree in SciPy's format, shape (n - 1, 4). Heights never
-    decrease: a cluster gains neighbours only from a cluster that was no farther than they are.
+    is connected. The result is a tree in SciPy's format, shape (n - 1, 4). Heights never decrease:
+    a merge adds neighbours to a cluster, but none is closer than the merged clusters were.
     Merges of equal distance are ordered by the lowest points of the two clusters, as in
     `mograft_linkage.linkage`, whose tree results if all points are neighbours.
     """
@@ -31,18 +31,3 @@ def connected_linkage(distances: FloatArray, is_neighbour: BoolArray) -> FloatAr
         members[n + step] = merged
         rows.append([min(first, second), max(first, second), distance, len(merged)])
     return np.array(rows, np.float64).reshape(-1, 4)
-
-
-def labels_after_merges(tree: FloatArray, n_merges: int) -> IntArray:
-    """Return the cluster of each point after the first `n_merges` merges of a tree.
-
-    Clusters are numbered from 0 in the order of their first points.
-    """
-    n = len(tree) + 1
-    roots = list(range(2 * n - 1))
-    for step in range(n_merges - 1, -1, -1):
-        for child in tree[step, :2].astype(int).tolist():
-            roots[child] = roots[n + step]
-    labels: IntArray = np.unique(roots[:n], return_inverse=True)[1]
-    order = {label: rank for rank, label in enumerate(dict.fromkeys(labels.tolist()))}
-    return np.array([order[label] for label in labels.tolist()], np.int64)

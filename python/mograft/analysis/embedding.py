@@ -31,11 +31,11 @@ _CACHE_BYTES = 1 << 27
 class Samples:
     """Segments resampled to equal length, without position and, by default, without heading.
 
-    Each row has three parts. The first are the rotations of all joints, sample by sample: relative
-    to the world for the locomotion root, to the parent for other joints. The second are the
-    displacements of the root since the previous sample in skeleton heights, 0 at the first sample.
-    The third is the length before resampling in frames of 1/30 s. Libraries store rows in single
-    precision.
+    Each row has three parts. The first part has the rotations of all joints, sample by sample:
+    relative to the world for the locomotion root, the joint that moves the body through the world,
+    and relative to the parent for other joints. The second part has the displacements of that root
+    since the previous sample in skeleton heights, 0 at the first sample. The third part is the
+    length before resampling in frames of 1/30 s. Libraries store rows in single precision.
     """
 
     rows: Packed | FloatArray  # (n_segments, 4·samples·joints + 3·samples + 1)
@@ -116,46 +116,61 @@ def normalise(
     root: int,
     up: int,
     heights: Sequence[float],
+    is_packed: bool = False,
 ) -> Samples:
     """Resample all segments to `config.samples` frames; remove position and heading.
 
     `cut` has the segments of all clips, whose skeletons have the same hierarchy. `root` is the
     locomotion root, the joint that moves the body through the world; `up` is the vertical axis,
     0 to 2; `heights` are the skeleton heights of the clips in the units of their files. If
-    `config.keep_heading` is set, heading is not removed.
+    `config.keep_heading` is set, heading is not removed. If `is_packed`, the rows are in single
+    precision.
     """
-    m = config.samples
-    rows = []
+    m, n_joints = config.samples, clips[0].n_joints
+    ends = np.cumsum([4 * m * n_joints, 3 * m, 1])
+    rows = np.empty((len(cut), ends[-1]), np.float32 if is_packed else np.float64)
+    filled = 0
     for index, clip in enumerate(clips):
-        indices = cut.of_clip(index)
-        n = len(indices)
-        bounds = (cut.start[indices], cut.stop[indices], np.full(n, m))
-        sampled = resample_segments(clip.rotations, *bounds).reshape(n, m, clip.n_joints, 4)
-        if root == 0:
-            root_rotations, track = sampled[:, :, 0], clip.positions[:, :1]
-        else:
-            world_rotations, world_positions = clip.world_transforms()
-            root_track = world_rotations[:, root : root + 1]
-            root_rotations = resample_segments(root_track, *bounds).reshape(n, m, 4)
-            track = world_positions[:, root : root + 1]
-        steps = np.zeros((n, m, 3))
-        positions = resample_segment_positions(track, *bounds).reshape(n, m, 3) / heights[index]
-        steps[:, 1:] = np.diff(positions, axis=1)
-        if not config.keep_heading:
-            turn = rotations.inverse(_headings(root_rotations[:, 0], up))[:, None]
-            root_rotations = rotations.multiply(turn, root_rotations)
-            steps = rotations.rotate(turn, steps)
-        sampled[:, :, root] = root_rotations
-        lengths = cut.lengths[indices] * clip.frame_time / FRAME
-        parts = [sampled.reshape(n, -1), steps.reshape(n, -1), lengths[:, None]]
-        rows.append(np.concatenate(parts, axis=1))
-    return Samples(np.concatenate(rows), m, clips[0].n_joints)
+        own, track = cut[cut.of_clip(index)], clip.world_track(root)
+        turns = rotations.inverse(_headings(track[0][own.start], up))
+        # In chunks, because rows in double precision take more memory than the clip.
+        for start in range(0, len(own), CHUNK):
+            chunk = slice(start, start + CHUNK)
+            quats, places = _resample(clip, track, own[chunk], m, root)
+            steps = np.zeros_like(places)
+            steps[:, 1:] = np.diff(places / heights[index], axis=1)
+            if not config.keep_heading:
+                quats[:, :, root] = rotations.multiply(turns[chunk, None], quats[:, :, root])
+                steps = rotations.rotate(turns[chunk, None], steps)
+            part = rows[filled : filled + len(quats)]
+            part[:, : ends[0]] = quats.reshape(len(quats), -1)
+            part[:, ends[0] : ends[1]] = steps.reshape(len(quats), -1)
+            part[:, -1] = own.lengths[chunk] * clip.frame_time / FRAME
+            filled += len(quats)
+    return Samples(rows[:filled], m, n_joints)
+
+
+def _resample(
+    clip: Motion, root_track: tuple[FloatArray, FloatArray], cut: Segments, m: int, root: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return rotations, (n_segments, m, n_joints, 4), and root positions, (n_segments, m, 3).
+
+    The rotations of the root and its positions are in the world: `root_track` is the result of
+    `Motion.world_track` for the root.
+    """
+    n, first = len(cut), int(cut.start.min())
+    frames = slice(first, int(cut.stop.max()) + 1)
+    bounds = (cut.start - first, cut.stop - first, np.full(n, m))
+    quats = resample_segments(clip.rotations[frames], *bounds).reshape(n, m, clip.n_joints, 4)
+    track, places = (own[frames, None] for own in root_track)
+    if root != 0:
+        quats[:, :, root] = resample_segments(track, *bounds).reshape(n, m, 4)
+    return quats, resample_segment_positions(places, *bounds).reshape(n, m, 3)
 
 
 def segment_headings(motion: Motion, cut: Segments, *, root: int, up: int) -> FloatArray:
     """Return the headings that `normalise` removes, shape (n_segments, 4)."""
-    world = motion.rotations if root == 0 else motion.world_transforms()[0]
-    return _headings(world[cut.start, root], up)
+    return _headings(motion.world_track(root)[0][cut.start], up)
 
 
 def _headings(first: FloatArray, up: int) -> FloatArray:
@@ -256,7 +271,7 @@ def embed(
     # The last feature, the length, is not sufficient to distinguish segments: a clip at rest is
     # cut into equal parts.
     if n < 3 or (spread.deviation[:-1] < MIN_DEVIATION).all():
-        few = f"{n} segment{'s are' if n > 1 else ' is'} too few to compare"
+        few = f"{n} segment{'s are' if n != 1 else ' is'} too few to compare"
         reason = few if n < 3 else f"all {n} segments are alike"
         message = f"group {group}: {reason}; each segment forms its own cluster"
         warnings.warn(message, stacklevel=2)

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mograft._standalone.mograft_linkage.dendrogram import labels_after_merges
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.names import unique_names
 from mograft._util.validate import as_integer
-from mograft.analysis.connected_linkage import connected_linkage, labels_after_merges
+from mograft.analysis.connected_linkage import connected_linkage
 from mograft.analysis.joint_dependence import angular_velocities, joint_dependence
 from mograft.analysis.segmentation import Segments
 from mograft.body.anatomy import anatomy
@@ -48,13 +49,15 @@ class GroupDiscovery:
         between two branchings of the hierarchy, left and right together.
     dependence : ndarray, shape (n_units, n_units)
         The smallest dependence between a joint of one unit and a joint of the other, from 0 to 1.
+        The dependence of two joints measures how well the motion of one predicts that of the
+        other; `docs/groups.md` defines it.
     tree : ndarray, shape (n_units - 1, 4)
         The linkage tree of the units in SciPy's format. Heights are 1 minus the dependence; the
         last merge, at height 1, is that of the base with all others.
     labels : ndarray of int, shape (n_units,)
         The index of the group of each unit.
     pose : Motion
-        One frame of the first clip, for pictures.
+        The middle frame of the first clip, for pictures.
     """
 
     groups: JointGroups
@@ -69,7 +72,7 @@ def discover_in_segments(
     clips: Iterable[tuple[Motion, Segments]], n: int | None, config: Config, seed: int = 0
 ) -> GroupDiscovery:
     """Discover joint groups in segmented motions of one hierarchy; see `JointGroups.discover`."""
-    n = None if n is None else as_integer("n", n, 2)
+    n, seed = None if n is None else as_integer("n", n, 2), as_integer("seed", seed)
     chains, velocities, shares, pose = None, [], [], None
     for motion, segments in clips:
         if chains is None:
@@ -96,9 +99,11 @@ def discover_in_segments(
 
 
 def _fold(chains: JointChains, dependence: FloatArray) -> FloatArray:
-    """Return the dependence of nodes: the mean over pairs of joints that are not on opposite sides.
+    """Return the dependence of each pair of nodes, shape (n_nodes, n_nodes).
 
-    It is NaN for nodes that do not move, and on the diagonal.
+    It is the mean of `dependence`, that of joints, over the pairs of a joint of one node and a
+    joint of the other that are not on opposite sides of the body. It is NaN for nodes that do not
+    move, and on the diagonal.
     """
     sides = anatomy(chains.skeleton).sides
     joints = [joint for node in chains.nodes for joint in node]
@@ -138,9 +143,9 @@ def _units(chains: JointChains, is_base: BoolArray, is_static: BoolArray) -> Int
 def _divide(
     chains: JointChains, unit_of_node: IntArray, dependence: FloatArray, n: int | None, pose: Motion
 ) -> GroupDiscovery:
-    """Merge units to `n` groups, by default where the heights of successive merges differ most.
+    """Merge units to `n` groups; None means the number of `_number_at_largest_gap`.
 
-    `pose` is kept for pictures.
+    `pose` is stored in the result.
     """
     n_units = int(unit_of_node.max()) + 1
     if n_units < 2:
@@ -194,7 +199,7 @@ def _neighbours(chains: JointChains, unit_of_node: IntArray) -> BoolArray:
 
 
 def _with_base(inner: FloatArray) -> FloatArray:
-    """Return a tree of the units without the base as a tree with the base, which merges last."""
+    """Add the base to a tree of all other units, as unit 0 that is merged last, at height 1."""
     n = len(inner) + 2
     tree = inner.copy()
     tree[:, :2] += 1  # both units and merges come after the base
@@ -205,8 +210,9 @@ def _with_base(inner: FloatArray) -> FloatArray:
 def _number_at_largest_gap(tree: FloatArray, diameters: FloatArray) -> int:
     """Return the number of groups between the two successive merges of largest height difference.
 
-    `diameters` are the largest distances within a unit; the height before the first merge is the
-    largest of them, but not above the first merge. Ties go to the larger number.
+    `diameters` has for each unit of `GroupDiscovery` the largest distance within it. The largest of
+    them, but at most the height of the first merge, counts as a height before the first merge. Of
+    equal differences, the one that gives more groups decides.
     """
     heights = tree[:, 2]
     first = min(float(diameters.max()), float(heights[0]))
@@ -217,7 +223,7 @@ def _number_at_largest_gap(tree: FloatArray, diameters: FloatArray) -> int:
 def _group_names(
     skeleton: Skeleton, units: tuple[IntArray, ...], labels: IntArray
 ) -> tuple[str, ...]:
-    """Return the names of the groups, by their body parts as in the presets; unique."""
+    """Return unique names of the groups, after their body parts, as those of the presets."""
     known = anatomy(skeleton)
     kinds = [
         Counter(_KIND_OF_PART.get(known.parts[joint], "other") for joint in unit.tolist())

@@ -13,7 +13,7 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
 N_PERMUTATIONS = 20
-"""Permutations of segments whose mean is the dependence of independent joints."""
+"""Number of permutations of segments from which the floor of the dependence is computed."""
 _MIN_SPEED = np.radians(0.5)
 """Root mean square angular velocity, in radians per second, below which a joint does not move."""
 _MIN_AXIS_SHARE = 0.05
@@ -48,9 +48,9 @@ def joint_dependence(velocities: FloatArray, seed: int) -> FloatArray:
     """Return the dependence of each pair of joints, shape (n_joints, n_joints), from 0 to 1.
 
     `velocities` has shape (n_segments, n_samples, n_joints, 3). The dependence of two joints is the
-    mean of the squared canonical correlations r² of their angular velocities, corrected for chance:
-    (r² - f) / (1 - f), and 0 if this is negative. The floor f is the mean r² if the segments of one
-    of the joints are permuted, over `N_PERMUTATIONS` permutations drawn with `seed`. The
+    mean r² of the squared canonical correlations of their angular velocities, corrected for chance:
+    (r² - f) / (1 - f), and 0 if this is negative. The floor f is the mean of r² over
+    `N_PERMUTATIONS` permutations, drawn with `seed`, of the segments of one of the two joints. The
     dependence is NaN if one of the joints does not move.
     """
     n, m, n_joints = velocities.shape[:3]
@@ -72,10 +72,11 @@ def joint_dependence(velocities: FloatArray, seed: int) -> FloatArray:
 
 
 def _whiten(values: FloatArray) -> FloatArray:
-    """Return the principal axes of values, shape (n, 3), as orthonormal columns.
+    """Return the principal component scores of vectors, scaled to columns of norm 1.
 
-    Axes with less than `_MIN_AXIS_SHARE` of the deviation along the main axis are left out. There
-    are none if the root mean square of the values is below `_MIN_SPEED`.
+    `values` has shape (n, 3), the result (n, n_components). Components with a deviation below
+    `_MIN_AXIS_SHARE` of the largest one are left out. There are no columns if the root mean square
+    length of the vectors is below `_MIN_SPEED`.
     """
     size = float(np.sqrt((values**2).sum(axis=1).mean()))
     if size < _MIN_SPEED:
@@ -90,8 +91,8 @@ def _whiten(values: FloatArray) -> FloatArray:
 def _mean_squares(products: FloatArray, owners: IntArray, widths: IntArray) -> FloatArray:
     """Return the mean squared canonical correlation of each pair of joints.
 
-    `products` holds the inner products of whitened axes, `owners` the joint of each axis, and
-    `widths` the number of axes of each joint.
+    `products` has the inner products of the columns that `_whiten` returns for all joints.
+    `owners` has the joint of each column, and `widths` the number of columns of each joint.
     """
     indicator = np.equal.outer(np.arange(len(widths)), owners).astype(np.float64)
     sums = indicator @ products**2 @ indicator.T

@@ -19,6 +19,8 @@ _MAX_SEGMENT_SECONDS, _LONG_STEP_SECONDS = 30.0, 0.5
 class OnlineSegmenter:
     """Segments a motion, whose frames arrive one by one, at the extrema of its kinetic energy.
 
+    The list `bounds` has the frames at which final segments start and stop.
+
     The result may differ from that of `segment` in two respects. `segment` merges the shortest
     segment of the whole motion first; this class merges the shortest segment that is not final. A
     segment is final as soon as another segment follows it. `segment` divides a segment longer than
@@ -31,7 +33,7 @@ class OnlineSegmenter:
         self.bounds: list[int] = []
         self._sigma = config.smoothing * rate
         self._min_length = max(round(config.min_length * rate), 1)
-        self._max_length = config.max_length * rate
+        self._max_length = max(config.max_length * rate, 1.0)
         self._kernel = gaussian_kernel(self._sigma)
         # Energy and smoothed energy of the frames from `_first_frame` on.
         self._energies: list[float] = []
@@ -46,7 +48,7 @@ class OnlineSegmenter:
 
     @property
     def n_frames(self) -> int:
-        """The number of frames whose energy was given to `push`."""
+        """The number of frames whose energies `push` has received."""
         return self._first_frame + len(self._energies)
 
     def push(self, energies: FloatArray) -> None:
@@ -64,7 +66,7 @@ class OnlineSegmenter:
             self._add_smoothed(float(np.dot(self._kernel, window)))
 
     def close(self) -> None:
-        """Declare that no frame follows, and add all remaining bounds to `bounds`."""
+        """End the motion: add all remaining bounds to `bounds`."""
         curve = gaussian_filter(np.array(self._energies), self._sigma)
         for value in curve[len(self._curve) :].tolist():
             self._add_smoothed(value)
@@ -74,7 +76,7 @@ class OnlineSegmenter:
         self._final_bound, self._turns = last, []
 
     def _add_smoothed(self, value: float) -> None:
-        """Add the next value of the smoothed energy and look for an extremum."""
+        """Add the next smoothed energy; record a turn at an extremum or at the maximum length."""
         frame = self._first_frame + len(self._curve)
         step = value - self._curve[-1] if self._curve else 0.0
         self._curve.append(value)
@@ -93,7 +95,7 @@ class OnlineSegmenter:
             self._finalize()
 
     def _finalize(self) -> None:
-        """Add the bounds that further frames cannot change to `bounds`; discard unused energies."""
+        """Append to `bounds` those that further frames cannot change; discard unused energies."""
         bounds = self._tentative_bounds(self._turns)
         while len(bounds) > 2:
             if not self._final_bound:
@@ -111,7 +113,7 @@ class OnlineSegmenter:
             self._first_frame = first_used
 
     def _tentative_bounds(self, turns: list[int]) -> list[int]:
-        """Return the last final bound and the bounds after it, given the extrema `turns`.
+        """Return the last final bound and the bounds after it, given the frames `turns`.
 
         Segments are merged and split as in `segment`. Further frames can change all but the first.
         """
@@ -124,7 +126,7 @@ class OnlineSegmenter:
 class WindowSegmenter:
     """Segments a motion whose frames arrive one by one, by a method that has a `look_ahead`.
 
-    Every 0.1 s the method finds the cut frames of the last 8 s, and those that are older than its
+    Every 0.1 s the method finds the cut frames of the last 8 s. Frames older than its
     `look_ahead` become final. The result may differ from that of `segment` in three respects. The
     floor and other properties of the motion are those of the last 8 s. A cut frame closer than
     `Config.min_length` to the one before is left out, and a segment ends as soon as it has the
@@ -167,7 +169,7 @@ class WindowSegmenter:
                 self._finalize(self.n_frames - 1 - self._n_ahead)
 
     def close(self) -> None:
-        """Declare that no frame follows, and add all remaining bounds to `bounds`."""
+        """End the motion: add all remaining bounds to `bounds`."""
         last = self.n_frames - 1
         self._finalize(last - self._min_length)
         while last - self._final_bound > self._max_length:

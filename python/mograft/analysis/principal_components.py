@@ -31,7 +31,7 @@ class Spread:
 
     @classmethod
     def of(cls, chunks: Iterable[FloatArray]) -> "Spread":
-        """Compute mean and scatter matrix of a matrix that is given as one or more chunks of rows.
+        """Compute mean and scatter matrix of a matrix, given as one or more chunks of its rows.
 
         The mean of each chunk is subtracted before products are computed, and the chunks are merged
         by the formula of Chan, Golub and LeVeque. This avoids the subtraction of nearly equal
@@ -42,7 +42,7 @@ class Spread:
             chunk_mean = rows.mean(axis=0)
             centred = rows - chunk_mean
             within = centred.T @ centred
-            # numpy.sum does not use BLAS, on whose threads the scales would depend otherwise.
+            # numpy.einsum adds without BLAS, on whose threads the scales would depend otherwise.
             np.fill_diagonal(within, np.einsum("ij,ij->j", centred, centred))
             if not n:
                 n, mean, scatter = len(rows), chunk_mean, within
@@ -67,7 +67,7 @@ def pca(
     """Compute the principal components of the correlation matrix (eq. 7 to 11).
 
     Returns three arrays. The first has the scale of each feature: the larger one of its standard
-    deviation and its entry in `floors`, and infinity if the standard deviation is below 1e-6. The
+    deviation and its entry in `floors`, or infinity if the standard deviation is below 1e-6. The
     second, shape (n_features, at most n_components), has the loadings of one component in each
     column; see `eigenvectors`. The third has the variances along all components, descending.
     """

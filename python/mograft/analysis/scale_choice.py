@@ -13,8 +13,6 @@ from mograft._util.linalg import product
 from mograft.analysis.embedding import Embedding
 from mograft.config import Config, variety_fields
 
-AUTOMATIC_SCALE = "auto"
-"""Value of `Config.sigma_scale` that chooses the scale of each group from the data."""
 SCALES: FloatArray = np.geomspace(
     variety_fields(0.0)["sigma_scale"], variety_fields(1.0)["sigma_scale"], 39
 )
@@ -29,10 +27,11 @@ _CHUNK = 256
 
 @dataclass(frozen=True, eq=False)
 class ScaleCurve:
-    """The error of exchanged parts by scale of the threshold, and the scale that is chosen.
+    """The error of exchanged parts for each scale of the threshold, and the scale that is chosen.
 
-    Errors are mean squared distances of held-out parts, the parts of a segment in all other groups,
-    as multiples of those of two random segments; 1 is chance.
+    The held-out parts of a segment are its parts in all other groups. An error is the mean squared
+    distance between the held-out parts of two segments, divided by that of two random segments. An
+    error of 1 is therefore that of chance.
 
     Attributes
     ----------
@@ -41,18 +40,31 @@ class ScaleCurve:
     errors : ndarray, shape (n_scales,)
         The error between segments of one cluster; NaN if no cluster has two segments.
     repetition_error : float
-        The error between a segment and its repetition, the nearest other segment in this group.
-    limit : float
-        1.1 times `repetition_error`.
-    scale : float
-        The largest scale whose error is at most `limit`; the smallest scale if there is none.
+        The error between a segment and its repetition: the nearest other segment in this group
+        that is not next to it in time.
     """
 
     scales: FloatArray
     errors: FloatArray
     repetition_error: float
-    limit: float
-    scale: float
+
+    @property
+    def limit(self) -> float:
+        """1.1 times `repetition_error`."""
+        return (1.0 + TOLERANCE) * self.repetition_error
+
+    @property
+    def scale(self) -> float:
+        """The largest scale whose error is at most `limit`; the smallest scale if none is."""
+        return self.scale_at(TOLERANCE)
+
+    def scale_at(self, tolerance: float) -> float:
+        """Return the largest scale whose error exceeds `repetition_error` by at most `tolerance`.
+
+        `tolerance` is a share of `repetition_error`. The result is the smallest scale if none fits.
+        """
+        within = np.flatnonzero(self.errors <= (1.0 + tolerance) * self.repetition_error)
+        return float(self.scales[within[-1] if len(within) else 0])
 
 
 def cluster_thresholds(
@@ -60,7 +72,8 @@ def cluster_thresholds(
 ) -> dict[str, float]:
     """Return the cluster diameter threshold of each group; 0 for a group without an embedding.
 
-    With the scale "auto", warn of groups for which none can be chosen; they have the default.
+    If `config.sigma_scale` is "auto", a scale is chosen for each group. A group for which this is
+    impossible has the default scale, with a warning.
     """
     sigma: dict[str, float] = {}
     for group, embedded in embedding.items():
@@ -69,16 +82,18 @@ def cluster_thresholds(
             continue
         scale = config.sigma_scale
         if isinstance(scale, str):
-            scale = _chosen_scale(embedding, group, config) if _is_named(config) else 1.0
+            # A number as `sigma` is the threshold itself, without a scale.
+            is_scaled = isinstance(config.sigma, str)
+            scale = _chosen_scale(embedding, group, config) if is_scaled else 1.0
         sigma[group] = threshold(embedded.points, config.sigma, scale)
     return sigma
 
 
 def scale_of_threshold(embedded: Embedding | None, sigma: float, config: Config) -> float:
-    """Return the scale of a group with the cluster diameter threshold `sigma`.
+    """Return the scale that gave a group the cluster diameter threshold `sigma`.
 
-    It is `config.sigma_scale`, or with "auto" the tried scale that is nearest to the quotient of
-    the threshold and the spread of the points.
+    It is `config.sigma_scale` if that is a number. If it is "auto", the result is the scale of
+    `SCALES` that is nearest to the quotient of the threshold and the spread of the points.
     """
     given = config.sigma_scale
     if not isinstance(given, str):
@@ -92,7 +107,7 @@ def scale_of_threshold(embedded: Embedding | None, sigma: float, config: Config)
 def scale_curve(
     embedding: Mapping[str, Embedding | None], group: str, config: Config
 ) -> ScaleCurve | None:
-    """Return the error of exchanged parts by scale for the clusters of a group.
+    """Return the error of exchanged parts for the clusters of a group at each scale.
 
     `embedding` holds the embeddings of all groups for the same segments, in order of time. The
     result is None if there are fewer than 20 segments, or if no other group has an embedding. Of
@@ -115,20 +130,12 @@ def scale_curve(
     held_out = _joined_parts(parts)
     nearest = _nearest_repetitions(own.points, rows)
     repetition_error = float(np.square(held_out[rows] - held_out[nearest]).sum(axis=1).mean())
-    limit = (1.0 + TOLERANCE) * repetition_error
     tree = linkage(own.points[rows])
     diameters = threshold(own.points, config.sigma) * SCALES
     errors = np.array(
         [_error_within(held_out[rows], fcluster(tree, float(d)) - 1) for d in diameters]
     )
-    within = np.flatnonzero(errors <= limit)
-    scale = float(SCALES[within[-1]] if len(within) else SCALES[0])
-    return ScaleCurve(SCALES, errors, repetition_error, limit, scale)
-
-
-def _is_named(config: Config) -> bool:
-    """Return whether the threshold is a multiple of a spread, not a given number."""
-    return isinstance(config.sigma, str)
+    return ScaleCurve(SCALES, errors, repetition_error)
 
 
 def _chosen_scale(embedding: Mapping[str, Embedding | None], group: str, config: Config) -> float:

@@ -1,4 +1,4 @@
-"""Segmentation of motions: at the extrema of their kinetic energy (paper, 4.1.1), or otherwise."""
+"""Segmentation of motions at the extrema of their kinetic energy (paper, 4.1.1) and otherwise."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,14 +17,14 @@ from mograft._util.arrays import (
 )
 from mograft._util.cut_frames import as_cut_frames
 from mograft._util.gaussian import gaussian_filter
-from mograft._util.validate import check_type
+from mograft._util.registry import CONFIG_OPTIONS
+from mograft._util.validate import check_type, is_integer
 from mograft.analysis.segmentations import METHODS
 from mograft.body.mass import mass_model, moments_of_inertia
 from mograft.config import Config
 from mograft.errors import suggest_name
+from mograft.motion.limits import MAX_CLIP_FRAME_TIME, MIN_CLIP_FRAME_TIME
 from mograft.motion.motion import Motion
-
-_FRAME_TIMES = 1e-4, 1.0  # seconds; the memory of smoothing is inversely proportional
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +77,8 @@ class Segments:
 
     def __getitem__(self, indices: IntArray | BoolArray | slice) -> "Segments":
         """Return the selected segments, in the order of `indices`."""
+        if is_integer(indices):
+            raise TypeError(f"`indices` must be a slice or an array, got {indices}")
         return Segments(self.start[indices], self.stop[indices], self.clip[indices])
 
     def __repr__(self) -> str:
@@ -94,8 +96,16 @@ class Segments:
 
     @classmethod
     def concatenate(cls, parts: Iterable["Segments"]) -> "Segments":
-        """Concatenate one or more `Segments` in their order, without a change of clip indices."""
-        columns = zip(*((part.start, part.stop, part.clip) for part in parts), strict=True)
+        """Concatenate one or more `Segments` in the given order; clip indices are not changed.
+
+        Raises ValueError if `parts` is empty, TypeError if an item is not a `Segments`.
+        """
+        several = list(parts)
+        if not several:
+            raise ValueError("`parts` must have at least one Segments, got none")
+        for part in several:
+            check_type("parts", part, Segments)
+        columns = zip(*((part.start, part.stop, part.clip) for part in several), strict=True)
         return cls(*map(np.concatenate, columns))
 
 
@@ -123,7 +133,7 @@ def kinetic_energy(
     Raises
     ------
     ValueError
-        If the motion has a single frame.
+        If the motion has a single frame, or `omega` or `inertia` is unknown.
 
     Notes
     -----
@@ -139,6 +149,8 @@ def kinetic_energy(
     (True, True)
     """
     check_type("motion", motion, Motion)
+    for name, value in (("omega", omega), ("inertia", inertia)):
+        CONFIG_OPTIONS[name].get(value)  # raises ValueError for an unknown value
     if motion.n_frames < 2:
         raise ValueError(
             f"kinetic energy needs at least 2 frames, {motion.name or 'the motion'} has 1"
@@ -204,8 +216,9 @@ def segment(
     Notes
     -----
     Segments shorter than `min_length` are merged as `merge_short_segments` describes; segments
-    longer than `max_length` are split into equal parts, except with methods that find whole
-    behaviours. Cut frames that the user gives are neither merged nor split.
+    longer than `max_length` are split into equal parts of at least one frame interval, except with
+    methods that find whole behaviours. Segments between cut frames that the user gives are neither
+    merged nor split.
 
     Examples
     --------
@@ -218,7 +231,9 @@ def segment(
     array([ 0, 10, 25])
     """
     config = Config() if config is None else config
+    check_type("config", config, Config)
     check_type("motion", motion, Motion)
+    check_type("config", config, Config)
     if method is None and parameters:
         known = {**config.segmentation_parameters, **parameters}
         config = replace(config, segmentation_parameters=known)
@@ -248,13 +263,13 @@ def check_segmentation(config: Config) -> None:
 def segment_clip(motion: Motion, config: Config, own_rate: float) -> Segments:
     """Segment a motion that was resampled from the rate `own_rate`, in frames per second.
 
-    The cut frames that `Config.segmentation` maps to the name of the motion count at `own_rate`.
+    If `Config.segmentation` is a mapping, its cut frames are numbers of frames at `own_rate`.
     """
-    first, last = _FRAME_TIMES
+    first, last = MIN_CLIP_FRAME_TIME, MAX_CLIP_FRAME_TIME
     if not first <= motion.frame_time <= last:
         raise ValueError(
-            f"the frame time of {motion.name or 'the motion'} must be between {first} and {last:g} "
-            f"seconds, got {motion.frame_time:g}"
+            f"the frame time of {motion.path or motion.name or 'the motion'} must be between "
+            f"{first} and {last:g} seconds, got {motion.frame_time:g}"
         )
     if not isinstance(config.segmentation, str):
         bounds = _given_bounds(motion, config, own_rate)
@@ -276,7 +291,7 @@ def segment_clip(motion: Motion, config: Config, own_rate: float) -> Segments:
 
 
 def _given_bounds(motion: Motion, config: Config, own_rate: float) -> IntArray:
-    """Return both ends of a motion, and the cut frames of a mapping or function.
+    """Return both ends of a motion and the cut frames that the user gives, by mapping or function.
 
     Raises ValueError if the motion has a single frame, the user gives no cut frames for it, or one
     of them is not a frame of the motion.
@@ -311,8 +326,8 @@ def merge_short_segments(bounds: IntArray, curve: FloatArray, min_length: int) -
 
     `bounds` are the frames at which segments meet, and both ends, which are never removed. The
     shortest segment is merged first: of its two bounds, the one is removed at which the curve
-    differs less from the mean of the curve at the previous and the next bound. The first of equal
-    segments or bounds is selected.
+    differs less from the mean of its values at the previous and the next bound. Of equal segments
+    or bounds, the first is selected.
     """
     bounds = np.unique(bounds)
     while len(bounds) > 2:
@@ -331,9 +346,10 @@ def split_long_segments(bounds: IntArray, max_length: float) -> IntArray:
     """Split segments longer than `max_length` intervals into as few equal parts as possible.
 
     `bounds` are the frames at which segments meet, and both ends. The lengths of the parts of one
-    segment differ by at most one interval.
+    segment differ by at most one interval. A `max_length` below 1 counts as 1.
     """
-    n_parts = np.maximum(np.ceil(np.diff(bounds) / max_length), 1).astype(np.int64)
+    lengths = np.diff(bounds) / max(max_length, 1.0)
+    n_parts = np.maximum(np.ceil(lengths), 1).astype(np.int64)
     if (n_parts == 1).all():
         return bounds
     parts = [

@@ -23,14 +23,14 @@ class SegmentationMethod:
     """Seconds after a cut frame that decide whether it is one; None if all frames do, so that a
     stream cannot use the method."""
     restarts: bool = False
-    """Whether the method starts again at each cut frame, so that only frames from the cut on decide
-    on the next one. Otherwise a stream gives the method the latest frames."""
+    """Whether the method starts again at each cut frame, so that the next cut depends only on the
+    frames from this cut on. Otherwise a stream gives the method the latest frames."""
 
     def make_parameters(self, name: str, given: Mapping[str, Any]) -> Any:  # noqa: ANN401 - of any method
         """Return the parameters with the values in `given`, and the defaults for all others.
 
-        `name` is that of the method. Raises ValueError if it has no such parameter, and what the
-        dataclass raises if a value is out of range.
+        `name` is the name of the method, for messages. Raises ValueError if the method has no
+        parameter of a given name, and the error of the dataclass if a value is out of range.
         """
         known = [field.name for field in fields(self.parameters)]
         for key in given:

@@ -6,10 +6,12 @@ by d - (z/g) d̈ along each horizontal axis, where d is the displacement of the 
 its height; vertical accelerations of the donor are ignored.
 """
 
+import os
 from dataclasses import dataclass
 
 import numpy as np
 
+from mograft import _core
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.gaussian import gaussian_kernel
 from mograft.analysis.embedding import Samples, segment_headings
@@ -26,10 +28,9 @@ from mograft.motion.skeleton import Skeleton
 # Squared seconds: height of the centre of mass, 0.56 statures, over gravity.
 PENDULUM_TIME_SQUARED = 0.56 * STATURE_METERS / GRAVITY
 SMOOTHING_SECONDS = 2.0 / 30.0  # standard deviation of the Gaussian before differentiation
-N_DIRECTIONS = 48  # half-planes that approximate a support polygon
+N_DIRECTIONS = 48  # half-planes that approximate a support polygon; an even number
 # Heights: the zero-moment points of two mass models differ by about this distance.
 DISTANCE_SCALE = 0.01
-_BATCH = 4096  # pairs of segments
 
 
 def mass_offsets(
@@ -117,58 +118,55 @@ def support_margins(
     return shaped
 
 
-def zero_moment_shifts(base: FloatArray, donors: FloatArray, seconds: FloatArray) -> FloatArray:
-    """Return how donors move the zero-moment point, in heights, shape (n, n_samples, 2).
+def zero_moment_operators(n_samples: int, seconds: FloatArray) -> FloatArray:
+    """Return how displacements of the mass move the zero-moment point, (n, n_samples, n_samples).
 
-    `base` and `donors` are results of `mass_offsets`, shape (n, n_samples, 2); `seconds` are the
-    durations of the base segments. The shift is d - (z/g) d̈, where d is the difference of the
-    offsets, smoothed by a Gaussian. Beyond both ends of the segment, d continues by point
-    reflection: it is a line and a sum of sines.
+    `seconds` are the durations of n base segments. The product of an operator and d at the samples,
+    shape (n_samples, 2), is the shift d - (z/g) d̈ at the samples. Here d is the difference of the
+    `mass_offsets` of donor and base segment, smoothed by a Gaussian. Beyond both ends of the
+    segment, d continues by point reflection, so it is the sum of a line and of sines.
     """
-    gaps = donors - base
-    times = np.linspace(0.0, 1.0, gaps.shape[1])[:, None]
-    line = gaps[:, :1] * (1.0 - times) + gaps[:, -1:] * times
-    modes = np.arange(1, len(times) - 1)
+    times = np.linspace(0.0, 1.0, n_samples)[:, None]
+    line = np.zeros((n_samples, n_samples))
+    line[:, :1], line[:, -1:] = 1.0 - times, times
+    modes = np.arange(1, n_samples - 1)
     sines = np.sin(np.pi * times * modes)
     squared_frequencies = np.square(np.pi * modes / seconds[:, None])
     gains = np.exp(-0.5 * SMOOTHING_SECONDS**2 * squared_frequencies)
     gains *= 1.0 + PENDULUM_TIME_SQUARED * squared_frequencies
-    amplitudes = np.linalg.inv(sines[1:-1]) @ (gaps - line)[:, 1:-1]
-    shifts: FloatArray = line + sines @ (gains[:, :, None] * amplitudes)
+    # Discrete sine transform of the differences from the line.
+    amplitudes = 2.0 / (n_samples - 1) * np.einsum("sm,st->mt", sines, np.eye(n_samples) - line)
+    # numpy.einsum adds without BLAS, on whose kernels the last bits would depend otherwise.
+    shifts: FloatArray = line + np.einsum("nsm,mt->nst", gains[:, None] * sines, amplitudes)
     return shifts
 
 
-def added_imbalances(shifts: FloatArray, margins: FloatArray, rows: IntArray) -> FloatArray:
-    """Return by how much shifts raise the imbalance of base segments, shape (n,), 0 to 1.
+def added_imbalances(
+    offsets: FloatArray,
+    bases: tuple[IntArray, FloatArray, FloatArray],
+    donors: IntArray,
+    counts: IntArray,
+) -> FloatArray:
+    """Return by how much donors raise the imbalance of base segments, shape (n_donors,), 0 to 1.
 
     The imbalance is the mean over the samples of 1 / (1 + exp(-d / `DISTANCE_SCALE`)), where d is
     the distance of the zero-moment point to the support polygon, negative inside: about the share
-    of the time that the point is outside. `shifts` are those of `zero_moment_shifts`, and `rows`
-    the index of each base segment in `margins`, the result of `support_margins`. The result is 0 if
-    the imbalance falls.
+    of the time that the point is outside. The result is 0 if the imbalance falls. `offsets` are the
+    `mass_offsets` of all segments. `bases` holds the base segments, their `zero_moment_operators`
+    and their `support_margins`. `donors` holds the donors of the first base segment, then those of
+    the next, and `counts` their numbers.
     """
-    axes = _directions()
-    known = _imbalances(-margins)
-    found = np.empty(len(shifts))
-    for start in range(0, len(shifts), _BATCH):
-        batch = slice(start, start + _BATCH)
-        excesses = shifts[batch] @ axes.T - margins[rows[batch]]
-        found[batch] = _imbalances(excesses) - known[rows[batch]]
-    return np.maximum(found, 0.0)
-
-
-def _imbalances(excesses: FloatArray) -> FloatArray:
-    """Return the imbalance from the distances beyond each half-plane, shape (n, n_samples, k)."""
-    distances = excesses.max(axis=2)
-    shares = 0.5 + 0.5 * np.tanh(distances / (2.0 * DISTANCE_SCALE))
-    means: FloatArray = shares.mean(axis=1)
-    return means
+    directions = _directions()[: N_DIRECTIONS // 2]
+    threads = os.cpu_count() or 1
+    return _core.added_imbalances(
+        np.ascontiguousarray(offsets), bases, (donors, counts), directions, DISTANCE_SCALE, threads
+    )
 
 
 def _smooth(tracks: FloatArray, sigma: float) -> FloatArray:
     """Smooth tracks, shape (n_frames, n), by a Gaussian of `sigma` frames.
 
-    Beyond both ends they continue by point reflection, so the velocity there stays.
+    Beyond both ends they continue by point reflection, so that smoothing keeps the velocity there.
     """
     kernel = gaussian_kernel(sigma)
     radius = len(kernel) // 2

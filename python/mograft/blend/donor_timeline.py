@@ -11,7 +11,7 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray, Item
 from mograft.analysis.segmentation import Segments
 from mograft.blend.rigid_alignment import AlignmentTransform
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
-from mograft.blend.seams import ClosedFrames, PieceTimes, SeamBoundaries
+from mograft.blend.seams import ClosedFrames, PieceTimes, SeamBoundaries, restrict_to_pieces
 from mograft.blend.time_warp import TimeWarp
 from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS, ValueSpace
 from mograft.config import Config
@@ -93,7 +93,7 @@ class DonorTimeline:
 
     @cached_property
     def kept_rows(self) -> IntArray:
-        """The indices of `frame_times` without the last frames that the next segments share."""
+        """Indices in `frame_times` of all frames once: of two equal frames, the later entry."""
         last = np.cumsum(self.cut.lengths + 1) - 1
         is_shared = self.cut.stop[:-1] == self.cut.start[1:]
         return np.delete(np.arange(last[-1] + 1), last[:-1][is_shared])
@@ -165,7 +165,8 @@ class DonorTimeline:
 
         Two donors continue each other without a seam if neither is stretched or warped, and the
         last frame of the first donor and its two neighbours in the clip equal, bit for bit, the
-        first frame of the second donor and its neighbours. They may be in two copies of a clip.
+        first frame of the second donor and its neighbours. The donors may be in two copies of a
+        clip.
         `joints` are the columns of `tracks` that are compared, by default all.
         """
         donors = self.donors
@@ -208,20 +209,13 @@ class DonorLayout:
         `rows` are the values at the times of `frame_times`.
         """
         times, kept = self.timeline.frame_times(), self.timeline.kept_rows
+        pieces = self._piece_times(SegmentTimes(times.segment[kept], times.frames[kept]))
         closed = np.empty((len(kept), *rows.shape[1:]))
         # In blocks, so that no second array has all frames.
         for start in range(0, len(kept), _FRAMES_PER_BLOCK):
-            own = kept[start : start + _FRAMES_PER_BLOCK]
-            own_times = SegmentTimes(times.segment[own], times.frames[own])
-            closed[start : start + len(own)] = self._close(space, own_times, rows[own])
+            block = slice(start, start + _FRAMES_PER_BLOCK)
+            closed[block] = self._close(space, pieces[block], rows[kept[block]])
         return closed
-
-    def close_at(self, space: ValueSpace, times: SegmentTimes) -> FloatArray:
-        """Return rotations or translations at n points in time, with the gaps at seams closed."""
-        return self._close(space, times, self.timeline.sample(space, self._tracks(space), times))
-
-    def _tracks(self, space: ValueSpace) -> Sequence[FloatArray]:
-        return self.rotations if space is ROTATIONS else self.positions
 
     @cached_property
     def _rows(self) -> tuple[FloatArray, FloatArray]:
@@ -232,17 +226,19 @@ class DonorLayout:
             self.timeline.sample(TRANSLATIONS, self.positions, times),
         )
 
-    def _close(self, space: ValueSpace, times: SegmentTimes, values: FloatArray) -> FloatArray:
-        treatment = SEAM_TREATMENTS.get(self.config.seam)
-        piece_times = self.timeline.piece_times(self._closed_seams, times, self.config.seam_blend)
-        return treatment.close(values, piece_times, self._boundaries(space))
+    def _piece_times(self, times: SegmentTimes) -> PieceTimes:
+        return self.timeline.piece_times(self._closed_seams, times, self.config.seam_blend)
+
+    def _close(self, space: ValueSpace, times: PieceTimes, values: FloatArray) -> FloatArray:
+        near = restrict_to_pieces(times, self._boundaries(space))
+        return SEAM_TREATMENTS.get(self.config.seam).close(values, *near)
 
     def _boundaries(self, space: ValueSpace) -> SeamBoundaries:
         return self._rotation_boundaries if space is ROTATIONS else self._translation_boundaries
 
     @cached_property
     def _closed_seams(self) -> IntArray:
-        """The indices of the segments that end with a seam that the treatment closes."""
+        """Indices of the segments whose end the treatment closes as a seam."""
         if SEAM_TREATMENTS.get(self.config.seam).spans_segments:
             return np.arange(len(self.seams))
         return np.flatnonzero(self.seams)

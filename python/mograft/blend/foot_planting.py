@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.runs import find_runs
@@ -25,7 +26,7 @@ from mograft.body.contacts import Ground, detect_contacts, find_legs, skating_sh
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
-_MAX_ERROR = 1e-4  # skeleton heights; farther from its plant, a foot counts as out of reach
+_MAX_ERROR = 1e-4  # skeleton heights; a foot farther from its plant counts as unreached
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ def plant_feet(
     movable_legs: Sequence[bool] | None = None,
     move_root: bool = True,
     floor_reference: Motion | None = None,
-    min_heights: FloatArray | None = None,
+    min_heights: npt.ArrayLike | None = None,
 ) -> tuple[Motion, FeetReport]:
     """Bend legs so that feet in contact with the floor do not slide.
 
@@ -80,7 +81,7 @@ def plant_feet(
         A motion of the same skeleton on the same floor, from which the floor height and the maximum
         depth of the feet below the floor are estimated. A longer motion gives a better estimate.
         Default: `motion`.
-    min_heights : ndarray, shape (n_frames, n_legs, 2), optional
+    min_heights : array_like, shape (n_frames, n_legs, 2), optional
         Minimum heights of heels and toes above the floor while they are not in contact, in
         skeleton heights. Values above 0.05 count as 0.05. Default: none.
 
@@ -95,8 +96,10 @@ def plant_feet(
     Raises
     ------
     ValueError
-        If the shape of `foot_contacts` or `min_heights`, or the length of `movable_legs`, does not
-        fit the motion's legs.
+        If the shape of `foot_contacts`, `min_heights` or `movable_legs` does not fit the motion's
+        legs, or `min_heights` has NaN.
+    SkeletonMismatchError
+        If `floor_reference` has another hierarchy.
 
     Notes
     -----
@@ -122,19 +125,18 @@ def plant_feet(
     check_type("motion", motion, Motion)
     legs = find_legs(motion.skeleton)
     contacts, movable = _checked_arguments(motion, len(legs), foot_contacts, movable_legs)
-    if min_heights is not None and min_heights.shape != contacts.shape:
-        raise ValueError(f"`min_heights` must have shape {contacts.shape}, got {min_heights.shape}")
-    reference = motion if floor_reference is None else floor_reference
-    ground = Ground.of(reference)
+    heights = np.full(contacts.shape, -np.inf)
+    if min_heights is not None:
+        heights = _checked_heights(min_heights, contacts.shape)
+    ground = Ground.below(motion, floor_reference)
     skate_before = skating_share(motion, ground)
     has_task = contacts.any() or min_heights is not None or floor_reference is not None
     if not has_task or not movable.any():
         return motion, _without_changes(skate_before)
     points = ground.points(motion)
     planted = remove_sliding_frames(contacts, points, ground, motion.rate)
-    heights = np.full(contacts.shape, -np.inf) if min_heights is None else min_heights
     heights = np.where(contacts & ~planted, CLEARANCE, heights)
-    recorded = points if reference is motion else ground.points(reference)
+    recorded = points if floor_reference is None else ground.points(floor_reference)
     lowest = lowest_heights(points, recorded, ground)
     displacements = np.zeros_like(points)
     bent_legs = np.flatnonzero(movable).tolist()
@@ -208,17 +210,27 @@ def _checked_arguments(
     foot_contacts: BoolArray | None,
     movable_legs: Sequence[bool] | None,
 ) -> tuple[BoolArray, BoolArray]:
-    """Check two arguments of `plant_feet` and return them, with None replaced by the default."""
+    """Check two arguments of `plant_feet` and return them; None is replaced by the default."""
     contacts = detect_contacts(motion) if foot_contacts is None else np.asarray(foot_contacts, bool)
     expected = (motion.n_frames, n_legs, 2)
     if contacts.shape != expected:
         raise ValueError(f"`foot_contacts` must have shape {expected}, got {contacts.shape}")
     movable = np.ones(n_legs, bool) if movable_legs is None else np.array(movable_legs, bool)
-    if len(movable) != n_legs:
-        raise ValueError(
-            f"`movable_legs` must have {n_legs} entries, one per leg, got {len(movable)}"
-        )
+    if movable.shape != (n_legs,):
+        got = len(movable) if movable.ndim == 1 else repr(movable_legs)
+        raise ValueError(f"`movable_legs` must have {n_legs} entries, one per leg, got {got}")
     return contacts, movable
+
+
+def _checked_heights(min_heights: npt.ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+    """Return `min_heights` of `plant_feet` as an array of the given shape."""
+    heights = np.asarray(min_heights, np.float64)
+    if heights.shape != shape:
+        raise ValueError(f"`min_heights` must have shape {shape}, got {heights.shape}")
+    if np.isnan(heights).any():
+        index = np.argwhere(np.isnan(heights))[0].tolist()
+        raise ValueError(f"`min_heights` must be numbers, got NaN at {index}")
+    return heights
 
 
 def _shifted_root(motion: Motion, world_rotations: FloatArray, shift: FloatArray) -> Part:

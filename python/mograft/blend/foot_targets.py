@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray
-from mograft._util.gaussian import gaussian_filter
+from mograft._util.gaussian import gaussian_filter_columns
 from mograft._util.runs import find_runs
 from mograft.body.contacts import CONTACT_HEIGHT, SLIDING_SPEED, Ground, point_speeds
 from mograft.config import FRAME
 
-CLEARANCE = 0.05  # skeleton heights above the floor to which a swinging foot is lifted at most
+CLEARANCE = 0.05  # maximum height to which a swinging foot is lifted, in skeleton heights
 _FADE_SECONDS = 3 * FRAME
 _RISE_FRAMES = 1.5  # frames from a contact within which the lift of a swinging foot is reduced
 _MAX_SLIDE = 0.1  # skeleton heights from the mean position; a longer slide loses its fast frames
@@ -33,9 +33,9 @@ def remove_sliding_frames(
 ) -> BoolArray:
     """Return `contacts` without the fast frames of contacts in which a heel or toe slides far.
 
-    A foot can stand at two distant positions before and after a seam. One plant for both contacts
-    would be half way between these positions. Without the fast frames there are two plants, and
-    the foot steps from one to the other.
+    Before and after a seam, a foot can stand at two distant positions. A single plant would be
+    halfway between them. Without the fast frames there are two plants, and the foot steps from one
+    to the other.
     """
     at_rest = contacts.copy()
     is_fast = point_speeds(points, rate) >= SLIDING_SPEED * ground.height
@@ -52,9 +52,10 @@ def remove_sliding_frames(
 def lowest_heights(points: FloatArray, recorded: FloatArray, ground: Ground) -> FloatArray:
     """Return the lowest allowed heights of heels and toes, shape (n_frames, n_legs, 2).
 
-    The limit is the higher of two heights: that of the point in the same frame of `points`, and
-    that of its lowest frame in `recorded`; at most, it is the height of the floor. It is then
-    lowered by 0.001 skeleton heights. Both arrays are positions, shape (n_frames, n_legs, 2, 3).
+    The limit is 0.001 skeleton heights below the higher of two heights: that of the point in the
+    same frame of `points`, and that of the point in its lowest frame in `recorded`. Heights above
+    the floor count as the height of the floor. Both arrays are positions, shape
+    (n_frames, n_legs, 2, 3).
     """
     deepest = (recorded @ ground.up).min(axis=0)
     lowest: FloatArray = np.minimum(np.maximum(points @ ground.up, deepest), ground.floors)
@@ -173,7 +174,7 @@ def _lifts(
     padded = np.pad(deficit, ((width, width), (0, 0)), mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1, axis=0)
     greatest = windows.max(axis=2)
-    smooth = np.stack([gaussian_filter(column, 0.5 * width) for column in greatest.T], axis=1)
+    smooth = gaussian_filter_columns(greatest, 0.5 * width)
     # The lift is 0 during a contact and rises over the frames before and after it.
     is_free = np.pad(~stands, width, constant_values=True)
     free_windows = np.lib.stride_tricks.sliding_window_view(is_free, 2 * width + 1)

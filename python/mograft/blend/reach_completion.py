@@ -24,7 +24,7 @@ _MAX_EXTENSION = 1.0 - 1e-4  # distance of the ends, as a share of the limb's le
 
 @dataclass(frozen=True, kw_only=True)
 class ReachCompletion:
-    """What inverse kinematics did for one `Reach`.
+    """The effect of inverse kinematics for one `Reach`.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class ReachCompletion:
         Maximum distance of the joint from the target in these frames, in skeleton heights, before
         and after inverse kinematics.
     reason : str
-        Why the limb was left alone; empty if it was moved.
+        Why the limb was not moved; empty if it was moved.
     """
 
     reach: Reach
@@ -77,7 +77,7 @@ class _Task:
     target: FloatArray
 
     def touches(self, other: "_Task", n_blend: int) -> bool:
-        """Whether this task and `other` move the same limb in frames that are too close.
+        """Return whether this task and `other` move the same limb in frames that are too close.
 
         If both move the same joint, the frames with targets must not overlap. If they move two
         joints of the limb, the `n_blend` frames before and after must not overlap either.
@@ -133,7 +133,7 @@ def measure_completions(
 def _plan_task(
     motion: Motion, reach: Reach, limits: ReachLimits, tasks: Sequence[_Task], height: float
 ) -> tuple[_Task | None, ReachCompletion]:
-    """Return the task of a `Reach`, or None and the reason why its limb is left alone."""
+    """Return the task of a `Reach`, or None and the reason why its limb is not moved."""
     end = motion.skeleton.index(reach.joint)
     first, last = _frames_of(reach, motion)
     limb = find_limb(motion.skeleton, end)
@@ -224,7 +224,10 @@ class _LimbWindow:
     def build(
         cls, motion: Motion, limb: TwoBoneLimb, first: int, stop: int, usual: FloatArray
     ) -> "_LimbWindow":
-        """Return the limb in the frames `first` to `stop` - 1; `usual` is its mean bend axis."""
+        """Return the limb in the frames `first` to `stop` - 1.
+
+        `usual` is the mean bend axis of the limb, in the local axes of its first joint.
+        """
         world_rotations, positions = _world_window(motion, first, stop)
         joints = [limb.start, limb.middle]
         above = motion.skeleton.parents[joints]
@@ -299,8 +302,9 @@ def _in_axes(axes: FloatArray, quats: FloatArray) -> FloatArray:
 def _add_flexion(flexions: FloatArray, added: FloatArray) -> FloatArray:
     """Return flexion angles plus `added`, in radians; angles near 0 change by less than `added`.
 
-    The result is a smooth function of both arguments. A straight limb is bent backwards by less
-    than `_STRAIGHT_MARGIN` / 2 whatever is added. The inverse function is `_subtract_flexion`.
+    The result is a smooth function of both arguments. For every value of `added`, a straight limb
+    is bent backwards by less than `_STRAIGHT_MARGIN` / 2. The inverse function is
+    `_subtract_flexion`.
     """
     result: FloatArray = flexions + _smooth_ramp(flexions + added) - _smooth_ramp(flexions)
     return result

@@ -65,7 +65,7 @@ def recombine(base: Motion, parts: Iterable[Part], name: str) -> Motion:
 def _replace_parts(
     base: Motion, parts: Iterable[Part]
 ) -> tuple[FloatArray, FloatArray, list[_Change], dict[ChannelKey, FloatArray]]:
-    """Return new rotations and translations, what changed, and the angles of single channels.
+    """Return new rotations and translations, their changes, and the angles of single channels.
 
     `parts` may be an iterator: the arrays of one part can then be released before the next is made.
     """
@@ -93,13 +93,14 @@ def _mark_derived(values: FloatArray, skeleton: Skeleton, change: _Change) -> No
 
 
 def _replace_joints(
-    values: FloatArray, own: FloatArray, joints: IntArray
+    values: FloatArray, new: FloatArray, joints: IntArray
 ) -> tuple[FloatArray, BoolArray]:
-    """Return `values` with those of some joints replaced, and which of the latter differ.
+    """Return `values` with those of some joints replaced, and a mask of the values that differ.
 
-    `values` itself is returned if none differs, so that motions share the array.
+    The mask has shape (n_frames, len(joints)). If no value differs, `values` itself is returned, so
+    that motions share the array.
     """
-    replaced, is_changed = _core.replace_joints(values, np.ascontiguousarray(own), joints)
+    replaced, is_changed = _core.replace_joints(values, np.ascontiguousarray(new), joints)
     return (replaced if is_changed.any() else values), is_changed
 
 

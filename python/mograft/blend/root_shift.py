@@ -13,7 +13,7 @@ _SMOOTHING_SECONDS = 3 * FRAME
 _MAX_LEG_SHARE = 0.995  # hip-ankle distance per leg length, unless the leg is straighter already
 _N_PROJECTIONS = 10
 _MAX_SWEEPS, _SPEED_MARGIN = 1000, 0.9999
-"""Maximum number of passes of `limit_floor_speed`, and the share of the limit that they aim at."""
+"""Maximum number of passes of `limit_floor_speed`, and their target as a share of the limit."""
 
 
 def shift_for_reach(
@@ -40,7 +40,7 @@ def shift_for_reach(
         radii.append(np.where(is_planted[:, index], reach, np.inf))
 
     def project(shift: FloatArray) -> FloatArray:
-        """Project `shift` alternately onto the shifts with which each leg reaches its target."""
+        """Project `shift`, for each leg in turn, onto the shifts by which its target is reached."""
         for _ in range(_N_PROJECTIONS):
             for center, radius in zip(centers, radii, strict=True):
                 offset = shift - center
@@ -65,7 +65,10 @@ def shift_for_reach(
 
 
 def limit_descent(shift: FloatArray, room: FloatArray, up: FloatArray) -> FloatArray:
-    """Raise a shift, (n_frames, 3), so that it lowers no frame by more than `room`, (n_frames,)."""
+    """Return a shift, (n_frames, 3), raised where it lowers a frame by more than `room`.
+
+    `room`, shape (n_frames,), is in the unit of the file.
+    """
     excess: FloatArray = np.maximum(-(shift @ up) - room, 0.0)
     return shift + excess[:, None] * up
 

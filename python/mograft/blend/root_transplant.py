@@ -46,17 +46,17 @@ class GraftedRoot:
     def align(self, layout: DonorLayout, base: Motion, clips: Sequence[Motion]) -> DonorLayout:
         """Align each donor to the previous one; return the layout with the root in world axes.
 
-        At a seam the next donor is rotated about the up axis and moved over the floor, so that its
-        root starts at the position and heading at which the previous donor ends. The first donor
-        starts at those of the base.
+        At a seam the next donor is rotated about the up axis and moved over the floor: its
+        root then starts at the position and heading at which the previous donor ends. The first
+        donor starts at those of the base.
         """
         layout = self._with_world_tracks(layout, clips)
         timeline, donors = layout.timeline, layout.timeline.donors
         positions = [track[:, self.position_column, None] for track in layout.positions]
         seams = layout.seams | timeline.find_seams(positions)
         first, last = (self._donor_roots(layout, frames) for frames in (donors.start, donors.stop))
-        quats, places = base.world_transforms()
-        target = RootTransforms(quats[:1, self.joint], places[:1, self.joint])
+        quats, places = base[:1].world_transforms()
+        target = RootTransforms(quats[:, self.joint], places[:, self.joint])
         moves = AlignmentTransform(np.empty((len(donors), 4)), np.empty((len(donors), 3)))
         for index in range(len(donors)):
             row = np.array([index])
@@ -94,10 +94,10 @@ class GraftedRoot:
         if base.skeleton.parents[self.joint] < 0:
             return
         root, parent = self._root(quats, positions), base.skeleton.parents[self.joint]
-        world_quats, places = base.world_transforms()
-        has_base_rotation = (root.rotations == world_quats[:, self.joint]).all(axis=1)
-        has_base_position = (root.positions == places[:, self.joint]).all(axis=1)
-        local = root.relative_to(RootTransforms(world_quats[:, parent], places[:, parent]))
+        base_rotations, base_positions = base.world_track(self.joint)
+        has_base_rotation = (root.rotations == base_rotations).all(axis=1)
+        has_base_position = (root.positions == base_positions).all(axis=1)
+        local = root.relative_to(RootTransforms(*base.world_track(int(parent))))
         local.rotations[has_base_rotation] = base.rotations[has_base_rotation, self.joint]
         local.positions[has_base_position] = base.positions[has_base_position, self.joint]
         self._set_root(quats, positions, local)
@@ -117,7 +117,7 @@ class GraftedRoot:
         quats = [track.copy() for track in layout.rotations]
         places = [track.copy() for track in layout.positions]
         for clip, rotation, position in zip(clips, quats, places, strict=True):
-            world = RootTransforms(*(values[:, self.joint] for values in clip.world_transforms()))
+            world = RootTransforms(*clip.world_track(self.joint))
             self._set_root(rotation, position, world)
         return replace(layout, rotations=quats, positions=places)
 

@@ -5,7 +5,7 @@ Treatments are functions of continuous time, so that they can be evaluated betwe
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -26,6 +26,10 @@ class PieceTimes:
     seconds: FloatArray  # (n,): seconds since the start of that piece
     durations: FloatArray  # (n_pieces,): duration of every piece in seconds
     blend: float  # `Config.seam_blend` in seconds
+
+    def __getitem__(self, chosen: slice | IntArray) -> "PieceTimes":
+        """Return some of the points in time, with all pieces."""
+        return replace(self, piece=self.piece[chosen], seconds=self.seconds[chosen])
 
     @property
     def seconds_left(self) -> FloatArray:
@@ -60,6 +64,32 @@ class SeamBoundaries:
         gaps[(self.before == self.after).all(axis=-1)] = 0.0
         return gaps
 
+    def __getitem__(self, seams: slice) -> "SeamBoundaries":
+        """Return the boundaries of some successive seams."""
+        return SeamBoundaries(
+            self.space,
+            self.before[seams],
+            self.after[seams],
+            self.velocity_before[seams],
+            self.velocity_after[seams],
+            self.accelerations[seams],
+        )
+
+
+def restrict_to_pieces(
+    times: PieceTimes, boundaries: SeamBoundaries
+) -> tuple[PieceTimes, SeamBoundaries]:
+    """Return times and boundaries with only the pieces of `times`, their neighbours and seams.
+
+    `SeamTreatment.close` returns the same bits for them, in time independent of all other pieces.
+    """
+    if not len(times.piece):
+        return times, boundaries
+    first = max(int(times.piece.min()) - 1, 0)
+    stop = int(times.piece.max()) + 2
+    near = replace(times, piece=times.piece - first, durations=times.durations[first:stop])
+    return near, boundaries[first : stop - 1]
+
 
 class SeamTreatment(ABC):
     """A method that changes the motion near a seam so that two pieces meet without a gap.
@@ -77,8 +107,8 @@ class SeamTreatment(ABC):
     # Seconds beyond `Config.seam_blend` within which other seams affect the frames near a seam.
     coupling: ClassVar[float] = 0.0
 
-    # Whether `Stream` smooths a seam with the donor after it, chosen in advance, by the sum of
-    # "gradient". Otherwise it replaces treatments that are not causal by "inertial".
+    # Whether `Stream` chooses the donor after a seam in advance and smooths the seam with the
+    # method "gradient". Otherwise, `Stream` replaces treatments that are not causal by "inertial".
     uses_next_donor: ClassVar[bool] = False
 
     @abstractmethod
@@ -89,8 +119,8 @@ class SeamTreatment(ABC):
 
         `values`, shape (n, n_joints, 4 or 3), are the pieces' rotations or translations at the n
         points in time `times`. `boundaries` are the seams between the pieces. The result has the
-        shape of `values` and is continuous at the seams. A value that needs no change is returned
-        bit for bit.
+        shape of `values` and is continuous at the seams. A value depends on the seams at both ends
+        of its piece only. A value that needs no change is returned bit for bit.
         """
 
     @abstractmethod
@@ -146,8 +176,9 @@ def no_crossfade(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
 def at_piece_ends(per_seam: FloatArray, piece: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return the entries of `per_seam` at the start and at the end of the given pieces.
 
-    `per_seam` has shape (n_pieces - 1, ...); `piece` has n indices, and both results have shape (n,
-    ...). They are 0 at the start of the first piece and at the end of the last: there is no seam.
+    `per_seam` has shape (n_pieces - 1, ...); `piece` has n indices, and both results have shape
+    (n, ...). They are 0 at the start of the first piece and at the end of the last one, where there
+    is no seam.
     """
     zero = np.zeros((1, *per_seam.shape[1:]))
     return np.concatenate([zero, per_seam])[piece], np.concatenate([per_seam, zero])[piece]

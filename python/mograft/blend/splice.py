@@ -10,9 +10,9 @@ from mograft._util.runs import find_runs
 from mograft.motion.motion import Motion
 
 MAX_ANGLE = 1e-4
-"""Radians by which no joint differs at the ends of a range; 0.006 degrees."""
+"""Maximum angle, in radians, between the motions at the ends of a range; 0.006 degrees."""
 
-_MAX_SHIFT = 1e-4  # skeleton heights by which no joint's translation differs there
+_MAX_SHIFT = 1e-4  # maximum difference of translations there, in skeleton heights
 
 
 def splice(
@@ -52,7 +52,10 @@ def splice(
 
 
 def _is_near(before: Motion, after: Motion, height: float, moving: Collection[int]) -> BoolArray:
-    """Return in which frames motions differ by at most the tolerances, without joints `moving`."""
+    """Return the frames in which motions differ by at most the limits, without joints `moving`.
+
+    The result is a mask of shape (n_frames,).
+    """
     others = np.setdiff1d(np.arange(before.n_joints), list(moving))
     quats = [motion.rotations[:, others] for motion in (before, after)]
     # |q - p| or |q + p| is 2 sin(angle / 4), which is exact where |q·p| rounds to 1.
@@ -66,7 +69,7 @@ def _is_near(before: Motion, after: Motion, height: float, moving: Collection[in
 
 
 def _grow(is_new: BoolArray, is_near: BoolArray) -> BoolArray:
-    """Extend each range to the frames before and after it that are not near."""
+    """Extend each range of `is_new` over the adjacent frames that `is_near` does not mark."""
     grown = is_new.copy()
     for start, stop in find_runs(~is_near).tolist():
         touches = is_new[max(start - 1, 0) : stop + 1]
@@ -76,7 +79,7 @@ def _grow(is_new: BoolArray, is_near: BoolArray) -> BoolArray:
 
 
 def _with_signs(before: Motion, after: Motion, is_new: BoolArray) -> FloatArray:
-    """Return the rotations of `after` with the signs of `before` at the start of each range."""
+    """Return the quaternions of `after`, with the signs of `before` at the start of each range."""
     quats = after.rotations.copy()
     ranges: Sequence[Sequence[int]] = find_runs(is_new).tolist()
     for start, stop in ranges:

@@ -54,9 +54,9 @@ def warping_path(distances: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class TimeWarp:
-    """For each base segment, a map from its elapsed fraction to that of its donor."""
+    """For each base segment, a map from its own elapsed fraction to that of its donor."""
 
-    shares: FloatArray  # (n_segments, 5): after 0, ¼, ½, ¾ and all of the segment
+    shares: FloatArray  # (n_segments, 5): of the donor, after 0, ¼, ½, ¾ and 1 of the segment
     is_warped: BoolArray  # (n_segments,)
 
     @cached_property
@@ -105,7 +105,7 @@ class TimeWarp:
         return cls(shares, is_warped)
 
     def donor_share(self, segment: IntArray, share: FloatArray) -> FloatArray:
-        """Return the elapsed fractions of donors, given `share`, those of their base segments."""
+        """Return the elapsed fractions of donors, given those of their base segments, `share`."""
         knot = np.minimum((share * (_N_KNOTS - 1)).astype(np.int64), _N_KNOTS - 2)
         width = 1.0 / (_N_KNOTS - 1)
         t = share / width - knot

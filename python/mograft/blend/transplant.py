@@ -17,6 +17,11 @@ from mograft.blend.trunk_lean import TrunkLean
 from mograft.config import Config
 from mograft.motion.motion import Motion
 
+_MAX_BLOCK_VALUES = 1 << 21
+"""Maximum number of joint rotations (joints times frames) of a group that is transplanted at once:
+several arrays of 64 MiB. A larger group is divided into ranges of joints of a quarter of this size,
+which need less memory beside the array of the whole group."""
+
 
 @dataclass(frozen=True, eq=False)
 class GraftedGroup:
@@ -74,28 +79,36 @@ def transplant(
         timeline = replace(timeline, warp=warp)
     lean = lean or TrunkLean.from_config(base, joints, group.up, config)
     moving: BoolArray = np.any([clip.is_translated[joints] for clip in clips], axis=0)
-    if group.root is not None and (joints == group.root).any():
-        moving |= joints == group.root
-        root = GraftedRoot.from_columns(group.root, group.up, joints, moving)
-        layout = _lay_out(timeline, clips, group, lean, moving, config)
-        layout, quats, moved = root.close(layout, base, clips)
-    else:
-        layout = _lay_out(timeline, clips, group, lean, moving, config)
-        quats, moved = layout.smooth(*layout.close())
-    positions = None
-    if moving.any():
-        positions = base.positions.take(joints, axis=1)
-        positions[:, moving] = moved
-    channel_quats = quats[:, len(joints) :]
-    quats = np.ascontiguousarray(quats[:, : len(joints)])
+    is_root = np.isin(joints, [] if group.root is None else [group.root])
+    moving |= is_root
+    seams = timeline.find_seams([clip.rotations for clip in clips], joints)
+    channels = [split_axes(clip, group.held) for clip in clips] if group.held else []
+    if channels:
+        seams |= timeline.find_seams(channels)
+    donor = _DonorTracks(timeline, clips, joints, moving, lean, seams, config)
+    quats = np.empty((base.n_frames, len(joints), 4))
+    positions = base.positions.take(joints, axis=1) if moving.any() else None
+    blocks = _joint_blocks(cut, is_root, max(clip.n_frames for clip in clips))
+    for block in blocks:
+        layout = donor.layout(block)
+        if is_root[block].any():
+            assert group.root is not None
+            root = GraftedRoot.from_columns(group.root, group.up, joints[block], moving[block])
+            layout, turned, moved = root.close(layout, base, clips)
+            donor = replace(donor, seams=layout.seams)
+        else:
+            turned, moved = layout.smooth(*layout.close())
+        if len(blocks) == 1:
+            quats = turned
+        else:
+            quats[:, block] = turned
+        if positions is not None:
+            positions[:, block][:, moving[block]] = moved
     lean.restore(base, quats)
-    return Part(
-        joints,
-        quats,
-        positions,
-        cut.stop[:-1][layout.seams],
-        _channel_angles(base, group.held, channel_quats),
-    )
+    angles = {}
+    if channels:
+        angles = _channel_angles(base, group.held, donor.closed_channels(channels))
+    return Part(joints, quats, positions, cut.stop[:-1][donor.seams], angles)
 
 
 def seam_reach(config: Config) -> float:
@@ -106,24 +119,51 @@ def seam_reach(config: Config) -> float:
     return config.seam_blend + SEAM_TREATMENTS.get(config.seam).coupling
 
 
-def _lay_out(
-    timeline: DonorTimeline,
-    clips: Sequence[Motion],
-    group: GraftedGroup,
-    lean: TrunkLean,
-    moving: BoolArray,
-    config: Config,
-) -> DonorLayout:
-    """Return the layout of a group; in its arrays, single channels come after whole joints."""
-    joints = group.whole_joints
-    quats = [lean.upright_tracks(clip) for clip in clips]
-    seams = timeline.find_seams([clip.rotations for clip in clips], joints)
-    if group.held:
-        channels = [split_axes(clip, group.held) for clip in clips]
-        quats = [np.concatenate(pair, axis=1) for pair in zip(quats, channels, strict=True)]
-        seams |= timeline.find_seams(channels)
-    positions = [clip.positions.take(joints[moving], axis=1) for clip in clips]
-    return DonorLayout(timeline, quats, positions, seams, config)
+@dataclass(frozen=True, eq=False)
+class _DonorTracks:
+    """The motion of a joint group in the clips of its donors, and the seams between donors."""
+
+    timeline: DonorTimeline
+    clips: Sequence[Motion]
+    joints: IntArray
+    moving: BoolArray  # whether the translation of each joint is replaced
+    lean: TrunkLean
+    seams: BoolArray  # (n_segments - 1,): whether a segment ends with a seam
+    config: Config
+
+    def layout(self, block: slice) -> DonorLayout:
+        """Return the layout of some of the joints."""
+        moving = self.joints[block][self.moving[block]]
+        return DonorLayout(
+            self.timeline,
+            [self.lean.upright_tracks(clip, block) for clip in self.clips],
+            [clip.positions.take(moving, axis=1) for clip in self.clips],
+            self.seams,
+            self.config,
+        )
+
+    def closed_channels(self, channels: Sequence[FloatArray]) -> FloatArray:
+        """Return single channels as rotations, (n_frames, n_channels, 4), with closed gaps.
+
+        `channels` has the result of `split_axes` for each clip.
+        """
+        still = [clip.positions[:, :0] for clip in self.clips]
+        layout = DonorLayout(self.timeline, channels, still, self.seams, self.config)
+        return layout.smooth(*layout.close())[0]
+
+
+def _joint_blocks(cut: Segments, is_root: BoolArray, n_clip_frames: int) -> list[slice]:
+    """Return ranges of joints that are transplanted together; that of the root comes first.
+
+    In a long motion, or if the longest clip of a donor has many frames, `n_clip_frames`, a range
+    has few joints, so that its arrays take little memory.
+    """
+    n_rows = max(int(cut.lengths.sum()) + len(cut), n_clip_frames)
+    width = len(is_root)
+    if n_rows * width > _MAX_BLOCK_VALUES:
+        width = max(_MAX_BLOCK_VALUES // 4 // n_rows, 1)
+    blocks = [slice(start, start + width) for start in range(0, len(is_root), max(width, 1))]
+    return sorted(blocks, key=lambda block: not is_root[block].any())
 
 
 def _channel_angles(

@@ -6,8 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray, make_read_only
-from mograft._util.gaussian import gaussian_filter
+from mograft._util.gaussian import gaussian_filter_columns
 from mograft._util.memo import remember
+from mograft.blend.joint_track import joint_track
+from mograft.blend.trunk_sway import sway_compensation
 from mograft.body.anatomy import anatomy
 from mograft.config import Config
 from mograft.motion import rotations
@@ -28,20 +30,23 @@ class TrunkLean:
     R_i⁻¹ Y_i Y_k⁻¹ R_k q_k on the base i. R is the world rotation of the parent joint, and Y the
     part of R about the up axis, its heading. Y is smoothed over `HEADING_SMOOTHING` seconds,
     because the pelvis swings about the up axis with every step and the trunk compensates for that.
-    After Heck, Kovar and Gleicher (2006).
+    After Heck, Kovar and Gleicher (2006). With ``torso="balanced"``, Y_k⁻¹ is multiplied by the
+    `sway_compensation` of clip k, and Y_i by the inverse of that of the base.
     """
 
     joints: IntArray  # the group's joints
     columns: Sequence[int]  # indices in `joints` of trunk joints whose parent is in another group
     up: int  # the axis that points up
     uprights: FloatArray  # result of `_uprights` for the parent of each trunk joint
+    is_balanced: bool  # whether leans contain the sway compensation
     base_leans: FloatArray  # Y_i⁻¹ R_i in each frame of the base, (n_frames, n_columns, 4)
 
     @classmethod
     def from_config(cls, base: Motion, joints: IntArray, up: int, config: Config) -> "TrunkLean":
         """Find the trunk joints with a parent in another group; none if ``torso="pelvis"``."""
         parents, columns = base.skeleton.parents, []
-        if config.torso == "world":
+        is_balanced = config.torso == "balanced"
+        if config.torso != "pelvis":
             parts = anatomy(base.skeleton).parts
             columns = [
                 column
@@ -49,38 +54,49 @@ class TrunkLean:
                 if parts[joint] == "trunk" and parents[joint] >= 0 and parents[joint] not in joints
             ]
         if not columns:
-            return cls(joints, [], up, np.empty((0, 4)), np.empty((base.n_frames, 0, 4)))
-        trunk_parents = parents[joints[columns]]
-        key = ("uprights", trunk_parents.tobytes(), up)
-        uprights = remember(base, key, lambda: _uprights(_world_rotations(base, trunk_parents), up))
-        return cls(joints, columns, up, uprights, _leans(base, trunk_parents, up, uprights))
+            no_leans = np.empty((base.n_frames, 0, 4))
+            return cls(joints, [], up, np.empty((0, 4)), is_balanced, no_leans)
+        trunks = joints[columns]
+        key = ("uprights", parents[trunks].tobytes(), up)
+        uprights = remember(
+            base, key, lambda: _uprights(_world_rotations(base, parents[trunks]), up)
+        )
+        leans = _leans(base, trunks, up, uprights, is_balanced=is_balanced)
+        return cls(joints, columns, up, uprights, is_balanced, leans)
 
     def at(self, frames: IntArray) -> "TrunkLean":
         """Return the `TrunkLean` of a base that consists of the given frames of this base."""
         return replace(self, base_leans=self.base_leans[frames])
 
-    def upright_tracks(self, clip: Motion) -> FloatArray:
+    def upright_tracks(self, clip: Motion, block: slice = slice(None)) -> FloatArray:
         """Return the rotations of the group's joints in a clip, shape (n_frames, n_joints, 4).
 
-        Rotations of the trunk joints in `columns` are relative to the heading of the parent and
-        include its lean; the others are local. The array is cached for the clip and read-only.
+        Rotations of the trunk joints in `columns` are relative to the heading of the parent, so
+        they include the lean of the parent; the others are local. `block` selects some of the
+        joints. The array of all joints is cached for the clip and read-only.
         """
-        key = ("tracks", self.joints.tobytes(), tuple(self.columns), self.uprights.tobytes())
-        return remember(clip, key, lambda: self._remove(clip))
+        columns = range(len(self.joints))[block]
+        if len(columns) < len(self.joints):
+            return self._remove(clip, columns)
+        key = ("tracks", self.joints.tobytes(), *self.columns, self.uprights.tobytes())
+        return remember(clip, (*key, self.is_balanced), lambda: self._remove(clip, columns))
 
-    def _remove(self, clip: Motion) -> FloatArray:
-        tracks = clip.rotations.take(self.joints, axis=1)
-        if self.columns:
-            parents = clip.skeleton.parents[self.joints[list(self.columns)]]
-            leans = _leans(clip, parents, self.up, self.uprights)
-            tracks[:, self.columns] = rotations.multiply(leans, tracks[:, self.columns])
+    def _remove(self, clip: Motion, columns: range) -> FloatArray:
+        tracks = clip.rotations.take(self.joints[columns.start : columns.stop], axis=1)
+        trunk = [index for index, column in enumerate(self.columns) if column in columns]
+        if trunk:
+            trunks = self.joints[list(self.columns)]
+            leans = _leans(clip, trunks, self.up, self.uprights, is_balanced=self.is_balanced)
+            leans = leans[:, trunk]
+            own = [self.columns[index] - columns.start for index in trunk]
+            tracks[:, own] = rotations.multiply(leans, tracks[:, own])
         make_read_only(tracks)
         return tracks
 
     def restore(self, base: Motion, quats: FloatArray) -> None:
-        """Make the trunk joints relative to their parents in the base, in place.
+        """Convert trunk rotations to local ones, relative to the parents in the base, in place.
 
-        R_i⁻¹ Y_i is applied. Rotations that equal those of the base are kept bit for bit.
+        R_i⁻¹ Y_i is applied. A rotation that gives that of the base is replaced by it, bit for bit.
         """
         if not self.columns:
             return
@@ -92,39 +108,41 @@ class TrunkLean:
         quats[:, self.columns] = np.where(is_same[..., None], given, leaning)
 
 
-def _leans(clip: Motion, parents: IntArray, up: int, uprights: FloatArray) -> FloatArray:
-    """Return the lean of each of `parents`: its world rotation without its heading, Y⁻¹ R.
+def _leans(
+    clip: Motion, trunks: IntArray, up: int, uprights: FloatArray, *, is_balanced: bool
+) -> FloatArray:
+    """Return the lean of the parent of each trunk joint: its world rotation without heading, Y⁻¹ R.
 
-    The shape is (n_frames, n_parents, 4). The array is cached for the clip.
+    The shape is (n_frames, n_trunks, 4). The array is cached for the clip.
     """
 
     def compute() -> FloatArray:
-        world = _world_rotations(clip, parents)
+        world = _world_rotations(clip, clip.skeleton.parents[trunks])
         yaws = rotations.twist(rotations.multiply(world, uprights), up)
         angles = np.unwrap(2.0 * np.arctan2(yaws[..., up], yaws[..., 3]), axis=0)
         sigma = HEADING_SMOOTHING * clip.rate
-        smooth = np.stack([gaussian_filter(np.ascontiguousarray(a), sigma) for a in angles.T], 1)
-        heading = rotations.from_axis_angle(np.eye(3)[up], smooth)
-        return rotations.multiply(rotations.inverse(heading), world)
+        smooth = gaussian_filter_columns(angles, sigma)
+        to_heading = rotations.inverse(rotations.from_axis_angle(np.eye(3)[up], smooth))
+        leans = rotations.multiply(to_heading, world)
+        for column, trunk in enumerate(trunks.tolist() if is_balanced else ()):
+            freed = sway_compensation(clip, trunk, up, to_heading[:, column])
+            leans[:, column] = rotations.multiply(freed, leans[:, column])
+        return leans
 
-    return remember(clip, ("leans", parents.tobytes(), up, uprights.tobytes()), compute)
+    return remember(clip, ("leans", trunks.tobytes(), up, uprights.tobytes(), is_balanced), compute)
 
 
 def _world_rotations(clip: Motion, joints: IntArray) -> FloatArray:
     """Return the world rotations of a few joints, (n_frames, len(joints), 4)."""
-    world = [clip.rotations[:, joint] for joint in joints]
-    for column, joint in enumerate(joints.tolist()):
-        for ancestor in clip.skeleton.ancestors(joint):
-            world[column] = rotations.multiply(clip.rotations[:, ancestor], world[column])
-    return np.stack(world, axis=1)
+    return np.stack([joint_track(clip, joint)[0] for joint in joints.tolist()], axis=1)
 
 
 def _uprights(world: FloatArray, up: int) -> FloatArray:
     """Return for each joint the rotation from the up axis to its local axis that points up most.
 
-    `world`, shape (n_frames, n_joints, 4), are the world rotations; their mean decides. If headings
-    were computed without the result, a lean would change the heading of a joint whose
-    vertical local axis is not the axis `up`.
+    `world`, shape (n_frames, n_joints, 4), are the world rotations. The axis is that which points
+    up most on average. Without the result, a lean would change the computed heading of a joint
+    whose vertical local axis is not the axis `up`.
     """
     axis = np.eye(3)[up]
     local = rotations.rotate(rotations.inverse(world), np.broadcast_to(axis, (*world.shape[:2], 3)))

@@ -20,7 +20,8 @@ def bend_limb(
     between its bones, and of its end. If `target` is out of reach, the limb is straightened towards
     it. The limb bends about the unit vectors `axis`, roughly perpendicular to both bones: for a
     knee the cross product of thigh and shank. The results are world rotations: that of the whole
-    limb about its start, and that of the lower bone about the middle joint, which is applied first.
+    limb about its start, and that of the lower bone about the middle joint. The second one is
+    applied first.
     """
     upper, lower = start - middle, end - middle
     upper_along, upper_across = _split(upper, axis)

@@ -21,7 +21,7 @@ class ValueSpace(Protocol):
         """Return the shortest delta from `start` to `end`."""
 
     def add(self, start: FloatArray, delta: FloatArray) -> FloatArray:
-        """Return the value at difference `delta` from `start`."""
+        """Return the value that differs from `start` by `delta`."""
 
     def transport(self, delta: FloatArray, velocity: FloatArray) -> FloatArray:
         """Return the velocity of ``add(value, delta)`` for a value with the given velocity."""

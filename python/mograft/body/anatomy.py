@@ -27,8 +27,8 @@ class Anatomy:
     sides: tuple[str, ...]  # "left", "right" or "", per joint
     hips: int  # lowest common ancestor of all body parts: the root, or a joint below helper joints
     unmatched: tuple[int, ...]  # joints whose names are unknown
-    details: tuple[int, ...]  # joints of the face, markers and tips of bones
-    scheme: str  # "names", or "structure" if names were missing and symmetry was used
+    details: tuple[int, ...]  # joints of the face, and markers
+    scheme: str  # "names", or "structure" if mirrored limbs gave parts that the names lack
     human: bool  # whether the names describe a human: two legs below hips, no tail, no paws
 
     def joints(self, *parts: str, side: str | None = None) -> list[int]:
@@ -51,9 +51,9 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
     the names are ignored. The hierarchy resolves ambiguous names: ``LeftShoulder`` is the upper arm
     if its child is an elbow, and the clavicle if its child is an arm. A joint with an unknown name
     has the part of its parent; below a hand it is a finger, below a foot a toe. If the names
-    contain no legs or no arms, mirrored pairs of limbs are searched in the rest pose; the pair
-    nearest to the root is the legs. If the names contain no sides, the feet are assumed to point
-    forward in the rest pose. Without feet, the left limb of a pair is the one with the larger
+    contain no legs or no arms, mirrored pairs of limbs in the rest pose give the missing parts; the
+    pair nearest to the root is the legs. If the names contain no sides, the feet are assumed to
+    point forward in the rest pose. Without feet, the left limb of a pair is the one with the larger
     coordinate on the axis on which the two limbs are farthest apart.
     """
     words, sides = read_names(skeleton.names)
@@ -104,10 +104,11 @@ def root_carriers(skeleton: Skeleton) -> list[int]:
 
 
 def feature_joints(skeleton: Skeleton, joints: npt.ArrayLike) -> IntArray:
-    """Return those of the given joints whose rotations are compared between segments, in order.
+    """Return those of the given joints whose rotations are compared between segments.
 
-    Fingers, toes, joints of the face and markers are excluded, because their number would outweigh
-    the limbs. If no joint remains, all given joints are returned.
+    The order of the joints is kept. Fingers, toes, joints of the face and markers are excluded,
+    because their number would outweigh the limbs. If no joint remains, all given joints are
+    returned.
     """
     indices = as_indices("joints", joints, ("n",))
     known = anatomy(skeleton)
@@ -123,20 +124,22 @@ def _resolve_ambiguous(
     For each joint, `words` holds the known words of its name, `named` the part that they mean, and
     `sides` its side.
     """
+    children, parents = skeleton.children, skeleton.parents.tolist()
+    has_grandchildren = [any(children[child] for child in own) for own in children]
     below: list[set[str]] = [set() for _ in named]
     for joint in range(len(named) - 1, 0, -1):
-        parent = skeleton.parents[joint]
-        beside = any(skeleton.children[other] for other in skeleton.children[parent])
-        if not skeleton.children[joint] and beside:
+        parent = parents[joint]
+        if not children[joint] and has_grandchildren[parent]:
             continue  # a marker, even if it is named after a bone
         below[parent] |= below[joint] | {named[joint]}
         if sides[joint] and named[joint] == "hip":
             below[parent].add("thigh")
     parts = list(named)
+    parts_above: list[str] = []  # of the nearest ancestor whose name means a part
     for joint, part in enumerate(named):
-        parent = int(skeleton.parents[joint])
-        nearest = next((other for other in skeleton.ancestors(joint) if parts[other]), joint)
-        above = parts[nearest]
+        parent = parents[joint]
+        parts_above.append("" if parent < 0 else parts[parent] or parts_above[parent])
+        above = parts_above[joint] or part
         if part == "hip":
             # LHipJoint above a thigh belongs to the pelvis; LeftHip above a knee is the thigh.
             on_pelvis = not sides[joint] or "thigh" in below[joint]
@@ -145,7 +148,7 @@ def _resolve_ambiguous(
             upper = above not in LEG or bool(below[joint] & {"thigh", "shank"})
             parts[joint] = "thigh" if upper else "shank"
         elif part == "shoulder":
-            leaf = not skeleton.children[joint]
+            leaf = not children[joint]
             parts[joint] = "clavicle" if leaf or "upper_arm" in below[joint] else "upper_arm"
         elif part == "foot" and above == "foot" and "ankle" in words[parent]:
             parts[joint] = "toe"

@@ -139,7 +139,8 @@ def clearance(
     The first set has the ends `ends`, shape (n_frames, n, 2, 3), and the radii `radii`, shape (n,).
     The second set has the ends `others`, shape (n_other_frames, m, 2, 3), and the radii
     `other_radii`, shape (m,). Frame i of `ends` is compared with frame ``at[i]`` of `others`. If
-    `at` is None, it is compared with frame i, or with the only frame if `others` has one frame.
+    `at` is None, frame i is compared with frame i, or with the only frame of `others` if there is
+    one.
     `pairs`, shape (n_pairs, 2), holds the indices of the capsules to compare in each set; None
     means all pairs. The distances, shape (n_frames,), are minus the penetration depth if capsules
     overlap. The pairs of smallest distance have shape (n_frames, 2); ties go to the first. If

@@ -101,11 +101,10 @@ def foot_heights(motion: Motion) -> FloatArray:
 def foot_skate(motion: Motion) -> float:
     """Return the fraction of the steps from frame to frame in which a foot slides.
 
-    The steps of each foot are counted separately.
-
-    A foot slides if its heel or toe is less than 0.03 skeleton heights above its floor and moves
-    horizontally faster than 0.3 heights per second. If both heel and toe are that low, both must
-    be that fast, so that a foot that rolls over its toe does not slide.
+    A step is counted once for each foot. A foot slides if its heel or toe is less than 0.03
+    skeleton heights above its floor and moves horizontally faster than 0.3 heights per second. If
+    both heel and toe are that low, both must be that fast, so that a foot that rolls over its toe
+    does not slide.
 
     Parameters
     ----------
@@ -151,6 +150,19 @@ class Ground:
         floors = np.percentile(points @ up, 5, axis=0) if points.size else np.zeros((0, 2))
         return cls(ground.limbs, up, floors, found.height)
 
+    @classmethod
+    def below(cls, motion: Motion, floor_reference: Motion | None) -> "Ground":
+        """Return the floor of `floor_reference`; None means that of `motion`.
+
+        Raises TypeError if `floor_reference` is not a motion, SkeletonMismatchError if it has
+        another hierarchy than `motion`.
+        """
+        if floor_reference is None:
+            return cls.of(motion)
+        check_type("floor_reference", floor_reference, Motion)
+        motion.skeleton.check_same_hierarchy(floor_reference.skeleton, "`floor_reference`")
+        return cls.of(floor_reference)
+
     def points(self, motion: Motion) -> FloatArray:
         """Return the positions of each leg's heel and toe, shape (n_frames, n_legs, 2, 3)."""
         points = np.empty((motion.n_frames, len(self.limbs), 2, 3))
@@ -165,10 +177,10 @@ class Ground:
         return points
 
     def above(self, points: FloatArray) -> FloatArray:
-        """Return heights above the floors, in units of length.
+        """Return heights above the floors in the unit of the file, shape (n_frames, n_legs, 2).
 
-        `points` is a result of the method `points`. The height of each point is measured from the
-        floor of this heel or toe; shape (n_frames, n_legs, 2).
+        `points` is a result of the method `points`. Each height is measured from the floor below
+        the heel or toe.
         """
         heights: FloatArray = points @ self.up - self.floors
         return heights
@@ -209,7 +221,8 @@ def skating_share(motion: Motion, ground: Ground) -> float:
 def _remove_short_runs(marked: BoolArray, rate: float) -> BoolArray:
     """Return a mask in which short gaps are marked, and then short runs are unmarked.
 
-    A gap is short if it lasts at most 2/30 s, a run if it lasts less than 3/30 s.
+    A gap is short if it lasts at most 2/30 s and is not at an end of the mask. A run is short if it
+    lasts less than 3/30 s.
     """
     kept = np.ones(len(marked), bool)
     for start, stop in find_runs(~marked):

@@ -50,17 +50,18 @@ def world_jerk(motion: Motion, joints: IntArray, step: int = 1) -> FloatArray:
 
 
 class _Block(NamedTuple):
-    """Frames that are a step apart: those read, those assigned, and the latter among the former."""
+    """Frames that are a step apart: those that are read, and those to which results belong."""
 
     read: slice
     assigned: slice
-    own: slice
+    own: slice  # of the frames that are read, those of `assigned`
 
 
 def _blocks(n_frames: int, step: int) -> Iterator[_Block]:
-    """Return blocks that together assign every frame; few frames at a time take little memory.
+    """Yield small blocks of frames, which save memory; each frame is in one block.
 
-    A block also reads the frame before and the two behind those that it assigns, if they exist.
+    The frames of a block are `step` apart. A block also reads the frame one step before its frames,
+    and the two frames one and two steps after them, if they exist.
     """
     for first in range(min(step, n_frames)):
         frames = range(first, n_frames, step)

@@ -1,4 +1,4 @@
-"""Detection of recording faults: implausible steps, spins, frozen spans and angle wraps.
+"""Detection of recording faults: implausible steps and rotations, frozen spans, angle wraps.
 
 Motions are not changed. Lengths are in figure heights: the median, over frames, of the largest
 extent of the joints along an axis. Speeds are per second. No limit depends on unit or frame rate.
@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray
+from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.runs import find_runs
 from mograft._util.validate import check_type
 from mograft.body.hierarchy import subtree_mask
 from mograft.motion import rotations
-from mograft.motion.motion import Motion
+from mograft.motion.motion import Motion, world_transforms
 
 KINDS = ("frame_time", "first_frame", "teleport", "glitch", "flip", "frozen", "wrap")
 HARMLESS_FAULTS = ("wrap",)
@@ -39,6 +39,7 @@ _FLIP_ANGLE = np.radians(150.0)
 _MIN_FROZEN_SECONDS, _MIN_FROZEN_FRAMES = 0.25, 4
 # A frame time outside this range, in seconds, is reported.
 _MIN_FRAME_TIME, _MAX_FRAME_TIME = 1.0 / 2000.0, 1.0
+_STEPS_PER_BLOCK = 4096  # minimum number of steps whose arrays are in memory together
 
 
 @dataclass(frozen=True)
@@ -78,22 +79,22 @@ def find_faults(motion: Motion) -> tuple[Fault, ...]:
         from one frame to the next.
 
         ``frame_time``
-            The frame time is below 1/2000 s or at least 1 s; the file may hold a rate or
-            milliseconds.
+            The frame time is below 1/2000 s or at least 1 s. The file may state a rate or a time
+            in milliseconds instead of a time in seconds.
         ``first_frame``
-            The step from the first frame to the next is more than 10 times the median step. The
-            first frame may be a T-pose or rest pose.
+            The step from the first frame to the next is more than 10 times the median step, and
+            more than 3 times the second step. The first frame may be a T-pose or rest pose.
         ``teleport``
             A step is more than 6 times the median of the steps around it and faster than 3
             heights per second, as at a cut or with lost markers. `frames` are those before and
             after the step.
         ``glitch``
             The body or one joint jumps in a single frame and returns: the steps to and from the
-            frame are more than 3 times the difference between its neighbours.
+            frame are fast, and more than 3 times the difference between its neighbours.
         ``flip``
             A joint rotates by more than 150 degrees between consecutive frames.
         ``frozen``
-            Nothing changes for at least a quarter of a second.
+            Nothing changes for at least a quarter of a second and four frames.
         ``wrap``
             An angle of the file jumps by more than 180 degrees, but the rotation itself does not.
             The motion is unaffected, but the jump shows in plots and filters of the angles.
@@ -134,13 +135,11 @@ def _implausible_steps(motion: Motion) -> Iterator[Fault]:
     """Yield the faults of the whole body: ``first_frame``, ``teleport`` and ``glitch``."""
     if motion.n_frames < 4:
         return
-    moving = subtree_mask(motion.skeleton, [motion.locomotion_root()])
-    positions = motion.world_positions()[:, moving]
-    height = float(np.median(np.ptp(positions, axis=1).max(axis=-1)))
+    steps, passing, extents = _mean_steps(motion)
+    height = float(np.median(extents))
     if height == 0.0:
         return
-    steps = _mean_lengths(positions[1:] - positions[:-1]) / height
-    passing = _mean_lengths(positions[2:] - positions[:-2]) / height
+    steps, passing = steps / height, passing / height
     rate = motion.rate
     median = float(np.median(steps))
     # A lower bound, so that noise in a still motion is not a fault.
@@ -166,34 +165,78 @@ def _implausible_steps(motion: Motion) -> Iterator[Fault]:
         yield Fault("glitch", (int(frame), int(frame)), None, message)
 
 
+def _mean_steps(motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the mean joint displacements from each frame to the next, and to the one after that.
+
+    The third result is the extent of the figure in each frame, along the axis of greatest extent.
+    """
+    n = motion.n_frames
+    moving = subtree_mask(motion.skeleton, [motion.locomotion_root()])
+    steps, passing, extents = np.empty(n - 1), np.empty(n - 2), np.empty(n)
+    for start, stop in _step_blocks(n):
+        frames = slice(start, stop + 2)
+        local = motion.rotations[frames], motion.positions[frames]
+        positions = world_transforms(motion.skeleton, *local)[1][:, moving]
+        extents[frames] = np.ptp(positions, axis=1).max(axis=-1)
+        own = _mean_lengths(positions[1:] - positions[:-1])
+        steps[start:stop] = own[: stop - start]
+        passing[start:stop] = _mean_lengths(positions[2:] - positions[:-2])
+    return steps, passing, extents
+
+
+def _step_blocks(n_frames: int) -> Iterator[tuple[int, int]]:
+    """Yield half-open ranges of almost equal length that cover the steps of `n_frames` frames.
+
+    Each has at least `_STEPS_PER_BLOCK` steps, except if there are fewer steps in all.
+    """
+    n_steps = n_frames - 1
+    count = max(n_steps // _STEPS_PER_BLOCK, 1)
+    for number in range(count):
+        yield number * n_steps // count, (number + 1) * n_steps // count
+
+
 def _implausible_rotations(motion: Motion) -> Iterator[Fault]:
     """Yield the faults of single joints: ``glitch`` and ``flip``."""
     if motion.n_frames < 2:
         return
-    quats, names = motion.rotations, motion.skeleton.names
-    steps = rotations.angle(quats[1:], quats[:-1])
-    glitched = np.zeros_like(steps, dtype=bool)
-    if motion.n_frames > 2:
+    names = motion.skeleton.names
+    limit = max(_GLITCH_SPIN * min(motion.frame_time, 1.0 / 30.0), _MIN_GLITCH_ANGLE)
+    glitches: list[tuple[int, int, float]] = []  # frame before, joint, angle
+    flips: list[tuple[int, int, float]] = []
+    for start, stop in _step_blocks(motion.n_frames):
+        quats = motion.rotations[start : stop + 2]
+        steps = rotations.angle(quats[1:], quats[:-1])
         passing = rotations.angle(quats[2:], quats[:-2])
         smaller_step = np.minimum(steps[1:], steps[:-1])
-        limit = max(_GLITCH_SPIN * min(motion.frame_time, 1.0 / 30.0), _MIN_GLITCH_ANGLE)
         out_and_back = (smaller_step > limit) & (smaller_step > _GLITCH_RATIO * passing)
-        glitched[1:] |= out_and_back
-        glitched[:-1] |= out_and_back
-        for before, joint in np.argwhere(out_and_back).tolist():
-            degrees = np.degrees(smaller_step[before, joint])
-            message = f"{names[joint]} rotates by {degrees:.0f} degrees for one frame"
-            yield Fault("glitch", (before + 1, before + 1), joint, message)
-    for frame, joint in np.argwhere((steps > _FLIP_ANGLE) & ~glitched).tolist():
-        degrees = np.degrees(steps[frame, joint])
-        message = f"{names[joint]} rotates by {degrees:.0f} degrees in one step"
-        yield Fault("flip", (frame, frame + 1), joint, message)
+        glitches += _locate(out_and_back, smaller_step, start)
+        steps = steps[: stop - start]
+        flips += _locate(steps > _FLIP_ANGLE, steps, start)
+    for before, joint, angle in glitches:
+        message = f"{names[joint]} rotates by {np.degrees(angle):.0f} degrees for one frame"
+        yield Fault("glitch", (before + 1, before + 1), joint, message)
+    glitched = {(before + step, joint) for before, joint, _ in glitches for step in (0, 1)}
+    for frame, joint, angle in flips:
+        if (frame, joint) not in glitched:
+            message = f"{names[joint]} rotates by {np.degrees(angle):.0f} degrees in one step"
+            yield Fault("flip", (frame, frame + 1), joint, message)
+
+
+def _locate(
+    is_fault: BoolArray, angles: FloatArray, start: int
+) -> Iterator[tuple[int, int, float]]:
+    """Yield the frame, counted from `start`, the joint and the angle of each marked fault."""
+    for frame, joint in np.argwhere(is_fault).tolist():
+        yield start + frame, joint, float(angles[frame, joint])
 
 
 def _frozen_spans(motion: Motion) -> Iterator[Fault]:
-    quats, positions = motion.rotations, motion.positions
-    same_rotations = (quats[1:] == quats[:-1]).all(axis=(1, 2))
-    still = same_rotations & (positions[1:] == positions[:-1]).all(axis=(1, 2))
+    still = np.zeros(motion.n_frames - 1, bool)
+    for start, stop in _step_blocks(motion.n_frames):
+        frames = slice(start, stop + 1)
+        quats, positions = motion.rotations[frames], motion.positions[frames]
+        same_rotations = (quats[1:] == quats[:-1]).all(axis=(1, 2))
+        still[start:stop] = same_rotations & (positions[1:] == positions[:-1]).all(axis=(1, 2))
     for start, stop in find_runs(still).tolist():
         seconds = (stop - start) * motion.frame_time
         if seconds >= _MIN_FROZEN_SECONDS and stop - start + 1 >= _MIN_FROZEN_FRAMES:
@@ -233,5 +276,8 @@ def _median_around(steps: FloatArray) -> FloatArray:
     reach = min(_MEDIAN_RADIUS, len(steps) - 1)
     padded = np.pad(steps, reach, mode="reflect")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
-    medians: FloatArray = np.median(windows, axis=-1)
+    medians = np.empty(len(steps))
+    for start in range(0, len(steps), _STEPS_PER_BLOCK):
+        block = slice(start, start + _STEPS_PER_BLOCK)
+        medians[block] = np.median(windows[block], axis=-1)
     return medians

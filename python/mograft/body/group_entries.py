@@ -41,6 +41,8 @@ def subtree(joint: str | int) -> Subtree:
     >>> JointGroups({"lower": ["Hips", subtree("*UpLeg")], "upper": [subtree("Spine")]})
     JointGroups(lower: Hips subtree('*UpLeg'); upper: subtree('Spine'); base lower)
     """
+    if isinstance(joint, np.integer):
+        joint = int(joint)
     if not is_joint(joint):
         raise TypeError(f"`joint` must be a name or an index, got {joint!r}")
     return Subtree(joint)
@@ -66,8 +68,8 @@ def channels_of_joint(joint: int, skeleton: Skeleton) -> list[tuple[int, str]]:
 def channels_of_entry(entry: Entry, skeleton: Skeleton, group: str) -> set[tuple[int, str]]:
     """Return what a group entry selects: pairs (joint, axis), or (joint, "") for whole joints.
 
-    `group` is the name of the group in errors. Raise ValueError if a joint does not exist or cannot
-    be divided.
+    `group` is the name of the group, for messages. Raises ValueError if a joint does not exist or
+    cannot be divided.
     """
     found = re.fullmatch(r"(.+)\.([XYZ])rotation", entry) if isinstance(entry, str) else None
     if found is None or entry in skeleton.names:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mograft._util.arrays import IntArray
+from mograft._util.validate import check_type
 from mograft.body.anatomy import anatomy
 from mograft.body.body_parts import ARM
 from mograft.body.group_entries import (
@@ -21,7 +22,7 @@ from mograft.body.group_entries import (
 )
 from mograft.body.groups_toml import groups_to_toml, read_groups
 from mograft.config import Config
-from mograft.errors import suggest_name
+from mograft.errors import join_names, suggest_name
 from mograft.motion.skeleton import Skeleton
 
 if TYPE_CHECKING:
@@ -99,7 +100,7 @@ class JointGroups:
                 f"`groups` must have at least two entries, a base and one to exchange, "
                 f"got {list(groups)}"
             )
-        if self.base not in groups:
+        if not isinstance(self.base, str) or self.base not in groups:
             raise ValueError(f"`base` must be one of {', '.join(groups)}, got {self.base!r}")
         object.__setattr__(self, "groups", groups)
 
@@ -145,7 +146,8 @@ class JointGroups:
         >>> JointGroups.preset("lower_upper", skeleton)
         JointGroups(lower: Hips LeftHip; upper: Chest; base lower)
         """
-        if name not in PRESETS:
+        check_type("skeleton", skeleton, Skeleton)
+        if not isinstance(name, str) or name not in PRESETS:
             hint = suggest_name(name, PRESETS)
             raise ValueError(f"`preset` must be one of {', '.join(PRESETS)}, got {name!r}{hint}")
         found: dict[str, list[int]] = {group: [] for group in PRESETS[name]}
@@ -176,7 +178,7 @@ class JointGroups:
         config : Config, optional
             Provides the parameters of segmentation and the number of samples per segment.
         seed : int
-            Seed of the permutations that determine the dependence of independent joints.
+            Seed of the random permutations that measure the dependence of independent joints.
 
         Returns
         -------
@@ -276,6 +278,7 @@ class JointGroups:
 
     def _shares(self, skeleton: Skeleton) -> dict[str, set[tuple[int, str]]]:
         """Return the content of each group: pairs (joint, axis), axis "" for a whole joint."""
+        check_type("skeleton", skeleton, Skeleton)
         owner: dict[tuple[int, str], str] = {}
         shares: dict[str, set[tuple[int, str]]] = {}
         for name, entries in self.groups.items():
@@ -344,8 +347,8 @@ class JointGroups:
         Raises
         ------
         ValueError
-            If the text is not valid TOML or lacks the form that `to_toml` writes; the message
-            names the file.
+            If the text is not valid TOML, or does not have the form that `to_toml` writes. The
+            message names the file.
         OSError
             If the file cannot be read.
         """
@@ -418,10 +421,9 @@ def _check_parts(preset: str, skeleton: Skeleton, found: Mapping[str, list[int]]
         label for group, label in label_of_group.items() if group in found and not found[group]
     ]
     if missing:
-        shown = ", ".join(skeleton.names[:12]) + (", ..." if skeleton.n_joints > 12 else "")
         raise ValueError(
             f"preset {preset!r} needs {' and '.join(missing)}, found none among the joints "
-            f"{shown}; define the groups with JointGroups instead"
+            f"{join_names(skeleton.names)}; define the groups with JointGroups instead"
         )
 
 

@@ -18,7 +18,7 @@ def subtree_mask(skeleton: Skeleton, tops: Iterable[int]) -> BoolArray:
 
 
 def unbranched_chain(skeleton: Skeleton, first: int) -> list[int]:
-    """Return the joints from `first` down to the end: a leaf, or a joint with several children."""
+    """Return the joints from `first` down to the first leaf or joint with several children."""
     chain = [first]
     while len(skeleton.children[chain[-1]]) == 1:
         chain += skeleton.children[chain[-1]]
@@ -26,9 +26,9 @@ def unbranched_chain(skeleton: Skeleton, first: int) -> list[int]:
 
 
 def highest_of_part(skeleton: Skeleton, parts: Sequence[str], joint: int) -> int:
-    """Return the last ancestor that is reached through joints of the same part.
+    """Return the highest joint that is reached from `joint` upwards through joints of its part.
 
-    This skips roll joints. If the parent has another part, the joint itself is returned.
+    This skips roll joints. If the parent has another part, the result is `joint` itself.
     """
     while skeleton.parents[joint] >= 0 and parts[skeleton.parents[joint]] == parts[joint]:
         joint = int(skeleton.parents[joint])

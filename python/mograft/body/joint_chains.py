@@ -9,15 +9,15 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.body.anatomy import anatomy, feature_joints
 from mograft.body.body_parts import LEG
 from mograft.body.hierarchy import subtree_mask
-from mograft.body.mass import mass_model, up_axis
+from mograft.body.mass import mass_model, mean_world_positions, up_axis, up_sign
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
 MIN_SUPPORT_SHARE = 0.25
-"""Minimum share of frames in which a chain that carries the body is lowest."""
+"""Minimum share of poses in which a joint that carries the body is lowest."""
 _SUPPORT_HEIGHT = 0.05
-"""Maximum height above the lowest point of the pose of a point that supports, in heights."""
+"""Maximum height of a lowest joint above the lowest point of the pose, in skeleton heights."""
 _MAX_POSES = 500
 """Poses of a motion that are examined for support."""
 
@@ -93,9 +93,10 @@ class JointChains:
     def base_chains(self, supports: BoolArray) -> BoolArray:
         """Return which chains must be in the base group, shape (n_chains,).
 
-        They are the chains of the hips and of all ancestors of the hips and of the legs, those that
-        are attached to an ancestor of the hips, those of helper joints without a body part beyond
-        the pelvis, and those of which `supports`, shape (n_joints,), has a joint.
+        A chain must be in the base group if it has one of these joints: the hips, an ancestor of
+        the hips or of a leg, another joint that is not below the hips, or a joint that `supports`,
+        shape (n_joints,), marks. A chain must also be in the base group if all of its joints belong
+        to the pelvis or to no body part.
         """
         skeleton = self.skeleton
         known = anatomy(skeleton)
@@ -125,18 +126,24 @@ def _compared_parents(skeleton: Skeleton, compared: Iterable[int]) -> list[int]:
 
 
 def support_shares(motion: Motion) -> FloatArray:
-    """Return the share of poses in which each joint is lowest, shape (n_joints,).
+    """Return the share of poses in which each joint is among the lowest, shape (n_joints,).
 
     A joint is lowest if it, or an end site of it, is within 0.05 skeleton heights of the lowest
-    point of the pose. Up to 500 poses at equal intervals are examined.
+    point of the pose. Up to 500 poses at equal intervals are examined. Up is the direction of
+    `up_axis` in which the rest pose is upright, so that the hands are lowest in a handstand. If the
+    rest pose lies along another axis, up is the direction in which the mean pose is upright.
     """
     skeleton, up = motion.skeleton, up_axis(motion)
+    identity = np.broadcast_to(rotations.IDENTITY, (1, skeleton.n_joints, 4))
+    rest = Motion(skeleton, motion.frame_time, identity, skeleton.offsets[None])
+    reference = rest if up_axis(rest) == up else motion
+    sign = up_sign(skeleton, mean_world_positions(reference)[:, up])
     poses = motion[:: -(-motion.n_frames // _MAX_POSES)]
     world_rotations, positions = poses.world_transforms()
-    heights = positions[..., up].copy()
+    heights = sign * positions[..., up]
     for site in skeleton.end_sites:
         offset = rotations.rotate(world_rotations[:, site.parent], site.offset)
-        tips = positions[:, site.parent, up] + offset[:, up]
+        tips = sign * (positions[:, site.parent, up] + offset[:, up])
         heights[:, site.parent] = np.minimum(heights[:, site.parent], tips)
     limit = heights.min(axis=1, keepdims=True) + _SUPPORT_HEIGHT * mass_model(skeleton).height
     shares: FloatArray = (heights <= limit).mean(axis=0)

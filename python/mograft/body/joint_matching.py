@@ -13,7 +13,7 @@ from mograft.errors import SkeletonMismatchError, join_names
 from mograft.motion.skeleton import Skeleton
 
 _LIMB_PARTS = ("thigh", "shank", "foot", "upper_arm", "forearm", "hand")
-"""Parts without which a figure cannot stand for another one."""
+"""Parts of which at least half of the joints must have a counterpart."""
 
 _FINGERS = (
     ("thumb", r"thumb"),
@@ -42,12 +42,14 @@ class JointMatch:
 def match_joints(skeleton: Skeleton, other: Skeleton, name: str = "a skeleton") -> JointMatch:
     """Match the joints of two skeletons by body part, side and order along the limb.
 
-    If a part has different numbers of joints in a row, the first and the last correspond, and those
-    between by rank; a single joint corresponds to the last one of trunk and neck, and to the first
-    one of other parts, behind which roll joints may follow. Fingers match by finger; joints of the
-    face, markers and props by name; ancestors of the hips from the hips upwards. A match never
-    reverses ancestry. Raises SkeletonMismatchError, which calls the other skeleton `name`, if
-    fewer than half of the joints of arms and legs have a counterpart.
+    The joints of a body part form a chain. If the chains of the two skeletons have different
+    lengths, their first joints match, their last joints match, and joints between match by relative
+    rank. A chain of a single joint matches the last joint of a trunk or neck, and the first joint
+    of other parts, which roll joints may follow. Fingers match by finger; joints of the face,
+    markers and props by name; ancestors of the hips from the hips upwards. A joint never matches
+    one that is not below the match of its own nearest matched ancestor. Raises
+    SkeletonMismatchError, which calls the other skeleton `name`, if fewer than half of the joints
+    of arms and legs have a counterpart.
     """
     own, theirs = anatomy(skeleton), anatomy(other)
     own_chains, other_chains = _chains(skeleton, own), _chains(other, theirs)
@@ -63,16 +65,16 @@ def match_joints(skeleton: Skeleton, other: Skeleton, name: str = "a skeleton") 
     if not limbs or 2 * matched < len(limbs):
         unmatched = [skeleton.names[joint] for joint in limbs if sources[joint] < 0]
         raise SkeletonMismatchError(
-            f"{name} cannot be matched by anatomy: it has no counterpart of "
+            f"{name} cannot be matched by anatomy: it has no joints that correspond to "
             f"{join_names(unmatched) or 'arms or legs'}"
         )
     return JointMatch(sources, tuple(absent), tuple(other.names[joint] for joint in unused))
 
 
 def _chains(skeleton: Skeleton, known: Anatomy) -> dict[Hashable, list[int]]:
-    """Return the joints of each body part that lie on one path down the hierarchy.
+    """Return, for each body part and side, its joints on one path down the hierarchy.
 
-    Joints of the face and joints outside the body are chains of their own.
+    Each joint of the face and each joint outside the body is a chain of its own.
     """
     above_hips = skeleton.ancestors(known.hips)
     carried = {

@@ -64,7 +64,7 @@ _CAMEL = re.compile(r"(?<=[^\W\d_A-Z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 
 
 def read_names(names: tuple[str, ...]) -> tuple[list[tuple[str, ...]], list[str]]:
-    """Return the known words in each joint name, in lower case, and the side that it states.
+    """Return the known words in each joint name, in lower case, and the side that the name states.
 
     `names` are all joint names of a skeleton. A side is ``"left"``, ``"right"`` or ``""``.
     """
@@ -156,6 +156,7 @@ def _vertebra(name: str) -> str:
     return ""
 
 
+@lru_cache(maxsize=4096)
 def part_of_words(words: tuple[str, ...]) -> str:
     """Return the body part that the words of a name mean, or "" if they mean none.
 

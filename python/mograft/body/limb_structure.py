@@ -10,6 +10,9 @@ from mograft.body.body_parts import ARM, LEG
 from mograft.body.hierarchy import unbranched_chain
 from mograft.motion.skeleton import Skeleton
 
+_MAX_LIMBS = 128
+"""Longest children of a joint that are compared with each other; all pairs would take hours."""
+
 
 def recognise_structure(skeleton: Skeleton) -> tuple[list[str], list[str]]:
     """Return the part and the side of every joint, from the rest pose alone.
@@ -96,17 +99,21 @@ def _mirrored_pairs(shape: _Shape) -> tuple[list[tuple[int, int]], list[int]]:
     pairs: list[tuple[int, int]] = []
     axis = [0]
     for joint in axis:  # the loop extends the list
-        children = list(shape.skeleton.children[joint])
+        children = shape.skeleton.children[joint]
+        limbs = children
+        if len(children) > _MAX_LIMBS:
+            limbs = tuple(sorted(sorted(children, key=shape.length)[-_MAX_LIMBS:]))
         scores = sorted(
             (score, a, b)
-            for a, b in combinations(children, 2)
+            for a, b in combinations(limbs, 2)
             if (score := _asymmetry(shape, joint, a, b)) < 0.5
         )
+        paired = set[int]()
         for _, a, b in scores:
-            if a in children and b in children:
+            if paired.isdisjoint((a, b)):
                 pairs.append((a, b))
-                children = [child for child in children if child not in (a, b)]
-        axis += children
+                paired |= {a, b}
+        axis += [child for child in children if child not in paired]
     return pairs, axis
 
 
@@ -132,21 +139,21 @@ def _asymmetry(shape: _Shape, joint: int, a: int, b: int) -> float:
 def _limb(
     shape: _Shape, chain: list[int], roles: tuple[str, ...], connector: str
 ) -> list[tuple[int, str]]:
-    """Return the joints of a limb with their parts, which follow from its two long bones.
+    """Return the joints of a limb with their parts, which are derived from its two long bones.
 
     `chain` holds the joints, `roles` the parts of the limb from the trunk outwards, and `connector`
-    the part of joints before the first role.
+    the part of the joints before the first of `roles`.
     """
     start, upper, lower = _long_bones(shape, chain, roles)
     parts = [connector] * start + [roles[0]] * (upper + 1 - start) + [roles[1]] * (lower - upper)
     parts += [roles[2], *[roles[3]] * len(chain)]
-    return list(zip(chain, parts, strict=False))  # the chain is shorter
+    return list(zip(chain, parts, strict=False))  # `chain` is shorter than `parts`
 
 
 def _long_bones(shape: _Shape, chain: list[int], roles: tuple[str, ...]) -> tuple[int, int, int]:
     """Return three indices in `chain`: the start of the upper part, and the two long bones.
 
-    `roles` is `LEG` or the parts of an arm; the two need different rules.
+    `roles` is `LEG` or the parts of an arm, which are searched from opposite ends of the chain.
     """
     # The bone of a joint ends at the next joint, the last one at an end site.
     lengths = [float(np.linalg.norm(shape.skeleton.offsets[joint])) for joint in chain[1:]]

@@ -12,7 +12,7 @@ _BONES_OF_END = {
     "foot": ("shank", "thigh"),
     "toe": ("shank", "thigh"),
 }
-"""Parts of the lower and of the upper bone of the limb at whose end a part is."""
+"""For each part at the end of a limb: the parts of the lower and of the upper bone."""
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, make_read_only, set_fields
 from mograft._util.memo import remember
+from mograft._util.registry import CONFIG_OPTIONS
 from mograft.body.anatomy import Anatomy, anatomy
 from mograft.body.body_parts import ARM, LEG
 from mograft.body.hierarchy import subtree_mask
@@ -133,21 +134,21 @@ def _cached_mass_model(key: _SkeletonKey, sex: str) -> MassModel:
     )
 
 
-def moments_of_inertia(body: MassModel, skeleton: Skeleton, kind: str = "own") -> FloatArray:
+def moments_of_inertia(body: MassModel, skeleton: Skeleton, inertia: str = "own") -> FloatArray:
     """Return the moment of inertia about each joint, shape (n_joints,).
 
-    `kind` selects the bones. ``"own"`` counts only the bone of the joint, for angular velocities
-    relative to the world. ``"subtree"`` counts all bones from the joint downwards in the rest pose,
-    for angular velocities relative to the parent. Both are in body masses times squared statures.
-    ``"unit"`` is 1 for every bone of nonzero length. Ancestors of the hips have moment 0.
+    `inertia` selects the bones, as in `Config`. ``"own"`` counts only the bone of the joint, for
+    angular velocities relative to the world. ``"subtree"`` counts all bones from the joint
+    downwards in the rest pose, for angular velocities relative to the parent. Both are in body
+    masses times squared statures. ``"unit"`` is 1 for every bone of nonzero length. Ancestors of
+    the hips have moment 0.
     """
-    if kind not in ("own", "subtree", "unit"):
-        raise ValueError(f"`kind` must be 'own', 'subtree' or 'unit', got {kind!r}")
-    if kind == "own":
+    CONFIG_OPTIONS["inertia"].get(inertia)  # raises ValueError for an unknown value
+    if inertia == "own":
         return body.inertia
     lengths = np.linalg.norm(body.bone, axis=1)
     below_hips = subtree_mask(skeleton, [body.hips])
-    if kind == "unit":
+    if inertia == "unit":
         return np.where(below_hips & (lengths > 0), 1.0, 0.0)
     joints = skeleton.rest_positions()
     centers = joints + body.bone * body.center[:, None]
@@ -178,7 +179,7 @@ def center_of_mass(motion: Motion) -> FloatArray:
 
 
 def mean_world_positions(motion: Motion) -> FloatArray:
-    """Return the mean world position of each joint, shape (n_joints, 3). It is cached."""
+    """Return the mean world position of each joint, shape (n_joints, 3), cached for the motion."""
 
     def compute() -> FloatArray:
         total = np.zeros(motion.positions.shape[1:])
@@ -207,20 +208,36 @@ def up_axis(motion: Motion) -> int:
     return int(np.argmax(np.abs(offset))) if offset.any() else 1
 
 
+def up_sign(skeleton: Skeleton, heights: FloatArray) -> float:
+    """Return -1.0 if the head is below the feet, else 1.0.
+
+    `heights`, shape (n_joints,), are coordinates of the joints along the vertical axis. If head or
+    feet are unknown, the hips take their place.
+    """
+    found = mass_model(skeleton)
+    low = [foot.ankle for foot in found.feet] or [found.hips]
+    high = found.head if found.head is not None else found.hips
+    return -1.0 if heights[high] < heights[low].mean() else 1.0
+
+
 def _bone_vectors(skeleton: Skeleton, known: Anatomy) -> FloatArray:
     """Return the vector from each joint to the end of its bone, shape (n_joints, 3).
 
     A bone ends at the child with the largest subtree. In pelvis and trunk it ends at the mean of
-    all children. The bone of a leaf joint ends at its end site.
+    all children. Joints of the face and markers count only if there are no other children. The
+    bone of a leaf joint ends at its farthest end site. Ancestors of the hips have no bone.
     """
     size = np.ones(skeleton.n_joints, dtype=int)
     for joint in range(skeleton.n_joints - 1, 0, -1):
         size[skeleton.parents[joint]] += size[joint]
     lengths = np.linalg.norm(skeleton.offsets, axis=1)
-    bones = np.zeros((skeleton.n_joints, 3))
+    bones, details = np.zeros((skeleton.n_joints, 3)), set(known.details)
+    offsets_of_sites: dict[int, list[FloatArray]] = {}
+    for site in skeleton.end_sites:
+        offsets_of_sites.setdefault(site.parent, []).append(site.offset)
     for joint, children in enumerate(skeleton.children):
-        ends = [site.offset for site in skeleton.end_sites if site.parent == joint]
-        main = [child for child in children if child not in known.details] or list(children)
+        ends = offsets_of_sites.get(joint)
+        main = [child for child in children if child not in details] or list(children)
         if known.parts[joint] == "other":
             continue  # an ancestor of the hips has no bone
         if main and known.parts[joint] in ("pelvis", "trunk"):
@@ -254,7 +271,7 @@ def _feet(skeleton: Skeleton, known: Anatomy) -> tuple[Foot, ...]:
 def _height(
     skeleton: Skeleton, hips: int, head: int | None, feet: tuple[Foot, ...]
 ) -> tuple[float, str]:
-    """Return the stature, measured along the bones, and the name of the measure.
+    """Return the stature, measured along the bones, and the name of the measured distances.
 
     The stature is (hips to ankles + hips to head joint) / 0.87. If only one distance is known, the
     stature is (hips to ankles) / 0.525, or (hips to head joint) / 0.345. If neither is known, the

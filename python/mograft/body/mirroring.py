@@ -187,9 +187,9 @@ def _reflect_rotations(quats: FloatArray, axis: int) -> FloatArray:
 def _partner_frames(motion: Motion, pair: IntArray, axis: int, tolerance: float) -> FloatArray:
     """Return for each joint the rotation from its reflected local axes to its partner's axes.
 
-    Local axes lie along and across bones, so the candidates are the 24 rotations of a cube. A
-    candidate must map the offsets of the partner's children to the reflected offsets within
-    `tolerance`. Of the candidates that do, the one is chosen for which the mirror image of the
+    Local axes are parallel or perpendicular to bones, so the candidates are the 24 rotations of a
+    cube. A candidate must map the offsets of the partner's children to the reflected offsets within
+    `tolerance`. Of these candidates, the function chooses the one for which the mirror image of the
     mean pose is closest to the mean pose of the motion.
     """
     skeleton = motion.skeleton
@@ -209,9 +209,10 @@ def _partner_frames(motion: Motion, pair: IntArray, axis: int, tolerance: float)
         fits = (distance <= tolerance).all(axis=1)
         if not fits.any():
             worst = children[int(distance[distance.max(axis=1).argmin()].argmax())]
+            name, partner = skeleton.names[worst], skeleton.names[pair[worst]]
             raise ValueError(
-                f"bones must be symmetric to be mirrored, got different offsets of "
-                f"{skeleton.names[worst]} and {skeleton.names[pair[worst]]}"
+                f"bones must be symmetric to be mirrored, but the offset of {name} is not "
+                + ("in the mirror plane" if name == partner else f"the mirror image of {partner}'s")
             )
         to_partner = rotations.multiply(image[joint], frame[hub])
         expected = rotations.multiply(to_partner, mean[pair[joint]])
@@ -238,7 +239,7 @@ class MirroredClips(Sequence[Motion]):
     """Clips followed by their mirror images, which are computed on access."""
 
     clips: Sequence[Motion]
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of clips and mirror images
 
     def __len__(self) -> int:
         return 2 * len(self.clips)

@@ -61,10 +61,10 @@ def de_leva_masses(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return mass, centre of mass and radius of gyration of each bone from de Leva's table.
 
-    If a body segment has several bones, its mass is divided by bone length, and the centres and
-    radii of its bones are those of `rod_masses`.
-    The arrays have the same form as those that `rod_masses` returns. `columns`, a value of
-    `COLUMNS_OF_SEX`, selects the columns of the table that are averaged.
+    The arrays have the form of those that `rod_masses` returns. If a body segment has several
+    bones, its mass is divided in proportion to their lengths, and their centres and radii are those
+    of uniform rods. `columns`, a value of `COLUMNS_OF_SEX`, selects the columns of the table that
+    are averaged.
     """
     n_joints = len(lengths)
     members: dict[tuple[str, str], list[int]] = {}

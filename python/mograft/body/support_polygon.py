@@ -9,7 +9,7 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.body.contacts import Ground
-from mograft.errors import InsufficientDataError
+from mograft.errors import InsufficientDataError, join_names
 from mograft.motion.motion import Motion
 
 _MAX_CONTACT_HEIGHT = 0.035  # of an ankle or toe that carries weight, above its floor
@@ -34,7 +34,7 @@ class Support:
     touching : ndarray of bool, shape (n_frames, n_legs)
         Feet that carry weight.
     axes : tuple of int
-        The two horizontal axes.
+        Indices of the two horizontal axes, those of the coordinates of `polygons`.
     up : ndarray, shape (3,)
         Unit vector that points up.
     floor, height : float
@@ -127,7 +127,8 @@ def support_polygons(motion: Motion, *, floor_reference: Motion | None = None) -
     motion : Motion
         Motion on an even floor.
     floor_reference : Motion, optional
-        Motion on the same floor that determines the height of the floor. Default: `motion`.
+        Motion of the same hierarchy on the same floor, which determines the height of the floor.
+        Default: `motion`.
 
     Returns
     -------
@@ -138,6 +139,8 @@ def support_polygons(motion: Motion, *, floor_reference: Motion | None = None) -
     ------
     InsufficientDataError
         If the skeleton has no known leg.
+    SkeletonMismatchError
+        If `floor_reference` has another hierarchy.
 
     Notes
     -----
@@ -146,11 +149,11 @@ def support_polygons(motion: Motion, *, floor_reference: Motion | None = None) -
     any speed. The heel ends 0.035 behind an ankle that touches the floor. The tip of the foot is
     0.117 from the ankle. The sole is 0.055 wide at the ball of the foot and 0.033 at the tip.
     """
-    ground = Ground.of(motion if floor_reference is None else floor_reference)
+    ground = Ground.below(motion, floor_reference)
     if not ground.limbs:
-        shown = ", ".join(motion.skeleton.names[:8])
         raise InsufficientDataError(
-            f"balance needs legs, but no leg is known among the joints {shown}, ..."
+            "balance needs legs, but no leg is known among the joints "
+            f"{join_names(motion.skeleton.names)}"
         )
     axes = horizontal_axes(ground.up)
     touches, corners, carries = _soles(motion, ground)
@@ -228,7 +231,7 @@ def support_extents(
 
 
 def _soles(motion: Motion, ground: Ground) -> tuple[BoolArray, FloatArray, BoolArray]:
-    """Return three arrays: floor contacts of joints, corners of soles, and loads of corners.
+    """Return three arrays: floor contacts of joints, corners of soles, and which carry weight.
 
     The first, shape (n_frames, n_legs, 2), states whether each ankle and toe touches the floor. The
     corners, shape (n_frames, 6 * n_legs, 2), have coordinates along `horizontal_axes`. The last,

@@ -67,7 +67,7 @@ class Poses:
     def with_poses(
         self, frames: IntArray, world_rotations: FloatArray, positions: FloatArray
     ) -> "Poses":
-        """Return other poses of the same body."""
+        """Return the same body with other poses."""
         return replace(self, frames=frames, rotations=world_rotations, positions=positions)
 
     def __len__(self) -> int:

@@ -49,6 +49,8 @@ def _run(options: argparse.Namespace) -> int:
         try:
             # Only the module of this command is imported: `mograft --help` needs no NumPy.
             module = importlib.import_module(f"mograft.cli.{options.command.name}")
+            if "numpy" in sys.modules:
+                _allocate_blas_buffer()
             code: int = getattr(module, options.function)(options)
             sys.stdout.flush()
         except (FormatError, ProvenanceError) as error:
@@ -71,3 +73,14 @@ def _run(options: argparse.Namespace) -> int:
             print("interrupted", file=sys.stderr)
             code = 130
     return code
+
+
+def _allocate_blas_buffer() -> None:
+    """Make OpenBLAS allocate its work memory, 32 MB of address space, before the command runs.
+
+    Otherwise OpenBLAS allocates it at the first call that needs it. It ends the process if the
+    command has used up the memory by then.
+    """
+    import numpy as np
+
+    np.linalg.inv(np.eye(4))

@@ -17,7 +17,7 @@ _REMEDIES = {
     "only segments with recording faults": "correct the faults that mograft check lists",
     "none within the constraints": "relax the constraints",
 }
-"""Cause for which a segment has no candidate, and what to do."""
+"""The causes why a segment has no candidate, and what the user can do about each."""
 
 
 def advise(graft: Graft, motions: Sequence[Sequence[Substitution]]) -> list[str]:
@@ -39,7 +39,10 @@ def advise(graft: Graft, motions: Sequence[Sequence[Substitution]]) -> list[str]
 
 
 def _kept_seconds(graft: Graft, motions: Sequence[Sequence[Substitution]]) -> tuple[float, float]:
-    """Return the seconds in which no motion has an exchanged segment, and those of the base."""
+    """Return for how many seconds no motion has an exchanged segment, and the base's duration.
+
+    `motions` holds the substitutions of each motion.
+    """
     is_kept = np.ones(graft.base.n_frames - 1, bool)  # intervals between frames
     for substitution in (own for substitutions in motions for own in substitutions):
         if not substitution.is_own:
@@ -81,7 +84,7 @@ def _describe_missing(graft: Graft, group: str) -> str:
 
 
 def _find_causes(library: Library, group: str, segments: IntArray) -> list[str]:
-    """Return for each of `segments` the reason for which it has no candidate."""
+    """Return, for each of `segments`, why it has no candidate: a key of `_REMEDIES`."""
     pool, config, lengths = library.pool(group), library.config, library.segments.lengths
     causes = []
     for segment, members in zip(segments, pool.neighbours(segments, config), strict=True):

@@ -4,7 +4,7 @@ import argparse
 import math
 from typing import Any
 
-from mograft.cli.configuration import load_library
+from mograft.cli.configuration import flags_in_errors, load_library
 from mograft.cli.constraints import check_frames, read_constraints, read_obstacles
 from mograft.cli.frame_times import resolve_frame
 from mograft.cli.output import print_result
@@ -24,7 +24,8 @@ def run(options: argparse.Namespace) -> int:
     check_frames(options, library.rate, library.entries[clip].n_frames)
     others = [name for name in library.groups.names if name != library.groups.base]
     group = options.group or others[0]
-    found = library.candidates(segment, group, constraints)
+    with flags_in_errors(group="--group"):
+        found = library.candidates(segment, group, constraints)
     name = library.entries[clip].name
     frames = [int(library.segments.start[segment]), int(library.segments.stop[segment])]
     config = limit_config(library.config, constraints)

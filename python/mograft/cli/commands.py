@@ -78,16 +78,16 @@ _LIB = command(
             "info",
             "print the contents and the configuration",
             _LIBRARY,
-            setting_switch("--clips", "also list the clips"),
+            switch("--clips", "also list the clips"),
             JSON,
         ),
         command(
             "verify",
             "compare each file of the library with its checksum",
             _LIBRARY,
-            setting_switch(
+            switch(
                 "--sources",
-                "also compare the files from which the library was built with their checksums",
+                "also compare the motion files of the library with their checksums",
             ),
             JSON,
         ),
@@ -135,7 +135,9 @@ _CANDIDATES = command(
 _GRAFT = command(
     "graft",
     "create motions by exchanging joint groups of a captured motion",
-    files_argument("one library, or motion files; with --from not required", "LIB|FILE", nargs="*"),
+    files_argument(
+        "motion files, or one library (not required with --from)", "LIB|FILE", nargs="*"
+    ),
     *REPLAY_OPTIONS,
     INCLUDE_GRAFTS,
     MATCH,
@@ -150,8 +152,9 @@ _GRAFT = command(
     setting("--swap GROUP,...", "joint groups to exchange (default: all except the base group)"),
     option("-n --count", "number of motions (default: 1)", positive_integer, 1),
     output_option(
-        "folder for the motions; for a single motion also a .bvh file, or an .npz file, a copy of "
-        "the AMASS file of the base; or a .glb file, a copy of the glTF file of the base",
+        "folder for the motions, or a file: a .bvh file for a single motion; an .npz file for a "
+        "single motion, which is a copy of the base's AMASS file; a .glb file for one or more "
+        "motions, which is a copy of the base's glTF file",
         required=True,
     ),
     DIGITS,
@@ -161,26 +164,26 @@ _GRAFT = command(
     setting(
         "--sigma-scale X|auto",
         "cluster diameter threshold, as a multiple of sigma, the spread of all segments; larger "
-        "values give more variety, smaller values more similarity; auto chooses it for each joint "
-        "group by the repetitions in the motions (default: the value of the "
-        "configuration, usually 0.75; if neither this option nor --variety is given and the donors "
-        "allow fewer than COUNT different motions, X is multiplied by 4/3 until they allow "
-        "enough or X would exceed 4); --repair multiplies X in the same way, even if this option "
-        "is given, while violations remain that other donors could remove",
+        "values give more variety, smaller values more similarity; auto chooses X for each joint "
+        "group from how much repeated motions differ (default: the value of the configuration, "
+        "usually 0.75). If neither this option nor --variety is given and the donors allow fewer "
+        "than COUNT different motions, X is multiplied by 4/3 until they allow enough or X would "
+        "exceed 4. --repair also multiplies X, even if this option is given, while violations "
+        "remain that other donors could remove",
         positive_number_or_auto,
     ),
     NEIGHBOURHOOD,
     config_option("choice", "selection of donors", "sample", paper="random"),
     setting(
         "--temperature X",
-        "cost difference between two donor sequences at which --choice sample draws the more "
-        "expensive one with a probability smaller by the factor e (default: 1)",
+        "temperature of --choice sample: a donor sequence that costs X more than another is drawn "
+        "with a probability that is smaller by the factor e (default: 1)",
         positive_number,
     ),
     *SCENARIO_OPTIONS,
     config_option("seam", "seam treatment", "gradient", paper="paper"),
     config_option("alignment", "time alignment of donors", "uniform"),
-    config_option("torso", "orientation of an exchanged trunk", "world", paper="pelvis"),
+    config_option("torso", "orientation of an exchanged trunk", "balanced", paper="pelvis"),
     config_option("feet", "foot planting", "auto", paper="never"),
     setting(
         "--reach-ik X",
@@ -220,7 +223,7 @@ _EVALUATE = command(
     "evaluate",
     "count the possible combinations, and measure the quality and compatibility of grafts",
     files_argument(
-        "one library, or motion files; additional words such as balance select what to measure",
+        "motion files, or one library; additional words such as balance select what to measure",
         "LIB|FILE",
     ),
     INCLUDE_GRAFTS,
@@ -247,7 +250,9 @@ _EVALUATE = command(
         positive_integer,
         10,
     ),
-    setting("--bases", "number of clips that are used as base (default: 4)", positive_integer, 4),
+    setting(
+        "--bases", "maximum number of clips that are used as base (default: 4)", positive_integer, 4
+    ),
     setting(
         "--labels CSV",
         f"labels that a person gave on the page that {LABEL} writes (default: none)",
@@ -280,7 +285,7 @@ COMMANDS = (
     ),
     command(
         "info",
-        "print joints, frame rate, duration, joint groups and faults of files",
+        "print joints, frame rate, duration, joint groups and faults of motion files",
         MOTION_FILES,
         setting(
             "--match",
@@ -304,7 +309,8 @@ COMMANDS = (
         "print the joint groups of a file as TOML, which can be edited and passed to --groups",
         positional(
             "file",
-            "motion file or folder; of a folder, --preset auto uses all files, others the first",
+            "motion file or folder; --preset auto uses all files of a folder, other presets the "
+            "first file",
             is_path=True,
             metavar="FILE",
         ),
@@ -390,14 +396,14 @@ COMMANDS = (
         actions=(
             command(
                 "show",
-                "print all settings as a mograft.toml",
+                "print all settings in the format of mograft.toml",
                 positional(
                     "only",
                     "command whose settings are printed (default: all)",
                     nargs="?",
                     metavar="COMMAND",
                 ),
-                setting_switch("--origin", "also print the file or variable that sets each value"),
+                switch("--origin", "also print the file or variable that sets each value"),
                 JSON,
                 description="Print the current settings of the commands in the format of "
                 "mograft.toml. mograft reads this file from the working folder or the nearest "

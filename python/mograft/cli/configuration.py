@@ -3,7 +3,8 @@
 import argparse
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -42,10 +43,28 @@ _CONFIG_OPTIONS = (
 def options_given(options: argparse.Namespace, *names: str) -> list[str]:
     """Return those of `names` that are options given on the command line.
 
-    Values from the configuration file, the environment or a default do not count.
+    Values from the configuration file or the environment do not count. The default of each option
+    in `names` must be None or False.
     """
     given = [name for name in names if name not in options.origins]
     return [name for name in given if getattr(options, name, None) not in (None, False)]
+
+
+@contextmanager
+def flags_in_errors(**flags: str) -> Iterator[None]:
+    """Replace names of parameters by flags in the messages of ValueErrors of the ``with`` block.
+
+    For example, ``clips="--among"`` replaces `` `clips` `` by ``--among``.
+    """
+    try:
+        yield
+    except ValueError as error:
+        if type(error) is not ValueError:
+            raise
+        text = str(error)
+        for name, flag in flags.items():
+            text = text.replace(f"`{name}`", flag)
+        raise ValueError(text) from error
 
 
 def refuse_useless_options(
@@ -112,7 +131,10 @@ def load_library(options: argparse.Namespace) -> Library:
 
 
 def _base_address(base: str | None, files: Sequence[str]) -> str:
-    """Return the address of the base: an address, or the name of one of `files`."""
+    """Return the address of the clip that ``--base`` names, by default of the first clip.
+
+    `base` is an address, or the name of a clip or file among the addresses `files`.
+    """
     if base is None:
         return files[0]
     if Path(split_address(base)[0]).exists():
@@ -145,9 +167,10 @@ def selected_groups(options: argparse.Namespace) -> JointGroups | str:
         return name
     if is_automatic(name):
         try:
-            automatic_number(name)
+            with flags_in_errors(groups="--groups"):
+                automatic_number(name)
         except ValueError as error:
-            options.usage_error(str(error).replace("`groups`", "--groups"))
+            options.usage_error(str(error))
         return name
     if Path(name).suffix.lower() != ".toml" and not Path(name).exists():
         options.usage_error(
@@ -178,7 +201,7 @@ def figure_groups(options: argparse.Namespace, files: Sequence[str]) -> JointGro
 
 
 def selected_config(options: argparse.Namespace) -> Config:
-    """Return the configuration that ``--preset`` selects, changed by the other options."""
+    """Return the configuration that ``--preset`` selects, with the values of other options."""
     is_paper = getattr(options, "preset", None) == "paper"
     config = _with_options(Config.paper() if is_paper else Config(), options)
     return _with_segmentation(config, options)
@@ -214,8 +237,8 @@ def _read_cut_frames(path: Path) -> Mapping[str, tuple[int, ...]]:
 def _with_options(config: Config, options: argparse.Namespace) -> Config:
     """Return a configuration with the values of the options.
 
-    ``--max-stretch`` and ``--max-angle``, which are also constraints, can only raise the limits of
-    the configuration.
+    ``--max-stretch`` and ``--max-angle`` raise the limits of the configuration here. A value
+    below such a limit is a constraint instead; see `read_constraints`.
     """
     stretch, angle = (getattr(options, name, None) for name in ("max_stretch", "max_angle"))
     if stretch is not None:

@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
         if not options.json:
             print(text, flush=True)
 
-    motion = dance(seed=options.seed).motion
+    motion = dance(seed=options.seed or 0).motion
     folder.mkdir(parents=True, exist_ok=True)
     write_bvh(motion, sample)
     describe(
@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
     describe(
         f"combinations {total} of legs and upper bodies, {total / n:.1f} times the {n} captured"
     )
-    grafts = list(graft_many(library, count=_N_GRAFTS, seed=options.seed))
+    grafts = list(graft_many(library, count=_N_GRAFTS, seed=options.seed or 0))
     paths = paths[: len(grafts)]
     for graft, path in zip(grafts, paths, strict=True):
         write_graft(with_command(graft, options, [str(sample)]), path)

@@ -88,7 +88,9 @@ def _check_browser() -> dict[str, str]:
     try:
         browser = webbrowser.get()
     except webbrowser.Error:
-        return _result("browser", "absent", "mograft writes pages, but cannot open them")
+        return _result(
+            "browser", "absent", "none found: open the pages that mograft writes yourself"
+        )
     name = getattr(browser, "name", browser.__class__.__name__)
     is_headless = sys.platform.startswith("linux") and not (
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")

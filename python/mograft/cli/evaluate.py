@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mograft._util.atomic import write_text
 from mograft.cli.commands import EVALUATION_TOPICS, LABEL
-from mograft.cli.configuration import load_library
+from mograft.cli.configuration import load_library, options_given
 from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.errors import suggest_name
@@ -24,6 +24,8 @@ def run(options: argparse.Namespace) -> int:
         if len(words) > 1:
             options.usage_error(f"{LABEL} cannot be combined with {', '.join(_WORDS[:-1])}")
         return _write_label_page(options)
+    if options_given(options, "labels") and words and not {"naturalness", "all"} & set(words):
+        options.usage_error("--labels requires naturalness among the words that select measures")
     folder: Path | None = options.output
     if folder is not None:
         check_suffix(options, is_folder=True)
@@ -42,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
             runs=options.runs,
             bases=options.bases,
             labels=labels,
-            seed=options.seed,
+            seed=options.seed or 0,
             progress=progress,
         )
     document = found.as_dict()
@@ -80,7 +82,7 @@ def _write_label_page(options: argparse.Namespace) -> int:
     target: Path = options.output
     check_writable([target], force=options.force)
     library = load_library(options)
-    items = label_items(library, options.count, seed=options.seed)
+    items = label_items(library, options.count, seed=options.seed or 0)
     page = label_page(library, items)
     target.parent.mkdir(parents=True, exist_ok=True)
     path = page.save(target, force=True)

@@ -10,9 +10,10 @@ _MAX_NAMES = 3
 
 
 def describe_excluded(excluded: Mapping[str, str]) -> list[str]:
-    """Return the lines that report excluded clips, given their reasons by address.
+    """Return the lines that report excluded clips.
 
-    Clips of one file with the same reason, apart from their names, share a line.
+    `excluded` has the reason of each exclusion, by the address of the clip. Clips of one file share
+    a line if their reasons differ in nothing but the names of the clips.
     """
     lines: dict[tuple[str, str], list[tuple[str, str]]] = {}
     for address, reason in excluded.items():

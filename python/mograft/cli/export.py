@@ -5,7 +5,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mograft.cli.configuration import figure_groups, refuse_useless_options, selected_skeleton
+from mograft.cli.configuration import (
+    figure_groups,
+    flags_in_errors,
+    refuse_useless_options,
+    selected_skeleton,
+)
 from mograft.cli.files import check_writable, expand_folders, frame_range
 from mograft.cli.frame_times import Range
 from mograft.cli.output import print_remark, print_result, show_progress
@@ -81,7 +86,7 @@ def _select_frames(motion: Motion, given: Range | None) -> Motion:
 
 
 def _write_like(motion: Motion, target: Path, source: str) -> None:
-    """Write a motion into a copy of an AMASS file, and print which arrays are omitted."""
+    """Write a motion into a copy of the AMASS file `source`; print which arrays are omitted."""
     omitted = write_amass(motion, target, like=source)
     if omitted:
         print_remark(
@@ -105,7 +110,7 @@ def _write_figure(
 def _write_film(
     motions: Sequence[Motion], target: Path, options: argparse.Namespace
 ) -> dict[str, Any]:
-    with show_progress() as progress:
+    with flags_in_errors(size="--size", rate="--rate"), show_progress() as progress:
         rate = write_video(
             motions,
             target,

@@ -21,14 +21,15 @@ _FILE_SUFFIXES = (
     *(".bvh", ".json", ".html", ".htm", ".txt", ".png", ".svg", ".pdf", ".toml", ".parquet"),
     *(".gltf", ".fbx", ".usdz", ".mov", ".avi", ".c3d", ".amc", ".asf", ".zip"),
 )
-"""Suffixes of file formats, which the name of a folder does not have."""
+"""Suffixes of file formats. A new folder must not have a name that ends in one of them."""
 
 
 def expand_folders(names: Iterable[str], *, include_grafts: bool = True) -> list[str]:
-    """Replace each folder by the motion files in it and in its subfolders, and files by clips.
+    """Return the addresses of all clips of the given files and folders.
 
-    The result has the addresses of the clips. Those of a folder are sorted by path. If
-    `include_grafts` is false, a motion in a folder is left out if ``mograft graft`` wrote it.
+    A folder stands for the motion files in it and in its subfolders, sorted by path. If
+    `include_grafts` is false, grafts found in a folder are left out: the motions that
+    ``mograft graft`` wrote.
     """
     clips: list[FoundClip] = []
     for name in names:
@@ -36,7 +37,9 @@ def expand_folders(names: Iterable[str], *, include_grafts: bool = True) -> list
             clips.append(FoundClip(name))  # reading it raises the error, after other checks
             continue
         if _is_library(name):
-            raise ValueError(f"{name} is a library; expected motion files")
+            raise ValueError(
+                f"{name} is a library; expected motion files (mograft lib info describes a library)"
+            )
         clips += find_clips(name)
     kept = clips if include_grafts else exclude_grafts(clips)
     return [str(clip.source) for clip in kept]

@@ -3,6 +3,8 @@
 from argparse import ArgumentTypeError
 from dataclasses import dataclass
 
+_MAX_SECONDS = 1e9  # times the frame rate of any file, this is a finite number of frames
+
 
 @dataclass(frozen=True)
 class Seconds:
@@ -25,6 +27,8 @@ def frame(text: str) -> Frame:
     number = text.removesuffix("s")
     # Only digits and one point: float() also accepts signs, blanks, "inf" and "1e9".
     if text != number and number.replace(".", "", 1).isdecimal():
+        if float(number) > _MAX_SECONDS:
+            raise ArgumentTypeError(f"must be at most {_MAX_SECONDS:g} s, got {text!r}")
         return Seconds(float(number))
     raise ArgumentTypeError(f"must be a frame such as 315 or a time such as 10.5s, got {text!r}")
 

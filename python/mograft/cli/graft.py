@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mograft.cli.advice import advise
-from mograft.cli.configuration import load_library, options_given
+from mograft.cli.configuration import flags_in_errors, load_library, options_given
 from mograft.cli.constraints import check_frames, read_constraints, read_obstacles
 from mograft.cli.files import check_writable, expand_folders, library_folder
 from mograft.cli.graft_outputs import check_graft_suffix, graft_files, output_paths
@@ -20,7 +20,7 @@ from mograft.cli.scenario import check_scenario, read_scenario
 from mograft.errors import join_names, suggest_name
 from mograft.io.addresses import find_addresses, read_clip, split_address
 from mograft.library.library import Library
-from mograft.library.spec import has_same_hierarchy, rates_match
+from mograft.library.spec import rates_match
 from mograft.motion.motion import Motion
 from mograft.search.constraints import Constraint
 from mograft.synthesis.graft import graft_many, repair
@@ -30,7 +30,7 @@ from mograft.synthesis.graft_result import Graft
 from mograft.synthesis.kept_joints import find_kept_violations
 
 _MAX_REPORTED = 20
-"""Maximum number of grafts in a report page, which has all of them in memory at once."""
+"""Maximum number of grafts on a report page: all of them are in memory at the same time."""
 
 _MAX_SIGMA_SCALE = 4.0
 """At four times the spread of all segments one cluster contains them all."""
@@ -70,12 +70,14 @@ def run(options: argparse.Namespace) -> int:
         options.usage_error(f"--temperature requires --choice sample, got {library.config.choice}")
     if options.mirror:
         library = library.with_mirror_images()
-    base = _find_base(library, options.base, folder)
+    base, swap = _find_base(library, options.base, folder), _swapped_groups(library, options)
     if options.scenario == "original":
         check_frames(options, library.rate, _count_frames(library, base))
-    if not options.best_effort and _print_kept_violations(library, base, constraints, options):
+    if not options.best_effort and _print_kept_violations(
+        library, base, constraints, swap, options
+    ):
         return 4
-    grafts = _make_grafts(library, base, constraints, options)
+    grafts = _make_grafts(library, base, constraints, swap, options)
     if constraints:
         grafts = list(grafts)
         best_effort = options.best_effort
@@ -136,7 +138,7 @@ def _find_base(library: Library, name: str | None, folder: Path | None) -> Motio
 
 
 def _find_entry(library: Library, address: str) -> str | None:
-    """Return the name of the clip of a library that was read from an address, or None."""
+    """Return the name of the library's clip that was read from `address`, or None."""
     addresses = find_addresses(address)
     if len(addresses) > 1:
         read_clip(address)  # raises an error that lists the clips
@@ -157,10 +159,21 @@ def _count_frames(library: Library, base: Motion | str | None) -> int:
     return library.entries[0 if base is None else library.names.index(base)].n_frames
 
 
+def _swapped_groups(library: Library, options: argparse.Namespace) -> list[str] | None:
+    """Return the groups that ``--swap`` names, or None; raise ValueError if one is unknown."""
+    if options.swap is None:
+        return None
+    names: list[str] = options.swap.split(",")
+    with flags_in_errors(swap="--swap"):
+        grafted_groups(library, names)
+    return names
+
+
 def _make_grafts(
     library: Library,
     base: Motion | str | None,
     constraints: Sequence[Constraint],
+    swap: list[str] | None,
     options: argparse.Namespace,
 ) -> Sequence[Graft]:
     """Return the requested grafts.
@@ -168,13 +181,13 @@ def _make_grafts(
     If the donors allow fewer different motions than requested, the clusters are enlarged, unless
     an option sets their diameter.
     """
-    swap = None if options.swap is None else options.swap.split(",")
     scenario = read_scenario(library, options)
     if options.repair:
         return [repair(library, base, constraints=constraints, swap=swap)]
-    keywords: dict[str, Any] = {"constraints": constraints, "swap": swap, "seed": options.seed}
+    keywords: dict[str, Any] = {"constraints": constraints, "swap": swap, "seed": options.seed or 0}
     keywords["scenario"] = scenario
-    grafts = graft_many(library, base, options.count, **keywords)
+    with flags_in_errors(scenario="--scenario"):
+        grafts = graft_many(library, base, options.count, **keywords)
     is_fixed = options.sigma_scale is not None or options.variety is not None
     while len(grafts) < options.count and not is_fixed:
         present = library.sigma_scales[library.groups.base]
@@ -187,13 +200,15 @@ def _make_grafts(
         )
         library = library.relabelled(replace(library.config, sigma_scale=scale))
         grafts = graft_many(library, base, options.count, **keywords)
-    return grafts
+    # The candidates of all segments need not stay in memory for a single graft.
+    return [grafts[0]] if len(grafts) == 1 else grafts
 
 
 def _print_kept_violations(
     library: Library,
     base: Motion | str | None,
     constraints: Sequence[Constraint],
+    swap: list[str] | None,
     options: argparse.Namespace,
 ) -> bool:
     """Print the violations that no donor can remove; return whether there are any.
@@ -205,12 +220,11 @@ def _print_kept_violations(
     motion = base
     if not isinstance(motion, Motion):
         motion = library.clips[0 if base is None else library.names.index(base)]
-    if not has_same_hierarchy(library.skeleton, motion.skeleton):
+    if not library.skeleton.has_same_hierarchy(motion.skeleton):
         return False  # An error that `graft_many` raises.
     if not rates_match(motion.rate, library.rate):
         motion = motion.resample(library.rate)
-    groups = grafted_groups(library, None if options.swap is None else options.swap.split(","))
-    found = find_kept_violations(library, motion, groups, constraints)
+    found = find_kept_violations(library, motion, grafted_groups(library, swap), constraints)
     if found:
         print_error(
             "joints that are not exchanged violate constraints, and no donor can remove these "

@@ -9,9 +9,7 @@ from mograft.cli.configuration import options_given
 from mograft.cli.files import check_suffix
 from mograft.io.addresses import split_address
 from mograft.io.formats import SUFFIXES
-
-MOTION_SUFFIXES = (".bvh", ".glb", ".npz")
-"""Suffixes of the motions of grafts."""
+from mograft.synthesis.graft_files import MOTION_SUFFIXES
 
 _INPUTS_OF_SUFFIX = {".glb": (".glb", ".gltf"), ".npz": (".npz",)}
 """Suffixes of files of which an output with a suffix may be a copy."""
@@ -20,8 +18,8 @@ _INPUTS_OF_SUFFIX = {".glb": (".glb", ".gltf"), ".npz": (".npz",)}
 def check_graft_suffix(options: argparse.Namespace) -> None:
     """End with a usage error unless ``-o`` of ``mograft graft`` is a folder or a motion file.
 
-    A .glb file requires inputs that may be glTF files, an .npz file inputs that may be AMASS files.
-    Neither has angles for ``--digits``.
+    A .glb file requires an input that may be a glTF file, an .npz file an input that may be an
+    AMASS file. ``--digits`` is a usage error with both, because it applies to .bvh files only.
     """
     paths = [Path(split_address(name)[0]) for name in options.files]
     suffixes = [".bvh"]
@@ -36,15 +34,18 @@ def check_graft_suffix(options: argparse.Namespace) -> None:
 
 
 def graft_files(paths: Iterable[Path]) -> list[Path]:
-    """Return the files of grafts whose motions have the given paths, each once."""
+    """Return the files that are written for grafts with the motions `paths`, each once.
+
+    They are the motions and the .json files beside them.
+    """
     files = [file for path in paths for file in (path, path.with_suffix(".json"))]
     return list(dict.fromkeys(files))
 
 
 def output_paths(options: argparse.Namespace, first: str) -> tuple[list[Path], Path]:
-    """Return the file of each motion, which may be the same for all, and that of the report.
+    """Return the path of each motion and the path of the report page.
 
-    `first` is as for `_base_stem`.
+    All motions have the same path if ``-o`` is a file. `first` is as for `_base_stem`.
     """
     if options.output.suffix.lower() in MOTION_SUFFIXES:
         return [options.output] * options.count, options.output.with_suffix(".html")

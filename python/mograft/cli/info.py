@@ -2,7 +2,7 @@
 
 import argparse
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,8 @@ from mograft.body.faults import HARMLESS_FAULTS, find_faults
 from mograft.body.groups import JointGroups
 from mograft.cli.configuration import selected_skeleton
 from mograft.cli.files import expand_folders
-from mograft.cli.output import print_result
+from mograft.cli.output import print_error, print_result
+from mograft.errors import FormatError
 from mograft.io.addresses import join_address, open_clips, split_address
 from mograft.io.bvh.reader import BvhSummary, scan_bvh
 from mograft.library.spec import describe_match
@@ -23,14 +24,17 @@ MAX_BYTES_IN_MEMORY = 1 << 28
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the command."""
+    """Describe every file; return exit code 3 if one of them is invalid, else 0."""
     documents: list[dict[str, Any]] = []
     rest, hierarchy = selected_skeleton(options), None
-    for path, addresses in groupby(_find_clips(options.files), key=lambda name: name[0]):
-        clips = [
-            _read(path, clip, rest, all_faults=options.verbose or options.json)
-            for _, clip in addresses
-        ]
+    for path, members in groupby(_find_clips(options.files), key=lambda found: found[0]):
+        names = [name for _, name in members]
+        try:
+            clips = _read_clips(path, names, rest, all_faults=options.verbose or options.json)
+        except FormatError as error:
+            documents.append({"file": path, "error": str(error)})
+            print_error(str(error))
+            continue
         if options.match == "anatomy":
             own = open_clips(path, skeleton=rest)[clips[0]["clip"] or 0].skeleton
             hierarchy = hierarchy or own
@@ -40,22 +44,48 @@ def run(options: argparse.Namespace) -> int:
         if not options.json:
             print(_describe(clips[0]) if len(clips) == 1 else _describe_several(clips))
     print_result(options, "info", {"files": documents}, [])
-    return 0
+    return 3 if any(document["error"] for document in documents) else 0
 
 
-def _find_clips(names: Iterable[str]) -> Iterable[tuple[str, str | None]]:
-    """Yield path and clip name of all clips of the given files and folders, poses included."""
+def _find_clips(names: Iterable[str]) -> Iterator[tuple[str, str | FormatError | None]]:
+    """Yield the path and the clip name of each clip of the given files and folders.
+
+    Clips of a single pose in a file are included. The name is None if a file has only one clip, and
+    the error if the clips of a file cannot be listed.
+    """
     for name in names:
-        if Path(name).is_dir():
-            yield from map(split_address, expand_folders([name]))
-            continue
-        path, pattern = split_address(name)
-        clips = open_clips(path)
-        chosen = range(len(clips)) if pattern is None else clips.find(pattern)
-        if not len(clips):
-            raise ValueError(f"{path} holds no motion: {'; '.join(clips.notes)}")
-        for index in chosen:
-            yield path, clips.names[index] if len(clips) > 1 else None
+        try:
+            yield from _find_in(name)
+        except FormatError as error:
+            yield split_address(name)[0], error
+
+
+def _find_in(name: str) -> list[tuple[str, str | None]]:
+    """Return the path and the clip name of each clip of a file or folder."""
+    if Path(name).is_dir():
+        return list(map(split_address, expand_folders([name])))
+    path, pattern = split_address(name)
+    clips = open_clips(path)
+    chosen = range(len(clips)) if pattern is None else clips.find(pattern)
+    if not len(clips):
+        raise ValueError(f"{path} holds no motion: {'; '.join(clips.notes)}")
+    return [(path, clips.names[index] if len(clips) > 1 else None) for index in chosen]
+
+
+def _read_clips(
+    path: str,
+    names: Iterable[str | FormatError | None],
+    rest: Skeleton | None,
+    *,
+    all_faults: bool,
+) -> list[dict[str, Any]]:
+    """Return the contents of clips of one file; raise the error among `names`, if there is one."""
+    documents = []
+    for name in names:
+        if isinstance(name, FormatError):
+            raise name
+        documents.append(_read(path, name, rest, all_faults=all_faults))
+    return documents
 
 
 def _read(
@@ -82,6 +112,7 @@ def _read(
         groups = {}
     return {
         "file": path,
+        "error": None,
         "format": clips.format,
         "clip": clip,
         "joints": skeleton.n_joints,

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from mograft._util.registry import AUTOMATIC_SCALE
 from mograft.cli.exclusions import describe_excluded
 from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import print_remark, print_result
@@ -25,7 +26,7 @@ def run_info(options: argparse.Namespace) -> int:
         f"  {document['clips']} clips, {document['frames']} frames at {document['rate']:.6g} fps",
         f"  {document['segments']} segments{_describe_segmentation(library.config)}",
     ]
-    is_chosen = library.config.sigma_scale == "auto"
+    is_chosen = library.config.sigma_scale == AUTOMATIC_SCALE
     for name, group in document["groups"].items():
         chosen = f" (sigma_scale auto: {group['sigma_scale']:.3g})" if is_chosen else ""
         lines.append(
@@ -44,7 +45,7 @@ def run_info(options: argparse.Namespace) -> int:
 
 
 def _describe_segmentation(config: Config) -> str:
-    """Return how a library was segmented, or "" for the default."""
+    """Return how the clips of a library were segmented, or "" for the default method."""
     if not isinstance(config.segmentation, str):
         return " by given cut frames"
     if config.segmentation == Config.segmentation:

@@ -74,7 +74,7 @@ def _describe(registry: Registry[str]) -> str:
 
 
 MOTION_FILES = files_argument("motion files, or folders of them")
-FILES_OR_LIBRARY = files_argument("motion files, or one library")
+FILES_OR_LIBRARY = files_argument("motion files, or one library", "LIB|FILE")
 GROUPS = groups_option()
 FIGURE_COLOURS = "joint groups that set the colours"
 PRESET = setting(
@@ -86,8 +86,8 @@ PRESET = setting(
 SIGMA_SCALE = setting(
     "--sigma-scale X|auto",
     "cluster diameter threshold, as a multiple of sigma, the spread of all segments; larger values "
-    "give more variety, smaller values more similarity; auto chooses it for each joint group by "
-    "the repetitions in the motions (default: 0.75; with --preset paper: 1)",
+    "give more variety, smaller values more similarity; auto chooses X for each joint group from "
+    "how much repeated motions differ (default: 0.75; with --preset paper: 1)",
     positive_number_or_auto,
 )
 VARIETY = setting(
@@ -97,9 +97,7 @@ VARIETY = setting(
     share,
 )
 NEIGHBOURHOOD = config_option("neighbourhood", "segments that can be donors", "cluster")
-SEED = setting(
-    "--seed", "seed of the random number generator (default: 0)", non_negative_integer, 0
-)
+SEED = setting("--seed", "seed of the random number generator (default: 0)", non_negative_integer)
 SEGMENTATION = setting(
     "--segmentation NAME|FILE",
     "how motions are cut into segments (default: energy): "
@@ -130,7 +128,7 @@ MATCH = setting(
 SKELETON = setting(
     "--skeleton FILE",
     "rest pose for files that store none, such as those of AMASS: a motion file, or a .json file "
-    "of offsets (default: a stand-in with published proportions)",
+    "of offsets (default: a substitute with published body proportions)",
     is_path=True,
 )
 FORCE = switch("--force", "overwrite existing files")
@@ -140,13 +138,14 @@ REPLAY_OPTIONS = (
     option(
         "--from JSON",
         ".json file of the graft to create again, byte for byte; --take, --ban, --keep and "
-        "--reroll change segments and keep all others; LIB|FILE is needed only if files have moved",
+        "--reroll change some segments and leave the others unchanged; LIB|FILE is needed only if "
+        "files have moved",
         is_path=True,
     ),
     repeated_option(
         "--reroll SEGMENT",
-        "with --from, index or frames FIRST-LAST of base segments that get other donors; may be "
-        "repeated",
+        "with --from: index of a base segment that gets another donor, or frames FIRST-LAST of "
+        "several; may be repeated",
         segment_value,
     ),
 )
@@ -154,13 +153,14 @@ SCENARIO_OPTIONS = (
     option(
         "--scenario original|graph|N,...",
         "motion of the base group: original (a captured clip), graph (a random sequence of "
-        "segments in which each may follow the one before), or the indices in the library of "
-        "segments that are joined in this order (default: original)",
+        "segments, in which each segment continues the motion of the previous one), or indices of "
+        "segments in the library, which are joined in this order (default: original)",
         default="original",
     ),
     option(
         "--duration S",
-        f"duration of --scenario graph, in seconds (default: {DEFAULT_DURATION:.0f})",
+        "duration of --scenario graph, in seconds, at most 86400 (default: "
+        f"{DEFAULT_DURATION:.0f})",
         positive_number,
     ),
     option(
@@ -235,7 +235,8 @@ _POSE_OPTIONS = (
     ),
     repeated_option(
         "--keep FIRST-LAST",
-        "frames, or seconds such as 10s-12.5s, whose segments are not exchanged; may be repeated",
+        "frames, or times such as 10s-12.5s: segments that contain part of this range are not "
+        "exchanged; may be repeated",
         frames,
     ),
 )
@@ -250,8 +251,9 @@ _SEGMENT_OPTIONS = (
     repeated_option(
         "--ban SEGMENT[=CLIP[:FIRST-LAST]]",
         "donors that a base segment must not have: all segments of CLIP, or those that overlap "
-        "its frames FIRST-LAST; without CLIP, the base segment itself, so that it is exchanged, or "
-        "with --from the present donor; SEGMENT is as for --take; may be repeated",
+        "its frames FIRST-LAST. Without CLIP, the base segment must not keep its captured motion, "
+        "or with --from the donor that it has in the graft. SEGMENT is as for --take; may be "
+        "repeated",
         ban,
     ),
 )

@@ -24,7 +24,7 @@ GENERAL_OPTIONS = (
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line of usage and one line with the error."""
+    """A parser that prints each error as two lines: the usage, then the error."""
 
     def error(self, message: str) -> NoReturn:
         """Print the usage and an error, and end the program with exit code 2."""
@@ -98,7 +98,7 @@ def _add_parser(
 
 
 def _summarize(command: Command) -> str:
-    """Return the arguments of a command that have no default, in one line."""
+    """Return the positional arguments and the required options of a command, as one line."""
     if command.actions:
         return "ACTION [options]"
     words = []

@@ -97,8 +97,8 @@ EXPORT = command(
     DIGITS,
     setting(
         "--scale UNIT|X",
-        f"unit of the motion file, for a figure: {', '.join(UNITS)}, or a number of metres "
-        "(default: the unit that gives the figure human height)",
+        f"unit of length of the motion file, for .glb and .usd files: {', '.join(UNITS)}, or a "
+        "number of metres (default: the unit that gives the figure human height)",
         unit,
     ),
     option(

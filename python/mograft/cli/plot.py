@@ -12,6 +12,7 @@ from mograft.analysis.group_discovery import GroupDiscovery
 from mograft.body.groups import JointGroups
 from mograft.cli.configuration import (
     figure_groups,
+    flags_in_errors,
     load_library,
     options_given,
     refuse_fixed_options,
@@ -107,16 +108,18 @@ def _draw(options: argparse.Namespace) -> "Axes":
         scene = _timeline_scene(options, folder)
         given, rate = options.frames, scene.figures[0].motion.rate
         shown = None if given is None else resolve_frames(given, rate)
-        return plot.timeline(scene, frames=shown)
+        with flags_in_errors(frames="--frames"):
+            return plot.timeline(scene, frames=shown)
     library = load_library(options)
-    return _CLUSTER_KINDS[options.kind](library, options.group)
+    with flags_in_errors(group="--group"):
+        return _CLUSTER_KINDS[options.kind](library, options.group)
 
 
 def _discovery(options: argparse.Namespace, folder: Path | None) -> GroupDiscovery:
     """Return the groups that ``--groups auto`` or ``auto:N`` discovers in a library or in files.
 
-    `folder` is that of a library, or None for motion files. Other groups in the settings are
-    ignored; on the command line they are a usage error.
+    `folder` is that of a library, or None for motion files. Any other value of ``--groups`` is a
+    usage error on the command line, and is ignored in the configuration file and the environment.
     """
     name: str = options.groups or AUTOMATIC
     if not is_automatic(name):
@@ -139,8 +142,8 @@ def _discovery(options: argparse.Namespace, folder: Path | None) -> GroupDiscove
 def _timeline_scene(options: argparse.Namespace, folder: Path | None) -> Scene:
     """Return a scene of the selected clips of a library, or of motion files.
 
-    `folder` is that of a library, or None for motion files. Files of grafts are shown with their
-    donors. All other files form a library, which gives their segments clusters.
+    `folder` is that of a library, or None for motion files. Grafts that have a .json file are shown
+    with their donors. The scene shows all other files as clips of one library, with clusters.
     """
     if folder is not None:
         library = load_library(options)

@@ -10,12 +10,13 @@ from mograft.cli.arguments import Argument
 from mograft.cli.configuration import options_given
 from mograft.cli.constraints import read_segment_constraints
 from mograft.cli.files import check_writable, library_folder
-from mograft.cli.graft_outputs import MOTION_SUFFIXES, graft_files
+from mograft.cli.graft_outputs import graft_files
 from mograft.cli.output import print_remark
 from mograft.cli.segment_values import SegmentValue
 from mograft.errors import join_names
 from mograft.io.bvh.decimals import check_digits
 from mograft.library.library import Library
+from mograft.synthesis.graft_files import MOTION_SUFFIXES
 from mograft.synthesis.graft_record import GraftRecord, read_record
 from mograft.synthesis.graft_result import Graft
 from mograft.synthesis.record_library import find_whole_library
@@ -37,7 +38,7 @@ def is_edit(options: argparse.Namespace) -> bool:
 
 
 def check_replay_options(options: argparse.Namespace) -> None:
-    """End with a usage error if an option is given that the provenance of ``--from`` sets."""
+    """End with a usage error if the command line has an option that ``--from`` determines."""
     allowed = _ALLOWED_WITH_EDITS if is_edit(options) else _ALLOWED
     for item in options.command.arguments:
         for argument in (item,) if isinstance(item, Argument) else item.arguments:
@@ -69,7 +70,7 @@ def replay_graft(options: argparse.Namespace) -> tuple[Graft, Path]:
 
 
 def _recorded_digits(record: GraftRecord) -> int | None:
-    """Return ``digits`` of a provenance; older ones do not have this key."""
+    """Return ``digits`` of a provenance, or None: older documents do not have this key."""
     digits = record.document.get("digits")
     try:
         return None if digits is None else check_digits(digits)
@@ -83,7 +84,7 @@ def _edit(graft: Graft, options: argparse.Namespace) -> Graft:
     edited = graft.replace(
         *read_segment_constraints(options, rate),
         reroll=[_reroll_segment(value, rate) for value in options.reroll],
-        seed=options.seed or None,  # 0 if the option is not given
+        seed=options.seed,
     )
     print_remark("\n".join(_describe_changes(graft, edited)))
     commands = (*graft.request.edit_commands, shlex.join(options.words))

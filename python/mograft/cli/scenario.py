@@ -6,10 +6,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from mograft._util.arrays import IntArray
+from mograft.cli.configuration import flags_in_errors
 from mograft.cli.frame_times import Seconds, resolve_frame
 from mograft.cli.options import DEFAULT_DURATION
 from mograft.library.library import Library
 from mograft.scenario import Scenario, fill, follow, to_beats, transitions, walk
+from mograft.scenario.walks import check_duration
 
 _GRAPH_OPTIONS = ("duration", "frames", "path", "beats", "among")
 
@@ -42,7 +44,16 @@ def read_scenario(
         return None
     if options.scenario != "graph":
         return [int(word) for word in options.scenario.split(",")]
-    seed, duration = options.seed, options.duration or DEFAULT_DURATION
+    with flags_in_errors(clips="--among", frames="--frames", path="--path", duration="--duration"):
+        return _draw_scenario(library, options)
+
+
+def _draw_scenario(
+    library: Library, options: argparse.Namespace
+) -> Sequence[int] | IntArray | Scenario:
+    """Return the base segments of ``--scenario graph``."""
+    seed, duration = options.seed or 0, options.duration or DEFAULT_DURATION
+    check_duration(duration)
     graph = transitions(library, options.among and options.among.split(","))
     if options.frames is not None:
         is_time = isinstance(options.frames, Seconds)
@@ -51,6 +62,17 @@ def read_scenario(
     if options.path is not None:
         return follow(library, options.path, graph=graph)
     if options.beats is not None:
-        beats = np.arange(int(duration * options.beats / 60.0) + 1) * (60.0 / options.beats)
-        return to_beats(library, beats, seed, graph=graph)
+        period = 60.0 / options.beats
+        if period < 1.0 / library.rate:
+            raise ValueError(
+                f"--beats must be at most {60.0 * library.rate:.6g} beats per minute, "
+                f"one per frame, got {options.beats:g}"
+            )
+        n_beats = int(duration * options.beats / 60.0) + 1
+        if n_beats < 2:
+            raise ValueError(
+                f"--duration must be at least {period:.6g} s, the time between two beats, "
+                f"got {duration:g}"
+            )
+        return to_beats(library, np.arange(n_beats) * period, seed, graph=graph)
     return walk(library, duration, seed, graph=graph)

@@ -8,10 +8,10 @@ from mograft.cli.frame_times import Frame, Range, frames, resolve_frames
 
 @dataclass(frozen=True)
 class SegmentValue:
-    """A base segment by its number or its frames, and optionally a joint group."""
+    """A base segment, given by its index or by its frames, and optionally a joint group."""
 
-    number: int | None
-    span: Range | None
+    number: int | None  # Index of the segment, or None if its frames are given.
+    span: Range | None  # First and last frame, or None if the index is given.
     group: str | None = None
 
     def resolve_span(self, rate: float) -> tuple[int, int] | None:
@@ -20,7 +20,7 @@ class SegmentValue:
 
 
 def segment_value(text: str) -> SegmentValue:
-    """Parse ``N`` or ``FIRST-LAST``."""
+    """Parse a base segment: its index ``N`` or its frames ``FIRST-LAST``."""
     if text.isdecimal():
         return SegmentValue(int(text), None)
     try:

@@ -29,6 +29,8 @@ class Setting:
     @property
     def plain(self) -> Any:  # noqa: ANN401 - of TOML
         """The value as TOML and JSON represent it."""
+        if isinstance(self.value, Path):
+            return str(self.value)
         return self.value if isinstance(self.value, str | int | float) else self.text
 
 
@@ -116,10 +118,17 @@ def _convert_toml(argument: Argument, value: Any, path: Path) -> Any:  # noqa: A
     if is_bool:
         return value
     text = str(value)
-    is_cut_frames = argument.name == "segmentation" and text.endswith(".json")
-    if text.endswith(".toml") or is_cut_frames:  # A file: relative to the configuration file.
+    if _names_file(argument, text):  # relative to the configuration file
         text = str(path.parent / text)
     return _convert_text(argument, text, place)
+
+
+def _names_file(argument: Argument, text: str) -> bool:
+    """Return whether a setting is the path of a file, not another value such as a preset."""
+    suffix = {"groups": ".toml", "segmentation": ".json"}.get(argument.name)
+    if suffix is not None:
+        return text.lower().endswith(suffix)
+    return argument.name in ("labels", "skeleton")
 
 
 def _convert_text(argument: Argument, text: str, place: str) -> Any:  # noqa: ANN401 - as argparse

@@ -13,7 +13,7 @@ from mograft.cli.options import (
     SKELETON,
     VARIETY,
 )
-from mograft.cli.values import non_negative_integer, positive_number
+from mograft.cli.values import port, positive_number
 
 STREAM = command(
     "stream",
@@ -26,7 +26,7 @@ STREAM = command(
     SEGMENTATION,
     VARIETY,
     exclusive(
-        option("--port N", "TCP port; 0 selects a free one", non_negative_integer),
+        option("--port N", "TCP port from 0 to 65535; 0 selects a free port", port),
         option("--socket PATH", "path of a Unix socket to create", Path, is_path=True),
     ),
     setting(

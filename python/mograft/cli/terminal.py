@@ -27,14 +27,14 @@ class EscapingStream:
 
 @contextmanager
 def escape_output() -> Iterator[None]:
-    """Write to stdout and stderr through an `EscapingStream`."""
+    """Escape control characters in all output to stdout and stderr within the ``with`` block."""
     out, err = EscapingStream(sys.stdout), EscapingStream(sys.stderr)
     with redirect_stdout(out), redirect_stderr(err):
         yield
 
 
 def write_control(text: str) -> None:
-    """Write a text with control characters to stderr."""
+    """Write a text to stderr without escaping its control characters."""
     stream = getattr(sys.stderr, "unescaped", sys.stderr)
     stream.write(text)
     stream.flush()

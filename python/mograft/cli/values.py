@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TypeVar
 
 from mograft._util.automatic_groups import AUTOMATIC, automatic_number, is_automatic
-from mograft._util.registry import CONFIG_OPTIONS
+from mograft._util.registry import AUTOMATIC_SCALE, CONFIG_OPTIONS
 from mograft.cli.frame_times import Range, frame_or_frames, frames
 from mograft.errors import suggest_name
 
 SHAPE_NUMBERS = {"sphere": 4, "capsule": 7, "box": 6, "wall": 6}
-"""How many numbers describe a shape of ``--avoid``."""
+"""How many numbers describe each shape of ``--avoid``."""
 
 REACH_TOLERANCE = 0.03
 """Default tolerance of ``--reach`` in skeleton heights."""
@@ -45,6 +45,11 @@ def non_negative_number(text: str) -> float:
 def decimals(text: str) -> int:
     """Read a number of decimals, an integer from 1 to 12."""
     return _number(int, text, lambda number: 1 <= number <= 12, "an integer from 1 to 12")
+
+
+def port(text: str) -> int:
+    """Read the number of a TCP port, from 0 to 65535."""
+    return _number(int, text, lambda number: 0 <= number <= 65535, "an integer from 0 to 65535")
 
 
 def share(text: str) -> float:
@@ -92,7 +97,13 @@ def segmentation(text: str) -> Path | tuple[str, dict[str, float | bool | str]]:
     if text.lower().endswith(".json"):
         return Path(text)
     name, _, rest = text.partition(":")
-    one_of(CONFIG_OPTIONS["segmentation"].names)(name)
+    names = CONFIG_OPTIONS["segmentation"].names
+    if name not in names:
+        hint = suggest_name(name, names)
+        raise ArgumentTypeError(
+            f"must be one of {', '.join(names)} or the name of a .json file with cut frames; "
+            f"got {name!r}{hint}"
+        )
     parameters: dict[str, float | bool | str] = {}
     for word in rest.split(",") if rest else []:
         key, separator, value = word.partition("=")
@@ -105,7 +116,7 @@ def segmentation(text: str) -> Path | tuple[str, dict[str, float | bool | str]]:
 
 
 def _plain_value(text: str) -> float | bool | str:
-    """Return an integer, a number, true or false as such, and any other text as it is."""
+    """Return the number, True or False that a text denotes; return any other text unchanged."""
     if text in ("true", "false"):
         return text == "true"
     for kind in (int, float):
@@ -132,10 +143,11 @@ def preset_or_automatic(presets: Collection[str]) -> Callable[[str], str]:
 
 
 def positive_number_or_auto(text: str) -> float | str:
-    """Read a number above 0, or the word ``auto``."""
-    if text == "auto":
+    """Read a number above 0, or the word `AUTOMATIC_SCALE`."""
+    if text == AUTOMATIC_SCALE:
         return text
-    return _number(float, text, lambda number: 0 < number < math.inf, "a number above 0, or auto")
+    expected = f"a number above 0, or {AUTOMATIC_SCALE}"
+    return _number(float, text, lambda number: 0 < number < math.inf, expected)
 
 
 def picture_size(text: str) -> tuple[int, int]:

@@ -19,7 +19,15 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, as_floats, make_read_only, set_fields
 from mograft._util.validate import is_integer
-from mograft.dancer.plan import StrArray, make_clock, make_foot, make_pelvis, make_plan, make_route
+from mograft.dancer.plan import (
+    Plan,
+    StrArray,
+    make_clock,
+    make_foot,
+    make_pelvis,
+    make_plan,
+    make_route,
+)
 from mograft.dancer.pose import arm_pose, leg_pose, trunk_pose
 from mograft.dancer.skeleton import INDEX, JOINTS, OFFSETS, make_skeleton
 from mograft.dancer.styles import ARM_PATTERNS, LEG_STYLES
@@ -137,8 +145,12 @@ def dance(seed: int | np.random.Generator = 0, *, rate: float = 30.0, strides: i
     if strides < 1:
         raise ValueError(f"`strides` must be 1 or more, got {strides}")
 
-    plan = make_plan(generator, int(strides))
-    clock = make_clock(plan, frames_per_second)
+    return perform(make_plan(generator, int(strides)), frames_per_second)
+
+
+def perform(plan: Plan, rate: float) -> Dance:
+    """Return the dance of a plan at `rate` frames per second."""
+    clock = make_clock(plan, rate)
     route = make_route(plan)
     feet = [make_foot(plan, route, clock, side) for side in (0, 1)]
     pelvis, pelvis_positions = make_pelvis(plan, route, clock, feet)
@@ -156,10 +168,9 @@ def dance(seed: int | np.random.Generator = 0, *, rate: float = 30.0, strides: i
     positions = np.tile(OFFSETS, (len(clock), 1, 1))
     positions[:, 0] = pelvis_positions
     stride = plan.stride(clock)
-    frame_time = 1.0 / frames_per_second
     return Dance(
         Motion(
-            make_skeleton(), frame_time, rotations.continuous_signs(quats), positions, name="dance"
+            make_skeleton(), 1.0 / rate, rotations.continuous_signs(quats), positions, name="dance"
         ),
         plan.legs[stride],
         plan.arms[stride],

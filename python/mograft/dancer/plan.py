@@ -93,7 +93,8 @@ def make_plan(generator: np.random.Generator, strides: int) -> Plan:
 def _limit_heading(turns: FloatArray, signs: FloatArray) -> FloatArray:
     """Return the products of `turns` and `signs`, in degrees, shape (n_strides,).
 
-    The sign of a turn is reversed where the heading would exceed 62 degrees to either side.
+    Where the heading would exceed 62 degrees to either side, the sign of this turn and of the
+    following ones is reversed, until `signs` changes.
     """
     signed = turns * signs
     heading = 0.0
@@ -205,8 +206,8 @@ def make_foot(plan: Plan, route: Route, clock: FloatArray, side: int) -> Foot:
 def _footholds(plan: Plan, route: Route, side: int) -> tuple[FloatArray, FloatArray]:
     """Return the positions and yaws at which a foot stands, in the order of time.
 
-    The shapes are (n_strides + 1, 3) and (n_strides + 1,); stride i leads from row i to row i + 1.
-    `side` is as for `make_foot`.
+    The shapes are (n_strides + 1, 3) and (n_strides + 1,). In stride i, the foot moves from row i
+    to row i + 1. `side` is as for `make_foot`.
     """
     out = 1 - 2 * side
     middles = np.arange(0.0, plan.n_strides + 1) - 0.25 * out
@@ -271,10 +272,10 @@ def _bump(t: FloatArray) -> FloatArray:
 
 
 def stride_transition(clock: FloatArray, n_strides: int) -> tuple[IntArray, FloatArray]:
-    """Return the nearest stride boundary, 0 to n_strides, and a weight for each value of the clock.
+    """Return, for each value of the clock, the nearest stride boundary and a weight from 0 to 1.
 
-    The weight, 0 to 1, is that of the stride after the boundary in the transition between the two
-    strides that meet there.
+    Boundaries are numbered from 0 to `n_strides`. In the transition between the two strides that
+    meet at the boundary, the weight is that of the later stride.
     """
     boundary = np.clip(np.round(clock), 0, n_strides).astype(np.int64)
     return boundary, _ease((clock - boundary) / _FADE + 0.5)

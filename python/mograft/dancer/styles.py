@@ -23,7 +23,7 @@ class LegStyle:
     height: float = 89.0  # mean height of the pelvis
     bounce: float = 1.5  # amplitude of the pelvis's vertical motion
     lag: float = 0.03  # delay of the pelvis's lowest point after a foot lands, in strides
-    surge: float = 0.0  # amplitude of the forward speed, as a fraction of the speed
+    surge: float = 0.0  # variation of the forward speed, as a fraction of its mean
     sway: float = 2.5  # lateral motion of the pelvis towards the standing foot
     twist: float = 5.0  # rotation of the pelvis about y
     roll: float = 4.0  # rotation of the pelvis about z
@@ -59,14 +59,14 @@ class ArmPattern:
 
     wrist: Vector
     sway: Vector
-    elbow: Vector  # direction of the elbow from the line between shoulder and wrist
+    elbow: Vector  # direction in which the elbow is off the line from shoulder to wrist
     arc: Vector = (0, 0, 0)
-    hand: Vector | None = None  # direction of the hand; None: that of the forearm
+    hand: Vector | None = None  # direction of the hand; by default that of the forearm
     beats: int = 1  # periods of s per stride
     start: float = 0.0  # phase of s at the start of a stride, as a fraction of its period
     snap: float = 0.0  # if above 0, s is flattened at its extremes and steeper in between
     shrug: float = 0.0  # elevation of the collar bone
-    on: Literal["Spine", "Hips"] = "Spine"  # "Spine" is the lower end of the trunk
+    on: Literal["Spine", "Hips"] = "Spine"  # joint that carries the pattern
 
 
 _SWING = ArmPattern((24, -19, 3), sway=(-2, 2.5, 19), arc=(0, 7, 1), elbow=(0.4, 0, -1))

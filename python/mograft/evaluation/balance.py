@@ -45,8 +45,9 @@ class Balance:
     kind : {"static", "dynamic"}
         Whether the reference point is the projected centre of mass or the zero-moment point.
     distance : ndarray, shape (n_frames,)
-        Distance to the edge of the support polygon in skeleton heights, negative inside; if the
-        polygon is a point or a line, 0.01 is subtracted. NaN in frames that are not grounded.
+        Distance to the edge of the support polygon in skeleton heights, negative inside. If the
+        polygon is a point or a line, 0.01 is subtracted, so that points within 0.01 are inside.
+        NaN in frames that are not grounded.
     grounded : ndarray of bool, shape (n_frames,)
         Frames with a foot that carries weight and with a defined reference point.
     model : str
@@ -221,9 +222,10 @@ class BalanceSample:
     original : sequence of Balance
         Balance of each base.
     grafts : sequence of sequence of Balance
-        For each base, the balances of its grafts; the same number for each base.
+        For each base, the balance of each of its grafts. All bases have the same number of grafts,
+        n_runs: a run consists of one graft of each base.
     changed : sequence of ndarray of bool, each of shape (n_runs, n_segments)
-        For each base, whether a segment has an exchanged part in a graft. A run is one graft.
+        For each base, whether each segment has an exchanged part in each of the grafts.
     cuts : sequence of Segments
         Segments of each base.
     """
@@ -250,7 +252,8 @@ class BalanceRow(Record):
     rate : Estimate
         Share of unbalanced segments among all segments that are not in flight.
     spread : float
-        Standard deviation of `rate` over the runs, one graft for each base; NaN with a single run.
+        Standard deviation over the runs of the rate of one run, which has one graft of each base;
+        NaN with a single run.
     changed, difference : Estimate
         Share of unbalanced segments among the segments with an exchanged part, and this share
         minus that of the same segments in the recording.
@@ -295,8 +298,8 @@ def balance_row(
     Returns
     -------
     BalanceRow
-        The rates. Their intervals resample blocks of neighbouring segments; a block contains
-        these segments of all grafts of a base.
+        The rates. Their intervals resample blocks of neighbouring segments of a base. A block
+        contains these segments in all grafts of the base.
 
     Raises
     ------

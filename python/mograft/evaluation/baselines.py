@@ -1,7 +1,7 @@
 """Methods of donor selection: the method of the paper and the baselines, with one interface.
 
-A method defines the candidates for each base segment. One candidate is drawn at random for
-each segment, so that the methods differ only in their candidates.
+A method defines the candidates for each base segment. By default, one candidate is drawn at
+random for each segment; methods with `Method.uses_cost` select by cost instead.
 """
 
 from collections.abc import Sequence
@@ -80,7 +80,7 @@ class Analogy(Method):
 
     def candidates(self, library: Library, scenario: IntArray) -> list[IntArray]:
         """Return the candidates for base segments; see `Method.candidates`."""
-        return library.pool(grafted_group(library)).candidate_lists(scenario, library.config)
+        return cluster_candidates(library, scenario)
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class ByCost(Analogy):
 
 @dataclass(frozen=True)
 class Ball(Method):
-    """Method with the donors of similar length within the radius of `Config.neighbourhood`."""
+    """Method with the donors of similar length in the ball of `Config.neighbourhood` "ball"."""
 
     name: str = "ball"
 
@@ -215,6 +215,20 @@ class Nearest(Method):
         return candidates
 
 
+def cluster_candidates(
+    library: Library, scenario: IntArray, labels: IntArray | None = None
+) -> list[IntArray]:
+    """Return the donors of similar length in the cluster of each base segment, as in the paper.
+
+    The lists are ascending and contain the base segment; `Config.neighbourhood` has no effect.
+    `labels` has the cluster of each segment, by default that of the library's base group.
+    """
+    pool = library.pool(grafted_group(library))
+    if labels is not None:
+        pool = replace(pool, labels=labels)
+    return pool.candidate_lists(scenario, replace(library.config, neighbourhood="cluster"))
+
+
 def default_methods(library: Library) -> tuple[Method, ...]:
     """Return the methods that the experiments compare.
 
@@ -313,9 +327,10 @@ def grafts_by(
     Notes
     -----
     If `Method.uses_cost` is False, each donor is drawn uniformly from the candidates. With
-    `Method.has_seam_limit`, the sequences are those of `Config.choice` "random": candidates from
-    which the limit `Config.max_angle` leads to no donor at the end are removed first, and each
-    donor is drawn within the limit from the previous one (paper, 4.4). Self-repair is off.
+    `Method.has_seam_limit`, the sequences are those of `Config.choice` "random" (paper, 4.4): each
+    donor is drawn from the candidates whose seam angle with the previous donor is at most
+    `Config.max_angle`. Candidates from which no such sequence reaches the last position are removed
+    first. Self-repair is off.
 
     Examples
     --------
@@ -374,8 +389,8 @@ def _draw_sequences(
 ) -> list[IntArray]:
     """Draw donors for each position as `Config.choice` "random" does (paper, 4.4).
 
-    Without `Method.has_seam_limit`, the draws are independent. If a position has more than 100
-    candidates, 100 of them are drawn first, for each sequence.
+    Without `Method.has_seam_limit`, the draws are independent. Otherwise, if a position has more
+    than 100 candidates, each sequence is drawn from 100 random ones of them.
     """
     if not method.has_seam_limit:
         return [
@@ -414,7 +429,7 @@ def _has_similar_length(library: Library, segment: int) -> BoolArray:
 
 
 def _donor_indices(library: Library, segment: int, is_allowed: BoolArray) -> IntArray:
-    """Return the indices of the allowed donors of a segment, and of the segment itself."""
+    """Return the segments that are allowed and no excluded donors, and the base segment itself."""
     is_candidate = is_allowed & library.is_donor
     is_candidate[segment] = True
     return np.flatnonzero(is_candidate)

@@ -23,10 +23,10 @@ BLOCK_SECONDS = 5.0  # duration of the blocks of frames that the bootstrap resam
 
 
 def landmarks(skeleton: Skeleton) -> dict[str, list[int]]:
-    """Return the joints of the landmarks "head", "chest" and "hands", by landmark.
+    """Return the joints of each of the landmarks "head", "chest" and "hands".
 
     The position of a landmark is the end of its joint's bone. The chest is the nearest common
-    ancestor of the joints of both arms. The result lacks landmarks without a known joint.
+    ancestor of the joints of both arms. A landmark is absent if its joints are unknown.
     """
     known = anatomy(skeleton)
     head = mass_model(skeleton).head
@@ -224,10 +224,10 @@ def clip_indices(library: Library) -> dict[str, int]:
 
 
 def driving_group(graft: Graft, joints: Iterable[int]) -> str | None:
-    """Return the group that moves the first joint in `joints` that a grafted group moves.
+    """Return the grafted group that moves `joints`, or None if no grafted group moves any of them.
 
-    A joint is moved by its group, if that is grafted, and otherwise by the group of its nearest
-    ancestor in a grafted group. Returns None if no grafted group moves any of `joints`.
+    A grafted group moves its own joints, and their descendants in groups that are not grafted. If
+    several groups move `joints`, the one that moves the first such joint is returned.
     """
     library = graft.library
     group_of = {int(j): name for name in graft.alternatives for j in library.joints(name)}

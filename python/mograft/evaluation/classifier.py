@@ -58,7 +58,7 @@ def _reduce(features: FloatArray, train: IntArray) -> FloatArray:
 
 
 def assign_folds(groups: IntArray, n_folds: int, seed: int | tuple[int, ...]) -> IntArray:
-    """Assign groups of segments to folds of similar size at random; return each segment's fold.
+    """Assign groups of segments at random to folds of similar size; return each segment's fold.
 
     `groups` has the group of each segment; all segments of a group are in one fold. The number of
     folds is `n_folds`, or the number of groups if that is smaller.

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mograft._util.validate import as_integer
 from mograft.errors import InsufficientDataError
 from mograft.evaluation._extra import import_extra
 from mograft.evaluation.estimate import Record
@@ -90,7 +91,7 @@ def detectability(
         If there are fewer than 60 windows at seams, or if no fold has 25 training windows and 8
         test windows.
     ValueError
-        If a base is not a clip of the library.
+        If a base is not a clip of the library, or `splits` is not an integer of at least 1.
 
     Notes
     -----
@@ -103,6 +104,7 @@ def detectability(
     relative to the hips and to the heading at the centre, reduced to principal components of the
     training windows.
     """
+    splits = as_integer("splits", splits, 1)
     flat = [graft for several in grafts for graft in several]
     if not flat:
         raise InsufficientDataError("detectability needs at least one graft")
@@ -125,6 +127,7 @@ def detectability(
             f"detectability needs a fold with {MIN_TEST} test windows and {MIN_TRAIN} training "
             f"windows at seams, but none of the {N_FOLDS} folds has that many"
         )
+    donors = at_seams.donor_pairs()
     between = GraftWindows.of(flat, "between seams", _MAX_WINDOWS, rng)
     others = [pair_other_moments(pairs, rng) for _ in folds]
     return Detectability(
@@ -135,15 +138,17 @@ def detectability(
         if len(between)
         else empty_detection(),
         other_moments=detect(others, folds, seed),
-        donor_windows=detect([at_seams.donor_pairs()] * splits, folds, seed),
+        donor_windows=detect([donors] * splits, folds, seed)
+        if len(donors.new)
+        else empty_detection(),
     )
 
 
 def pair_other_moments(pairs: Pairs, rng: np.random.Generator) -> Pairs:
-    """Return random pairs of the captured windows in `pairs`; no window is in two pairs.
+    """Return random pairs of two captured windows of the same block, for a null comparison.
 
-    Both windows of a pair are in the same block. The second one, in `Pairs.new`, replaces the
-    window of a graft.
+    The windows are those of `pairs.base`; each is in one pair at most. The second window of a pair
+    is in `new` of the result, in place of a window of a graft.
     """
     order = rng.permutation(len(pairs.base))
     order = order[np.argsort(pairs.block[order], kind="stable")]

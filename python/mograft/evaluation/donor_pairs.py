@@ -9,7 +9,7 @@ from mograft.evaluation.baselines import Method, draw_donors
 from mograft.library.library import Library
 
 _MAX_DONORS = 20  # donors of one segment that are scored, at most
-_MAX_PAIRS = 10_000  # pairs in one fold that are scored, unless segments would have below 2 donors
+_MAX_PAIRS = 10_000  # pairs in one fold that are scored; more if two donors per segment need them
 _N_SEQUENCES = 20  # donor sequences that are drawn for each clip from a method that selects by cost
 _CHUNK = 500  # segments whose candidates are in memory at the same time
 
@@ -21,7 +21,7 @@ def selected_donors(
     seed: int,
     segments: IntArray | None = None,
 ) -> dict[str, list[IntArray]]:
-    """Return the donors that each method selects for each segment in 20 donor sequences per clip.
+    """Return the donors of each segment in 20 donor sequences per clip, by name of the method.
 
     A donor may occur several times. Methods whose `uses_cost` is False are omitted. If `segments`
     is given, sequences are drawn only for the clips of these segments.
@@ -77,8 +77,8 @@ def sample_pairs(
 ) -> IntArray:
     """Return pairs of segments and their donors, shape (n_pairs, 2).
 
-    `donors` has the donors of each of `segments`. If there are more than 20, 20 are drawn at
-    random; fewer, but at least 2, if there would be more than 10,000 pairs otherwise.
+    `donors` has the donors of each of `segments`. Of each segment, at most 20 donors are drawn at
+    random. This limit is lower, but at least 2, if it would allow more than 10,000 pairs.
     """
     n = _max_donors(len(segments))
     chosen = [
@@ -89,9 +89,9 @@ def sample_pairs(
 
 
 def random_pairs(segments: IntArray, donors: IntArray, rng: np.random.Generator) -> IntArray:
-    """Return pairs of each of `segments` with random `donors`, shape (n_pairs, 2).
+    """Return pairs of each of `segments` with random ones of `donors`, shape (n_pairs, 2).
 
-    The number of pairs of a segment is the limit that `sample_pairs` describes.
+    The number of pairs of each segment is the limit that `sample_pairs` describes.
     """
     count = min(_max_donors(len(segments)), len(donors))
     chosen = [rng.choice(donors, count, replace=False) for _ in segments]

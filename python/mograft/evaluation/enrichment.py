@@ -3,7 +3,7 @@
 import math
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from mograft._standalone.mograft_linkage import cut, threshold
 from mograft._util.arrays import IntArray
 from mograft.body.groups import PRESETS, JointGroups
-from mograft.evaluation.baselines import grafted_group
+from mograft.evaluation.baselines import cluster_candidates
 from mograft.evaluation.estimate import Record
 from mograft.library.library import Library
 from mograft.search.candidates import count_combinations
@@ -23,20 +23,21 @@ PAPER_TABLES: Mapping[str, tuple[int, int, Mapping[int, int]]] = {
 """Frames, segments and, for each number of groups, combinations in the tables of the paper."""
 
 _GROUPS = (2, 3, 4, 5)
+_READINGS = ("literal", "rms")
 
 
 @dataclass(frozen=True)
 class Count:
     """Numbers of combinations of captured parts, for one number K of joint groups.
 
-    n_i is the number of candidates of segment i: the segments in its cluster that have a similar
-    length (eq. 19) and no faults.
+    n_i is the number of candidates of segment i: the segment itself, and the segments in its
+    cluster that have a similar length (eq. 19) and no faults.
     """
 
     groups: int  # K, including the base group
     unfiltered: int  # within the clusters c of the base group: Σ |c|^K
-    filtered: int  # only of base segments and their candidates: Σ n_i^(K-1)
-    new: int  # those of `filtered` that were not captured
+    filtered: int  # of the base segments with their candidates only: Σ n_i^(K-1)
+    new: int  # number of the `filtered` combinations that were not captured
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ class Law(Record):
 
     name: str  # the inequality
     holds: bool
-    margin: float  # the side that must be greater, divided by the other; below 1 if it fails
+    margin: float  # the side that must be greater, divided by the other; below 1 if it is smaller
 
 
 def enrichment(library: Library, groups: Sequence[int] = _GROUPS) -> Enrichment:
@@ -122,7 +123,8 @@ def enrichment(library: Library, groups: Sequence[int] = _GROUPS) -> Enrichment:
 
     Notes
     -----
-    Only the clusters of the base group restrict the donors (eq. 18). If segment i has n_i
+    Only the clusters of the base group restrict the donors (eq. 18), whatever
+    `Config.neighbourhood` is. If segment i has n_i
     candidates, the base group and K - 1 other groups therefore have Σ_i n_i^(K-1) combinations.
     These are numbers of segments; the text of the paper calls them frames.
 
@@ -133,8 +135,7 @@ def enrichment(library: Library, groups: Sequence[int] = _GROUPS) -> Enrichment:
     >>> all(c.unfiltered >= c.filtered >= found.segments for c in found.counts)
     True
     """
-    if min(groups, default=2) < 2:
-        raise ValueError(f"`groups` must contain numbers of at least 2, got {min(groups)}")
+    _check_groups(groups)
     base, config = library.groups.base, library.config
     scale = library.sigma_scales[base]
     return _count_combinations(
@@ -142,9 +143,14 @@ def enrichment(library: Library, groups: Sequence[int] = _GROUPS) -> Enrichment:
     )
 
 
+def _check_groups(groups: Sequence[int]) -> None:
+    if min(groups, default=2) < 2:
+        raise ValueError(f"`groups` must contain numbers of at least 2, got {min(groups)}")
+
+
 def sweep(
     library: Library,
-    readings: Sequence[str] = ("literal", "rms"),
+    readings: Sequence[str] = _READINGS,
     scales: Sequence[float] = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5),
     groups: Sequence[int] = _GROUPS,
 ) -> tuple[Enrichment, ...]:
@@ -165,7 +171,16 @@ def sweep(
     -------
     tuple of Enrichment
         Counts by interpretation and ascending scale; empty if the base group has no embedding.
+
+    Raises
+    ------
+    ValueError
+        If an interpretation is unknown, or a number of groups is below 2.
     """
+    _check_groups(groups)
+    for reading in readings:
+        if reading not in _READINGS:
+            raise ValueError(f"`readings` must be among {', '.join(_READINGS)}, got {reading!r}")
     embedding = library.embedding[library.groups.base]
     if embedding is None:
         return ()
@@ -186,9 +201,8 @@ def _count_combinations(
     diameter: float,
     groups: Sequence[int],
 ) -> Enrichment:
-    pool = replace(library.pool(grafted_group(library)), labels=labels)
     n = len(labels)
-    candidates = pool.candidate_lists(np.arange(n), library.config)
+    candidates = cluster_candidates(library, np.arange(n), labels)
     sizes = np.bincount(labels)
     counts = []
     for k in groups:

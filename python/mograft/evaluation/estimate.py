@@ -78,7 +78,9 @@ class Estimate(Record):
         return self.text()
 
     def text(self, digits: int = 3, scale: float = 1.0, suffix: str = "") -> str:
-        """Format the number and its interval: "0.5 (0.2 to 0.8)", or "none" without a value.
+        """Format the number and its interval, as in "0.5 (0.2 to 0.8)".
+
+        The text is "none" without a value, and "0.5 (no interval)" without an interval.
 
         Parameters
         ----------
@@ -109,7 +111,7 @@ class Estimate(Record):
 
 
 def proportion(hits: int, n: int, unit: str) -> Estimate:
-    """Return the share of successes in independent trials with Wilson's interval.
+    """Return the share of `hits` among `n` independent trials, with Wilson's interval.
 
     `unit` names the trials. If `n` is 0, the share and the interval are NaN. SciPy is required.
     Source: Wilson, Journal of the American Statistical Association 22 (1927).

@@ -18,9 +18,10 @@ GROUP_SEGMENTS = 20  # neighbouring segments that stay in one fold: about five s
 
 
 def fold_groups(library: Library) -> IntArray:
-    """Return, for each segment, the index of its clip or block, which folds do not divide.
+    """Return the fold group of each segment: the unit that is assigned to a fold as a whole.
 
-    These are clips if there are ten or more, and blocks of 20 consecutive segments otherwise.
+    The units are the clips if there are ten or more, and blocks of 20 consecutive segments of a
+    clip otherwise. They are numbered from 0.
     """
     return estimate.segment_blocks(library.segments, GROUP_SEGMENTS)
 
@@ -77,10 +78,10 @@ def _project(embedding: Embedding, samples: Samples) -> FloatArray:
 def shuffle_parts(
     is_donor: BoolArray, rng: np.random.Generator, groups: IntArray | None = None
 ) -> IntArray:
-    """Return a random segment for each segment, without repetition, shape (n_segments,).
+    """Return a random permutation of the segments, shape (n_segments,).
 
-    Only segments in `is_donor` are exchanged. If `groups` has the clip or block of each segment
-    (`fold_groups`), segments are exchanged only within a clip or block.
+    Segments that are not in `is_donor` stay in place. If `groups` is given, the result of
+    `fold_groups`, segments are permuted only within each clip or block.
     """
     shuffled = np.arange(len(is_donor))
     donors = np.flatnonzero(is_donor)

@@ -15,15 +15,15 @@ _BlockSums = tuple[FloatArray, FloatArray]  # sums and counts, each (n_splits, n
 
 @dataclass(frozen=True)
 class Difference(Record):
-    """Difference of two methods on the segments for which both have a donor.
+    """Difference between two methods, on the segments for which both have a donor.
 
     Attributes
     ----------
     first, second : str
         Names of the methods.
     kappa : Estimate
-        κ of the first method minus κ of the second, with the rates of captured and random parts
-        of the same segments.
+        κ of the first method minus κ of the second; the rates of captured and random parts are
+        from the same segments.
     accepted : Estimate
         Acceptance rate of the first method minus that of the second.
     """
@@ -35,7 +35,7 @@ class Difference(Record):
 
     @property
     def verdict(self) -> Literal["above", "below", "undecided"]:
-        """Whether the interval is "above" or "below" 0; "undecided" if it contains 0 or is NaN."""
+        """The interval of κ relative to 0: "undecided" if it contains 0 or is NaN."""
         if not math.isfinite(self.kappa.low):
             return "undecided"
         if self.kappa.low > 0:
@@ -69,7 +69,7 @@ class Kappas:
         return self._estimate(terms, lambda means: means[0], values, unit)
 
     def kappa(self, method: str, *, is_matched: bool = False) -> Estimate:
-        """Return κ of a method; `Estimate.n` is the number of segments with a donor.
+        """Return κ of a method; its `Estimate.n` is the number of segments with a donor.
 
         If `is_matched`, a_captured and a_random are computed from the segments with a donor only,
         instead of from all segments.

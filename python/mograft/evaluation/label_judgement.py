@@ -50,7 +50,7 @@ class Judgement(Record):
     learned: int  # number of training labels
     tested: int  # number of test labels
     natural: Estimate  # share of natural labels among the pieces with an exchanged part
-    captured: Estimate  # this share among the captured pieces: the upper limit for every method
+    captured: Estimate  # share of natural labels among the captured pieces, for comparison
     accuracy: Estimate
     sensitivity: Estimate
     specificity: Estimate
@@ -178,10 +178,10 @@ def _split_labels(blocks: IntArray, seed: int) -> BoolArray:
 def _verdict(
     method: str, rates: FloatArray, blocks: IntArray, errors: tuple[Estimate, Estimate], seed: int
 ) -> Verdict:
-    """Return two shares of natural parts of a method: as predicted, and corrected for errors.
+    """Return the share of parts of a method that are predicted natural, also corrected for errors.
 
-    `rates` has the predicted share of each segment, NaN without a donor. `errors` are the
-    sensitivity and the specificity of the classifier.
+    `rates` has this share for each segment, NaN without a donor. `errors` holds the sensitivity
+    and the specificity of the classifier.
     """
     called = estimate.block_mean(rates, blocks, "segments with a donor", seed)
     sensitivity, specificity = errors

@@ -66,7 +66,10 @@ def read_labels(path: str | os.PathLike[str], library: Library) -> Labels:
         text = Path(path).read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise ValueError(f"{path}: not UTF-8: {error}") from error
-    rows = csv.reader(text.splitlines())
+    try:
+        rows = iter(list(csv.reader(text.splitlines())))
+    except csv.Error as error:
+        raise ValueError(f"{path}: not a CSV table: {error}") from error
     header = next(rows, [])
     if tuple(header[: len(COLUMNS) + 1]) != (*COLUMNS, "label"):
         expected = ",".join((*COLUMNS, "label"))

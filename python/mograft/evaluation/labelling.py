@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mograft._util.arrays import FloatArray
+from mograft._util.validate import as_integer
 from mograft.body.contacts import Ground
 from mograft.body.mass import mass_model
 from mograft.body.support_polygon import facing_directions
@@ -81,13 +82,13 @@ def label_items(
     InsufficientDataError
         If the library does not have enough different pieces.
     ValueError
-        If `count` is below 1, or `group` is not a grafted group.
+        If `count` is not an integer of at least 1, `captured` not one of at least 0, or `group` is
+        the base group or unknown.
     """
-    if count < 1:
-        raise ValueError(f"`count` must be at least 1, got {count}")
+    count = as_integer("count", count, 1)
+    n_captured = round(count / 10) if captured is None else as_integer("captured", captured)
     group = grafted_group(library, group)
     method = RandomLength() if method is None else method
-    n_captured = round(count / 10) if captured is None else captured
     rng = np.random.default_rng(seed)
     exchanged: dict[tuple[int, int], Item] = {}
     kept: dict[tuple[int, int], Item] = {}
@@ -184,7 +185,8 @@ def _encode_item(
 ) -> dict[str, Any]:
     """Return the data of one piece in the form that the script of the page reads.
 
-    `track` has the node positions and headings of the graft, of which every `step`-th is encoded.
+    `track` has the node positions and the headings of the graft in each frame; every `step`-th
+    frame is encoded. `rate` is in frames per second.
     """
     context = round(_CONTEXT_SECONDS * rate)
     first = max(item.start - context, 0)

@@ -15,12 +15,12 @@ _MAX_LAG_SECONDS = 0.5
 
 
 def coordination(motion: Motion) -> tuple[float, float]:
-    """Return the correlation between the swing of arms and opposite legs, and its lag in seconds.
+    """Return how strongly arms and opposite legs swing together, and the time lag between them.
 
-    Both are means over the two pairs of an upper arm and the opposite thigh. The correlation is
-    the absolute correlation of the rates at which the two limbs swing forward. The lag is the
-    absolute time shift, up to 0.5 s, at which the correlation is strongest. Both are NaN if a limb
-    is unknown or does not move, or if the motion is shorter than about a second.
+    The first result is the absolute correlation between the rates at which an upper arm and the
+    opposite thigh swing forward. The second result is the absolute time shift in seconds, up to
+    0.5 s, at which this correlation is strongest. Both are means over the two pairs of limbs. They
+    are NaN if a limb is unknown or does not move, or if the motion is shorter than about a second.
     """
     pairs = _opposite_limbs(motion.skeleton)
     if not pairs or motion.n_frames < 8:

@@ -13,6 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.validate import as_integer
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import classifier, donor_pairs
 from mograft.evaluation._extra import import_extra
@@ -39,8 +40,8 @@ class Score(Record):
 
     method: str
     accepted: Estimate  # share of the exchanged parts that the classifier accepts as captured
-    kappa: Estimate  # κ: 0 for random parts, 1 for captured parts, over all segments
-    matched: Estimate  # κ whose three acceptance rates are all from segments with a donor
+    kappa: Estimate  # κ: 0 for random parts, 1 for captured parts; their rates from all segments
+    matched: Estimate  # κ with the rates of random and captured parts of segments with a donor only
     exchangeable: float  # share of the segments that have a donor
 
     JSON_KEYS: ClassVar[Mapping[str, str]] = {"matched": "kappa_matched"}
@@ -147,7 +148,7 @@ def compatibility(
         (see Notes), or if the acceptance rate of captured parts is less than 0.1 above that of
         random parts and `is_null` is False.
     ValueError
-        If `group` is the base group.
+        If `group` is the base group or unknown, or `splits` is not an integer of at least 1.
 
     Notes
     -----
@@ -164,10 +165,8 @@ def compatibility(
     are in them. The other two folds train the classifier, with parameters from cross-validation
     within them. Each fold has the base segments once.
     """
-    base = library.groups.base
-    group = grafted_group(library) if group is None else group
-    if group == base:
-        raise ValueError(f"`group` must not be the base group, {group!r}")
+    group = grafted_group(library, group)
+    splits = as_integer("splits", splits, 1)
     methods = default_methods(library) if methods is None else methods
     segments = np.flatnonzero(library.is_donor)
     if len(segments) < MIN_SEGMENTS:
@@ -232,7 +231,7 @@ class _CrossValidation:
     group: str
     methods: Sequence[Method]
     seed: int
-    shuffled: IntArray  # segment whose grafted part each segment has
+    shuffled: IntArray  # for each segment, the segment whose grafted part replaces its own
 
     def run(
         self, splits: int, progress: Progress | None
@@ -279,7 +278,7 @@ class _CrossValidation:
 
 @dataclass(frozen=True, eq=False)
 class _Roles:
-    """Segments that have different roles in one fold: bases, library, training."""
+    """Segments by role in one round of cross-validation: bases, library, training."""
 
     bases: IntArray
     is_library: BoolArray  # shape (n_segments,)
@@ -287,7 +286,7 @@ class _Roles:
 
     @classmethod
     def of(cls, folds: IntArray, fold: int, is_donor: BoolArray) -> "_Roles":
-        """Take the bases from a fold, the library and the training from the folds after it."""
+        """Take the bases from fold number `fold`, the library and the training from the others."""
         n_folds = int(folds.max()) + 1
         distance = (folds - fold) % n_folds
         n_library = n_folds // 2

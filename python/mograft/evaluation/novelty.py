@@ -19,6 +19,7 @@ _OFFSETS = np.array([-7, -4, 0, 4, 7])  # samples at which a window has position
 _STEP = 5  # samples between windows
 _MIN_SEPARATION_SECONDS = 1.5  # between captured windows whose distance is a reference
 _MIN_CHANGE = 0.003  # distance from the window of the base, in heights, of a changed window
+_MIN_REFERENCE = 1e-6  # least reference distance, in heights; computed distances of 0 are smaller
 _MAX_CAPTURED = 8_000  # above this only every k-th captured window is compared
 _N_RANDOM_PAIRS = 2000
 _CHUNK = 500  # rows of a distance matrix that are computed at once
@@ -29,7 +30,9 @@ class Novelty(Record):
     """Novelty of grafts, the share of the recordings that they cover, and their diversity.
 
     A window is about half a second of motion; see `novelty`. The distance of two windows is the
-    root mean square distance of their bone ends in skeleton heights.
+    root mean square distance of their bone ends in skeleton heights. A measure that is divided by
+    a distance of captured windows is NaN if this distance is 0, as `novelty` and `coverage` are if
+    the library contains every motion twice.
 
     Attributes
     ----------
@@ -38,7 +41,8 @@ class Novelty(Record):
         from the base's window at the same frame is at least 0.003 skeleton heights.
     novelty : Estimate
         Mean distance of the changed windows from the nearest captured window, divided by the
-        median distance of a captured window from the nearest one 1.5 s or more away.
+        median distance of a captured window from the nearest one of another clip or 1.5 s or more
+        away.
     coverage : Estimate
         Share of the captured windows whose distance from the nearest changed window is less than
         the median distance that `novelty` is divided by.
@@ -72,7 +76,7 @@ def novelty(grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Novelty:
     Raises
     ------
     InsufficientDataError
-        If there is no graft, or the clips are too short for two windows 1.5 s apart.
+        If a base has no graft, or the clips are too short for two windows 1.5 s apart.
 
     Notes
     -----
@@ -108,7 +112,8 @@ def novelty(grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Novelty:
             between_blocks += blocks
     moved = np.concatenate(new)
     distances = nearest_distances(moved, reference.windows) / reference.scale
-    covered = nearest_distances(reference.windows, moved) < reference.scale
+    to_changed = nearest_distances(reference.windows, moved)
+    covered = np.where(np.isfinite(reference.scale), to_changed < reference.scale, np.nan)
     return Novelty(
         changed=estimate.block_mean(changed, change_blocks, "windows", seed),
         novelty=estimate.block_mean(distances, new_blocks, "changed windows", seed),
@@ -119,18 +124,18 @@ def novelty(grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Novelty:
 
 @dataclass(frozen=True, eq=False)
 class CapturedWindows:
-    """The windows of the clips of a library, and typical distances between them."""
+    """Every k-th window of the clips of a library, and typical distances between them."""
 
     frames: FrameBlocks
     windows: FloatArray  # (n_windows, n_features)
     block: IntArray  # block of each window, as in `FrameBlocks`
-    scale: float  # median distance of a window from the nearest one 1.5 s or more away
-    spread: float  # mean distance of random pairs of windows
+    scale: float  # median distance to the nearest window of another clip or 1.5 s or more away
+    spread: float  # mean distance of random pairs of windows; like `scale`, NaN instead of 0
 
 
 @lru_cache(maxsize=1)
 def captured_windows(library: Library, seed: int) -> CapturedWindows:
-    """Return every k-th window of all clips."""
+    """Return every k-th window of all clips; `seed` is that of the random pairs of `spread`."""
     frames = FrameBlocks.of(library)
     found = [body_windows(BodyTracks.of(clip)) for clip in library.clips]
     windows = np.concatenate([own for own, _ in found])
@@ -155,9 +160,14 @@ def captured_windows(library: Library, seed: int) -> CapturedWindows:
         frames=frames,
         windows=windows,
         block=frames.block[center],
-        scale=float(np.median(natural)),
-        spread=float(np.linalg.norm(windows[first] - windows[second], axis=1).mean()),
+        scale=_nan_if_zero(float(np.median(natural))),
+        spread=_nan_if_zero(float(np.linalg.norm(windows[first] - windows[second], axis=1).mean())),
     )
+
+
+def _nan_if_zero(distance: float) -> float:
+    """Return a distance, or NaN if it is 0 up to rounding, since distances are divided by it."""
+    return distance if distance > _MIN_REFERENCE else math.nan
 
 
 def body_windows(tracks: BodyTracks) -> tuple[FloatArray, IntArray]:
@@ -182,8 +192,8 @@ def nearest_distances(
 ) -> FloatArray:
     """Return the distance of each row to the nearest row of `others`; infinity if there is none.
 
-    `order` may be given if `rows` and `others` are the same array: a number for each row. Rows are
-    then compared only if their numbers differ by at least `separation`.
+    `order` may be given if `rows` and `others` are the same array. It has a number for each row,
+    and rows are compared only if their numbers differ by at least `separation`.
     """
     found = np.full(len(rows), np.inf)
     if not len(others):

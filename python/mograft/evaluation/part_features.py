@@ -15,8 +15,8 @@ N_INSTANTS = 10  # equidistant instants of a segment at which features are sampl
 def part_features(library: Library, group: str) -> FloatArray:
     """Return features of the motion of a joint group in every segment, (n_segments, n_features).
 
-    The features are the positions and velocities of the ends of the bones at ten equidistant
-    instants, in skeleton heights and skeleton heights/s. For the base group they are relative to
+    The features are the positions of the ends of the bones at ten equidistant instants in skeleton
+    heights, then their velocities in skeleton heights/s. For the base group they are relative to
     the root and to its heading at the start of the segment, and include the path of the root. For
     other groups they are relative to the joint that the group is attached to, so that only the
     features of the base group contain the position and rotation of the root.

@@ -43,7 +43,7 @@ class Quality(Record):
     new_segments : Estimate
         Share of the grafted parts that come from another segment than the base segment.
     seam_gap, seam_gap_p90 : Estimate
-        Mean and 90th percentile of the gaps at seams before seam treatment, in degrees.
+        Mean and 90th percentile of the seam angles before seam treatment, in degrees.
     acceleration, jerk : Estimate
         Mean angular acceleration and jerk of the grafted joints, divided by those of the
         recording.
@@ -53,8 +53,9 @@ class Quality(Record):
         Share of the one-second windows of the library that are near a window of the graft, see
         `quality`.
     local_diversity : Estimate
-        Mean distance of the half-second windows of the graft to the nearest window of the
-        library, as root mean square distance of 6D rotations per joint. It is 0 for a copy.
+        Mean distance of the half-second windows of the graft from the nearest window of the
+        library, as root mean square distance of 6D rotations per joint. It is 0 for a copy of a
+        clip.
     diversity : Estimate
         Mean joint angle between two grafts at the same time, in degrees.
     coordination, lag : Estimate
@@ -228,7 +229,7 @@ def _rotations_6d(motion: Motion, joints: IntArray) -> FloatArray:
 def nearest_windows(
     source: Sequence[FloatArray], track: FloatArray, step: int = 1
 ) -> tuple[float, float]:
-    """Return how much of the clips `source` the motion `track` covers, and its distance from them.
+    """Return the share of the clips `source` that the motion `track` covers, and its distance.
 
     All arrays are 6D rotations at 10 frames per second, shape (n_frames, 6 * n_joints). The
     coverage is the share of every `step`-th one-second window of the clips that has a window of the

@@ -120,7 +120,7 @@ def world_section(qualities: Sequence[WorldQuality]) -> list[str]:
             "feet, and frames with the zero-moment point outside of the support. Novelty: "
             "distance from the nearest captured half-second window; 1 is the median distance of "
             "a captured window from the nearest other one. Coverage: share of the captured "
-            "windows within this median distance of a window of a graft. Between grafts: distance "
+            "windows within this median distance of a changed window. Between grafts: distance "
             "of two grafts of one base; 1 is that of random captured windows."
         ),
     ]

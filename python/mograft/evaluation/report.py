@@ -35,7 +35,7 @@ _EXTRA_STYLE = """
 
 
 def compare_methods(found: Compatibility) -> list[str]:
-    """Return one sentence for each of three differences of κ.
+    """Return one sentence for each of three differences of κ between two methods.
 
     They are analogy minus contact patterns, contact patterns minus random donors, and analogy minus
     equally many nearest neighbours.
@@ -244,9 +244,10 @@ def _label_section(people: Judgement) -> list[str]:
             f"the classifier predicts {people.accuracy.text(0, 100, ' %')} correctly: of the "
             f"natural ones {people.sensitivity.text(2)}, of the unnatural ones "
             f"{people.specificity.text(2)}. The person labelled "
-            f"{people.natural.text(0, 100, ' %')} of the pieces with random donors natural, and "
-            f"{people.captured.text(0, 100, ' %')} of the captured pieces. Corrected shares allow "
-            "for the errors of the classifier. The labels describe the judgement of one person."
+            f"{people.natural.text(0, 100, ' %')} of the pieces with an exchanged part natural, "
+            f"and {people.captured.text(0, 100, ' %')} of the captured pieces. Corrected shares "
+            "allow for the errors of the classifier. The labels describe the judgement of one "
+            "person."
         ),
     ]
 

@@ -22,7 +22,8 @@ _MAX_SEGMENTS = 2500  # limits memory and run time, which grow with the square
 class RuleScore(Record):
     """How near the donors of one rule are to the part that was captured with the base part.
 
-    Each null is the mean over shuffles of the parts, with the range of 95 % of the shuffles.
+    A null is the result if the parts of the segments are shuffled: the mean over the shuffles, with
+    the range of 95 % of them as interval.
 
     Attributes
     ----------
@@ -36,13 +37,13 @@ class RuleScore(Record):
         Mean distance of their bone ends from those of the captured part, in skeleton heights, with
         both parts attached to the captured base part.
     angle_gain, distance_gain : Estimate
-        By how much the parts of these donors are nearer to the captured part than to the parts of
-        all segments. This does not favour donors whose parts are near to all others.
+        Mean distance of the parts of these donors from the parts of all segments, minus their
+        distance from the captured part. A donor whose part is near to all others does not gain.
     angle_null, distance_null : Estimate
         The gains if the parts of all segments are shuffled.
     rank : Estimate
-        Relative rank of the allowed donor with the nearest part in the order of the rule: 0 is the
-        first, 0.5 is chance.
+        Relative rank, in the order of the rule, of the allowed donor with the nearest part: 0 is
+        the first place, 0.5 is chance.
     """
 
     rule: str
@@ -60,9 +61,9 @@ class RuleScore(Record):
 class Advantage(Record):
     """Gain of "analogy" minus that of another rule, on the same segments, with null results.
 
-    Positive values are in favour of "analogy". `angle_null_within` shuffles the parts within each
-    clip or block, the other nulls those of all segments. A null has the range of 95 % of the
-    shuffles.
+    Positive values are in favour of "analogy". For `angle_null_within`, parts are shuffled within
+    each clip or block; for the other nulls, among all segments. The interval of a null is the range
+    of 95 % of the shuffles.
     """
 
     rule: str
@@ -111,8 +112,9 @@ class Retrieval(Record):
 def retrieval(library: Library, group: str | None = None, *, seed: int = 0) -> Retrieval:
     """Test whether similar base parts have similar other parts, without a classifier.
 
-    The part of every segment is removed, and each rule selects parts of other clips for the base
-    part that remains. The errors are the distances of the selected parts from the removed one.
+    The grafted part of every segment is removed. Each rule then selects, for the base part that
+    remains, parts of other folds of the library (see Notes). The errors are the distances of the
+    selected parts from the removed one.
 
     Parameters
     ----------
@@ -136,19 +138,19 @@ def retrieval(library: Library, group: str | None = None, *, seed: int = 0) -> R
         If fewer than 60 segments have no faults, if they are all in one clip or block, if a group
         has no embedding, or if no held-out segment has a donor.
     ValueError
-        If `group` is the base group.
+        If `group` is the base group or unknown.
 
     Notes
     -----
     The clips or blocks are assigned to five folds. For each fold, mean rotations, principal
     components, cluster diameter threshold and clusters are computed from the other folds, and all
     donors are in the other folds. Allowed donors have a similar length (eq. 19). "analogy" selects
-    those in the cluster that the held-out base part joins. For every other rule except "ball", as
-    many allowed donors are selected as "analogy" has: "random" takes all allowed donors, which is
-    the expected value of a random draw; "contact pattern" the donors whose foot contacts differ
-    least at ten instants; "nearest neighbours" the nearest base parts in the embedding; "linear
-    regression" the donors whose part is nearest to the part that a ridge regression predicts from
-    the base part (both embedded). "ball" selects the donors within the radius of
+    those in the cluster that the held-out base part joins. Every other rule except "ball" selects
+    as many allowed donors as "analogy" has. "random" draws them at random; its errors are the means
+    over all allowed donors, which is the expected value. "contact pattern" selects the donors whose
+    foot contacts differ least at ten instants; "nearest neighbours" those with the nearest base
+    parts in the embedding; "linear regression" those whose part is nearest to the part that a ridge
+    regression predicts from the base part (both embedded). "ball" selects the donors in the ball of
     `Config.neighbourhood`, and is compared on segments for which it has a donor. Errors are
     computed from joint rotations and bone ends of the recordings, not from the embeddings.
     """
@@ -189,7 +191,7 @@ def retrieval(library: Library, group: str | None = None, *, seed: int = 0) -> R
 
 
 def _limit_segments(library: Library, groups: IntArray, seed: int) -> Library:
-    """Return a library with at most 2,500 donors: those of random clips or blocks."""
+    """Return the library with at most 2,500 donors, all from random clips or blocks."""
     order = np.random.default_rng(seed).permutation(int(groups.max()) + 1)
     sizes = np.bincount(groups[library.is_donor], minlength=len(order))[order]
     kept = order[np.cumsum(sizes) <= _MAX_SEGMENTS]
@@ -252,7 +254,10 @@ class _Summary:
 
 
 def _range(values: FloatArray) -> Estimate:
-    """Return the mean of the results of shuffles, with the range of 95 % of them, if finite."""
+    """Return the mean of the results of shuffles with the range of 95 % of them as interval.
+
+    The estimate has no value if a result is not finite.
+    """
     if not np.isfinite(values).all():
         return Estimate.without_value(0, "shuffles", "range of 95 % of the shuffles")
     low, high = np.percentile(values, [2.5, 97.5])

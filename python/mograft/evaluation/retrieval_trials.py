@@ -76,14 +76,17 @@ def _point_distances(chunk: Packed, columns: Packed) -> Packed:
 
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """A linear regression from the base part to the grafted part, fitted on the other folds."""
+    """A linear regression from the base part to the grafted part, for the queries of one fold."""
 
     predictors: FloatArray  # of all segments, (n_segments, n_predictors); the first column is 1
     parts: FloatArray  # embedded grafted parts of all segments, (n_segments, n_components)
-    fitted: IntArray  # segments of the other folds
+    fitted: IntArray  # segments of the other folds, on which the regression is fitted
 
     def fit(self, shuffled: IntArray) -> FloatArray:
-        """Return the coefficients of a ridge regression on shuffled parts."""
+        """Return the coefficients of a ridge regression, (n_predictors, n_components).
+
+        `shuffled` has, for each segment, the segment whose part it gets.
+        """
         x, y = self.predictors[self.fitted], self.parts[shuffled[self.fitted]]
         penalty = _RIDGE * np.eye(x.shape[1])
         penalty[0, 0] = 0.0
@@ -148,11 +151,10 @@ def _queries_of_fold(
 
 
 def first_weights(order: FloatArray, n: int) -> FloatArray:
-    """Return the weights of the mean over the first n of an order, with ties drawn at random.
+    """Return the weights that average over the `n` elements with the lowest values of `order`.
 
-    The result is 1/n for those that are always among the first n, and the probability of being
-    drawn, divided by n, for those that are tied at the last place. It sums to 1, or to 0 if `n`
-    is 0.
+    The weight of an element is the probability that it is among these `n`, divided by `n`: elements
+    that are tied at the last place are drawn at random. The weights sum to 1, or to 0 if `n` is 0.
 
     >>> first_weights(np.array([0.0, 1.0, 1.0]), 2)
     array([0.5 , 0.25, 0.25])
@@ -166,7 +168,7 @@ def first_weights(order: FloatArray, n: int) -> FloatArray:
 
 
 def middle_ranks(order: FloatArray) -> FloatArray:
-    """Return the rank of each element of an order, from 0 to 1; equal elements share a rank.
+    """Return the rank of each element of `order`, from 0 to 1; equal elements have the same rank.
 
     >>> middle_ranks(np.array([3.0, 1.0, 1.0, 5.0]))
     array([0.625, 0.25 , 0.25 , 0.875])
@@ -229,8 +231,8 @@ class Trials:
     ) -> dict[str, FloatArray]:
         """Return both errors, both gains and the rank, (n_queries, 5), of each rule.
 
-        `shuffled` has the segment whose part each segment has: itself, or another one in a null.
-        `has_best` adds the rule `BEST`. Rows are NaN if the rule has no donor.
+        `shuffled` has, for each segment, the segment whose part it gets: itself, or for a null a
+        random one. `has_best` adds the rule `BEST`. Rows are NaN if the rule has no donor.
         """
         rows, columns = shuffled[self.segment[self.query]], shuffled[self.donor]
         angle, distance = errors.angle[rows, columns], errors.distance[rows, columns]

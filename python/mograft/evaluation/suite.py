@@ -10,6 +10,7 @@ import numpy as np
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.arrays import BoolArray
+from mograft._util.validate import as_integer
 from mograft.analysis.segmentation import Segments
 from mograft.body.mass import mass_model
 from mograft.body.support_polygon import Support, support_polygons
@@ -81,7 +82,7 @@ class Evaluation:
     detectability : tuple of Detectability
         Detectability for each method, with null comparisons.
     refusals : dict of str to str
-        Reasons why topics, or parts of a topic, could not be measured, by topic.
+        Reasons why a topic, a part of a topic or a method could not be measured, by its name.
     parameters : dict
         Parameters and versions on which the numbers depend.
     """
@@ -199,7 +200,7 @@ def evaluate(
     ImportError
         If a package of the extra ``evaluate`` is required and not installed.
     ValueError
-        If a topic is unknown, or `runs` or `bases` is below 1.
+        If a topic is unknown, there is none, or `runs` or `bases` is not an integer of at least 1.
 
     Examples
     --------
@@ -213,9 +214,7 @@ def evaluate(
     if unknown or not topics:
         given = ", ".join(unknown) or "none"
         raise ValueError(f"`topics` must be among {', '.join(TOPICS)}, got {given}")
-    for name, value in (("runs", runs), ("bases", bases)):
-        if value < 1:
-            raise ValueError(f"`{name}` must be at least 1, got {value}")
+    runs, bases = as_integer("runs", runs, 1), as_integer("bases", bases, 1)
     methods = default_methods(library) if methods is None else tuple(methods)
     refusals: dict[str, str] = {}
     counts: Enrichment | None = None
@@ -272,7 +271,7 @@ def evaluate(
 
 @contextmanager
 def _recorded_refusal(refusals: dict[str, str], topic: str) -> Iterator[None]:
-    """Catch InsufficientDataError of the `with` block; store its message in `refusals[topic]`."""
+    """Store the message of an InsufficientDataError of the ``with`` block in `refusals[topic]`."""
     try:
         yield
     except InsufficientDataError as error:
@@ -288,7 +287,7 @@ def _select_bases(library: Library, max_count: int) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class _Grafting:
-    """The methods, bases, number and seed of the grafts that `measure` computes and measures."""
+    """The parameters of grafts: their methods, bases, number per base and method, and seed."""
 
     library: Library
     methods: Sequence[Method]
@@ -301,8 +300,8 @@ class _Grafting:
     ) -> "_Measured":
         """Compute the grafts of one method after the other, and measure them for `topics`.
 
-        The reasons why a topic, a part of a topic or a whole method cannot be measured are stored
-        in `refusals` by its name.
+        If a topic, a part of a topic or a whole method cannot be measured, the reason is stored in
+        `refusals` by its name.
         """
         bases = None
         found = _Measured()
@@ -371,7 +370,7 @@ class _Bases:
         return cls(cuts, supports, balances)
 
     def recording_samples(self) -> dict[str, BalanceSample]:
-        """Return the static and dynamic balance of the bases, as if each were its only graft."""
+        """Return the static and dynamic balance of the bases; the only graft of each is itself."""
         changed = [np.ones((1, len(cut)), bool) for cut in self.cuts]
         return {
             kind: BalanceSample(original, [[balance] for balance in original], changed, self.cuts)

@@ -57,7 +57,7 @@ class TestedFold:
 def detect(pairs_of_split: Sequence[Pairs], folds: Sequence[IntArray], seed: int) -> Detection:
     """Return the AUC of both classifiers on test windows, averaged over all folds and splits.
 
-    `pairs_of_split` has the windows, `folds` the fold of each block, both for each split.
+    For each split, `pairs_of_split` has the windows and `folds` the fold of each block.
     """
     tested = [
         found

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import prod
 from typing import Literal
 
 import numpy as np
@@ -52,8 +53,8 @@ class Windows:
 def window_reach(place: Place, rate: float) -> int:
     """Return the number of frames that a window needs on each side of its centre.
 
-    They include the frames for derivatives. `place` is "seams" or "between seams", where windows
-    are shorter; `rate` is in frames per second.
+    They include the frames for derivatives. Windows of the `place` "between seams" are shorter than
+    those at "seams". `rate` is in frames per second.
     """
     return (HALF_WINDOW[place] + _MARGIN) * sample_stride(rate)
 
@@ -61,10 +62,10 @@ def window_reach(place: Place, rate: float) -> int:
 def extract_windows(tracks: BodyTracks, centers: IntArray, place: Place) -> Windows:
     """Return the features of windows around the frames `centers`, relative to the heading there.
 
-    Samples are 1/30 s apart. Positions are those at nine instants of the window. Velocities and
-    accelerations are those of the nine samples about the centre. The magnitudes of velocity,
-    acceleration and jerk are, for each point, the maximum within two samples of the centre and the
-    root mean square over nine samples.
+    Samples are about 1/30 s apart; see `sample_stride`. Positions are those at nine instants of the
+    window. Velocities and accelerations are those of the nine samples around the centre. For each
+    point, the magnitudes of velocity, acceleration and jerk are the maximum within two samples of
+    the centre, and the root mean square over these nine samples.
     """
     half, stride = HALF_WINDOW[place], tracks.stride
     wide = np.linspace(-half, half, _POSITIONS).round().astype(np.int64)
@@ -74,7 +75,8 @@ def extract_windows(tracks: BodyTracks, centers: IntArray, place: Place) -> Wind
     )
 
     def flat(track: FloatArray, frames: IntArray) -> FloatArray:
-        return tracks.facing_forward(track[frames], centers).reshape(len(centers), -1)
+        turned = tracks.facing_forward(track[frames], centers)
+        return turned.reshape(len(centers), prod(turned.shape[1:]))
 
     magnitudes = []
     for track in (tracks.velocity, tracks.acceleration, tracks.jerk):
@@ -149,17 +151,21 @@ class GraftWindows:
     def pairs(self) -> Pairs:
         """Return the windows of the grafts, each with the captured window at the same frame."""
         new = [
-            extract_windows(BodyTracks.of(self.grafts[index].motion), centers, self.place)
-            for index, centers in self._by_graft()
+            self._no_windows(),
+            *(
+                extract_windows(BodyTracks.of(self.grafts[index].motion), centers, self.place)
+                for index, centers in self._by_graft()
+            ),
         ]
         return self._pair(Windows.concatenate(new), self._donor_blocks())
 
     def donor_pairs(self) -> Pairs:
         """Return the result of `pairs` with captured windows of donors in place of those of grafts.
 
-        Each is centred at the donor frame that the centre of the graft's window comes from, in the
-        first group that is exchanged there. If no group is exchanged there, it is the window of the
-        base.
+        Each is centred at the donor frame from which the first exchanged group takes the centre of
+        the graft's window, or next to it at the ends of a clip. If no group is exchanged there, it
+        is the window of the base. Windows of donors in clips that are too short are left out; the
+        result is empty if no window remains.
         """
         source = np.empty(len(self), np.int64)
         for row, (graft, center) in enumerate(zip(self.graft, self.center, strict=True)):
@@ -204,13 +210,18 @@ class GraftWindows:
 
     def _captured_windows(self, clip: IntArray, frame: IntArray) -> Windows:
         """Return the captured windows around the frames `frame` of the clips `clip`."""
-        parts, rows = [], []
+        parts, rows = [self._no_windows()], [np.zeros(0, np.int64)]
         for index in np.unique(clip).tolist():
             rows.append(np.flatnonzero(clip == index))
             tracks = BodyTracks.of(self.library.clips[index])
             parts.append(extract_windows(tracks, frame[rows[-1]], self.place))
         order = np.argsort(np.concatenate(rows), kind="stable")
         return Windows.concatenate(parts)[order]
+
+    def _no_windows(self) -> Windows:
+        """Return an empty collection of windows with the columns of all others."""
+        tracks = BodyTracks.of(self.grafts[0].motion)
+        return extract_windows(tracks, np.zeros(0, np.int64), self.place)
 
     def _donor_blocks(self) -> list[IntArray]:
         """Return, for each window, the blocks that the frames of its grafted groups come from."""

@@ -108,7 +108,8 @@ def world_measures(graft: Graft) -> WorldMeasures:
     Notes
     -----
     Jerk is the third difference of positions at about 30 samples per second. Computing the
-    measures takes about as long as computing the graft, so `mograft graft` does it only on request.
+    measures takes a similar time as computing the graft, so `mograft graft` does it only on
+    request.
 
     Examples
     --------
@@ -254,7 +255,7 @@ class _Feet:
 
 
 def has_base_legs(graft: Graft) -> bool:
-    """Return whether all joints from the root to the toes have the same motion as in the base."""
+    """Return whether all joints of the legs and their ancestors move as in the base."""
     ends = [leg.ankle if leg.toe is None else leg.toe for leg in find_legs(graft.base.skeleton)]
     joints = sorted({j for end in ends for j in (end, *graft.base.skeleton.ancestors(end))})
     new, base = graft.motion, graft.base

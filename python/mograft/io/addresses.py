@@ -12,12 +12,12 @@ from mograft.motion.skeleton import Skeleton
 
 _MAX_OPEN_FILES = 16
 _MAX_OPEN_BYTES = 16 << 20
-"""Files that are kept open, and their size if there are several, so that a file is not parsed again
-for each of its clips."""
+"""Limits of the files that `open_clips` keeps: their number, and their total size if there are
+several. A file is therefore not parsed again for each of its clips."""
 
 
 class _OpenFile(NamedTuple):
-    """The clips of a file."""
+    """The clips of a file that `open_clips` keeps."""
 
     key: tuple[object, ...]  # path, state of the file, and arguments of `read`
     size: int  # bytes
@@ -28,15 +28,16 @@ _OPEN: deque[_OpenFile] = deque(maxlen=_MAX_OPEN_FILES)  # without a lock, which
 
 
 def join_address(path: str, clip: str | None) -> str:
-    """Return the address of a clip of a file; without a clip, it is the path."""
+    """Return the address of a clip of a file; if `clip` is None, the address is the path."""
     return path if clip is None else f"{path}#{clip}"
 
 
 def split_address(address: str) -> tuple[str, str | None]:
-    """Split the address of a clip into its path and the name of the clip, None without a name.
+    """Split an address into its path and the name of the clip, None if it has no name.
 
-    The path is the longest start of the address, up to the end or a ``#``, that exists. If none
-    exists, the address is split at its last ``#``.
+    A path may contain ``#``, too. Each ``#``, and the end of the address, may therefore end the
+    path. Of these, the last one is chosen whose path exists. If no path exists, the address is
+    split at its last ``#``.
 
     >>> split_address("Knight.glb#Walking_A")
     ('Knight.glb', 'Walking_A')
@@ -88,8 +89,9 @@ def find_addresses(address: str, *, skeleton: Skeleton | None = None) -> list[st
     """Return the addresses of all clips that an address stands for, in the order of the file.
 
     A path stands for all clips of the file, ``path#pattern`` for those that `Clips.find` returns.
-    Of several clips, those of a single frame are left out: they are poses. Raises `FormatError` if
-    there is no clip, ValueError if no name matches, and the errors of `read`.
+    Clips of one frame are poses: they are left out if the format states the lengths of clips, and
+    another of the clips has more frames. Raises `FormatError` if there is no clip, ValueError if no
+    name matches, and the errors of `read`.
     """
     path, pattern = split_address(address)
     clips = open_clips(path, skeleton=skeleton)
@@ -103,7 +105,10 @@ def find_addresses(address: str, *, skeleton: Skeleton | None = None) -> list[st
 
 
 def open_clips(path: str, *, rate: float | None = None, skeleton: Skeleton | None = None) -> Clips:
-    """Return the clips of a file as `read` does; the last files are kept open."""
+    """Return the clips of a file as `read` does.
+
+    The results of the last calls are kept, and returned again unless the file has changed.
+    """
     if not os.path.isfile(path):
         return read(path, rate=rate, skeleton=skeleton)
     status = os.stat(path)

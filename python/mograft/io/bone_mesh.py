@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.body.anatomy import root_carriers
 from mograft.body.groups import JointGroups
 from mograft.body.mass import mass_model
@@ -25,54 +25,57 @@ class BoneMesh(NamedTuple):
 def bone_mesh(skeleton: Skeleton, transform: ExportTransform) -> BoneMesh:
     """Return the mesh of the bones in the rest pose, in metres with y up.
 
-    No bone starts at a joint above the hips. If no bone is long enough to be visible, one bone is
-    added at the root, because a skin needs a mesh.
+    A bone leads from a joint to a child or an end site. Joints above the hips have no bones. If no
+    bone is long enough to be visible, one bone is added at the root, because a skin needs a mesh.
     """
-    carriers = root_carriers(skeleton)
     rest = transform.points(skeleton.rest_positions())
     thickness = 0.016 * transform.scale * mass_model(skeleton).height
-    bones = [(int(p), rest[j]) for j, p in enumerate(skeleton.parents)]
-    bones += [(s.parent, rest[s.parent] + transform.points(s.offset)) for s in skeleton.end_sites]
-    bones = [
-        (joint, end)
-        for joint, end in bones
-        if joint >= 0 and joint not in carriers and _is_visible(rest[joint], end, thickness)
-    ]
-    bones = bones or [(0, rest[0] + [0, max(thickness, 0.01), 0])]
-    octahedra = [_octahedron(rest[joint], end, thickness) for joint, end in bones]
-    return BoneMesh(
-        np.concatenate([points for points, _ in octahedra]),
-        np.concatenate([normals for _, normals in octahedra]),
-        np.repeat([joint for joint, _ in bones], _CORNERS_PER_BONE),
-    )
+    sites = skeleton.end_sites
+    joints = np.concatenate([skeleton.parents, np.array([s.parent for s in sites], np.int64)])
+    offsets = np.array([site.offset for site in sites]).reshape(-1, 3)
+    ends = np.concatenate([rest, rest[joints[len(rest) :]] + transform.points(offsets)])
+    chosen = (joints >= 0) & ~np.isin(joints, root_carriers(skeleton))
+    chosen &= _are_visible(rest[joints], ends, thickness)
+    joints, ends = joints[chosen], ends[chosen]
+    if not len(joints):
+        joints = np.zeros(1, np.int64)
+        ends = rest[:1] + np.array([0.0, max(thickness, 0.01, 1e-5 * np.abs(rest[0]).max()), 0.0])
+    points, normals = _octahedra(rest[joints], ends, thickness)
+    return BoneMesh(points, normals, np.repeat(joints, _CORNERS_PER_BONE))
 
 
-def _is_visible(start: FloatArray, end: FloatArray, thickness: float) -> bool:
-    """Return whether a bone is long enough that its octahedron does not degenerate in float32."""
-    min_length = max(1e-5, 1e-4 * thickness, 1e-5 * float(np.abs(start).max()))
-    return float(np.linalg.norm(end - start)) >= min_length
+def _are_visible(starts: FloatArray, ends: FloatArray, thickness: float) -> BoolArray:
+    """Return which bones are long enough that their octahedra do not degenerate in float32."""
+    min_lengths = np.maximum(max(1e-5, 1e-4 * thickness), 1e-5 * np.abs(starts).max(axis=1))
+    return np.asarray(_lengths(ends - starts) >= min_lengths)
 
 
-def _octahedron(
-    start: FloatArray, end: FloatArray, thickness: float
+def _octahedra(
+    starts: FloatArray, ends: FloatArray, thickness: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the corners and normals, (24, 3) each, of the octahedron of a bone."""
-    along = end - start
-    length = float(np.linalg.norm(along))
-    along = along / length
-    side = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
-    side /= np.linalg.norm(side)
+    """Return the corners and normals, (24 * n_bones, 3) each, of the octahedra of bones."""
+    along = ends - starts
+    lengths = _lengths(along)[:, None]
+    along = along / lengths
+    side = np.cross(along, np.eye(3)[np.argmin(np.abs(along), axis=1)])
+    side /= _lengths(side)[:, None]
     other_side = np.cross(along, side)
-    waist = start + 0.15 * length * along
-    half_width = min(thickness, 0.25 * length)
-    ring = [waist + half_width * axis for axis in (side, other_side, -side, -other_side)]
+    waist = starts + 0.15 * lengths * along
+    half_widths = np.minimum(thickness, 0.25 * lengths)
+    ring = [waist + half_widths * axis for axis in (side, other_side, -side, -other_side)]
     faces = []
     for corner, next_corner in zip(ring, [*ring[1:], ring[0]], strict=True):
-        faces += [(start, next_corner, corner), (end, corner, next_corner)]
-    points = np.array(faces)
-    normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return points.reshape(-1, 3), np.repeat(normals, 3, axis=0)
+        faces += [(starts, next_corner, corner), (ends, corner, next_corner)]
+    points = np.moveaxis(np.array(faces), 2, 0)  # bones, faces, corners, coordinates
+    normals = np.cross(points[:, :, 1] - points[:, :, 0], points[:, :, 2] - points[:, :, 0])
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    return points.reshape(-1, 3), np.repeat(normals.reshape(-1, 3), 3, axis=0)
+
+
+def _lengths(vectors: FloatArray) -> FloatArray:
+    """Return the lengths of vectors, shape (n,), rounded as `np.linalg.norm` of each one."""
+    lengths: FloatArray = np.sqrt(np.matmul(vectors[:, None], vectors[:, :, None])[:, 0, 0])
+    return lengths
 
 
 def joint_group_indices(skeleton: Skeleton, groups: JointGroups | str | None) -> IntArray:

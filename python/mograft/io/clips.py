@@ -6,13 +6,14 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import overload
 
+from mograft._util.validate import is_integer
 from mograft.errors import join_names, suggest_name
 from mograft.motion.motion import Motion
 
 
 @dataclass(frozen=True, eq=False)
 class ClipLength:
-    """Length of a clip, known without reading its motion."""
+    """Number of frames and frame time of a clip, which a reader finds without its motion."""
 
     n_frames: int
     frame_time: float  # seconds
@@ -45,7 +46,7 @@ class Clips(Sequence[Motion]):
     notes : tuple of str
         Content of the file that is not part of the motions, such as nodes that are not joints.
     lengths : sequence of ClipLength or None
-        The length of each clip; None if only reading the clips shows it.
+        The length of each clip; None if the clips must be read to find it.
 
     Examples
     --------
@@ -87,23 +88,39 @@ class Clips(Sequence[Motion]):
     def __getitem__(self, index: int | str | slice) -> Motion | tuple[Motion, ...]:
         """Read and return a clip, given its index or name, or the clips of a slice.
 
-        Raises ValueError if no clip has the name, and the errors of the reader.
+        Raises ValueError if no clip has the name, IndexError if none has the index, and the errors
+        of the reader.
         """
         if isinstance(index, slice):
             return tuple(self._load(i) for i in range(len(self))[index])
-        if not isinstance(index, str):
-            return self._load(range(len(self))[index])
-        if index not in self.names:
-            raise self._unknown(index)
-        return self._load(self.names.index(index))
+        if isinstance(index, str):
+            if index not in self.names:
+                raise self._unknown(index)
+            return self._load(self.names.index(index))
+        if not is_integer(index):
+            kind = type(index).__name__
+            raise TypeError(f"the index of a clip must be an integer, name or slice, got {kind}")
+        if not -len(self) <= index < len(self):
+            clips = "1 clip" if len(self) == 1 else f"{len(self)} clips"
+            raise IndexError(f"{self.path} has {clips}, got the index {index}")
+        return self._load(range(len(self))[index])
 
     def _load(self, index: int) -> Motion:
-        """Read a clip; `path` and `clip` of the motion are its address."""
+        """Read a clip; set `path` and `clip` of the motion to the parts of its address."""
         motion = self.load(index)
         clip = None if len(self) == 1 else self.names[index]
         if (motion.path, motion.clip) == (self.path, clip):
             return motion
         return replace(motion, path=self.path, clip=clip)
+
+    @classmethod
+    def without_motions(cls, path: Path, format: str, notes: tuple[str, ...]) -> "Clips":  # noqa: A002 - the field
+        """Return the clips of a file that holds none."""
+
+        def load(index: int) -> Motion:
+            raise IndexError(index)
+
+        return cls(path, (), load, format, notes, ())
 
     def _unknown(self, name: str) -> ValueError:
         hint = suggest_name(name, self.names) or f"; its clips are {join_names(self.names)}"
@@ -112,9 +129,9 @@ class Clips(Sequence[Motion]):
     def find(self, pattern: str) -> list[int]:
         """Return the indices of the clips whose names match a pattern.
 
-        A clip that has the name `pattern` is the only one. Otherwise, names match if the whole
-        name, or its part after the last ``|``, matches the glob `pattern`: Blender writes names
-        such as ``Rig|Walk``. Raises ValueError if no name matches.
+        If a clip has exactly the name `pattern`, return only its index. Otherwise `pattern` is a
+        glob, and a clip matches if its name, or the part of its name after the last ``|``, matches
+        the glob. Blender writes names such as ``Rig|Walk``. Raises ValueError if no name matches.
         """
         if pattern in self.names:
             return [self.names.index(pattern)]

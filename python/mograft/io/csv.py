@@ -52,5 +52,5 @@ def write_csv(motion: Motion, path: str | os.PathLike[str]) -> None:
 
 
 def without_formula(text: str) -> str:
-    """Return a text with an apostrophe before it if a spreadsheet would read it as a formula."""
+    """Return a text, prefixed with an apostrophe if a spreadsheet would read it as a formula."""
     return f"'{text}" if text[:1] in ("=", "+", "-", "@", "\t", "\r") else text

@@ -9,7 +9,9 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.errors import FormatError, join_names
 from mograft.io.clips import ClipLength, Clips
+from mograft.io.named_errors import errors_of_file
 from mograft.io.rest_pose import RestPose, rebase
+from mograft.motion import limits
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
@@ -24,9 +26,6 @@ _MEMORY_BYTES, _MEMORY_FACTOR = 1 << 28, 32
 
 _MIN_POSES, _POSES_PER_BYTE = 1 << 22, 4
 """Limit of the joint poses of a take: at least the constant, else joint poses per byte."""
-
-_MIN_RATE, _MAX_RATE = 1e-3, 1e5
-"""Frame rates that are credible."""
 
 _ROUNDING_INTERVALS = 1e-4
 """Deviation of a duration from whole frame intervals that counts as rounding."""
@@ -44,8 +43,9 @@ class _Nodes:
     def joints(self) -> IntArray:
         """Return the indices of the joints.
 
-        These are the bones, which include all nodes to which a skin is bound, and the nodes between
-        them up to their common ancestor. In a file without bones, animated nodes take their place.
+        These are the bones, their lowest common ancestor, and the nodes between them. The extension
+        counts nodes to which a skin is bound as bones. In a file without bones, animated nodes take
+        their place. The result is empty if there are none, too.
         """
         is_joint = np.array([kind == "bone" for kind in self.kinds], bool)
         is_joint = is_joint if is_joint.any() else self.is_animated.astype(bool)
@@ -68,24 +68,24 @@ class _Nodes:
 
 @dataclass(frozen=True, eq=False)
 class _Take:
-    """A take: frames that begin at `begin` seconds, and the name of its clip."""
+    """A take of a file: an animation that is read as a clip."""
 
-    name: str
-    clip: str
-    begin: float
+    name: str  # in the file
+    clip: str  # name of the clip
+    begin: float  # time of the first frame in seconds
     length: ClipLength
 
 
 @dataclass(frozen=True, eq=False)
 class _FbxFile:
-    """An open file; `scene` is the object of the extension, which has no type."""
+    """An open file with its joints and takes."""
 
     path: Path
-    scene: Any
-    joints: IntArray
+    scene: Any  # a `Scene` of the extension, which is not typed
+    joints: IntArray  # index of the node of each joint
     rest: RestPose
     takes: tuple[_Take, ...]
-    max_frames: int
+    max_frames: int  # limit of the frames of a take
 
     def load(self, index: int) -> Motion:
         """Return the motion of a take."""
@@ -96,6 +96,9 @@ class _FbxFile:
                 f"expected at most {self.max_frames} frames in a file of this size, got {n_frames}"
             )
             raise FormatError(message, self.path, place)
+        with errors_of_file(self.path, place):
+            limits.check_frames(n_frames)
+            limits.check_frame_time(take.length.frame_time)
         rotations, positions = self.scene.bake(
             index,
             self.joints.tolist(),
@@ -112,8 +115,8 @@ class _FbxFile:
             is_finite = np.isfinite(rotations).all(axis=2) & np.isfinite(positions).all(axis=2)
             frame, joint = np.argwhere(~is_finite)[0]
             raise FormatError(
-                f"expected finite transforms, got others for {self.rest.names[joint]} in frame "
-                f"{frame}",
+                f"expected finite transforms, got NaN or infinity at {self.rest.names[joint]} in "
+                f"frame {frame}",
                 self.path,
                 place,
             )
@@ -128,9 +131,13 @@ def open_fbx(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
     data = path.read_bytes()
     scene = _load_scene(path, data)
     *_, unit_metres, axes, file_rate = scene.settings
-    if rate is None and not _MIN_RATE <= file_rate <= _MAX_RATE:
-        expected = f"expected a frame rate of {_MIN_RATE:g} to {_MAX_RATE:g}"
-        raise FormatError(f"{expected}, got {file_rate:g}", path, "GlobalSettings")
+    if rate is None:
+        if not file_rate > 0:
+            raise FormatError(
+                f"expected a frame rate above 0, got {file_rate:g}", path, "GlobalSettings"
+            )
+        with errors_of_file(path, "GlobalSettings"):
+            limits.check_frame_time(1.0 / file_rate)
     scene_takes = scene.takes
     is_animated = np.zeros(len(scene.kinds), np.int64)
     for _, _, _, animated in scene_takes:
@@ -139,7 +146,9 @@ def open_fbx(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
     joints = nodes.joints()
     notes = _describe(nodes, joints, unit_metres, axes, scene.n_constraints)
     if not len(joints):
-        return Clips(path, (), _no_clip, "FBX", notes, ())
+        return Clips.without_motions(path, "FBX", notes)
+    with errors_of_file(path):
+        limits.check_joints(len(joints))
     names = _clip_names(path, [name for name, _, _, _ in scene_takes])
     takes = tuple(
         _define_take((name, clip), span, key_span, rate or file_rate)
@@ -167,7 +176,7 @@ def _load_scene(path: Path, data: bytes) -> Any:  # noqa: ANN401 - an object of 
         scene = mograft_fbx.Scene(data, _MEMORY_BYTES + _MEMORY_FACTOR * len(data))
     except ValueError as error:
         raise FormatError(
-            f"expected an FBX file, got one that ufbx refuses: {error}", path
+            f"expected an FBX file, got one that the library ufbx cannot read: {error}", path
         ) from error
     version = scene.settings[0]
     if version not in VERSIONS:
@@ -176,22 +185,18 @@ def _load_scene(path: Path, data: bytes) -> Any:  # noqa: ANN401 - an object of 
     return scene
 
 
-def _no_clip(index: int) -> Motion:
-    """Raise IndexError: a file without joints has no clips."""
-    raise IndexError(index)
-
-
 def _define_take(
     names: tuple[str, str],
     span: tuple[float, float],
     key_span: tuple[float, float] | None,
     rate: float,
 ) -> _Take:
-    """Return a take with a whole number of frame intervals at about `rate` in its time span.
+    """Return a take whose frames divide its time span into equal intervals.
 
-    `names` are those of the take and of its clip. A take without a time span has that of its keys.
-    If the duration is not a multiple of 1 / `rate`, the rate is the nearest one that keeps the
-    duration; a deviation below `_ROUNDING_INTERVALS` counts as rounding.
+    `names` are those of the take and of its clip. `span` is the time span of the take in seconds,
+    first and last; if it is empty, `key_span`, the span of the keys, is used. The frame rate is
+    `rate` or, if the duration is not a multiple of 1 / `rate`, the nearest rate that divides it. A
+    deviation below `_ROUNDING_INTERVALS` counts as rounding.
     """
     begin, end = span if span[1] > span[0] else key_span or (span[0], span[0])
     duration = max(end - begin, 0.0)
@@ -207,26 +212,32 @@ def _rest_pose(path: Path, scene: Any, nodes: _Nodes, joints: IntArray) -> RestP
     """Return the rest pose of the joints; the topmost joint is the root."""
     rotations, positions = scene.rest_pose()
     if not (np.isfinite(rotations[joints]).all() and np.isfinite(positions[joints]).all()):
-        raise FormatError("expected a finite rest pose", path)
+        raise FormatError("expected a finite rest pose, got NaN or infinity", path)
     index_of = np.full(len(nodes.names), -1)
     index_of[joints] = np.arange(len(joints))
     parents = index_of[nodes.parents[joints]]
     parents[0] = -1
     names = tuple(_joint_name(nodes.names[node], node) for node in joints)
+    with errors_of_file(path):
+        limits.check_hierarchy(names, parents.tolist())
     return RestPose(names, parents, rotations[joints], positions[joints])
 
 
 def _joint_name(name: str, node: int) -> str:
-    """Return the name of a node without control characters; nameless nodes are numbered."""
+    """Return the name of a node with ``_`` in place of unprintable characters.
+
+    A node without a name is called ``node`` with its index, the root of the scene ``scene``.
+    """
     printable = "".join(character if character.isprintable() else "_" for character in name)
     return printable.strip() or ("scene" if node == 0 else f"node{node}")
 
 
 def _clip_names(path: Path, takes: list[str]) -> tuple[str, ...]:
-    """Return the names of the clips of takes, which are different.
+    """Return a unique clip name for each of the names of takes.
 
-    The clip of the only take has the name of the file, as programs give such takes names without
-    meaning. Nameless takes are numbered, and so are repeated names.
+    The clip of a single take has the name of the file, because programs give such takes names
+    without meaning. Otherwise a clip has the name of its take. A take without a name gets a number
+    as name, and repeated names get a number appended.
     """
     if len(takes) == 1:
         return (path.stem,)
@@ -243,7 +254,7 @@ def _clip_names(path: Path, takes: list[str]) -> tuple[str, ...]:
 def _describe(
     nodes: _Nodes, joints: IntArray, unit_metres: float, axes: str, n_constraints: int
 ) -> tuple[str, ...]:
-    """Return the notes: unit, axes, and what is not part of the motions."""
+    """Return the notes: unit, axes, and the content that is not part of the motions."""
     notes = [f"lengths are in units of {unit_metres:g} m"]
     if axes != _AXES:
         notes.append(f"axes (right, up, front) were converted from {axes} to {_AXES}")

@@ -20,9 +20,9 @@ _HEAD_BYTES = 64
 class Opener(Protocol):
     """A function that opens a file of one format.
 
-    Without `rate`, the clips have the rate of the file. `skeleton` is used by formats that store no
-    rest pose; the others ignore it. Raises `FormatError` if the file is invalid, OSError if it
-    cannot be read.
+    The clips are sampled at `rate` frames per second, by default at the rate of the file.
+    `skeleton` is used by formats that store no rest pose; the others ignore it. Raises
+    `FormatError` if the file is invalid, OSError if it cannot be read.
     """
 
     def __call__(self, path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:
@@ -47,7 +47,7 @@ class Format:
 
 
 def npz_arrays(path: Path) -> frozenset[str]:
-    """Return the names of the arrays of an NPZ file; none if the file is not a ZIP archive."""
+    """Return the names of the arrays of an NPZ file; empty if the file is not a ZIP archive."""
     try:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
@@ -93,8 +93,8 @@ _USD = Format(
 )
 
 FORMATS: tuple[Format, ...] = (_BVH, _GLTF, _FBX, _AMASS, _KIMODO, _NPZ, _USD)
-"""All formats. If the content of a file matches several, the first is used. Of files in a folder
-with the same stem, those of the first format are used."""
+"""All formats, in order of precedence: if the content of a file matches several, the first is
+used. Of files in a folder with the same stem, those of the first format are used."""
 
 SUFFIXES = tuple(dict.fromkeys(suffix for form in FORMATS for suffix in form.suffixes))
 """The suffixes of files with motions, which mograft looks for in folders."""
@@ -103,9 +103,9 @@ SUFFIXES = tuple(dict.fromkeys(suffix for form in FORMATS for suffix in form.suf
 def find_format(path: Path) -> Format:
     """Return the format of a file.
 
-    It is that of `recognize_format`. A file whose content no format matches has the last format of
-    its suffix, or else BVH, whose reader then names what is wrong. Raises OSError if the file
-    cannot be read.
+    It is the result of `recognize_format`. If this is None, it is the last of the formats with the
+    suffix of the file; if no format has the suffix, it is BVH. The reader of the format then raises
+    an error that states the first invalid content. Raises OSError if the file cannot be read.
     """
     found = recognize_format(path)
     if found is not None:
@@ -117,7 +117,8 @@ def find_format(path: Path) -> Format:
 def recognize_format(path: Path) -> Format | None:
     """Return the format that matches the content of a file, or None if there is none.
 
-    Formats with the suffix of the file come first. Raises OSError if the file cannot be read.
+    If several match, formats with the suffix of the file take precedence. A pipe or a device counts
+    as BVH. Raises OSError if the file cannot be read.
     """
     if not path.is_file():  # a pipe, whose first bytes can be read only once
         return _BVH
@@ -140,7 +141,7 @@ def read(
     path : str or path
         The file. Suffix and content determine the format.
     rate : float, optional
-        Frames per second of the motions. Default: those of the file.
+        Frames per second at which the motions are sampled. Default: the rate of the file.
     skeleton : Skeleton, optional
         The rest pose, for formats that store none. Other formats ignore it.
 

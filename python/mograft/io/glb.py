@@ -10,6 +10,7 @@ import numpy as np
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.atomic import write_bytes
+from mograft._util.validate import check_type
 from mograft.body.groups import JointGroups
 from mograft.io.bone_mesh import BoneMesh, bone_mesh, joint_group_indices
 from mograft.io.gltf.buffer import GltfBuffer
@@ -53,16 +54,18 @@ def write_glb(
     SkeletonMismatchError
         If the hierarchies differ.
     ValueError
-        If there is no motion, the scale is not above 0, the groups do not fit the skeleton, or a
-        position is above 1e38.
+        If there is no motion, the scale is not above 0, the groups do not fit the skeleton, a
+        coordinate exceeds 1e38, or the file would have 4 GiB or more.
+    OSError
+        If the file cannot be written.
 
     Notes
     -----
     Lengths are in metres and y is up, as glTF requires. Only the root is rotated from the up
     direction of the motion to y; other joints keep their local rotations, which are zero in the
     rest pose. Each bone is a slim octahedron bound to its joint, because engines import no
-    skeleton without a mesh. Constant curves have one key, others one per frame; rotations between
-    keys are interpolated on the sphere.
+    skeleton without a mesh. A track of constant values has one key, any other one key per frame;
+    rotations between keys are interpolated on the sphere.
 
     Examples
     --------
@@ -75,6 +78,8 @@ def write_glb(
     clips = [motions] if isinstance(motions, Motion) else list(motions)
     if not clips:
         raise ValueError("`motions` must hold at least one motion, got none")
+    for clip in clips:
+        check_type("motions", clip, Motion)
     first = clips[0]
     for clip in clips[1:]:
         first.skeleton.check_same_hierarchy(clip.skeleton, clip.name or "a motion")

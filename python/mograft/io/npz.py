@@ -11,8 +11,10 @@ import numpy.typing as npt
 from mograft._util.atomic import write_bytes
 from mograft.errors import FormatError, join_names
 from mograft.io.clips import Clips
-from mograft.io.npz_archive import NpzArchive, as_format_error, open_npz_archive
+from mograft.io.named_errors import errors_of_file
+from mograft.io.npz_archive import NpzArchive, open_npz_archive
 from mograft.io.single_precision import check_single_precision
+from mograft.motion import limits
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import EndSite, Skeleton
 
@@ -32,7 +34,9 @@ def write_npz(motion: Motion, path: str | os.PathLike[str]) -> None:
     Raises
     ------
     ValueError
-        If a position is above 1e38.
+        If a coordinate exceeds 1e38.
+    OSError
+        If the file cannot be written.
 
     Notes
     -----
@@ -110,10 +114,8 @@ def read_npz(path: str | os.PathLike[str]) -> Motion:
     given = str(archive.read("format", ()))
     if given != _FORMAT:
         raise FormatError(f"expected {_FORMAT}, got {given}", os.fspath(path), "array `format`")
-    try:
+    with errors_of_file(archive.path):
         return _to_motion(archive)
-    except (ValueError, TypeError) as error:
-        raise as_format_error(error, Path(path)) from error
 
 
 def open_npz(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001
@@ -127,7 +129,7 @@ def open_npz(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
 
 
 def _describe_unknown(archive: NpzArchive) -> str:
-    """Return the error message for an NPZ file of no known format."""
+    """Return the error message for an NPZ file of an unknown format."""
     headers = archive.headers
     message = (
         "expected the arrays of mograft (`format`), AMASS (`poses`, `trans`) or Kimodo "
@@ -147,10 +149,12 @@ def _describe_unknown(archive: NpzArchive) -> str:
 
 
 def _to_motion(archive: NpzArchive) -> Motion:
-    """Return the motion in a file; a motion without a name is named after the file."""
+    """Return the motion in a file; if it has no name, it is named after the file."""
     (n_joints,) = archive.header("names", ("n_joints",)).shape
     (n_sites,) = archive.header("end_parents", ("n_end_sites",)).shape
     n_frames = archive.header("rotations", ("n_frames", n_joints, 4)).shape[0]
+    limits.check_joints(n_joints)
+    limits.check_frames(n_frames)
     sites = zip(
         archive.read_integers("end_parents", (n_sites,)).tolist(),
         archive.read_floats("end_offsets", (n_sites, 3)),

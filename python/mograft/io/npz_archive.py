@@ -3,8 +3,8 @@
 import errno
 import io
 import math
+import re
 import shutil
-import warnings
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -19,9 +19,16 @@ import numpy.typing as npt
 from mograft._util.arrays import FloatArray, IntArray, Shape
 from mograft._util.atomic import atomic_path
 from mograft.errors import FormatError
+from mograft.motion import limits
 
 MAX_ARRAY_BYTES = 2**30
 """Largest array that is read: about two hours of SMPL-H poses at 120 fps in float64."""
+
+_LONG = re.compile(rb"(?<=[0-9])L\b")
+"""The ``L`` behind integers of headers that Python 2 wrote, for which NumPy issues a warning.
+
+To ignore the warning by `warnings.catch_warnings` would change the filters of other threads.
+"""
 
 _MAX_HEADER_BYTES = 10_000  # as NumPy
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # those that NumPy writes
@@ -33,12 +40,12 @@ class ArrayHeader:
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
-    is_fortran: bool
-    header_bytes: int
+    is_fortran: bool  # whether the first index varies fastest
+    header_bytes: int  # size of the header
 
     @property
     def n_bytes(self) -> int:
-        """Size of the elements."""
+        """Size of all elements in bytes."""
         return math.prod(self.shape) * self.dtype.itemsize
 
     @property
@@ -57,7 +64,8 @@ class NpzArchive:
     def read(self, name: str, shape: Shape) -> npt.NDArray[Any]:
         """Return an array of the given shape; a string in `shape` stands for any length.
 
-        Raises `FormatError` if the array is missing, has another shape, is pickled or damaged.
+        Raises `FormatError` if the array is missing, has another shape or more than 1 GiB, is
+        pickled or is damaged.
         """
         header = self.header(name, shape)
         if header.n_bytes > MAX_ARRAY_BYTES:
@@ -82,7 +90,10 @@ class NpzArchive:
         return elements.reshape(header.shape)
 
     def read_floats(self, name: str, shape: Shape) -> FloatArray:
-        """Return an array of finite real numbers as float64; the errors are those of `read`."""
+        """Return an array of finite real numbers as float64.
+
+        Raises the errors of `read`, and `FormatError` if there are other elements.
+        """
         array = self.read(name, shape)
         if array.dtype.kind not in "fiu":
             raise self.error(name, f"expected real numbers, got {array.dtype}")
@@ -97,21 +108,33 @@ class NpzArchive:
         return floats
 
     def read_integers(self, name: str, shape: Shape) -> IntArray:
-        """Return an array of integers; the errors are those of `read`."""
+        """Return an array of integers as int64.
+
+        Raises the errors of `read`, and `FormatError` if there are other elements.
+        """
         array = self.read(name, shape)
         if array.dtype.kind not in "iu":
             raise self.error(name, f"expected integers, got {array.dtype}")
         return array.astype(np.int64)
 
     def read_strings(self, name: str, shape: Shape) -> npt.NDArray[np.str_]:
-        """Return an array of text; the errors are those of `read`."""
+        """Return an array of text.
+
+        Raises the errors of `read`, and `FormatError` if there are other elements or long texts.
+        """
+        n_characters = self.header(name, shape).dtype.itemsize // 4
+        if n_characters > limits.MAX_NAME_CHARACTERS:
+            raise self.error(
+                name,
+                f"expected at most {limits.MAX_NAME_CHARACTERS} characters, got {n_characters}",
+            )
         array = self.read(name, shape)
         if array.dtype.kind != "U":
             raise self.error(name, f"expected text, got {array.dtype}")
         return array
 
     def header(self, name: str, shape: Shape) -> ArrayHeader:
-        """Return the header of an array that must have the given shape; see `read`."""
+        """Return the header of an array; shape and errors are as for `read`."""
         if name not in self.headers:
             raise self.error(name, "expected this array, got none of this name")
         header = self.headers[name]
@@ -145,7 +168,9 @@ def open_npz_archive(path: Path) -> NpzArchive:
                 continue
             with _named_errors(path, name):
                 if info.compress_type not in _METHODS or info.flag_bits & 1:
-                    raise ValueError("expected no compression or deflate, without a password")
+                    raise ValueError(
+                        "expected an array without a password, uncompressed or deflated"
+                    )
                 with archive.open(info) as member:
                     headers[name] = _read_header(member)
     return NpzArchive(path, MappingProxyType(headers))
@@ -154,10 +179,10 @@ def open_npz_archive(path: Path) -> NpzArchive:
 def copy_npz_archive(
     source: NpzArchive, target: Path, replaced: Mapping[str, npt.NDArray[Any]], omitted: set[str]
 ) -> None:
-    """Write an NPZ file with the members of another one in their order, some replaced or omitted.
+    """Copy an NPZ file; replace some of its arrays and omit others.
 
-    Members that are not replaced keep their bytes and their compression. The same content gives the
-    same bytes.
+    `replaced` holds arrays by name, `omitted` names. The other members of the archive keep their
+    content and their compression, and all keep their order. The same arguments give the same bytes.
     """
     with (
         atomic_path(target) as draft,
@@ -180,11 +205,6 @@ def copy_npz_archive(
                         shutil.copyfileobj(data, out)
 
 
-def as_format_error(error: ValueError | TypeError, path: Path) -> FormatError:
-    """Return the error of a motion with invalid values as that of its file."""
-    return error if isinstance(error, FormatError) else FormatError(str(error), path)
-
-
 def _read_header(member: IO[bytes]) -> ArrayHeader:
     """Read the header of an array at the start of its member; raise ValueError if it is damaged."""
     start = member.read(10)
@@ -196,24 +216,23 @@ def _read_header(member: IO[bytes]) -> ArrayHeader:
     length = int.from_bytes(length_bytes, "little")
     if length > _MAX_HEADER_BYTES:
         raise ValueError(f"expected a header of at most {_MAX_HEADER_BYTES} bytes, got {length}")
-    stream = io.BytesIO(length_bytes + member.read(length))
+    text, key, shape_text = member.read(length).partition(b"'shape':")
+    stream = io.BytesIO(length_bytes + text + key + _LONG.sub(b" ", shape_text))
     # Version 3 differs from version 2 only in the encoding of field names.
     read = np.lib.format.read_array_header_2_0
     if start[6] == 1:
         read = np.lib.format.read_array_header_1_0
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of headers that Python 2 wrote
-        shape, is_fortran, dtype = read(stream)
+    shape, is_fortran, dtype = read(stream)
     if any(length < 0 for length in shape):
-        raise ValueError(f"expected a shape of lengths from 0, got {shape}")
+        raise ValueError(f"expected a shape without negative lengths, got {shape}")
     return ArrayHeader(shape, dtype, is_fortran, 8 + stream.tell())
 
 
 @contextmanager
 def _named_errors(path: Path, name: str | None) -> Iterator[None]:
-    """Raise the errors of damaged archives as `FormatError`.
+    """Convert the errors of a damaged archive to `FormatError`, for the array `name` if not None.
 
-    zipfile, zlib and NumPy raise unrelated exceptions for damaged files.
+    zipfile, zlib and NumPy raise exceptions of many classes for damaged files.
     """
     try:
         yield

@@ -76,7 +76,7 @@ def to_pybvh(motion: Motion) -> Any:  # noqa: ANN401 - pybvh has no types
     Returns
     -------
     pybvh.Bvh
-        The clip, with three rotation channels in every joint. If a joint has fewer in the motion,
+        The clip, with three rotation channels in every joint. If a joint of the motion has fewer,
         the missing channels are added after the others, with angle 0.
 
     Raises
@@ -84,7 +84,7 @@ def to_pybvh(motion: Motion) -> Any:  # noqa: ANN401 - pybvh has no types
     ImportError
         If pybvh is not installed.
     ValueError
-        If the local position of a joint other than the root changes, which pybvh cannot
+        If the local position of a joint other than the root varies over time, which pybvh cannot
         represent. A constant local position becomes the offset of the joint.
 
     Examples
@@ -100,8 +100,8 @@ def to_pybvh(motion: Motion) -> Any:  # noqa: ANN401 - pybvh has no types
     if is_translated.any():
         joint = int(is_translated.argmax()) + 1
         raise ValueError(
-            "pybvh can translate the root only, "
-            f"got a joint with changing local position, {skeleton.names[joint]}"
+            "pybvh can translate the root only, got a joint with varying local position, "
+            f"{skeleton.names[joint]}"
         )
     nodes, joints = _build_nodes(skeleton, motion.positions[0])
     numbers = np.radians(motion.channel_numbers())
@@ -123,8 +123,8 @@ def to_pybvh(motion: Motion) -> Any:  # noqa: ANN401 - pybvh has no types
 def _build_nodes(skeleton: Skeleton, positions: FloatArray) -> tuple[list[Any], list[int]]:
     """Return the nodes of pybvh in depth-first order, and the index of the joint of each.
 
-    End sites are nodes without a joint index. `positions`, local positions of shape (n_joints, 3),
-    become the offsets of all joints but the root.
+    End sites are nodes, too, but have no joint index. `positions`, local positions of shape
+    (n_joints, 3), become the offsets of all joints but the root.
     """
     bvhnode = import_module("pybvh.bvhnode")
     nodes: list[Any] = []

@@ -38,7 +38,7 @@ class RestPose:
 
     @cached_property
     def offsets(self) -> FloatArray:
-        """The offsets of the joints in the axes of the world, shape (n_joints, 3)."""
+        """The positions of the joints relative to their parents, in world axes, (n_joints, 3)."""
         offsets: FloatArray = self.positions - np.where(
             (self.parents >= 0)[:, None], self.positions[self.parents], 0.0
         )
@@ -60,12 +60,12 @@ def rebase(
     path: Path | None = None,
     clip: str | None = None,
 ) -> Motion:
-    """Return the motion that has the world transforms of a file relative to its rest pose.
+    """Return a motion, given the world transforms and the rest pose of a file.
 
-    `world_rotations` has shape (n_frames, n_joints, 4), xyzw, and `world_positions` (n_frames,
-    n_joints, 3). The root has position channels, and so has each
-    joint whose translation varies from its offset by more than `POSITION_TOLERANCE`. `name`, `path`
-    and `clip` are those of the motion.
+    `world_rotations`, shape (n_frames, n_joints, 4), xyzw, become relative to the rest pose;
+    `world_positions`, shape (n_frames, n_joints, 3), do not change. The root has position channels,
+    and so has each joint whose translation differs from its offset by more than
+    `POSITION_TOLERANCE`. `name`, `path` and `clip` become fields of the motion.
     """
     turned = rotations.multiply(world_rotations, rotations.inverse(rest.rotations))
     local, positions = to_local(rest.parents, turned, np.asarray(world_positions, np.float64))
@@ -87,7 +87,7 @@ def rebase(
 
 
 def _skeleton(rest: RestPose, is_translated: BoolArray) -> Skeleton:
-    """Return the skeleton of a rest pose; the chosen joints have position channels."""
+    """Return the skeleton of a rest pose, with position channels where `is_translated`."""
     turns = ("Zrotation", "Xrotation", "Yrotation")
     channels = [
         (*CHANNELS[:3], *turns) if has_positions else turns for has_positions in is_translated
@@ -96,7 +96,7 @@ def _skeleton(rest: RestPose, is_translated: BoolArray) -> Skeleton:
 
 
 def restore(rest: RestPose, motion: Motion) -> tuple[FloatArray, FloatArray]:
-    """Return the world rotations and positions of a motion in the axes of a file: inverse `rebase`.
+    """Return the world rotations and positions of a motion in a file, as the inverse of `rebase`.
 
     Rotations have shape (n_frames, n_joints, 4), xyzw, and positions (n_frames, n_joints, 3).
     """
@@ -107,10 +107,10 @@ def restore(rest: RestPose, motion: Motion) -> tuple[FloatArray, FloatArray]:
 def to_local(
     parents: IntArray, world_rotations: FloatArray, world_positions: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return local rotations and positions from world ones, in joint axes without scale.
+    """Return local rotations and positions from world ones: the inverse of forward kinematics.
 
-    The inverse of forward kinematics. Shapes are those of `restore`; the root keeps its world
-    transform.
+    Joints have no scale. Shapes are those of `restore`. The local transform of the root is its
+    world transform.
     """
     return _core.local(
         parents, np.ascontiguousarray(world_rotations), np.ascontiguousarray(world_positions)

@@ -13,8 +13,9 @@ def check_single_precision(
 ) -> None:
     """Raise ValueError if a value is too large for single precision.
 
-    `values` have shape (n_joints, 3) or (n_frames, n_joints, 3). The message names `kind`, the
-    joint, the frame, the `owner` of the joint and the value, and ends with `hint`.
+    `values` have shape (n_joints, 3) or (n_frames, n_joints, 3). The message states what the values
+    are (`kind`, such as "position"), the joint, the frame, the motion (`owner`) and the value, and
+    ends with `hint`.
     """
     largest = np.abs(values).max(initial=0.0)
     if largest <= _LARGEST:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mograft._util.arrays import FloatArray
-from mograft.body.mass import mass_model, up_axis
+from mograft.body.mass import mass_model, mean_world_positions, up_axis, up_sign
 from mograft.io.single_precision import check_single_precision
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -21,12 +21,12 @@ _HUMAN_HEIGHT = 1.7  # metres
 class ExportTransform:
     """The transform of a motion to metres and y up: a scale factor and a rotation of the root.
 
-    The local rotations of the other joints do not change.
+    The local rotations of all joints but the root do not change.
     """
 
     scale: float  # metres per unit of length
     unit: str  # key of `UNITS` if the scale was guessed, else "given"
-    up_axis: int
+    up_axis: int  # vertical axis of the motion, 0 to 2
     to_y_up: FloatArray  # rotation from the up direction of the motion to y, shape (4,), xyzw
 
     @classmethod
@@ -45,7 +45,7 @@ class ExportTransform:
 
     @property
     def metadata(self) -> dict[str, float | str]:
-        """The entries that record the transform in an exported file."""
+        """The entries by which an exported file documents the transform."""
         return {
             "metres_in_a_unit": self.scale,
             "unit": self.unit,
@@ -73,9 +73,10 @@ class ExportTransform:
 
 
 def guess_unit(skeleton: Skeleton) -> str:
-    """Return the key of `UNITS` in which the height of a skeleton is nearest to 1.7 m.
+    """Return the unit, a key of `UNITS`, for which the height of a skeleton is nearest to 1.7 m.
 
-    BVH files do not state their unit. The guess may be wrong for children and animals.
+    The nearest height is that whose ratio to 1.7 m is nearest to 1. BVH files do not state their
+    unit. The guess may be wrong for children and animals.
     """
     height = mass_model(skeleton).height
     return min(UNITS, key=lambda unit: abs(np.log(height * UNITS[unit] / _HUMAN_HEIGHT)))
@@ -87,12 +88,8 @@ def _rotation_to_y_up(motion: Motion, up_axis: int) -> FloatArray:
     The up direction is the axis `up_axis`, or the opposite direction if the mean coordinate of the
     head on this axis is below that of the feet.
     """
-    model = mass_model(motion.skeleton)
-    low = [foot.ankle for foot in model.feet] or [model.hips]
-    high = model.head if model.head is not None else model.hips
-    heights = motion.world_positions()[..., up_axis]
     half = np.sqrt(0.5)
     rotation = np.array([[0, 0, half, half], [0, 0, 0, 1.0], [-half, 0, 0, half]][up_axis])
-    if heights[:, high].mean() < heights[:, low].mean():
+    if up_sign(motion.skeleton, mean_world_positions(motion)[:, up_axis]) < 0:
         rotation = rotations.multiply(np.array([0, 0, 1.0, 0]), rotation)
     return rotation

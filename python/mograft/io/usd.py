@@ -55,8 +55,10 @@ def write_usd(
     ModuleNotFoundError
         If usd-core is not installed.
     ValueError
-        If the path has another suffix, the scale is not above 0, or the groups do not fit the
-        skeleton, or a position is above 1e38.
+        If the path has another suffix, the scale is not above 0, the groups do not fit the
+        skeleton, or a coordinate exceeds 1e38.
+    OSError
+        If the file cannot be written.
 
     Notes
     -----
@@ -93,7 +95,7 @@ def write_usd(
     _define_mesh(stage, bone_mesh(skeleton, transform), group_indices)
     with atomic_path(target) as draft:
         if not stage.GetRootLayer().Export(str(draft)):
-            raise OSError(f"{target}: cannot be written")
+            raise OSError(f"{target} cannot be written")
     return transform.scale
 
 
@@ -182,7 +184,7 @@ def _define_mesh(stage: Any, mesh: BoneMesh, group_indices: IntArray) -> None:  
 
 
 def _to_matrices(quats: FloatArray, positions: FloatArray) -> Any:  # noqa: ANN401 - pxr
-    """Return rigid transforms as the matrices of USD, which act on row vectors."""
+    """Return rigid transforms as USD matrices. These act on row vectors."""
     from pxr import Gf, Vt
 
     matrices = []
@@ -197,13 +199,17 @@ def _to_matrices(quats: FloatArray, positions: FloatArray) -> Any:  # noqa: ANN4
 def _joint_paths(skeleton: Skeleton) -> list[str]:
     """Return a unique path from the root for each joint, made of valid USD identifiers."""
     paths: list[str] = []
+    taken: set[str] = set()
     for joint, name in enumerate(skeleton.names):
         identifier = re.sub(r"[^0-9A-Za-z_]", "_", name)
         if not identifier or identifier[0].isdigit():
             identifier = f"_{identifier}"
         parent = int(skeleton.parents[joint])
         path = identifier if parent < 0 else f"{paths[parent]}/{identifier}"
-        paths.append(f"{path}_{joint}" if path in paths else path)
+        while path in taken:
+            path = f"{path}_{joint}"
+        taken.add(path)
+        paths.append(path)
     return paths
 
 

@@ -16,15 +16,15 @@ _SECTION = struct.Struct("<16sqq")  # name, first byte, size
 _COUNT = struct.Struct("<Q")
 
 _MIN_COUNT_LIMIT, _COUNTS_PER_BYTE = 1 << 16, 256
-"""Limit of the elements of a section, which are compressed: at least the first constant, else the
-second one per byte of the file. LZ4 compresses by at most 255."""
+"""Limits of the elements of a section: the first constant, or the second one per byte of the file
+if that is more. Elements are compressed by LZ4, whose largest ratio is 255."""
 
 _N_COUNTS = {b"TOKENS": 2, b"PATHS": 2}
-"""Numbers of elements at the start of a section; 1 for all others."""
+"""How many counts stand at the start of a section; 1 for all others."""
 
 
 def check_crate(path: Path) -> None:
-    """Raise `FormatError` if a binary USD file claims sections or elements that it cannot hold.
+    """Raise `FormatError` if a binary USD file states sections or elements that it cannot hold.
 
     Files of other formats are not checked.
     """
@@ -35,7 +35,11 @@ def check_crate(path: Path) -> None:
 
         def read(start: int, layout: struct.Struct, place: str) -> tuple[Any, ...]:
             if not 0 <= start <= size - layout.size:
-                raise FormatError(f"expected a position in {size} bytes, got {start}", path, place)
+                raise FormatError(
+                    f"expected {layout.size} bytes from byte {start} on, got {size} in the file",
+                    path,
+                    place,
+                )
             file.seek(start)
             return layout.unpack(file.read(layout.size))
 
@@ -44,7 +48,12 @@ def check_crate(path: Path) -> None:
         *_, contents = read(0, _HEADER, "header")
         (n_sections,) = read(contents, _COUNT, "table of contents")
         if n_sections > size // _SECTION.size:
-            raise FormatError(f"expected few sections, got {n_sections}", path, "table of contents")
+            raise FormatError(
+                f"expected at most {size // _SECTION.size} sections in {size} bytes, "
+                f"got {n_sections}",
+                path,
+                "table of contents",
+            )
         limit = max(_MIN_COUNT_LIMIT, _COUNTS_PER_BYTE * size)
         for section in range(n_sections):
             start = contents + _COUNT.size + section * _SECTION.size
@@ -52,7 +61,11 @@ def check_crate(path: Path) -> None:
             word = name.rstrip(b"\0")
             place = f"section {word.decode('latin-1')}"
             if length < 0 or first + length > size:
-                raise FormatError(f"expected an end in {size} bytes", path, place)
+                raise FormatError(
+                    f"expected an end within {size} bytes, got {length} bytes from byte {first} on",
+                    path,
+                    place,
+                )
             for number in range(_N_COUNTS.get(word, 1)):
                 (count,) = read(first + number * _COUNT.size, _COUNT, place)
                 if count > limit:

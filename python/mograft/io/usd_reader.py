@@ -16,20 +16,22 @@ from mograft.errors import FormatError
 from mograft.io.clips import Clips
 from mograft.io.gltf.nodes import Transforms, decompose, to_world
 from mograft.io.gltf.sampling import DEFAULT_RATE
+from mograft.io.named_errors import errors_of_file
 from mograft.io.rest_pose import RestPose, rebase
 from mograft.io.usd_crate import check_crate
+from mograft.motion import limits
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
 _CHANNELS = ("translations", "rotations", "scales")
 
 _GRID_TOLERANCE = 1e-6
-"""Deviation of keys from time codes, in time codes, that counts as none."""
+"""Deviation of keys from whole time codes that is tolerated, in time codes."""
 
 _MIN_FRAME_LIMIT, _FRAMES_PER_KEY = 1 << 15, 8
 _MIN_POSE_LIMIT, _POSES_PER_BYTE = 1 << 21, 8
-"""Limits of the frames of a motion, and of the poses of its joints: at least these constants, else
-these multiples of the keys and of the bytes of the layers. Two keys may claim any duration."""
+"""Limits of the frames of a motion, and of the poses of its joints: a constant, or a multiple of
+the keys and of the bytes of the layers if that is more. Two keys may claim any duration."""
 
 
 _VALUE_ERRORS = (AttributeError, OverflowError, RuntimeError, TypeError, ValueError)
@@ -38,13 +40,10 @@ _VALUE_ERRORS = (AttributeError, OverflowError, RuntimeError, TypeError, ValueEr
 
 @dataclass(frozen=True, eq=False)
 class _Figure:
-    """A skeleton of a stage: its joints below the prim of the skeleton, which is node 0.
-
-    Fields whose types come from pxr are typed as `Any`.
-    """
+    """A skeleton of a stage as a tree of nodes: node 0 is its prim, the others are its joints."""
 
     path: Path
-    prim: Any
+    prim: Any  # a prim of pxr, which is not typed
     joints: tuple[str, ...]  # paths of the joints
     names: tuple[str, ...]  # of all nodes
     parents: IntArray  # of all nodes
@@ -52,7 +51,10 @@ class _Figure:
 
     @property
     def first(self) -> int:
-        """The first node that is a joint of the motion: node 0 only above several roots."""
+        """The node that is the root of the motion, which has a single root.
+
+        It is the root joint or, if there are several, the prim.
+        """
         return 1 if (self.parents[1:] == 0).sum() == 1 else 0
 
     def rest_pose(self) -> RestPose:
@@ -67,10 +69,10 @@ class _Figure:
 def open_usd(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001
     """Return the clips of a USD file; see `mograft.io.formats.Opener`.
 
-    Each ``SkelAnimation`` is a clip, on the ``Skeleton`` that it is bound to, or else on the first
-    one that has its joints. The rest pose is that of ``restTransforms``. Units and axes are those
-    of the file. Layers outside the folder of the file are refused. Raises ModuleNotFoundError if
-    usd-core is not installed.
+    Each ``SkelAnimation`` is a clip. It moves the ``Skeleton`` to which it is bound, or else the
+    first ``Skeleton`` that has all of its joints. The rest pose is that of ``restTransforms``, or
+    else of ``bindTransforms``. Units and axes are those of the file. Raises `FormatError` if a
+    layer is outside the folder of the file, and ModuleNotFoundError if usd-core is not installed.
     """
     stage = _open_stage(path)
     with _usd_errors(path):
@@ -104,7 +106,7 @@ def _usd_errors(path: Path) -> Iterator[None]:
 
 
 def _open_stage(path: Path) -> Any:  # noqa: ANN401 - pxr has no types
-    """Open a stage whose layers all lie in the folder of the file."""
+    """Open a stage; raise `FormatError` if a layer is outside the folder of the file."""
     try:
         from pxr import Sdf, Usd
     except ImportError as error:
@@ -140,7 +142,7 @@ def _is_inside(target: str, folder: Path) -> bool:
 
 
 def _prims(stage: Any, kind: str) -> list[Any]:  # noqa: ANN401
-    """Return the prims of a type of UsdSkel, in the order of the stage, instances included."""
+    """Return the prims of the type `kind`, in the order of the stage, instances included."""
     from pxr import Usd
 
     rule = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
@@ -156,14 +158,23 @@ def _read_figure(path: Path, prim: Any) -> _Figure:  # noqa: ANN401
     joints = tuple(map(str, skeleton.GetJointsAttr().Get() or ()))
     if not joints:
         raise FormatError("expected joints, got none", path, place)
+    with errors_of_file(path, place):
+        limits.check_joints(len(joints))
+    repeated = [joint for joint, count in Counter(joints).items() if count > 1]
+    if repeated:
+        raise FormatError(
+            f"expected different joints, got {repeated[0]} more than once", path, place
+        )
     topology = UsdSkel.Topology(joints)
     valid, reason = topology.Validate()
-    if not valid or len(set(joints)) != len(joints):
+    if not valid:
         raise FormatError(f"expected parents before children: {reason}", path, place)
     parents = np.array([0, *(topology.GetParent(joint) + 1 for joint in range(len(joints)))])
     parents[0] = -1
     given = tuple(map(str, skeleton.GetJointNamesAttr().Get() or ()))
     names = given if len(given) == len(joints) else tuple(j.rpartition("/")[2] for j in joints)
+    with errors_of_file(path, place):
+        limits.check_hierarchy(names, (parents[1:] - 1).tolist())
     transforms = skeleton.GetRestTransformsAttr().Get()
     if not transforms or len(transforms) != len(joints):
         transforms = _bind_pose(skeleton, topology)
@@ -181,7 +192,7 @@ def _read_figure(path: Path, prim: Any) -> _Figure:  # noqa: ANN401
 
 
 def _bind_pose(skeleton: Any, topology: Any) -> list[Any] | None:  # noqa: ANN401
-    """Return local matrices of the bind pose, or None if the skeleton has none."""
+    """Return local matrices of the bind pose, or None if the skeleton has no bind pose."""
     bind = skeleton.GetBindTransformsAttr().Get()
     if not bind or len(bind) != topology.GetNumJoints():
         return None
@@ -193,7 +204,7 @@ def _bind_pose(skeleton: Any, topology: Any) -> list[Any] | None:  # noqa: ANN40
 
 
 def _to_transforms(path: Path, place: str, matrices: Sequence[Any]) -> Transforms:
-    """Return matrices of USD, which act on row vectors, as transforms of one frame."""
+    """Return USD matrices as transforms of one frame. The matrices act on row vectors."""
     values = np.array([np.array(matrix).T for matrix in matrices], np.float64)
     if not np.isfinite(values).all():
         raise FormatError("expected finite matrices", path, place)
@@ -202,7 +213,10 @@ def _to_transforms(path: Path, place: str, matrices: Sequence[Any]) -> Transform
 
 
 def _find_figure(path: Path, animation: Any, figures: Sequence[_Figure]) -> _Figure:  # noqa: ANN401
-    """Return the figure that an animation is bound to, or the first one with all of its joints."""
+    """Return the figure to which an animation is bound, or the first one with all of its joints.
+
+    Raises `FormatError` if there is neither.
+    """
     from pxr import UsdSkel
 
     for figure in figures:
@@ -229,16 +243,23 @@ def _sample(stage: Any, prim: Any, figure: _Figure, rate: float | None) -> Motio
     attributes = {name: prim.GetAttribute(name) for name in _CHANNELS}
     keys = np.unique([t for attribute in attributes.values() for t in attribute.GetTimeSamples()])
     codes_per_second = float(stage.GetTimeCodesPerSecond())
-    if not (np.isfinite(keys).all() and codes_per_second > 0):
-        raise FormatError("expected finite times and time codes above 0 per second", figure.path)
-    try:
+    if not codes_per_second > 0:
+        text = f"expected timeCodesPerSecond above 0, got {codes_per_second:g}"
+        raise FormatError(text, figure.path)
+    if not np.isfinite(keys).all():
+        raise FormatError(
+            f"expected finite times of keys, got {keys[~np.isfinite(keys)][0]:g}",
+            figure.path,
+            place,
+        )
+    with errors_of_file(figure.path, place):
         codes, frame_time = _choose_times(keys, codes_per_second, rate)
+        limits.check_frame_time(frame_time)
         _check_poses(stage, len(codes) * len(figure.parents))
-    except ValueError as error:
-        raise FormatError(str(error), figure.path, place) from None
     joints = list(map(str, animation.GetJointsAttr().Get() or ()))
-    nodes = [figure.joints.index(joint) + 1 for joint in joints if joint in figure.joints]
-    rows = [row for row, joint in enumerate(joints) if joint in figure.joints]
+    node_of = {joint: node for node, joint in enumerate(figure.joints, 1)}
+    nodes = [node_of[joint] for joint in joints if joint in node_of]
+    rows = [row for row, joint in enumerate(joints) if joint in node_of]
     local = figure.rest.of(np.arange(len(figure.parents)), len(codes))
     for frame, code in enumerate(codes):
         for name, attribute in attributes.items():
@@ -264,9 +285,10 @@ def _choose_times(
 ) -> tuple[FloatArray, float]:
     """Return the time codes of the frames, and the seconds per frame.
 
-    The default rate is that of the time codes or of denser uniform keys, and 30 fps if keys lie
-    between time codes. The duration is exact. An animation without keys has one frame. Raises
-    ValueError if there are too many frames.
+    The frames divide the duration exactly; their rate is as near as possible to `rate`. By default
+    this is the rate of the keys if they are uniform and at most one time code apart; otherwise the
+    rate of the time codes if keys are whole time codes apart; otherwise 30 fps. An animation
+    without keys has one frame. Raises ValueError if there are too many frames.
     """
     if len(keys) < 2:
         return keys if len(keys) else np.zeros(1), 1.0 / (rate or codes_per_second)
@@ -284,20 +306,23 @@ def _choose_times(
             f"{len(keys)} keys; choose a lower rate"
         )
     count = max(round(duration * rate), 1) + 1
+    limits.check_frames(count)
     return np.linspace(keys[0], keys[-1], count), duration / (count - 1)
 
 
 def _check_poses(stage: Any, n_poses: int) -> None:  # noqa: ANN401
-    """Raise ValueError if a motion has more poses than the layers of a stage may hold."""
+    """Raise ValueError if a motion has more joint poses than the limit for the files of a stage."""
     paths = [layer.realPath for layer in stage.GetUsedLayers()]
     n_bytes = sum(os.path.getsize(path) for path in paths if os.path.isfile(path))
     limit = max(_MIN_POSE_LIMIT, _POSES_PER_BYTE * n_bytes)
     if n_poses > limit:
-        raise ValueError(f"expected at most {limit} joint poses in files of this size")
+        raise ValueError(
+            f"expected at most {limit} poses of joints in files of this size, got {n_poses}"
+        )
 
 
 def _move_figure(figure: _Figure, local: Transforms, codes: FloatArray) -> None:
-    """Set the transforms of node 0 to the world transforms of the skeleton's prim."""
+    """Set the transforms of node 0 in `local` to the world transforms of the skeleton's prim."""
     from pxr import Usd, UsdGeom
 
     prim, is_moving = figure.prim, False

@@ -65,7 +65,7 @@ def build_library(
 
 
 def name_clips(entries: Sequence[ClipInfo]) -> tuple[ClipInfo, ...]:
-    """Return the metadata of clips with unique names, derived from the names in the sources."""
+    """Return metadata of clips with unique names, which are made from the names in the sources."""
     names = unique_names([info.source_name for info in entries])
     return tuple(
         info if info.name == name else info._replace(name=name)
@@ -85,7 +85,7 @@ def _named_motions(
 
 
 def join_segments(ends: Sequence[tuple[IntArray, IntArray]]) -> Segments:
-    """Join the segments of several clips; `ends` holds the starts and the stops of each clip."""
+    """Return the segments of several clips; `ends` holds the starts and the stops of each clip."""
     clip: IntArray = np.repeat(np.arange(len(ends)), [len(start) for start, _ in ends])
     starts, stops = zip(*ends, strict=True)
     return Segments(np.concatenate(starts), np.concatenate(stops), clip)

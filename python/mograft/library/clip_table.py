@@ -27,8 +27,8 @@ class ClipInfo(NamedTuple):
     name: str  # in the library; unique
     source_name: str  # in the source; may be empty
     source_file: SourceFile | None
-    source_rate: float  # frames per second before resampling to the library's rate
-    rate_override: float | None  # given by the caller because the rate in the file is wrong
+    source_rate: float  # true frames per second, before resampling to the library's rate
+    rate_override: float | None  # the true rate if the caller gave it, because the file's is wrong
     source_frames: int  # number of frames before resampling
     n_frames: int  # number of frames at the library's rate
     root: int  # as in `ClipProperties`
@@ -37,7 +37,7 @@ class ClipInfo(NamedTuple):
     tags: tuple[str, ...]  # words by which donors can be chosen
 
     def properties(self, skeleton: Skeleton) -> ClipProperties:
-        """Return the properties for the choice of the library specification, given the skeleton."""
+        """Return the `ClipProperties` of the clip, whose skeleton is given."""
         return ClipProperties(
             skeleton=skeleton,
             rate=self.source_rate,
@@ -186,8 +186,8 @@ def _create_database(path: Path) -> Iterator[sqlite3.Connection]:
 def read_clip_table(path: Path) -> ClipTable:
     """Read the clips from the database `path` of a generation.
 
-    Relative paths of source files become absolute. A damaged database raises sqlite3.Error,
-    LookupError, AttributeError, TypeError or ValueError.
+    Relative paths of source files become absolute. Raise sqlite3.Error, LookupError,
+    AttributeError, TypeError or ValueError if the database is damaged.
     """
     # Immutable: SQLite takes no lock and writes no file beside the database.
     uri = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
@@ -206,12 +206,13 @@ def read_clip_table(path: Path) -> ClipTable:
 
 
 def _restrict(database: sqlite3.Connection, n_bytes: int) -> None:
-    """Make reading a database of `n_bytes` safe, whoever wrote it.
+    """Limit what a database of `n_bytes` from an untrusted source can do when it is read.
 
     Views and triggers could run without end, and virtual tables and generated columns could call
-    functions. No value is longer than the file. Pages that refer to each other can give more rows
-    than the file has bytes: the number of operations is limited. A row has at least 100 bytes, and
-    reading it takes fewer than 100 operations.
+    functions: the tables must be ordinary ones. The length of values is limited to that of the
+    file. A table with a cycle of pages could have more rows than fit into the file. The number of
+    operations is therefore limited to about one per byte: a row has at least 100 bytes, and reading
+    it takes fewer than 100 operations.
     """
     database.execute("PRAGMA trusted_schema=OFF")
     database.execute("PRAGMA query_only=ON")
@@ -251,7 +252,11 @@ def _read_locations(database: sqlite3.Connection) -> Iterator[ClipLocation]:
 
 
 def _select(database: sqlite3.Connection, names: Iterable[str]) -> sqlite3.Cursor:
-    """Select for all clips the columns that hold the fields `names`."""
+    """Return a cursor over the clips, by index, with the values of the fields `names`.
+
+    The value is None if the library was written before the field was added. Raise ValueError if
+    another column is missing.
+    """
     known = {row[1] for row in database.execute("PRAGMA table_info(clip)")}
     added = set(_ADDED_COLUMNS) - known  # by a later version than the one that wrote the library
     wanted = [_COLUMN_OF_FIELD.get(name, name) for name in names]

@@ -21,7 +21,7 @@ Progress = Callable[[str, int, int], None]
 
 
 def feature_joints_by_group(groups: JointGroups, skeleton: Skeleton) -> dict[str, IntArray]:
-    """Return the joints of each group whose rotations are compared between segments."""
+    """Return for each group the joints whose rotations are compared between segments."""
     members = groups.resolve(skeleton)
     return {name: feature_joints(skeleton, joints) for name, joints in members.items()}
 
@@ -35,13 +35,16 @@ def join_boundary_states(
     """Join the boundary states of clips; return those of the feature joints of each group.
 
     The result has two levels of keys: groups, then keys of `boundary_states` such as ``first``.
-    `clips` holds the result of `boundary_states` for each clip. `known` has the form of the result
-    and holds states that precede those of the clips.
+    `clips` holds the result of `boundary_states` for each clip. `known`, an earlier result, is
+    prepended.
     """
     return {
         group: {
             key: np.concatenate(
-                [*([known[group][key]] if known else []), *(clip[key][:, joints] for clip in clips)]
+                [
+                    *([known[group][key]] if known else []),
+                    *(clip[key].take(joints, axis=1) for clip in clips),
+                ]
             )
             for key in clips[0]
         }
@@ -54,8 +57,8 @@ def embed_groups(
 ) -> dict[str, Embedding | None]:
     """Return the embedding of the segments for each group; None if they cannot be embedded.
 
-    Segments cannot be embedded if they are too few or too alike. `report` is called with the
-    progress. Raise ValueError if the root's channels are divided between groups.
+    Segments cannot be embedded if there are too few or if they are too similar. `report` is called
+    with the progress. Raise ValueError if the root's channels are divided between groups.
     """
     skeleton, root = spec.skeleton, spec.root
     members, held = groups.resolve(skeleton), groups.divided_channels(skeleton)
@@ -68,8 +71,8 @@ def embed_groups(
             compared = np.union1d(compared, [root])
         if root in held[name]:
             raise ValueError(
-                f"group {name!r}: {skeleton.names[root]} carries the body, so its channels must "
-                "all be in one group"
+                f"all channels of {skeleton.names[root]}, which carries the body, must be in one "
+                f"group, got some in {name!r}"
             )
         group_samples, group_means = samples, means
         if held[name]:
@@ -105,7 +108,7 @@ def nearest_clusters(
     """Return the clusters of `n_new` new segments, whose points are the last of an embedding.
 
     `labels` holds the clusters of the other segments. A new segment joins the cluster that
-    `ClusterMembers.find_nearest_cluster` returns for the threshold `sigma`. If there is none, the
+    `ClusterMembers.find_nearest_cluster` returns for the threshold `sigma`. If it returns none, the
     segment forms a new cluster.
     """
     clusters: IntArray = labels.max(initial=-1) + 1 + np.arange(n_new)

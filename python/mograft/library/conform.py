@@ -8,7 +8,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft.body.anatomy import anatomy
 from mograft.body.joint_matching import JointMatch, match_joints
-from mograft.body.mass import mass_model, mean_world_positions, up_axis
+from mograft.body.mass import mass_model, mean_world_positions, up_axis, up_sign
 from mograft.errors import SkeletonMismatchError
 from mograft.io.units import UNITS, guess_unit
 from mograft.motion import rotations
@@ -31,13 +31,13 @@ _MAX_AXIS_ANGLE = np.radians(25.0)
 class Conformer:
     """The conversion of motions of one skeleton to the hierarchy of another one.
 
-    World rotations and the positions of the body stay as they are, apart from unit and up axis;
-    local rotations become relative to the rest pose of the hierarchy.
+    World rotations and the positions of the body are kept, except that unit and up axis are
+    converted. Local rotations become relative to the rest pose of the hierarchy.
     """
 
     skeleton: Skeleton  # of the results: names and parents of the hierarchy, lengths of the clip
     match: JointMatch
-    alignment: FloatArray  # rotation from rest axes to those of the clip, (n_joints, 4)
+    alignment: FloatArray  # result of `_align_rest_poses`, shape (n_joints, 4)
     scale: float  # units of the hierarchy per unit of the clip
 
     @classmethod
@@ -52,9 +52,10 @@ class Conformer:
         return cls(replace(skeleton, offsets=offsets, end_sites=sites), match, alignment, scale)
 
     def apply(self, motion: Motion, up: int, root: int) -> Motion:
-        """Return a motion on the skeleton, with the axis `up` upwards.
+        """Return a motion on the skeleton, in a world where the axis `up` points up.
 
-        If the joint `root` is an ancestor of the hips without a counterpart, it carries the body.
+        The translation of the body is assigned to the joint `root` if this is an ancestor of the
+        hips and has no counterpart, otherwise to the hips.
         """
         skeleton, sources = self.skeleton, self.match.sources
         hips = anatomy(skeleton).hips
@@ -98,8 +99,8 @@ class Conformer:
     def _free_joints(self, motion: Motion) -> BoolArray:
         """Return whether each joint takes its position from the clip, shape (n_joints,).
 
-        These are the matched hips with their ancestors, and joints that move relative to a parent
-        that has a counterpart.
+        These are the hips, their ancestors, and the joints whose position relative to the parent
+        varies in the clip, if the parents correspond, too. Joints without a counterpart are not.
         """
         skeleton, sources = self.skeleton, self.match.sources
         hips = anatomy(skeleton).hips
@@ -112,7 +113,9 @@ class Conformer:
         return is_free & (sources >= 0)
 
 
-def conform(motion: Motion, skeleton: Skeleton, *, up: int, root: int) -> Motion:
+def conform(
+    motion: Motion, skeleton: Skeleton, *, up: int, root: int, name: str | None = None
+) -> Motion:
     """Return a motion with the names and the hierarchy of another skeleton, matched by anatomy.
 
     Parameters
@@ -125,6 +128,8 @@ def conform(motion: Motion, skeleton: Skeleton, *, up: int, root: int) -> Motion
         The axis of the result that points up, 0 to 2.
     root : int
         The joint of `skeleton` that carries the body.
+    name : str, optional
+        The name of the motion in errors. Default: `motion.name`.
 
     Returns
     -------
@@ -140,31 +145,34 @@ def conform(motion: Motion, skeleton: Skeleton, *, up: int, root: int) -> Motion
     -----
     Matched joints keep their world rotations, the hips their positions, and bones their lengths;
     unit and up axis become those of `skeleton`. Local rotations become relative to the rest pose of
-    `skeleton`: for each bone of arms and legs, the shortest arc between its directions in the two
-    rest poses, and for the other joints the rotation between the two figures. Joints without a
-    counterpart stay at rest. Joints of the clip without one are dropped; if they bend, the joints
-    below them are displaced.
+    `skeleton`. This needs a rotation between the two rest poses for each joint: the rotation that
+    aligns the trunks of the two figures and, for a bone of an arm or a leg, in addition the
+    shortest arc that aligns the bone. Joints of `skeleton` without a counterpart keep their rest
+    rotation. Joints of the clip without a counterpart are dropped; if they bend, the positions of
+    the joints below them change.
     """
     own = motion.skeleton
-    if own.names == skeleton.names and np.array_equal(own.parents, skeleton.parents):
+    if own.has_same_hierarchy(skeleton):
         return motion
     try:
         conformer = _conformer(_Key(skeleton), _Key(own))
     except SkeletonMismatchError:
-        conformer = Conformer.of(skeleton, own, motion.name or "the clip")  # names the clip
+        # Raises the error with the name of the motion.
+        conformer = Conformer.of(skeleton, own, name or motion.name or "the clip")
     return conformer.apply(motion, up, root)
 
 
 @dataclass(frozen=True, eq=False)
 class _Key:
-    """A skeleton with the equality of its content, for caches."""
+    """A skeleton as the key of a cache: two keys are equal if the skeletons have equal content."""
 
     skeleton: Skeleton
 
     @property
     def _content(self) -> tuple[object, ...]:
         own = self.skeleton
-        return own.names, own.channels, own.parents.tobytes(), own.offsets.tobytes()
+        sites = [(s.parent, s.offset.tobytes(), s.before, s.name) for s in own.end_sites]
+        return own.names, own.channels, own.parents.tobytes(), own.offsets.tobytes(), *sites
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _Key) and self._content == other._content
@@ -175,15 +183,15 @@ class _Key:
 
 @lru_cache(maxsize=16)
 def _conformer(skeleton: _Key, other: _Key) -> Conformer:
-    """Return the conversion between two skeletons, which the clips of a source share."""
+    """Return the conversion between two skeletons; it is cached, because clips share skeletons."""
     return Conformer.of(skeleton.skeleton, other.skeleton)
 
 
 def _align_rest_poses(skeleton: Skeleton, other: Skeleton, match: JointMatch) -> FloatArray:
-    """Return the rotation of each joint from rest axes to those of the other skeleton.
+    """Return for each joint the rotation from its rest pose to that of the other skeleton.
 
-    The shape is (n_joints, 4). In the other's world, it turns the bone of a joint from its rest
-    direction to that of the counterpart.
+    The shape is (n_joints, 4), xyzw. The rotation turns the bone of a joint from its direction in
+    the rest pose of `skeleton` to the direction of the matched bone in that of `other`.
     """
     own, theirs = skeleton.rest_positions(), other.rest_positions()
     known, sources = anatomy(skeleton), match.sources
@@ -195,7 +203,7 @@ def _align_rest_poses(skeleton: Skeleton, other: Skeleton, match: JointMatch) ->
             continue
         above = known.parts[parent] if parent >= 0 else ""
         if part in ("hand", "finger") or above == part:
-            alignment[joint] = alignment[parent]  # as its limb, of which it may be a roll joint
+            alignment[joint] = alignment[parent]  # hands, fingers and roll joints follow the limb
             continue
         ends = [j for j in known.joints(_NEXT_PART[part], side=side) if sources[j] >= 0]
         if ends:
@@ -206,9 +214,12 @@ def _align_rest_poses(skeleton: Skeleton, other: Skeleton, match: JointMatch) ->
 
 
 def _figure_rotation(skeleton: Skeleton, other: Skeleton, match: JointMatch) -> FloatArray:
-    """Return the rotation from the rest figure of a skeleton to that of the other one, xyzw.
+    """Return the rotation, xyzw, from the trunk in the rest pose to that of the other skeleton.
 
-    Rotations near a permutation of the axes become that permutation: trunks differ in curvature.
+    The trunk is described by the direction between the thighs and that from the thighs to shoulders
+    and head. A result within 25 degrees of a rotation that maps axes to axes is replaced by that
+    rotation: the remaining difference is due to differently curved trunks. The result is the
+    identity if the directions are unknown.
     """
     known, sources = anatomy(skeleton), match.sources
     thighs = [known.joints("thigh", side=side)[:1] for side in ("left", "right")]
@@ -246,13 +257,14 @@ def _offsets(
     other: Skeleton,
     match: JointMatch,
     alignment: FloatArray,
-    growth: tuple[float, float],
+    scales: tuple[float, float],
 ) -> FloatArray:
-    """Return the offsets of the clip's bones in the rest axes of the skeleton, (n_joints, 3).
+    """Return the offsets of the skeleton with the bone lengths of the other one, (n_joints, 3).
 
-    `growth` has the factors of the other's lengths and of the lengths of absent joints.
+    `scales` are the factors for lengths of `other`, and for offsets of joints of `skeleton` that
+    have no counterpart.
     """
-    scale, absent_scale = growth
+    scale, absent_scale = scales
     theirs, sources = other.rest_positions(), match.sources
     lengths = np.linalg.norm(skeleton.offsets, axis=1)
     offsets = absent_scale * skeleton.offsets
@@ -277,16 +289,13 @@ def _offsets(
 
 def _turn_up(motion: Motion, up: int) -> FloatArray:
     """Return the rotation from the up direction of a motion to the axis `up`, xyzw."""
-    model, axis = mass_model(motion.skeleton), up_axis(motion)
-    means = mean_world_positions(motion)[:, axis]
-    low = [foot.ankle for foot in model.feet] or [model.hips]
-    high = model.head if model.head is not None else model.hips
-    sign = -1.0 if means[high] < means[low].mean() else 1.0
+    axis = up_axis(motion)
+    sign = up_sign(motion.skeleton, mean_world_positions(motion)[:, axis])
     return rotations.shortest_arc(sign * np.eye(3)[axis], np.eye(3)[up])
 
 
 def _with_position_channels(skeleton: Skeleton, is_free: BoolArray) -> Skeleton:
-    """Return the skeleton with position channels for the joints that may move."""
+    """Return the skeleton with position channels for the joints where `is_free`."""
     channels = tuple(
         names if not free or CHANNELS[0] in names else (*CHANNELS[:3], *names)
         for names, free in zip(skeleton.channels, is_free.tolist(), strict=True)

@@ -29,7 +29,7 @@ from mograft.search.boundary_states import BoundaryStates
 from mograft.search.candidates import SegmentPool
 
 _RECIPE = "_recipe"
-"""Name of the attribute with a function and its arguments, whose result is the library."""
+"""Name of the attribute that `LibraryData.set_recipe` sets: a function and its arguments."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +57,10 @@ class LibraryData:
         return super().__reduce_ex__(protocol) if recipe is None else recipe
 
     def set_recipe(self, function: Callable[..., Any], *arguments: object) -> Self:
-        """Let `pickle` store a call that rebuilds this library, instead of storing the fields.
+        """Make `pickle` store the call ``function(*arguments)`` instead of the fields.
 
-        The call is ``function(*arguments)``. `dataclasses.replace` does not copy the call.
+        Unpickling repeats the call, whose result must be this library. `dataclasses.replace` does
+        not copy the call. Return this library.
         """
         self.__dict__[_RECIPE] = (function, arguments)
         return self
@@ -104,7 +105,7 @@ class LibraryData:
     def sigma_scales(self) -> dict[str, float]:
         """Cluster diameter threshold of each group as a multiple of `Config.sigma`.
 
-        With `Config.sigma_scale` "auto", these are the chosen multiples. They have no meaning if
+        If `Config.sigma_scale` is "auto", these are the chosen multiples. They have no meaning if
         `Config.sigma` is a number.
         """
         return {
@@ -128,12 +129,14 @@ class LibraryData:
         Parameters
         ----------
         table : {"segments", "clips", "points"}
-            ``segments`` has a row per segment: its number, its clip, which is a row of ``clips``
-            and an index of `names`, its first and last frame, its duration in seconds, whether it
-            may be a donor, and its cluster ``label_GROUP`` for each joint group. ``clips`` has
-            a row per clip: name, file, SHA-256, number of frames at the library's rate, frames per
-            second before resampling, tags and faults. ``points`` has the coordinates ``GROUP_0``,
-            ``GROUP_1``... of each segment in the embedding of each group.
+            ``segments`` has a row per segment: its number ``segment``; ``clip``, the index of its
+            clip; its first and last frame, ``start`` and ``stop``; its duration in ``seconds``;
+            ``is_donor``; and its cluster ``label_GROUP`` for each joint group. ``clips`` has a row
+            per clip: its index ``clip``; its ``name``; its ``file`` and its name in the file,
+            ``file_clip``; the hash ``sha256`` of the file; the number of ``frames`` at the
+            library's rate; ``own_rate``, the frames per second before resampling; ``tags`` and
+            ``faults``. ``points`` has a row per segment: ``segment``, and its coordinates
+            ``GROUP_0``, ``GROUP_1``... in the embedding of each group.
 
         Returns
         -------
@@ -206,9 +209,9 @@ class LibraryData:
         )
 
     def _balance_of(self, joints: IntArray) -> SegmentBalance | None:
-        """Return the functions from which the effect of donors of a group on balance is computed.
+        """Return what the donor search needs to compare the balance of donors for these joints.
 
-        The result is None if the group moves the root or a foot, or the skeleton has no legs.
+        The result is None if the joints include the root or an ankle, or the skeleton has no legs.
         """
         fixed = [self.root, *(leg.ankle for leg in find_legs(self.skeleton))]
         if len(fixed) == 1 or np.isin(fixed, joints).any():
@@ -228,7 +231,7 @@ class LibraryData:
         )
 
     def find_clip(self, motion: Motion) -> int | None:
-        """Return the index of the first clip whose poses equal those of a motion, or None."""
+        """Return the index of the first clip with the poses of a motion; None if there is none."""
         for index, info in enumerate(self.entries):
             if info.n_frames != motion.n_frames:
                 continue

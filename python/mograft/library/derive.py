@@ -47,7 +47,7 @@ class DerivableLibrary(LibraryData):
     """A library from which other libraries are derived; base class of `mograft.Library`."""
 
     def relabelled(self, config: Config) -> Self:
-        """Return the library with another configuration, and its segments clustered again.
+        """Return the library with another configuration, and with the clusters that it gives.
 
         Parameters
         ----------
@@ -58,7 +58,7 @@ class DerivableLibrary(LibraryData):
         Returns
         -------
         Library
-            With clusters for the configuration's `sigma` and `sigma_scale`.
+            A library with the clusters for the `sigma` and `sigma_scale` of `config`.
 
         Raises
         ------
@@ -95,7 +95,7 @@ class DerivableLibrary(LibraryData):
         Raises
         ------
         ValueError
-            If the skeleton's joints have no partners; see `mograft.mirror`.
+            If the joints of the left and of the right side do not correspond; see `mograft.mirror`.
         """
         # Opening a library must not import the readers of files.
         from mograft.body.mirroring import MirroredClips
@@ -220,7 +220,7 @@ class DerivableLibrary(LibraryData):
     def _append_clip(self, motion: Motion, own_rate: float) -> Self:
         """Return the library with one more clip, which has the library's hierarchy and rate.
 
-        `own_rate` is its rate before it was resampled, in frames per second.
+        `own_rate` is the clip's rate before it was resampled, in frames per second.
         """
         from mograft.library.ingest import boundary_states, sample_segments
 
@@ -278,7 +278,7 @@ def _clip_info(motion: Motion) -> ClipInfo:
 
 
 def _project(embedding: Embedding, samples: Samples) -> Embedding:
-    """Return the embedding with the projected points of new segments appended."""
+    """Return the embedding with the points of new segments appended, given their samples."""
     matrix = features(samples, embedding.joints, embedding.reference, has_root=embedding.has_root)
     return replace(embedding, points=np.concatenate([embedding.points, embedding.project(matrix)]))
 

@@ -44,7 +44,7 @@ class SourceFile(NamedTuple):
 
     @classmethod
     def from_path(cls, path: str, clip: str | None = None) -> "SourceFile":
-        """Return the present state of a file, from which a clip is read.
+        """Return the present state of a file; `clip` is the clip that is read from it.
 
         Raise OSError if it is not a regular file: reading a pipe or a device might never end.
         """
@@ -63,7 +63,10 @@ class SourceFile(NamedTuple):
 
 @lru_cache(maxsize=2)  # a file may hold many clips
 def _hash_and_format(path: str, _state: tuple[int, ...]) -> tuple[str, str]:
-    """Return the SHA-256 and the format of a file; `_state` differs if the file has changed."""
+    """Return the SHA-256 and the format of a file.
+
+    `_state` is part of the key of the cache: a file that has changed is read again.
+    """
     with open(path, "rb") as stream:
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
     return sha256, find_format(Path(path)).name
@@ -81,9 +84,10 @@ class FoundClip:
     def keys(self) -> tuple[str, ...]:
         """Keys by which `tags` and `frame_rates` can name the clip; see `matching_values`.
 
-        A motion has one key: its name. A file has three: its name without suffix, its name, and its
-        path relative to the source. A clip of a file with several clips has its name, its address
-        with the name and with the relative path of the file, and the keys of the file.
+        A motion has one key: its name. The clip of a file has three: the name of the file without
+        suffix, with suffix, and the path of the file relative to the source. If the file holds
+        several clips, a clip has three more: its name ``Walk``, ``file.glb#Walk``, and the relative
+        path followed by ``#Walk``.
         """
         if isinstance(self.source, Motion):
             return (self.source.name,)
@@ -99,8 +103,9 @@ def find_clips(sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
 
     A folder stands for the files that `scan_folder` returns, a glob for the regular files that it
     matches. Both are sorted by name. A file stands for all of its clips. Raise FileNotFoundError if
-    a path, folder or glob provides no file, `FormatError` if a file cannot be opened and must be to
-    know its clips, and ValueError if there is no source or an address matches no clip.
+    a path, folder or glob provides no file, and ValueError if there is no source or an address
+    matches no clip. Raise `FormatError` if the clips of a file that is not in a folder cannot be
+    listed; BVH files, which have one clip, are not opened.
     """
     several = [sources] if isinstance(sources, Motion | str | PathLike) else sources
     clips: list[FoundClip] = []
@@ -114,10 +119,10 @@ def find_clips(sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
 def scan_folder(folder: str) -> list[Path]:
     """Return the motion files in a folder and its subfolders, sorted by path.
 
-    Files are chosen by suffix. Of files in the same folder with the same stem, only those of the
-    first format in `FORMATS` are returned: they are exports of one another. Hidden files, files in
-    hidden folders and anything but regular files are left out. Other programs give hidden names to
-    copies and to incomplete files; reading a pipe would block.
+    Files are chosen by suffix. Files in the same folder with the same stem are taken for exports of
+    one another: only those of the first format in `FORMATS` are returned. Hidden files and folders
+    are left out, because other programs give hidden names to copies and to incomplete files. So is
+    anything but regular files, because reading a pipe would block.
     """
     files: list[Path] = []
     for parent, folders, names in os.walk(folder):
@@ -150,28 +155,33 @@ def _find_files(address: str) -> list[FoundClip]:
         with contextlib.suppress(ValueError):  # no clip of this file has the name
             found += map(FoundClip, find_addresses(join_address(match, clip)))
     if not found:
-        raise ValueError(f"no clip of the {len(matches)} files that match {path} matches {clip}")
+        raise ValueError(
+            f"none of the {len(matches)} files that match {path} has a clip that matches {clip!r}"
+        )
     return found
 
 
 def _expand_file(address: str) -> list[str]:
-    """Return the addresses of the clips of a file; a BVH file, which has one clip, is not read."""
+    """Return the addresses of the clips of a file; a BVH file, which has one, is not opened."""
     path, clip = split_address(address)
     is_bvh = clip is None and find_format(Path(path)).name == "BVH"
     return [address] if is_bvh else find_addresses(address)
 
 
 def _has_clip(file: Path, form: Format) -> bool:
-    """Return whether a file holds a motion; raise an error if it cannot be opened."""
+    """Return whether a file holds a motion; raise the error of `read` if it cannot be opened.
+
+    A BVH file is not opened.
+    """
     return form.name == "BVH" or len(open_clips(str(file))) > 0
 
 
 def _find_in_folder(folder: str) -> list[FoundClip]:
     """Return the clips of the files in a folder.
 
-    Files without a motion are left out, such as meshes and arrays of other programs. A file that
-    cannot be opened is a clip, which ingest refuses with the reason. Warn of files whose format
-    needs a package that is not installed.
+    Files without a motion are left out, such as meshes and arrays of other programs. If a file
+    cannot be opened, its path is returned as a clip: ingest then refuses it and states the reason.
+    Warn about files whose format needs a package that is not installed.
     """
     found: list[FoundClip] = []
     missing: dict[str, list[str]] = {}
@@ -260,17 +270,22 @@ def read_tags(path: str | PathLike[str]) -> dict[str, tuple[str, ...]]:
 
     The first cell of a row is a clip's name, file name or path, or a glob of these; the other cells
     are its tags. A first row that begins with ``clip`` or ``file`` is a heading. Raise ValueError
-    with the number of the line if a row lacks the clip or the tags.
+    with the number of the line if a row lacks the clip or the tags, or is not valid CSV.
     """
     table: dict[str, tuple[str, ...]] = {}
     with open(path, encoding="utf-8-sig", newline="") as stream:
         rows = csv.reader(stream)
-        for row in rows:
-            cells = [cell.strip() for cell in row]
-            if not any(cells) or (rows.line_num == 1 and cells[0].lower() in ("clip", "file")):
-                continue
-            tags = tuple(cell for cell in cells[1:] if cell)
-            if not cells[0] or not tags:
-                raise ValueError(f"{path}:{rows.line_num}: expected a clip and its tags, got {row}")
-            table[cells[0]] = (*table.get(cells[0], ()), *tags)
+        try:
+            for row in rows:
+                cells = [cell.strip() for cell in row]
+                if not any(cells) or (rows.line_num == 1 and cells[0].lower() in ("clip", "file")):
+                    continue
+                tags = tuple(cell for cell in cells[1:] if cell)
+                if not cells[0] or not tags:
+                    raise ValueError(
+                        f"{path}:{rows.line_num}: expected a clip and its tags, got {row}"
+                    )
+                table[cells[0]] = (*table.get(cells[0], ()), *tags)
+        except csv.Error as error:
+            raise ValueError(f"{path}:{rows.line_num}: expected CSV: {error}") from error
     return table

@@ -20,10 +20,10 @@ def export_tables(
 ) -> list[Path]:
     """Write the tables of a library, replacing existing files, and return the paths of the files.
 
-    For the kind "npz", `path` is the file, and its arrays are named ``TABLE/COLUMN``. For "parquet"
-    and "csv", `path` is a folder that receives one file per table. Texts in CSV that a spreadsheet
-    would read as a formula are prefixed with an apostrophe. Raise ValueError for another
-    `kind`, and ModuleNotFoundError if "parquet" is requested without pyarrow.
+    If `kind` is "npz", `path` is the file, and its arrays are named ``TABLE/COLUMN``. If it is
+    "parquet" or "csv", `path` is a folder that gets one file per table. Texts in CSV that a
+    spreadsheet would read as a formula are prefixed with an apostrophe. Raise ValueError for
+    another `kind`, and ModuleNotFoundError if "parquet" is requested without pyarrow.
     """
     if kind not in ("parquet", "csv", "npz"):
         raise ValueError(f"`kind` must be 'parquet', 'csv' or 'npz', got {kind!r}")
@@ -36,7 +36,7 @@ def export_tables(
             for name, column in columns.items()
         }
         with atomic_path(target) as draft, draft.open("wb") as stream:
-            np.savez_compressed(stream, allow_pickle=False, **arrays)
+            np.savez_compressed(stream, **arrays)
         return [target]
     write = _write_parquet if kind == "parquet" else _write_csv
     with draft_folder(target) as folder:

@@ -47,12 +47,14 @@ written again."""
 
 
 class GenerationWriter:
-    """Write the next generation, a committed state of a library; created by `write_generation`.
+    """Write the next generation of a library; `write_generation` creates the writer.
 
+    A generation is one committed state of a library, in a folder that is named by its number.
     `final` is the folder of the library, and `root` the folder to write to: `final` or a temporary
     folder that is renamed to `final` at the end. `base` is the previous generation if clips are
-    added to it. `number` is that of the new generation. `shards` are the names of the generations
-    whose files hold frames and samples.
+    added to it. `number` is that of the new generation. A shard is a pair of files with the frames
+    and the samples of clips; later generations link it. `shards` are the names of all shards, which
+    are those of the generations that wrote them.
     """
 
     def __init__(self, root: Path, final: Path, base: StoredLibrary | None, number: int) -> None:
@@ -68,7 +70,7 @@ class GenerationWriter:
         self.folder.mkdir()
 
     def link_base_shards(self) -> None:
-        """Link the files with frames and samples of the previous generation into the new one."""
+        """Link the shards of the previous generation into the new one."""
         if self.base is None:
             raise RuntimeError("the writer has no previous generation to link")
         manifest = self.base.manifest
@@ -134,7 +136,7 @@ class GenerationWriter:
         self._writer(f"samples-{self._generation}", "<f4", rows.shape[1:]).append(rows)
 
     def read_boundary_states(self, key: str, start: int, stop: int) -> npt.NDArray[Any]:
-        """Read boundary states that were written: those of segments `start` to `stop - 1`.
+        """Return the boundary states of the segments `start` to `stop - 1` of the clips written.
 
         `key` is a key of `boundary_states`. The result has the states of all joints.
         """
@@ -150,10 +152,10 @@ class GenerationWriter:
         return self._skeletons.setdefault(text, (len(self._skeletons), skeleton))[0]
 
     def samples(self, ranges: Sequence[RowRange], n_samples: int, n_joints: int) -> StoredSamples:
-        """Close the shards and return their samples; no clip may be written afterwards.
+        """Close the new shard and return the samples of all shards.
 
-        `ranges` are the rows of each clip in the shards, in the order of the library. `n_samples`
-        is the number of samples per segment.
+        No clip may be written afterwards. `ranges` are the rows of each clip in the shards, in the
+        order of the library. `n_samples` is the number of samples per segment.
         """
         self._close_shards()
         paths = [self.folder / f"samples-{shard}.npy" for shard in self.shards]
@@ -168,11 +170,11 @@ class GenerationWriter:
         self._written.append(f"{name}.npy")
 
     def is_fragmented(self, locations: Sequence[ClipLocation]) -> bool:
-        """Return whether all clips should be written again.
+        """Return whether the clips should be written again, all to one shard.
 
-        `locations` are those of the clips that stay in the library. All clips should be written
-        again if there are more than 16 shards, or if the clips that stay use less than half of the
-        bytes in the older shards.
+        `locations` are those of the clips that stay in the library. Clips should be written again
+        if there are more than 16 shards, or if the clips that stay use less than half of the bytes
+        in the older shards.
         """
         if len(self.shards) > _MAX_SHARDS:
             return True
@@ -248,9 +250,10 @@ def write_generation(
 ) -> Iterator[GenerationWriter]:
     """Yield a writer of a library's next generation, under an exclusive lock.
 
-    `force` replaces an existing library, `add` extends it. If neither is true, an existing library
-    raises FileExistsError. At the end, everything that was written but not committed is removed.
-    Raise LibraryError if the folder is not a library, or another process is writing to it.
+    `force` permits to replace an existing library; `add` extends it. If neither is true and the
+    folder exists and is not empty, raise FileExistsError. At the end, everything that was written
+    but not committed is removed. Raise LibraryError if the folder is not a library, or another
+    process is writing to it.
     """
     final = Path(os.path.abspath(path))
     final.parent.mkdir(parents=True, exist_ok=True)
@@ -267,7 +270,7 @@ def write_generation(
 
 @contextlib.contextmanager
 def _write_new(final: Path) -> Iterator[GenerationWriter]:
-    """Write the first generation to a temporary folder, and rename the folder when complete."""
+    """Yield a writer of a new library, in a temporary folder that is renamed after the commit."""
     _remove_partial_libraries(final)
     partial = final.with_name(f".{final.name}.partial-{os.getpid()}")
     shutil.rmtree(partial, ignore_errors=True)
@@ -283,7 +286,7 @@ def _write_new(final: Path) -> Iterator[GenerationWriter]:
 
 @contextlib.contextmanager
 def _write_in_place(final: Path, *, add: bool) -> Iterator[GenerationWriter]:
-    """Write the next generation in the library's folder, beside the current one."""
+    """Yield a writer of the next generation, in the library's folder, beside the current one."""
     if not add:
         _check_is_library(final)
     with _lock(final):
@@ -299,13 +302,13 @@ def _write_in_place(final: Path, *, add: bool) -> Iterator[GenerationWriter]:
 
 
 def _check_is_library(folder: Path) -> None:
-    """Raise LibraryError unless a folder to be overwritten holds only a library.
+    """Raise LibraryError if a folder to be overwritten holds anything other than a library.
 
     The library may be damaged.
     """
     reason = None
     if not _has_library_manifest(folder):
-        reason = f"it is not a mograft library: it has no {MANIFEST} of one; move it away first"
+        reason = f"it is not a mograft library: it has no valid {MANIFEST}; move it away first"
     else:
         foreign = sorted(
             path.name
@@ -314,7 +317,7 @@ def _check_is_library(folder: Path) -> None:
         )
         if foreign:
             listed = ", ".join(foreign[:3])
-            reason = f"it holds files that are not of the library, such as {listed}; move them away"
+            reason = f"it also holds other files, such as {listed}; move them away"
     if reason:
         raise LibraryError(f"{folder} is not overwritten: {reason}")
 
@@ -337,7 +340,8 @@ def _has_library_manifest(folder: Path) -> bool:
 def _is_replaceable(path: Path) -> bool:
     """Return whether a path in a library's folder is a generation or the draft of a manifest.
 
-    A generation is a folder that is named by its number and holds only arrays and the database.
+    Only these may be removed. A generation is a folder that is named by its number and holds only
+    arrays, folders of arrays and the database.
     """
     if path.is_symlink():
         return False

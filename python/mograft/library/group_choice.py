@@ -60,7 +60,7 @@ def discover_groups(
     [7, 1, 2, 8]
     """
     config = Config() if config is None else config
-    run = IngestRun(config=config, strict=True, is_packed=False, **options)
+    run = IngestRun.from_options(options, config=config, strict=True, is_packed=False)
     ingested: list[tuple[PendingClip, IngestedClip]] = []
     found = spread_evenly(run.find_clips(clips))
     run.ingest_and_choose_spec(
@@ -70,7 +70,7 @@ def discover_groups(
 
 
 def discover_in_library(library: LibraryData, n: int | None = None) -> GroupDiscovery:
-    """Discover `n` groups in the clips of a library, whose own groups do not matter."""
+    """Discover `n` groups in the clips of a library; the groups of the library have no effect."""
     motions = []
     for clip in spread_evenly(range(len(library.entries))):
         own = library.segments.of_clip(clip)
@@ -83,9 +83,10 @@ def discover_in_library(library: LibraryData, n: int | None = None) -> GroupDisc
 def choose_groups(
     groups: JointGroups | str, skeleton: Skeleton, config: Config, clips: Iterable[IngestedClip]
 ) -> JointGroups:
-    """Return the given groups, those of a preset, or those that are discovered in some clips.
+    """Return the given groups, those of a preset, or groups discovered in some clips.
 
-    The clips are needed only for a name such as ``auto:3``, and hold motions, not packed ones.
+    `clips` is used only if `groups` is a name such as ``auto:3``. Clips must hold motions: packed
+    motions are ignored.
     """
     if not isinstance(groups, str):
         return groups

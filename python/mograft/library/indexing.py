@@ -31,7 +31,7 @@ from mograft.library.ingest import IngestedClip, IngestTask, ingest_all
 from mograft.library.ingest_run import ClipOrder, IngestRun, PendingClip, warn_of_clips
 from mograft.library.loading import load_library
 from mograft.library.saving import BoundaryParts, commit_library
-from mograft.library.spec import LibrarySpec, has_same_hierarchy
+from mograft.library.spec import LibrarySpec
 from mograft.library.storage import StoredLibrary
 from mograft.library.stored_clips import RowRange, StoredClips, merge_ranges
 from mograft.motion.motion import Motion
@@ -49,14 +49,14 @@ class _IndexedClip:
     stop: IntArray
     is_donor: BoolArray  # whether each segment may be a donor
     is_new: bool  # whether the clip was ingested for this generation
-    first_row: int  # its first segment among the new clips, or in the previous generation
+    first_row: int  # index of its first segment: of all new clips, or in the previous generation
 
     def __len__(self) -> int:
         return len(self.start)
 
 
 class _ClipWriter:
-    """Writes ingested clips to a generation."""
+    """Receiver of ingested clips, which writes them to a generation."""
 
     def __init__(self, writer: GenerationWriter, run: IngestRun) -> None:
         self.clips: list[_IndexedClip] = []
@@ -141,26 +141,32 @@ def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], run: I
 def _pending_files(
     run: IngestRun, sources: ClipSource | Iterable[ClipSource], folder: Path
 ) -> list[PendingClip]:
-    """Return the files that `sources` stand for, each once, in the order of the library."""
+    """Return the clips of files that `sources` stand for, each once, in the order of the library.
+
+    Raise TypeError if a source is a motion.
+    """
     by_path = {}
     for found in run.find_clips(sources):
         if isinstance(found.source, Motion):
             raise TypeError(
-                "`sources` must be files, got a Motion; use Library.build and Library.save for it"
+                "`sources` must be files, got a Motion; store motions by Library.build and save"
             )
         by_path[_path_key(found.source, folder)] = found
     return [run.pending(ClipOrder(0, path), by_path[path]) for path in sorted(by_path)]
 
 
 def _path_key(address: str, folder: Path) -> tuple[str, ...]:
-    """Return the sort key of a clip in a library: its path from the folder, and its name there."""
+    """Return the sort key of a clip in a library in `folder`.
+
+    It consists of the path of the file relative to the folder and the name of the clip, if any.
+    """
     path, clip = split_address(address)
     parts = relative_path(path, folder).parts
     return parts if clip is None else (*parts, clip)
 
 
 def _is_new_or_changed(clip: PendingClip, files: Mapping[str, ClipInfo]) -> bool:
-    """Return whether a clip is not in the library, or its file differs from the one that was read.
+    """Return whether a clip is not in the library, or its file or its frame rate has changed.
 
     `files` holds the metadata of the library's clips by address.
     """
@@ -183,10 +189,11 @@ def _is_new_or_changed(clip: PendingClip, files: Mapping[str, ClipInfo]) -> bool
 def _stale_addresses(
     files: Mapping[str, ClipInfo], pending: Sequence[PendingClip], run: IngestRun
 ) -> frozenset[str]:
-    """Return the addresses of the library's clips that their changed files no longer contain.
+    """Return the addresses of the library's clips that are no longer valid.
 
-    `files` holds the metadata of the library's clips by address. Warn of these clips, except those
-    whose address has only changed because the number of clips in the file has.
+    `files` holds the metadata of the library's clips by address. Warn about the clips that their
+    changed files no longer contain. Do not warn about clips whose address has changed: the address
+    of the only clip of a file has no name.
     """
     changed = {split_address(clip.task().label)[0] for clip in pending}
     known: dict[str, list[SourceFile]] = {}
@@ -265,10 +272,9 @@ def _ingest_additions(
     pending: Sequence[PendingClip],
     receiver: _ClipWriter,
 ) -> tuple[LibrarySpec, list[_IndexedClip]]:
-    """Ingest pending clips; ingest the kept clips again if the library specification changes.
+    """Ingest pending clips; return the library specification, and the kept and the new clips.
 
-    Kept clips are also ingested again if the files are fragmented. Return the specification and all
-    clips.
+    If the specification changes, or the files are fragmented, the kept clips are ingested again.
     """
     writer.link_base_shards()
     properties = [(clip.order, clip.info.properties(base.skeleton)) for clip in kept]
@@ -277,7 +283,7 @@ def _ingest_additions(
         (order, clip)
         for order, clip in run.ingest_with_spec(pending, tasks, receiver, base.spec)
         # A changed file that no longer fits is left out, unless no clip would remain.
-        if has_same_hierarchy(clip.skeleton, base.skeleton)
+        if clip.skeleton.has_same_hierarchy(base.skeleton)
     ]
     # Clips matched by anatomy keep the specification: their properties are those of other joints.
     is_chosen = bool(properties) and run.match == "names"
@@ -294,7 +300,7 @@ def _ingest_additions(
 
 
 def _stored_tasks(base: LibraryData, kept: Sequence[_IndexedClip]) -> Iterator[IngestTask]:
-    """Yield the tasks that ingest the `kept` clips again; each clip is read when it is needed."""
+    """Yield the tasks that ingest the `kept` clips again; a clip is read when its task is taken."""
     clips = base.clips
     if not isinstance(clips, StoredClips):
         raise TypeError("the library must be stored in a folder")
@@ -316,7 +322,8 @@ def _complete(
 ) -> None:
     """Embed and cluster the segments of all clips, and commit the generation.
 
-    If `is_same`, the segments are those of `base`, and its embeddings and clusters are reused.
+    If `is_same`, the segments are those of `base`, whose embeddings and clusters are used again.
+    Raise ValueError if there is no clip.
     """
     if not clips:
         raise ValueError(f"no clip can be used: {next(iter(run.reasons().values()))}")
@@ -361,9 +368,9 @@ def _boundary_parts(
     clips: Sequence[_IndexedClip],
     library: LibraryData,
 ) -> BoundaryParts:
-    """Return the boundary states of each group in parts, in the order of segments.
+    """Return the boundary states of each group as consecutive parts, in the order of segments.
 
-    They come from the arrays of `base` and, for new clips, from the files of `writer`.
+    They are read from the files of `writer` for new clips, and from `base` for the others.
     """
     runs = merge_ranges(RowRange(int(clip.is_new), clip.first_row, len(clip)) for clip in clips)
 

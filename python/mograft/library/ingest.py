@@ -13,6 +13,7 @@ from itertools import islice
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, Packed
+from mograft._util.memory import reuse_freed_arrays
 from mograft.analysis.embedding import Samples, normalise
 from mograft.analysis.segmentation import Segments, segment_clip
 from mograft.body.faults import find_faults
@@ -34,7 +35,7 @@ INGEST_ERRORS = (MograftError, OSError, ValueError)
 """Errors by which a clip is refused."""
 
 _BATCH_CLIPS = 8
-"""Clips per call of a worker: enough that the cost of the call does not matter."""
+"""Clips per call of a worker, so that the cost of the call is small compared with the ingest."""
 
 _MAX_PENDING_BATCHES = 16
 """Batches that are submitted and not yet consumed; bounds memory."""
@@ -51,7 +52,7 @@ class IngestTask:
 
     @property
     def label(self) -> str:
-        """Name of the clip in messages: its address, or else the name of the motion."""
+        """Name of the clip in messages: its address or, without one, the name of the motion."""
         if self.source_file is not None:
             return self.source_file.address
         return self.source if isinstance(self.source, str) else self.source.name or "a clip"
@@ -59,7 +60,7 @@ class IngestTask:
 
 @dataclass(frozen=True, eq=False)
 class IngestedClip:
-    """A clip that was read, with its segments and their resampled poses."""
+    """The result of the ingest of a clip: its segments, their samples and boundary states."""
 
     clip: Motion | PackedMotion  # a motion at the library's rate, or packed as it was read
     name: str  # of the motion; may be empty
@@ -67,7 +68,7 @@ class IngestedClip:
     properties: ClipProperties
     n_frames: int  # at the library's rate
     segments: Segments
-    is_donor: BoolArray  # whether each segment is without a disqualifying fault
+    is_donor: BoolArray  # whether each segment may be a donor: it has no disqualifying fault
     faults: tuple[str, ...]  # messages of the disqualifying faults
     samples: Packed  # rows of `Samples` in single precision
     boundary_states: Mapping[str, FloatArray]  # result of `boundary_states`, all joints
@@ -99,9 +100,10 @@ def boundary_states(motion: Motion, segments: Segments) -> dict[str, FloatArray]
 
 
 def _angular_velocities(motion: Motion, frames: IntArray) -> FloatArray:
-    """Return angular velocities, in radians per second, in some frames of a motion.
+    """Return the angular velocities in some frames of a motion, in radians per second.
 
-    They are central differences, but one-sided differences in the first and last frame.
+    They are central differences; in the first and last frame, one-sided differences. The shape is
+    (len(frames), n_joints, 3).
     """
     before, after = np.maximum(frames - 1, 0), np.minimum(frames + 1, motion.n_frames - 1)
     steps = rotations.multiply(rotations.inverse(motion.rotations[before]), motion.rotations[after])
@@ -112,30 +114,41 @@ def _angular_velocities(motion: Motion, frames: IntArray) -> FloatArray:
 def sample_segments(
     motion: Motion, segments: Segments, spec: LibrarySpec, config: Config
 ) -> Samples:
-    """Return the segments of a motion, resampled to equal length, in single precision."""
+    """Return the segments of a motion, resampled to `Config.samples` poses, in single precision."""
     heights = [mass_model(motion.skeleton).height]
-    samples = normalise([motion], segments, config, root=spec.root, up=spec.up, heights=heights)
-    return replace(samples, rows=samples.pack())
+    return normalise(
+        [motion],
+        segments,
+        config,
+        root=spec.root,
+        up=spec.up,
+        heights=heights,
+        is_packed=True,
+    )
 
 
 def read_properties(task: IngestTask, rest: Skeleton | None) -> tuple[IngestTask, ClipProperties]:
     """Read a clip; return a task that holds the motion, and the properties of the clip.
 
-    `rest` is that of `LibrarySpec`. Raise one of `INGEST_ERRORS` if the clip cannot be read or has
-    a single frame.
+    `rest` is the field of `LibrarySpec`. Raise one of `INGEST_ERRORS` if the clip cannot be read or
+    has a single frame.
     """
     task, motion = _read(task, rest)
     return task, ClipProperties.from_motion(motion)
 
 
 def _read(task: IngestTask, rest: Skeleton | None) -> tuple[IngestTask, Motion]:
-    """Return a task that holds the motion as it was read, and the motion at its true rate."""
+    """Read a clip; return a task that holds the motion as read, and the motion at its true rate.
+
+    Raise one of `INGEST_ERRORS` if the clip cannot be read or has a single frame.
+    """
+    reuse_freed_arrays()
     label, source = task.label, task.source
     if isinstance(source, str):
         try:
             source.encode()
         except UnicodeEncodeError as error:
-            raise ValueError(f"{source!r}: the file name is not UTF-8") from error
+            raise ValueError(f"the file name must be UTF-8, got {source!r}") from error
         source = read_clip(source, skeleton=rest)
         source_file = SourceFile.from_path(split_address(label)[0], source.clip)
         task = replace(task, source=source, source_file=source_file, as_read=True)
@@ -150,9 +163,9 @@ def ingest(
 ) -> IngestedClip | RefusedClip:
     """Read, segment and sample one clip.
 
-    If `is_packed`, the clip is returned as a `PackedMotion` of the frames in the file, otherwise as
-    a motion at the library's rate. It is refused if it cannot be read, has a single frame, or its
-    hierarchy differs from that of `spec`.
+    If `is_packed`, the result has the clip as a `PackedMotion` of the frames in the file, otherwise
+    as a motion at the library's rate. A clip is refused if it cannot be read, has a single frame,
+    cannot be segmented, or does not fit the hierarchy of `spec`.
     """
     label, properties = task.label, None
     try:
@@ -195,8 +208,8 @@ def ingest_all(
 ) -> Iterator[IngestedClip | RefusedClip]:
     """Ingest clips, and yield the results in the order of the tasks.
 
-    Tasks are taken from the iterable as needed. Without an executor the calling thread ingests. For
-    `is_packed` see `ingest`.
+    Tasks are taken from the iterable when they are needed. Without an executor, the calling thread
+    ingests the clips. `is_packed` is as for `ingest`.
     """
     if executor is None:
         for task in tasks:
@@ -224,7 +237,7 @@ def _ingest_batch(
 
 
 def _check_faults(motion: Motion, segments: Segments) -> tuple[BoolArray, tuple[str, ...]]:
-    """Return which segments have no disqualifying fault, and the messages of such faults."""
+    """Return whether each segment has no disqualifying fault, and the messages of these faults."""
     is_donor = np.ones(len(segments), bool)
     faults = [fault for fault in find_faults(motion) if fault.kind in DISQUALIFYING_FAULTS]
     for fault in faults:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from itertools import chain
-from typing import NamedTuple, Protocol, TypedDict
+from typing import Any, NamedTuple, Protocol, TypedDict
 
 import numpy as np
 
@@ -36,7 +36,6 @@ from mograft.library.spec import (
     LibrarySpec,
     Match,
     choose_spec,
-    has_same_hierarchy,
     rates_match,
 )
 from mograft.motion.skeleton import Skeleton
@@ -52,7 +51,7 @@ _MAX_FAULTS = 3
 
 
 class AddOptions(TypedDict, total=False):
-    """Keyword arguments that `Library.build`, `index` and `add` share and document."""
+    """Keyword arguments of all of `Library.build`, `index` and `add`, which document them."""
 
     include_grafts: bool
     frame_rates: Mapping[str, float] | None
@@ -62,7 +61,7 @@ class AddOptions(TypedDict, total=False):
 
 
 class IngestOptions(AddOptions, total=False):
-    """Keyword arguments of `AddOptions`, and those that only `Library.build` and `index` take."""
+    """Keyword arguments of `Library.build` and `index`; `add` takes those of `AddOptions` only."""
 
     rate: float | None
     match: Match
@@ -70,11 +69,26 @@ class IngestOptions(AddOptions, total=False):
     hierarchy: Skeleton | None
 
 
-class ClipOrder(NamedTuple):
-    """Sort key for the order of clips in a library: first by rank, then by path."""
+_OPTION_TYPES: Mapping[str, type] = {
+    "skeleton": Skeleton,
+    "hierarchy": Skeleton,
+    "frame_rates": Mapping,
+    "tags": Mapping,
+    "executor": Executor,
+}
+"""Types of the options that may be None."""
 
-    rank: int  # library in a folder: 0 for files, 1 for other clips; in memory: index of the clip
-    path: tuple[str, ...] = ()  # relative to the library; for a clip without a file, its index
+
+class ClipOrder(NamedTuple):
+    """Sort key of clips in a library.
+
+    In a library in memory, `rank` is the index of the clip, and `path` is empty. In a folder,
+    `rank` is 0 for clips of files and 1 for others; `path` has the parts of the file's path
+    relative to the library and the name of the clip, or the index of a clip without a file.
+    """
+
+    rank: int
+    path: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,9 +114,9 @@ class PendingClip:
     def updated_info(
         self, clip: IngestedClip, tags: Mapping[str, Iterable[str]] | None
     ) -> ClipInfo:
-        """Return the metadata of a clip after its ingest; the name is not yet unique.
+        """Return the metadata of the clip, given the result of its ingest.
 
-        `tags` are those of `Library.build`.
+        `tags` is the argument of `Library.build`. The name need not be unique.
         """
         if self.info is not None:
             return self.info._replace(n_frames=clip.n_frames, faults=clip.faults)
@@ -126,7 +140,7 @@ class PendingClip:
 
 
 class ClipReceiver(Protocol):
-    """Destination of ingested clips: a list, or a store with the same methods."""
+    """Destination of ingested clips: a list, or another object with the same methods."""
 
     def append(self, clip: tuple[PendingClip, IngestedClip], /) -> None:
         """Store a clip."""
@@ -153,21 +167,40 @@ class IngestRun:
     tags: Mapping[str, Iterable[str]] | None = None
     executor: Executor | None = None
     progress: Progress | None = None
-    errors: dict[str, Exception] = field(default_factory=dict)  # of refused clips, by label
-    match_notes: dict[str, list[str]] = field(default_factory=dict)  # labels of clips, by note
+    # Results: the errors of refused clips by label, and labels of clips by note.
+    errors: dict[str, Exception] = field(init=False, default_factory=dict)
+    match_notes: dict[str, list[str]] = field(init=False, default_factory=dict)
+
+    @classmethod
+    def from_options(cls, options: "AddOptions | IngestOptions", **fixed: Any) -> "IngestRun":  # noqa: ANN401
+        """Return the run of the keyword arguments `options` of a method, and of `fixed` fields.
+
+        Raise TypeError if `options` has a name that is not in `IngestOptions`.
+        """
+        allowed = sorted(IngestOptions.__optional_keys__)
+        for name in options:
+            if name not in allowed:
+                raise TypeError(
+                    f"unknown option `{name}`: expected {join_names(allowed)}"
+                    f"{suggest_name(name, allowed)}"
+                )
+        return cls(**fixed, **options)
 
     def __post_init__(self) -> None:
         if self.match not in MATCHES:
             hint = suggest_name(self.match, MATCHES)
             raise ValueError(f"`match` must be 'names' or 'anatomy', got {self.match!r}{hint}")
+        check_type("config", self.config, Config)
         check_segmentation(self.config)
         if self.is_packed:
             check_storable(self.config)
-        for name in ("skeleton", "hierarchy"):
+        for name, kind in _OPTION_TYPES.items():
             if getattr(self, name) is not None:
-                check_type(name, getattr(self, name), Skeleton)
+                check_type(name, getattr(self, name), kind)
+        if self.progress is not None and not callable(self.progress):
+            raise TypeError(f"`progress` must be a function, got {type(self.progress).__name__}")
         if self.hierarchy is not None and self.match != "anatomy":
-            raise ValueError("`hierarchy` requires `match` 'anatomy', got 'names'")
+            raise ValueError("`match` must be 'anatomy' if `hierarchy` is given, got 'names'")
 
     def find_clips(self, sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
         """Find the clips that `sources` stand for.
@@ -183,7 +216,10 @@ class IngestRun:
             self.progress(stage, done, total)
 
     def pending(self, order: ClipOrder, found: FoundClip) -> PendingClip:
-        """Return a found clip as a clip to ingest, with its rate if `frame_rates` gives one."""
+        """Return a found clip as a clip to ingest, with the rate that `frame_rates` gives, if any.
+
+        Raise ValueError if the rate is not above 0.
+        """
         rates = matching_values(self.frame_rates, found)
         if rates and not 0 < rates[-1] < float("inf"):
             raise ValueError(
@@ -194,10 +230,10 @@ class IngestRun:
     def ingest_and_choose_spec(
         self, clips: Sequence[PendingClip], receiver: ClipReceiver
     ) -> LibrarySpec:
-        """Ingest clips, and return the library specification that their properties determine.
+        """Ingest clips, pass them to `receiver`, and return the library specification.
 
-        The specification is guessed from a few clips. If the properties of all clips determine
-        another one, all clips are ingested again with it.
+        The specification is first guessed from a few clips. If the properties of all clips
+        determine another one, all clips are ingested again.
         """
         tasks, spec = self._guess_spec([clip.task() for clip in clips])
         while True:
@@ -218,7 +254,8 @@ class IngestRun:
     ) -> list[tuple[ClipOrder, ClipProperties]]:
         """Ingest clips with a specification, and pass them to `receiver`.
 
-        Refused clips go to `errors`. Return the properties of the clips that could be read.
+        `tasks` has the task of each clip. The errors of refused clips are stored in `errors`.
+        Return the properties of the clips that could be read.
         """
         properties: list[tuple[ClipOrder, ClipProperties]] = []
         self.errors.clear()
@@ -245,12 +282,9 @@ class IngestRun:
         properties: Sequence[tuple[ClipOrder, ClipProperties]],
         spec: LibrarySpec,
     ) -> None:
-        """Add the name of a fitting clip to the errors of clips with another hierarchy.
-
-        A fitting clip has the hierarchy of `spec`.
-        """
+        """Add the name of a clip with the hierarchy of `spec` to the errors of clips without it."""
         fitting = {
-            order for order, own in properties if has_same_hierarchy(own.skeleton, spec.skeleton)
+            order for order, own in properties if own.skeleton.has_same_hierarchy(spec.skeleton)
         }
         label = next((c.task().label for c in clips if c.found and c.order in fitting), None)
         if label is None:
@@ -279,14 +313,14 @@ class IngestRun:
                 raise error
 
     def reasons(self) -> dict[str, str]:
-        """Return the reason why each refused clip was refused, by file or name."""
+        """Return for each refused clip, by address or name, the reason of the refusal."""
         return {label: str(error) for label, error in self.errors.items()}
 
     def _guess_spec(self, tasks: list[IngestTask]) -> tuple[list[IngestTask], LibrarySpec]:
         """Guess the specification from a few clips; return the tasks and the specification.
 
-        The tasks of the clips that were read for the guess hold the motions, which are not read
-        again.
+        The tasks of these clips then hold the motions, so that no file is read twice. Raise an
+        error if no clip can be used.
         """
         sampled = np.unique(np.linspace(0, len(tasks) - 1, _MAX_SAMPLED_CLIPS).round().astype(int))
         indices = sampled.tolist()
@@ -312,8 +346,8 @@ def check_storable(config: Config) -> None:
     """Raise ValueError if a library with this configuration cannot be stored."""
     if callable(config.segmentation):
         raise ValueError(
-            "`segmentation` must be a name or the cut frames of each clip in a stored library, got "
-            f"{config.segmentation!r}: functions are not stored"
+            "`segmentation` of a stored library must be a name or the cut frames of each clip, got "
+            f"the function {config.segmentation!r}"
         )
 
 
@@ -326,8 +360,8 @@ def warn_of_clips(
 ) -> None:
     """Warn about clips that were matched by anatomy, resampled to `rate`, or have faults.
 
-    `match_notes` are those of `IngestRun`. `stacklevel` is the stack frame to which warnings refer:
-    1 for the caller, 2 for its caller.
+    `match_notes` is the field of `IngestRun`. `stacklevel` is the stack frame to which warnings
+    refer: 1 for the caller, 2 for its caller.
     """
 
     def warn(message: str) -> None:

@@ -1,7 +1,7 @@
-"""Check what the files of a library state, so that a crafted library can only be refused.
+"""Check the content of the files of a library, so that no crafted library causes harm.
 
-The checksum of a manifest finds accidents. It does not find changes by somebody who computes it
-again. These checks are therefore independent of it.
+The checksum of a manifest reveals accidental changes. It does not reveal changes by somebody who
+computes it again. These checks therefore do not depend on it.
 """
 
 import contextlib
@@ -20,6 +20,8 @@ from mograft.errors import LibraryError
 from mograft.library.array_files import HEADER_BYTES
 from mograft.library.clip_table import ClipTable
 from mograft.library.packing import PackedContent
+from mograft.motion import limits
+from mograft.motion.limits import MAX_CLIP_FRAME_TIME, MIN_CLIP_FRAME_TIME
 
 MANIFEST, DATABASE = "manifest.json", "catalog.sqlite"
 
@@ -31,9 +33,9 @@ _MAX_COUNT = 1 << 53
 """Limit of counts and positions; the sum of two cannot overflow."""
 
 
-_MIN_RATE, _MAX_RATE = 0.5, 20_000.0
-"""Frames per second, with a margin to the frame times from 0.0001 to 1 second that `Library` takes.
-Resampling between rates of other sizes would take any amount of memory."""
+_MIN_RATE, _MAX_RATE = 0.5 / MAX_CLIP_FRAME_TIME, 2.0 / MIN_CLIP_FRAME_TIME
+"""Frames per second, with a margin to the frame times that `Library` takes. Resampling between
+rates of other sizes would take any amount of memory."""
 
 
 def damage(folder: Path, reason: str) -> LibraryError:
@@ -46,7 +48,7 @@ def damage(folder: Path, reason: str) -> LibraryError:
 
 @contextlib.contextmanager
 def damage_raises_library_error(folder: Path, name: str) -> Iterator[None]:
-    """Convert the errors of reading invalid content from the file `name` to LibraryError."""
+    """Convert errors that invalid content of the file `name` causes to LibraryError."""
     try:
         yield
     except (
@@ -81,7 +83,7 @@ def regular_file_size(folder: Path, name: str) -> int:
 
 
 def check_folders(folder: Path, names: Sequence[str]) -> None:
-    """Raise LibraryError if a folder of the files `names` is a symbolic link out of `folder`."""
+    """Raise LibraryError if a symbolic link on the path of a file in `names` leaves `folder`."""
     for parent in sorted({name.rpartition("/")[0] for name in names}):
         parts = parent.split("/")
         for n in range(1, len(parts) + 1):
@@ -162,7 +164,7 @@ _OPTIONAL_ENTRIES: Mapping[str, Callable[[Any], bool]] = {
 
 
 def check_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
-    """Raise LibraryError unless all entries have valid types and all paths are in the generation.
+    """Raise LibraryError unless all entries are valid and all files are in the generation's folder.
 
     This is the only check of the entries: code that reads them afterwards relies on it.
     """
@@ -242,6 +244,8 @@ def _check_locations(
         or max(skeleton) >= len(table.skeletons)
     ):
         raise damage(folder, f"{DATABASE}: a clip has an invalid location")
+    with damage_raises_library_error(folder, DATABASE):
+        limits.check_frames(max(n))
     if max(shard) >= len(manifest["shards"]):
         raise damage(folder, f"{DATABASE}: a clip has an unknown shard")
     width = manifest["config"]["samples"] * (4 * len(manifest["skeleton"]["names"]) + 3) + 1

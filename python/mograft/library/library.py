@@ -41,13 +41,13 @@ class Library(DerivableLibrary):
     segments : Segments
         The segments of all clips, clip by clip in order of time.
     is_donor : ndarray of bool, shape (n_segments,)
-        Whether a segment may replace another. Segments with faults are excluded.
+        Whether each segment may be a donor. Segments that overlap certain recording faults may not.
     groups : JointGroups
         The joint groups.
     config : Config
         The configuration with which the library was built.
     spec : LibrarySpec
-        `skeleton`, `rate`, `root` and `up`.
+        The parameters that all clips share: `skeleton`, `rate`, `root`, `up`, `match` and `rest`.
     embedding : dict of str to Embedding or None
         For each group the segments as points; None if the segments are too few or too alike.
     labels : dict of str to ndarray of int, shape (n_segments,)
@@ -61,7 +61,7 @@ class Library(DerivableLibrary):
     samples : Samples, StoredSamples or ExtendedSamples
         The resampled segments from which features are computed.
     refused : dict of str to str
-        Files that were left out, and the reasons.
+        The reason for each file or clip that was left out, by address.
     folder : Path or None
         The folder of the library; None in memory.
 
@@ -101,7 +101,7 @@ class Library(DerivableLibrary):
             Whether to append the mirror images of all clips; see `with_mirror_images`.
         include_grafts : bool
             Whether to include grafts in folders: files beside which ``mograft graft`` wrote a
-            ``.json``. Files that a path or glob names are always included.
+            ``.json``. By default they are left out, unless a path or glob names the file.
         rate : float, optional
             Frames per second of the library. Default: the rate that most frames have.
         match : {"names", "anatomy"}
@@ -132,9 +132,10 @@ class Library(DerivableLibrary):
         FormatError, FileNotFoundError
             If a file is invalid; if a path, folder or glob holds no file.
         SkeletonMismatchError
-            If the clips differ in joint names or hierarchy.
+            If the clips differ in joint names or hierarchy, or cannot be matched by anatomy.
         ValueError
-            If the groups do not fit the skeleton, or a clip has a single frame.
+            If an option is invalid, there is no clip, the groups do not fit the skeleton, or a clip
+            has a single frame.
 
         Warns
         -----
@@ -153,7 +154,9 @@ class Library(DerivableLibrary):
         from mograft.library.build import build_library
         from mograft.library.ingest_run import IngestRun
 
-        run = IngestRun(config=config or Config(), strict=True, is_packed=False, **options)
+        run = IngestRun.from_options(
+            options, config=Config() if config is None else config, strict=True, is_packed=False
+        )
         library = build_library(cls, sources, groups, run)
         return library.with_mirror_images() if mirrored else library
 
@@ -169,7 +172,10 @@ class Library(DerivableLibrary):
         force: bool = False,
         **options: "Unpack[IngestOptions]",
     ) -> "Library":
-        """Build a library in a folder; the memory used does not grow with the number of clips.
+        """Build a library in a folder.
+
+        Clips are read and written one at a time. The memory that grows with the library is that of
+        the points, the clusters and the table of segments.
 
         Parameters
         ----------
@@ -189,8 +195,8 @@ executor, progress
         Returns
         -------
         Library
-            As `open` returns it. The previous library stays valid until the new one is
-            complete.
+            The new library, opened. If it replaces another one, that one stays valid until the new
+            one is complete.
 
         Raises
         ------
@@ -217,7 +223,9 @@ executor, progress
         from mograft.library.indexing import index_folder
         from mograft.library.ingest_run import IngestRun
 
-        run = IngestRun(config=config or Config(), strict=strict, is_packed=True, **options)
+        run = IngestRun.from_options(
+            options, config=Config() if config is None else config, strict=strict, is_packed=True
+        )
         index_folder(Path(path), sources, groups, run, force=force)
         return cls.open(path)
 
@@ -240,7 +248,8 @@ executor, progress
         Returns
         -------
         Library
-            The library that `index` would have built from all files. This object does not change.
+            The new state of the library: the one that `index` would have built from all files.
+            This object keeps its state.
 
         Raises
         ------
@@ -256,9 +265,9 @@ executor, progress
 
         Notes
         -----
-        A file is unchanged if its size and modification time, or else its SHA-256, are the
-        same. Clips whose files were removed stay in the library. Clips that a changed file no
-        longer contains are removed, with a warning.
+        A file counts as unchanged if its size and modification time are the same, or if its SHA-256
+        is. Clips whose files were removed stay in the library. Clips that a changed file no longer
+        contains are removed, with a warning.
         """
         from mograft.library.indexing import add_to_folder
         from mograft.library.ingest_run import IngestRun
@@ -268,7 +277,7 @@ executor, progress
         for name in ("rate", "match", "hierarchy", "skeleton"):
             if name in options:
                 raise TypeError(f"`{name}` is fixed when a library is created")
-        run = IngestRun(config=self.config, strict=strict, is_packed=True, **options)
+        run = IngestRun.from_options(options, config=self.config, strict=strict, is_packed=True)
         add_to_folder(self.folder, sources, run)
         return Library.open(self.folder)
 
@@ -289,12 +298,13 @@ executor, progress
         LibraryError
             If the folder is not a library, or another process is writing to it.
         ValueError
-            If a clip was appended by `with_clip`.
+            If a clip was appended by `with_clip`, or the segmentation is a function.
 
         Notes
         -----
-        The library that `open` then returns has the same numbers, bit for bit. Clips of a library
-        in memory are stored at the library's rate, clips of an opened library as they were read.
+        `open` then returns a library with the same numbers, bit for bit. Clips of a library in
+        memory are stored at the library's rate, clips of an opened library as read from their
+        files.
         """
         from mograft.library.saving import save_library
 
@@ -312,7 +322,7 @@ executor, progress
         Returns
         -------
         Library
-            With memory-mapped arrays, which do not change when another process adds clips.
+            A library with memory-mapped arrays. It does not change when another process adds clips.
 
         Raises
         ------
@@ -327,7 +337,7 @@ executor, progress
     def candidates(
         self, segment: int, group: str, constraints: Sequence["Constraint"] = ()
     ) -> Candidates:
-        """Return the segments that can be donors of a group at a segment, and why others cannot.
+        """Return the donors for a group of a segment, and why other similar segments are refused.
 
         Parameters
         ----------
@@ -350,7 +360,7 @@ executor, progress
             If the segment or the group does not exist, or the group is the base.
         """
         if not is_integer(segment) or not 0 <= segment < len(self.segments):
-            raise ValueError(f"`segment` must be 0 to {len(self.segments) - 1}, got {segment}")
+            raise ValueError(f"`segment` must be 0 to {len(self.segments) - 1}, got {segment!r}")
         if group == self.groups.base:
             raise ValueError(f"`group` must not be the base group, {group!r}, which is kept")
         pool, config, verdicts = self.pool(group), self.config, None

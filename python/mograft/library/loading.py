@@ -42,7 +42,7 @@ def _load_library(library_type: type[L], stored: StoredLibrary) -> L:
     manifest, arrays = stored.manifest, stored.arrays
     groups = JointGroups.from_toml(manifest["groups"])
     if set(groups.names) != set(manifest["group"]):
-        raise ValueError("`group` and `groups` have different names")
+        raise ValueError("the entries `group` and `groups` name different joint groups")
     embedding: dict[str, Embedding | None] = {}
     labels, states = {}, {}
     for group, about in manifest["group"].items():
@@ -106,7 +106,7 @@ def _check_groups(library: LibraryData) -> None:
 
 
 def _reopen(library_type: type[L], folder: Path, checksum: str) -> L:
-    """Open a pickled library; raise LibraryError if the folder has another one by now."""
+    """Open the library of a pickle; raise LibraryError if the library in the folder has changed."""
     stored = storage.read(folder)
     if stored.manifest["checksum"] != checksum:
         raise LibraryError(

@@ -25,7 +25,10 @@ from mograft.motion.skeleton import Skeleton
 
 @dataclass(frozen=True, kw_only=True)
 class LibraryOrigin:
-    """How a library was made, without a base that was appended to it."""
+    """How a library was made: its folder, the hash of its data, and its specification.
+
+    A base that was appended to the library is not part of it.
+    """
 
     folder: Path | None  # of a stored library
     sha256: str  # of `hash_library`
@@ -44,7 +47,7 @@ class ClipOrigin:
     """Where a clip of a library comes from."""
 
     source_file: SourceFile | None  # None if no file is known that holds the clip
-    is_mirrored: bool = False  # whether the clip is the mirror image of that in the file
+    is_mirrored: bool = False  # whether the clip is the mirror image of the clip in the file
     is_in_library: bool = True  # False for a base that was appended to the library
 
 
@@ -69,11 +72,11 @@ class PartialClips(Sequence[Motion]):
 
 @dataclass(frozen=True)
 class _Derivation:
-    """The clips before `with_mirror_images` and `with_clip`, and which of the two were applied."""
+    """How a library was derived from the library of its original clips."""
 
-    clips: Sequence[Motion]
-    is_mirrored: bool
-    is_extended: bool
+    clips: Sequence[Motion]  # the original clips
+    is_mirrored: bool  # whether `with_mirror_images` appended clips
+    is_extended: bool  # whether `with_clip` appended a clip
 
     @classmethod
     def of(cls, library: LibraryData) -> "_Derivation":
@@ -88,7 +91,7 @@ class _Derivation:
 
 
 def is_partial(library: LibraryData) -> bool:
-    """Return whether a library has only the clips of a graft."""
+    """Return whether a library was built by `build_partial_library` and has only some clips."""
     return isinstance(library.clips, PartialClips)
 
 
@@ -105,7 +108,7 @@ def n_library_clips(library: LibraryData) -> int:
 def find_library_origin(library: LibraryData) -> LibraryOrigin:
     """Return the origin of a library.
 
-    If the library has only some clips of a whole library, return the origin of the whole library.
+    For a library of `build_partial_library`, return the origin of the whole library.
     """
     if isinstance(library.clips, PartialClips):
         return library.clips.library
@@ -183,10 +186,9 @@ def find_clip_origin(library: LibraryData, clip: int) -> ClipOrigin:
 
 
 def find_source_file(motion: Motion, spec: LibrarySpec | None = None) -> SourceFile | None:
-    """Return the file of a motion, or None if the file no longer holds the poses of the motion.
+    """Return the file of a motion, or None if the file does not hold the poses of the motion.
 
-    The poses of the file are fitted to the specification of a library before the comparison, if
-    `spec` is given.
+    If `spec` is given, the clip in the file is first converted to this library specification.
     """
     if motion.path is None:
         return None

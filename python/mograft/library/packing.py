@@ -24,22 +24,23 @@ class PackedMotion:
     """
 
     content: PackedContent
-    numbers: FloatArray  # shape (n,); one array after the other
+    numbers: FloatArray  # shape (n,); the arrays one after the other
     skeleton: Skeleton
     frame_time: float  # seconds
     n_frames: int
     name: str
     path: str | None  # the file from which the motion was read
     clip: str | None  # name of the motion in the file, if the file holds several
-    repairs: tuple[str, ...]  # defects of the file that the reader repaired
+    repairs: tuple[str, ...]  # deviations that the reader tolerated
 
 
 def pack(motion: Motion, *, as_read: bool = False) -> PackedMotion:
     """Return a motion as one array: only its channel values if these determine its poses.
 
-    The channel values take half the space. `as_read` states that the motion is an unchanged result
-    of a reader: its channel values determine the poses. Otherwise `pack` computes the poses from
-    the channel values and compares them bit for bit.
+    Channel values take about half the space of poses. `as_read` states that the motion is an
+    unchanged result of a reader, so that its channel values determine the poses. Otherwise `pack`
+    computes the poses from the channel values and compares them bit for bit. `computed_values` of
+    the motion are not stored.
     """
     values = motion.channel_values
     content: PackedContent = "poses" if values is None else "both"
@@ -65,7 +66,7 @@ def _determines_poses(values: FloatArray, motion: Motion) -> bool:
     if np.isnan(values).any():
         return False
     quats, positions = channels_to_transforms(motion.skeleton, values.copy())
-    # Compared as bytes, because -0.0 is written as "-0.0".
+    # Compared as bytes, because 0.0 and -0.0 are equal numbers but are written differently.
     return (
         quats.tobytes() == motion.rotations.tobytes()
         and positions.tobytes() == motion.positions.tobytes()

@@ -31,7 +31,7 @@ class PartialClip:
     name: str  # in the library
     address: str
     rate_override: float | None  # frames per second, if the file gives a wrong rate
-    is_mirrored: bool  # whether the clip is the mirror image of that in the file
+    is_mirrored: bool  # whether the clip is the mirror image of the clip in the file
     is_in_library: bool  # False for a base outside the library
     tags: tuple[str, ...]
 
@@ -45,10 +45,10 @@ def build_partial_library(
 ) -> L:
     """Return a library of some clips of a whole library, cut into the same segments.
 
-    `origin` is the origin of the whole library. The segments of a clip depend only on the clip, the
-    configuration and the library specification, and not on other clips. Every segment is a cluster
-    by itself.
-    Raise an error of `read_clip` if a file cannot be read, and ValueError if a clip does not fit.
+    `origin` is the origin of the whole library. The segments are the same because those of a clip
+    depend only on the clip, the configuration and the library specification. Every segment is a
+    cluster by itself. Raise an error of `read_clip` if a file cannot be read, and ValueError if a
+    clip does not fit.
     """
     spec = LibrarySpec(
         skeleton=origin.hierarchy or read_clip(clips[0].address, skeleton=origin.rest).skeleton,

@@ -45,7 +45,8 @@ def save_library(library: LibraryData, path: Path, *, force: bool) -> None:
 def _saved_clip(library: LibraryData, index: int) -> tuple[ClipInfo, Motion]:
     """Return the metadata and the motion of a clip to save.
 
-    A clip of a stored library is saved as it was read from its file, any other clip as it is.
+    A clip of a stored library is saved with the frames of its file, any other clip with the frames
+    that it has in the library.
     """
     info = library.entries[index]
     if isinstance(library.clips, StoredClips):
@@ -65,9 +66,10 @@ def commit_library(
 ) -> None:
     """Write the files of a generation other than ``frames`` and ``samples``, and commit it.
 
-    `frames` and `samples` must already be written, at `locations`. `boundary_states` holds the
-    states of the feature joints; those in `library` and its clips are ignored. `requested_rate`,
-    the rate that the caller gave, applies to clips that are added later.
+    ``frames`` and ``samples`` must already be written, at `locations`. `boundary_states` holds the
+    states of the feature joints; `library.boundary_states` and `library.clips` are ignored.
+    `requested_rate` is the `rate` that the caller of `Library.index` gave; it is stored for clips
+    that are added later.
     """
     segments = library.segments
     for name in ("start", "stop", "clip"):

@@ -1,4 +1,4 @@
-"""What a search needs to know about the balance of a library's segments."""
+"""The balance of a library's segments, as far as a donor search needs it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -22,14 +22,18 @@ from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
 _MAX_KNOWN_MARGINS = 1 << 24
-"""Support margins that are kept: 128 MiB."""
+"""Largest number of support margins that are kept: 128 MiB."""
+
+_MAX_LAST_MARGINS = 1 << 21
+"""Largest number that is kept if a clip alone has more than `_MAX_KNOWN_MARGINS`: searches take the
+segments of a clip in order, and do not need earlier ones again."""
 
 
 @dataclass(frozen=True, eq=False)
 class LibraryBalance:
     """Mass offsets and support margins of segments, computed when they are needed.
 
-    The functions of `mograft.analysis.zero_moment` with these names define them.
+    `mass_offsets` and `support_margins` of `mograft.analysis.zero_moment` define them.
     """
 
     clips: Sequence[Motion]
@@ -75,15 +79,18 @@ class LibraryBalance:
     def _margins_of_block(self, clip: int, block: int, members: IntArray) -> FloatArray:
         """Return the support margins of a block of at most `CHUNK` segments of a clip.
 
-        `members` are all segments of the clip. Blocks are kept up to `_MAX_KNOWN_MARGINS`.
+        `members` are all segments of the clip. Results are kept; the oldest are dropped if there
+        are more than `_MAX_KNOWN_MARGINS`, or `_MAX_LAST_MARGINS` if the clip has more than that.
         """
         known = self._margins.get((clip, block))
         if known is None:
             known = self._compute_margins(clip, block, members)
+            total = len(members) * self.config.samples * N_DIRECTIONS
+            limit = _MAX_KNOWN_MARGINS if total <= _MAX_KNOWN_MARGINS else _MAX_LAST_MARGINS
             keys = list(self._margins)  # other threads may add blocks
             self._margins[clip, block] = known
             n_known = sum(own.size for own in list(self._margins.values()))
-            while n_known > _MAX_KNOWN_MARGINS and keys:
+            while n_known > limit and keys:
                 dropped = self._margins.pop(keys.pop(0), None)
                 n_known -= 0 if dropped is None else dropped.size
         return known

@@ -41,11 +41,11 @@ class LibrarySpec:
     def fit(self, motion: Motion, label: str) -> Motion:
         """Return a motion with the hierarchy of the library.
 
-        Raises SkeletonMismatchError, which calls the motion `label`, if the motion has another
-        hierarchy and joints are matched by name, or if they cannot be matched by anatomy.
+        Raises SkeletonMismatchError if the motion has another hierarchy and joints are matched by
+        name, or if its joints cannot be matched by anatomy. The message calls the motion `label`.
         """
         if self.match == "anatomy":
-            return conform(motion, self.skeleton, up=self.up, root=self.root)
+            return conform(motion, self.skeleton, up=self.up, root=self.root, name=label)
         self.skeleton.check_same_hierarchy(motion.skeleton, label)
         return motion
 
@@ -53,7 +53,7 @@ class LibrarySpec:
         """Return whether ingest gives the same results with another specification."""
         parameters = (self.rate, self.root, self.up, self.match)
         is_same = parameters == (other.rate, other.root, other.up, other.match)
-        return is_same and has_same_hierarchy(self.skeleton, other.skeleton)
+        return is_same and self.skeleton.has_same_hierarchy(other.skeleton)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,11 +88,11 @@ def choose_spec(
 ) -> LibrarySpec:
     """Choose the library specification from the properties of at least one clip.
 
-    Its joint names and hierarchy are those of `hierarchy` or, by default, those that most clips
-    have. Only the clips that have them determine the other parameters: the most frequent root, the
-    up axis of the longest clip and, unless `rate` is given, the rate with the most frames. Ties go
-    to the first clip. If no clip has the given `hierarchy`, all clips determine rate and up axis,
-    and the hips are the root.
+    Its hierarchy (joint names and parents) is that of `hierarchy` or, by default, the one that most
+    clips have. Only the clips with this hierarchy determine the other parameters: the most frequent
+    root, the up axis of the longest clip and, unless `rate` is given, the rate with the most
+    frames. Ties go to the first clip. If no clip has the given `hierarchy`, all clips determine
+    rate and up axis, and the hips are the root.
     """
     by_hierarchy: dict[tuple[object, ...], list[ClipProperties]] = {}
     for clip in clips:
@@ -126,17 +126,13 @@ def rates_match(rate: float, other: float) -> bool:
     return abs(rate - other) <= MAX_RATE_DIFFERENCE * other
 
 
-def has_same_hierarchy(skeleton: Skeleton, other: Skeleton) -> bool:
-    """Return whether two skeletons have the same joint names and parents."""
-    return skeleton.names == other.names and np.array_equal(skeleton.parents, other.parents)
-
-
 def describe_match(skeleton: Skeleton, other: Skeleton, name: str = "the clip") -> str:
-    """Return which joints of two skeletons have no counterpart; "" if the hierarchies are equal.
+    """Return a text that lists the joints without a counterpart; "" if the hierarchies are equal.
 
-    Raises SkeletonMismatchError, which calls the other skeleton `name`, if they cannot be matched.
+    Raises SkeletonMismatchError if the skeletons cannot be matched. The message calls the other
+    skeleton `name`.
     """
-    if has_same_hierarchy(skeleton, other):
+    if skeleton.has_same_hierarchy(other):
         return ""
     match = match_joints(skeleton, other, name)
     return match.describe() or "every joint has a counterpart"

@@ -39,7 +39,7 @@ FORMAT, FORMAT_VERSION = "mograft.library", 1
 LOCK = ".lock"
 
 _MAX_READ_ATTEMPTS = 8
-"""How often reading starts again because another process replaced the generation."""
+"""How many times reading is attempted if other processes replace the generation meanwhile."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class StoredLibrary:
 
     @cached_property
     def samples(self) -> StoredSamples:
-        """Return the samples of all segments; their files are opened, and read when needed."""
+        """The samples of all segments. Their files are opened now, and read when needed."""
         locations = self.table.locations
         counts = np.bincount(self.arrays["clips"], minlength=len(locations)).tolist()
         folder = self.folder / self.manifest["generation"]
@@ -144,8 +144,9 @@ def _read_generation(folder: Path, manifest: dict[str, Any]) -> StoredLibrary:
 def verify(folder: Path) -> list[str]:
     """Compare the size and the SHA-256 of every file of a library with the manifest.
 
-    Return one message per missing or differing file. If all files agree, but cannot be read, return
-    the message of that error. Raise LibraryError if the manifest cannot be read.
+    Return a message for each missing or different file. If all files agree with the manifest, but
+    the library cannot be opened, return the message of that error. Raise LibraryError if the
+    manifest cannot be read.
     """
     manifest = read_manifest(folder)
     problems, files = [], []
@@ -172,9 +173,9 @@ def verify(folder: Path) -> list[str]:
 
 
 def list_leftovers(folder: Path) -> list[str]:
-    """Return the names of files that an interrupted write left behind.
+    """Return the names of files and folders that an interrupted write left in a library's folder.
 
-    The next write removes these files.
+    The next write removes generations and drafts of manifests. Other files stay.
     """
     manifest = read_manifest(folder)
     known = {MANIFEST, LOCK, manifest["generation"]}

@@ -24,8 +24,8 @@ _MAX_CACHED_CLIPS = 16
 class StoredClips(Sequence[Motion]):
     """The clips of a stored library, each of which is read from files when it is accessed.
 
-    `frames` holds for each shard the memory-mapped array of its packed motions. Clips are fitted to
-    `spec`, the specification of the library in `folder`, and resampled to its rate.
+    `frames` holds for each shard the memory-mapped numbers of its packed motions. Clips are
+    converted to the hierarchy and the rate of `spec`, the specification of the library in `folder`.
     """
 
     def __init__(
@@ -59,9 +59,10 @@ class StoredClips(Sequence[Motion]):
         return motion
 
     def original(self, index: int, *, as_read: bool = False) -> Motion:
-        """Return a clip before resampling, at its true rate and with its name in the library.
+        """Return a clip with the frames and the hierarchy of its file.
 
-        If `as_read`, return it with the frame rate and the name that the file gives.
+        It has its true frame rate and its name in the library or, if `as_read`, the rate and the
+        name that the file gives.
         """
         info, location = self.table.entries[index], self.table.locations[index]
         start, frame_time = location.first_number, location.frame_time
@@ -111,7 +112,7 @@ class RowRange(NamedTuple):
 
 
 def merge_ranges(ranges: Iterable[RowRange]) -> tuple[RowRange, ...]:
-    """Join ranges of rows that follow one another in the same shard."""
+    """Return the same rows as fewer ranges: consecutive ranges of a shard become one range."""
     merged: list[list[int]] = []
     for shard, first, n in ranges:
         if merged and merged[-1][0] == shard and sum(merged[-1][1:]) == first:
@@ -123,10 +124,10 @@ def merge_ranges(ranges: Iterable[RowRange]) -> tuple[RowRange, ...]:
 
 @dataclass(frozen=True)
 class StoredSamples:
-    """Samples of all segments, in the order of the library, read from files.
+    """Samples of all segments, in the order of the library, read from files when they are needed.
 
-    The files are read, not memory-mapped: mapped pages would count as memory of the process as long
-    as it runs.
+    The files are not memory-mapped, because mapped pages that were read would count as memory of
+    the process until it ends.
     """
 
     files: tuple[RowFile, ...]  # the ``samples`` files, one per shard
@@ -141,7 +142,7 @@ class StoredSamples:
     def from_paths(
         cls, paths: Iterable[Path], ranges: tuple[RowRange, ...], n_samples: int, n_joints: int
     ) -> "StoredSamples":
-        """Return the samples in files that are opened now."""
+        """Open the files `paths`, and return their samples."""
         width = n_samples * (4 * n_joints + 3) + 1
         files = tuple(RowFile(path, "<f4", width) for path in paths)
         return cls(files, ranges, n_samples, n_joints)
@@ -159,7 +160,7 @@ class StoredSamples:
         return Samples(rows, self.n_samples, self.n_joints)
 
     def chunks(self) -> Iterator[Samples]:
-        """Yield the samples of `CHUNK` segments at a time, whichever files hold them."""
+        """Yield the samples of `CHUNK` segments at a time, also if several files hold them."""
         for rows in self._row_chunks():
             yield Samples(rows, self.n_samples, self.n_joints)
 
@@ -198,6 +199,6 @@ class ExtendedSamples:
         return replace(self.appended, rows=rows)
 
     def chunks(self) -> Iterator[Samples]:
-        """Yield some segments at a time."""
+        """Yield the samples of at most `CHUNK` segments at a time."""
         yield from self.known.chunks()
         yield from self.appended.chunks()

@@ -14,9 +14,9 @@ Column = npt.NDArray[Any] | list[str]
 
 
 class Columns(dict[str, Column]):
-    """The columns of a table by name, of equal length: arrays of numbers, lists of texts.
+    """The columns of a table by name, of equal length: arrays of numbers, or lists of texts.
 
-    ``pandas.DataFrame``, ``polars.DataFrame`` and ``pyarrow.table`` accept it as any other dict.
+    ``pandas.DataFrame``, ``polars.DataFrame`` and ``pyarrow.table`` accept it like any other dict.
     Notebooks show its first rows.
     """
 
@@ -75,7 +75,7 @@ def library_html(library: "LibraryData") -> str:
     names, segments = library.skeleton.names, library.segments
     n_segments = np.bincount(segments.clip, minlength=len(library.entries)).tolist()
     clips = (
-        (info.name, info.n_frames, info.n_frames / library.rate, count, " ".join(info.tags))
+        (info.name, info.n_frames, (info.n_frames - 1) / library.rate, count, " ".join(info.tags))
         for info, count in zip(library.entries, n_segments, strict=True)
     )
     groups = [

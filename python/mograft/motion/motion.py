@@ -20,11 +20,15 @@ from mograft._util.arrays import (
     set_fields,
 )
 from mograft._util.runs import find_runs
-from mograft.motion import rotations
+from mograft.motion import limits, rotations
 from mograft.motion.resample import resample_segment_positions, resample_segments
 from mograft.motion.skeleton import Skeleton
 
-_FRAMES_PER_BLOCK = 2048  # whose world transforms are computed together
+_FRAMES_PER_BLOCK = 2048
+"""Frames whose world transforms are computed together."""
+
+_BLOCK_ROWS = 1 << 16
+"""Rotations, of any joints and frames, whose Euler angles are computed together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +50,9 @@ class Motion:
         The channel values of the file, in the order and units of the file; angles are in degrees.
         NaN marks a value that the writer derives from the rotation or translation. Default: NaN
         everywhere.
-    computed_values : ndarray of bool, shape (n_frames, n_channels), optional
-        Which of `channel_values` were computed from the rotations, and not read from the file: a
-        writer rounds them. Default: none.
+    computed_values : array_like of bool, shape (n_frames, n_channels), optional
+        Whether each of `channel_values` was computed from the rotations, and not read from the
+        file. A writer rounds such values. Default: False everywhere.
     name : str
         Name of the motion; for a file, its stem.
     path : Path, optional
@@ -61,8 +65,11 @@ class Motion:
     Raises
     ------
     ValueError
-        If a shape does not fit the skeleton, a value is not finite, a quaternion does not have
-        unit norm or the frame time is not above 0.
+        If a shape does not fit the skeleton; if a value is not finite, except NaN in
+        `channel_values`; if a quaternion does not have unit norm; if the frame time is not between
+        1e-5 and 1000 seconds; or if there is no frame or there are more than 16,777,216.
+    TypeError
+        If the elements of an array are not numbers, or those of `computed_values` not booleans.
 
     Examples
     --------
@@ -91,16 +98,14 @@ class Motion:
         places = as_vectors("positions", self.positions, (len(quats), n_joints))
         if not len(quats):
             raise ValueError("`rotations` must hold at least one frame, got none")
+        limits.check_frames(len(quats))
         frame_time = float(as_floats("frame_time", self.frame_time, ()))
-        if frame_time <= 0:
-            raise ValueError(f"`frame_time` must be above 0 seconds, got {frame_time}")
+        limits.check_frame_time(frame_time, "`frame_time`")
         arrays = {"rotations": quats, "positions": places}
         shape = (len(quats), self.skeleton.n_channels)
-        given = {name: getattr(self, name) for name in ("channel_values", "computed_values")}
-        for name, array in given.items():
-            if array is not None and array.shape != shape:
-                raise ValueError(f"`{name}` must have shape {shape}, got {array.shape}")
-        arrays |= {name: array for name, array in given.items() if array is not None}
+        for name, kind in (("channel_values", np.float64), ("computed_values", np.bool_)):
+            if getattr(self, name) is not None:
+                arrays[name] = _as_channel_array(name, getattr(self, name), shape, kind)
         views = {name: array.view() for name, array in arrays.items()}
         set_fields(self, {"frame_time": frame_time, **views})
 
@@ -120,7 +125,7 @@ class Motion:
         return notebook_html(self)
 
     def __getitem__(self, frames: slice) -> "Motion":
-        """Return the motion of a slice of frames; a step of k multiplies the frame time by k."""
+        """Return the frames of a slice as a motion; a step of k multiplies the frame time by k."""
         if not isinstance(frames, slice):
             raise TypeError(f"`frames` must be a slice such as motion[100:400], got {frames!r}")
         step = 1 if frames.step is None else frames.step
@@ -178,8 +183,8 @@ class Motion:
     def world_positions(self) -> FloatArray:
         """Return the world positions of all joints, shape (n_frames, n_joints, 3)."""
         positions = np.empty(self.positions.shape)
-        for frames, _, own in self.world_blocks():
-            positions[frames] = own
+        for frames, _, block in self.world_blocks():
+            positions[frames] = block
         return positions
 
     def world_blocks(self) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
@@ -189,8 +194,17 @@ class Motion:
         """
         for start in range(0, self.n_frames, _FRAMES_PER_BLOCK):
             frames = slice(start, start + _FRAMES_PER_BLOCK)
-            own = world_transforms(self.skeleton, self.rotations[frames], self.positions[frames])
-            yield frames, *own
+            local = self.rotations[frames], self.positions[frames]
+            yield frames, *world_transforms(self.skeleton, *local)
+
+    def world_track(self, joint: int) -> tuple[FloatArray, FloatArray]:
+        """Return the world rotations, (n_frames, 4), and positions, (n_frames, 3), of a joint."""
+        if self.skeleton.parents[joint] < 0:
+            return self.rotations[:, joint], self.positions[:, joint]
+        quats, places = np.empty((self.n_frames, 4)), np.empty((self.n_frames, 3))
+        for frames, world_rotations, world_positions in self.world_blocks():
+            quats[frames], places[frames] = world_rotations[:, joint], world_positions[:, joint]
+        return quats, places
 
     def resample(self, rate: float) -> "Motion":
         """Return the motion resampled to another frame rate, by cubic interpolation.
@@ -209,13 +223,13 @@ class Motion:
         Raises
         ------
         ValueError
-            If the rate is not above 0 or gives 2**53 frames or more.
+            If the rate is not above 0 or gives more than 16,777,216 frames.
         """
         rate = float(as_floats("rate", rate, ()))
         if rate <= 0:
             raise ValueError(f"`rate` must be above 0 frames per second, got {rate}")
-        if self.duration * rate >= 2**53:
-            raise ValueError(f"`rate` must give fewer than 2**53 frames, got {rate:g}")
+        if self.duration * rate >= limits.MAX_FRAMES:
+            raise ValueError(f"`rate` must give at most {limits.MAX_FRAMES} frames, got {rate:g}")
         intervals = max(round(self.duration * rate), 1)
         if self.n_frames == 1 or intervals == self.n_frames - 1:
             return self
@@ -226,6 +240,7 @@ class Motion:
             rotations=resample_segments(self.rotations, *bounds),
             positions=resample_segment_positions(self.positions, *bounds),
             channel_values=None,
+            computed_values=None,
         )
 
     def locomotion_root(self) -> int:
@@ -241,10 +256,10 @@ class Motion:
         """Return the channel values as a file stores them, shape (n_frames, n_channels).
 
         Order and units are those of the file; angles are in degrees. Numbers in `channel_values`
-        are returned unchanged. NaN, or all values if `channel_values` is None, are derived from the
-        rotations and translations. If one angle of a joint in a frame is NaN, all angles of that
-        joint in that frame are derived. Of equivalent angles, those nearest to the previous frame
-        are returned.
+        are returned unchanged. Missing values, which are NaN, are derived from the rotations and
+        translations; if `channel_values` is None, all values are. If one angle of a joint in a
+        frame is NaN, all angles of that joint in that frame are derived. Of equivalent angles,
+        those nearest to the previous frame are returned.
         """
         (numbers,) = self.channel_blocks(self.n_frames)
         return numbers
@@ -252,16 +267,19 @@ class Motion:
     def channel_blocks(self, length: int) -> Iterator[FloatArray]:
         """Yield the `channel_numbers` of consecutive blocks of at most `length` frames."""
         skeleton, known = self.skeleton, self.channel_values
-        near = [self._first_known_angles(joint) for joint in range(self.n_joints)]
+        owners = np.repeat(np.arange(self.n_joints), [len(own) for own in skeleton.channels])
+        last: FloatArray | None = None  # the frame before the block
         for start in range(0, self.n_frames, length):
             frames = slice(start, min(start + length, self.n_frames))
             if known is None:
                 numbers = np.full((frames.stop - start, skeleton.n_channels), np.nan)
             else:
                 numbers = known[frames].copy()
-            for joint, columns in enumerate(skeleton.channel_columns):
-                if not np.isnan(numbers[:, columns]).any():
-                    continue
+            is_missing = np.isnan(numbers)
+            is_unknown = is_missing.all(axis=0).tolist()  # in the whole block
+            unknown_joints: dict[str, list[int]] = {}  # by the order of their rotations
+            for joint in np.unique(owners[is_missing.any(axis=0)]).tolist():
+                columns = skeleton.channel_columns[joint]
                 for column, name in zip(columns, skeleton.channels[joint], strict=True):
                     if name.endswith("position"):
                         translations = self.positions[frames, joint, "XYZ".index(name[0])]
@@ -269,13 +287,50 @@ class Motion:
                         numbers[is_missing, column] = translations[is_missing]
                 turns = skeleton.rotation_columns[joint]
                 order, quats = skeleton.rotation_order(joint), self.rotations[frames, joint]
-                numbers[:, turns] = _fill_angles(numbers[:, turns], quats, order, near[joint])
-            for joint, turns in enumerate(skeleton.rotation_columns):
-                near[joint] = numbers[-1, turns]
+                if all(is_unknown[column] for column in turns):
+                    if turns:
+                        unknown_joints.setdefault(order, []).append(joint)
+                    continue
+                near = self._first_known_angles(joint) if last is None else last[turns]
+                numbers[:, turns] = _fill_angles(numbers[:, turns], quats, order, near)
+            for order, joints in unknown_joints.items():
+                self._fill_unknown_angles(numbers, frames, (order, joints), last)
+            last = numbers[-1].copy()  # callers may change the block
             yield numbers
 
+    def _fill_unknown_angles(
+        self,
+        numbers: FloatArray,
+        frames: slice,
+        turned: tuple[str, list[int]],
+        last: FloatArray | None,
+    ) -> None:
+        """Set the angles of joints of which none is known in `frames`, as `_fill_angles` does.
+
+        `turned` is the rotation order of the joints, and the joints; `last` is the frame before
+        `frames`. A few joints are computed at a time, because motions may be long.
+        """
+        order, joints = turned
+        axes, n_together = rotations.euler_axes(order), max(1, _BLOCK_ROWS // len(numbers))
+        for start in range(0, len(joints), n_together):
+            chosen = joints[start : start + n_together]
+            columns = np.array([self.skeleton.rotation_columns[joint] for joint in chosen], int)
+            quats = np.ascontiguousarray(self.rotations[frames, chosen].swapaxes(0, 1))
+            near = np.zeros((len(chosen), 3))
+            if last is not None:
+                near[:, : len(order)] = np.radians(last[columns])
+            elif self.channel_values is not None:
+                known = [self._first_known_angles(joint) for joint in chosen]
+                near[:, : len(order)] = np.radians(known)
+            rows = zip(quats, near.tolist(), strict=True)
+            angles = np.array([_core.to_euler(own, axes, (x, y, z)) for own, (x, y, z) in rows])
+            numbers[:, columns] = np.degrees(angles[..., : len(order)]).swapaxes(0, 1)
+
     def _first_known_angles(self, joint: int) -> FloatArray:
-        """Return the angles of a joint, in degrees, in the first frame that has all; 0 if none."""
+        """Return the angles of a joint, in degrees, in the first frame in which none is NaN.
+
+        If there is no such frame, return zeros.
+        """
         columns = self.skeleton.rotation_columns[joint]
         if self.channel_values is not None and columns:
             for start in range(0, self.n_frames, _FRAMES_PER_BLOCK):
@@ -287,7 +342,10 @@ class Motion:
         return np.zeros(len(columns))
 
     def is_computed(self, numbers: FloatArray, start: int = 0) -> BoolArray:
-        """Return which numbers of `channel_numbers`, from a frame on, were not read from a file."""
+        """Return whether each of `numbers` was computed instead of read from a file.
+
+        `numbers` are rows of `channel_numbers`; `start` is the frame of the first row.
+        """
         computed = np.ones(numbers.shape, bool)
         frames = slice(start, start + len(numbers))
         if self.channel_values is not None:
@@ -295,6 +353,26 @@ class Motion:
             if self.computed_values is not None:
                 computed |= self.computed_values[frames]
         return computed
+
+
+def _as_channel_array(
+    name: str, value: npt.ArrayLike, shape: tuple[int, int], kind: type[np.generic]
+) -> npt.NDArray[Any]:
+    """Return `value` as an array of `kind` with one element per frame and channel; NaN is allowed.
+
+    Raises TypeError if the elements have another type, ValueError if the shape differs or an
+    element is infinite. The messages call the array `name`.
+    """
+    given = np.asarray(value)
+    if given.shape != shape:
+        raise ValueError(f"`{name}` must have shape {shape}, got {given.shape}")
+    if not np.can_cast(given.dtype, kind, "same_kind"):
+        raise TypeError(f"`{name}` must be an array of {np.dtype(kind)}, got {given.dtype}")
+    array = given.astype(kind, copy=False)
+    if np.isinf(array).any():
+        index = np.argwhere(np.isinf(array))[0].tolist()
+        raise ValueError(f"`{name}` must be finite or NaN, got {array[tuple(index)]} at {index}")
+    return array
 
 
 def notebook_html(item: Any) -> str:  # noqa: ANN401 - a motion, or a graft of a higher layer
@@ -328,11 +406,11 @@ def forward_kinematics(
 def _fill_angles(
     angles: FloatArray, quats: FloatArray, order: str, before: FloatArray
 ) -> FloatArray:
-    """Return `angles`, in degrees, with all rows that contain NaN computed from `quats`.
+    """Return `angles`, in degrees, after replacing each row that contains NaN by angles of `quats`.
 
-    Of equivalent Euler angles, those nearest to the previous frame are chosen; `before` has the
-    angles of the frame before the first. `order`, such as ``"ZXY"``, names the rotation axes of the
-    columns of `angles`.
+    Of equivalent Euler angles, those nearest to the previous frame are chosen; `before` holds the
+    angles of the frame before the first row. `order`, such as ``"ZXY"``, names the rotation axes of
+    the columns of `angles`.
     """
     filled = angles.copy()
     unknown = np.asarray(np.isnan(angles).any(axis=1))

@@ -110,7 +110,7 @@ def cubic_positions(
 def resample_segments(
     rotations: npt.ArrayLike, starts: npt.ArrayLike, stops: npt.ArrayLike, counts: npt.ArrayLike
 ) -> FloatArray:
-    """Resample each segment of a clip to a given number of equally spaced frames; concatenate them.
+    """Resample each segment of a clip to equally spaced frames, and concatenate the results.
 
     Segment i, frames ``starts[i]`` to ``stops[i]`` inclusive of `rotations`, shape (n_frames,
     n_joints, 4), becomes ``counts[i]`` frames. The curve is that of `cubic` and uses no frame
@@ -140,11 +140,12 @@ def resample_segment_positions(
 
 
 def sample_clips(tracks: Sequence[FloatArray], clips: IntArray, times: FloatArray) -> FloatArray:
-    """Return values of clips at n times, by the curves of `cubic` through each clip.
+    """Return the values of clips at n times, interpolated as by `cubic`.
 
     `tracks` are the rotations or translations of each clip, shape (n_frames, n_joints, 4 or 3);
-    they are not checked. `clips`, shape (n,), are indices into `tracks`. `times`, shape (n,), are
-    in frames from the start of the clip. The result has shape (n, n_joints, 4 or 3).
+    they are not checked. `clips`, shape (n,), holds for each time the index of its clip in
+    `tracks`. `times`, shape (n,), are in frames from the start of the clip. The result has shape
+    (n, n_joints, 4 or 3).
     """
     return _core.sample_clips([np.ascontiguousarray(track) for track in tracks], clips, times)
 
@@ -152,13 +153,13 @@ def sample_clips(tracks: Sequence[FloatArray], clips: IntArray, times: FloatArra
 def clip_states(
     tracks: Sequence[FloatArray], clips: IntArray, frames: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the values, velocities and accelerations in n frames, given by clip and frame.
+    """Return the values, velocities and accelerations of clips in n frames.
 
-    `tracks` are as for `sample_clips`; `clips` and `frames` have shape (n,). Velocities, shape
-    (n, n_joints, 3), are per frame, those of `cubic`; angular velocities are in the joint's local
-    axes. Accelerations, of the same shape, are second differences, per frame². The first and last
-    frame of a clip get the acceleration of the adjacent frame. In a clip of fewer than three frames
-    all accelerations are 0.
+    `tracks` are as for `sample_clips`. `clips` and `frames`, shape (n,), give the clip and the
+    frame. Velocities, shape (n, n_joints, 3), are those of the curves of `cubic`, per frame;
+    angular velocities are in the joint's local axes. Accelerations, of the same shape, are second
+    differences, per frame². The first and last frame of a clip get the acceleration of the adjacent
+    frame. In a clip of fewer than three frames all accelerations are 0.
     """
     return _core.clip_states([np.ascontiguousarray(track) for track in tracks], clips, frames)
 

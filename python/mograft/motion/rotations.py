@@ -37,9 +37,9 @@ _AXES = {"X": 0, "Y": 1, "Z": 2}
 
 
 def multiply(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the compositions of rotations, shape (..., 4): `b` is applied first, then `a`.
+    """Return the products of unit quaternions, shape (..., 4): `b` is applied first, then `a`.
 
-    The result is the Hamilton product, not renormalised.
+    The result is the Hamilton product. It is not renormalised. The shapes broadcast.
 
     Examples
     --------
@@ -73,10 +73,14 @@ def _broadcast(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
 def from_axis_angle(axis: npt.ArrayLike, angles: npt.ArrayLike) -> FloatArray:
     """Return the rotations by given angles about one axis, shape (..., 4).
 
-    The axis, shape (3,), has any length above 0; the angles, shape (...), are in radians.
+    The axis, shape (3,), may have any length above 0; the angles, shape (...), are in radians.
+    Raises ValueError if the axis is zero, a shape is wrong or a value is not finite.
     """
     direction = as_vectors("axis", axis, ())
-    direction = direction / np.linalg.norm(direction)
+    length = np.linalg.norm(direction)
+    if not length > 0:
+        raise ValueError(f"`axis` must have a length above 0, got {direction.tolist()}")
+    direction = direction / length
     half = 0.5 * as_floats("angles", angles)[..., None]
     return np.concatenate([np.sin(half) * direction, np.cos(half)], axis=-1)
 
@@ -90,8 +94,9 @@ def from_matrices(matrices: npt.ArrayLike) -> FloatArray:
 
     Notes
     -----
-    Each of the four quaternion components gives a formula for the whole quaternion; the one with
-    the largest component is used (Shepperd, Journal of Guidance and Control 1, 1978).
+    There is one formula of the quaternion for each of its four components, which divides by that
+    component. The formula of the largest component is used (Shepperd, Journal of Guidance and
+    Control 1, 1978).
 
     Examples
     --------
@@ -169,7 +174,7 @@ def log(rotations: npt.ArrayLike) -> FloatArray:
 
 
 def angle(a: npt.ArrayLike, b: npt.ArrayLike) -> FloatArray:
-    """Return the angles between rotations in radians, 0 to π; accurate near 0.
+    """Return the angles between rotations in radians, 0 to π. Small angles are accurate, too.
 
     The unit quaternions `a` and `b`, shape (..., 4), broadcast. Raises ValueError if a shape is
     wrong or a quaternion does not have unit norm.
@@ -217,7 +222,7 @@ def continuous_signs(rotations: FloatArray) -> FloatArray:
 
 
 def mean_of_products(sums: FloatArray) -> FloatArray:
-    """Return mean rotations, shape (n, 4), from the sums of q qᵀ over quaternions, (n, 4, 4).
+    """Return mean rotations, shape (n, 4), given `sums` of q qᵀ over quaternions q, (n, 4, 4).
 
     A mean m is the unit quaternion with w ≥ 0 that maximises Σ (q·m)². The signs of the
     quaternions therefore have no effect (Markley et al. 2007).
@@ -230,9 +235,9 @@ def mean_of_products(sums: FloatArray) -> FloatArray:
 def twist(rotations: FloatArray, axis: int) -> FloatArray:
     """Return the twist of rotations, shape (..., 4), about the coordinate axis 0, 1 or 2.
 
-    In the swing-twist decomposition, the rotation is the product of its twist and a swing about an
-    axis perpendicular to that of the twist: the swing is `multiply(inverse(twist), rotation)`. The
-    twist of a half turn about a perpendicular axis is undefined; the identity is returned for it.
+    In the swing-twist decomposition, a rotation is ``multiply(twist, swing)``, where the axis of
+    the swing is perpendicular to that of the twist. The twist of a half turn about a perpendicular
+    axis is undefined; the identity is returned for it.
     """
     twists = np.zeros_like(rotations)
     twists[..., axis] = rotations[..., axis]
@@ -268,12 +273,12 @@ def to_euler(
     """Return intrinsic Euler angles of consecutive rotations, without jumps of 2π.
 
     The rotations are unit quaternions, shape (n_frames, 4); the angles are in radians, shape
-    (n_frames, len(order)). `order` has one to three different letters of X, Y and Z, as for
+    (n_frames, len(order)). `order` has at most three different letters of X, Y and Z, as for
     `from_euler`. Of all angles that give a rotation, those nearest to the previous frame are
-    returned; in the first frame, those nearest to `near`, shape (3,), angles about the axes of
-    `order`. In gimbal lock the first angle keeps its previous value. If `order` has fewer than
-    three axes, the rotation about the others is dropped. Raises ValueError if an argument is
-    invalid.
+    returned; in the first frame, those nearest to `near`. `near`, shape (3,), are angles about the
+    axes of `order`, followed by the axes that `order` lacks. In gimbal lock the first angle keeps
+    its previous value. If `order` has fewer than three axes, the rotation about the others is
+    dropped. Raises ValueError if an argument is invalid.
 
     Examples
     --------
@@ -285,11 +290,21 @@ def to_euler(
     quats = as_quaternions("rotations", rotations, ("n_frames",))
     if not set(order) <= set(_AXES) or len(set(order)) != len(order):
         raise ValueError(f"`order` must be different letters among X, Y and Z, got {order!r}")
-    axes = [_AXES[letter] for letter in order]
-    axes += [axis for axis in range(3) if axis not in axes]
     start = as_floats("near", near, (3,))
-    first, second, third = axes
     angles = _core.to_euler(
-        quats, (first, second, third), (float(start[0]), float(start[1]), float(start[2]))
+        quats, euler_axes(order), (float(start[0]), float(start[1]), float(start[2]))
     )
     return angles[:, : len(order)]
+
+
+def euler_axes(order: str) -> tuple[int, int, int]:
+    """Return the axes of `order`, followed by the axes that it lacks.
+
+    Examples
+    --------
+    >>> euler_axes("ZX")
+    (2, 0, 1)
+    """
+    axes = [_AXES[letter] for letter in order]
+    first, second, third = [*axes, *(axis for axis in range(3) if axis not in axes)]
+    return first, second, third

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,16 +15,18 @@ from mograft._util.arrays import (
     as_floats,
     as_indices,
     as_vectors,
+    make_read_only,
     set_fields,
 )
 from mograft.errors import SkeletonMismatchError, join_names, suggest_name
+from mograft.motion.limits import check_hierarchy
 
 CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
 
 
 @dataclass(frozen=True, eq=False)
 class EndSite:
-    """The end of a bone without a joint there, such as a fingertip: an ``End Site`` of BVH.
+    """The end of a bone that has no joint, such as a fingertip: an ``End Site`` of BVH.
 
     Parameters
     ----------
@@ -47,6 +50,24 @@ class EndSite:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         set_fields(self, state)
+
+
+def make_end_sites(
+    parents: Sequence[int], offsets: FloatArray, before: Sequence[int], names: Sequence[str]
+) -> tuple[EndSite, ...]:
+    """Return end sites from their fields; `offsets` has shape (n_sites, 3).
+
+    Checking all offsets together is faster than constructing each `EndSite`.
+    """
+    rows = as_vectors("offsets", offsets, (len(parents),)).copy()
+    make_read_only(rows)
+    sites = []
+    for parent, offset, rank, name in zip(parents, rows, before, names, strict=True):
+        site = object.__new__(EndSite)
+        fields = {"parent": parent, "offset": offset, "before": rank, "name": name}
+        site.__dict__.update(fields)
+        sites.append(site)
+    return tuple(sites)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +95,9 @@ class Skeleton:
     Raises
     ------
     ValueError
-        If arguments have different lengths, a parent does not precede its child, or a channel name
-        is unknown.
+        If there is no joint, arguments have different lengths, a parent does not precede its child,
+        a channel name is unknown or occurs twice in a joint, the parent of an end site does not
+        exist, or there are more than 65,536 joints, 2,048 levels or 65,535 characters in a name.
 
     Examples
     --------
@@ -103,6 +125,7 @@ class Skeleton:
             )
         if parents[0] != -1 or (parents[1:] < 0).any():
             raise ValueError("`parents` must be -1 at joint 0, the root, and nowhere else")
+        check_hierarchy(names, parents.tolist())
         offsets = as_vectors("offsets", self.offsets, (n_joints,)).copy()
         rotation = ("Zrotation", "Xrotation", "Yrotation")
         default = ((*CHANNELS[:3], *rotation), *[rotation] * (n_joints - 1))
@@ -111,9 +134,10 @@ class Skeleton:
             raise ValueError(
                 f"`channels` must have {n_joints} entries, one per joint, got {len(channels)}"
             )
-        for name, joint_channels in zip(names, channels, strict=True):
+        for joint_channels in dict.fromkeys(channels):
             distinct = set(joint_channels)
             if not distinct <= set(CHANNELS) or len(distinct) != len(joint_channels):
+                name = names[channels.index(joint_channels)]
                 raise ValueError(
                     f"the channels of {name} must be different names among {', '.join(CHANNELS)}, "
                     f"got {joint_channels}"
@@ -146,23 +170,29 @@ class Skeleton:
     @cached_property
     def children(self) -> tuple[tuple[int, ...], ...]:
         """Indices of each joint's child joints, in the order of the file."""
-        children: list[list[int]] = [[] for _ in self.names]
-        for joint, parent in enumerate(self.parents):
-            if parent >= 0:
-                children[parent].append(joint)
-        return tuple(map(tuple, children))
+        parents = self.parents[1:]
+        joints = (np.argsort(parents, kind="stable") + 1).tolist()
+        stops = np.cumsum(np.bincount(parents, minlength=self.n_joints)).tolist()
+        return tuple(tuple(joints[start:stop]) for start, stop in pairwise([0, *stops]))
 
     @cached_property
     def children_and_sites(self) -> "tuple[tuple[int | EndSite, ...], ...]":
         """Child joints (as indices) and end sites of each joint, in the order of the file."""
-        rows: list[list[tuple[int, int, int | EndSite]]] = [
-            [(rank, 1, child) for rank, child in enumerate(children)] for children in self.children
-        ]
+        ordered: list[tuple[int | EndSite, ...]] = list(self.children)
+        sites: dict[int, list[EndSite]] = {}
         for site in self.end_sites:
-            rank = min(site.before, len(self.children[site.parent]))
-            rows[site.parent].append((rank, 0, site))  # before the child of the same rank
-        ordered = (sorted(row, key=lambda entry: entry[:2]) for row in rows)
-        return tuple(tuple(item for _, _, item in row) for row in ordered)
+            sites.setdefault(site.parent, []).append(site)
+        for joint, own in sites.items():
+            children = self.children[joint]
+            if not children and len(own) == 1:
+                ordered[joint] = tuple(own)
+                continue
+            # An end site precedes the child of the same rank.
+            entries: list[tuple[int, int, int | EndSite]]
+            entries = [(rank, 1, child) for rank, child in enumerate(children)]
+            entries += [(min(site.before, len(children)), 0, site) for site in own]
+            ordered[joint] = tuple(item for *_, item in sorted(entries, key=lambda e: e[:2]))
+        return tuple(ordered)
 
     @cached_property
     def channel_columns(self) -> tuple[range, ...]:
@@ -212,7 +242,7 @@ class Skeleton:
     def index(self, name: str) -> int:
         """Return the index of the joint named `name`.
 
-        Raises ValueError if no joint or more than one has the name.
+        Raises ValueError if no joint has the name, or more than one has it.
         """
         found = [joint for joint, known in enumerate(self.names) if known == name]
         if not found:
@@ -234,24 +264,28 @@ class Skeleton:
         """Return the skeleton with the given rest offsets, shape (n_joints, 3)."""
         return replace(self, offsets=as_vectors("offsets", offsets))
 
+    def has_same_hierarchy(self, other: "Skeleton") -> bool:
+        """Return whether another skeleton has the same joint names and parents."""
+        return self.names == other.names and np.array_equal(self.parents, other.parents)
+
     def check_same_hierarchy(self, other: "Skeleton", name: str = "the other skeleton") -> None:
         """Raise SkeletonMismatchError unless another skeleton has the same joint names and parents.
 
         Offsets and channels may differ. The message lists the joints that differ and calls the
         other skeleton `name`.
         """
-        if self.names == other.names and np.array_equal(self.parents, other.parents):
+        if self.has_same_hierarchy(other):
             return
         missing = [joint for joint in self.names if joint not in other.names]
         extra = [joint for joint in other.names if joint not in self.names]
         if missing or extra:
             parts = [f"lacks {join_names(missing)}"] if missing else []
-            parts += [f"has also {join_names(extra)}"] if extra else []
+            parts += [f"also has {join_names(extra)}"] if extra else []
             raise SkeletonMismatchError(f"{name} {' and '.join(parts)}")
         for joint, (ours, theirs) in enumerate(zip(self.names, other.names, strict=False)):
             if ours != theirs:
                 raise SkeletonMismatchError(
-                    f"{name} has its joints in another order: "
+                    f"{name} must have its joints in the same order: "
                     f"joint {joint} must be {ours}, got {theirs}"
                 )
         if len(self.names) != len(other.names):

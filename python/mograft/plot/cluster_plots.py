@@ -7,6 +7,7 @@ import numpy as np
 from mograft._standalone.mograft_linkage import linkage
 from mograft._standalone.mograft_linkage.dendrogram import leaves_list
 from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.validate import is_integer
 from mograft.analysis.embedding import Embedding
 from mograft.errors import suggest_name
 from mograft.io.palette import PALETTE
@@ -49,14 +50,16 @@ def pca(
     Raises
     ------
     ValueError
-        If the group or a component does not exist, or the group has no embedding.
+        If the group does not exist or has no embedding, or `components` are not two components.
     """
     name, embedding, labels = _embedding(library, group)
     points = embedding.points
+    if len(components) != 2:
+        raise ValueError(f"`components` must be two numbers, got {components}")
     for component in components:
-        if not 1 <= component <= points.shape[1]:
+        if not (is_integer(component) and 1 <= component <= points.shape[1]):
             raise ValueError(
-                f"`components` must be numbers from 1 to {points.shape[1]}, got {component}"
+                f"`components` must be whole numbers from 1 to {points.shape[1]}, got {component}"
             )
     axes = ensure_axes(ax, (6, 5))
     x, y = (points[:, component - 1] for component in components)
@@ -126,7 +129,11 @@ def dendrogram(library: Library, group: str | None = None, *, ax: "Axes | None" 
 
 
 def _branches(tree: FloatArray, labels: IntArray, threshold: float) -> dict[str, list[FloatArray]]:
-    """Return the branches of a linkage tree by colour; each is a polyline, shape (4, 2)."""
+    """Return the branches of a linkage tree, by their colour.
+
+    `labels` has the cluster of each segment. A branch is a polyline, shape (4, 2), in the
+    coordinates of the axes.
+    """
     n = len(labels)
     x = np.zeros(2 * n - 1)
     x[leaves_list(tree)] = np.arange(n)
@@ -185,7 +192,10 @@ def clusters(library: Library, group: str | None = None, *, ax: "Axes | None" = 
 
 
 def group_labels(library: Library, group: str | None) -> tuple[str, IntArray]:
-    """Return the name of a group, by default the base group, and the cluster of each segment."""
+    """Return the name of a group and the cluster of each segment; the default is the base group.
+
+    Raise ValueError if the library has no such group.
+    """
     name = library.groups.base if group is None else group
     if name not in library.labels:
         hint = suggest_name(name, library.labels)

@@ -31,9 +31,10 @@ def groups(
     Returns
     -------
     tuple of matplotlib Axes
-        The axes of the tree and of the pose. The chains are on the vertical axis of the tree, the
-        base first; the horizontal axis is the distance of the merged chains, 1 minus their
-        smallest dependence. A dashed line separates the merges within groups from the others.
+        The axes of the tree and of the pose. The chains are on the vertical axis of the tree, with
+        the base group at the top. The horizontal axis is the distance at which
+        chains merge: 1 minus their smallest dependence. A dashed line separates the merges within
+        groups from the others.
 
     Examples
     --------

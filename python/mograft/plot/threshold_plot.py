@@ -27,10 +27,11 @@ def threshold(library: Library, group: str | None = None, *, ax: "Axes | None" =
     Returns
     -------
     matplotlib Axes
-        The axes. The curve is the error between segments of one cluster, by scale; 1 is that of
-        random segments. The solid horizontal line is the error of repetitions, the dashed one the
-        limit, 1.1 times that error. The vertical line is the scale that "auto" chooses, the dotted
-        one that of the library. See `Config.sigma_scale`.
+        The axes. The curve shows, for each scale, the error between segments of one cluster,
+        relative to the error between random segments. The solid horizontal line is the error of
+        repetitions, the dashed one the limit, 1.1 times that error. The solid vertical line is the
+        scale that "auto" chooses. A dotted line is the scale of the library, if it differs. See
+        `Config.sigma_scale`.
 
     Raises
     ------

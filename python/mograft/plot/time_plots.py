@@ -33,8 +33,8 @@ def energy(
     config : Config, optional
         Parameters of the segmentation.
     frames : tuple of int, optional
-        First and last frame that the axes show. Energy and segments are those of the whole motion.
-        Default: all.
+        First and last frame that the axes show; the first must be a frame of the motion. Energy
+        and segments are those of the whole motion. Default: all.
     ax : matplotlib Axes, optional
         Axes to draw into. Default: new axes.
 
@@ -48,7 +48,8 @@ def energy(
     Raises
     ------
     ValueError
-        If the motion has a single frame, or the first of `frames` is not before the last.
+        If the motion has a single frame, or the first of `frames` is not before the last or not
+        a frame of the motion.
     """
     config = Config() if config is None else config
     axes = ensure_axes(ax, (10, 2.8))
@@ -56,6 +57,7 @@ def energy(
     smooth = gaussian_filter(values, config.smoothing * motion.rate)
     time = np.arange(motion.n_frames) * motion.frame_time
     segments = segment(motion, config)
+    first, last = _shown_frames(frames, motion.n_frames)
     bounds = np.append(segments.start, segments.stop[-1])
     for start, stop in zip(segments.start[::2], segments.stop[::2], strict=True):
         axes.axvspan(time[start], time[stop], color="0.5", alpha=0.13, linewidth=0)
@@ -63,8 +65,6 @@ def energy(
     axes.plot(time, smooth, color=PALETTE[0], linewidth=1.4, label="smoothed")
     x, y = time[bounds], smooth[bounds]
     axes.plot(x, y, ".", color=PALETTE[1], markersize=4, label="segment boundaries")
-    first, last = (0, motion.n_frames - 1) if frames is None else frames
-    _check_ascending(first, last)
     axes.set_xlim(first * motion.frame_time, last * motion.frame_time)
     axes.set_ylim(0, 1.05 * max(float(values[first : last + 1].max()), 1e-9))
     axes.set_xlabel("time (s)")
@@ -83,11 +83,13 @@ def timeline(
 
     Parameters
     ----------
-    *items : Motion, Graft, Library, Scene or path of a BVH file
+    *items : Motion, Graft, Library, Scene, or address of motions
         What to draw. The base of a graft is drawn above the graft. A file beside which ``mograft
-        graft`` wrote a .json file is drawn as a graft.
+        graft`` wrote a .json file is drawn as a graft without clusters: the clip of the donor
+        colours each exchanged segment, and other segments are grey.
     frames : tuple of int, optional
-        First and last frame. Default: all.
+        First and last frame that the axes show; the first must be a frame of the longest motion.
+        Default: all.
     ax : matplotlib Axes, optional
         Axes to draw into. Default: new axes.
 
@@ -100,13 +102,12 @@ def timeline(
     Raises
     ------
     TypeError, ValueError
-        As for `mograft.view`, and if the first of `frames` is not before the last.
+        As for `mograft.view`, and if the first of `frames` is not before the last or not a frame
+        of the longest motion.
     """
     figures = Scene.of(items).figures
     lines = [(figure, row) for figure in figures for row in figure.rows]
-    longest = max(figure.motion.n_frames for figure in figures) - 1
-    first, last = (0, longest) if frames is None else frames
-    _check_ascending(first, last)
+    first, last = _shown_frames(frames, max(figure.motion.n_frames for figure in figures))
     axes = ensure_axes(ax, (10, 0.5 + 0.32 * max(len(lines), 1)))
     canvas = axes.get_figure(root=True)
     if canvas is None:
@@ -125,9 +126,15 @@ def timeline(
     return axes
 
 
-def _check_ascending(first: int, last: int) -> None:
-    if not first < last:
-        raise ValueError(f"`frames` must be two ascending numbers, got {(first, last)}")
+def _shown_frames(frames: tuple[int, int] | None, n_frames: int) -> tuple[int, int]:
+    """Return the first and last frame that axes show, by default all of `n_frames` frames."""
+    first, last = (0, n_frames - 1) if frames is None else frames
+    if not (first < last and 0 <= first < n_frames):
+        raise ValueError(
+            f"`frames` must be two ascending numbers, the first within 0-{n_frames - 1}, "
+            f"got {(first, last)}"
+        )
+    return first, last
 
 
 def _draw_row(

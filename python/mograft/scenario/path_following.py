@@ -18,7 +18,7 @@ _OFF_PATH_WEIGHT, _REMAINING_WEIGHT = 3.0, 2.0
 heights; and of the remaining length of the path, in heights. Walking on the path lowers their sum
 if the distance from the path is below two thirds of a height."""
 _MIN_WALKING_SPEED = 0.25  # heights per second of a segment that walks; people walk at about 0.8
-_MAX_DURATION_FACTOR = 10.0  # limit of a result, in path durations at mean walking speed
+_MAX_DURATION_FACTOR = 10.0  # limit of the duration, as a multiple of that at mean walking speed
 
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -31,8 +31,8 @@ def follow(library: Library, path: npt.ArrayLike, *, graph: Transitions | None =
     library : Library
         The library of the segments.
     path : array_like, shape (n_points, 2)
-        Corners of the path in the file's unit, on the two axes other than up in their order: x and
-        z if y points up.
+        Corners of the path in the file's unit. The columns are the two horizontal axes in their
+        order: x and z if y points up.
     graph : Transitions, optional
         The transition graph of the library, to save its computation. Default: `transitions`.
 
@@ -87,7 +87,7 @@ class _Beam:
     node: IntArray  # the segment
     previous: IntArray  # the segment before it; -1 at the start
     initial_turn: FloatArray  # rotation that places the first segment, about up, in radians
-    turn: FloatArray  # the same for the segment `node`
+    turn: FloatArray  # rotation that places the segment `node`
     position: ComplexArray  # of the root
     progress: FloatArray  # arc length of the nearest point of the path
     cost: FloatArray
@@ -171,7 +171,7 @@ class _PathSearch:
         return rotated
 
     def _walk_segment(self, beam: _Beam) -> _Beam:
-        """Add the last segment of each sequence to its position, progress, cost and duration."""
+        """Move each sequence along its last segment; update position, progress, cost, duration."""
         step = self._rotate(self.displacements[beam.node], beam.turn)
         position = beam.position + step
         progress, distance = self._nearest_on_path(

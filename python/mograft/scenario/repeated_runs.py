@@ -44,7 +44,7 @@ def repetition(library: Library, scenario: Sequence[int] | IntArray | Scenario) 
     Raises
     ------
     ValueError
-        If the scenario has no segment.
+        If the scenario has no segment, or one that is not in the library.
 
     Examples
     --------
@@ -56,6 +56,10 @@ def repetition(library: Library, scenario: Sequence[int] | IntArray | Scenario) 
     if not isinstance(scenario, Scenario):
         scenario = Scenario(as_indices("scenario", scenario, ("n",)))
     segments = scenario.segments.tolist()
+    n = len(library.segments)
+    for segment in segments:
+        if not 0 <= segment < n:
+            raise ValueError(f"`scenario` must contain only segments 0 to {n - 1}, got {segment}")
     lengths = library.segments.lengths[segments].tolist()
     runs = RepeatedRuns()
     longest = max(runs.append(*item) for item in zip(segments, lengths, strict=True))
@@ -89,7 +93,7 @@ class RepeatedRuns:
         return max(self._runs.values(), default=0)
 
     def lengths_before(self) -> dict[int, int]:
-        """Return, for each item that would extend repeated runs, the length of the longest one."""
+        """Return the items that would extend a repeated run, with the length of the longest one."""
         lengths: dict[int, int] = {}
         for position, length in self._runs.items():
             item = self._items[position + 1]

@@ -39,19 +39,21 @@ class SegmentEnds:
     heights: FloatArray  # (n,): of the root, in skeleton heights
     root_velocities: FloatArray  # (n, 3): seen from its heading, in heights per second
     root_angular_velocities: FloatArray  # (n, 3): in radians per second
-    root_accelerations: FloatArray  # (n,): greatest over the floor within 0.15 s, heights/s²
+    root_accelerations: FloatArray  # (n,): maximum over the floor within 0.15 s, heights/s²
     contacts: BoolArray  # (n, n_feet): which feet are on the floor
     is_at_rest: BoolArray  # (n,): whether the segment ends at a minimum of kinetic energy
     steps: FloatArray  # (n, 4): floor displacement and yaw between the two frames at this end
-    weight_sums: FloatArray  # (n,): sum of the weights of the other side's root velocity at a seam
-    faded_steps: FloatArray  # (n, 4): sum of this segment's steps times these weights
+    # A seam blends the root velocities of both sides: near this end, each step of this segment is
+    # replaced in part by a step of the segment on the other side of the seam.
+    weight_sums: FloatArray  # (n,): sum over the steps of the weight of the other segment
+    faded_steps: FloatArray  # (n, 4): sum over the steps of the weight times this segment's step
 
     def feature_points(self) -> FloatArray:
         """Return one point per segment, shape (n, n_features), to find transitions of low cost.
 
-        The distance between the points of an end and a start is the square root of the sum of the
-        squared terms of the transition cost, in which the squares of the joints are averaged. For
-        large angles the distance is smaller.
+        The transition cost is a sum of terms. The squared distance between the points of an end and
+        a start is the sum of the squared terms, with the mean of squares over the joints. For large
+        angles the distance is smaller.
         """
         n, n_joints = self.poses.shape[:2]
         share = max(n_joints, 1) ** -0.5
@@ -154,7 +156,8 @@ class _ClipEnds:
     ) -> tuple[FloatArray, FloatArray]:
         """Return the root's steps per frame near segment ends, ordered from the end inward.
 
-        The second result is the weight, at each step, of the root velocity across the seam.
+        The second result has, for each step, the weight of the root velocity of the segment on the
+        other side of the seam.
         """
         library = self._library
         distances = np.arange(0.5, np.ceil(library.config.seam_blend * library.rate))

@@ -8,12 +8,12 @@ from mograft._util.arrays import IntArray
 
 
 def largest_strong_component(n: int, sources: IntArray, targets: IntArray) -> IntArray:
-    """Return the largest set of nodes of which every one is reachable from every other, ascending.
+    """Return the nodes of the largest strongly connected component of a graph, ascending.
 
-    The graph has the nodes 0 to `n` - 1. Its edges lead from `sources` to `targets` and are sorted
-    by source. Of sets of the same size, the one that is found first is returned.
-
-    Tarjan, Depth-first search and linear graph algorithms (1972), without recursion.
+    In such a component, every node is reachable from every other one. The graph has the nodes 0 to
+    `n` - 1. Its edges lead from `sources` to `targets` and are sorted by source. Of components of
+    the same size, the one that is found first is returned. The algorithm is that of Tarjan
+    (Depth-first search and linear graph algorithms, 1972), without recursion.
     """
     bounds = np.searchsorted(sources, np.arange(n + 1)).tolist()
     every_target = targets.tolist()

@@ -7,6 +7,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.names import as_words
 from mograft.errors import join_names, suggest_name
 from mograft.library.library import Library
 from mograft.motion import rotations
@@ -15,11 +16,11 @@ from mograft.scenario.strong_components import largest_strong_component
 
 _CHEAPEST_SHARE = 0.1  # share of all allowed pairs whose costs are within the limit
 _MAX_LIMIT = np.radians(25.0)
-_MIN_SEGMENT_SHARE = 0.5  # if fewer segments remain, the limit grows to _MAX_WIDENED_LIMIT or more
+_MIN_SEGMENT_SHARE = 0.5  # the limit grows while fewer segments remain, and is below the next one
 _MAX_WIDENED_LIMIT = np.radians(45.0)
 _STEADY_SHARE = 0.95  # share of starts and ends, those of least root acceleration, with transitions
 _MAX_EXIT_COST = np.radians(60.0)
-_EXIT_SECONDS = 2.0  # with one transition each, after which one above the limit is allowed
+_EXIT_SECONDS = 2.0  # interval of a run of segments with one transition each; see `_exits`
 _TRANSITION_TEMPERATURE = np.radians(5.0)
 _MIN_SEGMENTS = 4
 _MAX_SUCCESSORS = 64  # nearest segments considered after each; determines the memory of a graph
@@ -45,16 +46,16 @@ class Transitions:
     costs : ndarray, shape (m,)
         Cost of each edge in radians; 0 from a segment to its successor in the clip.
     limit : float
-        The greatest allowed cost in radians. Only the transitions that lead out of runs of segments
-        with one transition each may exceed it.
+        Largest cost of an allowed transition, in radians. The transitions that are added to runs of
+        segments with one transition each may exceed it; see `transitions`.
     displacements : ndarray, shape (n, 3)
         Captured displacement of the root over the floor within each segment, in the file's unit.
     yaw_changes : ndarray, shape (m,)
         Angle in radians by which the target segment must be rotated about the up axis to continue
         the heading of the source segment, if the source segment is not rotated.
     seam_displacements : ndarray, shape (m, 3)
-        Displacement that blending root velocities at the seam adds to those of the two segments, in
-        the file's unit, if the source segment is not rotated.
+        Displacement in the file's unit that the seam adds to those of the two segments, because it
+        blends their root velocities, if the source segment is not rotated.
     is_at_rest : ndarray of bool, shape (n,)
         Whether a segment ends at a minimum of kinetic energy. `to_beats` places beats only there.
     """
@@ -102,7 +103,7 @@ def transitions(library: Library, clips: Sequence[str] | str | None = None) -> T
     Returns
     -------
     Transitions
-        The graph of the largest set of segments of which every one is reachable from every other.
+        The graph of the largest set of segments in which every one is reachable from every other.
 
     Raises
     ------
@@ -118,8 +119,8 @@ def transitions(library: Library, clips: Sequence[str] | str | None = None) -> T
     mean difference of joint angular velocities, difference of root angular velocity, and twice that
     of root velocity relative to the root's heading. Of the transitions with equal foot contacts,
     the cheapest tenth is allowed, but only those with a cost of at most 25°. If less than half of
-    the segments would be reachable from one another, this limit of the cost is raised in steps of
-    25 % until half are, or until it is 45° or more. A segment's successor in the clip is always
+    the segments would be reachable from one another, this limit of the cost is raised by 25 % at a
+    time until half are, or until it is 45° or more. A segment's successor in the clip is always
     allowed. A segment is never followed by itself or by its predecessor in the clip.
 
     A run of segments with only one transition each is divided into intervals of 2 s. In every
@@ -184,7 +185,8 @@ def _donor_segments(library: Library, clips: Sequence[str] | str | None) -> IntA
     """Return the segments of the named clips, without excluded donors, ascending."""
     segments = np.flatnonzero(library.is_donor)
     if clips is not None:
-        patterns = [clips] if isinstance(clips, str) else list(clips)
+        words = as_words("clips", clips)
+        patterns = [words] if isinstance(words, str) else list(words)
         names = library.names
         is_named = np.zeros(len(names), bool)
         for pattern in patterns:
@@ -209,13 +211,14 @@ def _candidate_edges(
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return source, target and cost of all transitions to consider, sorted by source, then target.
 
-    They lead to the nearest segments, and to successors in the clips at cost 0.
+    From each segment, they lead to the nearest segments, and at cost 0 to its successor in the
+    clip. Raise ValueError if there are only successors.
     """
     sources, targets = _nearest_pairs(starts, ends, has_successor)
     if not len(sources):
         raise ValueError(
             "a transition graph needs transitions between segments that are not consecutive "
-            "in a clip, got none with equal foot contacts"
+            "in a clip, got none with equal foot contacts: add clips"
         )
     costs = transition_costs(ends, starts, sources, targets)
     successor_of = np.flatnonzero(has_successor)
@@ -229,11 +232,11 @@ def _candidate_edges(
 def _exits(
     sources: IntArray, costs: FloatArray, is_edge: BoolArray, seconds: FloatArray
 ) -> BoolArray:
-    """Return which further transitions to allow in runs of segments with one transition each.
+    """Return which transitions to add to runs of segments with only one transition each.
 
-    Such a run is divided into intervals of 2 s. In every interval except the first, one is added:
-    the cheapest transition that is not allowed yet, if its cost is at most 60°. `is_edge` marks the
-    transitions allowed so far; `seconds` are the durations of all segments.
+    Such a run is divided into intervals of 2 s. To every interval except the first, the cheapest
+    transition that is not allowed yet is added, if its cost is at most 60°. `is_edge` marks the
+    transitions allowed so far; `seconds` has the duration of every segment.
     """
     has_choice = np.bincount(sources[is_edge], minlength=len(seconds)) != 1
     stops = np.cumsum(seconds)

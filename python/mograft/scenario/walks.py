@@ -12,9 +12,11 @@ from mograft.scenario.repeated_runs import RepeatedRuns
 from mograft.scenario.scenario import Scenario
 from mograft.scenario.transition_graph import Transitions, transitions
 
-_MIN_RETURN = 2  # segments between two uses of the same segment, if there is a choice
+_MIN_RETURN = 3  # other segments between two visits to a segment, if there is a choice
 _MAX_COMPARED_VISITS = 100  # of each segment, for repeated runs; determines the time of a step
 _MAX_TABLE = 1 << 29  # probabilities, one per frame and segment: 2 GB, twice
+MAX_DURATION_SECONDS = 86_400.0
+"""Greatest duration of a walk: 24 hours."""
 _MAX_BEAT_STRETCH = 0.15  # share of its length by which a segment may be stretched to meet a beat
 
 Weights = npt.NDArray[np.float32]
@@ -35,14 +37,15 @@ def walk(
     library : Library
         The library of the segments.
     duration : float
-        Minimum total duration in seconds. It is exceeded by less than one segment.
+        Minimum total duration in seconds, at most 86,400 (24 hours). It is exceeded by less than
+        one segment.
     seed : int
         Random seed.
     graph : Transitions, optional
         The transition graph of the library, to save its computation. Default: `transitions`.
     repeat_penalty : float
-        Avoidance of repeated runs of segments: a transition that makes a repeated run t seconds
-        long is exp(repeat_penalty * t) times less likely.
+        Penalty of repeated runs of segments, at least 0: a transition that makes a repeated run t
+        seconds long is exp(repeat_penalty * t) times less likely.
 
     Returns
     -------
@@ -52,8 +55,9 @@ def walk(
     Raises
     ------
     ValueError
-        If the duration is not above 0, if the seed is not an integer of at least 0, or if the
-        library has no transition graph; see `transitions`.
+        If the duration is not above 0 or is above 24 hours, if the seed is not an integer of at
+        least 0, if `repeat_penalty` is negative, or if the library has no transition graph; see
+        `transitions`.
 
     Notes
     -----
@@ -62,7 +66,7 @@ def walk(
     target; without this term, a walk would remain in segments in which the actor stands still.
     `run` is the duration in seconds of the longest repeated run of segments that the transition
     leads to, up to the next segment with several transitions. Between two visits to a segment there
-    are at least two other segments, unless there is no other transition.
+    are at least three other segments, unless there is no other transition.
 
     Runs are compared with the latest 100 visits to each segment, so that the computing time is
     proportional to the duration.
@@ -75,13 +79,22 @@ def walk(
     >>> bool(library.segments.lengths[chosen].sum() >= 300)
     True
     """
-    if isinstance(duration, bool) or not as_floats("duration", duration, ()) > 0.0:
-        raise ValueError(f"`duration` must be above 0 seconds, got {duration!r}")
+    check_duration(duration)
     path = _WalkPath(library, seed, graph, repeat_penalty)
     frames = path.visit(int(path.rng.integers(len(path.lengths))))
     while frames < duration * library.rate:
         frames += path.advance(*path.edges())
     return path.segments
+
+
+def check_duration(duration: float) -> None:
+    """Raise ValueError unless a duration is above 0 and at most `MAX_DURATION_SECONDS`."""
+    is_number = not isinstance(duration, bool)
+    if not is_number or not 0.0 < as_floats("duration", duration, ()) <= MAX_DURATION_SECONDS:
+        raise ValueError(
+            f"`duration` must be above 0 and at most {MAX_DURATION_SECONDS:g} seconds (24 hours), "
+            f"got {duration!r}"
+        )
 
 
 def fill(
@@ -151,11 +164,11 @@ def fill(
 
 
 def _end_probabilities(path: "_WalkPath", total: int) -> Weights:
-    """Return the probability that a segment ends with the last frame of a walk.
+    """Return the probabilities that a segment ends with the last frame of a walk.
 
-    Rows are numbers of remaining frame intervals, columns the first segment of the remaining walk.
-    If no walk has `total` intervals, the rows after row `total` show which greater numbers are
-    possible.
+    Entry (i, j) is for a walk of i more frame intervals that continues with the segment of node j.
+    The rows after row `total` are 0 if a walk can have `total` intervals; otherwise they show which
+    greater numbers are possible.
     """
     lengths = path.lengths
     n_rows = total + int(lengths.max()) + 1
@@ -205,7 +218,8 @@ def to_beats(
     ------
     ValueError
         If no segment sequence can be stretched to the beats; the message gives the time of the
-        beat from which there is none. If there are fewer than two beats or they do not ascend, if
+        beat from which there is none. If there are fewer than two beats, they do not ascend or
+        they span more than 24 hours, if
         the seed is not an integer of at least 0, or if the library has no transition graph.
 
     Notes
@@ -227,6 +241,11 @@ def to_beats(
     if (steps := np.diff(times)).min() <= 0:
         first = int(np.argmax(steps <= 0))
         raise ValueError(f"`beats` must ascend, got {times[first + 1]:g} after {times[first]:g}")
+    if not times[-1] - times[0] <= MAX_DURATION_SECONDS:
+        raise ValueError(
+            f"`beats` must span at most {MAX_DURATION_SECONDS:g} seconds (24 hours), got "
+            f"{times[0]:g} to {times[-1]:g}"
+        )
     path = _WalkPath(library, seed, graph, repeat_penalty)
     _check_table_size(round(float(times[-1] - times[0]) * library.rate), path.graph)
     spans = np.diff(np.round((times - times[0]) * library.rate).astype(np.int64))
@@ -281,7 +300,8 @@ def _plan_beats(
         if not starting[0].any():
             raise ValueError(
                 f"no segment sequence from the beat at {times[beat]:.4g} s comes to rest on all "
-                f"later beats if it is stretched by at most {_MAX_BEAT_STRETCH:.0%}"
+                f"later beats if it is stretched by at most {_MAX_BEAT_STRETCH:.0%}: change the "
+                "tempo or add clips"
             )
         # Only ratios matter: the probability of many beats would underflow.
         meets[beat] = starting[0] / starting[0].max()
@@ -291,7 +311,7 @@ def _plan_beats(
 
 
 class _WalkPath:
-    """The nodes of a growing random walk, and the number of visits to each node of the graph."""
+    """A random walk on a transition graph, to which one node at a time is appended."""
 
     def __init__(
         self, library: Library, seed: int, graph: Transitions | None, repeat_penalty: float
@@ -318,7 +338,10 @@ class _WalkPath:
         return self.graph.segments[self.nodes]
 
     def expect(self, values: Weights) -> FloatArray:
-        """Return, for each node, the expectation of `values`, given by node, at the next node."""
+        """Return, for each node, the expected value of `values` at the next node of a walk.
+
+        `values` has one value for each node.
+        """
         products = self._probabilities * values[self.graph.targets]
         mean: FloatArray = np.add.reduceat(products, self.graph.first_edge[:-1])
         return mean
@@ -346,7 +369,7 @@ class _WalkPath:
         One of the latest three nodes is drawn only if all other targets have weight 0.
         """
         is_possible = weights > 0
-        is_new = is_possible & ~np.isin(targets, self.nodes[-_MIN_RETURN - 1 :])
+        is_new = is_possible & ~np.isin(targets, self.nodes[-_MIN_RETURN:])
         rows = np.flatnonzero(is_new if is_new.any() else is_possible)
         if len(rows) == 1:
             return self.visit(int(targets[rows[0]]))
@@ -356,7 +379,7 @@ class _WalkPath:
         return self.visit(int(self.rng.choice(targets, p=shares)))
 
     def _repeated_lengths(self, targets: IntArray) -> FloatArray:
-        """Return the length in frames of the repeated run to which a visit to each target leads."""
+        """Return, for each target, the length in frames of the repeated run that it leads to."""
         before = self._runs.lengths_before()
         lengths = []
         for target in targets.tolist():
@@ -369,10 +392,10 @@ class _WalkPath:
 
 
 def _lengths_to_choice(only_next: IntArray, lengths: IntArray) -> IntArray:
-    """Return the total length of the segments from each node to the next with a choice, inclusive.
+    """Return the total length of the segments from each node to the next node with a choice.
 
-    A node has a choice if it has several transitions: `only_next` is then -1, otherwise the target
-    of the only transition.
+    Both nodes are included. A node has a choice if it has several transitions. `only_next` is then
+    -1, otherwise it is the target of the only transition.
     """
     has_choice = only_next < 0
     node = np.where(has_choice, np.arange(len(lengths)), only_next)

@@ -7,17 +7,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray, make_read_only
-from mograft.analysis.zero_moment import added_imbalances, zero_moment_shifts
+from mograft.analysis.zero_moment import added_imbalances, zero_moment_operators
 
-_PAIRS_PER_BATCH = 1 << 15  # base segments and donors whose zero-moment points are in memory
+_SEGMENTS_PER_BATCH = 1 << 12  # base segments whose support margins are in memory
 _MAX_KNOWN_PAIRS = 1 << 22  # base segments and donors whose effect is kept
 
 
 @dataclass(frozen=True, eq=False)
 class SegmentBalance:
-    """Functions of segment indices, shape (n,), to compute the effect of donors on balance.
+    """The effect of donors on the balance of base segments, computed from two functions.
 
-    They return what the functions of `mograft.analysis.zero_moment` with these names return.
+    Both functions take indices of segments, shape (n,). They return the results for these segments
+    of the functions of `mograft.analysis.zero_moment` that have the same names.
     """
 
     mass_offsets: Callable[[IntArray], FloatArray]  # of the grafted group
@@ -27,7 +28,7 @@ class SegmentBalance:
     _known: dict[bytes, FloatArray] = field(init=False, default_factory=dict)
 
     def added_imbalances(self, base: IntArray, donors: IntArray, seconds: FloatArray) -> FloatArray:
-        """Return by how much donors raise the unbalanced share of base segments, shape (n,).
+        """Return by how much donors raise the imbalance of base segments, shape (n,).
 
         See `mograft.analysis.zero_moment.added_imbalances`. `base` and `donors` have shape (n,).
         `seconds` has the durations of all segments.
@@ -38,9 +39,12 @@ class SegmentBalance:
             return known
         added = np.zeros(len(base))
         others = np.flatnonzero(donors != base)
-        for start in range(0, len(others), _PAIRS_PER_BATCH):
-            batch = others[start : start + _PAIRS_PER_BATCH]
-            added[batch] = self._compute(np.stack([base[batch], donors[batch]]), seconds)
+        starts = np.flatnonzero(np.diff(base[others], prepend=-1))
+        for first in range(0, len(starts), _SEGMENTS_PER_BATCH):
+            bounds = np.append(starts, len(others))[first : first + _SEGMENTS_PER_BATCH + 1]
+            batch = others[bounds[0] : bounds[-1]]
+            counts = np.diff(bounds)
+            added[batch] = self._compute(base[others[bounds[:-1]]], donors[batch], counts, seconds)
         make_read_only(added)
         keys = list(self._known)  # other threads may add results
         self._known[key] = added
@@ -49,10 +53,17 @@ class SegmentBalance:
             n_known -= len(self._known.pop(keys.pop(0), ()))
         return added
 
-    def _compute(self, pairs: IntArray, seconds: FloatArray) -> FloatArray:
-        """Return the `added_imbalances` of pairs of a base segment and another donor, (2, n)."""
-        segments, members = np.unique(pairs, return_inverse=True)
-        of_base, of_donors = self.mass_offsets(segments)[members.reshape(pairs.shape)]
-        shifts = zero_moment_shifts(of_base, of_donors, seconds[pairs[0]])
-        positions, rows = np.unique(pairs[0], return_inverse=True)
-        return added_imbalances(shifts, self.support_margins(positions), rows)
+    def _compute(
+        self, bases: IntArray, donors: IntArray, counts: IntArray, seconds: FloatArray
+    ) -> FloatArray:
+        """Return the `added_imbalances` of donors, which are those of one base after the other.
+
+        `counts` are the numbers of donors of the base segments `bases`.
+        """
+        is_needed = np.zeros(len(seconds), bool)
+        is_needed[bases] = is_needed[donors] = True
+        rows = np.cumsum(is_needed) - 1
+        offsets = self.mass_offsets(np.flatnonzero(is_needed))
+        operators = zero_moment_operators(offsets.shape[1], seconds[bases])
+        margins = self.support_margins(bases)
+        return added_imbalances(offsets, (rows[bases], operators, margins), rows[donors], counts)

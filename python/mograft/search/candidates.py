@@ -7,11 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from mograft import _core
 from mograft._util.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    join_views,
     split_by_counts,
 )
 from mograft._util.html_table import html_table
@@ -51,7 +51,8 @@ class Candidate:
         Mean joint angle, in radians, at the seams with the base segment's neighbours; 0 if
         there is no neighbour.
     distance : float
-        Distance from the base segment in the embedding of the base group; NaN without embedding.
+        Distance from the base segment in the embedding of the base group, in the unit of the
+        embedding; NaN if there is no embedding.
     refused : str
         Reasons why the segment cannot be the donor, with value and limit; empty if it can.
     cost : float
@@ -141,8 +142,9 @@ class SegmentPool:
         """Return the candidates of each base segment: similar donors whose length fits.
 
         `scenario` holds the base segments, in any order. The result has one ascending list of
-        segments per position. A list always contains the base segment. With `model`, lists are
-        limited to `PRESELECTION` times `max_candidates`, the cheapest without the cost of balance.
+        segments per position. A list always contains the base segment. With `model`, a list has at
+        most `PRESELECTION` times `max_candidates` segments: those of the lowest unary cost, not
+        counting the cost of balance.
         """
         lists: list[IntArray] = []
         for start in range(0, len(scenario), POSITIONS_PER_BATCH):
@@ -163,18 +165,22 @@ class SegmentPool:
         config: Config,
         model: CostModel | None,
     ) -> list[IntArray]:
-        """Return the candidates among the neighbours `members` of base segments."""
+        """Return the neighbours of each base segment that can be its donors.
+
+        `positions` are the base segments, `members` the neighbours of each.
+        """
         lengths = self.segments.lengths
         counts = np.array([len(own) for own in members])
         base, donors = np.repeat(positions, counts), np.concatenate(members)
         fits = length_fits(lengths[base], lengths[donors], self.rate, config)
         fits = (fits & self.is_donor[donors]) | (donors == base)
         ends = np.append(0, np.cumsum(fits))[np.cumsum(counts)]
-        found = split_by_counts(donors[fits], np.diff(ends, prepend=0))
+        donors = donors[fits]
+        found = split_by_counts(donors, np.diff(ends, prepend=0))
         if model is not None:
-            costs = self.costs_without_balance(base[fits], donors[fits], model)
+            costs = self.costs_without_balance(base[fits], donors, model)
             found, _ = model.keep_cheapest_of_each(positions, found, costs, PRESELECTION)
-        return join_views(found)
+        return found
 
     def seam_angles(self, left: IntArray, right: IntArray) -> FloatArray:
         """Return the mean joint angle, in radians, at the seam between each left and right segment.
@@ -199,11 +205,10 @@ class SegmentPool:
         """
         if self.points is None or not self.sigma > 0:
             return np.zeros(len(base))
-        distances: FloatArray = np.linalg.norm(self.points[donors] - self.points[base], axis=1)
-        return distances / self.sigma
+        return _core.distances(np.ascontiguousarray(self.points), donors, base) / self.sigma
 
     def added_imbalances(self, base: IntArray, donors: IntArray) -> FloatArray:
-        """Return by how much donors raise the unbalanced share of base segments, shape (n,).
+        """Return by how much donors raise the imbalance of base segments, shape (n,).
 
         See `mograft.analysis.zero_moment.added_imbalances`. The arguments have shape (n,).
         """
@@ -308,7 +313,7 @@ class SegmentPool:
         return left, np.where(is_captured, shift(right, np.ones_like(right)), right)
 
     def seam_scales(self, config: Config) -> SeamScales:
-        """Return the gaps that cost 1 at a seam: twice the typical gaps, at most as in `config`."""
+        """Return the gaps of a seam that cost 1: twice the typical ones, at most as in `config`."""
         return SeamScales.from_typical_gaps(*self.typical_gaps, config)
 
 
@@ -397,7 +402,7 @@ def _refusals(
         reasons.append("excluded donor: a recording fault overlaps it")
     if missed_slack is not None:
         limit = max(config.max_stretch, missed_slack)
-        relation = "above" if limit > config.max_stretch else "not below"
+        relation = "above" if config.length_slack > 0 else "not below"
         reasons.append(f"length: {candidate.stretch:.2f} is {relation} {limit:.2f}")
     angle = max(candidate.gap_before, candidate.gap_after)
     if angle > config.max_angle:

@@ -36,9 +36,9 @@ _KINDS: Mapping[str, type] = {
 
 @dataclass(frozen=True)
 class UnrestoredConstraint(Constraint):
-    """A constraint of which the document holds only the class and the name, such as `Custom`.
+    """A constraint that a document cannot restore, such as a `Custom` constraint.
 
-    It accepts every motion, because the document does not hold the Python code of the constraint.
+    The document holds only its class and its name, not its Python code. It accepts every motion.
     """
 
     kind: str = ""

@@ -111,7 +111,7 @@ class Constraint:
         ndarray, shape (n,)
             0 for donors that satisfy the constraint, above 1 for others.
         """
-        return np.zeros(len(base) if len(base) == len(donors) else 0)
+        return np.zeros(len(donors))
 
     def describe_error(self, error: float, height: float) -> str:
         """Return a text for messages that describes an error, given in tolerances.
@@ -208,8 +208,9 @@ def overlaps(segments: Segments, frames: Span | None) -> BoolArray:
 
 
 def as_span(name: str, span: object) -> Span:
-    """Return `span` as a pair of ascending frame numbers; raise ValueError for anything else.
+    """Return `span` as its first and its last frame, both included.
 
+    They may be equal. Raises ValueError if it is no such pair, or if the last is before the first.
     `name` is the name of the argument in the error.
     """
     ends = tuple(span) if isinstance(span, Sequence | np.ndarray) else ()
@@ -218,7 +219,9 @@ def as_span(name: str, span: object) -> Span:
     except ValueError:
         first, last = 0, -1
     if first > last:
-        raise ValueError(f"`{name}` must be a first and a last frame, ascending, got {span}")
+        raise ValueError(
+            f"`{name}` must be a first and a last frame, ascending or equal, got {span}"
+        )
     return first, last
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mograft import _core
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, split_by_counts
 from mograft.analysis.segmentation import Segments
 from mograft.config import Config
@@ -113,9 +114,8 @@ class CostModel:
         The base segment is always kept, so that the sequence of base segments, which has no seams,
         remains possible. Ties go to the lowest index.
         """
-        order = np.lexsort((costs, ~is_base))[: factor * self.config.max_candidates]
-        order.sort()
-        return order
+        limit = factor * self.config.max_candidates
+        return _core.keep_cheapest(np.array([len(costs)]), costs, is_base, limit)[0]
 
     def keep_cheapest_of_each(
         self,
@@ -126,18 +126,15 @@ class CostModel:
     ) -> tuple[list[IntArray], list[FloatArray]]:
         """Return the candidates of each position that `keep_cheapest` keeps, and their costs.
 
-        `costs` are those of all candidates, position after position.
+        `costs` are those of all candidates, position after position. The results are views of two
+        new arrays.
         """
-        kept, kept_costs = [], []
-        counts = np.array([len(own) for own in candidates])
-        parts = zip(scenario.tolist(), candidates, split_by_counts(costs, counts), strict=True)
-        for base, segments, own in parts:
-            if len(segments) > factor * self.config.max_candidates:
-                order = self.keep_cheapest(own, segments == base, factor)
-                segments, own = segments[order], own[order]
-            kept.append(segments)
-            kept_costs.append(own)
-        return kept, kept_costs
+        counts = np.array([len(own) for own in candidates], np.int64)
+        segments, limit = np.concatenate(candidates), factor * self.config.max_candidates
+        is_base = segments == np.repeat(scenario, counts)
+        kept, kept_counts = _core.keep_cheapest(counts, costs, is_base, limit)
+        of_kept = split_by_counts(segments[kept], kept_counts)
+        return of_kept, split_by_counts(costs[kept], kept_counts)
 
     def _angle_penalties(self, angles: FloatArray) -> FloatArray:
         return np.where(angles > self.config.max_angle, INFEASIBLE_PENALTY, 0.0)
@@ -145,7 +142,7 @@ class CostModel:
 
 @dataclass(frozen=True)
 class SimilarityCostModel(CostModel):
-    """Unary and pairwise costs: the similarity of the segments in the base group alone.
+    """Unary and pairwise costs of the nearest donors: only the base group's motion is compared.
 
     A donor k of segment i costs d(i, k) / sigma, with the distance d and the threshold sigma of
     `CostModel`; the base segment itself costs `INFEASIBLE_PENALTY`. A seam costs 0 if its angle is

@@ -36,7 +36,7 @@ class DonorSource(Protocol):
         """The candidates and their costs at each position, for each grafted group."""
         ...
 
-    def feasible_candidates(self, group: str) -> list[IntArray]:
+    def feasible_candidates(self, group: str) -> Sequence[IntArray]:
         """Return the candidates of a group at each position that satisfy the hard constraints."""
         ...
 
@@ -161,7 +161,7 @@ class Random(DonorChoice):
         return _draw_different(draw_once, count)
 
     def choose_path(self, trellis: Trellis, config: Config, rng: np.random.Generator) -> IntArray:
-        """As `DonorChoice.choose_path`; all paths without infeasible penalty are equally likely."""
+        """As `DonorChoice.choose_path`: uniform over the paths without infeasible penalty."""
         unary = tuple(np.where(own >= INFEASIBLE_PENALTY, own, 0.0) for own in trellis.unary)
         pairwise = tuple(
             np.where(own >= INFEASIBLE_PENALTY, INFEASIBLE_PENALTY, 0.0) for own in trellis.pairwise

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray
+from mograft._util.names import as_words
 from mograft._util.validate import as_integer, check_not_negative, check_positive, is_integer
 from mograft.analysis.segmentation import Segments
 from mograft.config import Config
@@ -69,11 +70,8 @@ class _ClipConstraint(Constraint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, words in (("clips", self.clips), ("tags", self.tags)):
-            if not isinstance(words, Collection) or not all(
-                isinstance(word, str) for word in words
-            ):
-                raise TypeError(f"`{name}` must be a name or several names, got {words!r}")
+        for name in ("clips", "tags"):
+            object.__setattr__(self, name, as_words(name, getattr(self, name)))
         if not self.clips and not self.tags:
             raise ValueError("`clips` or `tags` must be given, got neither")
         if self.clip_frames is not None:
@@ -99,7 +97,7 @@ class _ClipConstraint(Constraint):
             if not any(tagged):
                 known = sorted({name for clip in clips for name in clip.tags})
                 expected = f"among {join_names(known)}" if known else "empty: no clip has a tag"
-                raise ValueError(f"tags must be {expected}; got {tag!r}")
+                raise ValueError(f"`tags` must be {expected}; got {tag!r}")
             selected |= tagged
         inside: BoolArray = selected[donors.clip]
         if self.clip_frames is not None:
@@ -189,7 +187,7 @@ DonorReference = int | str | tuple[str, int, int]
 
 @dataclass(frozen=True)
 class _SegmentConstraint(_GroupConstraint):
-    """Base class of constraints on the use of one donor, or a range of donors, at base segments."""
+    """Base class of constraints on one donor, or several donors of a clip, at base segments."""
 
     segment: int | None = None
     donor: DonorReference | None = None
@@ -230,8 +228,8 @@ class _SegmentConstraint(_GroupConstraint):
 class Use(_SegmentConstraint):
     """Use one donor for a base segment, in one or all exchanged groups.
 
-    The donor may be any segment of the library: a hard `Use` accepts any cluster, length and
-    recording fault of the donor. `MaxAngle` can still report the seams beside it.
+    The donor may be any segment of the library: a hard `Use` accepts donors of other clusters, of
+    any length and with recording faults. The seams beside the donor can violate a `MaxAngle`.
 
     Parameters
     ----------
@@ -287,7 +285,8 @@ class Ban(_SegmentConstraint):
     donor : int, str or tuple of (str, int, int), optional
         Index of a segment in the library, a clip, or a clip with the first and last frame of a
         range: all segments that share two successive frames with it are excluded. Default: the
-        captured motion, so that the segment is exchanged; in `Graft.replace` the present donor.
+        captured motion, so that the segment is exchanged; in `Graft.replace`, the donor that the
+        segment has in the graft.
     frames : tuple of int, optional
         First and last frame of a range of base segments, instead of `segment`.
     group : str, optional
@@ -352,7 +351,9 @@ class MaxStretch(Constraint):
         """As `Constraint.donor_errors`."""
         stretch = np.abs(base.lengths - donors.lengths) / base.lengths
         exceeds = stretch > self.limit * (1 + 1e-9)
-        return np.where(exceeds, stretch / max(self.limit, 1e-3), 0.0)
+        # With a limit below 0.001, the quotient is at most 1 for some stretches above the limit.
+        errors = np.maximum(stretch / max(self.limit, 1e-3), 1.0 + 1e-9)
+        return np.where(exceeds, errors, 0.0)
 
     def describe_error(self, error: float, height: float) -> str:
         """As `Constraint.describe_error`."""

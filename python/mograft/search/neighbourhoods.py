@@ -62,6 +62,7 @@ class ClusterMembers:
 class Neighbourhood(ABC):
     """Rule that decides which segments are similar enough in the base group to be candidates."""
 
+    inside: ClassVar[str]  # relation of a segment in the neighbourhood, as in "same cluster"
     outside: ClassVar[str]  # completes "12 segments are ..." for the other segments
 
     @abstractmethod
@@ -88,6 +89,7 @@ class Neighbourhood(ABC):
 class _Cluster(Neighbourhood):
     """Neighbourhood that consists of the cluster of the base segment (paper, 4.3)."""
 
+    inside = "same cluster"
     outside = "in other clusters"
 
     def find_members(
@@ -113,6 +115,7 @@ class _Ball(Neighbourhood):
     The radius is `BALL_RADIUS` cluster diameter thresholds.
     """
 
+    inside = "within the ball"
     outside = "outside the ball"
 
     def find_members(
@@ -121,7 +124,8 @@ class _Ball(Neighbourhood):
         """As `Neighbourhood.find_members`.
 
         Memory is linear in the numbers of segments and of results: distances are computed for one
-        base segment at a time, and only where the first component is within the radius.
+        base segment at a time, and only to the segments whose first component differs by at most
+        the radius.
         """
         if points is None:
             return [base[index : index + 1] for index in range(len(base))]

@@ -126,6 +126,7 @@ class Box:
         quat = as_floats("rotation", self.rotation, (4,))
         if abs(np.linalg.norm(quat) - 1) > 1e-6:
             raise ValueError(f"`rotation` must be a unit quaternion, got {self.rotation}")
+        object.__setattr__(self, "rotation", tuple(quat.tolist()))
 
     def distances(self, poses: Poses, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
         """As `Obstacle.distances`."""

@@ -6,7 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, as_floats
-from mograft._util.validate import as_integer, check_finite, check_positive, coerce_vector
+from mograft._util.validate import (
+    as_integer,
+    check_finite,
+    check_not_negative,
+    check_positive,
+    coerce_vector,
+)
 from mograft.body.anatomy import anatomy
 from mograft.body.capsules import Capsules, clearance
 from mograft.body.mass import mass_model
@@ -35,7 +41,7 @@ class PoseConstraint(Constraint):
         return error, joint
 
     def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
-        """Return the errors of poses; the constraint applies in the frames of all of them."""
+        """As `Constraint.errors`, for poses in frames in which the constraint applies."""
         raise NotImplementedError
 
 
@@ -111,6 +117,7 @@ class AvoidSelf(PoseConstraint):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_positive(self, "tolerance")
+        check_not_negative(self, "captured")
 
     def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
         capsules = poses.capsules
@@ -317,7 +324,7 @@ class Custom(PoseConstraint):
     ----------
     function : callable
         Takes `Poses` of n frames and returns n errors: at most 1 for an accepted pose, and
-        increasing with the violation.
+        increasing with the violation. Errors below 0 count as 0.
     name : str
         Name in messages.
     joint : str, optional
@@ -334,12 +341,17 @@ class Custom(PoseConstraint):
     name: str = "custom"
     joint: str | None = None
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not callable(self.function):
+            raise TypeError(f"`function` must be callable, got {self.function!r}")
+
     def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
         at = -1 if self.joint is None else poses.skeleton.index(self.joint)
         if joints is not None and at >= 0 and not joints[at]:
             return no_errors(poses)
         label = f"result of {self.name}"
-        error = as_floats(label, self.function(poses), (len(poses),))
+        error = np.maximum(as_floats(label, self.function(poses), (len(poses),)), 0.0)
         return error, np.full(len(poses), at)
 
     def describe_error(self, error: float, height: float) -> str:

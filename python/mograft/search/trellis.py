@@ -6,13 +6,16 @@ from functools import cached_property
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray, join_views
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.search.candidates import POSITIONS_PER_BATCH, SegmentPool
 from mograft.search.costs import PRESELECTION, CostModel
 from mograft.search.viterbi import ComputedMatrices, Trellis
 
 _MAX_STORED_SEAM_COSTS = 1 << 24
 """Costs of seams that are stored: 128 MiB. More are computed again in each pass over a trellis."""
+
+_N_SEGMENT_BITS = 32
+_SEGMENT_BITS = (1 << _N_SEGMENT_BITS) - 1
 
 DonorSequences = dict[str, IntArray]
 """The donor sequence of each grafted group: the donor segment at each position."""
@@ -54,31 +57,34 @@ class DonorTrellis:
 
     def donor_sequence(self, path: IntArray) -> IntArray:
         """Return the donor segment at each position of a path, shape (n_positions,)."""
-        segments, starts, _ = self._flat
-        donors: IntArray = segments[starts + path]
+        starts, keys = self._flat
+        donors: IntArray = keys[starts + path] & _SEGMENT_BITS
         return donors
 
     def path(self, donors: IntArray) -> IntArray:
         """Return the path that visits a donor sequence; each donor must be among the candidates."""
-        _, starts, keys = self._flat
+        starts, keys = self._flat
         return np.searchsorted(keys, self._keys(np.arange(len(donors)), donors)) - starts
 
     def is_listed(self, donors: IntArray) -> BoolArray:
         """Return whether the donor at each position is among the candidates."""
-        return np.isin(self._keys(np.arange(len(donors)), donors), self._flat[2])
+        keys, wanted = self._flat[1], self._keys(np.arange(len(donors)), donors)
+        found: BoolArray = keys[np.searchsorted(keys, wanted).clip(max=len(keys) - 1)] == wanted
+        return found
 
     @cached_property
-    def _flat(self) -> tuple[IntArray, IntArray, IntArray]:
-        """All candidates, the index of the first one of each position, and the `_keys` of all."""
+    def _flat(self) -> tuple[IntArray, IntArray]:
+        """Where each position starts among all candidates, and the `_keys` of all candidates."""
         counts = np.array([len(own) for own in self.candidates], np.int64)
-        segments = np.concatenate(self.candidates)
-        keys = self._keys(np.repeat(np.arange(len(counts)), counts), segments)
-        return segments, np.cumsum(counts) - counts, keys
+        keys = self._keys(
+            np.repeat(np.arange(len(counts)), counts), np.concatenate(self.candidates)
+        )
+        return np.cumsum(counts) - counts, keys
 
     @staticmethod
     def _keys(positions: IntArray, segments: IntArray) -> IntArray:
         """Return one number per candidate; the numbers ascend by position, then by segment."""
-        return (positions << 32) + segments
+        return (positions << _N_SEGMENT_BITS) + segments
 
 
 def _keep_cheapest(
@@ -98,14 +104,13 @@ def _keep_cheapest(
         costs = costs + np.concatenate(constraint_costs)
     kept, unary = model.keep_cheapest_of_each(scenario, candidates, costs, PRESELECTION)
     costs = np.concatenate(unary) + pool.balance_costs(*pair(kept), model)
-    kept, unary = model.keep_cheapest_of_each(scenario, kept, costs)
-    return join_views(kept), join_views(unary)
+    return model.keep_cheapest_of_each(scenario, kept, costs)
 
 
 def _seam_costs(
     pool: SegmentPool, candidates: Sequence[IntArray], model: CostModel
 ) -> Sequence[FloatArray]:
-    """Return the costs of seams, computed when they are read if they are many."""
+    """Return the costs of seams; if they are many, they are computed whenever they are read."""
     counts = np.array([len(own) for own in candidates], np.int64)
     if (counts[:-1] * counts[1:]).sum() <= _MAX_STORED_SEAM_COSTS:
         return tuple(pool.pairwise_costs_along(candidates, model))
@@ -113,4 +118,10 @@ def _seam_costs(
     def compute(start: int, stop: int) -> list[FloatArray]:
         return pool.pairwise_costs_along(candidates[start : stop + 1], model)
 
-    return ComputedMatrices(compute, range(len(candidates) - 1), POSITIONS_PER_BATCH)
+    def compute_row(position: int, index: int) -> FloatArray:
+        left, right = candidates[position][index : index + 1], candidates[position + 1]
+        row: FloatArray = pool.pairwise_costs(left, right, model)[0]
+        return row
+
+    positions = range(len(candidates) - 1)
+    return ComputedMatrices(compute, compute_row, positions, POSITIONS_PER_BATCH)

@@ -18,19 +18,23 @@ from mograft._util.arrays import FloatArray, IntArray
 class ComputedMatrices(Sequence[FloatArray]):
     """Pairwise costs that are computed when they are read, a block of positions at a time.
 
-    `compute` returns the matrices of the positions `start` to `stop` - 1. The last block is kept.
-    `positions` are those of this sequence.
+    `compute` takes `start` and `stop`, and returns the matrices of the positions `start` to
+    `stop` - 1. `compute_row` takes a position and a candidate, and returns that row of the matrix.
+    `positions` are the positions of the matrices in this sequence. The block that was computed last
+    is kept; a sequence and its slices keep one block together. The first block of a slice begins at
+    the first position of the slice, and no block exceeds the slice.
     """
 
     def __init__(
         self,
         compute: Callable[[int, int], list[FloatArray]],
+        compute_row: Callable[[int, int], FloatArray],
         positions: range,
         block_length: int,
-        block: tuple[int, list[FloatArray]] = (-1, []),
+        blocks: dict[int, list[FloatArray]] | None = None,
     ) -> None:
-        self._compute, self._positions = compute, positions
-        self._block_length, self._block = block_length, block
+        self._compute, self._compute_row, self._positions = compute, compute_row, positions
+        self._block_length, self._blocks = block_length, {} if blocks is None else blocks
 
     def __len__(self) -> int:
         return len(self._positions)
@@ -42,14 +46,31 @@ class ComputedMatrices(Sequence[FloatArray]):
     def __getitem__(self, index: int | slice) -> "FloatArray | ComputedMatrices":
         chosen = self._positions[index]
         if isinstance(chosen, range):
-            return ComputedMatrices(self._compute, chosen, self._block_length, self._block)
-        number, row = divmod(chosen, self._block_length)
-        known, matrices = self._block  # another thread may replace it
-        if known != number:
-            start = number * self._block_length
-            matrices = self._compute(start, start + self._block_length)
-            self._block = number, matrices
-        return matrices[row]
+            functions = self._compute, self._compute_row
+            return ComputedMatrices(*functions, chosen, self._block_length, self._blocks)
+        known = self._find(chosen)
+        if known is not None:
+            return known
+        first = min(self._positions[0], self._positions[-1])
+        end = max(self._positions[0], self._positions[-1]) + 1
+        start = chosen - (chosen - first) % self._block_length
+        matrices = self._compute(start, min(start + self._block_length, end))
+        self._blocks.clear()
+        self._blocks[start] = matrices  # with several threads, for a moment one block of each
+        return matrices[chosen - start]
+
+    def row(self, index: int, candidate: int) -> FloatArray:
+        """Return the costs from a candidate to all candidates of the next position."""
+        chosen = self._positions[index]
+        known = self._find(chosen)
+        return self._compute_row(chosen, candidate) if known is None else known[candidate]
+
+    def _find(self, position: int) -> FloatArray | None:
+        """Return the matrix of a position if the block that is kept has it."""
+        for start, matrices in list(self._blocks.items()):
+            if start <= position < start + len(matrices):
+                return matrices[position - start]
+        return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +103,7 @@ class Trellis:
         return replace(self, unary=tuple(unary))
 
     def scale_above(self, limit: float, factor: float) -> "Trellis":
-        """Return the trellis in which costs of at least `limit` are multiplied by `factor`."""
+        """Return the trellis with all unary and pairwise costs from `limit` on times `factor`."""
         unary, pairwise = (
             tuple(np.where(own >= limit, factor * own, own) for own in costs)
             for costs in (self.unary, self.pairwise)
@@ -104,12 +125,20 @@ class Trellis:
         The unary costs of the first and last position include the pairwise costs to the fixed
         candidates beside them.
         """
-        unary = list(self.unary[start:stop])
+        unary, first = list(self.unary[start:stop]), max(start - 1, 0)
+        near = self.pairwise[first:stop]  # one slice: computed matrices are computed once
         if start > 0:
-            unary[0] = unary[0] + self.pairwise[start - 1][path[start - 1]]
+            unary[0] = unary[0] + near[0][path[start - 1]]
         if stop < len(self):
-            unary[-1] = unary[-1] + self.pairwise[stop - 1][:, path[stop]]
-        return Trellis(tuple(unary), self.pairwise[start : stop - 1])
+            unary[-1] = unary[-1] + near[-1][:, path[stop]]
+        return Trellis(tuple(unary), near[start - first : stop - 1 - first])
+
+    def pairwise_row(self, position: int, index: int) -> FloatArray:
+        """Return the pairwise costs of one candidate to all candidates of the next position."""
+        if isinstance(self.pairwise, ComputedMatrices):
+            return self.pairwise.row(position, index)
+        row: FloatArray = self.pairwise[position][index]
+        return row
 
     def conditional_costs(self, path: IntArray) -> list[FloatArray]:
         """Return the cost of each candidate at each position with all other positions as in `path`.
@@ -144,8 +173,8 @@ def viterbi(trellis: Trellis) -> IntArray:
         to_end.append(unary + (pairwise + to_end[-1]).min(axis=1))
     to_end.reverse()
     path = [int(to_end[0].argmin())]
-    for pairwise, onward in zip(trellis.pairwise, to_end[1:], strict=True):
-        path.append(int((pairwise[path[-1]] + onward).argmin()))
+    for position, onward in enumerate(to_end[1:]):
+        path.append(int((trellis.pairwise_row(position, path[-1]) + onward).argmin()))
     return np.array(path, np.int64)
 
 
@@ -190,7 +219,8 @@ def sample(trellis: Trellis, temperature: float, rng: np.random.Generator) -> In
     """Draw a path with probability proportional to exp(-cost / temperature).
 
     One random number is drawn per position. The method is forward filtering, backward sampling
-    (Carter and Kohn, Biometrika 81, 1994) with both directions reversed, computed in logarithms.
+    (Carter and Kohn, Biometrika 81, 1994) with the directions exchanged: weights are summed from
+    the last position to the first, in logarithms, and the path is drawn from the first to the last.
     """
     if not len(trellis):
         return np.zeros(0, np.int64)
@@ -203,7 +233,7 @@ def sample(trellis: Trellis, temperature: float, rng: np.random.Generator) -> In
 
 
 def _sample_stepwise(trellis: Trellis, temperature: float, draws: FloatArray) -> IntArray:
-    """Draw a path as the kernel does, with the pairwise costs of few positions in memory."""
+    """Draw a path as the kernel does; only a block of the pairwise costs is in memory."""
     weights = [-trellis.unary[-1] / temperature]
     with np.errstate(divide="ignore", invalid="ignore"):
         for unary, pairwise in zip(trellis.unary[-2::-1], trellis.pairwise[::-1], strict=True):
@@ -215,7 +245,7 @@ def _sample_stepwise(trellis: Trellis, temperature: float, draws: FloatArray) ->
         path: list[int] = []
         for position, (ends, draw) in enumerate(zip(reversed(weights), draws, strict=True)):
             if position:
-                ends = ends - trellis.pairwise[position - 1][path[-1]] / temperature
+                ends = ends - trellis.pairwise_row(position - 1, path[-1]) / temperature
             sums = np.cumsum(np.exp(ends - ends.max()))
             index = int(np.searchsorted(sums, draw * sums[-1], side="right"))
             path.append(min(index, len(ends) - 1))

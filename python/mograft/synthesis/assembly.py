@@ -94,8 +94,10 @@ class Assembly:
 
         This assembly forgets its motion, which is large; the next use computes it again.
         """
-        kept = {name: part for name, part in self._built[2].items() if name != group}
-        del self.__dict__["_built"]
+        kept: dict[str, Part] = {}
+        if len(self.donors) > 1:  # otherwise no part remains
+            kept = {name: part for name, part in self._built[2].items() if name != group}
+        self.__dict__.pop("_built", None)
         return Assembly(self.problem, {**self.donors, group: donors}, self.name, kept)
 
 

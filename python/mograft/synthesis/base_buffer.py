@@ -71,9 +71,10 @@ class BaseBuffer:
         return self.motion(first, min(stop + BOUNDARY_MARGIN + 1, self.n_frames)), start - first
 
     def next_energies(self, config: Config) -> FloatArray:
-        """Return the kinetic energies of all frames from the last frame of the previous call on.
+        """Return the kinetic energies of the frames pushed since the previous call.
 
-        The energy of that frame is returned again, because it depends on the frame that follows.
+        Before them, the energy of the last frame of the previous call is returned again, because it
+        depends on the frame that follows.
         """
         first = max(self._n_energies - 1, 0)
         window = self.motion(first, self.n_frames)

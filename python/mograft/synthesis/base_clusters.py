@@ -1,7 +1,5 @@
 """`BaseClusters`: the clusters of base parts in a library, for a base segment outside of it."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
@@ -45,8 +43,8 @@ class BaseClusters:
             root=library.root,
             up=library.up,
             heights=self._heights,
+            is_packed=True,
         )
-        samples = replace(samples, rows=samples.pack())
         point = embedding.project(
             features(samples, embedding.joints, embedding.reference, has_root=embedding.has_root)
         )

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.high_percentile import HighPercentile
 from mograft._util.memo import remember
 from mograft._util.runs import dilate
 from mograft.body.anatomy import feature_joints
@@ -47,17 +48,18 @@ _STEP_SECONDS = 1.0 / 30.0
 Between the frames of recordings at higher rates, jerk is too small to be visible.
 """
 
+_POSITIONS_PER_BLOCK = 1024  # whose limits of jerk are in memory together
 _LEAST = 1e-6  # smallest reference: rad/step², rad/step³, heights/step³
 
 
 @dataclass(frozen=True, eq=False)
 class DefectMeasure:
-    """Compares a grafted group with the base and the donors.
+    """Compares a grafted group with the base and the donors by the `MEASURES`.
 
-    An amount is a measure of the new motion, divided by its limit. The limit is the value in the
-    recordings times `MAX_SEAM_RATIO` or `MAX_JERK_RATIO`; that of floor depth is the value plus
-    `MAX_ADDED_DEPTH`. An amount above 1 is a defect. Derivatives are differences between
-    frames that are about 1/30 s apart.
+    An amount is a measure of the new motion, divided by its limit; an amount above 1 is a defect.
+    The limit of the floor depth is the depth in the recordings plus `MAX_ADDED_DEPTH`. The limits
+    of the others are the values in the recordings times `MAX_SEAM_RATIO` or `MAX_JERK_RATIO`.
+    Derivatives are differences between frames that are about 1/30 s apart.
     """
 
     problem: SearchProblem
@@ -112,7 +114,7 @@ class DefectMeasure:
         return amounts
 
     def _seams(self, piece: Piece) -> IntArray:
-        """Return the positions p for which the donor at p or p + 1 is not the base segment."""
+        """Return the positions before seams: at p or p + 1 the donor is not the base segment."""
         is_changed = self._is_changed(piece)
         return piece.first + np.flatnonzero(is_changed[:-1] | is_changed[1:])
 
@@ -170,42 +172,70 @@ class DefectMeasure:
     ) -> list[FloatArray]:
         """Return the amounts of world jerk by piece; 0 unless at or next to a substitution."""
         cut, step = self.problem.base_segments, self._step
-        jerk = world_jerk(motion, self._driven_joints, step)
         found = []
         for piece, shift in zip(pieces, shifts, strict=True):
-            begin, end = int(cut.start[piece.first]), int(cut.stop[piece.stop - 1])
-            # A third difference reaches from one step before to two behind.
-            own = slice(step, max(end - begin - 2 * step + 1, step))
-            peaks = np.zeros((end - begin + 1, jerk.shape[1]))
-            peaks[own] = jerk[begin + shift :][own]
-            limits = self._jerk_references[begin : end + 1].copy()
-            amounts = self._greatest_at_positions((peaks / limits).max(axis=1, initial=0.0), piece)
-            # Most positions are within the limits by the base alone.
-            for position in piece.first + np.flatnonzero(amounts > 1.0):
-                frames = slice(int(cut.start[position]) - begin, int(cut.stop[position]) - begin)
-                joints = np.flatnonzero((peaks[frames] > limits[frames]).any(axis=0))
-                known = self._donor_jerk_limits(piece, int(position), joints)
-                limits[frames, joints] = np.maximum(limits[frames, joints], known)
-            ratios = (peaks / limits).max(axis=1, initial=0.0)
-            found.append(self._greatest_at_positions(ratios, piece))
+            begin, stop = int(cut.start[piece.first]), int(cut.stop[piece.stop - 1]) + 1
+            bounds = np.append(cut.start[piece.first : piece.stop], stop)
+            is_near = dilate(self._is_changed(piece))
+            amounts = np.zeros(len(is_near))
+            # In blocks, because the jerk and the limits of all frames take much memory.
+            for first in range(0, len(is_near), _POSITIONS_PER_BLOCK):
+                block = slice(first, first + _POSITIONS_PER_BLOCK)
+                own = bounds[first : first + _POSITIONS_PER_BLOCK + 1]
+                jerk = self._jerk_between(motion, int(own[0]) + shift, int(own[-1]) + shift)
+                # A third difference reaches from one step before to two behind.
+                jerk[: max(begin + step - int(own[0]), 0)] = 0.0
+                jerk[max(max(stop - 2 * step, begin + step) - int(own[0]), 0) :] = 0.0
+                amounts[block] = self._jerk_ratios(jerk, own, is_near[block], piece)
+            found.append(amounts)
         return found
 
-    def _donor_jerk_limits(self, piece: Piece, position: int, joints: IntArray) -> FloatArray:
-        """Return the limits of world jerk by the clips of the donors at and next to a position.
+    def _jerk_between(self, motion: Motion, start: int, stop: int) -> FloatArray:
+        """Return the world jerk of the measured joints in some frames of a motion."""
+        first = max(start - self._step, 0)
+        near = motion[first : stop + 2 * self._step]
+        return world_jerk(near, self._driven_joints, self._step)[start - first : stop - first]
 
-        `joints` are indices into the joints whose jerk is measured; each has a limit.
+    def _jerk_ratios(
+        self, jerk: FloatArray, bounds: IntArray, is_near: BoolArray, piece: Piece
+    ) -> FloatArray:
+        """Return the greatest ratio of world jerk to its limit at successive positions of a piece.
+
+        `bounds` has the first frames of the positions in the base, and the frame after the last
+        position; `jerk` is the world jerk in these frames. The result is 0 unless `is_near`.
+        """
+        cut, begin = self.problem.base_segments, int(bounds[0])
+        limits = self._jerk_limits(slice(begin, int(bounds[-1])))
+
+        def greatest() -> FloatArray:
+            ratios = (jerk / limits).max(axis=1, initial=0.0)
+            return np.where(is_near, np.maximum.reduceat(ratios, bounds[:-1] - begin), 0.0)
+
+        # Most positions are within the limits by the base alone.
+        for start in bounds[:-1][greatest() > 1.0].tolist():
+            position = int(np.searchsorted(cut.start, start))
+            frames = slice(start - begin, int(cut.stop[position]) - begin)
+            joints = np.flatnonzero((jerk[frames] > limits[frames]).any(axis=0))
+            known = self._donor_jerk_limits(piece, position, joints)
+            limits[frames, joints] = np.maximum(limits[frames, joints], known)
+        return greatest()
+
+    def _donor_jerk_limits(self, piece: Piece, position: int, joints: IntArray) -> FloatArray:
+        """Return the limits of world jerk that follow from the donors at and next to a position.
+
+        They are those of the donors' clips. `joints` are indices into the joints whose jerk is
+        measured; the result has one limit for each.
         """
         library, step = self.problem.library, self._step
         about = slice(max(position - 1, piece.first), min(position + 2, piece.stop))
         limits = np.zeros(len(joints))
         for donor in np.unique(piece.donors[self.group][about]).tolist():
             segment = library.segments[donor : donor + 1]
-            jerk = self._clip_jerk(library.clips[int(segment.clip[0])])[:, joints]
+            percentile = self._jerk_percentile(library.clips[int(segment.clip[0])])
             # A third difference reaches from one step before to two behind.
             first, last = int(segment.start[0]) - 2 * step, int(segment.stop[0]) + step
-            others = np.concatenate([jerk[: max(first, 0)], jerk[last + 1 :]])
-            if len(others):
-                percentiles = np.percentile(others, _PERCENTILE, axis=0)
+            percentiles = percentile.without(first, last + 1, joints)
+            if percentiles is not None:
                 limits = np.maximum(limits, MAX_JERK_RATIO * percentiles)
         return limits
 
@@ -214,6 +244,11 @@ class DefectMeasure:
         joints, step = self._driven_joints, self._step
         key = ("jerk", joints.tobytes(), step)
         return remember(clip, key, lambda: world_jerk(clip, joints, step))
+
+    def _jerk_percentile(self, clip: Motion) -> HighPercentile:
+        """Return the `_PERCENTILE` of world jerk in a recording."""
+        key = ("high jerk", self._driven_joints.tobytes(), self._step)
+        return remember(clip, key, lambda: HighPercentile(self._clip_jerk(clip), _PERCENTILE))
 
     def _depth_amounts(
         self, motion: Motion, pieces: Sequence[Piece], shifts: Sequence[int]
@@ -225,7 +260,7 @@ class DefectMeasure:
         found = []
         for piece, shift in zip(pieces, shifts, strict=True):
             begin, end = int(cut.start[piece.first]), int(cut.stop[piece.stop - 1]) + 1
-            ratios = depths[begin + shift : end + shift] / self._depth_references[begin:end]
+            ratios = depths[begin + shift : end + shift] / self._depth_limits(slice(begin, end))
             amounts = ratios.max(axis=1).clip(min=0.0)
             found.append(self._greatest_at_positions(amounts, piece))
         return found
@@ -241,7 +276,7 @@ class DefectMeasure:
 
     @cached_property
     def _step(self) -> int:
-        """The number of frames between those of differences."""
+        """The distance in frames of the values whose differences are the derivatives."""
         return max(round(_STEP_SECONDS * self.problem.base.rate), 1)
 
     @cached_property
@@ -261,25 +296,30 @@ class DefectMeasure:
         driven = np.flatnonzero(self.problem.driven_joints[self.group])
         return feature_joints(self.problem.base.skeleton, driven)
 
-    @cached_property
-    def _jerk_references(self) -> FloatArray:
-        """World jerk of the base, or the joint's limit if it is greater, (n_frames, n_joints)."""
+    def _jerk_limits(self, frames: slice) -> FloatArray:
+        """Return the limits of world jerk that follow from the base, shape (n_frames, n_joints).
+
+        The limit in a frame is the world jerk of the base, or the limit of the joint if that is
+        greater.
+        """
         base = self.problem.base
         jerk = self._clip_jerk(base)
         key = ("jerk percentiles", self._driven_joints.tobytes(), self._step)
         percentiles = remember(base, key, lambda: np.percentile(jerk, _PERCENTILE, axis=0))
         least = _LEAST * mass_model(base.skeleton).height
         limits: FloatArray = np.maximum(MAX_JERK_RATIO * percentiles, least)
-        return np.maximum(limits, jerk)
+        return np.maximum(limits, jerk[frames])
 
     @cached_property
     def _floor_points(self) -> FloorPoints:
         """The points whose depth is measured."""
         return FloorPoints.of_group(self.problem, self.group)
 
-    @cached_property
-    def _depth_references(self) -> FloatArray:
-        """Depth in the base, or the point's limit if it is greater, (n_frames, n_points)."""
+    def _depth_limits(self, frames: slice) -> FloatArray:
+        """Return the limits of depth that follow from the base, shape (n_frames, n_points).
+
+        The limit in a frame is the depth in the base, or the limit of the point if that is greater.
+        """
         base, points = self.problem.base, self._floor_points
         key = ("depth", points.joints.tobytes(), points.offsets.tobytes())
 
@@ -290,4 +330,4 @@ class DefectMeasure:
         depths, percentiles = remember(base, key, compute)
         added = MAX_ADDED_DEPTH * mass_model(base.skeleton).height
         limits: FloatArray = np.maximum(percentiles, 0.0) + added
-        return np.maximum(limits, depths)
+        return np.maximum(limits, depths[frames])

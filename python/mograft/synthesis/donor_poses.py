@@ -39,9 +39,9 @@ def candidate_poses(
     Each of `donors` replaces the base segment at the same entry of `positions`; both have shape
     (n,). Seams are not treated. The result has all frames of the first position, then of the
     second, and so on. Other joints move as in `context`, by default the base. If the group contains
-    the root, each donor is rotated about the up axis and translated over the floor, so that its
-    first frame has the position and heading of its entry of `root_start`. By default `root_start`
-    has the root transforms of the context.
+    the root, each donor is rotated about the up axis and translated over the floor: its
+    first frame then has the position and heading of its entry of `root_start`. By default
+    `root_start` has the root transforms of the context.
     """
     context = problem.base if context is None else context
     segments = problem.base_segments

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import inf
+from numbers import Real
 from typing import overload
 
 from mograft._util.arrays import IntArray
@@ -43,7 +45,8 @@ class Grafts(Sequence[Graft]):
         if isinstance(index, slice):
             return [self[i] for i in range(*index.indices(len(self)))]
         i = range(len(self))[index]
-        return self._plan.build_graft(self._donors[i], self._seed, i)
+        is_last = len(self) == 1  # usually the only access
+        return self._plan.build_graft(self._donors[i], self._seed, i, is_last=is_last)
 
 
 def graft(
@@ -193,7 +196,7 @@ def repair(
     Raises
     ------
     SkeletonMismatchError, TypeError, ValueError
-        As for `graft`.
+        As for `graft`. ValueError also if `widest` is not finite or not above 0.
 
     Examples
     --------
@@ -205,7 +208,10 @@ def repair(
     >>> any(not s.is_own for s in repair(Library.build(motion), constraints=[far]).substitutions)
     False
     """
+    check_type("library", library, Library)
     _check_base(base)
+    if isinstance(widest, bool) or not isinstance(widest, Real) or not 0 < widest < inf:
+        raise ValueError(f"`widest` must be a finite number above 0, got {widest!r}")
     # Without novelty the captured parts are the cheapest.
     config = replace(library.config, novelty=0.0, choice="viterbi", self_repair=False)
     library = replace(library, config=config)

@@ -39,7 +39,7 @@ def edit_graft(
         raise ValueError("the whole library is needed to replace donors: use replay(path, library)")
     checked = check_edits(edits)
     if not checked and not reroll:
-        raise ValueError("give an edit or `reroll`, got neither")
+        raise ValueError("an edit or `reroll` must be given, got neither")
     seed = graft.seed if seed is None else as_integer("seed", seed)
     problem = _plan(graft, ()).problem
     groups = list(problem.pools)

@@ -1,6 +1,5 @@
 """The files of grafts: the motions, and beside them their provenance."""
 
-import json
 import warnings
 from collections.abc import Mapping, Sequence
 from os import PathLike, fspath
@@ -8,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
-from mograft._util.atomic import write_bytes, write_text
+from mograft._util.atomic import write_bytes, write_json
 from mograft._util.validate import check_type
 from mograft.errors import join_names
 from mograft.io.bvh.decimals import check_digits
@@ -19,6 +18,9 @@ from mograft.synthesis.graft_result import Graft
 from mograft.synthesis.provenance import SEVERAL_SCHEMA
 
 Sections = Mapping[str, Any]
+
+MOTION_SUFFIXES = (".bvh", ".glb", ".npz")
+"""Endings of the names of files that hold the motions of grafts."""
 
 
 def write_graft(
@@ -31,8 +33,8 @@ def write_graft(
     """Write the motion of a graft, and a file with the provenance from which `replay` remakes it.
 
     A ``.glb`` file is a copy of the glTF file of the base to which the motion is added; see
-    `write_glb_animations`. An ``.npz`` file is a copy of the AMASS file of the base; see
-    `write_amass`.
+    `write_glb_animations`. An ``.npz`` file is a copy of the AMASS file of the base with
+    this motion in place of the base's; see `write_amass`.
 
     Parameters
     ----------
@@ -49,9 +51,9 @@ def write_graft(
     Raises
     ------
     ValueError
-        If `digits` is not an integer from 1 to 12; if there is no graft, or several and `path` is
-        not a ``.glb`` file; or if `path` is a ``.glb`` or ``.npz`` file, and the bases are not from
-        one glTF or AMASS file.
+        If `path` has another ending; if `digits` is not an integer from 1 to 12; if there is no
+        graft, or several and `path` is not a ``.glb`` file; or if `path` is a ``.glb`` or ``.npz``
+        file, and the bases are not from one glTF or AMASS file.
     OSError
         If a file cannot be written, or the glTF file cannot be read.
 
@@ -71,7 +73,10 @@ def write_graft(
     grafts = [graft] if isinstance(graft, Graft) else list(graft)
     for own in grafts:
         check_type("graft", own, Graft)
-    is_glb = target.suffix.lower() == ".glb"
+    suffix = target.suffix.lower()
+    if suffix not in MOTION_SUFFIXES:
+        raise ValueError(f"`path` must end with {', '.join(MOTION_SUFFIXES)}, got {target.name}")
+    is_glb = suffix == ".glb"
     if len(grafts) != 1 and not (is_glb and grafts):
         raise ValueError(
             f"`graft` must be one graft, for a .glb file one or more, got {len(grafts)}"
@@ -83,7 +88,7 @@ def write_graft(
         for own, extra in zip(grafts, sections, strict=True)
     ]
     data, source = b"", None
-    if target.suffix.lower() == ".npz":
+    if suffix == ".npz":
         source = _amass_source(grafts[0], target)
     if is_glb:
         names, data = add_graft_animations(grafts, target)
@@ -91,7 +96,7 @@ def write_graft(
     several = {"schema": SEVERAL_SCHEMA, "mograft": VERSION, "grafts": documents}
     document = documents[0] if len(documents) == 1 else several
     # The provenance comes first: an interruption then leaves no motion without it.
-    write_text(target.with_suffix(".json"), json.dumps(document, indent=1) + "\n")
+    write_json(target.with_suffix(".json"), document)
     if is_glb:
         write_bytes(target, data)
     elif source is not None:

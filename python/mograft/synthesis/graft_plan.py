@@ -8,6 +8,7 @@ from itertools import chain, repeat
 import numpy as np
 
 from mograft._util.arrays import IntArray, as_indices
+from mograft._util.memory import return_free_memory, reuse_freed_arrays
 from mograft.blend.foot_planting import FeetReport, plant_feet
 from mograft.blend.reach_completion import measure_completions
 from mograft.body.contacts import detect_contacts, find_legs
@@ -57,6 +58,7 @@ class GraftPlan:
 
         `base` may also be the index of a clip.
         """
+        reuse_freed_arrays()
         groups = grafted_groups(library, swap)
         if scenario is None:
             if isinstance(base, int):
@@ -105,7 +107,7 @@ class GraftPlan:
                 chosen[group] = trellis.donor_sequence(viterbi(trellis.costs))
         return trellises
 
-    def feasible_candidates(self, group: str) -> list[IntArray]:
+    def feasible_candidates(self, group: str) -> Sequence[IntArray]:
         """Return for each position the candidates that satisfy all hard constraints.
 
         If none does, all candidates of the position are returned. If any grafted group contains
@@ -134,9 +136,19 @@ class GraftPlan:
         donors = repair_donors(self.problem, donors, self.trellises)
         return tabu_search(self.problem, donors, self.trellises, self._finish)
 
-    def build_graft(self, donors: DonorSequences, seed: int, index: int) -> Graft:
-        """Return the graft of donor sequences, after self-repair."""
+    def build_graft(
+        self, donors: DonorSequences, seed: int, index: int, *, is_last: bool = False
+    ) -> Graft:
+        """Return the graft of donor sequences, after self-repair.
+
+        If `is_last` is true, the trellises are released before the graft is finished.
+        """
+        n_bytes = 4 * self.problem.base.rotations.nbytes
+        return_free_memory(n_bytes)
         assembly, repairs = self.assemble(donors, f"{self.problem.base.name}_graft{index}")
+        if is_last:
+            self.__dict__.pop("trellises", None)
+        return_free_memory(n_bytes)
         return replace(self.finish(assembly, seed, index), repairs=tuple(repairs))
 
     def assemble(self, donors: DonorSequences, name: str) -> tuple[Assembly, list[RepairedWindow]]:

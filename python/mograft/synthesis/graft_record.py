@@ -14,13 +14,20 @@ from mograft.errors import ProvenanceError, join_names
 from mograft.library.clip_table import skeleton_from_json
 from mograft.library.origin import LibraryOrigin
 from mograft.motion.skeleton import Skeleton
+from mograft.search.constraints import Span
 from mograft.synthesis.provenance import SCHEMA, SEVERAL_SCHEMA
 
 SCHEMA_1 = "mograft.graft/1"
-DAMAGE = (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError)
+DAMAGE = (
+    ArithmeticError,
+    AttributeError,
+    IndexError,
+    KeyError,
+    RecursionError,
+    TypeError,
+    ValueError,
+)
 """What reading a damaged document raises."""
-
-Span = tuple[int, int]
 
 
 @dataclass(frozen=True, kw_only=True)

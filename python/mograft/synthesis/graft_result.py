@@ -200,9 +200,10 @@ class Graft:
         ----------
         *edits : Use, Ban or KeepOriginal
             `Use` sets the donor of a segment, `KeepOriginal` restores the captured motion. `Ban`
-            excludes a donor, without `donor` the present one, and the segment gets another. An edit
-            replaces what the constraints of the graft, or earlier edits, require at the same
-            segments; bans remain in force against later bans and rerolls.
+            excludes a donor, by default the present one, and the segment gets another. At its
+            segments an edit replaces the constraints `Use` and `KeepOriginal` of the graft and of
+            earlier edits, and `Use` and `KeepOriginal` also replace earlier bans. Other bans remain
+            in force: no ban and no reroll brings an excluded donor back.
         reroll : sequence of int or tuple of int
             Segments to draw again, by their numbers or by ranges of frames. Each gets another donor
             than the present one if it has another candidate.

@@ -35,9 +35,10 @@ class SampledDonors:
         return self.values[:, :-2]
 
     def end_accelerations(self, rate: float) -> tuple[FloatArray, FloatArray]:
-        """Return the accelerations of the donors in the first and the last frame, per frame².
+        """Return the accelerations of the donors in the first and the last frame.
 
-        Both have shape (n, n_joints, 3). `rate` is in frames per second.
+        Both are in radians per frame² and have shape (n, n_joints, 3). `rate` is in frames per
+        second.
         """
         first = ROTATIONS.delta(self.values[:, 0], self.values[:, 1])
         last = ROTATIONS.delta(self.values[:, -4], self.values[:, -3])
@@ -81,7 +82,7 @@ class PlacedDonors:
 
     @property
     def end_acceleration(self) -> FloatArray:
-        """Acceleration of the donors in the last frame, per frame², shape (n, n_joints, 3)."""
+        """Acceleration of the donors in the last frame, radians per frame², (n, n_joints, 3)."""
         return self.sampled.end_accelerations(self.rate)[1]
 
     def select(self, index: int) -> "PlacedDonors":
@@ -96,7 +97,7 @@ class MotionEnd:
     pose: FloatArray  # rotations in the last frame, shape (n_joints, 4)
     velocity: FloatArray  # angular, in the last frame, in radians per second, shape (n_joints, 3)
     pose_before: FloatArray  # rotations in the frame before the last, shape (n_joints, 4)
-    acceleration: FloatArray  # of the donor in the last frame, per frame², shape (n_joints, 3)
+    acceleration: FloatArray  # of the donor in the last frame, radians per frame², (n_joints, 3)
 
 
 @dataclass(frozen=True, eq=False)

@@ -87,7 +87,8 @@ def find_whole_library(record: GraftRecord, sources: Sequence[str]) -> Library:
     """Return the library of a graft with all its clips: the stored one, or one built from files.
 
     The files are `sources` or, by default, those of the recorded command line. Raise
-    ProvenanceError if a file is missing or the files make another library.
+    ProvenanceError if a file is missing or the library is another one, and LibraryError or OSError
+    if the stored library cannot be opened.
     """
     origin = record.library
     if origin is None:
@@ -113,7 +114,7 @@ def find_whole_library(record: GraftRecord, sources: Sequence[str]) -> Library:
 
 
 def _present_source(record: GraftRecord, source: str) -> str:
-    """Return the present address of a file or folder of the recorded command line."""
+    """Return the address at which a file or folder of the recorded command line is now."""
     path, pattern = split_address(source)
     name = Path(path).name
     clip = next((own for own in record.clips if own.file and Path(own.file).name == name), None)
@@ -125,7 +126,7 @@ def _present_source(record: GraftRecord, source: str) -> str:
 
 
 def _with_base(record: GraftRecord, library: Library, sources: Sequence[str]) -> RecordedLibrary:
-    """Return a complete library, extended by the base if it is not a clip of the library."""
+    """Return `library`, which has all its clips, and the base if it is not one of them."""
     n_clips = n_library_clips(library)
     clips = {info.name: index for index, info in enumerate(library.entries[:n_clips])}
     outside = [clip for clip in record.clips if clip.is_base and not clip.is_in_library]
@@ -140,7 +141,7 @@ def _with_base(record: GraftRecord, library: Library, sources: Sequence[str]) ->
     elif record.base in clips:
         base = clips[record.base]
     else:
-        raise record.error(f"the library has no clip {record.base!r}, the base")
+        raise record.error(f"the library has no clip {record.base!r}, the base of the graft")
     return RecordedLibrary(library, base, clips)
 
 

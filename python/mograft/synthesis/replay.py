@@ -44,8 +44,9 @@ def replay(
     source : path or mapping
         The ``.json`` file beside a graft, or a document that `Graft.as_dict` returned.
     library : Library, optional
-        The library of the graft. Default: the stored library that the provenance names, or else
-        the files of the clips of which the graft is made.
+        The library of the graft. Default: the stored library that the provenance names; if it is
+        missing or has changed, a library of the clips of which the graft is made, read from their
+        files.
     sources : sequence of str
         Files and folders. The files of clips that are not at the path in the provenance are
         searched for among them.

@@ -1,6 +1,6 @@
 """The search problem: a base motion, the candidate donors, and the constraints on the result."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,9 +18,10 @@ from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 from mograft.scenario.realize import joints_of_donors
-from mograft.search.candidates import SegmentPool
+from mograft.search.candidate_lists import ComputedLists
+from mograft.search.candidates import POSITIONS_PER_BATCH, SegmentPool
 from mograft.search.constraints import Constraint
-from mograft.search.costs import ConstraintViolations, CostModel, origin_violations
+from mograft.search.costs import PRESELECTION, ConstraintViolations, CostModel, origin_violations
 from mograft.search.donor_choice import DONOR_CHOICES, cost_model
 from mograft.search.donor_constraints import limit_config
 from mograft.search.pose_constraints import with_captured_depth
@@ -31,6 +32,9 @@ from mograft.synthesis.segment_references import (
     used_donors,
 )
 
+_MAX_STORED_CANDIDATES = 1 << 24
+"""Greatest number of candidates that are stored: 128 MiB. More are computed when they are read."""
+
 
 def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
     """Check the types of constraints and the joint names in them.
@@ -38,7 +42,7 @@ def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
     `poses` has at least one pose of the skeleton to which the constraints apply. An item that is
     not a constraint raises TypeError; a joint name that the skeleton lacks raises ValueError.
     """
-    if isinstance(constraints, Constraint):
+    if not isinstance(constraints, Collection):
         raise TypeError(f"`constraints` must be a list of constraints, got {constraints!r}")
     for constraint in constraints:
         if not isinstance(constraint, Constraint):
@@ -70,13 +74,30 @@ def _with_used_donors(
     constraints: Sequence[Constraint],
     base_segments: Segments,
     library: Library,
-) -> list[IntArray]:
+) -> Sequence[IntArray]:
     """Add the donors that `Use` constraints name to the candidates of each position."""
+    if not constraints:
+        return candidates
     used = used_donors(constraints, base_segments, library)
     return [
         np.union1d(own, more) if len(more) else own
         for own, more in zip(candidates, used, strict=True)
     ]
+
+
+def _find_candidates(
+    pool: SegmentPool, scenario: IntArray, config: Config, model: CostModel | None
+) -> Sequence[IntArray]:
+    """Return the candidates of each position, computed when they are read if they are many."""
+    limit = PRESELECTION * config.max_candidates
+    is_limited = model is not None and limit < len(pool.segments)
+    if not is_limited or len(scenario) * limit <= _MAX_STORED_CANDIDATES:
+        return pool.candidate_lists(scenario, config, model)
+
+    def compute(block: slice) -> list[IntArray]:
+        return pool.candidate_lists(scenario[block], config, model)
+
+    return ComputedLists(compute, len(scenario), POSITIONS_PER_BATCH)
 
 
 def driven_joints(skeleton: Skeleton, members: Mapping[str, IntArray]) -> dict[str, BoolArray]:
@@ -101,7 +122,7 @@ class SearchProblem:
     scenario: IntArray  # base segments as indices into the library, shape (n_positions,)
     base_segments: Segments  # the same segments in frames of the base motion
     pools: Mapping[str, SegmentPool]  # by grafted group, in hierarchical order of the groups
-    candidates: Mapping[str, list[IntArray]]  # by grafted group, for each position
+    candidates: Mapping[str, Sequence[IntArray]]  # by grafted group, for each position
     constraints: tuple[Constraint, ...]
     config: Config  # of the library, limited by the constraints
 
@@ -121,7 +142,7 @@ class SearchProblem:
         motion. An item that is not a constraint raises TypeError; a constraint with an unknown
         joint, clip or frame raises ValueError.
         """
-        if constraints or isinstance(constraints, Constraint):
+        if not isinstance(constraints, Collection) or len(constraints):
             constraints = _checked_constraints(constraints, base)
         config = limit_config(library.config, constraints)
         if not DONOR_CHOICES.get(config.choice).is_limited:
@@ -136,7 +157,7 @@ class SearchProblem:
         }
         lists = {
             group: _with_used_donors(
-                pool.candidate_lists(scenario, config, models[group]),
+                _find_candidates(pool, scenario, config, models[group]),
                 [own for own in constraints if own.applies_to_group(group)],
                 base_segments,
                 library,
@@ -259,7 +280,10 @@ class SearchProblem:
 
     def count_alternatives(self, group: str) -> IntArray:
         """Return how many candidates other than the base segment each position has."""
-        pairs = zip(self.candidates[group], self.scenario, strict=True)
+        lists = self.candidates[group]
+        if isinstance(lists, ComputedLists):
+            return lists.lengths() - 1  # all contain the base segment
+        pairs = zip(lists, self.scenario, strict=True)
         return np.array([np.count_nonzero(own != base) for own, base in pairs], np.int64)
 
     def positions_with(self, excess: FloatArray) -> BoolArray:
@@ -280,7 +304,7 @@ class SearchProblem:
         """Return for each position the costs of soft constraints on clips and lengths."""
         return [own.soft for own in self._origin_violations(group)]
 
-    def _allowed_by_origin(self, group: str) -> list[IntArray]:
+    def _allowed_by_origin(self, group: str) -> Sequence[IntArray]:
         """Return for each position the candidates that satisfy all hard constraints on donors.
 
         At a position where none does, the base segment is the only candidate.

@@ -1,11 +1,11 @@
 """Self-repair: other donors where an assembled motion is rougher than the recordings.
 
-The donors at defects are excluded and the trellis is searched again around them. The sequences
-found are assembled and measured; the least rough one stays, in the worst case the first. No repair
-may violate a hard limit that the first sequence satisfies.
+The donors at defects are penalised and the trellis is searched again around them. The sequences
+found are assembled and measured. The sequence with the smallest defects is used; if none is better,
+that is the first one. No repair may violate a hard limit that the first sequence satisfies.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,13 +18,15 @@ from mograft.search.trellis import DonorTrellis
 from mograft.synthesis.assembly import Assembly, Piece, assemble_pieces
 from mograft.synthesis.defects import MEASURES, DefectMeasure
 from mograft.synthesis.donor_repair import replace_unlisted, search_again
+from mograft.synthesis.search_problem import SearchProblem
 
 _Window = tuple[int, int]  # half-open range of positions
 
 _RADIUS = 2  # positions beside a defect that repair can change
 _MARGIN = 3  # positions beside a window that are assembled with it
-_MAX_ROUNDS = 4  # searches with excluded donors
+_MAX_ROUNDS = 4  # searches with penalised donors
 _MAX_ASSEMBLIES = 3  # of the whole motion
+_FRAMES_PER_ASSEMBLY = 1 << 15  # of windows that are assembled together
 _LIMIT_FACTOR = 1e6  # of infeasible costs: penalties at defects must not outweigh them
 _ROUNDING = 1e-12  # radians
 
@@ -40,9 +42,9 @@ class RepairedWindow:
     start, stop : int
         First and last frame in the base, both included.
     measure : {"seam acceleration", "seam jerk", "world jerk", "floor depth"}
-        The measure that exceeded its limit most.
+        The measure that exceeded its limit most before the repair.
     before, after : float
-        Greatest ratio of a measure to its limit, before and after the repair. Both are equal if
+        Greatest ratio of any measure to its limit, before and after the repair. Both are equal if
         no better donors were found.
     """
 
@@ -125,22 +127,26 @@ class _Defects:
         has_defect = self.amounts.max(axis=1) > 1.0
         return [(start, stop) for start, stop in find_runs(dilate(has_defect, _RADIUS)).tolist()]
 
-    def is_better(self, amounts: FloatArray, window: _Window) -> bool:
-        """Whether `amounts` in a window have a smaller total excess and no greater maximum."""
-        before, after = _around(self.amounts, window), _around(amounts, window)
+    def is_better(self, after: FloatArray, window: _Window) -> bool:
+        """Whether the amounts `after` have a smaller total excess and no greater maximum.
+
+        They are those in a window, and at the positions just before and just after it.
+        """
+        before = _around(self.amounts, window)
         return after.max() <= before.max() and _total_excess(after) < _total_excess(before)
 
     def overlaps(self, window: _Window, frames: Sequence[Span]) -> bool:
-        """Whether a window, with one position on either side, overlaps one of the frame ranges."""
+        """Whether a window, or the position before or after it, overlaps one of the ranges."""
         cut, (start, stop) = self.assembly.problem.base_segments, window
         first, last = cut.start[max(start - 1, 0)], cut.stop[min(stop, len(cut) - 1)]
         return any(first <= end and begin <= last for begin, end in frames)
 
     def report(self, after: "_Defects") -> list[RepairedWindow]:
-        """Return one record per window with the greatest ratio of a measure to its limit.
+        """Return one record for each window.
 
-        The ratio is given before the repair, for this assembly, and after it, for the repaired
-        assembly `after`.
+        It holds the greatest ratio of a measure to its limit twice: before the repair, in this
+        assembly, and after it, in the repaired assembly `after`. These two may be of different
+        measures; the record names the first.
         """
         cut = self.assembly.problem.base_segments
         reports = []
@@ -161,7 +167,7 @@ class _Defects:
 
 @dataclass(frozen=True, eq=False)
 class _Limits:
-    """What a repair may not make worse: amounts, seam angles and violations of constraints."""
+    """The limits of a repair: amounts, seam angles and violations may not become greater."""
 
     defects: _Defects  # before the repair
     violations: Callable[[Assembly], Sequence[Violation]]
@@ -225,15 +231,16 @@ def _search(limits: _Limits, trellis: DonorTrellis) -> IntArray:
         if attempt == _MAX_ROUNDS:
             current = np.where(is_open, captured, current)
         else:
-            # A search changes one position on either side of those that it penalises.
+            # A search also changes the positions before and after those that it penalises.
             is_inner = ~dilate(~is_open)
             inner = np.where(is_inner, excess, 0.0)
             current = search_again(trellis, penalties, current, inner, _LIMIT_FACTOR)
         donors = np.where(is_open, current, first)
         found = _measure(defects, donors, windows)
         for (start, stop), own in zip(windows, found, strict=True):
-            excess[start:stop] = np.maximum(own[start:stop].max(axis=1) - 1.0, 0.0)
-            total = _total_excess(_around(own, (start, stop)))
+            inside = own[min(start, 1) :][: stop - start]
+            excess[start:stop] = np.maximum(inside.max(axis=1) - 1.0, 0.0)
+            total = _total_excess(own)
             if (
                 total < least[start, stop]
                 and defects.is_better(own, (start, stop))
@@ -245,23 +252,39 @@ def _search(limits: _Limits, trellis: DonorTrellis) -> IntArray:
 
 
 def _measure(defects: _Defects, donors: IntArray, windows: Sequence[_Window]) -> list[FloatArray]:
-    """Return the amounts of other donors for each window; 0 where no frames were assembled."""
+    """Return the defect amounts if the group has the donor sequence `donors`.
+
+    Each array has those of a window, and of the positions just before and just after it.
+    """
     assembly, group = defects.assembly, defects.measure.group
     problem, n = assembly.problem, len(donors)
     chosen = {**assembly.donors, group: donors}
     if problem.root_group is not None:
         # A root's transform accumulates from the start.
         whole = [Piece(chosen, 0, n)]
-        found = defects.measure.amounts(assemble_pieces(problem, whole), whole)
-        return found * len(windows)
+        (amounts,) = defects.measure.amounts(assemble_pieces(problem, whole), whole)
+        return [_around(amounts, window) for window in windows]
     pieces = [
         Piece(chosen, max(start - _MARGIN, 0), min(stop + _MARGIN, n)) for start, stop in windows
     ]
-    found = defects.measure.amounts(assemble_pieces(problem, pieces), pieces)
-    amounts = [np.zeros(defects.amounts.shape) for _ in pieces]
-    for own, piece, amount in zip(amounts, pieces, found, strict=True):
-        own[piece.first : piece.stop] = amount
-    return amounts
+    found: list[FloatArray] = []
+    for batch in _batches(problem, pieces):
+        # With the pieces beside the batch: the treatment of a seam reaches into the next piece.
+        near = slice(max(batch.start - 1, 0), batch.stop + 1)
+        measured = defects.measure.amounts(assemble_pieces(problem, pieces[near]), pieces[near])
+        for index in batch:
+            (start, stop), first = windows[index], pieces[index].first
+            found.append(_around(measured[index - near.start], (start - first, stop - first)))
+    return found
+
+
+def _batches(problem: SearchProblem, pieces: Sequence[Piece]) -> Iterator[range]:
+    """Yield ranges of pieces that are assembled together, to bound the memory."""
+    cut = problem.base_segments
+    lengths = [int(cut.stop[piece.stop - 1] - cut.start[piece.first]) for piece in pieces]
+    numbers = np.cumsum([0, *lengths[:-1]]) // _FRAMES_PER_ASSEMBLY
+    bounds = [0, *(np.flatnonzero(np.diff(numbers)) + 1).tolist(), len(pieces)]
+    return map(range, bounds[:-1], bounds[1:])
 
 
 def _keep_better(limits: _Limits, donors: IntArray) -> _Defects:
@@ -279,7 +302,9 @@ def _keep_better(limits: _Limits, donors: IntArray) -> _Defects:
         limits.first_violations  # noqa: B018 - computed while the first motion is in memory
         assembly = before.assembly.replace_donors(before.measure.group, donors)
         after = _Defects.build(assembly, before.measure)
-        reverted = [own for own in changed if not before.is_better(after.amounts, own)]
+        reverted = [
+            own for own in changed if not before.is_better(_around(after.amounts, own), own)
+        ]
         if not reverted:
             broken = limits.broken_frames(assembly)
             if not broken:
@@ -297,7 +322,7 @@ def _worst(defects: Mapping[str, _Defects]) -> float:
 
 
 def _around(amounts: FloatArray, window: _Window) -> FloatArray:
-    """Return the amounts in a window and at one position on either side."""
+    """Return the amounts in a window, and at the positions just before and just after it."""
     start, stop = window
     return amounts[max(start - 1, 0) : stop + 1]
 

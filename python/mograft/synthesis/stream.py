@@ -50,7 +50,7 @@ class Piece:
     substitutions : tuple of Substitution
         The donor of each grafted group. Their `start` and `stop` are those of the base segment:
         neighbouring segments share a frame, so that a segment starts at the last frame of the
-        previous piece. Base segments are numbered on from the last segment of the library.
+        previous piece. The numbers of base segments continue those of the library's segments.
         `gap_after` is NaN, because the next donor is not known yet.
     violations : tuple of Violation
         Violations of hard constraints in these frames and at the seam before them.
@@ -118,7 +118,8 @@ class Stream:
     This does not apply to segments with constraints on poses, because these are evaluated before
     the next donor is known, nor to the last one; they have the treatment "inertial". "inertial" and
     "dead" change only frames after a seam. A stream replaces the other treatments by "inertial",
-    and `Config.torso` by "pelvis": smoothing the heading of the base requires later frames.
+    and `Config.torso` by "pelvis": the other values smooth the motion of the base over later
+    frames.
     Translations are those of the base.
 
     ``Config(choice="random")`` draws uniformly from the donor sequences within the limits, among

@@ -27,12 +27,12 @@ def check_stream_config(config: Config) -> None:
     causal = [n for n, own in METHODS.entries.items() if own is None or own.look_ahead is not None]
     if chosen not in causal:
         raise ValueError(
-            f"config.segmentation must be one of {', '.join(map(repr, causal))} in a stream, whose "
-            f"cuts cannot depend on all later frames, got {chosen!r}"
+            f"`Config.segmentation` must be one of {', '.join(map(repr, causal))} in a stream, "
+            f"because other methods need all later frames, got {chosen!r}"
         )
     if config.alignment != "uniform":
         raise ValueError(
-            f"config.alignment must be 'uniform' in a stream, got {config.alignment!r}"
+            f"`Config.alignment` must be 'uniform' in a stream, got {config.alignment!r}"
         )
 
 

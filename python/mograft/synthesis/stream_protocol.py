@@ -144,6 +144,6 @@ def _read_description(record: object) -> tuple[str, "np.dtype[np.floating[Any]]"
     if not is_shape or not all(type(size) is int and 0 <= size <= MAX_BODY_BYTES for size in shape):
         raise RequestError(
             f"the shape of {name!r} must be a list of at most {_MAX_DIMENSIONS} integers from 0 to "
-            f"{MAX_BODY_BYTES}"
+            f"{MAX_BODY_BYTES}, got {shape!r}"
         )
     return name, DTYPES[dtype], shape

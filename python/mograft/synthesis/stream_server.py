@@ -1,5 +1,6 @@
 """`StreamServer`: streams for clients on a TCP or Unix socket, one thread per connection."""
 
+import errno
 import ipaddress
 import os
 import socket
@@ -22,11 +23,6 @@ from mograft.synthesis.stream_protocol import FrameError, Message, RequestError,
 from mograft.synthesis.stream_session import StreamSession
 
 _POLL_SECONDS = 0.1
-_DRAIN_SECONDS = 1.0
-"""How long a closing connection discards input.
-
-Some systems discard the last reply if a socket is closed while it holds input.
-"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +31,9 @@ class ServerLimits:
 
     idle_seconds: float = 600.0  # largest pause between two messages of a client
     message_seconds: float = 10.0  # to receive a message after its first byte, and to send a reply
+    # To discard input before a connection is closed: some systems discard the last reply if a
+    # socket is closed while it holds input.
+    drain_seconds: float = 1.0
     max_connections: int = 16
 
 
@@ -49,8 +48,8 @@ class StreamServer:
     library : Library
         The library whose segments are the donors of all streams.
     address : tuple of str and int, or path
-        Host and port of a TCP socket, where port 0 selects a free port; or the path of a Unix
-        socket, which only the current user may open.
+        Host and port of a TCP socket, where port 0 selects a free port; or, as a `pathlib.Path`,
+        the path of a Unix socket, which only the current user may open.
     limits : ServerLimits
         Timeouts and the largest number of connections.
 
@@ -61,7 +60,7 @@ class StreamServer:
     OSError
         If the address cannot be used.
     ValueError
-        If the library's `Config.alignment` is not "uniform".
+        If a stream does not support the library's `Config.segmentation` or `Config.alignment`.
     """
 
     def __init__(
@@ -173,7 +172,7 @@ class _Connection:
         try:
             self._send(_error(code, message, is_open=False), "float32")
             self._socket.shutdown(socket.SHUT_WR)
-            self._deadline = time.monotonic() + _DRAIN_SECONDS
+            self._deadline = time.monotonic() + self._limits.drain_seconds
             while self._receive_some(65_536):
                 pass
         except OSError:
@@ -258,7 +257,8 @@ def _remove_dead_socket(path: Path) -> None:
     if path.is_socket():
         with socket.socket(socket.AF_UNIX) as probe:
             probe.settimeout(1.0)
-            if probe.connect_ex(str(path)) != 0:
+            # Other errors, such as a full queue, do not mean that the server has ended.
+            if probe.connect_ex(str(path)) == errno.ECONNREFUSED:
                 path.unlink()
                 return
     raise FileExistsError(17, "exists; the socket needs a new path", str(path))

@@ -25,7 +25,7 @@ class SmoothedDonor:
 
     frames: FloatArray  # rotations, shape (1, n_frames, n_joints, 4)
     end_velocity: FloatArray  # in radians per second, shape (1, n_joints, 3)
-    end_acceleration: FloatArray  # of the donor, per frame², shape (1, n_joints, 3)
+    end_acceleration: FloatArray  # of the donor, radians per frame², shape (1, n_joints, 3)
 
     @property
     def end_pose(self) -> FloatArray:
@@ -42,9 +42,9 @@ def smooth_with_following(
 ) -> SmoothedDonor | PlacedDonors:
     """Fit a donor to the committed motion before it and to the chosen donor after it.
 
-    The sum that "gradient" minimises is minimised over all frames of the segment but the first,
-    which is committed like the frame before it, and over the next segment. The result is that of
-    `place_donors` if there is no gap.
+    The result minimises the sum that the seam treatment "gradient" minimises, over the segment and
+    the next one. The first frame of the segment and the frame before it are committed and do not
+    change. If there is no gap, the result is that of `place_donors`.
     """
     placed = place_donors(sampled, previous, rate, config)
     # The starting point of the solution is continuous.

@@ -17,7 +17,7 @@ _MAX_SEGMENTS = 1_500
 
 @dataclass(frozen=True)
 class ListedDonor:
-    """A candidate of a base segment, with the numbers that ``mograft candidates`` prints."""
+    """An allowed candidate, with the numbers that ``mograft candidates`` prints."""
 
     clip: str
     start: int  # First and last frame in the clip, both inclusive.
@@ -30,10 +30,10 @@ class ListedDonor:
 
 @dataclass(frozen=True, eq=False)
 class CandidateTable:
-    """The candidates of the base segments of a graft, for each exchanged group."""
+    """The allowed candidates of the base segments of a graft, for each exchanged group."""
 
-    donors: dict[str, tuple[tuple[ListedDonor, ...], ...]]  # Of each segment, at most 20.
-    counts: dict[str, tuple[int, ...]]  # Number of all candidates of each segment.
+    donors: dict[str, tuple[tuple[ListedDonor, ...], ...]]  # The first 20 of each base segment.
+    counts: dict[str, tuple[int, ...]]  # Number of allowed candidates of each base segment.
 
     @classmethod
     def of(cls, graft: Graft) -> "CandidateTable":

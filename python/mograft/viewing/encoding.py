@@ -12,12 +12,12 @@ from mograft.analysis.segmentation import kinetic_energy
 from mograft.motion.motion import Motion
 from mograft.viewing.candidate_table import CandidateTable
 from mograft.viewing.figure import Figure, TimelineRow
-from mograft.viewing.geometry import DrawnSkeleton
+from mograft.viewing.geometry import DrawnSkeleton, count_nodes
 from mograft.viewing.objects import encode_objects
 from mograft.viewing.scene import Scene
 
 MAX_NODE_POSITIONS = 6_000_000
-"""Maximum number of node positions in a page; of longer motions every n-th frame is stored."""
+"""Maximum number of node positions on a page: of more, those of every n-th frame are stored."""
 
 _MAX_CURVE_POINTS = 1_500
 """Maximum number of points of the energy curve, which is about the width of a screen in pixels."""
@@ -34,11 +34,12 @@ def encode_scene(
     positions, only every n-th frame is stored, with the smallest n that suffices. The page shows
     the first `n_shown` figures until the reader chooses others; None means all.
     """
-    skeletons = [DrawnSkeleton.of(figure.motion) for figure in scene.figures]
     objects = encode_objects(scene.constraints)
-    characters = [own["clip"].skeleton for own in objects if own["kind"] == "figure"]
-    total = sum(own.positions.shape[0] * own.positions.shape[1] for own in skeletons + characters)
+    motions = [figure.motion for figure in scene.figures]
+    motions += [own["clip"].motion for own in objects if own["kind"] == "figure"]
+    total = sum(motion.n_frames * count_nodes(motion) for motion in motions)
     step = max(1, -(-total // max_positions))
+    skeletons = [DrawnSkeleton.of(figure.motion, step) for figure in scene.figures]
     donors: dict[str, int] = {}
     tables = [figure.candidates for figure in scene.figures if figure.candidates is not None]
     tables = list(dict.fromkeys(tables))
@@ -51,7 +52,9 @@ def encode_scene(
     ]
     for own in objects:
         if own["kind"] == "figure":
-            own["clip"] = _encode_poses(own["clip"].skeleton, own["clip"].motion, step)
+            skeleton, motion = own["clip"]
+            stored = skeleton.with_positions(skeleton.positions[::step])
+            own["clip"] = _encode_poses(stored, motion, step)
     note = ""
     if step > 1:
         note = f"Long motions: every {_ordinal(step)} frame is stored, the others are interpolated."
@@ -73,10 +76,10 @@ def encode_scene(
 def _encode_figure(
     figure: Figure, skeleton: DrawnSkeleton, step: int, donors: dict[str, int]
 ) -> dict[str, Any]:
-    """Return a figure as a dict for JSON, with every `step`-th frame.
+    """Return a figure as a dict for JSON; `skeleton` has its positions in every `step`-th frame.
 
-    `donors` maps names of donor clips to numbers. The function adds the figure's donor clips that
-    `donors` lacks, with the next numbers.
+    `donors` maps names of donor clips to numbers. The figure's donor clips that it does not contain
+    are added to it, with the next numbers.
     """
     return {
         "name": figure.name,
@@ -91,7 +94,8 @@ def _encode_figure(
 
 
 def _encode_poses(skeleton: DrawnSkeleton, motion: Motion, step: int) -> dict[str, Any]:
-    stored = skeleton.positions[::step]
+    """Return a figure's bones and poses; `skeleton` has the positions of every `step`-th frame."""
+    stored = skeleton.positions
     unit, path, pose = quantize(stored, skeleton.root, skeleton.height)
     return {
         "frames": motion.n_frames,
@@ -108,10 +112,10 @@ def _encode_poses(skeleton: DrawnSkeleton, motion: Motion, step: int) -> dict[st
 
 
 def encode_candidates(table: CandidateTable, donors: dict[str, int]) -> dict[str, Any]:
-    """Return the candidates as a dict for JSON: one list per quantity, for all segments of a group.
+    """Return a table as a dict for JSON: for each group, one list per quantity for all candidates.
 
-    `donors` maps names of clips to numbers. The function adds the names of clips that `donors`
-    lacks, with the next numbers.
+    `donors` maps names of clips to numbers. The clips of candidates that it does not contain are
+    added to it, with the next numbers.
     """
     document = {}
     for group, segments in table.donors.items():
@@ -148,8 +152,11 @@ def quantize(positions: FloatArray, root: int, height: float) -> tuple[float, Fl
     """
     path = positions[:, root].astype(np.float32).astype(np.float64)
     relative = positions - path[:, None]
-    unit = max(float(np.abs(relative).max()) / 32_000, 1e-4 * height)
-    integers = np.round(relative / unit).astype(np.int16)
+    greatest = max(float(relative.max()), -float(relative.min()))
+    unit = max(greatest / 32_000, 1e-4 * height)
+    # In place: these are the largest arrays of a page.
+    relative /= unit
+    integers = np.round(relative, out=relative).astype(np.int16)
     # Differences overflow as the sums in the page's script do, so that both cancel.
     with np.errstate(over="ignore"):
         velocity = np.diff(integers, axis=0, prepend=np.zeros_like(integers[:1]))
@@ -161,10 +168,11 @@ def quantize(positions: FloatArray, root: int, height: float) -> tuple[float, Fl
 
 
 def _compress(data: bytes) -> str:
-    """Return compressed bytes as text.
+    """Return bytes compressed by zlib, as base64 text.
 
-    Differences of positions hardly repeat, except for zeros: the search for runs alone takes a
-    seventh of the time of the search for all repetitions, and the result is 5 % smaller.
+    The search for repetitions is limited to runs of one byte (``Z_RLE``): differences of positions
+    hardly repeat, except for zeros. The time is a seventh of that of a full search, and the result
+    is 5 % smaller.
     """
     packer = zlib.compressobj(9, zlib.DEFLATED, zlib.MAX_WBITS, 9, zlib.Z_RLE)
     return base64.b64encode(packer.compress(data) + packer.flush()).decode("ascii")

@@ -18,7 +18,7 @@ class TimelineRow:
     start: IntArray  # First and last frame of each segment, both inclusive.
     stop: IntArray
     cluster: IntArray  # Of each segment; in a graft, of its donor. -1 if unknown.
-    donor_clips: tuple[str, ...]  # Name of each donor's clip; empty if nothing was grafted.
+    donor_clips: tuple[str, ...]  # Name of each donor's clip; empty for a captured motion.
     donor_start: IntArray  # First and last frame of each donor in its clip.
     donor_stop: IntArray
     is_exchanged: BoolArray  # Whether the donor is another segment.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft._util.gaussian import gaussian_filter
+from mograft._util.gaussian import gaussian_filter_columns
 from mograft.body.anatomy import anatomy
 from mograft.body.groups import JointGroups
 from mograft.io.palette import PALETTE
@@ -85,7 +85,7 @@ def draw_pictures(
 
 @dataclass(frozen=True, eq=False)
 class _Shapes:
-    """What one panel shows in several frames. Points are x and y in supersampled pixels."""
+    """The shapes that a panel draws in several frames; points are (x, y) in supersampled pixels."""
 
     lines: FloatArray  # of the floor, (n_frames, n_lines, 2, 2)
     shadows: FloatArray  # polygons, (n_frames, n_bones, n_corners, 2)
@@ -118,9 +118,7 @@ class _Panel:
         self.bone_colours = [PALETTE[group[p] % len(PALETTE)] for p in self.bones[:, 0]]
         path = self.positions[:, drawn.root][:, [0, 2]]
         frames = _CAMERA_SMOOTHING_SECONDS * motion.rate
-        self.focus = np.stack(
-            [gaussian_filter(np.ascontiguousarray(c), frames) for c in path.T], axis=1
-        )
+        self.focus = gaussian_filter_columns(path, frames)
         self.yaw = _camera_yaw(motion, self.positions[0])
         # The figure is smaller in a narrow panel, so that its sides are visible.
         self.zoom = min(self.size[1] * 0.7, self.size[0] * 0.85)

@@ -1,12 +1,13 @@
 """What is drawn of a motion: nodes with y up, bones between them, and their widths."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray
+from mograft._util.arrays import BoolArray, FloatArray
 from mograft.body.anatomy import Anatomy, anatomy, root_carriers
-from mograft.body.mass import mass_model, up_axis
+from mograft.body.mass import mass_model, mean_world_positions, up_axis, up_sign
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
@@ -58,24 +59,25 @@ class DrawnSkeleton:
     tips: list[int]  # The nodes at the ends of the limbs, fingers excepted; at most 12.
 
     @classmethod
-    def of(cls, motion: Motion) -> "DrawnSkeleton":
-        """Return the nodes of a motion."""
+    def of(cls, motion: Motion, step: int = 1) -> "DrawnSkeleton":
+        """Return the nodes of a motion, with their positions in every `step`-th frame."""
         skeleton = motion.skeleton
         known = anatomy(skeleton)
         mass = mass_model(skeleton)
+        to_y_up = _to_y_up(motion)
         parents = node_parents(motion)
-        positions = node_positions(motion)
-        on_head = {node for node, parent in enumerate(parents) if parent == mass.head}
-        if mass.head is not None and on_head and on_head <= set(known.details):
-            # The only children of the head are details such as eyes: the mass model sets its end.
-            turns, joints = motion.world_transforms()
-            top = joints[:, mass.head] + rotations.rotate(turns[:, mass.head], mass.bone[mass.head])
-            positions = np.concatenate([positions, top[:, None]], axis=1)
-            parents.append(mass.head)
-        to_y_up = _to_y_up(positions, motion)
-        positions = positions @ to_y_up.T
+        top = _head_without_end(motion)
+        if top is not None:
+            parents.append(top)
+        positions = np.empty((-(-motion.n_frames // step), len(parents), 3))
+        lowest = np.empty(motion.n_frames)
+        for frames, own in _node_blocks(motion, top):
+            turned = own @ to_y_up.T
+            lowest[frames] = turned[:, :, 1].min(axis=1)
+            first = -(-frames.start // step)
+            stored = turned[first * step - frames.start :: step]
+            positions[first : first + len(stored)] = stored
         root = motion.locomotion_root()
-        lowest = positions[:, :, 1].min(axis=1)
         return cls(
             positions=positions,
             to_y_up=to_y_up,
@@ -103,23 +105,54 @@ def node_parents(motion: Motion) -> list[int]:
     return [-1 if parent in carriers else parent for parent in parents]
 
 
+def count_nodes(motion: Motion) -> int:
+    """Return the number of nodes of the `DrawnSkeleton` of a motion."""
+    return len(node_parents(motion)) + (_head_without_end(motion) is not None)
+
+
 def node_positions(motion: Motion) -> FloatArray:
     """Return the world positions of joints and end sites, shape (n_frames, n_nodes, 3).
 
     Nodes that are not an end of any bone, such as a root on the floor, get the position of the
     hips, because their true position may be far from the body.
     """
-    turns, joints = motion.world_transforms()
-    sites = [
-        joints[:, site.parent] + rotations.rotate(turns[:, site.parent], site.offset)
-        for site in motion.skeleton.end_sites
-    ]
-    positions = np.concatenate([joints, *(site[:, None] for site in sites)], axis=1)
+    return np.concatenate([own for _, own in _node_blocks(motion, None)])
+
+
+def _node_blocks(motion: Motion, top: int | None) -> Iterator[tuple[slice, FloatArray]]:
+    """Yield consecutive ranges of frames, each with the world positions of the nodes.
+
+    If `top` is given, the index of a head, the last node is the end of its bone in the mass model.
+    """
+    is_drawn = _drawn_nodes(motion)
+    hips, mass = anatomy(motion.skeleton).hips, mass_model(motion.skeleton)
+    ends = [(site.parent, site.offset) for site in motion.skeleton.end_sites]
+    for frames, turns, joints in motion.world_blocks():
+        sites = [joints[:, own] + rotations.rotate(turns[:, own], end) for own, end in ends]
+        positions = np.concatenate([joints, *(site[:, None] for site in sites)], axis=1)
+        positions[:, ~is_drawn] = joints[:, [hips]]
+        if top is not None:
+            end = joints[:, top] + rotations.rotate(turns[:, top], mass.bone[top])
+            positions = np.concatenate([positions, end[:, None]], axis=1)
+        yield frames, positions
+
+
+def _drawn_nodes(motion: Motion) -> BoolArray:
+    """Return whether each joint and end site is an end of a bone."""
     bones = [(node, parent) for node, parent in enumerate(node_parents(motion)) if parent >= 0]
-    is_drawn = np.zeros(positions.shape[1], bool)
+    is_drawn = np.zeros(len(node_parents(motion)), bool)
     is_drawn[[end for bone in bones for end in bone]] = True
-    positions[:, ~is_drawn] = joints[:, [anatomy(motion.skeleton).hips]]
-    return positions
+    return is_drawn
+
+
+def _head_without_end(motion: Motion) -> int | None:
+    """Return the head if its only children are details such as eyes, otherwise None.
+
+    The end of the bone of such a head is that of the mass model.
+    """
+    head, details = mass_model(motion.skeleton).head, set(anatomy(motion.skeleton).details)
+    on_head = {node for node, parent in enumerate(node_parents(motion)) if parent == head}
+    return head if head is not None and on_head and on_head <= details else None
 
 
 def _bone_widths(known: Anatomy, parents: list[int]) -> list[float]:
@@ -143,16 +176,12 @@ def _limb_tips(known: Anatomy, parents: list[int]) -> list[int]:
     return [node for node in leaves if known.parts[parents[node]] != "finger"][:_MAX_TIPS]
 
 
-def _to_y_up(positions: FloatArray, motion: Motion) -> FloatArray:
-    """Return the rotation matrix that makes the y axis point up; it does not mirror.
-
-    `positions` are those of the nodes in the world, shape (n_frames, n_nodes, 3).
-    """
+def _to_y_up(motion: Motion) -> FloatArray:
+    """Return the rotation matrix that makes the y axis point up; it does not mirror."""
     axis = up_axis(motion)
-    mass = mass_model(motion.skeleton)
-    ankles = [foot.ankle for foot in mass.feet]
-    high = mass.head if mass.head is not None else mass.hips
-    low = ankles if ankles else [mass.hips]
-    sign = -1.0 if positions[:, high, axis].mean() < positions[:, low, axis].mean() else 1.0
+    means = mean_world_positions(motion)[:, axis]
+    hidden = ~_drawn_nodes(motion)[: len(means)]
+    means = np.where(hidden, means[anatomy(motion.skeleton).hips], means)
+    sign = up_sign(motion.skeleton, means)
     rotation: FloatArray = np.array(_UPRIGHT[axis]) * np.array([[sign], [sign], [1.0]])
     return rotation

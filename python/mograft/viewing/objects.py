@@ -22,7 +22,7 @@ _FACE_TARGET_RADIUS = 0.02
 
 
 class ShownConstraint(NamedTuple):
-    """A constraint, and a motion with the axes and the unit of the constraint's positions."""
+    """A constraint, and a motion whose axes and unit are those of the constraint's positions."""
 
     constraint: Constraint
     motion: Motion
@@ -39,7 +39,7 @@ def encode_objects(shown: Iterable[ShownConstraint]) -> list[dict[str, Any]]:
     """Return the obstacles and targets as dicts for JSON, with positions in the axes of the page.
 
     Constraints without a place in the world are omitted. A dict of kind ``"figure"`` has a
-    `DrawnCharacter` under ``"clip"``, which is not JSON.
+    `DrawnCharacter` under ``"clip"``, which the caller must encode.
     """
     objects = []
     for constraint, motion in shown:

@@ -128,7 +128,7 @@ def view(
         and the clips of these libraries, which have the colours of their library or .json file,
         and on the figures of a scene.
     config : Config, optional
-        Parameters of the segmentation of motions that are no clip of these libraries.
+        Parameters of the segmentation of motions that are in none of these libraries.
     title : str, optional
         Title of the page. Default: the names of the first three figures.
     show : bool, optional
@@ -188,8 +188,8 @@ def viewer_html(
 ) -> str:
     """Return the HTML of the viewer with a scene; a page can contain only one viewer.
 
-    The first `n_shown` figures are shown at first. The positions of each figure are in an element
-    of their own, which the script reads when the figure is shown for the first time.
+    The page shows the first `n_shown` figures until the reader chooses others. The positions of
+    each figure are in a separate element, which the script reads when it first shows the figure.
     """
     data = encode_scene(scene, max_positions, n_shown)
     characters = [own["clip"] for own in data["objects"] if own["kind"] == "figure"]
@@ -218,9 +218,9 @@ def assemble_page(
 ) -> Page:
     """Return a page whose content security policy allows only its script and its style sheet.
 
-    `title` is plain text, `body` is HTML. `kind` is ``"report"``, or ``"alone"`` if the viewer
-    fills the page. `style` is appended to the style sheet of the viewer. `script` replaces the
-    script of the viewer.
+    `title` is plain text, `body` is HTML. `kind` is ``"report"`` for a page of text, or ``"alone"``
+    if the viewer fills the page. `style` is appended to the style sheet of the viewer. `script`
+    replaces the script of the viewer; "" means no script.
     """
     # A name in a file may contain a lone surrogate, which UTF-8 cannot encode.
     title, body = (text.encode("utf-8", "replace").decode("utf-8") for text in (title, body))

@@ -21,9 +21,9 @@ from mograft.viewing.figure import Figure, TimelineRow
 def read_recorded(motion: Motion, path: Path) -> tuple[Figure, GraftRecord] | None:
     """Return the figure of a graft, and the provenance in the ``.json`` file beside it.
 
-    The figure has the donors, seams and groups of the provenance. Return None if there is no
-    provenance of the clip. Warn and return None if it is damaged or describes a motion of another
-    length.
+    The figure has the donors, seams and groups of the provenance. The result is None if there is no
+    provenance of the clip, and with a warning also if the provenance is damaged or is that of a
+    motion of another length.
     """
     if not has_provenance(path):
         return None

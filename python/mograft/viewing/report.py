@@ -15,7 +15,8 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.body.mass import center_of_mass, mass_model
 from mograft.library.library import Library
 from mograft.search.candidates import count_combinations
-from mograft.search.costs import length_fits
+from mograft.search.costs import PRESELECTION, length_fits
+from mograft.search.neighbourhoods import NEIGHBOURHOODS, Neighbourhood
 from mograft.synthesis.graft_report import seam_limit
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.page import Page, assemble_page, asset, viewer_html
@@ -42,12 +43,13 @@ def report_page(
         Grafts of one base and one library.
     files : sequence of Path or None, optional
         The file of each graft. The page links to it, and shows commands that edit the graft from
-        the provenance beside it. None for neither. Relative paths are relative to the page.
+        the provenance beside it. For None, the page shows neither a link nor commands. Relative
+        paths are relative to the page.
     title : str, optional
         Title of the page. Default: the name of the base and the number of motions.
     columns : sequence of mapping of str to str, optional
-        For each graft, the contents of additional columns of the table of motions by title, such
-        as ``evaluation.world_measures(graft).columns()``.
+        Additional columns of the table of motions: for each graft, the text of each column by
+        title, such as ``evaluation.world_measures(graft).columns()``.
 
     Returns
     -------
@@ -105,7 +107,7 @@ def report_page(
             _charts(grafts),
             "<h2>Limits on donors</h2>",
             _donor_table(first),
-            f'<p class="note">{_DONOR_NOTE}</p>',
+            f'<p class="note">{_DONOR_NOTE.format(inside=_neighbourhood(library).inside)}</p>',
             "<h2>Clips</h2>",
             _clip_table(grafts),
             "<details><summary><h2>Summary</h2></summary>",
@@ -121,7 +123,7 @@ def report_page(
 
 
 def _scene(grafts: Sequence[Graft], files: Sequence[Path | None]) -> Scene:
-    """Return the scene of grafts; those with a file get the command line that edits them."""
+    """Return the scene of grafts; a graft with a file has the command line that edits it."""
     commands = [
         (
             graft.motion,
@@ -145,9 +147,10 @@ _MEASURE_NOTE = (
     "out of balance over frames with the zero-moment point outside of the support."
 )
 _DONOR_NOTE = (
-    "Average number of donors per segment that satisfy each condition and all previous ones: same "
-    "cluster; similar duration and no recording fault; seam angle within the limit for at least "
-    "one pair of neighbours. A segment without donors keeps its captured motion."
+    "Average number of donors per segment that satisfy each condition and all previous ones: "
+    "{inside}; similar duration and no recording fault; candidate, that is, allowed by the "
+    "constraints and, if there are no constraints, among the cheapest donors "
+    f"({PRESELECTION} times max_candidates). A segment without donors keeps its captured motion."
 )
 
 
@@ -272,17 +275,18 @@ def _donor_table(graft: Graft) -> str:
     A donor counts for a condition only if it also satisfies those of the previous columns.
     """
     library = graft.library
-    segments = library.segments
-    labels = library.labels[library.groups.base]
+    lengths = library.segments.lengths
+    used = np.unique([s.segment for s in graft.substitutions])
+    # The neighbourhood depends on the base group only: it is the same for all grafted groups.
+    neighbours = library.pool(next(iter(graft.alternatives))).neighbours(used, library.config)
     n_similar, n_fitting = [], []
-    for segment in sorted({s.segment for s in graft.substitutions}):
-        cluster = np.flatnonzero(labels == labels[segment])
-        lengths = segments.lengths[[segment]], segments.lengths[cluster]
-        fits = length_fits(*lengths, library.rate, library.config)
-        n_similar.append(len(cluster) - 1)
-        n_fitting.append((fits & library.is_donor[cluster] & (cluster != segment)).sum())
-    head = ["group", f"same cluster of {library.groups.base}", "similar duration"]
-    head += ["seam angle within the limit", "segments without donors"]
+    for segment, similar in zip(used.tolist(), neighbours, strict=True):
+        fits = length_fits(lengths[[segment]], lengths[similar], library.rate, library.config)
+        n_similar.append(len(similar) - 1)
+        n_fitting.append((fits & library.is_donor[similar] & (similar != segment)).sum())
+    inside = _neighbourhood(library).inside
+    head = ["group", f"{inside} of {library.groups.base}", "similar duration"]
+    head += ["candidates", "segments without donors"]
     rows = [
         [
             html.escape(group),
@@ -294,6 +298,10 @@ def _donor_table(graft: Graft) -> str:
         for group, counts in graft.alternatives.items()
     ]
     return html_table(head, rows)
+
+
+def _neighbourhood(library: Library) -> Neighbourhood:
+    return NEIGHBOURHOODS.get(library.config.neighbourhood)
 
 
 def _clip_table(grafts: Sequence[Graft]) -> str:

@@ -52,7 +52,7 @@ class Scene:
         of a graft), otherwise trunk, arms and legs. `groups` have no effect on grafts, their bases
         and the clips of these libraries, which have the colours of their library or .json file, and
         on the figures of scenes. `config` holds the parameters of the segmentation of motions that
-        are no clip of these libraries. `skeleton` is the rest pose for files that store none.
+        are in none of these libraries. `skeleton` is the rest pose for files that store none.
 
         Raise a TypeError if an item has another type, and a ValueError if there is no item or the
         groups do not fit a skeleton.

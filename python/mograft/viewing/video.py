@@ -73,9 +73,9 @@ def write_video(
 
     Notes
     -----
-    A camera follows each figure and sees it from 30 degrees beside its front. GIF stores the
-    duration of each picture in hundredths of a second. The durations of the pictures differ by at
-    most one hundredth, so that the total duration is correct.
+    A camera follows each figure, and looks at it from 30 degrees to the side of its front. GIF
+    stores the duration of each picture in hundredths of a second. The durations of the pictures
+    differ by at most one hundredth, so that the total duration is correct.
 
     Examples
     --------

@@ -1,31 +1,26 @@
 //! Linear systems whose matrix has few diagonals.
 
 use crate::error::{Error, check_len};
-use crate::memory::{copied, filled};
+use crate::memory::filled;
 
-/// Solution of A x = b for a symmetric positive definite matrix of five diagonals.
+/// Replace right-hand sides b by the solution of A x = b, for a symmetric positive definite matrix
+/// of five diagonals.
 ///
 /// `bands[i]` holds A(i, i), A(i, i + 1) and A(i, i + 2); entries beyond the last column are
-/// ignored. `rhs` has one row of `width` right-hand sides per row of A, and so has the result.
+/// ignored. `x` has one row of `width` right-hand sides, later of solutions, per row of A.
 ///
 /// Factorises A = L D Lᵀ without pivoting (Golub and Van Loan, Matrix Computations, 4.3.5), in
-/// O(rows × width) time. A NaN in `rhs` affects its column only.
+/// O(rows × width) time. A NaN in `x` affects its column only.
 ///
 /// # Errors
 ///
-/// If the lengths disagree, A is not positive definite or has a NaN, or memory is exhausted.
-pub fn solve_pentadiagonal(
+/// If the lengths disagree, A is not positive definite or has a NaN, or memory is exhausted; `x` is
+/// unchanged then.
+pub(crate) fn solve_pentadiagonal(
     bands: &[[f64; 3]],
-    rhs: &[f64],
+    x: &mut [f64],
     width: usize,
-) -> Result<Vec<f64>, Error> {
-    let mut x = copied(rhs)?;
-    solve_in_place(bands, &mut x, width)?;
-    Ok(x)
-}
-
-/// [`solve_pentadiagonal`] that replaces the right-hand sides by the solution.
-pub(crate) fn solve_in_place(bands: &[[f64; 3]], x: &mut [f64], width: usize) -> Result<(), Error> {
+) -> Result<(), Error> {
     let n = bands.len();
     check_len(x.len(), n * width)?;
     let mut pivots = filled(0.0, n)?;
@@ -76,25 +71,45 @@ pub(crate) fn solve_in_place(bands: &[[f64; 3]], x: &mut [f64], width: usize) ->
 mod tests {
     use super::*;
 
-    #[test]
-    fn solution_satisfies_the_system() {
-        let bands = [[4.0, 1.0, -0.5], [5.0, -1.0, 0.25], [3.0, 0.5, 9.0], [2.0, 9.0, 9.0]];
-        let x = [1.0, -2.0, 0.5, 3.0, -1.0, 4.0, 2.0, 0.0];
-        let entry = |i: usize, j: usize| {
-            let (low, gap) = (i.min(j), i.abs_diff(j));
-            if gap < 3 { bands[low][gap] } else { 0.0 }
-        };
-        let rhs: Vec<f64> = (0..8)
-            .map(|k| (0..4).map(|j| entry(k / 2, j) * x[2 * j + k % 2]).sum())
-            .collect();
-        let found = solve_pentadiagonal(&bands, &rhs, 2).unwrap();
-        assert!(found.iter().zip(x).all(|(a, b)| (a - b).abs() < 1e-14));
+    /// The entry A(i, j) of a matrix given by its bands.
+    fn entry(bands: &[[f64; 3]], i: usize, j: usize) -> f64 {
+        let gap = i.abs_diff(j);
+        if gap < 3 { bands[i.min(j)][gap] } else { 0.0 }
+    }
+
+    fn multiply(bands: &[[f64; 3]], x: &[f64], width: usize) -> Vec<f64> {
+        let n = bands.len();
+        (0..n * width)
+            .map(|k| {
+                let (i, column) = (k / width, k % width);
+                (0..n)
+                    .map(|j| entry(bands, i, j) * x[j * width + column])
+                    .sum()
+            })
+            .collect()
     }
 
     #[test]
-    fn indefinite_matrix_is_refused() {
+    fn solution_satisfies_the_system() {
+        for (n, width) in (1..12).flat_map(|n| (0..4).map(move |width| (n, width))) {
+            let number = |k: usize| (12.9898 * (k + 100 * n + 10 * width) as f64).sin();
+            // Diagonally dominant, so positive definite.
+            let bands: Vec<_> = (0..n)
+                .map(|i| [5.0 + number(i), number(i + 20), number(i + 40)])
+                .collect();
+            let x: Vec<_> = (0..n * width).map(|k| 9.0 * number(k + 60)).collect();
+            let mut found = multiply(&bands, &x, width);
+            solve_pentadiagonal(&bands, &mut found, width).unwrap();
+            assert!(found.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-12));
+        }
+    }
+
+    #[test]
+    fn indefinite_matrix_is_refused_and_right_hand_sides_are_kept() {
         let bands = [[1.0, 2.0, 0.0], [1.0, 0.0, 0.0]];
-        let refused = solve_pentadiagonal(&bands, &[1.0, 1.0], 1);
+        let mut x = [3.0, 4.0];
+        let refused = solve_pentadiagonal(&bands, &mut x, 1);
         assert_eq!(refused, Err(Error::NotPositiveDefinite { row: 1 }));
+        assert_eq!(x, [3.0, 4.0]);
     }
 }

@@ -31,7 +31,7 @@ pub fn capsule_ends(
     check_len(positions.len(), rotations.len())?;
     check_len(bones.len(), joints.len())?;
     if let Some(&joint) = joints.iter().find(|&&joint| joint >= n_joints) {
-        return Err(Error::LengthMismatch { expected: joint + 1, given: n_joints });
+        return Err(Error::InvalidJoint { joint });
     }
     let mut ends = reserve(2 * n_frames * joints.len())?;
     for first in (0..rotations.len()).step_by(n_joints.max(1)) {
@@ -107,7 +107,7 @@ pub fn clearance(
         return Ok((filled(f64::INFINITY, n_frames)?, filled(-1, n_frames)?));
     }
     if let Some(&frame) = other_frames.iter().find(|&&frame| frame >= n_other_frames) {
-        return Err(Error::LengthMismatch { expected: frame + 1, given: n_other_frames });
+        return Err(Error::InvalidFrame { frame });
     }
     let mut bodies = [
         Body::new(radii, pairs.iter().map(|pair| pair.0)),

@@ -39,6 +39,26 @@ pub enum Error {
         /// Index of the segment.
         segment: usize,
     },
+    /// A segment index that is too large.
+    UnknownSegment {
+        /// The segment.
+        segment: usize,
+    },
+    /// A frame index that is too large.
+    InvalidFrame {
+        /// The frame.
+        frame: usize,
+    },
+    /// A row with a clip or frame that does not exist.
+    InvalidRow {
+        /// Index of the row.
+        row: usize,
+    },
+    /// A frame in a piece that does not exist.
+    InvalidPiece {
+        /// Index of the piece.
+        piece: usize,
+    },
     /// A pair with a capsule index that is too large.
     InvalidPair {
         /// Index of the pair.
@@ -91,8 +111,20 @@ impl fmt::Display for Error {
             Self::InvalidSegment { segment } => {
                 write!(f, "segment {segment} must lie within the clip and span at least 1 interval")
             }
+            Self::UnknownSegment { segment } => {
+                write!(f, "base segments and donors must be indices of segments, got {segment}")
+            }
+            Self::InvalidFrame { frame } => {
+                write!(f, "frames must be indices of frames, got {frame}")
+            }
+            Self::InvalidRow { row } => {
+                write!(f, "row {row} must have a clip and a frame that exist")
+            }
+            Self::InvalidPiece { piece } => {
+                write!(f, "frames must be in pieces that have a window, got piece {piece}")
+            }
             Self::NotPositiveDefinite { row } => {
-                write!(f, "`bands` must be a positive definite matrix, row {row} is not")
+                write!(f, "the matrix must be positive definite, row {row} is not")
             }
             Self::InvalidTrack { track } => {
                 write!(f, "track {track} must have key times and a value for each of them")

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::banded::solve_in_place;
+use crate::banded::solve_pentadiagonal;
 use crate::error::{Error, check_len};
 use crate::memory::{filled, reserve};
 use crate::value::{Value, add};
@@ -67,7 +67,7 @@ pub fn smooth_gradient<V: Value>(
     for joints in joints.chunks(JOINTS_PER_BLOCK) {
         let system = System { values, n_joints, donors, frames: &frames, is_free: &is_free };
         let mut change = system.slopes(joints, objective.weights)?;
-        solve_in_place(&bands, &mut change, 3 * joints.len())?;
+        solve_pentadiagonal(&bands, &mut change, 3 * joints.len())?;
         for (frame, change) in change.chunks_exact(3 * joints.len()).enumerate() {
             for (&joint, delta) in joints.iter().zip(change.chunks_exact(3)) {
                 let value = &mut values[frame * n_joints + joint];
@@ -229,7 +229,7 @@ impl<V: Value> System<'_, V> {
     }
 }
 
-/// The matrix of the normal equations for [`crate::banded::solve_pentadiagonal`].
+/// The matrix of the normal equations for [`solve_pentadiagonal`].
 ///
 /// Rows and columns of fixed frames are those of the identity.
 fn normal_matrix(

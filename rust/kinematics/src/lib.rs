@@ -16,14 +16,16 @@
 //! | [`energy`] | angular velocities and kinetic energy |
 //! | [`sample`] | feature vectors of sampled segments |
 //! | [`pose`] | distances between poses |
+//! | [`balance`] | effects of donors on balance |
 //! | [`capsule`] | distances between capsules, and from boxes |
 //! | [`value`] | differences of rotations and of translations |
 //! | [`offset`] | decaying offsets at seams |
 //! | [`gradient`] | smoothing of seams that keeps derivatives |
-//! | [`banded`] | linear systems of five diagonals |
 //! | [`memory`] | vectors whose allocation may fail |
+//! | [`vectors`] | instruction sets of inner loops |
 
-pub mod banded;
+pub mod balance;
+mod banded;
 pub mod capsule;
 pub mod derivatives;
 pub mod energy;
@@ -33,10 +35,12 @@ pub mod gradient;
 pub mod keyframes;
 pub mod memory;
 pub mod offset;
+mod parallel;
 pub mod pose;
 pub mod resample;
 pub mod rotation;
 pub mod sample;
 pub mod value;
+pub mod vectors;
 
 pub use error::Error;

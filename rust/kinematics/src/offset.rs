@@ -54,8 +54,8 @@ pub fn add_offsets<V: Value>(
     for vectors in [before.values, before.rates, after.values, after.rates] {
         check_len(vectors.len(), n_seams * n_joints)?;
     }
-    if let Some(&segment) = times.piece.iter().find(|&&p| p >= times.windows.len()) {
-        return Err(Error::InvalidSegment { segment });
+    if let Some(&piece) = times.piece.iter().find(|&&p| p >= times.windows.len()) {
+        return Err(Error::InvalidPiece { piece });
     }
     let mut sums = copied(values)?;
     for (frame, &piece) in times.piece.iter().enumerate() {
@@ -137,6 +137,6 @@ mod tests {
         let times = PieceTimes { piece: &[1], elapsed: &[0.0], left: &[1.0], windows: &[1.0] };
         let none = Offsets { values: &[], rates: &[] };
         let refused = add_offsets(&[DVec3::ZERO], 1, times, none, none);
-        assert_eq!(refused, Err(Error::InvalidSegment { segment: 1 }));
+        assert_eq!(refused, Err(Error::InvalidPiece { piece: 1 }));
     }
 }

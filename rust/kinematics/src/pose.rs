@@ -1,4 +1,5 @@
 //! Distances between poses.
+#![allow(clippy::inline_always, reason = "loops are compiled for several instruction sets")]
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
@@ -6,6 +7,7 @@ use glam::{DQuat, DVec3};
 
 use crate::error::{Error, check_len};
 use crate::memory::{collected, filled, reserve};
+use crate::vectors::{Isa, Loops};
 
 /// Mean angle over the joints between each of `ends` and each of `starts`, in radians.
 ///
@@ -16,7 +18,7 @@ use crate::memory::{collected, filled, reserve};
 ///
 /// If a buffer is not a whole number of poses, or memory is exhausted.
 pub fn pose_gaps(ends: &[DQuat], starts: &[DQuat], n_joints: usize) -> Result<Vec<f64>, Error> {
-    all_gaps(ends, starts, n_joints, DQuat::to_array, add_angles)
+    all_gaps::<DQuat, 4>(ends, starts, n_joints)
 }
 
 /// Mean difference of joint velocities between each of `ends` and each of `starts`.
@@ -27,7 +29,7 @@ pub fn pose_gaps(ends: &[DQuat], starts: &[DQuat], n_joints: usize) -> Result<Ve
 ///
 /// If a buffer is not a whole number of poses.
 pub fn velocity_gaps(ends: &[DVec3], starts: &[DVec3], n_joints: usize) -> Result<Vec<f64>, Error> {
-    all_gaps(ends, starts, n_joints, DVec3::to_array, add_distances)
+    all_gaps::<DVec3, 3>(ends, starts, n_joints)
 }
 
 /// The gaps of [`pose_gaps`] between the candidates of consecutive positions.
@@ -47,7 +49,7 @@ pub fn pose_gaps_along(
     candidates: &[usize],
     counts: &[usize],
 ) -> Result<Vec<f64>, Error> {
-    gaps_along(ends, starts, n_joints, candidates, counts, DQuat::to_array, add_angles)
+    gaps_along_with::<DQuat, 4>(Isa::best(), ends, starts, n_joints, candidates, counts)
 }
 
 /// The gaps of [`velocity_gaps`] between the candidates of consecutive positions.
@@ -64,38 +66,37 @@ pub fn velocity_gaps_along(
     candidates: &[usize],
     counts: &[usize],
 ) -> Result<Vec<f64>, Error> {
-    gaps_along(ends, starts, n_joints, candidates, counts, DVec3::to_array, add_distances)
+    gaps_along_with::<DVec3, 3>(Isa::best(), ends, starts, n_joints, candidates, counts)
 }
 
-fn all_gaps<T: Copy, const D: usize>(
+fn all_gaps<T: Value<D>, const D: usize>(
     ends: &[T],
     starts: &[T],
     n_joints: usize,
-    components: impl Fn(&T) -> [f64; D],
-    add_gaps: impl Fn([f64; D], &[[f64; LANES]; D], &mut [f64; LANES]),
 ) -> Result<Vec<f64>, Error> {
     let width = n_joints.max(1);
     check_len(ends.len(), ends.len() / width * n_joints)?;
     check_len(starts.len(), starts.len() / width * n_joints)?;
     let starts = collected(starts.chunks_exact(width), starts.len() / width)?;
-    let blocks = Blocks::new(&starts, &components)?;
+    let blocks = Blocks::new(&starts)?;
     let n_ends = ends.len() / width;
     // The last block of lanes is truncated after it was appended.
     let mut gaps = reserve((n_ends * starts.len()).saturating_add(LANES))?;
     for end in ends.chunks_exact(width) {
-        blocks.push_mean_gaps(end, &components, &add_gaps, &mut gaps);
+        Isa::best().run(PushMeanGaps { blocks: &blocks, end, gaps: &mut gaps });
     }
     Ok(gaps)
 }
 
-fn gaps_along<T: Copy, const D: usize>(
+/// [`pose_gaps_along`] or [`velocity_gaps_along`] with one instruction set.
+#[doc(hidden)]
+pub fn gaps_along_with<T: Value<D>, const D: usize>(
+    isa: Isa,
     ends: &[T],
     starts: &[T],
     n_joints: usize,
     candidates: &[usize],
     counts: &[usize],
-    components: impl Fn(&T) -> [f64; D],
-    add_gaps: impl Fn([f64; D], &[[f64; LANES]; D], &mut [f64; LANES]),
 ) -> Result<Vec<f64>, Error> {
     let width = n_joints.max(1);
     let n_poses = ends.len() / width;
@@ -118,10 +119,10 @@ fn gaps_along<T: Copy, const D: usize>(
             .iter()
             .map(|&pose| &starts[pose * width..][..width])
             .collect();
-        let blocks = Blocks::new(&starts, &components)?;
+        let blocks = Blocks::new(&starts)?;
         for &pose in left {
             let end = &ends[pose * width..][..width];
-            blocks.push_mean_gaps(end, &components, &add_gaps, &mut gaps);
+            isa.run(PushMeanGaps { blocks: &blocks, end, gaps: &mut gaps });
         }
     }
     Ok(gaps)
@@ -138,14 +139,14 @@ struct Blocks<const D: usize> {
 }
 
 impl<const D: usize> Blocks<D> {
-    fn new<T: Copy>(poses: &[&[T]], components: impl Fn(&T) -> [f64; D]) -> Result<Self, Error> {
+    fn new<T: Value<D>>(poses: &[&[T]]) -> Result<Self, Error> {
         let n_joints = poses.first().map_or(0, |pose| pose.len());
         let mut lanes = filled([[0.0; LANES]; D], poses.len().div_ceil(LANES) * n_joints)?;
         for (block, poses) in lanes.chunks_mut(n_joints.max(1)).zip(poses.chunks(LANES)) {
             for lane in 0..LANES {
                 let pose = poses[lane.min(poses.len() - 1)];
                 for (columns, value) in block.iter_mut().zip(pose) {
-                    for (column, number) in columns.iter_mut().zip(components(value)) {
+                    for (column, number) in columns.iter_mut().zip(value.components()) {
                         column[lane] = number;
                     }
                 }
@@ -153,20 +154,24 @@ impl<const D: usize> Blocks<D> {
         }
         Ok(Self { lanes, n_poses: poses.len() })
     }
+}
 
-    /// Append the mean gap between a pose and each of these.
-    fn push_mean_gaps<T: Copy>(
-        &self,
-        end: &[T],
-        components: impl Fn(&T) -> [f64; D],
-        add_gaps: impl Fn([f64; D], &[[f64; LANES]; D], &mut [f64; LANES]),
-        gaps: &mut Vec<f64>,
-    ) {
-        let stop = gaps.len() + self.n_poses;
-        for block in self.lanes.chunks_exact(end.len().max(1)) {
+/// Append the mean gap between the pose `end` and each pose of the blocks.
+struct PushMeanGaps<'a, T, const D: usize> {
+    blocks: &'a Blocks<D>,
+    end: &'a [T],
+    gaps: &'a mut Vec<f64>,
+}
+
+impl<T: Value<D>, const D: usize> Loops for PushMeanGaps<'_, T, D> {
+    #[inline(always)]
+    fn run(self) {
+        let Self { blocks, end, gaps } = self;
+        let stop = gaps.len() + blocks.n_poses;
+        for block in blocks.lanes.chunks_exact(end.len().max(1)) {
             let mut sums = [0.0; LANES];
             for (value, columns) in end.iter().zip(block) {
-                add_gaps(components(value), columns, &mut sums);
+                T::add_gaps(value.components(), columns, &mut sums);
             }
             gaps.extend(sums.map(|sum| sum / end.len() as f64));
         }
@@ -174,26 +179,52 @@ impl<const D: usize> Blocks<D> {
     }
 }
 
-/// Add the angles from one rotation to eight others, as [`crate::rotation::angle`].
-fn add_angles([x0, y0, z0, w0]: [f64; 4], others: &[[f64; LANES]; 4], sums: &mut [f64; LANES]) {
-    let [xs, ys, zs, ws] = others;
-    for lane in 0..LANES {
-        let (x1, y1, z1, w1) = (xs[lane], ys[lane], zs[lane], ws[lane]);
-        // The product of the conjugate and the other, as glam computes it.
-        let x = w0 * x1 - x0 * w1 - y0 * z1 + z0 * y1;
-        let y = w0 * y1 + x0 * z1 - y0 * w1 - z0 * x1;
-        let z = w0 * z1 - x0 * y1 + y0 * x1 - z0 * w1;
-        let w = w0 * w1 + x0 * x1 + y0 * y1 + z0 * z1;
-        sums[lane] += 2.0 * arctangent((x * x + y * y + z * z).sqrt(), w.abs());
+/// A rotation or a velocity of a joint, with `D` components.
+#[doc(hidden)]
+pub trait Value<const D: usize>: Copy {
+    /// The components.
+    fn components(&self) -> [f64; D];
+
+    /// Add the gaps from one value to eight others.
+    fn add_gaps(from: [f64; D], others: &[[f64; LANES]; D], sums: &mut [f64; LANES]);
+}
+
+impl Value<4> for DQuat {
+    #[inline(always)]
+    fn components(&self) -> [f64; 4] {
+        self.to_array()
+    }
+
+    /// Add angles, as [`crate::rotation::angle`].
+    #[inline(always)]
+    fn add_gaps([x0, y0, z0, w0]: [f64; 4], others: &[[f64; LANES]; 4], sums: &mut [f64; LANES]) {
+        let [xs, ys, zs, ws] = others;
+        for lane in 0..LANES {
+            let (x1, y1, z1, w1) = (xs[lane], ys[lane], zs[lane], ws[lane]);
+            // The product of the conjugate and the other, as glam computes it.
+            let x = w0 * x1 - x0 * w1 - y0 * z1 + z0 * y1;
+            let y = w0 * y1 + x0 * z1 - y0 * w1 - z0 * x1;
+            let z = w0 * z1 - x0 * y1 + y0 * x1 - z0 * w1;
+            let w = w0 * w1 + x0 * x1 + y0 * y1 + z0 * z1;
+            sums[lane] += 2.0 * arctangent((x * x + y * y + z * z).sqrt(), w.abs());
+        }
     }
 }
 
-/// Add the distances from one vector to eight others.
-fn add_distances([x0, y0, z0]: [f64; 3], others: &[[f64; LANES]; 3], sums: &mut [f64; LANES]) {
-    let [xs, ys, zs] = others;
-    for lane in 0..LANES {
-        let (x, y, z) = (x0 - xs[lane], y0 - ys[lane], z0 - zs[lane]);
-        sums[lane] += (x * x + y * y + z * z).sqrt();
+impl Value<3> for DVec3 {
+    #[inline(always)]
+    fn components(&self) -> [f64; 3] {
+        self.to_array()
+    }
+
+    /// Add distances.
+    #[inline(always)]
+    fn add_gaps([x0, y0, z0]: [f64; 3], others: &[[f64; LANES]; 3], sums: &mut [f64; LANES]) {
+        let [xs, ys, zs] = others;
+        for lane in 0..LANES {
+            let (x, y, z) = (x0 - xs[lane], y0 - ys[lane], z0 - zs[lane]);
+            sums[lane] += (x * x + y * y + z * z).sqrt();
+        }
     }
 }
 
@@ -201,7 +232,7 @@ fn add_distances([x0, y0, z0]: [f64; 3], others: &[[f64; LANES]; 3], sums: &mut 
 ///
 /// The relative error is below 1e-15. Unlike `f64::atan2` it has no branches, so that loops over
 /// it become vector instructions. Rational approximation of Moshier's Cephes library, `atan.c`.
-#[inline]
+#[inline(always)]
 fn arctangent(y: f64, x: f64) -> f64 {
     let is_steep = y > x;
     let (low, high) = if is_steep { (x, y) } else { (y, x) };
@@ -238,6 +269,7 @@ const Q: [f64; 5] = [
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::vectors::Level;
 
     #[test]
     fn pose_gaps_are_mean_angles() {
@@ -279,6 +311,22 @@ mod tests {
         let refused = pose_gaps_along(&turns, &turns, 2, &[0, 10], &[1, 1]);
         assert_eq!(refused, Err(Error::InvalidPose { pose: 10 }));
         assert!(pose_gaps_along(&turns, &turns, 2, &[0, 1], &[1, 2]).is_err());
+    }
+
+    #[test]
+    fn gaps_have_the_same_bits_with_every_instruction_set() {
+        let turns: Vec<_> = (0..60)
+            .map(|i| {
+                DQuat::from_rotation_y(f64::from(i * i)) * DQuat::from_rotation_x(f64::from(i))
+            })
+            .collect();
+        let moves: Vec<_> = turns.iter().map(|turn| turn.xyz()).collect();
+        let (candidates, counts) = ((0..20).chain(3..12).collect::<Vec<_>>(), [11, 9, 9]);
+        let [narrow, wide] = [Level::Baseline, Level::Avx2].map(Isa::up_to).map(|isa| {
+            let angles = gaps_along_with(isa, &turns, &turns, 3, &candidates, &counts).unwrap();
+            (angles, gaps_along_with(isa, &moves, &moves, 3, &candidates, &counts).unwrap())
+        });
+        assert_eq!(narrow, wide);
     }
 
     #[test]

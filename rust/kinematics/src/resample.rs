@@ -291,7 +291,7 @@ pub fn clip_states<V: Knot>(
     for (row, (&clip, &frame)) in clip.iter().zip(frames).enumerate() {
         let count = counts[clip];
         if frame >= count {
-            return Err(Error::InvalidSegment { segment: row });
+            return Err(Error::InvalidRow { row });
         }
         values.extend_from_slice(&clips[clip][frame * n_joints..(frame + 1) * n_joints]);
         if count < 3 {
@@ -320,8 +320,8 @@ pub fn clip_states<V: Knot>(
 
 /// The frames in each clip; an error if one of `used` does not exist.
 fn frame_counts<V>(clips: &[&[V]], n_joints: usize, used: &[usize]) -> Result<Vec<usize>, Error> {
-    if let Some(segment) = used.iter().position(|&clip| clip >= clips.len()) {
-        return Err(Error::InvalidSegment { segment });
+    if let Some(row) = used.iter().position(|&clip| clip >= clips.len()) {
+        return Err(Error::InvalidRow { row });
     }
     let count = |clip: &&[V]| {
         let count = clip.len().checked_div(n_joints).unwrap_or(usize::MAX);
@@ -538,7 +538,7 @@ mod tests {
         let two = clip_states(&[&frames[..2]], 1, &[0], &[1]).unwrap();
         assert_eq!(two.1, [DVec3::new(1.0, 1.0, 0.0)]);
         let refused = clip_states(&[&frames], 1, &[0], &[5]).err();
-        assert_eq!(refused, Some(Error::InvalidSegment { segment: 0 }));
+        assert_eq!(refused, Some(Error::InvalidRow { row: 0 }));
         assert!(sample_clips(&[&frames], 1, &[1], &[0.0]).is_err());
     }
 

@@ -1,12 +1,10 @@
 //! Sampled segments, and the feature vectors that compare them.
 
-use std::sync::Mutex;
-use std::thread;
-
 use glam::DQuat;
 
 use crate::error::{Error, check_len};
-use crate::memory::filled;
+use crate::memory::{filled, reserve};
+use crate::parallel::for_each_part;
 use crate::rotation::log;
 
 /// Smallest count of segments that gets a thread of its own.
@@ -30,14 +28,16 @@ pub struct Rows<'a, T> {
 
 impl<T> Rows<'_, T> {
     fn check(&self) -> Result<(), Error> {
-        let (pose_width, n) = (self.pose_width(), self.numbers.len() / self.width.max(1));
-        check_len(self.width, self.width.max(pose_width))?;
+        let n = self.numbers.len() / self.width.max(1);
+        check_len(self.width, self.width.max(self.pose_width()))?;
         check_len(self.numbers.len(), n * self.width)
     }
 
     /// Count of the numbers of a row that are rotations.
     fn pose_width(&self) -> usize {
-        4 * self.n_samples * self.n_joints
+        4_usize
+            .saturating_mul(self.n_samples)
+            .saturating_mul(self.n_joints)
     }
 }
 
@@ -51,7 +51,7 @@ impl<T> Rows<'_, T> {
 /// If the numbers are not whole rows, or rows are shorter than their poses.
 pub fn moments<T: Copy + Into<f64>>(rows: Rows<T>) -> Result<Vec<f64>, Error> {
     rows.check()?;
-    let mut sums = vec![[[0.0; 4]; 4]; rows.n_joints];
+    let mut sums = filled([[0.0; 4]; 4], rows.n_joints)?;
     for row in rows.numbers.chunks_exact(rows.width.max(1)) {
         let (quats, _) = row[..rows.pose_width()].as_chunks::<4>();
         for (quat, joint) in quats.iter().zip((0..rows.n_joints).cycle()) {
@@ -85,13 +85,16 @@ pub fn features<T: Copy + Into<f64> + Sync>(
     threads: usize,
 ) -> Result<Vec<f64>, Error> {
     rows.check()?;
-    check_len(rows.width, rows.width.max(rows.pose_width() + n_rest))?;
+    check_len(rows.width, rows.width.max(rows.pose_width().saturating_add(n_rest)))?;
     check_len(references.len(), joints.len())?;
     if let Some(&joint) = joints.iter().find(|&&joint| joint >= rows.n_joints) {
         return Err(Error::InvalidJoint { joint });
     }
     let inverses: Vec<DQuat> = references.iter().map(|r| r.conjugate()).collect();
-    let width = 3 * rows.n_samples * joints.len() + n_rest;
+    let width = 3_usize
+        .saturating_mul(rows.n_samples)
+        .saturating_mul(joints.len())
+        .saturating_add(n_rest);
     let n = rows.numbers.len() / rows.width.max(1);
     let mut vectors = filled(0.0, n.saturating_mul(width))?;
     let fill = |vectors: &mut [f64], numbers: &[T]| {
@@ -101,7 +104,8 @@ pub fn features<T: Copy + Into<f64> + Sync>(
             let (quats, _) = row[..rows.pose_width()].as_chunks::<4>();
             let tracks = joints.iter().zip(&inverses);
             let relative = tracks.flat_map(|(&joint, inverse)| {
-                let track = quats[joint..].iter().step_by(rows.n_joints);
+                let track = quats.get(joint..).unwrap_or_default();
+                let track = track.iter().step_by(rows.n_joints);
                 track.map(move |q| *inverse * DQuat::from_array(q.map(Into::into)))
             });
             let targets = rotation_vectors.as_chunks_mut::<3>().0.iter_mut();
@@ -114,27 +118,57 @@ pub fn features<T: Copy + Into<f64> + Sync>(
         }
     };
     let rows_per_thread = n.div_ceil(threads.max(1)).max(MIN_ROWS_PER_THREAD);
-    let parts = vectors.chunks_mut((rows_per_thread * width).max(1));
+    let parts = vectors.chunks_mut(rows_per_thread.saturating_mul(width).max(1));
     let parts = parts.zip(rows.numbers.chunks((rows_per_thread * rows.width).max(1)));
-    let n_helpers = parts.len().saturating_sub(1);
-    let parts = Mutex::new(parts);
-    let next_part = || parts.lock().ok().and_then(|mut parts| parts.next());
-    let help = || {
-        while let Some((vectors, numbers)) = next_part() {
-            fill(vectors, numbers);
+    for_each_part(parts, |(vectors, numbers)| fill(vectors, numbers));
+    Ok(vectors)
+}
+
+/// Euclidean distances between pairs of points of `width` coordinates.
+///
+/// `from` and `to` have the indices of each pair among the points. Squares are added in the order
+/// of `numpy.linalg.norm` with an axis. Takes O(pairs × width) time; NaN affects the distances of
+/// its point only.
+///
+/// # Errors
+///
+/// If the coordinates are not whole points, there are not two points per pair, a point does not
+/// exist, or memory is exhausted.
+pub fn distances(
+    points: &[f64],
+    width: usize,
+    from: &[usize],
+    to: &[usize],
+) -> Result<Vec<f64>, Error> {
+    let n_points = points.len() / width.max(1);
+    check_len(points.len(), n_points * width)?;
+    check_len(to.len(), from.len())?;
+    if width == 0 {
+        return filled(0.0, from.len());
+    }
+    let mut lengths = reserve(from.len())?;
+    for (&from, &to) in from.iter().zip(to) {
+        let point = from.max(to);
+        if point >= n_points {
+            return Err(Error::UnknownSegment { segment: point });
         }
-    };
-    thread::scope(|scope| {
-        for _ in 0..n_helpers {
-            // If the system has no memory for a thread, the others do its part.
-            let helper = thread::Builder::new().spawn_scoped(scope, help);
-            if helper.is_err() {
-                break;
+        let (a, b) = (&points[from * width..][..width], &points[to * width..][..width]);
+        let (a_blocks, a_rest) = a.as_chunks::<8>();
+        let (b_blocks, b_rest) = b.as_chunks::<8>();
+        let mut sums = [0.0; 8];
+        for (a, b) in a_blocks.iter().zip(b_blocks) {
+            for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+                *sum += (a - b) * (a - b);
             }
         }
-        help();
-    });
-    Ok(vectors)
+        let [s0, s1, s2, s3, s4, s5, s6, s7] = sums;
+        let mut sum = ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7));
+        for (a, b) in a_rest.iter().zip(b_rest) {
+            sum += (a - b) * (a - b);
+        }
+        lengths.push(sum.sqrt());
+    }
+    Ok(lengths)
 }
 
 #[cfg(test)]
@@ -212,6 +246,32 @@ mod tests {
         assert_eq!(
             features(f32_rows, &[1], &references, 3, 1),
             features(f64_rows, &[1], &references, 3, 1)
+        );
+    }
+
+    #[test]
+    fn distances_are_norms_of_differences() {
+        for width in [1, 2, 7, 8, 9, 16, 21] {
+            let points: Vec<f64> = (0..5 * width).map(|i| (1.3 * i as f64).sin()).collect();
+            let (from, to) = ([0, 4, 2, 3], [1, 0, 2, 1]);
+            let found = distances(&points, width, &from, &to).unwrap();
+            for (i, length) in found.into_iter().enumerate() {
+                let gaps = (0..width)
+                    .map(|axis| points[from[i] * width + axis] - points[to[i] * width + axis]);
+                let squares: f64 = gaps.map(|gap| gap * gap).sum();
+                assert!((length - squares.sqrt()).abs() <= 1e-15 * (1.0 + length));
+            }
+        }
+        assert_eq!(distances(&[], 3, &[], &[]), Ok(vec![]));
+        assert_eq!(distances(&[], 0, &[5, 1], &[0, 2]), Ok(vec![0.0; 2]));
+        let unknown = Err(Error::UnknownSegment { segment: 2 });
+        assert_eq!(distances(&[1.0; 4], 2, &[0, 2], &[0, 1]), unknown);
+        assert_eq!(distances(&[1.0; 4], 2, &[0, 1], &[0, 2]), unknown);
+        assert!(distances(&[1.0; 5], 2, &[0], &[0]).is_err());
+        assert!(distances(&[1.0; 4], 2, &[0], &[0, 1]).is_err());
+        assert_eq!(
+            distances(&[1.0; 4], 0, &[0], &[0]),
+            Err(Error::LengthMismatch { expected: 0, given: 4 })
         );
     }
 

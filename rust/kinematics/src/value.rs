@@ -75,9 +75,10 @@ pub(crate) fn add<V: Value>(value: V, delta: DVec3) -> V {
 /// Frames of a body in which those of some joints are replaced, and which values differ.
 ///
 /// `base` is frame-major, `n_joints` wide, `part` is `joints.len()` wide; the second result has one
-/// entry for each value of `part`. The first is None if no value differs. A joint without a different value keeps the values of `base`. Of
-/// the values q and -q of a rotation, the nearer one to the frame before is returned; in the first
-/// frame, the one with w ≥ 0. Takes O(frames × joints) time.
+/// entry for each value of `part`. The first is None if no value differs. A joint without a
+/// different value keeps the values of `base`. Of the values q and -q of a rotation, the nearer one
+/// to the frame before is returned; in the first frame, the one with w ≥ 0. Takes
+/// O(frames × joints) time.
 ///
 /// # Errors
 ///

@@ -5,12 +5,13 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::fmt::Debug;
 
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
+use mograft_kinematics::balance::{Bases, added_imbalances};
 use mograft_kinematics::gradient::{Donors, Objective, smooth_gradient};
 use mograft_kinematics::keyframes::{Interpolation, KeyTimes, Track, sample_keys};
 use mograft_kinematics::offset::{Offsets, PieceTimes, add_offsets};
 use mograft_kinematics::{
-    banded, capsule, derivatives, energy, forward, memory, pose, resample, rotation, sample, value,
+    capsule, derivatives, energy, forward, memory, pose, resample, rotation, sample, value,
 };
 
 /// Size from which an allocation counts as large.
@@ -121,6 +122,18 @@ fn every_kernel_survives_every_refused_allocation() {
     refuse_each("pose_gaps_along", || {
         pose::pose_gaps_along(&quats, &quats, JOINTS, &frames[..400], &[100, 300])
     });
+    let bases = Bases {
+        segments: &[0],
+        n_samples: 1,
+        operators: &[1.0],
+        directions: &[DVec2::X],
+        margins: &[0.1, 0.1],
+        scale: 0.01,
+    };
+    refuse_each("added_imbalances", || {
+        added_imbalances(bases, &[DVec2::ZERO], &zeros, &[FRAMES], 1)
+    });
+    refuse_each("distances", || sample::distances(&numbers, 1, &zeros, &frames));
     refuse_each("capsule_ends", || {
         capsule::capsule_ends(&quats, &vecs, JOINTS, &[0, 1], &[DVec3::X, DVec3::Y])
     });
@@ -135,8 +148,6 @@ fn every_kernel_survives_every_refused_allocation() {
     refuse_each("replace_joints", || {
         value::replace_joints(&vecs, JOINTS, &vecs[JOINTS..][..FRAMES], &[1], DVec3::ZERO)
     });
-    let bands = vec![[1.0, 0.0, 0.0]; FRAMES];
-    refuse_each("solve_pentadiagonal", || banded::solve_pentadiagonal(&bands, &numbers, JOINTS));
     let rows = sample::Rows { numbers: &numbers, width: 6, n_samples: 1, n_joints: 1 };
     refuse_each("features", || sample::features(rows, &[0], &[DQuat::IDENTITY], 2, 2));
 }
@@ -193,5 +204,12 @@ fn text_and_trellis_survive_every_refused_allocation() {
     let (counts, unary) = ([2_100, 2_100], vec![1.0; 4_200]);
     let pairwise = vec![1.0; 2_100 * 2_100];
     let trellis = mograft_trellis::Trellis { counts: &counts, unary: &unary, pairwise: &pairwise };
+    let (ones, marks) = (vec![1; 4_200], vec![false; 4_200]);
+    refuse_each("keep_cheapest", || {
+        mograft_trellis::keep_cheapest(&[4_200], &unary, &marks, 4_000)
+    });
+    refuse_each("keep_cheapest of one candidate each", || {
+        mograft_trellis::keep_cheapest(&ones, &unary, &marks, 1)
+    });
     refuse_each("sample", || mograft_trellis::sample(trellis, 1.0, &[0.5, 0.5]));
 }

@@ -1,4 +1,4 @@
-//! Measure one thread, and simulate sixteen that share its jobs.
+//! Measure one thread, simulate sixteen that share its jobs, and count comparisons.
 //!
 //! `cargo run --release --features profile --example scaling -- [POINTS] [mixture | white]`
 
@@ -36,6 +36,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let _ = profile::take_phases();
     linkage(Table::rows(&points, DIM), &Options::default())?;
+    println!("per point:");
+    for (name, count) in profile::take_counts() {
+        println!("{:9.1} {name}", count as f64 / n as f64);
+    }
     let (mut serial, mut parallel, mut busiest) = (0.0, 0.0, 0.0);
     println!("seconds    {:>8} {:>8} {:>8}", "serial", "jobs", "busiest");
     for (name, phase) in profile::take_phases() {

@@ -1,11 +1,12 @@
 //! The lists of neighbours of all clusters, from the edges of a graph.
 
 use crate::error::Error;
+use crate::memory::{allocate, collect, with_capacity};
 use crate::neighbours::Edge;
 use crate::parallel::Workers;
 
 /// Edges that one job reads while lists are built.
-const EDGES_PER_JOB: usize = 1 << 22;
+const EDGES_PER_JOB: usize = 1 << 20;
 
 /// An entry of a cluster's list of neighbours.
 #[derive(Clone, Copy, Default)]
@@ -30,18 +31,15 @@ pub(crate) struct Lists {
 
 impl Lists {
     /// Lists of given lengths, without neighbours.
-    fn new(first: usize, degrees: &[u32]) -> Self {
+    fn new(first: usize, degrees: &[u32]) -> Result<Self, Error> {
         let mut n_neighbours = 0;
-        let starts = degrees
-            .iter()
-            .map(|&degree| {
-                let start = n_neighbours;
-                n_neighbours += degree as usize;
-                start
-            })
-            .collect();
-        let neighbours = vec![Neighbour::default(); n_neighbours];
-        Self { first, neighbours, ends: starts }
+        let starts = collect(degrees.iter().map(|&degree| {
+            let start = n_neighbours;
+            n_neighbours += degree as usize;
+            start
+        }))?;
+        let neighbours = allocate(Neighbour::default(), n_neighbours)?;
+        Ok(Self { first, neighbours, ends: starts })
     }
 
     /// Add the clusters at the other ends of some edges.
@@ -66,7 +64,7 @@ impl Lists {
 ///
 /// # Errors
 ///
-/// [`Error::Stopped`] if the progress callback requests a stop.
+/// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
 pub(crate) fn adjacency_lists(
     workers: &Workers<'_>,
     m: usize,
@@ -75,7 +73,7 @@ pub(crate) fn adjacency_lists(
 ) -> Result<Vec<Lists>, Error> {
     let width = m.div_ceil(n_bands * workers.n_threads()).max(1);
     let degrees = count_degrees(workers, m, &edges)?;
-    let mut parts = Vec::with_capacity(m.div_ceil(width));
+    let mut parts = with_capacity(m.div_ceil(width))?;
     for band in (0..m).step_by(width * workers.n_threads()) {
         let band_end = m.min(band + width * workers.n_threads());
         let firsts = (band..band_end).step_by(width);
@@ -83,7 +81,9 @@ pub(crate) fn adjacency_lists(
             .run(
                 firsts.zip(degrees[band..band_end].chunks(width)),
                 Vec::new,
-                |lists, (first, degrees)| lists.push(Lists::new(first, degrees)),
+                |lists, (first, degrees)| {
+                    lists.extend(workers.ok_or_stop(Lists::new(first, degrees)));
+                },
             )?
             .into_iter()
             .flatten()
@@ -107,7 +107,7 @@ pub(crate) fn adjacency_lists(
 
 /// The count of edges at each of `m` clusters.
 fn count_degrees(workers: &Workers<'_>, m: usize, edges: &[Vec<Edge>]) -> Result<Vec<u32>, Error> {
-    let mut degrees = vec![0; m];
+    let mut degrees = allocate(0, m)?;
     let width = m.div_ceil(workers.n_threads()).max(1);
     for edges in edges.iter().flat_map(|edges| edges.chunks(EDGES_PER_JOB)) {
         workers.run(
@@ -127,8 +127,12 @@ fn count_degrees(workers: &Workers<'_>, m: usize, edges: &[Vec<Edge>]) -> Result
 }
 
 /// The list of each cluster.
-pub(crate) fn split_lists(parts: &mut [Lists]) -> Vec<&mut [Neighbour]> {
-    let mut lists = Vec::with_capacity(parts.iter().map(|part| part.ends.len()).sum());
+///
+/// # Errors
+///
+/// [`Error::OutOfMemory`].
+pub(crate) fn split_lists(parts: &mut [Lists]) -> Result<Vec<&mut [Neighbour]>, Error> {
+    let mut lists = with_capacity(parts.iter().map(|part| part.ends.len()).sum())?;
     for part in parts {
         let (mut rest, mut start) = (part.neighbours.as_mut_slice(), 0);
         for end in std::mem::take(&mut part.ends) {
@@ -138,7 +142,7 @@ pub(crate) fn split_lists(parts: &mut [Lists]) -> Vec<&mut [Neighbour]> {
             start = end;
         }
     }
-    lists
+    Ok(lists)
 }
 
 #[cfg(test)]
@@ -166,7 +170,7 @@ mod tests {
         for (n_threads, n_bands) in [(1, 1), (1, 5), (2, 3), (3, 8), (4, 50)] {
             let workers = Workers::new(n_threads, Isa::best(), None);
             let mut parts = adjacency_lists(&workers, m as usize, edges.clone(), n_bands).unwrap();
-            let lists = split_lists(&mut parts).into_iter().map(|list| {
+            let lists = split_lists(&mut parts).unwrap().into_iter().map(|list| {
                 list.sort_by_key(|neighbour| neighbour.cluster);
                 let entry = |it: &Neighbour| (it.cluster, it.n_pairs, it.squared);
                 list.iter().map(entry).collect::<Vec<_>>()

@@ -3,6 +3,10 @@
 use std::ops::Range;
 
 use crate::clusters::Clusters;
+use crate::error::Error;
+use crate::memory::{collect, with_capacity};
+use crate::parallel::Workers;
+use crate::points::Points;
 use crate::simd::{self, Aligned, F32Lanes, F64Lanes, LANES};
 
 /// Offset of a lane without a cluster: beyond any limit, with a square that f32 can hold.
@@ -30,6 +34,11 @@ pub(crate) struct Blocks<'a> {
     pub bound_errors: Vec<f64>,
     /// Centres relative to the midpoint, `dim` elements per block.
     offsets: Vec<F32Lanes>,
+    /// The extreme points of the clusters relative to the midpoint, `2 * dim` elements per block.
+    /// Empty if every cluster is one point.
+    extremes: Vec<F32Lanes>,
+    /// The largest distance of a block's extreme points from the midpoint.
+    pub extreme_radii: Vec<f64>,
     /// Variances of the clusters, rounded down, one element per block.
     f32_variances: Vec<F32Lanes>,
     /// The smallest element of each of `f32_variances`.
@@ -38,29 +47,44 @@ pub(crate) struct Blocks<'a> {
 
 impl<'a> Blocks<'a> {
     /// Form blocks of consecutive clusters. Takes O(m) time and memory for m clusters.
-    pub fn new(clusters: &'a Clusters) -> Self {
+    ///
+    /// # Errors
+    ///
+    /// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
+    pub fn new(
+        workers: &Workers<'_>,
+        points: &Points,
+        clusters: &'a Clusters,
+    ) -> Result<Self, Error> {
         let dim = clusters.centres().len() / clusters.len();
         let n_blocks = clusters.len().div_ceil(LANES);
         let n_groups = n_blocks.div_ceil(LANES);
+        let n_extremes = if clusters.are_points() { 0 } else { 2 };
         let mut blocks = Self {
             clusters,
             dim,
-            lows: vec![Aligned([f64::INFINITY; LANES]); n_groups * dim],
-            highs: vec![Aligned([f64::NEG_INFINITY; LANES]); n_groups * dim],
-            min_variances: vec![Aligned([f64::INFINITY; LANES]); n_groups],
-            midpoints: Vec::with_capacity(n_blocks * dim),
-            half_extents: Vec::with_capacity(n_blocks * dim),
-            half_diagonals: Vec::with_capacity(n_blocks),
-            bound_errors: Vec::with_capacity(n_blocks),
-            offsets: vec![Aligned([EMPTY_LANE_OFFSET; LANES]); n_blocks * dim],
-            f32_variances: vec![Aligned([0.0; LANES]); n_blocks],
-            min_f32_variances: Vec::with_capacity(n_blocks),
+            lows: workers.allocate(Aligned([f64::INFINITY; LANES]), n_groups * dim)?,
+            highs: workers.allocate(Aligned([f64::NEG_INFINITY; LANES]), n_groups * dim)?,
+            min_variances: workers.allocate(Aligned([f64::INFINITY; LANES]), n_groups)?,
+            midpoints: with_capacity(n_blocks * dim)?,
+            half_extents: with_capacity(n_blocks * dim)?,
+            half_diagonals: with_capacity(n_blocks)?,
+            bound_errors: with_capacity(n_blocks)?,
+            offsets: workers.allocate(Aligned([EMPTY_LANE_OFFSET; LANES]), n_blocks * dim)?,
+            extremes: workers.allocate(Aligned([0.0; LANES]), n_extremes * n_blocks * dim)?,
+            extreme_radii: workers.allocate(0.0, n_blocks)?,
+            f32_variances: workers.allocate(Aligned([0.0; LANES]), n_blocks)?,
+            min_f32_variances: with_capacity(n_blocks)?,
         };
         for block in 0..n_blocks {
+            workers.check_row(block, LANES * dim)?;
             blocks.set_box(block);
             blocks.set_variances(block);
+            if n_extremes > 0 {
+                blocks.set_extremes(points, block);
+            }
         }
-        blocks
+        Ok(blocks)
     }
 
     /// Set the box of a block and the offsets of its centres.
@@ -106,6 +130,25 @@ impl<'a> Blocks<'a> {
             .push(variances.iter().copied().fold(f32::INFINITY, f32::min));
     }
 
+    /// Set the offsets of the extreme points of a block.
+    fn set_extremes(&mut self, points: &Points, block: usize) {
+        let (dim, members) = (self.dim, self.members(block));
+        let midpoint = &self.midpoints[block * dim..][..dim];
+        let lanes = &mut self.extremes[2 * block * dim..][..2 * dim];
+        let mut largest: f64 = 0.0;
+        for (i, cluster) in members.enumerate() {
+            for (k, point) in self.clusters.extremes(cluster).into_iter().enumerate() {
+                let mut squared = 0.0;
+                for (axis, (x, y)) in points.row(point).iter().zip(midpoint).enumerate() {
+                    lanes[2 * axis + k][i] = (x - y) as f32;
+                    squared += (x - y) * (x - y);
+                }
+                largest = largest.max(squared);
+            }
+        }
+        self.extreme_radii[block] = largest.sqrt() * (1.0 + 1e-9);
+    }
+
     /// Count of blocks.
     pub fn len(&self) -> usize {
         self.half_diagonals.len()
@@ -124,7 +167,13 @@ impl<'a> Blocks<'a> {
     /// A block as the filters in f32 take it.
     pub fn block(&self, block: usize) -> simd::Block<'_> {
         let axes = block * self.dim..(block + 1) * self.dim;
+        let extremes = if self.extremes.is_empty() {
+            &[]
+        } else {
+            &self.extremes[2 * block * self.dim..2 * (block + 1) * self.dim]
+        };
         simd::Block {
+            extremes,
             midpoint: &self.midpoints[axes.clone()],
             half_extents: &self.half_extents[axes.clone()],
             offsets: &self.offsets[axes],
@@ -151,10 +200,14 @@ impl<'a> Blocks<'a> {
     }
 
     /// Corners of the boxes around the groups: `dim` lower and `dim` upper coordinates per group.
-    pub fn group_corners(&self) -> (Vec<f64>, Vec<f64>) {
+    ///
+    /// # Errors
+    ///
+    /// [`Error::OutOfMemory`].
+    pub fn group_corners(&self) -> Result<(Vec<f64>, Vec<f64>), Error> {
         let smallest = |lanes: &F64Lanes| lanes.iter().copied().fold(f64::INFINITY, f64::min);
         let largest = |lanes: &F64Lanes| lanes.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        (self.lows.iter().map(smallest).collect(), self.highs.iter().map(largest).collect())
+        Ok((collect(self.lows.iter().map(smallest))?, collect(self.highs.iter().map(largest))?))
     }
 
     /// Whether a cluster may be within a squared limit of some cluster of a block.

@@ -7,6 +7,7 @@
 //! Source: Benzécri (1982); Murtagh (1983); this form is that of Müllner, arXiv:1109.2378.
 
 use crate::error::Error;
+use crate::memory::{collect, with_capacity};
 use crate::parallel::Workers;
 use crate::tree::Merge;
 
@@ -46,15 +47,15 @@ impl Condensed {
 ///
 /// # Errors
 ///
-/// [`Error::Stopped`] if the progress callback requests a stop.
+/// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
 pub(crate) fn merge_by_chain(
     workers: &Workers<'_>,
     mut matrix: Condensed,
 ) -> Result<Vec<Merge>, Error> {
     let n = matrix.n;
-    let mut active: Vec<u32> = (0..n as u32).collect();
-    let mut chain: Vec<u32> = Vec::with_capacity(n);
-    let mut merges = Vec::with_capacity(n.saturating_sub(1));
+    let mut active: Vec<u32> = collect(0..n as u32)?;
+    let mut chain: Vec<u32> = with_capacity(n)?;
+    let mut merges = with_capacity(n.saturating_sub(1))?;
     while active.len() > 1 {
         workers.set_fraction(merges.len() as f64 / n as f64);
         workers.check_progress()?;

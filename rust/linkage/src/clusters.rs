@@ -17,12 +17,17 @@ use std::cmp::Reverse;
 use std::ops::Range;
 
 use crate::error::Error;
+use crate::memory::{append, collect, with_capacity};
 use crate::parallel::Workers;
 use crate::points::{Points, squared_distance};
 use crate::simd::{Aligned, F64Lanes, LANES};
+use crate::sorting::sort_in_job;
 
 /// Frank-Wolfe steps for the ball of a new cluster.
 const FRANK_WOLFE_STEPS: u16 = 8;
+
+/// Members that the steps may read, each as often as there are steps.
+const FRANK_WOLFE_WORK: usize = 1 << 13;
 
 /// Ratio of squared radius to variance at which the steps end early.
 const MAX_RADIUS_RATIO: f64 = 1.03;
@@ -35,11 +40,22 @@ const MAX_UPDATES: u16 = 1000;
 /// Each of at most [`MAX_UPDATES`] and a few updates rounds by at most two units of 2^-53.
 const CENTRE_ERROR: f64 = 1.0 / (1_u64 << 41) as f64;
 
+/// Work of a coordinate of a member, in the unit of [`Workers::add_work`].
+const MEMBER_WORK: u64 = 4;
+
 /// Clusters of at least this size have their members sorted, the farthest from the centre first.
 pub(crate) const SORTED_SIZE: usize = 64;
 
-/// Clusters that one job handles.
-const CLUSTERS_PER_JOB: usize = 256;
+/// Most clusters that one job handles.
+const MAX_CLUSTERS_PER_JOB: usize = 256;
+
+/// With fewer jobs than this, each has fewer clusters: few clusters have many members.
+const MIN_JOBS: usize = 64;
+
+/// How many of `m` clusters one job handles.
+pub(crate) fn clusters_per_job(m: usize) -> usize {
+    (m / MIN_JOBS).clamp(1, MAX_CLUSTERS_PER_JOB)
+}
 
 /// A partition of the points into clusters.
 pub(crate) struct Clusters {
@@ -58,22 +74,31 @@ pub(crate) struct Clusters {
     pub squared_radii: Vec<f64>,
     /// How often each centre was updated since it was a point.
     update_counts: Vec<u16>,
+    /// Rows of two points of each cluster that are far apart; equal if it has one point only.
+    extremes: Vec<[u32; 2]>,
 }
 
 impl Clusters {
     /// The partition in which every point is a cluster.
-    pub fn from_points(points: &Points) -> Self {
+    ///
+    /// # Errors
+    ///
+    /// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
+    pub fn from_points(workers: &Workers<'_>, points: &Points) -> Result<Self, Error> {
         let n = points.len();
-        Self {
+        let mut starts = with_capacity(n + 1)?;
+        starts.extend(0..=n as u32);
+        Ok(Self {
             dim: points.dim,
-            representatives: points.input_indices.clone(),
-            starts: (0..=n as u32).collect(),
-            members: (0..n as u32).collect(),
-            centres: points.rows.clone(),
-            variances: vec![0.0; n],
-            squared_radii: vec![0.0; n],
-            update_counts: vec![0; n],
-        }
+            representatives: collect(points.input_indices.iter().copied())?,
+            starts,
+            members: collect(0..n as u32)?,
+            centres: workers.copy(&points.rows)?,
+            variances: workers.allocate(0.0, n)?,
+            squared_radii: workers.allocate(0.0, n)?,
+            update_counts: workers.allocate(0, n)?,
+            extremes: collect((0..n as u32).map(|point| [point; 2]))?,
+        })
     }
 
     /// Count of clusters.
@@ -84,6 +109,16 @@ impl Clusters {
     /// Rows of a cluster's points; from [`SORTED_SIZE`] on, the farthest from the centre first.
     pub fn members(&self, cluster: usize) -> &[u32] {
         &self.members[self.starts[cluster] as usize..self.starts[cluster + 1] as usize]
+    }
+
+    /// Rows of two points of a cluster that are far apart; equal if it has one point only.
+    pub fn extremes(&self, cluster: usize) -> [u32; 2] {
+        self.extremes[cluster]
+    }
+
+    /// Whether every cluster is one point.
+    pub fn are_points(&self) -> bool {
+        self.members.len() == self.len()
     }
 
     /// Centre of a cluster's ball.
@@ -130,22 +165,24 @@ impl Clusters {
     ///
     /// # Errors
     ///
-    /// [`Error::Stopped`] if the progress callback requests a stop.
+    /// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
     pub fn reorder(&self, workers: &Workers<'_>, order: &[u32]) -> Result<Self, Error> {
         let dim = self.dim;
-        let mut starts = Vec::with_capacity(order.len() + 1);
+        let mut starts = with_capacity(order.len() + 1)?;
         starts.push(0);
         let mut end = 0;
-        for &cluster in order {
+        for (i, &cluster) in order.iter().enumerate() {
+            workers.check_item(i)?;
             end += self.members(cluster as usize).len() as u32;
             starts.push(end);
         }
-        let mut members = vec![0; end as usize];
-        let mut centres = vec![0.0; order.len() * dim];
-        let jobs = split_members(&starts, &mut members)
+        let mut members = workers.allocate(0, end as usize)?;
+        let mut centres = workers.allocate(0.0, order.len() * dim)?;
+        let width = clusters_per_job(order.len());
+        let jobs = split_members(&starts, width, &mut members)?
             .into_iter()
-            .zip(centres.chunks_mut(CLUSTERS_PER_JOB * dim))
-            .zip(order.chunks(CLUSTERS_PER_JOB));
+            .zip(centres.chunks_mut(width * dim))
+            .zip(order.chunks(width));
         workers.run(
             jobs,
             || (),
@@ -161,28 +198,33 @@ impl Clusters {
         )?;
         Ok(Self {
             dim,
-            representatives: select(&self.representatives, order),
+            representatives: select(workers, &self.representatives, order)?,
             starts,
             members,
             centres,
-            variances: select(&self.variances, order),
-            squared_radii: select(&self.squared_radii, order),
-            update_counts: select(&self.update_counts, order),
+            variances: select(workers, &self.variances, order)?,
+            squared_radii: select(workers, &self.squared_radii, order)?,
+            update_counts: select(workers, &self.update_counts, order)?,
+            extremes: select(workers, &self.extremes, order)?,
         })
     }
 
     /// Append other clusters.
-    pub fn append(&mut self, other: &Self) {
+    ///
+    /// # Errors
+    ///
+    /// [`Error::OutOfMemory`].
+    pub fn append(&mut self, other: &Self) -> Result<(), Error> {
         let end = self.members.len() as u32;
-        self.representatives
-            .extend_from_slice(&other.representatives);
-        self.starts
-            .extend(other.starts[1..].iter().map(|start| start + end));
-        self.members.extend_from_slice(&other.members);
-        self.centres.extend_from_slice(&other.centres);
-        self.variances.extend_from_slice(&other.variances);
-        self.squared_radii.extend_from_slice(&other.squared_radii);
-        self.update_counts.extend_from_slice(&other.update_counts);
+        let starts = other.starts[1..].iter().map(|start| start + end);
+        append(&mut self.starts, starts)?;
+        append(&mut self.representatives, other.representatives.iter().copied())?;
+        append(&mut self.members, other.members.iter().copied())?;
+        append(&mut self.centres, other.centres.iter().copied())?;
+        append(&mut self.variances, other.variances.iter().copied())?;
+        append(&mut self.squared_radii, other.squared_radii.iter().copied())?;
+        append(&mut self.update_counts, other.update_counts.iter().copied())?;
+        append(&mut self.extremes, other.extremes.iter().copied())
     }
 
     /// Unite the clusters that have the same root.
@@ -192,7 +234,7 @@ impl Clusters {
     ///
     /// # Errors
     ///
-    /// [`Error::Stopped`] if the progress callback requests a stop.
+    /// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
     pub fn unite(
         &self,
         workers: &Workers<'_>,
@@ -200,9 +242,10 @@ impl Clusters {
         roots: &[u32],
     ) -> Result<Self, Error> {
         let dim = self.dim;
-        let (targets, mut unions) = self.allocate_unions(roots);
-        let mut next_members = unions.starts.clone();
+        let (targets, mut unions) = self.allocate_unions(workers, roots)?;
+        let mut next_members = collect(unions.starts.iter().copied())?;
         for (cluster, &union) in targets.iter().enumerate() {
+            workers.check_row(cluster, dim)?;
             let (union, members) = (union as usize, self.members(cluster));
             let start = next_members[union] as usize;
             unions.members[start..start + members.len()].copy_from_slice(members);
@@ -215,6 +258,7 @@ impl Clusters {
                 unions.variances[union] = self.variances[cluster];
                 unions.squared_radii[union] = self.squared_radii[cluster];
                 unions.update_counts[union] = self.update_counts[cluster];
+                unions.extremes[union] = self.extremes[cluster];
             } else {
                 unions.add_part(union, self, cluster);
             }
@@ -224,17 +268,24 @@ impl Clusters {
     }
 
     /// The union of each cluster, and unions whose members and balls are still to be set.
-    fn allocate_unions(&self, roots: &[u32]) -> (Vec<u32>, Self) {
-        let mut numbers = vec![u32::MAX; self.len()];
+    fn allocate_unions(
+        &self,
+        workers: &Workers<'_>,
+        roots: &[u32],
+    ) -> Result<(Vec<u32>, Self), Error> {
+        let mut numbers = workers.allocate(u32::MAX, self.len())?;
         let mut count = 0;
         for cluster in (0..self.len()).filter(|&cluster| roots[cluster] as usize == cluster) {
+            workers.check_item(count as usize)?;
             numbers[cluster] = count;
             count += 1;
         }
-        let targets: Vec<u32> = roots.iter().map(|&root| numbers[root as usize]).collect();
+        let targets = collect(roots.iter().map(|&root| numbers[root as usize]))?;
         let count = count as usize;
-        let mut starts = vec![0; count + 1];
+        workers.check_progress()?;
+        let mut starts = workers.allocate(0, count + 1)?;
         for (cluster, &union) in targets.iter().enumerate() {
+            workers.check_item(cluster)?;
             starts[union as usize + 1] += self.members(cluster).len() as u32;
         }
         for i in 1..starts.len() {
@@ -242,15 +293,16 @@ impl Clusters {
         }
         let unions = Self {
             dim: self.dim,
-            representatives: vec![u32::MAX; count],
+            representatives: workers.allocate(u32::MAX, count)?,
             starts,
-            members: vec![0; self.members.len()],
-            centres: vec![0.0; count * self.dim],
-            variances: vec![0.0; count],
-            squared_radii: vec![f64::NAN; count],
-            update_counts: vec![0; count],
+            members: workers.allocate(0, self.members.len())?,
+            centres: workers.allocate(0.0, count * self.dim)?,
+            variances: workers.allocate(0.0, count)?,
+            squared_radii: workers.allocate(f64::NAN, count)?,
+            update_counts: workers.allocate(0, count)?,
+            extremes: workers.allocate([0; 2], count)?,
         };
-        (targets, unions)
+        Ok((targets, unions))
     }
 
     /// Move the centre of a union towards that of one more part, so that the variance is largest.
@@ -275,34 +327,48 @@ impl Clusters {
     /// Shrink the balls without a radius, those of new clusters, and sort their members.
     fn refine_balls(&mut self, workers: &Workers<'_>, points: &Points) -> Result<(), Error> {
         let (dim, starts) = (self.dim, &self.starts);
-        let members = split_members(starts, &mut self.members);
-        let radii = self.squared_radii.chunks_mut(CLUSTERS_PER_JOB);
+        let width = clusters_per_job(starts.len() - 1);
+        let members = split_members(starts, width, &mut self.members)?;
+        let radii = self.squared_radii.chunks_mut(width);
         let balls = self
             .centres
-            .chunks_mut(dim * CLUSTERS_PER_JOB)
-            .zip(self.variances.chunks_mut(CLUSTERS_PER_JOB))
-            .zip(radii.zip(self.update_counts.chunks_mut(CLUSTERS_PER_JOB)));
+            .chunks_mut(dim * width)
+            .zip(self.variances.chunks_mut(width))
+            .zip(radii.zip(self.update_counts.chunks_mut(width)))
+            .zip(self.extremes.chunks_mut(width));
         workers.run(
             members.into_iter().zip(balls).enumerate(),
-            || (),
-            |(), (job, (mut members, ((centres, variances), (radii, update_counts))))| {
-                let numbers = variances.iter_mut().zip(radii).zip(update_counts);
-                for (i, (centre, ((variance, squared_radius), update_count))) in
+            BallScratch::default,
+            |scratch, (job, (mut members, (((centres, variances), (radii, counts)), extremes)))| {
+                let numbers = variances.iter_mut().zip(radii).zip(counts).zip(extremes);
+                for (i, (centre, (((variance, squared_radius), update_count), extremes))) in
                     centres.chunks_mut(dim).zip(numbers).enumerate()
                 {
-                    let cluster = job * CLUSTERS_PER_JOB + i;
+                    let cluster = job * width + i;
                     let size = (starts[cluster + 1] - starts[cluster]) as usize;
                     let (cluster_members, later) = members.split_at_mut(size);
                     members = later;
                     if squared_radius.is_nan() {
                         let ball = Ball { centre, variance, squared_radius, update_count };
-                        ball.refine(points, cluster_members);
+                        let refined = ball.refine(workers, points, cluster_members, scratch);
+                        let Some(farthest) = workers.ok_or_stop(refined) else { return };
+                        let place = points.row(farthest);
+                        *extremes = [farthest, farthest_member(points, cluster_members, place).0];
                     }
                 }
             },
         )?;
         Ok(())
     }
+}
+
+/// The buffers of a thread that shrinks balls.
+#[derive(Default)]
+struct BallScratch {
+    /// Squared distances from the centre, positions and rows of members.
+    keyed: Vec<(Reverse<u64>, u32, u32)>,
+    /// Work done since the last check of the progress.
+    work: u64,
 }
 
 /// The ball of one cluster.
@@ -315,24 +381,31 @@ struct Ball<'a> {
 
 impl Ball<'_> {
     /// Shrink the ball, set its radius, and sort the members if they are at least [`SORTED_SIZE`].
-    fn refine(self, points: &Points, members: &mut [u32]) {
+    ///
+    /// Ends early if the progress callback requests a stop. Returns the farthest member.
+    fn refine(
+        self,
+        workers: &Workers<'_>,
+        points: &Points,
+        members: &mut [u32],
+        scratch: &mut BallScratch,
+    ) -> Result<u32, Error> {
         let Self { centre, variance, squared_radius, update_count } = self;
         if *update_count > MAX_UPDATES {
             // A point is its own mean without rounding error.
             centre.copy_from_slice(points.row(members[0]));
             (*variance, *update_count) = (0.0, 0);
         }
-        for step in 0..=FRANK_WOLFE_STEPS {
-            let mut farthest = (members[0], -1.0);
-            for &member in &*members {
-                let squared = squared_distance(points.row(member), centre);
-                if squared > farthest.1 {
-                    farthest = (member, squared);
-                }
+        let mut farthest = members[0];
+        let n_steps = ((FRANK_WOLFE_WORK / members.len()) as u16).clamp(2, FRANK_WOLFE_STEPS);
+        for step in 0..=n_steps {
+            let (member, squared) = farthest_member(points, members, centre);
+            (farthest, *squared_radius) = (member, squared);
+            scratch.work += (members.len() * points.dim) as u64 * MEMBER_WORK;
+            if !workers.can_continue(&mut scratch.work) {
+                return Ok(farthest);
             }
-            let (member, squared) = farthest;
-            *squared_radius = squared;
-            if step == FRANK_WOLFE_STEPS || squared <= *variance * MAX_RADIUS_RATIO {
+            if step == n_steps || squared <= *variance * MAX_RADIUS_RATIO {
                 break;
             }
             // The variance is a parabola in the weight; this is its maximum.
@@ -342,12 +415,33 @@ impl Ball<'_> {
             *update_count += 1;
         }
         if members.len() >= SORTED_SIZE {
-            members.sort_by_cached_key(|&member| {
+            let BallScratch { keyed, work } = scratch;
+            keyed.clear();
+            let entries = members.iter().enumerate().map(|(position, &member)| {
                 // Floats that are not negative have the order of their bits.
-                Reverse(squared_distance(points.row(member), centre).to_bits())
+                let squared = squared_distance(points.row(member), centre).to_bits();
+                (Reverse(squared), position as u32, member)
             });
+            append(keyed, entries)?;
+            sort_in_job(workers, keyed, work);
+            for (member, entry) in members.iter_mut().zip(keyed) {
+                *member = entry.2;
+            }
+        }
+        Ok(farthest)
+    }
+}
+
+/// The first of the members that are farthest from a place, and its squared distance.
+fn farthest_member(points: &Points, members: &[u32], place: &[f64]) -> (u32, f64) {
+    let mut farthest = (members[0], -1.0);
+    for &member in members {
+        let squared = squared_distance(points.row(member), place);
+        if squared > farthest.1 {
+            farthest = (member, squared);
         }
     }
+    farthest
 }
 
 fn move_towards(centre: &mut [f64], target: &[f64], weight: f64) {
@@ -356,19 +450,24 @@ fn move_towards(centre: &mut [f64], target: &[f64], weight: f64) {
     }
 }
 
-/// The members of each [`CLUSTERS_PER_JOB`] clusters, given the index of each cluster's first.
-fn split_members<'a>(starts: &[u32], mut members: &'a mut [u32]) -> Vec<&'a mut [u32]> {
+/// The members of each `width` clusters, given the index of each cluster's first.
+fn split_members<'a>(
+    starts: &[u32],
+    width: usize,
+    mut members: &'a mut [u32],
+) -> Result<Vec<&'a mut [u32]>, Error> {
     let n_clusters = starts.len() - 1;
-    let mut parts = Vec::with_capacity(n_clusters.div_ceil(CLUSTERS_PER_JOB));
-    for first in (0..n_clusters).step_by(CLUSTERS_PER_JOB) {
-        let end = n_clusters.min(first + CLUSTERS_PER_JOB);
+    let mut parts = with_capacity(n_clusters.div_ceil(width))?;
+    for first in (0..n_clusters).step_by(width) {
+        let end = n_clusters.min(first + width);
         let (part, rest) = members.split_at_mut((starts[end] - starts[first]) as usize);
         parts.push(part);
         members = rest;
     }
-    parts
+    Ok(parts)
 }
 
-fn select<T: Copy>(values: &[T], indices: &[u32]) -> Vec<T> {
-    indices.iter().map(|&i| values[i as usize]).collect()
+fn select<T: Copy>(workers: &Workers<'_>, values: &[T], indices: &[u32]) -> Result<Vec<T>, Error> {
+    workers.check_progress()?;
+    collect(indices.iter().map(|&i| values[i as usize]))
 }

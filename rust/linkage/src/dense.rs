@@ -14,6 +14,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use crate::error::Error;
+use crate::memory::{allocate, append, collect, push, with_capacity};
 use crate::parallel::Workers;
 use crate::simd;
 
@@ -25,6 +26,9 @@ const MIN_COMPACTED_SIZE: usize = 64;
 
 /// Fewest distances that one job handles.
 const DISTANCES_PER_JOB: usize = 1 << 14;
+
+/// Most distances that one job handles, if it handles more than one row.
+const MAX_DISTANCES_PER_JOB: usize = 1 << 20;
 
 /// Rows read per merge, on average, above which rounds end and the chain begins.
 const MAX_ROWS_PER_MERGE: usize = 8;
@@ -105,25 +109,27 @@ impl Row {
 ///
 /// # Errors
 ///
-/// [`Error::Stopped`] if the progress callback requests a stop.
+/// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
 pub(crate) fn merge_on_matrix(
     workers: &Workers<'_>,
     rows: Vec<Vec<f64>>,
 ) -> Result<Vec<(u32, u32, f64)>, Error> {
     let total = rows.len().max(1) as f64;
-    let mut matrix = Matrix::new(rows);
+    let mut matrix = Matrix::new(rows)?;
     let mut pairs = Vec::new();
     let mut n_rows_read = 0;
     while n_rows_read <= MAX_ROWS_PER_MERGE * (pairs.len() + total as usize) {
         n_rows_read += ROWS_PER_ROUND + matrix.update_nearest(workers)?;
-        let merged = matrix.reciprocal_pairs();
+        let merged = matrix.reciprocal_pairs()?;
         if merged.is_empty() {
             return Ok(pairs);
         }
         matrix.merge_pairs(workers, &merged)?;
-        for &(kept, removed, distance) in &merged {
-            pairs.push((matrix.numbers[kept], matrix.numbers[removed], distance));
-        }
+        let numbers = &matrix.numbers;
+        let numbered = merged
+            .into_iter()
+            .map(|(a, b, distance)| (numbers[a], numbers[b], distance));
+        append(&mut pairs, numbered)?;
         workers.set_fraction(pairs.len() as f64 / total);
         if matrix.is_sparse() {
             matrix.compact(workers)?;
@@ -171,7 +177,7 @@ fn merge_by_chain(
         }
         chain.truncate(chain.len() - 2);
         let (kept, removed) = (tip.min(neighbour), tip.max(neighbour));
-        pairs.push((matrix.numbers[kept], matrix.numbers[removed], distance));
+        push(pairs, (matrix.numbers[kept], matrix.numbers[removed], distance))?;
         matrix.merge_pair(workers, kept, removed);
         workers.set_fraction(pairs.len() as f64 / total);
         if n_merges_left == 0 {
@@ -199,25 +205,26 @@ struct Matrix {
 }
 
 impl Matrix {
-    fn new(rows: Vec<Vec<f64>>) -> Self {
+    fn new(rows: Vec<Vec<f64>>) -> Result<Self, Error> {
         let n = rows.len();
-        Self {
-            rows: rows.into_iter().map(Row::new).collect(),
-            numbers: (0..n as u32).collect(),
-            is_active: vec![true; n],
-            is_outdated: vec![true; n],
-            log: Vec::new(),
-        }
+        Ok(Self {
+            rows: collect(rows.into_iter().map(Row::new))?,
+            numbers: collect(0..n as u32)?,
+            is_active: allocate(true, n)?,
+            is_outdated: allocate(true, n)?,
+            log: with_capacity(n)?,
+        })
     }
 
     /// Find the nearest cluster of the outdated rows; return the work as a count of rows read.
     fn update_nearest(&mut self, workers: &Workers<'_>) -> Result<usize, Error> {
         let (width, log) = (self.rows.len(), &self.log);
         let rows = self.rows.iter_mut().zip(&self.is_outdated);
-        let outdated: Vec<&mut Row> = rows
-            .filter(|(_, is_outdated)| **is_outdated)
-            .map(|(row, _)| row)
-            .collect();
+        let mut outdated: Vec<&mut Row> = with_capacity(width)?;
+        outdated.extend(
+            rows.filter(|(_, is_outdated)| **is_outdated)
+                .map(|(row, _)| row),
+        );
         let n_updated = outdated.len();
         let n_read = AtomicUsize::new(0);
         for_each_row(workers, width, outdated, |row| {
@@ -235,8 +242,8 @@ impl Matrix {
     }
 
     /// Pairs of rows that are each other's nearest, the smaller first, in order.
-    fn reciprocal_pairs(&self) -> Vec<(usize, usize, f64)> {
-        let mut pairs = Vec::new();
+    fn reciprocal_pairs(&self) -> Result<Vec<(usize, usize, f64)>, Error> {
+        let mut pairs = with_capacity(self.rows.len() / 2)?;
         for (i, row) in self
             .rows
             .iter()
@@ -251,7 +258,7 @@ impl Matrix {
                 pairs.push((i, other as usize, distance));
             }
         }
-        pairs
+        Ok(pairs)
     }
 
     /// Merge pairs of rows; update which rows are active and outdated.
@@ -261,8 +268,8 @@ impl Matrix {
         merged: &[(usize, usize, f64)],
     ) -> Result<(), Error> {
         let (width, log) = (self.rows.len(), &self.log);
-        let mut removed_rows: Vec<Row> = Vec::with_capacity(merged.len());
-        let mut is_kept = vec![false; width];
+        let mut removed_rows: Vec<Row> = with_capacity(merged.len())?;
+        let mut is_kept = allocate(false, width)?;
         for &(kept, removed, _) in merged {
             let empty = Row::new(Vec::new());
             removed_rows.push(std::mem::replace(&mut self.rows[removed], empty));
@@ -270,7 +277,8 @@ impl Matrix {
         }
         let rows = self.rows.iter_mut().zip(&is_kept);
         let kept_rows = rows.filter(|(_, is_kept)| **is_kept).map(|(row, _)| row);
-        let unions: Vec<_> = kept_rows.zip(removed_rows).collect();
+        let mut unions = with_capacity(merged.len())?;
+        unions.extend(kept_rows.zip(removed_rows));
         for_each_row(workers, width, unions, |(row, removed)| {
             row.unite(workers, removed, log);
         })?;
@@ -308,10 +316,9 @@ impl Matrix {
     fn compact(&mut self, workers: &Workers<'_>) -> Result<Vec<u32>, Error> {
         let (is_active, log) = (&self.is_active, &self.log);
         let width = self.rows.len();
-        let columns: Vec<u32> = (0..width as u32)
-            .filter(|&column| is_active[column as usize])
-            .collect();
-        let mut new_columns = vec![NONE; width];
+        let mut columns: Vec<u32> = collect(0..width as u32)?;
+        columns.retain(|&column| is_active[column as usize]);
+        let mut new_columns = allocate(NONE, width)?;
         for (new, &old) in columns.iter().enumerate() {
             new_columns[old as usize] = new as u32;
         }
@@ -320,7 +327,7 @@ impl Matrix {
             i += 1;
             is_active[i - 1]
         });
-        for_each_row(workers, width, self.rows.iter_mut().collect(), |row| {
+        for_each_row(workers, width, collect(self.rows.iter_mut())?, |row| {
             row.apply(log);
             for (new, &old) in columns.iter().enumerate() {
                 row.distances[new] = row.distances[old as usize];
@@ -332,9 +339,9 @@ impl Matrix {
             }
         })?;
         self.log.clear();
-        self.numbers = select(&self.numbers, &self.is_active);
-        self.is_outdated = select(&self.is_outdated, &self.is_active);
-        self.is_active = vec![true; columns.len()];
+        retain_selected(&mut self.numbers, &self.is_active);
+        retain_selected(&mut self.is_outdated, &self.is_active);
+        self.is_active.retain(|&is_active| is_active);
         Ok(new_columns)
     }
 }
@@ -349,6 +356,7 @@ fn for_each_row<T: Send>(
     let rows_per_job = rows
         .len()
         .div_ceil(8 * workers.n_threads())
+        .min(MAX_DISTANCES_PER_JOB / width.max(1))
         .max(DISTANCES_PER_JOB.div_ceil(width.max(1)));
     workers.run(
         rows.chunks_mut(rows_per_job),
@@ -358,11 +366,7 @@ fn for_each_row<T: Send>(
     Ok(())
 }
 
-fn select<T: Copy>(values: &[T], is_selected: &[bool]) -> Vec<T> {
-    values
-        .iter()
-        .zip(is_selected)
-        .filter(|(_, is_selected)| **is_selected)
-        .map(|(&value, _)| value)
-        .collect()
+fn retain_selected<T>(values: &mut Vec<T>, is_selected: &[bool]) {
+    let mut is_selected = is_selected.iter();
+    values.retain(|_| is_selected.next().is_some_and(|&is_selected| is_selected));
 }

@@ -15,10 +15,12 @@
 
 use crate::clusters::{Clusters, SORTED_SIZE};
 use crate::error::Error;
+use crate::memory::{collect, ensure_capacity, with_capacity};
 use crate::packed::{MIN_PACKED_SIZE, PackedMembers};
 use crate::parallel::Workers;
 use crate::points::{Points, squared_distance};
-use crate::simd::{self, Aligned, F32Lanes, Isa, LANES, QUERIES};
+use crate::profile;
+use crate::simd::{self, Aligned, F32Lanes, LANES, QUERIES};
 
 /// Work of measuring a pair of clusters, without that on coordinates.
 const PAIR_WORK: u64 = 300;
@@ -59,6 +61,8 @@ impl Limit {
 pub(crate) struct Scratch {
     /// Work done with these buffers, in the unit of [`Workers::add_work`].
     pub work: u64,
+    /// Set if the system has refused memory for these buffers.
+    error: Option<Error>,
     /// C's centre relative to A's.
     shift: Vec<f32>,
     /// The point that a sweep starts from, relative to the centre of the swept cluster.
@@ -79,6 +83,17 @@ pub(crate) struct Scratch {
     c_offsets: Vec<F32Lanes>,
 }
 
+impl Scratch {
+    /// Check that the system has not refused memory: after that, pairs may seem beyond the limit.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::OutOfMemory`] if it has.
+    pub fn check_memory(&self) -> Result<(), Error> {
+        self.error.map_or(Ok(()), Err)
+    }
+}
+
 /// Two clusters, and the constants of their comparison.
 struct Pair {
     a: usize,
@@ -93,7 +108,7 @@ struct Pair {
 
 /// Measures distances between the clusters of a partition.
 pub(crate) struct ClusterDistances<'a> {
-    isa: Isa,
+    workers: &'a Workers<'a>,
     points: &'a Points,
     clusters: &'a Clusters,
     packed: PackedMembers,
@@ -110,33 +125,33 @@ impl<'a> ClusterDistances<'a> {
     ///
     /// # Errors
     ///
-    /// [`Error::Stopped`] if the progress callback requests a stop.
+    /// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
     pub fn new(
-        workers: &Workers<'_>,
+        workers: &'a Workers<'a>,
         points: &'a Points,
         clusters: &'a Clusters,
     ) -> Result<Self, Error> {
-        let radii = clusters
-            .squared_radii
-            .iter()
-            .map(|squared| squared.sqrt())
-            .collect();
-        let indices = 0..clusters.len();
+        let radii = collect(clusters.squared_radii.iter().map(|squared| squared.sqrt()))?;
+        let mut bound_errors = with_capacity(clusters.len())?;
+        for cluster in 0..clusters.len() {
+            workers.check_row(cluster, points.dim)?;
+            bound_errors.push(clusters.bound_error(cluster));
+        }
         Ok(Self {
-            isa: workers.isa,
+            workers,
             points,
             clusters,
             packed: PackedMembers::new(workers, points, clusters)?,
             radii,
-            bound_errors: indices
-                .map(|cluster| clusters.bound_error(cluster))
-                .collect(),
+            bound_errors,
             sum_error: simd::f32_sum_error(points.dim),
         })
     }
 
     /// The squared distance of clusters `a` and `c` if it is within the limit.
     ///
+    /// None also if the system refuses memory, which [`Scratch::check_memory`] tells, and if the
+    /// progress callback requests a stop.
     /// Takes time proportional to the product of the sizes at worst, to their sum in most calls.
     pub fn squared_within(
         &self,
@@ -148,11 +163,16 @@ impl<'a> ClusterDistances<'a> {
         let size = |cluster: usize| self.clusters.members(cluster).len();
         let (a, c) = if size(a) <= size(c) { (a, c) } else { (c, a) };
         scratch.work += PAIR_WORK;
+        profile::count("pairs of clusters measured", 1);
         let squared = if size(c) < MIN_PACKED_SIZE {
             scratch.work += (size(a) * size(c) * self.points.dim) as u64 * SCALAR_WORK;
             self.maximum_of_all_pairs(a, c, limit.squared)
         } else {
-            self.maximum_by_sweeps(a, c, limit, scratch)
+            let squared = self.maximum_by_sweeps(a, c, limit, scratch);
+            squared.unwrap_or_else(|error| {
+                scratch.error = Some(error);
+                None
+            })
         };
         squared.filter(|&squared| squared <= limit.squared)
     }
@@ -180,8 +200,11 @@ impl<'a> ClusterDistances<'a> {
         c: usize,
         limit: Limit,
         scratch: &mut Scratch,
-    ) -> Option<f64> {
+    ) -> Result<Option<f64>, Error> {
         let size = |cluster: usize| self.clusters.members(cluster).len();
+        let n_lanes = self.packed.blocks(c).len() / self.points.dim;
+        ensure_capacity(&mut scratch.a_squares, n_lanes)?;
+        ensure_capacity(&mut scratch.c_squares, n_lanes)?;
         let [centre_a, centre_c] = [a, c].map(|cluster| self.clusters.centre(cluster));
         scratch.shift.clear();
         let axes = centre_c.iter().zip(centre_a);
@@ -191,7 +214,7 @@ impl<'a> ClusterDistances<'a> {
             scratch.work += (size(a) * self.points.dim / F32_PER_WORK) as u64;
             let farthest = self.sweep(a, &scratch.shift, &mut scratch.a_squares);
             if self.is_beyond(a, c, farthest, limit) {
-                return None;
+                return Ok(None);
             }
             start = position_of(farthest, &scratch.a_squares);
         }
@@ -202,8 +225,8 @@ impl<'a> ClusterDistances<'a> {
         let offset_error = 4.0 * F32_ROUNDOFF * reach + F32_UNDERFLOW;
         let pair = Pair { a, c, centre_distance, offset_error, limit: limit.root };
         scratch.work += ((size(a) + size(c)) * self.points.dim / F32_PER_WORK) as u64;
-        let largest = self.sweep_both(&pair, start, scratch)?;
-        self.select_candidates(&pair, largest, scratch);
+        let Some(largest) = self.sweep_both(&pair, start, scratch) else { return Ok(None) };
+        self.select_candidates(&pair, largest, scratch)?;
         self.exact_maximum(&pair, largest, scratch)
     }
 
@@ -258,13 +281,19 @@ impl<'a> ClusterDistances<'a> {
     }
 
     /// Step 2: the members that may belong to a pair at least as far as `largest`.
-    fn select_candidates(&self, pair: &Pair, largest: f32, scratch: &mut Scratch) {
+    fn select_candidates(
+        &self,
+        pair: &Pair,
+        largest: f32,
+        scratch: &mut Scratch,
+    ) -> Result<(), Error> {
         let Pair { a, c, .. } = *pair;
         let Scratch { shift, origin, a_squares, c_squares, a_candidates, .. } = scratch;
         let Scratch { c_candidates, c_offsets, .. } = scratch;
         let distance = self.lower_distance(pair, largest);
         let size = self.clusters.members(a).len() as u32;
         a_candidates.clear();
+        ensure_capacity(a_candidates, size as usize)?;
         if self.packed.contains(a) {
             let least = square_down((distance - self.radii[c]) * (1.0 - self.sum_error));
             a_candidates.extend((0..size).filter(|&i| lane(a_squares, i) >= least));
@@ -275,11 +304,13 @@ impl<'a> ClusterDistances<'a> {
         c_candidates.clear();
         let members = self.clusters.members(c);
         if members.len() < MIN_SELECTION_SIZE {
-            return;
+            return Ok(());
         }
         origin.clear();
         origin.extend(shift.iter().map(|x| -x));
         let n_blocks = self.n_blocks_beyond(pair, distance);
+        ensure_capacity(c_candidates, n_blocks * LANES)?;
+        ensure_capacity(c_offsets, n_blocks * self.points.dim)?;
         self.sweep_blocks(c, n_blocks, origin, c_squares);
         let least = square_down((distance - self.radii[a]) * (1.0 - self.sum_error));
         for (i, &member) in members.iter().enumerate().take(n_blocks * LANES) {
@@ -288,10 +319,16 @@ impl<'a> ClusterDistances<'a> {
                 c_candidates.push(member);
             }
         }
+        Ok(())
     }
 
     /// Step 3: the exact squared distance, from the candidates.
-    fn exact_maximum(&self, pair: &Pair, mut largest: f32, scratch: &mut Scratch) -> Option<f64> {
+    fn exact_maximum(
+        &self,
+        pair: &Pair,
+        mut largest: f32,
+        scratch: &mut Scratch,
+    ) -> Result<Option<f64>, Error> {
         let Pair { a, c, offset_error, .. } = *pair;
         let Scratch { shift, c_squares, a_candidates, a_offsets, a_maxima, .. } = scratch;
         let Scratch { c_candidates, c_offsets, .. } = scratch;
@@ -305,21 +342,27 @@ impl<'a> ClusterDistances<'a> {
         // In f32: for each candidate of A, the largest squared distance to the candidates of C, or to
         // all its members if there are no candidates.
         a_offsets.clear();
+        let padded = a_candidates.len().next_multiple_of(QUERIES) * dim;
+        ensure_capacity(a_offsets, padded)?;
         for &i in &*a_candidates {
             self.push_offset(pair, i as usize, shift, a_offsets);
         }
-        let padded = a_candidates.len().next_multiple_of(QUERIES) * dim;
         while a_offsets.len() < padded {
             a_offsets.extend_from_within(..dim);
         }
         a_maxima.clear();
-        scratch.work += (a_candidates.len() * blocks.len() * LANES / F32_PER_WORK) as u64;
+        ensure_capacity(a_maxima, padded / dim)?;
+        let row_work = (blocks.len() * LANES / F32_PER_WORK) as u64;
         let limit = self.f32_limit(pair);
         for group in a_offsets.chunks_exact(QUERIES * dim) {
-            let maxima = simd::max_of_rows(self.isa, group, dim, blocks);
+            scratch.work += QUERIES as u64 * row_work;
+            if !self.workers.can_continue(&mut scratch.work) {
+                return Ok(None);
+            }
+            let maxima = simd::max_of_rows(self.workers.isa, group, dim, blocks);
             largest = maxima.iter().fold(largest, |a, &b| a.max(b));
             if largest > limit {
-                return None;
+                return Ok(None);
             }
             a_maxima.extend(maxima);
         }
@@ -332,7 +375,16 @@ impl<'a> ClusterDistances<'a> {
         let mut squared = 0.0;
         let rows = a_candidates.iter().enumerate();
         for (row, &i) in rows.filter(|&(row, _)| a_maxima[row] >= least) {
-            simd::squared_distances(self.isa, &a_offsets[row * dim..][..dim], blocks, c_squares);
+            scratch.work += row_work;
+            if !self.workers.can_continue(&mut scratch.work) {
+                return Ok(None);
+            }
+            simd::squared_distances(
+                self.workers.isa,
+                &a_offsets[row * dim..][..dim],
+                blocks,
+                c_squares,
+            );
             let point = self.points.row(self.clusters.members(a)[i as usize]);
             for (j, &member) in members.iter().enumerate() {
                 if lane(c_squares, j as u32) >= least {
@@ -342,7 +394,7 @@ impl<'a> ClusterDistances<'a> {
                 }
             }
         }
-        Some(squared)
+        Ok(Some(squared))
     }
 
     /// The squared distance in f32 that only pairs beyond the limit can exceed.
@@ -396,7 +448,7 @@ impl<'a> ClusterDistances<'a> {
     ) -> f32 {
         out.resize(n_blocks, Aligned([0.0; LANES]));
         let blocks = &self.packed.blocks(cluster)[..n_blocks * origin.len()];
-        simd::squared_distances(self.isa, origin, blocks, out)
+        simd::squared_distances(self.workers.isa, origin, blocks, out)
     }
 
     /// Squared distances of `origin` to all members of a cluster; returns the largest.

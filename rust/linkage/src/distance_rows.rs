@@ -4,7 +4,8 @@ use crate::clusters::Clusters;
 use crate::distance::{ClusterDistances, Limit, Scratch};
 use crate::error::Error;
 use crate::input::Coordinate;
-use crate::parallel::{Workers, allocate, check_available};
+use crate::memory::{allocate, check_available, collect, with_capacity};
+use crate::parallel::Workers;
 use crate::points::Points;
 use crate::simd::{self, Aligned, F64Lanes, LANES, TILE_ROWS};
 
@@ -50,37 +51,38 @@ pub(crate) fn rows_of_points(
     max_squared: f64,
 ) -> Result<Vec<Vec<f64>>, Error> {
     let (n, dim) = (points.len(), points.dim);
-    let mut order: Vec<u32> = (0..n as u32).collect();
+    let mut order: Vec<u32> = collect(0..n as u32)?;
     order.sort_unstable_by_key(|&row| points.input_indices[row as usize]);
-    let mut sorted = allocate(0.0, n * dim)?;
-    for (target, &row) in sorted.chunks_exact_mut(dim).zip(&order) {
+    let mut sorted = workers.allocate(0.0, n * dim)?;
+    for (i, (target, &row)) in sorted.chunks_exact_mut(dim).zip(&order).enumerate() {
+        workers.check_row(i, dim)?;
         target.copy_from_slice(points.row(row));
     }
-    let columns = Columns::new(&sorted, dim)?;
+    let columns = Columns::new(workers, &sorted, dim)?;
     let is_mirrored = dim >= MIN_MIRRORED_DIM;
-    let mut rows = vec![Vec::new(); n];
+    let mut rows = allocate(Vec::new(), n)?;
     workers.run(
         rows.chunks_mut(ROWS_PER_TILE).enumerate(),
-        || vec![0.0; ROWS_PER_TILE * BLOCKS_PER_TILE * LANES],
+        || {
+            let sums = allocate(0.0, ROWS_PER_TILE * BLOCKS_PER_TILE * LANES);
+            workers.ok_or_stop(sums).unwrap_or_default()
+        },
         |sums, (band, rows)| {
             let first = band * ROWS_PER_TILE;
             let points = &sorted[first * dim..(first + rows.len()) * dim];
-            // Without room for the whole row, it stays empty; see below.
             for row in &mut *rows {
-                *row = allocate(f64::INFINITY, n).unwrap_or_default();
+                let Some(infinities) = workers.ok_or_stop(allocate(f64::INFINITY, n)) else {
+                    return;
+                };
+                *row = infinities;
             }
-            if rows.iter().all(|row| row.len() == n) {
-                let start = if is_mirrored { first } else { 0 };
-                columns.fill_rows(workers, points, start, rows, sums);
-                for (i, row) in rows.iter_mut().enumerate() {
-                    row[first + i] = f64::INFINITY;
-                }
+            let start = if is_mirrored { first } else { 0 };
+            columns.fill_rows(workers, points, start, rows, sums);
+            for (i, row) in rows.iter_mut().enumerate() {
+                row[first + i] = f64::INFINITY;
             }
         },
     )?;
-    if rows.iter().any(|row| row.len() != n) {
-        return Err(Error::OutOfMemory { bytes: n * n * size_of::<f64>() });
-    }
     if is_mirrored {
         mirror(workers, &mut rows)?;
     }
@@ -99,10 +101,11 @@ pub(crate) fn rows_of_points(
 }
 
 impl Columns {
-    fn new(points: &[f64], dim: usize) -> Result<Self, Error> {
+    fn new(workers: &Workers<'_>, points: &[f64], dim: usize) -> Result<Self, Error> {
         let n_blocks = (points.len() / dim).div_ceil(LANES);
-        let mut lanes = allocate(Aligned([0.0; LANES]), n_blocks * dim)?;
+        let mut lanes = workers.allocate(Aligned([0.0; LANES]), n_blocks * dim)?;
         for (i, point) in points.chunks_exact(dim).enumerate() {
+            workers.check_row(i, dim)?;
             let block = &mut lanes[i / LANES * dim..][..dim];
             for (lanes, &x) in block.iter_mut().zip(point) {
                 lanes[i % LANES] = x;
@@ -122,7 +125,12 @@ impl Columns {
     ) {
         let (dim, width) = (self.dim, BLOCKS_PER_TILE * LANES);
         let tiles = self.lanes.chunks(BLOCKS_PER_TILE * dim);
+        let mut work = 0;
         for (tile, lanes) in tiles.enumerate().skip(start / width) {
+            work += (rows.len() * width * dim) as u64;
+            if !workers.can_continue(&mut work) {
+                return;
+            }
             sums.fill(0.0);
             for axis in (0..dim).step_by(AXES_PER_STEP) {
                 let end = dim.min(axis + AXES_PER_STEP);
@@ -181,7 +189,7 @@ fn mirror(workers: &Workers<'_>, rows: &mut [Vec<f64>]) -> Result<(), Error> {
 ///
 /// # Errors
 ///
-/// [`Error::Stopped`] if the progress callback requests a stop.
+/// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
 pub(crate) fn rows_of_clusters(
     workers: &Workers<'_>,
     points: &Points,
@@ -193,20 +201,29 @@ pub(crate) fn rows_of_clusters(
     let limit = Limit::from_squared(max_squared);
     let m = clusters.len();
     check_available(m.saturating_mul(m).saturating_mul(size_of::<f64>()))?;
-    let mut rows = vec![vec![f64::INFINITY; m]; m];
+    let mut rows = with_capacity(m)?;
+    for _ in 0..m {
+        workers.check_progress()?;
+        rows.push(allocate(f64::INFINITY, m)?);
+    }
     workers.run(rows.iter_mut().enumerate(), Scratch::default, |scratch, (a, row)| {
         for (b, squared) in row.iter_mut().enumerate().skip(a + 1) {
             if workers.work() <= max_work {
                 let distance = distances.squared_within(a, b, limit, scratch);
                 *squared = distance.unwrap_or(f64::INFINITY);
-                workers.add_work(std::mem::take(&mut scratch.work));
+                if !workers.can_continue(&mut scratch.work) {
+                    break;
+                }
             }
         }
+        workers.add_work(std::mem::take(&mut scratch.work));
+        workers.ok_or_stop(scratch.check_memory());
     })?;
     if workers.work() > max_work {
         return Ok(None);
     }
     for a in 0..m {
+        workers.check_progress()?;
         let (rows_before, rows_from) = rows.split_at_mut(a);
         for (row, squared) in rows_before.iter().zip(&mut rows_from[0]) {
             *squared = row[a];
@@ -231,14 +248,17 @@ pub(crate) fn rows_of_condensed<T: Coordinate>(
     // Row a of the upper triangle, from column a + 1 on.
     let upper = |a: usize| &distances[a * (2 * n - a - 1) / 2..][..n - a - 1];
     check_available(n.saturating_mul(n).saturating_mul(size_of::<f64>()))?;
-    let mut rows: Vec<Vec<f64>> = vec![Vec::new(); n];
+    let mut rows: Vec<Vec<f64>> = allocate(Vec::new(), n)?;
     workers.run(
         rows.chunks_mut(ROWS_PER_BAND).enumerate(),
         || (),
         |(), (band, rows)| {
             let first = band * ROWS_PER_BAND;
             for row in &mut *rows {
-                *row = vec![f64::INFINITY; n];
+                let Some(infinities) = workers.ok_or_stop(allocate(f64::INFINITY, n)) else {
+                    return;
+                };
+                *row = infinities;
             }
             for b in 0..(first + rows.len()).min(n) {
                 // Elements below the diagonal are those of a column of the upper triangle. The

@@ -3,20 +3,30 @@
 //! The rows are halved recursively along the axis of largest variance, as in a k-d tree.
 
 use crate::error::Error;
+use crate::memory::append;
 use crate::parallel::Workers;
 use crate::simd::LANES;
 
 /// Rows of which the variance along each axis is estimated.
 const SAMPLE_SIZE: usize = 256;
 
-/// Parts, per thread, into which rows are divided before every thread sorts parts of its own.
-const PARTS_PER_THREAD: usize = 8;
+/// Largest part that one job sorts.
+const MAX_PART_ROWS: usize = 1 << 14;
 
-/// Smallest part that is divided further before that.
-const MIN_DIVIDED_ROWS: usize = 1 << 14;
+/// Work of a coordinate of the sample, in the unit of [`Workers::add_work`].
+const COORDINATE_WORK: u64 = 4;
 
-/// A part of the rows, with one coordinate of each.
-type Keyed = (f64, u32);
+/// Work of a row that is moved to its half.
+const ROW_WORK: u64 = 64;
+
+/// The buffers of a thread.
+#[derive(Default)]
+struct Scratch {
+    /// A part of the rows, with one coordinate of each.
+    keyed: Vec<(f64, u32)>,
+    /// Work done since the last check of the progress.
+    work: u64,
+}
 
 /// Sort `order`, a list of rows of `points`, by recursive halving.
 ///
@@ -26,19 +36,18 @@ type Keyed = (f64, u32);
 ///
 /// # Errors
 ///
-/// [`Error::Stopped`] if the progress callback requests a stop.
+/// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
 pub(crate) fn sort_by_halving(
     workers: &Workers<'_>,
     points: &[f64],
     dim: usize,
     order: &mut [u32],
 ) -> Result<(), Error> {
-    let n_parts = PARTS_PER_THREAD * workers.n_threads();
     let mut parts = vec![order];
     // In each step all parts are halved at the same time.
-    while parts.len() < n_parts && parts.iter().any(|part| part.len() > MIN_DIVIDED_ROWS) {
-        workers.run(parts.iter_mut(), Vec::new, |keyed, part| {
-            halve(points, dim, part, keyed);
+    while parts.iter().any(|part| part.len() > MAX_PART_ROWS) {
+        workers.run(parts.iter_mut(), Scratch::default, |scratch, part| {
+            workers.ok_or_stop(halve(points, dim, part, scratch));
         })?;
         parts = (parts.into_iter())
             .flat_map(|part| {
@@ -48,18 +57,30 @@ pub(crate) fn sort_by_halving(
             })
             .collect();
     }
-    workers.run(parts.into_iter(), Vec::new, |keyed, part| sort_part(points, dim, part, keyed))?;
+    workers.run(parts.into_iter(), Scratch::default, |scratch, part| {
+        workers.ok_or_stop(sort_part(workers, points, dim, part, scratch));
+    })?;
     Ok(())
 }
 
 /// Sort a part on this thread.
-fn sort_part(points: &[f64], dim: usize, order: &mut [u32], keyed: &mut Vec<Keyed>) {
+fn sort_part(
+    workers: &Workers<'_>,
+    points: &[f64],
+    dim: usize,
+    order: &mut [u32],
+    scratch: &mut Scratch,
+) -> Result<(), Error> {
     if order.len() > LANES {
-        halve(points, dim, order, keyed);
+        halve(points, dim, order, scratch)?;
+        if !workers.can_continue(&mut scratch.work) {
+            return Ok(());
+        }
         let (low, high) = order.split_at_mut(middle_of(order.len()));
-        sort_part(points, dim, low, keyed);
-        sort_part(points, dim, high, keyed);
+        sort_part(workers, points, dim, low, scratch)?;
+        sort_part(workers, points, dim, high, scratch)?;
     }
+    Ok(())
 }
 
 /// Where the second half begins; the end if there is one block only.
@@ -69,22 +90,32 @@ fn middle_of(len: usize) -> usize {
 }
 
 /// Move the rows of the first half before the others.
-fn halve(points: &[f64], dim: usize, order: &mut [u32], keyed: &mut Vec<Keyed>) {
+fn halve(
+    points: &[f64],
+    dim: usize,
+    order: &mut [u32],
+    scratch: &mut Scratch,
+) -> Result<(), Error> {
     let middle = middle_of(order.len());
     if middle == order.len() {
-        return;
+        return Ok(());
     }
     let axis = widest_axis(points, dim, order);
+    scratch.work += (dim * SAMPLE_SIZE.min(order.len())) as u64 * COORDINATE_WORK
+        + order.len() as u64 * ROW_WORK;
+    let keyed = &mut scratch.keyed;
     keyed.clear();
-    keyed.extend(
+    append(
+        keyed,
         order
             .iter()
             .map(|&row| (points[row as usize * dim + axis], row)),
-    );
+    )?;
     keyed.select_nth_unstable_by(middle, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     for (row, keyed) in order.iter_mut().zip(keyed) {
         *row = keyed.1;
     }
+    Ok(())
 }
 
 /// The axis of largest variance, estimated from evenly spaced rows; of equal axes the first.

@@ -30,8 +30,9 @@
 //!
 //! **Bounds.** For any weights that add up to one, the weighted mean of |a − c|² over the points
 //! of A and C is |c_A − c_C|² + V_A + V_C, which depends on the weighted centres and variances
-//! alone; D² is at least that mean. This bound, computed for blocks of sixteen clusters, excludes
-//! most pairs from exact measurement.
+//! alone; D² is at least that mean. The distances between two points of A and two of C, chosen far
+//! apart, are a second bound. Both bounds, computed for blocks of sixteen clusters, exclude most
+//! pairs from exact measurement.
 //!
 //! **Rounding.** Squared distances are summed in f64, axis by axis, never fused or reordered: the
 //! bits are those of SciPy on every processor. f32 arithmetic only excludes pairs, with an
@@ -45,9 +46,11 @@
 //! | module | contents |
 //! |---|---|
 //! | [`mod@error`] | the errors of this crate |
+//! | [`memory`] | vectors whose memory the system may refuse |
 //! | [`simd`] | inner loops for three instruction sets; all `unsafe` code |
 //! | [`profile`] | measurement of the work that threads share |
 //! | [`parallel`] | scoped threads, progress, stopping |
+//! | [`sorting`] | sorting of many keys on several threads |
 //! | [`options`] | resources and tuning of a call |
 //! | [`input`] | points as the caller holds them |
 //! | [`tree`] | from merges to SciPy's matrix or to labels |
@@ -58,7 +61,7 @@
 //! | [`packed`] | members of clusters as f32 offsets, sixteen side by side |
 //! | [`distance`] | the exact distance of two clusters, from few of their points |
 //! | [`blocks`] | bounding boxes of sixteen clusters |
-//! | [`neighbours`] | all pairs within a limit: three filters over blocks |
+//! | [`neighbours`] | all pairs within a limit: four filters over blocks |
 //! | [`threshold`] | the choice of T, from a sample |
 //! | [`adjacency`] | lists of neighbours in the sparse graph |
 //! | [`merging`] | merging on the sparse graph |
@@ -85,6 +88,7 @@ mod distance_rows;
 mod error;
 mod halving;
 mod input;
+mod memory;
 mod merging;
 mod neighbours;
 mod options;
@@ -95,6 +99,7 @@ mod points;
 #[cfg_attr(not(feature = "profile"), allow(dead_code))]
 pub mod profile;
 mod simd;
+mod sorting;
 mod spatial_order;
 mod stages;
 mod threshold;
@@ -103,9 +108,10 @@ mod tree;
 use chain::{Condensed, merge_by_chain};
 pub use error::Error;
 pub use input::{Coordinate, Table};
+use memory::{allocate, append, check_available, collect};
 pub use options::{Options, Tuning, available_memory};
 pub use parallel::Progress;
-use parallel::{Workers, affordable_threads, allocate, check_available};
+use parallel::{Workers, affordable_threads};
 use points::Points;
 pub use simd::{Isa, Level};
 use tree::Merge;
@@ -149,9 +155,10 @@ pub fn linkage<T: Coordinate>(
     points: Table<'_, T>,
     options: &Options<'_>,
 ) -> Result<Vec<[f64; 4]>, Error> {
-    let (scaled, merges) = merge_points(&points, f64::INFINITY, options)?;
+    let (workers, scaled, merges) = merge_points(&points, f64::INFINITY, options)?;
     profile::begin_phase("tree");
-    Ok(tree::linkage_matrix(points.len(), &merges, |squared| scaled.distance_from_squared(squared)))
+    let to_height = |squared| scaled.distance_from_squared(squared);
+    tree::linkage_matrix(&workers, points.len(), &merges, to_height)
 }
 
 /// The cluster of each point after all merges at heights up to and including `max_diameter`.
@@ -181,8 +188,8 @@ pub fn cut<T: Coordinate>(
     if max_diameter.is_nan() || max_diameter < 0.0 {
         return Err(Error::InvalidDiameter { value: max_diameter });
     }
-    let (_, merges) = merge_points(&points, max_diameter, options)?;
-    Ok(tree::labels(points.len(), &merges))
+    let (workers, _, merges) = merge_points(&points, max_diameter, options)?;
+    tree::labels(&workers, points.len(), &merges)
 }
 
 /// The tree of complete linkage over a condensed matrix, as the rows of SciPy's linkage matrix.
@@ -207,42 +214,42 @@ pub fn linkage_condensed<T: Coordinate>(
     check_memory(copy_bytes, options)?;
     let merges = if matrix_fits(n, options.max_matrix_bytes.min(options.max_bytes)) {
         let rows = distance_rows::rows_of_condensed(&workers, n, distances)?;
-        dense::merge_on_matrix(&workers, rows)?
-            .into_iter()
-            .map(|(a, b, distance)| Merge::new(a, b, distance))
-            .collect()
+        let pairs = dense::merge_on_matrix(&workers, rows)?.into_iter();
+        collect(pairs.map(|(a, b, distance)| Merge::new(a, b, distance)))?
     } else {
         let mut copy = allocate(0.0, distances.len())?;
-        for (copied, &distance) in copy.iter_mut().zip(distances) {
+        for (i, (copied, &distance)) in copy.iter_mut().zip(distances).enumerate() {
+            workers.check_item(i)?;
             // The sum turns -0 into 0, which would have another key.
             *copied = distance.into() + 0.0;
         }
         merge_by_chain(&workers, Condensed::new(n, copy))?
     };
-    Ok(tree::linkage_matrix(n, &merges, |height| height))
+    tree::linkage_matrix(&workers, n, &merges, |height| height)
 }
 
-/// The points, and all their merges at heights up to `max_height`.
-fn merge_points<T: Coordinate>(
+/// The threads, the points, and all their merges at heights up to `max_height`.
+fn merge_points<'a, T: Coordinate>(
     table: &Table<'_, T>,
     max_height: f64,
-    options: &Options<'_>,
-) -> Result<(Points, Vec<Merge>), Error> {
+    options: &Options<'a>,
+) -> Result<(Workers<'a>, Points, Vec<Merge>), Error> {
     let needed = table.len().saturating_mul(bytes_per_point(table.dim()));
     let workers = workers_of(options, needed);
     workers.check_progress()?;
     let largest = table.check(&workers)?;
     check_memory(needed, options)?;
     profile::begin_phase("points");
-    let points = Points::new(&workers, table, largest)?;
-    let mut merges = points.duplicate_merges.clone();
+    let mut points = Points::new(&workers, table, largest)?;
+    let mut merges = std::mem::take(&mut points.duplicate_merges);
     let max_squared = points.max_squared(max_height);
     let fits = matrix_fits(points.len(), options.max_matrix_bytes.min(options.max_bytes));
     // The more axes, the less the bounds exclude.
     let size_factor = MAX_SIZE_FACTOR.min(1 + points.dim / AXES_PER_SIZE_FACTOR);
     if fits && points.len() <= options.tuning.matrix_size * size_factor {
-        merges.extend(merge_points_on_matrix(&workers, &points, max_squared)?);
-        return Ok((points, merges));
+        let found = merge_points_on_matrix(&workers, &points, max_squared)?;
+        append(&mut merges, found.into_iter())?;
+        return Ok((workers, points, merges));
     }
     profile::begin_phase("halving");
     let points = points.sort_spatially(&workers)?;
@@ -252,11 +259,12 @@ fn merge_points<T: Coordinate>(
         f64::INFINITY
     };
     let found = stages::merge_in_stages(&workers, &points, max_squared, max_work, &options.tuning)?;
-    merges.extend(match found {
+    let found = match found {
         Some(found) => found,
         None => merge_points_on_matrix(&workers, &points, max_squared)?,
-    });
-    Ok((points, merges))
+    };
+    append(&mut merges, found.into_iter())?;
+    Ok((workers, points, merges))
 }
 
 /// All merges of distinct points up to a squared distance, on the matrix of all distances.
@@ -265,14 +273,12 @@ fn merge_points_on_matrix(
     points: &Points,
     max_squared: f64,
 ) -> Result<Vec<Merge>, Error> {
-    let mut representatives = points.input_indices.clone();
+    let mut representatives = collect(points.input_indices.iter().copied())?;
     representatives.sort_unstable();
     let rows = distance_rows::rows_of_points(workers, points, max_squared)?;
     let pairs = dense::merge_on_matrix(workers, rows)?.into_iter();
     let representative = |row: u32| representatives[row as usize];
-    Ok(pairs
-        .map(|(a, b, squared)| Merge::new(representative(a), representative(b), squared))
-        .collect())
+    collect(pairs.map(|(a, b, squared)| Merge::new(representative(a), representative(b), squared)))
 }
 
 /// Upper bound, by experience, of the memory that stages take per point.
@@ -282,8 +288,8 @@ fn bytes_per_point(dim: usize) -> usize {
 
 /// Check that a call may use `needed` bytes, and that the system has them.
 ///
-/// Most vectors of a call are small or grow in threads, where a refused allocation would abort the
-/// process. The bytes are therefore requested at once and released again.
+/// The bytes are requested at once and released again, so that a call without enough memory fails
+/// early.
 fn check_memory(needed: usize, options: &Options<'_>) -> Result<(), Error> {
     let limit = options.max_bytes;
     if needed > limit {

@@ -9,13 +9,14 @@
 //! A cluster selects its nearest neighbour again only if it has merged, or that neighbour has. The
 //! merge of two other clusters brings neither of them nearer.
 //!
-//! The list of a union is not longer than that of either part. So every list stays where it was
-//! built, and one allocation holds those of all clusters.
+//! The list of a union is not longer than that of either part. Every list therefore stays in its
+//! place, and one allocation holds those of all clusters.
 
 use std::sync::Mutex;
 
 use crate::adjacency::{Neighbour, adjacency_lists, split_lists};
 use crate::error::Error;
+use crate::memory::{allocate, append, collect, push, reserve};
 use crate::neighbours::Edge;
 use crate::parallel::Workers;
 
@@ -50,7 +51,7 @@ pub(crate) struct MergedClusters {
 ///
 /// # Errors
 ///
-/// [`Error::Stopped`] if the progress callback requests a stop.
+/// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
 pub(crate) fn merge_on_graph(
     workers: &Workers<'_>,
     representatives: &[u32],
@@ -60,13 +61,12 @@ pub(crate) fn merge_on_graph(
     let n_edges: usize = edges.iter().map(Vec::len).sum();
     let n_bands = (n_edges / EDGES_PER_BAND).clamp(1, MAX_BANDS);
     let mut parts = adjacency_lists(workers, m, edges, n_bands)?;
-    let mut state = State::new(split_lists(&mut parts));
+    let mut state = State::new(workers, split_lists(&mut parts)?)?;
     // Clusters that may still merge.
-    let mut active: Vec<u32> = (0..m as u32)
-        .filter(|&cluster| !state.lists[cluster as usize].is_empty())
-        .collect();
+    let mut active: Vec<u32> = collect(0..m as u32)?;
+    active.retain(|&cluster| !state.lists[cluster as usize].is_empty());
     // Clusters that select in this round, ascending, and what was merged into them.
-    let mut selecting: Vec<(u32, u32)> = active.iter().map(|&cluster| (cluster, NONE)).collect();
+    let mut selecting = collect(active.iter().map(|&cluster| (cluster, NONE)))?;
     let mut pairs = Vec::new();
     // The buffers of threads, from round to round.
     let mut buffers = Vec::new();
@@ -74,36 +74,40 @@ pub(crate) fn merge_on_graph(
         for batch in selecting.chunks(CLUSTERS_PER_BATCH) {
             buffers = state.select(workers, representatives, batch, buffers)?;
         }
-        let merged = reciprocal_pairs(representatives, &state.nearest, &selecting);
+        let merged = reciprocal_pairs(workers, representatives, &state.nearest, &selecting)?;
         state.apply(&merged);
+        workers.check_progress()?;
         let State { parents, nearest, .. } = &state;
         active.retain(|&i| parents[i as usize] == i && nearest[i as usize].0 != NONE);
-        state.next_selections(&active, &merged, &mut selecting);
-        pairs.extend(merged);
+        workers.check_progress()?;
+        state.next_selections(workers, &active, &merged, &mut selecting)?;
+        append(&mut pairs, merged.into_iter())?;
     }
-    let roots = (0..m as u32).map(|i| state.root(i)).collect();
+    let roots = collect((0..m as u32).map(|i| state.root(i)))?;
     Ok(MergedClusters { pairs, roots })
 }
 
 /// Pairs of clusters that are each other's nearest: the smaller representative first, sorted.
 fn reciprocal_pairs(
+    workers: &Workers<'_>,
     representatives: &[u32],
     nearest: &[(u32, f64)],
     selecting: &[(u32, u32)],
-) -> Vec<(u32, u32, f64)> {
+) -> Result<Vec<(u32, u32, f64)>, Error> {
     let mut pairs = Vec::new();
-    for &(cluster, _) in selecting {
+    for (i, &(cluster, _)) in selecting.iter().enumerate() {
+        workers.check_item(i)?;
         let (other, squared) = nearest[cluster as usize];
         if other != NONE && nearest[other as usize].0 == cluster {
             let is_ordered = representatives[cluster as usize] < representatives[other as usize];
             let (low, high) = if is_ordered { (cluster, other) } else { (other, cluster) };
-            pairs.push((low, high, squared));
+            push(&mut pairs, (low, high, squared))?;
         }
     }
     // If both clusters selected in this round, the pair was found twice.
     pairs.sort_unstable_by_key(|&(low, high, _)| (low, high));
     pairs.dedup_by_key(|&mut (low, high, _)| (low, high));
-    pairs
+    Ok(pairs)
 }
 
 /// The buffers of a thread: the position of every cluster in the list below, and that list.
@@ -123,15 +127,15 @@ struct State<'a> {
 }
 
 impl<'a> State<'a> {
-    fn new(lists: Vec<&'a mut [Neighbour]>) -> Self {
+    fn new(workers: &Workers<'_>, lists: Vec<&'a mut [Neighbour]>) -> Result<Self, Error> {
         let m = lists.len();
-        Self {
+        Ok(Self {
             lists,
-            parents: (0..m as u32).collect(),
-            sizes: vec![1; m],
-            nearest: vec![(NONE, f64::INFINITY); m],
-            has_merged: vec![false; m],
-        }
+            parents: collect(0..m as u32)?,
+            sizes: workers.allocate(1, m)?,
+            nearest: workers.allocate((NONE, f64::INFINITY), m)?,
+            has_merged: allocate(false, m)?,
+        })
     }
 
     /// The remaining cluster that contains a cluster.
@@ -151,28 +155,32 @@ impl<'a> State<'a> {
         batch: &[(u32, u32)],
         buffers: Vec<Buffers>,
     ) -> Result<Vec<Buffers>, Error> {
-        let mut selections: Vec<Selection<'_>> = batch
-            .iter()
-            .map(|&(cluster, merged)| Selection {
-                cluster,
-                list: std::mem::take(&mut self.lists[cluster as usize]),
-                merged_list: (self.lists.get_mut(merged as usize))
-                    .map_or_else(Default::default, std::mem::take),
-                nearest: (NONE, f64::INFINITY),
-            })
-            .collect();
+        let mut selections = collect(batch.iter().map(|&(cluster, merged)| Selection {
+            cluster,
+            list: std::mem::take(&mut self.lists[cluster as usize]),
+            merged_list:
+                (self.lists.get_mut(merged as usize)).map_or_else(Default::default, std::mem::take),
+            nearest: (NONE, f64::INFINITY),
+        }))?;
         let m = self.lists.len();
         let buffers = Mutex::new(buffers);
         let take_buffers = || {
             let buffers = buffers.lock().ok().and_then(|mut buffers| buffers.pop());
-            buffers.unwrap_or_else(|| (vec![NONE; m], Vec::new()))
+            buffers.unwrap_or_else(|| {
+                let positions = workers.ok_or_stop(allocate(NONE, m));
+                (positions.unwrap_or_default(), Vec::new())
+            })
         };
         let buffers = workers.run(
             selections.chunks_mut(CLUSTERS_PER_JOB),
             take_buffers,
             |(positions, buffer), chunk| {
                 for selection in chunk {
-                    selection.select_nearest(representatives, self, positions, buffer);
+                    let selected =
+                        selection.select_nearest(representatives, self, positions, buffer);
+                    if workers.ok_or_stop(selected).is_none() {
+                        return;
+                    }
                 }
             },
         )?;
@@ -198,23 +206,27 @@ impl<'a> State<'a> {
     /// With each of them, the cluster that was merged into it in this round.
     fn next_selections(
         &mut self,
+        workers: &Workers<'_>,
         active: &[u32],
         merged: &[(u32, u32, f64)],
         selecting: &mut Vec<(u32, u32)>,
-    ) {
+    ) -> Result<(), Error> {
         let has_merged = |cluster: u32| self.has_merged[cluster as usize];
         let must_select =
             |&cluster: &u32| has_merged(cluster) || has_merged(self.nearest[cluster as usize].0);
         selecting.clear();
-        let clusters = active.iter().copied().filter(must_select);
-        selecting.extend(clusters.map(|cluster| (cluster, NONE)));
-        for &(low, high, _) in merged {
+        for cluster in active.iter().copied().filter(must_select) {
+            push(selecting, (cluster, NONE))?;
+        }
+        for (i, &(low, high, _)) in merged.iter().enumerate() {
+            workers.check_item(i)?;
             self.has_merged[low as usize] = false;
             self.has_merged[high as usize] = false;
             if let Ok(position) = selecting.binary_search_by_key(&low, |&(cluster, _)| cluster) {
                 selecting[position].1 = high;
             }
         }
+        Ok(())
     }
 }
 
@@ -237,8 +249,9 @@ impl Selection<'_> {
         state: &State<'_>,
         positions: &mut [u32],
         buffer: &mut Vec<Neighbour>,
-    ) {
+    ) -> Result<(), Error> {
         buffer.clear();
+        reserve(buffer, self.list.len() + self.merged_list.len())?;
         for neighbour in self.list.iter().chain(self.merged_list) {
             let cluster = state.root(neighbour.cluster);
             if cluster == self.cluster {
@@ -272,5 +285,6 @@ impl Selection<'_> {
             }
         }
         self.list = &mut std::mem::take(&mut self.list)[..n_kept];
+        Ok(())
     }
 }

@@ -1,17 +1,18 @@
 //! All pairs of clusters within a limit, found without measuring most pairs.
 //!
-//! Clusters are compared in blocks of sixteen. Three filters, each finer and more expensive than
+//! Clusters are compared in blocks of sixteen. Four filters, each finer and more expensive than
 //! the one before, pass the pairs whose bound (see [`clusters`](crate::clusters)) is within the
 //! limit:
 //!
 //! 1. the box of a block against the boxes of sixteen others, in f64;
 //! 2. the sixteen centres of a block against the box of another, in f32;
-//! 3. the remaining centres against the sixteen centres of the other block, in f32.
+//! 3. the remaining centres against the sixteen centres of the other block, in f32;
+//! 4. two points, far apart, of the remaining clusters against those of the other block, in f32.
 //!
 //! The filters in f32 work relative to the midpoint of the other block: their rounding error is
 //! small compared with the distances in question, not with the whole cloud. If the blocks are so
-//! large that it is not small, filters 2 and 3 are computed in f64 instead. The pairs that pass
-//! are measured exactly.
+//! large that it is not small, filters 2 and 3 are computed in f64 instead, without filter 4. The
+//! pairs that pass are measured exactly.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
@@ -21,11 +22,16 @@ use crate::distance::{
     ClusterDistances, F32_PER_WORK, F32_ROUNDOFF, F32_UNDERFLOW, Limit, Scratch,
 };
 use crate::error::Error;
+use crate::memory::{collect, push};
 use crate::parallel::Workers;
+use crate::profile;
 use crate::simd::{self, Aligned, F64Lanes, LANES, Query};
 
-/// Blocks that one job compares with all later ones, which are then read once for all of them.
+/// Most blocks that one job compares with all later ones, which are then read once for all of them.
 const BLOCKS_PER_TILE: usize = 8;
+
+/// With fewer tiles than this, each has fewer blocks: few clusters have many members.
+const MIN_TILES: usize = 64;
 
 /// Largest f32 error, as a fraction of the limit, with which the f32 filters are used.
 const MAX_F32_ERROR_RATIO: f64 = 0.01;
@@ -35,7 +41,8 @@ const MAX_F32_ERROR_RATIO: f64 = 0.01;
 ///
 /// The offsets of both, the offset between the midpoints and their sum each round by half a unit.
 /// The distance between the midpoints is at most the limit, both bound errors and both half
-/// diagonals.
+/// diagonals. Extreme points instead of centres have no bound error, and the distance of the farthest
+/// from the midpoint instead of the half diagonal.
 const F32_OFFSET_ERROR: f64 = 8.0 * F32_ROUNDOFF;
 
 /// Two clusters and their squared distance.
@@ -67,7 +74,7 @@ pub(crate) enum Edges {
 ///
 /// # Errors
 ///
-/// [`Error::Stopped`] if the progress callback requests a stop.
+/// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
 pub(crate) fn edges_within(
     workers: &Workers<'_>,
     blocks: &Blocks<'_>,
@@ -76,7 +83,7 @@ pub(crate) fn edges_within(
     max_edges: usize,
     max_work: f64,
 ) -> Result<Edges, Error> {
-    let search = Search::new(workers, blocks, Target::Edges(distances), limit);
+    let search = Search::new(workers, blocks, Target::Edges(distances), limit)?;
     let n_found = AtomicUsize::new(0);
     let states = workers.run(tiles(blocks.len()), SearchState::default, |state, tile| {
         if n_found.load(Relaxed) > max_edges || workers.work() > max_work {
@@ -84,6 +91,7 @@ pub(crate) fn edges_within(
         }
         let before = state.edges.len();
         search.search_tile(tile, state);
+        workers.ok_or_stop(state.scratch.check_memory());
         workers.add_work(std::mem::take(&mut state.scratch.work));
         n_found.fetch_add(state.edges.len() - before, Relaxed);
     })?;
@@ -104,26 +112,26 @@ pub(crate) fn edges_within(
 ///
 /// # Errors
 ///
-/// [`Error::Stopped`] if the progress callback requests a stop.
+/// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
 pub(crate) fn clusters_within(
     workers: &Workers<'_>,
     blocks: &Blocks<'_>,
     limit: f64,
     is_known: Vec<bool>,
 ) -> Result<Vec<bool>, Error> {
-    let marks: Vec<AtomicBool> = is_known.into_iter().map(AtomicBool::new).collect();
-    let search = Search::new(workers, blocks, Target::Marks(&marks), limit);
+    let marks = collect(is_known.into_iter().map(AtomicBool::new))?;
+    let search = Search::new(workers, blocks, Target::Marks(&marks), limit)?;
     workers.run(tiles(blocks.len()), SearchState::default, |state, tile| {
         search.search_tile(tile, state);
         workers.add_work(std::mem::take(&mut state.scratch.work));
     })?;
-    Ok(marks.into_iter().map(AtomicBool::into_inner).collect())
+    collect(marks.into_iter().map(AtomicBool::into_inner))
 }
 
 /// The blocks of each tile.
 fn tiles(n_blocks: usize) -> impl ExactSizeIterator<Item = Range<usize>> + Send {
-    (0..n_blocks.div_ceil(BLOCKS_PER_TILE))
-        .map(move |tile| tile * BLOCKS_PER_TILE..n_blocks.min((tile + 1) * BLOCKS_PER_TILE))
+    let width = (n_blocks / MIN_TILES).clamp(1, BLOCKS_PER_TILE);
+    (0..n_blocks.div_ceil(width)).map(move |tile| tile * width..n_blocks.min((tile + 1) * width))
 }
 
 /// What a search does with the pairs that pass the filters.
@@ -168,7 +176,7 @@ impl<'a> Search<'a> {
         blocks: &'a Blocks<'a>,
         target: Target<'a>,
         squared: f64,
-    ) -> Self {
+    ) -> Result<Self, Error> {
         let limit = Limit::from_squared(squared);
         let block_error = |(half_diagonal, bound_error): (&f64, &f64)| {
             F32_OFFSET_ERROR * half_diagonal
@@ -176,19 +184,19 @@ impl<'a> Search<'a> {
                 + F32_UNDERFLOW / 2.0
         };
         let errors = blocks.half_diagonals.iter().zip(&blocks.bound_errors);
-        let (group_lows, group_highs) = blocks.group_corners();
-        Self {
+        let (group_lows, group_highs) = blocks.group_corners()?;
+        Ok(Self {
             workers,
             blocks,
             target,
             limit,
             f32_limit: limit.root * (1.0 + F32_OFFSET_ERROR),
-            block_errors: errors.map(block_error).collect(),
+            block_errors: collect(errors.map(block_error))?,
             sum_error: simd::f32_sum_error(blocks.dim),
             group_lows,
             group_highs,
             max_bound_error: blocks.bound_errors.iter().copied().fold(0.0, f64::max),
-        }
+        })
     }
 
     /// All edges from the blocks of a tile to themselves and to later blocks: filter 1.
@@ -206,10 +214,14 @@ impl<'a> Search<'a> {
         let mut masks = [0_u16; BLOCKS_PER_TILE];
         for group in tile.start / LANES..self.blocks.n_groups() {
             state.scratch.work += dim as u64;
+            if !self.workers.can_continue(&mut state.scratch.work) {
+                return;
+            }
             if self.squared_gap(&tile_box, group) > limit {
                 continue;
             }
             state.scratch.work += (dim * LANES * tile.len()) as u64;
+            profile::count("boxes compared with boxes", LANES * tile.len());
             let (lows, highs, variances) = self.blocks.group(group);
             let mut union = 0_u16;
             for ((mask, block), (low, high)) in masks.iter_mut().zip(tile.clone()).zip(&boxes) {
@@ -247,7 +259,7 @@ impl<'a> Search<'a> {
         tile_box.iter().zip(corners).map(axis_gap).sum()
     }
 
-    /// All edges from some blocks of a tile to later clusters of block `j`: filters 2 and 3.
+    /// All edges from some blocks of a tile to later clusters of block `j`: filters 2 to 4.
     ///
     /// Bit `k` of `selected` is that of block `tile_start + k`.
     fn search_block(
@@ -263,17 +275,23 @@ impl<'a> Search<'a> {
             return;
         }
         let mut needs_f64 = 0;
-        for (k, query) in queries.iter_mut().enumerate() {
+        let mut remaining = selected;
+        while remaining != 0 {
+            let k = remaining.trailing_zeros() as usize;
+            remaining &= remaining - 1;
             let error = self.block_errors[tile_start + k] + self.block_errors[j];
             needs_f64 |= u16::from(error > MAX_F32_ERROR_RATIO * self.limit.root) << k;
-            // The last factor includes the rounding of this product to f32.
-            query.limit = (square(self.f32_limit + error) * (1.0 + 3.0 * self.sum_error)) as f32;
+            let radii = &self.blocks.extreme_radii;
+            let radius = radii[tile_start + k] + radii[j];
+            queries[k].limit = self.f32_square(error);
+            queries[k].extreme_limit = self.f32_square(F32_OFFSET_ERROR * radius + F32_UNDERFLOW);
         }
         let other = self.blocks.block(j);
         simd::blocks_within(self.workers.isa, queries, selected & !needs_f64, &other);
+        profile::count("blocks compared with centres", selected.count_ones() as usize);
         let n_rows: u32 = (queries.iter().enumerate())
             .filter(|(k, _)| selected >> k & 1 != 0)
-            .map(|(_, query)| 1 + query.rows.count_ones())
+            .map(|(_, query)| 1 + query.rows.count_ones() + 4 * query.n_extreme_rows)
             .sum();
         state.scratch.work += (n_rows as usize * self.blocks.dim * LANES / F32_PER_WORK) as u64;
         let mut remaining = selected;
@@ -287,6 +305,12 @@ impl<'a> Search<'a> {
                 self.push_edges(tile_start + k, j, &queries[k], state);
             }
         }
+    }
+
+    /// The squared limit in f32 for pairs whose offset has this error.
+    fn f32_square(&self, error: f64) -> f32 {
+        // The last factor includes the rounding of this product to f32.
+        (square(self.f32_limit + error) * (1.0 + 3.0 * self.sum_error)) as f32
     }
 
     /// The selected blocks, except those whose clusters, and those of block `j`, are all marked.
@@ -325,8 +349,18 @@ impl<'a> Search<'a> {
                     Target::Edges(distances) => {
                         let squared =
                             distances.squared_within(a, b, self.limit, &mut state.scratch);
+                        if !self.workers.can_continue(&mut state.scratch.work) {
+                            return;
+                        }
                         if let Some(squared) = squared {
-                            state.edges.push(Edge { a: a as u32, b: b as u32, squared });
+                            let edge = Edge { a: a as u32, b: b as u32, squared };
+                            if self
+                                .workers
+                                .ok_or_stop(push(&mut state.edges, edge))
+                                .is_none()
+                            {
+                                return;
+                            }
                         }
                     }
                 }

@@ -85,9 +85,9 @@ impl Default for Tuning {
     fn default() -> Self {
         Self {
             level: Level::Avx512,
-            degree: 10.0,
+            degree: 7.0,
             matrix_size: 1448,
-            dense_size: 256,
+            dense_size: 128,
             split_size: 1 << 13,
             spare_edges: 1 << 20,
             matrix_work: 0.4,

@@ -1,16 +1,14 @@
 //! Members of clusters as f32 offsets from the centre, sixteen side by side.
 
-use crate::clusters::{Clusters, SORTED_SIZE};
+use crate::clusters::{Clusters, SORTED_SIZE, clusters_per_job};
 use crate::error::Error;
+use crate::memory::with_capacity;
 use crate::parallel::Workers;
 use crate::points::{Points, squared_distance};
 use crate::simd::{Aligned, F32Lanes, LANES};
 
 /// Smallest cluster that is packed; the members of smaller ones are read from the points.
 pub(crate) const MIN_PACKED_SIZE: usize = 4;
-
-/// Clusters that one job packs.
-const CLUSTERS_PER_JOB: usize = 256;
 
 /// The packed members of all clusters.
 pub(crate) struct PackedMembers {
@@ -30,22 +28,24 @@ impl PackedMembers {
     ///
     /// # Errors
     ///
-    /// [`Error::Stopped`] if the progress callback requests a stop.
+    /// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
     pub fn new(workers: &Workers<'_>, points: &Points, clusters: &Clusters) -> Result<Self, Error> {
         let (dim, m) = (points.dim, clusters.len());
-        let mut starts = Vec::with_capacity(m + 1);
+        let mut starts = with_capacity(m + 1)?;
         starts.push(0);
         for cluster in 0..m {
+            workers.check_item(cluster)?;
             let size = clusters.members(cluster).len();
             let n_blocks = if size < MIN_PACKED_SIZE { 0 } else { size.div_ceil(LANES) };
             starts.push(starts[cluster] + n_blocks * dim);
         }
-        let mut lanes = vec![Aligned([0.0; LANES]); starts[m]];
-        let mut block_radii = vec![0.0; starts[m] / dim];
+        let mut lanes = workers.allocate(Aligned([0.0; LANES]), starts[m])?;
+        let mut block_radii = workers.allocate(0.0, starts[m] / dim)?;
         let mut rest = (lanes.as_mut_slice(), block_radii.as_mut_slice());
-        let mut jobs = Vec::with_capacity(m.div_ceil(CLUSTERS_PER_JOB));
-        for first in (0..m).step_by(CLUSTERS_PER_JOB) {
-            let end = (first + CLUSTERS_PER_JOB).min(m);
+        let width = clusters_per_job(m);
+        let mut jobs = with_capacity(m.div_ceil(width))?;
+        for first in (0..m).step_by(width) {
+            let end = (first + width).min(m);
             let length = starts[end] - starts[first];
             let (blocks, later_blocks) = rest.0.split_at_mut(length);
             let (radii, later_radii) = rest.1.split_at_mut(length / dim);

@@ -5,10 +5,11 @@
 
 use std::ops::ControlFlow;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
-use std::thread;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
+use std::thread::{self, ThreadId};
 
 use crate::error::Error;
+use crate::memory::{check_available, with_capacity};
 use crate::profile;
 use crate::simd::Isa;
 
@@ -17,30 +18,53 @@ use crate::simd::Isa;
 /// It is called on the caller's thread only, at least every tenth of a second.
 pub type Progress<'a> = &'a (dyn Fn(f64) -> ControlFlow<()> + Sync);
 
+/// Items of a serial loop between two checks of the progress.
+const ITEMS_PER_CHECK: usize = 1 << 13;
+
+/// Coordinates that a serial loop handles between two checks of the progress.
+const COORDINATES_PER_CHECK: usize = 1 << 17;
+
+/// Work of a job between two checks of the progress, in the unit of [`Workers::add_work`].
+pub(crate) const WORK_PER_CHECK: u64 = 1 << 22;
+
+/// Bytes that are written for the first time between two checks of the progress.
+const BYTES_PER_CHECK: usize = 1 << 22;
+
 /// The threads of a call, their instruction set, and the state of the progress callback.
 pub(crate) struct Workers<'a> {
     n_threads: usize,
+    /// The caller's thread.
+    caller: ThreadId,
     progress: Option<Progress<'a>>,
     /// Bits of the fraction done.
     fraction: AtomicU64,
     is_stopped: AtomicBool,
+    /// Bytes that the system has refused to a job; 0 if it has not.
+    refused_bytes: AtomicUsize,
     /// Work done so far.
     work: AtomicU64,
+    /// Work since the last check of the progress, and the most between two checks.
+    #[cfg(test)]
+    unchecked_work: [AtomicU64; 2],
     /// The instruction set to use.
     pub isa: Isa,
 }
 
 impl<'a> Workers<'a> {
-    /// `n_threads` threads, at least one, of which the first is the caller's.
+    /// `n_threads` threads, at least one, of which the first is this thread, the caller's.
     ///
     /// See [`affordable_threads`] for a process with little address space.
     pub fn new(n_threads: usize, isa: Isa, progress: Option<Progress<'a>>) -> Self {
         Self {
             n_threads: n_threads.max(1),
+            caller: thread::current().id(),
             progress,
             fraction: AtomicU64::new(0),
             is_stopped: AtomicBool::new(false),
+            refused_bytes: AtomicUsize::new(0),
             work: AtomicU64::new(0),
+            #[cfg(test)]
+            unchecked_work: Default::default(),
             isa,
         }
     }
@@ -55,7 +79,20 @@ impl<'a> Workers<'a> {
     /// The unit is the time that the difference of two coordinates takes in f64 with vectors, about
     /// 0.1 to 0.3 ns. The sum does not depend on the threads, except after a search that ended early.
     pub fn add_work(&self, work: u64) {
+        self.add_estimated_work(work);
+        #[cfg(test)]
+        self.unchecked_work[0].fetch_add(work, Relaxed);
+    }
+
+    /// Add to the work done an estimate of work that begins now.
+    pub fn add_estimated_work(&self, work: u64) {
         self.work.fetch_add(work, Relaxed);
+    }
+
+    /// The most work between two checks of the progress.
+    #[cfg(test)]
+    pub fn max_unchecked_work(&self) -> f64 {
+        self.unchecked_work[1].load(Relaxed) as f64
     }
 
     /// The work done so far.
@@ -72,8 +109,14 @@ impl<'a> Workers<'a> {
     ///
     /// # Errors
     ///
-    /// [`Error::Stopped`] if the callback requests a stop, or has done so before.
+    /// [`Error::Stopped`] if the callback requests a stop, or has done so before;
+    /// [`Error::OutOfMemory`] after [`Self::ok_or_stop`] of that error.
     pub fn check_progress(&self) -> Result<(), Error> {
+        #[cfg(test)]
+        {
+            let [unchecked, max] = &self.unchecked_work;
+            max.fetch_max(unchecked.swap(0, Relaxed), Relaxed);
+        }
         let fraction = f64::from_bits(self.fraction.load(Relaxed));
         if self
             .progress
@@ -81,7 +124,98 @@ impl<'a> Workers<'a> {
         {
             self.is_stopped.store(true, Relaxed);
         }
-        if self.is_stopped.load(Relaxed) { Err(Error::Stopped) } else { Ok(()) }
+        self.check_stopped()
+    }
+
+    /// Check the progress once in [`ITEMS_PER_CHECK`] items of a serial loop.
+    ///
+    /// # Errors
+    ///
+    /// As for [`Self::check_progress`].
+    pub fn check_item(&self, item: usize) -> Result<(), Error> {
+        if item.is_multiple_of(ITEMS_PER_CHECK) { self.check_progress() } else { Ok(()) }
+    }
+
+    /// Check the progress in a serial loop over rows of `dim` coordinates.
+    ///
+    /// # Errors
+    ///
+    /// As for [`Self::check_progress`].
+    pub fn check_row(&self, row: usize, dim: usize) -> Result<(), Error> {
+        let rows_per_check = (COORDINATES_PER_CHECK / dim.max(1)).clamp(1, ITEMS_PER_CHECK);
+        if row.is_multiple_of(rows_per_check) { self.check_progress() } else { Ok(()) }
+    }
+
+    /// Whether a job shall go on. Once `work` is large, adds it to the work done, sets it to 0 and
+    /// checks the progress.
+    ///
+    /// For jobs that may take longer than [`Self::run`] allows. A job that ends early must not
+    /// matter: [`Self::run`] then returns an error.
+    pub fn can_continue(&self, work: &mut u64) -> bool {
+        if *work >= WORK_PER_CHECK {
+            self.add_work(std::mem::take(work));
+            if thread::current().id() == self.caller {
+                return self.check_progress().is_ok();
+            }
+        }
+        !self.is_stopped.load(Relaxed)
+    }
+
+    /// A vector of `len` equal values, like [`allocate`](crate::memory::allocate).
+    ///
+    /// For vectors of the size of the input: the system clears their memory while it is written.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::OutOfMemory`], and those of [`Self::check_progress`].
+    pub fn allocate<T: Clone>(&self, value: T, len: usize) -> Result<Vec<T>, Error> {
+        let mut vector = with_capacity(len)?;
+        while vector.len() < len {
+            self.check_progress()?;
+            let end = vector.len() + BYTES_PER_CHECK / size_of::<T>();
+            vector.resize(end.min(len), value.clone());
+        }
+        Ok(vector)
+    }
+
+    /// A copy of values, in memory that may be as large as the input.
+    ///
+    /// # Errors
+    ///
+    /// As for [`Self::allocate`].
+    pub fn copy<T: Copy>(&self, values: &[T]) -> Result<Vec<T>, Error> {
+        let mut vector = with_capacity(values.len())?;
+        for part in values.chunks(BYTES_PER_CHECK / size_of::<T>()) {
+            self.check_progress()?;
+            vector.extend_from_slice(part);
+        }
+        Ok(vector)
+    }
+
+    /// The value, if a job got the memory for it; otherwise stop all threads.
+    ///
+    /// [`Self::run`] then returns the error.
+    pub fn ok_or_stop<T>(&self, result: Result<T, Error>) -> Option<T> {
+        if let Err(error) = result
+            && let Error::OutOfMemory { bytes } = error
+        {
+            self.refused_bytes.store(bytes.max(1), Relaxed);
+        }
+        if result.is_err() {
+            self.is_stopped.store(true, Relaxed);
+        }
+        result.ok()
+    }
+
+    /// The error, if the threads shall stop.
+    fn check_stopped(&self) -> Result<(), Error> {
+        if !self.is_stopped.load(Relaxed) {
+            return Ok(());
+        }
+        match self.refused_bytes.load(Relaxed) {
+            0 => Err(Error::Stopped),
+            bytes => Err(Error::OutOfMemory { bytes }),
+        }
     }
 
     /// Run every job on whichever thread is free; return the state of every thread.
@@ -89,11 +223,13 @@ impl<'a> Workers<'a> {
     /// `init` makes the state of a thread, which `work` updates. A job must not write what
     /// another one accesses, or must write it so that the order of jobs does not matter: results
     /// may not depend on the assignment of jobs to threads. A job should take between 10 µs and
-    /// 0.1 s, because the progress callback is called between jobs. A panic in a job is passed on.
+    /// 0.01 s, because the progress callback is called between jobs; longer ones call
+    /// [`Self::can_continue`]. A panic in a job is passed on.
     ///
     /// # Errors
     ///
-    /// [`Error::Stopped`] if the progress callback requests a stop.
+    /// [`Error::Stopped`] if the progress callback requests a stop, and [`Error::OutOfMemory`] if
+    /// a job has used [`Self::ok_or_stop`] with that error.
     pub fn run<Job: Send, State: Send>(
         &self,
         jobs: impl ExactSizeIterator<Item = Job> + Send,
@@ -129,7 +265,7 @@ impl<'a> Workers<'a> {
                     Err(panic) => std::panic::resume_unwind(panic),
                 }
             }
-            if self.is_stopped.load(Relaxed) { Err(Error::Stopped) } else { Ok(states) }
+            self.check_stopped().map(|()| states)
         })
     }
 }
@@ -152,29 +288,4 @@ pub(crate) fn affordable_threads(n_threads: usize, bytes: usize) -> usize {
         n_helpers /= 2;
     }
     n_helpers + 1
-}
-
-/// A vector of `len` equal values.
-///
-/// # Errors
-///
-/// [`Error::OutOfMemory`] if the system refuses the memory.
-pub(crate) fn allocate<T: Copy>(value: T, len: usize) -> Result<Vec<T>, Error> {
-    let mut vector = Vec::new();
-    vector
-        .try_reserve_exact(len)
-        .map_err(|_| Error::OutOfMemory { bytes: len.saturating_mul(size_of::<T>()) })?;
-    vector.resize(len, value);
-    Ok(vector)
-}
-
-/// Check that the system has `bytes` bytes of memory, by requesting and releasing them.
-///
-/// # Errors
-///
-/// [`Error::OutOfMemory`] if the system refuses the memory.
-pub(crate) fn check_available(bytes: usize) -> Result<(), Error> {
-    Vec::<u8>::new()
-        .try_reserve_exact(bytes)
-        .map_err(|_| Error::OutOfMemory { bytes })
 }

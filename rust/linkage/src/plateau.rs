@@ -10,6 +10,7 @@
 use crate::clusters::Clusters;
 use crate::distance::{ClusterDistances, Limit, Scratch};
 use crate::error::Error;
+use crate::memory::{allocate, collect, push, with_capacity};
 use crate::merging::MergedClusters;
 use crate::parallel::Workers;
 use crate::simd::{self, Aligned, F64Lanes, LANES};
@@ -20,7 +21,7 @@ use crate::simd::{self, Aligned, F64Lanes, LANES};
 ///
 /// # Errors
 ///
-/// [`Error::Stopped`] if the progress callback requests a stop.
+/// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
 pub(crate) fn merge_plateau(
     workers: &Workers<'_>,
     clusters: &Clusters,
@@ -29,11 +30,11 @@ pub(crate) fn merge_plateau(
     max_work: f64,
 ) -> Result<Option<MergedClusters>, Error> {
     let m = clusters.len();
-    let mut order: Vec<u32> = (0..m as u32).collect();
+    let mut order: Vec<u32> = collect(0..m as u32)?;
     order.sort_unstable_by_key(|&cluster| clusters.representatives[cluster as usize]);
-    let mut search = PlateauSearch::new(workers, clusters, distances, squared);
-    let mut merged = MergedClusters { pairs: Vec::new(), roots: (0..m as u32).collect() };
-    let mut is_active = vec![true; m];
+    let mut search = PlateauSearch::new(workers, clusters, distances, squared)?;
+    let mut merged = MergedClusters { pairs: Vec::new(), roots: collect(0..m as u32)? };
+    let mut is_active = allocate(true, m)?;
     for &low in &order {
         if !std::mem::take(&mut is_active[low as usize]) {
             continue;
@@ -43,7 +44,7 @@ pub(crate) fn merge_plateau(
         }
         let mut neighbours = search.neighbours(low, &is_active)?;
         while let Some(&high) = neighbours.first() {
-            merged.pairs.push((low, high, squared));
+            push(&mut merged.pairs, (low, high, squared))?;
             merged.roots[high as usize] = low;
             is_active[high as usize] = false;
             let others = search.neighbours(high, &is_active)?;
@@ -78,9 +79,11 @@ impl<'a> PlateauSearch<'a> {
         clusters: &'a Clusters,
         distances: &'a ClusterDistances<'a>,
         squared: f64,
-    ) -> Self {
+    ) -> Result<Self, Error> {
         let m = clusters.len();
-        let (mut centres, mut variances) = (Vec::new(), Vec::new());
+        let n_blocks = m.div_ceil(LANES);
+        let mut centres = with_capacity(n_blocks * clusters.centre(0).len())?;
+        let mut variances = with_capacity(n_blocks)?;
         let mut block = Vec::new();
         for first in (0..m).step_by(LANES) {
             let mut block_variances = Aligned([0.0; LANES]);
@@ -93,7 +96,7 @@ impl<'a> PlateauSearch<'a> {
             .fold(0.0, f64::max);
         let limit = Limit::from_squared(squared);
         let root = limit.root + 2.0 * bound_error;
-        Self {
+        Ok(Self {
             workers,
             clusters,
             distances,
@@ -102,17 +105,17 @@ impl<'a> PlateauSearch<'a> {
             centres,
             variances,
             scratch: Scratch::default(),
-        }
+        })
     }
 
     /// The active clusters on the plateau of a cluster, sorted by representative.
     fn neighbours(&mut self, cluster: u32, is_active: &[bool]) -> Result<Vec<u32>, Error> {
-        self.workers.check_progress()?;
         let cluster = cluster as usize;
         let (centre, variance) = (self.clusters.centre(cluster), self.clusters.variances[cluster]);
         let isa = self.workers.isa;
         let mut neighbours = Vec::new();
         for (block, centres) in self.centres.chunks_exact(centre.len()).enumerate() {
+            self.workers.check_row(block, LANES * centre.len())?;
             let bounds =
                 simd::squared_bounds(isa, centre, variance, centres, &self.variances[block]);
             for (other, &bound) in (block * LANES..).zip(bounds.iter()) {
@@ -122,11 +125,15 @@ impl<'a> PlateauSearch<'a> {
                 let squared =
                     self.distances
                         .squared_within(cluster, other, self.limit, &mut self.scratch);
+                if !self.workers.can_continue(&mut self.scratch.work) {
+                    self.workers.check_progress()?;
+                }
                 if squared.is_some() {
-                    neighbours.push(other as u32);
+                    push(&mut neighbours, other as u32)?;
                 }
             }
         }
+        self.scratch.check_memory()?;
         let computed = self.clusters.len() * centre.len();
         self.workers
             .add_work(computed as u64 + std::mem::take(&mut self.scratch.work));

@@ -3,7 +3,9 @@
 use crate::error::Error;
 use crate::halving::sort_by_halving;
 use crate::input::{Coordinate, Table};
-use crate::parallel::{Workers, allocate};
+use crate::memory::{collect, with_capacity};
+use crate::parallel::Workers;
+use crate::sorting::sort;
 use crate::tree::Merge;
 
 /// Binary exponent of the largest scaled coordinate.
@@ -18,8 +20,16 @@ const MAX_EXPONENT: i32 = 40;
 /// at least 2^-902, which is not zero.
 const MIN_COORDINATE: f64 = f64::from_bits((1023 - 399) << 52);
 
-/// Points that one job scales.
-const POINTS_PER_JOB: usize = 1 << 12;
+/// Most points that one job scales or copies.
+const MAX_POINTS_PER_JOB: usize = 1 << 12;
+
+/// Most coordinates that one job scales or copies, if it handles more than one point.
+const MAX_COORDINATES_PER_JOB: usize = 1 << 18;
+
+/// How many points of `dim` axes one job scales or copies.
+fn points_per_job(dim: usize) -> usize {
+    (MAX_COORDINATES_PER_JOB / dim).clamp(1, MAX_POINTS_PER_JOB)
+}
 
 /// Distinct points, scaled by a power of two, which changes no digit.
 pub(crate) struct Points {
@@ -55,17 +65,16 @@ impl Points {
             // The sum turns -0 into 0, so that equal coordinates have equal bits.
             if x.abs() < MIN_COORDINATE { 0.0 } else { x + 0.0 }
         };
-        let mut rows = allocate(0.0, table.len() * dim)?;
-        let mut hashes = allocate((0, 0), table.len())?;
-        let jobs = rows
-            .chunks_mut(POINTS_PER_JOB * dim)
-            .zip(hashes.chunks_mut(POINTS_PER_JOB));
+        let mut rows = workers.allocate(0.0, table.len() * dim)?;
+        let mut hashes = workers.allocate((0, 0), table.len())?;
+        let width = points_per_job(dim);
+        let jobs = rows.chunks_mut(width * dim).zip(hashes.chunks_mut(width));
         workers.run(
             jobs.enumerate(),
             || (),
             |(), (job, (rows, hashes))| {
                 for (i, (row, entry)) in rows.chunks_mut(dim).zip(hashes).enumerate() {
-                    let point = job * POINTS_PER_JOB + i;
+                    let point = job * width + i;
                     for (scaled, x) in row.iter_mut().zip(table.row(point)) {
                         *scaled = scale(x);
                     }
@@ -73,9 +82,10 @@ impl Points {
                 }
             },
         )?;
-        let (input_indices, duplicate_merges) = find_duplicates(&rows, dim, hashes);
+        let (input_indices, duplicate_merges) = find_duplicates(workers, &rows, dim, hashes)?;
         if !duplicate_merges.is_empty() {
             for (row, &point) in input_indices.iter().enumerate() {
+                workers.check_row(row, dim)?;
                 rows.copy_within(point as usize * dim..(point as usize + 1) * dim, row * dim);
             }
             rows.truncate(input_indices.len() * dim);
@@ -91,12 +101,11 @@ impl Points {
     /// [`Error::OutOfMemory`] and [`Error::Stopped`].
     pub fn sort_spatially(self, workers: &Workers<'_>) -> Result<Self, Error> {
         let dim = self.dim;
-        let mut order: Vec<u32> = (0..self.len() as u32).collect();
+        let mut order: Vec<u32> = collect(0..self.len() as u32)?;
         sort_by_halving(workers, &self.rows, dim, &mut order)?;
-        let mut rows = allocate(0.0, self.rows.len())?;
-        let jobs = rows
-            .chunks_mut(POINTS_PER_JOB * dim)
-            .zip(order.chunks(POINTS_PER_JOB));
+        let mut rows = workers.allocate(0.0, self.rows.len())?;
+        let width = points_per_job(dim);
+        let jobs = rows.chunks_mut(width * dim).zip(order.chunks(width));
         workers.run(
             jobs,
             || (),
@@ -106,10 +115,7 @@ impl Points {
                 }
             },
         )?;
-        let input_indices = order
-            .iter()
-            .map(|&row| self.input_indices[row as usize])
-            .collect();
+        let input_indices = collect(order.iter().map(|&row| self.input_indices[row as usize]))?;
         Ok(Self { rows, input_indices, ..self })
     }
 
@@ -184,17 +190,20 @@ fn scale_by_power_of_two(x: f64, power: i32) -> f64 {
     x * power_of_two(power / 2) * power_of_two(power - power / 2)
 }
 
-/// The first occurrence of every point, and the merges of the others with it.
+/// The first occurrence of every point, and the merges of the others with it, both ascending.
 ///
 /// `hashes` are those of all points.
 fn find_duplicates(
+    workers: &Workers<'_>,
     rows: &[f64],
     dim: usize,
     mut hashes: Vec<(u64, u32)>,
-) -> (Vec<u32>, Vec<Merge>) {
+) -> Result<(Vec<u32>, Vec<Merge>), Error> {
     let row = |point: u32| &rows[point as usize * dim..][..dim];
-    hashes.sort_unstable();
-    let mut merges = Vec::new();
+    sort(workers, &mut hashes)?;
+    // For each point its first occurrence.
+    let mut firsts: Vec<u32> = collect(0..hashes.len() as u32)?;
+    let mut n_repeated = 0;
     for same_hash in hashes
         .chunk_by_mut(|a, b| a.0 == b.0)
         .filter(|chunk| chunk.len() > 1)
@@ -203,21 +212,24 @@ fn find_duplicates(
         let bits = |point: u32| row(point).iter().map(|x| x.to_bits());
         same_hash.sort_unstable_by(|a, b| bits(a.1).cmp(bits(b.1)).then(a.1.cmp(&b.1)));
         for same in same_hash.chunk_by(|a, b| row(a.1) == row(b.1)) {
-            let first = same[0].1;
-            merges.extend(
-                same[1..]
-                    .iter()
-                    .map(|&(_, point)| Merge::new(first, point, 0.0)),
-            );
+            for &(_, point) in &same[1..] {
+                workers.check_item(n_repeated)?;
+                firsts[point as usize] = same[0].1;
+                n_repeated += 1;
+            }
         }
     }
-    let mut is_first = vec![true; hashes.len()];
-    for merge in &merges {
-        is_first[merge.high as usize] = false;
-    }
-    merges.sort_unstable_by_key(|merge| merge.high);
-    let points = 0..hashes.len() as u32;
-    (points.filter(|&point| is_first[point as usize]).collect(), merges)
+    drop(hashes);
+    let mut merges = with_capacity(n_repeated)?;
+    let points = (0..).zip(&firsts);
+    let repeated = points.filter(|&(point, &first)| point != first);
+    merges.extend(repeated.map(|(point, &first)| Merge::new(first, point, 0.0)));
+    let mut point = 0;
+    firsts.retain(|&first| {
+        point += 1;
+        first == point - 1
+    });
+    Ok((firsts, merges))
 }
 
 fn hash(row: &[f64]) -> u64 {

@@ -1,4 +1,4 @@
-//! How much of a call several threads could share, for the example `scaling`.
+//! How much of a call several threads could share, and what it counts, for the example `scaling`.
 //!
 //! With the feature `profile`, calls on one thread measure the processor time of each job. The jobs
 //! of each run are then assigned to simulated threads, every job to the first thread that is free.
@@ -24,6 +24,7 @@ pub struct Phase {
 #[derive(Default)]
 struct State {
     phases: BTreeMap<&'static str, Phase>,
+    counts: BTreeMap<&'static str, u64>,
     current: &'static str,
     /// When the current phase began.
     since: f64,
@@ -57,6 +58,14 @@ pub(crate) fn begin_phase(name: &'static str) {
     });
 }
 
+/// Add to a count.
+pub(crate) fn count(name: &'static str, amount: usize) {
+    if !cfg!(feature = "profile") {
+        return;
+    }
+    STATE.with_borrow_mut(|state| *state.counts.entry(name).or_default() += amount as u64);
+}
+
 /// Measure a job.
 pub(crate) fn measure_job(job: impl FnOnce()) {
     if !cfg!(feature = "profile") {
@@ -87,6 +96,11 @@ pub(crate) fn end_run() {
         phase.parallel += total;
         phase.busiest += loads.into_iter().fold(0.0, f64::max);
     });
+}
+
+/// The counts of the calls on this thread since the last call of this function.
+pub fn take_counts() -> BTreeMap<&'static str, u64> {
+    STATE.with_borrow_mut(|state| std::mem::take(&mut state.counts))
 }
 
 /// The phases of the calls on this thread since the last call of this function.

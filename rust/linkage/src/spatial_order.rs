@@ -4,14 +4,18 @@
 //! closer than others, a block of the halving may hold both, and its box is as large as the gaps
 //! between the sparse ones. Then clusters are first sorted into classes of density.
 
+use std::cmp::Reverse;
+
 use crate::clusters::Clusters;
 use crate::error::Error;
 use crate::halving::sort_by_halving;
+use crate::memory::{allocate, collect};
 use crate::parallel::Workers;
 use crate::simd::{self, Aligned, LANES};
+use crate::sorting::sort;
 
 /// Density is uneven if the gaps of 90 % of the clusters differ by more than this factor.
-const UNEVEN_RATIO: f64 = 64.0;
+const UNEVEN_RATIO: f64 = 16.0;
 
 /// Ratio of the gaps at both ends of a class of density.
 const CLASS_RATIO: f64 = 4.0;
@@ -39,7 +43,7 @@ pub(crate) struct Density {
 ///
 /// # Errors
 ///
-/// [`Error::Stopped`] if the progress callback requests a stop.
+/// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
 pub(crate) fn sort_spatially(
     workers: &Workers<'_>,
     clusters: &Clusters,
@@ -48,32 +52,44 @@ pub(crate) fn sort_spatially(
     let halve = |clusters: &Clusters, order: &mut [u32]| {
         sort_by_halving(workers, clusters.centres(), dim, order)
     };
-    let mut order: Vec<u32> = (0..clusters.len() as u32).collect();
+    let mut order: Vec<u32> = collect(0..clusters.len() as u32)?;
     halve(clusters, &mut order)?;
     let clusters = clusters.reorder(workers, &order)?;
     let gaps = squared_gaps(workers, &clusters)?;
-    let mut sorted = gaps.clone();
+    let mut sorted = collect(gaps.iter().copied())?;
     let mut quantile = |rank| *sorted.select_nth_unstable_by(rank, f64::total_cmp).1;
     let (small, large) = (quantile(gaps.len() / 20), quantile(gaps.len() - 1 - gaps.len() / 20));
     if large <= small * UNEVEN_RATIO * UNEVEN_RATIO {
         return Ok(SpatialOrder { clusters, density: None });
     }
     let class = |i: u32| ((gaps[i as usize] / small).log2() / (2.0 * CLASS_RATIO.log2())) as i32;
-    order = (0..clusters.len() as u32).collect();
-    order.sort_by_key(|&i| class(i));
+    // The sparse classes first, because the filters compare the centres of earlier blocks with the
+    // boxes of later ones. A dense box excludes sparse clusters; a sparse box may hold dense ones.
+    order = order_by(workers, clusters.len(), |i| Reverse(class(i)))?;
     for same_class in order.chunk_by_mut(|&a, &b| class(a) == class(b)) {
         halve(&clusters, same_class)?;
     }
-    let gaps: Vec<f64> = order.iter().map(|&i| gaps[i as usize]).collect();
-    let mut by_density: Vec<u32> = (0..clusters.len() as u32).collect();
-    by_density.sort_by(|&a, &b| gaps[a as usize].total_cmp(&gaps[b as usize]));
+    let gaps = collect(order.iter().map(|&i| gaps[i as usize]))?;
+    // Floats that are not negative have the order of their bits.
+    let by_density = order_by(workers, gaps.len(), |i| gaps[i as usize].to_bits())?;
     let density = Some(Density { order: by_density, gaps });
     Ok(SpatialOrder { clusters: clusters.reorder(workers, &order)?, density })
 }
 
+/// The indices from 0 to `m`, sorted by a key; of equal keys the smallest index first.
+fn order_by<K: Ord + Send>(
+    workers: &Workers<'_>,
+    m: usize,
+    key: impl Fn(u32) -> K,
+) -> Result<Vec<u32>, Error> {
+    let mut keyed = collect((0..m as u32).map(|i| (key(i), i)))?;
+    sort(workers, &mut keyed)?;
+    collect(keyed.into_iter().map(|(_, i)| i))
+}
+
 /// For each cluster, the smallest squared bound to another cluster of its block.
 fn squared_gaps(workers: &Workers<'_>, clusters: &Clusters) -> Result<Vec<f64>, Error> {
-    let mut gaps = vec![f64::INFINITY; clusters.len()];
+    let mut gaps = allocate(f64::INFINITY, clusters.len())?;
     workers.run(
         gaps.chunks_mut(BLOCKS_PER_JOB * LANES).enumerate(),
         || (Vec::new(), Aligned([0.0; LANES])),

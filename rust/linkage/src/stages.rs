@@ -11,6 +11,7 @@ use crate::dense::merge_on_matrix;
 use crate::distance::ClusterDistances;
 use crate::distance_rows::rows_of_clusters;
 use crate::error::Error;
+use crate::memory::{append, collect, push, with_capacity};
 use crate::merging::{MergedClusters, merge_on_graph};
 use crate::neighbours::{Edge, Edges, clusters_within, edges_within};
 use crate::options::Tuning;
@@ -45,7 +46,10 @@ const EDGE_WORK: u64 = 1000;
 const MAX_EDGE_FACTOR: f64 = 4.0;
 
 /// Fraction of the clusters, the densest, that are merged without the others if density is uneven.
-const DENSE_FRACTION: usize = 8;
+const DENSE_FRACTION: usize = 4;
+
+/// Edges, about, from which a smaller limit is estimated if too many were found.
+const LIMIT_SAMPLE_SIZE: usize = 1 << 18;
 
 /// All merges of distinct points up to a squared distance, every merge behind those of its parts.
 ///
@@ -53,7 +57,7 @@ const DENSE_FRACTION: usize = 8;
 ///
 /// # Errors
 ///
-/// [`Error::Stopped`] if the progress callback requests a stop.
+/// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
 pub(crate) fn merge_in_stages(
     workers: &Workers<'_>,
     points: &Points,
@@ -61,9 +65,9 @@ pub(crate) fn merge_in_stages(
     max_work: f64,
     tuning: &Tuning,
 ) -> Result<Option<Vec<Merge>>, Error> {
-    let merges = Vec::with_capacity(points.len());
+    let merges = with_capacity(points.len())?;
     let mut run = Run { workers, points, max_work, tuning, merges };
-    let end = run.merge_up_to(Clusters::from_points(points), max_squared, false)?;
+    let end = run.merge_up_to(Clusters::from_points(workers, points)?, max_squared, false)?;
     Ok(end.map(|_| run.merges))
 }
 
@@ -114,7 +118,7 @@ impl Run<'_> {
             let Some(stage) = self.run_stage(&clusters, by_density, degree, max_squared)? else {
                 return Ok(None);
             };
-            self.push_merges(&clusters, &stage.merged.pairs);
+            self.push_merges(&clusters, &stage.merged.pairs)?;
             let is_last = stage.threshold >= max_squared;
             if is_last && !is_part {
                 return Ok(Some(clusters.reorder(workers, &[])?));
@@ -145,18 +149,18 @@ impl Run<'_> {
         limit: f64,
     ) -> Result<Option<Clusters>, Error> {
         profile::begin_phase("split");
-        let is_known = density.gaps.iter().map(|&gap| gap <= limit).collect();
-        let is_dense = clusters_within(self.workers, &Blocks::new(clusters), limit, is_known)?;
-        let select = |is_wanted: bool| -> Vec<u32> {
-            let indices = (0..).zip(&is_dense);
-            indices
-                .filter(|&(_, &is_dense)| is_dense == is_wanted)
-                .map(|(index, _)| index)
-                .collect()
+        let is_known = collect(density.gaps.iter().map(|&gap| gap <= limit))?;
+        let blocks = Blocks::new(self.workers, self.points, clusters)?;
+        let is_dense = clusters_within(self.workers, &blocks, limit, is_known)?;
+        drop(blocks);
+        let select = |is_wanted: bool| -> Result<Vec<u32>, Error> {
+            let mut indices = collect(0..is_dense.len() as u32)?;
+            indices.retain(|&index| is_dense[index as usize] == is_wanted);
+            Ok(indices)
         };
-        let dense = clusters.reorder(self.workers, &select(true))?;
+        let dense = clusters.reorder(self.workers, &select(true)?)?;
         let Some(mut rest) = self.merge_up_to(dense, limit, true)? else { return Ok(None) };
-        rest.append(&clusters.reorder(self.workers, &select(false))?);
+        rest.append(&clusters.reorder(self.workers, &select(false)?)?)?;
         Ok(Some(rest))
     }
 
@@ -176,7 +180,7 @@ impl Run<'_> {
         let threshold = choose_threshold(workers, clusters, &distances, wanted, by_density)?;
         let max_edges = (MAX_EDGE_FACTOR * degree * m as f64) as usize + self.tuning.spare_edges;
         profile::begin_phase("blocks");
-        let blocks = Blocks::new(clusters);
+        let blocks = Blocks::new(workers, self.points, clusters)?;
         profile::begin_phase("edges");
         let bounds = Bounds { squared: threshold.min(max_squared), max_edges, max_work };
         let found = find_edges(workers, &blocks, &distances, bounds)?;
@@ -186,7 +190,7 @@ impl Run<'_> {
                 drop(distances);
                 let n_edges: usize = edges.iter().map(Vec::len).sum();
                 let is_sparse = (n_edges as f64) < SPARSE_FRACTION * wanted * m as f64;
-                workers.add_work(n_edges as u64 * EDGE_WORK);
+                workers.add_estimated_work(n_edges as u64 * EDGE_WORK);
                 profile::begin_phase("merge");
                 let merged = merge_on_graph(workers, &clusters.representatives, edges)?;
                 Some(Stage { merged, threshold, is_sparse })
@@ -200,14 +204,15 @@ impl Run<'_> {
     }
 
     /// Append the merges of pairs of clusters.
-    fn push_merges(&mut self, clusters: &Clusters, pairs: &[(u32, u32, f64)]) {
+    fn push_merges(&mut self, clusters: &Clusters, pairs: &[(u32, u32, f64)]) -> Result<(), Error> {
         profile::begin_phase("collect");
         let representative = |cluster: u32| clusters.representatives[cluster as usize];
         let merge =
             |&(a, b, squared): &_| Merge::new(representative(a), representative(b), squared);
-        self.merges.extend(pairs.iter().map(merge));
+        append(&mut self.merges, pairs.iter().map(merge))?;
         self.workers
             .set_fraction(self.merges.len() as f64 / self.points.len() as f64);
+        Ok(())
     }
 
     /// Merge few clusters on the full matrix; result as for [`Self::merge_up_to`].
@@ -218,17 +223,17 @@ impl Run<'_> {
         is_part: bool,
     ) -> Result<Option<Clusters>, Error> {
         let (workers, points) = (self.workers, self.points);
-        let mut order: Vec<u32> = (0..clusters.len() as u32).collect();
+        let mut order: Vec<u32> = collect(0..clusters.len() as u32)?;
         order.sort_unstable_by_key(|&cluster| clusters.representatives[cluster as usize]);
         let clusters = clusters.reorder(workers, &order)?;
         let rows = rows_of_clusters(workers, points, &clusters, max_squared, self.max_work)?;
         let Some(rows) = rows else { return Ok(None) };
         let pairs = merge_on_matrix(workers, rows)?;
-        self.push_merges(&clusters, &pairs);
+        self.push_merges(&clusters, &pairs)?;
         if !is_part {
             return Ok(Some(clusters));
         }
-        let mut roots: Vec<u32> = (0..clusters.len() as u32).collect();
+        let mut roots: Vec<u32> = collect(0..clusters.len() as u32)?;
         // In reverse, so that the root of the cluster that remains is known.
         for &(kept, removed, _) in pairs.iter().rev() {
             roots[removed as usize] = roots[kept as usize];
@@ -292,19 +297,74 @@ fn find_edges(
             Edges::Truncated(edges) => edges,
             Edges::Exhausted => return Ok(Found::Exhausted),
         };
-        let mut squares: Vec<f64> = edges.iter().flatten().map(|edge| edge.squared).collect();
-        drop(edges);
-        let quarter = squares.len() / 4;
-        let (nearer, &mut quarter, _) = squares.select_nth_unstable_by(quarter, f64::total_cmp);
-        let below = nearer.iter().copied().filter(|&squared| squared < limit);
+        let quarter = quarter_of(&edges)?;
+        let squares = edges.iter().flatten().map(|edge| edge.squared);
         if quarter < limit {
             limit = quarter;
-        } else if let Some(largest) = below.reduce(f64::max) {
+        } else if let Some(largest) = squares.filter(|&squared| squared < limit).reduce(f64::max) {
             limit = largest;
         } else {
             // All pairs found have the same distance. The next search is for smaller ones.
             plateau = Some(limit);
             limit = limit.next_down();
+        }
+    }
+}
+
+/// The squared distance within which about a quarter of the edges are; there is at least one.
+fn quarter_of(edges: &[Vec<Edge>]) -> Result<f64, Error> {
+    let n_edges: usize = edges.iter().map(Vec::len).sum();
+    let mut squares = Vec::new();
+    for edge in edges
+        .iter()
+        .flatten()
+        .step_by(n_edges.div_ceil(LIMIT_SAMPLE_SIZE))
+    {
+        push(&mut squares, edge.squared)?;
+    }
+    let quarter = squares.len() / 4;
+    Ok(*squares.select_nth_unstable_by(quarter, f64::total_cmp).1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::distance_rows::rows_of_points;
+    use crate::input::Table;
+    use crate::parallel::WORK_PER_CHECK;
+    use crate::simd::Isa;
+
+    /// Points of `n_groups` groups, so that the last clusters have many members each.
+    fn grouped_points(workers: &Workers<'_>, n: usize, dim: usize, n_groups: usize) -> Points {
+        let mut state = 1_u64;
+        let coordinates: Vec<f64> = (0..n * dim)
+            .map(|i| {
+                state = state.wrapping_mul(0x5851_f42d_4c95_7f2d).wrapping_add(1);
+                let group = i / dim % n_groups;
+                (group + i % dim) as f64 * f64::from(group > 0) + (state >> 40) as f64 / 1e8
+            })
+            .collect();
+        let table = Table::rows(&coordinates, dim);
+        let largest = table.check(workers).unwrap();
+        Points::new(workers, &table, largest).unwrap()
+    }
+
+    #[test]
+    fn work_between_checks_of_progress_does_not_grow_with_all_work() {
+        for (n, dim, n_groups) in [(20_000, 3, 2), (6_000, 20, 1), (300, 2_000, 1)] {
+            let workers = Workers::new(1, Isa::best(), None);
+            let points = grouped_points(&workers, n, dim, n_groups);
+            if n <= 300 {
+                rows_of_points(&workers, &points, f64::INFINITY).unwrap();
+            } else {
+                let tuning = Tuning::default();
+                let limits = (f64::INFINITY, f64::INFINITY);
+                merge_in_stages(&workers, &points, limits.0, limits.1, &tuning).unwrap();
+            }
+            workers.check_progress().unwrap();
+            println!("{n} x {dim}: {} of {}", workers.max_unchecked_work(), workers.work());
+            assert!(workers.max_unchecked_work() <= 2.0 * WORK_PER_CHECK as f64);
+            assert!(workers.work() >= 10.0 * WORK_PER_CHECK as f64);
         }
     }
 }

@@ -1,25 +1,41 @@
 //! The distance up to which a stage merges: any value is correct, a good one saves time.
 //!
-//! A good threshold gives a cluster about ten neighbours: enough that most clusters find their
+//! A good threshold gives a cluster about seven neighbours: enough that most clusters find their
 //! nearest one among them and merge, few enough to be measured and stored. It is estimated from a
 //! sample of clusters that is spread evenly over the spatial order; nothing is random. If density
 //! is uneven, the densest clusters have most neighbours: they are sampled more often and weighted
-//! less.
+//! less. A cluster of a dense region may have hundreds of neighbours within the threshold. So of each
+//! sampled cluster's neighbours the nearest are measured, and of the others fewer and fewer, each
+//! of which represents more.
+
+use std::cmp::Ordering;
 
 use crate::clusters::Clusters;
 use crate::distance::{ClusterDistances, Limit, Scratch};
 use crate::error::Error;
+use crate::memory::{append, push, with_capacity};
 use crate::parallel::Workers;
 use crate::simd::{self, Aligned, F64Lanes, LANES};
 
-/// Clusters in the sample, for each part of [`DENSITY_PARTS`].
-const SAMPLE_SIZE: usize = 96;
+/// Most clusters in the sample, for each part of [`DENSITY_PARTS`].
+const MAX_SAMPLE_SIZE: usize = 48;
+
+/// Fewest clusters in the sample, if there are as many.
+const MIN_SAMPLE_SIZE: usize = 12;
+
+/// Clusters per cluster of the sample, between these limits. Measuring the sample must take less
+/// time than the stage.
+const CLUSTERS_PER_SAMPLE: usize = 64;
 
 /// Clusters of the sample that one job handles; the others are read once for all of them.
 const SAMPLES_PER_JOB: usize = 6;
 
-/// Neighbours measured per neighbour wanted.
-const MEASURED_PER_NEIGHBOUR: f64 = 4.0;
+/// Count, per neighbour wanted, of the clusters nearest by the bound that are all measured.
+const MEASURED_PER_NEIGHBOUR: f64 = 2.0;
+
+/// The clusters behind them form strata by rank; this is the ratio of the ranks at both ends of a
+/// stratum. Of each stratum equally many clusters are measured.
+const STRATUM_RATIO: usize = 4;
 
 /// Largest count, per neighbour wanted, of clusters that the bound does not exclude.
 ///
@@ -42,7 +58,7 @@ const DENSITY_PARTS: [f64; 4] = [0.0, 1.0 / 64.0, 1.0 / 8.0, 1.0];
 ///
 /// # Errors
 ///
-/// [`Error::Stopped`] if the progress callback requests a stop.
+/// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
 pub(crate) fn choose_threshold(
     workers: &Workers<'_>,
     clusters: &Clusters,
@@ -51,33 +67,41 @@ pub(crate) fn choose_threshold(
     by_density: Option<&[u32]>,
 ) -> Result<f64, Error> {
     let m = clusters.len();
-    let mut sample = draw_sample(m, degree, by_density);
+    let mut sample = draw_sample(m, degree, by_density)?;
     let states = workers.run(
         sample.chunks_mut(SAMPLES_PER_JOB),
         || (Vec::new(), Vec::new(), Scratch::default()),
         |(squares, bounds, scratch), chunk| {
-            collect_nearest(workers, clusters, chunk);
+            let collected = collect_nearest(workers, clusters, chunk, &mut scratch.work);
+            if workers.ok_or_stop(collected).is_none() {
+                return;
+            }
             for sampled in chunk {
                 sampled.keep_nearest(sampled.n_suspects);
                 // If all others are suspects, no threshold excludes any.
                 let is_bounded = sampled.n_suspects < m - 1;
                 let bound = if is_bounded { sampled.max_bound() } else { f64::INFINITY };
-                bounds.push((bound, sampled.weight));
-                sampled.keep_nearest(sampled.n_measured);
-                for (_, other) in std::mem::take(&mut sampled.nearest) {
-                    let (other, limit) = (other as usize, Limit::from_squared(f64::INFINITY));
+                workers.ok_or_stop(push(bounds, (bound, sampled.weight)));
+                let Some(chosen) = workers.ok_or_stop(sampled.strata(degree)) else { return };
+                for (other, weight) in chosen {
+                    let limit = Limit::from_squared(f64::INFINITY);
                     let squared = distances.squared_within(sampled.cluster, other, limit, scratch);
-                    squares.extend(squared.map(|squared| (squared, sampled.weight)));
+                    let weight = weight * sampled.weight;
+                    let added = squared.map(|squared| push(squares, (squared, weight)));
+                    workers.ok_or_stop(added.unwrap_or(Ok(())));
+                    if !workers.can_continue(&mut scratch.work) {
+                        return;
+                    }
                 }
             }
+            workers.ok_or_stop(scratch.check_memory());
         },
     )?;
     let (mut squares, mut bounds) = (Vec::new(), Vec::new());
-    workers.add_work((sample.len() * m * clusters.centre(0).len()) as u64);
     for (thread_squares, thread_bounds, scratch) in states {
         workers.add_work(scratch.work);
-        squares.extend(thread_squares);
-        bounds.extend(thread_bounds);
+        append(&mut squares, thread_squares.into_iter())?;
+        append(&mut bounds, thread_bounds.into_iter())?;
     }
     let threshold = weighted_quantile(&mut squares, degree);
     let smallest = squares.first().map_or(0.0, |first| first.0);
@@ -87,28 +111,28 @@ pub(crate) fn choose_threshold(
 }
 
 /// Choose the clusters of the sample, evenly within each part of density.
-fn draw_sample(m: usize, degree: f64, by_density: Option<&[u32]>) -> Vec<Sampled> {
+fn draw_sample(m: usize, degree: f64, by_density: Option<&[u32]>) -> Result<Vec<Sampled>, Error> {
     let parts: &[f64] = if by_density.is_some() { &DENSITY_PARTS } else { &[0.0, 1.0] };
-    let mut sample = Vec::new();
+    let mut sample = with_capacity((parts.len() - 1) * MAX_SAMPLE_SIZE)?;
     for part in parts.windows(2) {
         let [start, end] = [part[0], part[1]].map(|fraction| (fraction * m as f64) as usize);
-        let count = SAMPLE_SIZE.min(end - start);
+        let count = ((end - start) / CLUSTERS_PER_SAMPLE)
+            .clamp(MIN_SAMPLE_SIZE, MAX_SAMPLE_SIZE)
+            .min(end - start);
         let weight = (end - start) as f64 / (m * count) as f64;
         // All neighbours may be those of the clusters up to the end of this part.
-        let crowding = 1.5 / part[1];
-        let n_measured = (degree * MEASURED_PER_NEIGHBOUR.max(crowding)) as usize + 8;
-        let n_suspects = n_measured
-            .max((degree * SUSPECTS_PER_NEIGHBOUR) as usize)
+        let crowding = SUSPECTS_PER_NEIGHBOUR.max(1.5 / part[1]);
+        let n_suspects = ((degree * crowding) as usize + 8)
             .max(FREE_SUSPECTS / m)
             .min(m - 1);
         for i in 0..count {
             let rank = start + (2 * i + 1) * (end - start) / (2 * count);
             let cluster = by_density.map_or(rank, |order| order[rank] as usize);
             let (nearest, cutoff) = (Vec::new(), f64::INFINITY);
-            sample.push(Sampled { cluster, weight, n_measured, n_suspects, nearest, cutoff });
+            sample.push(Sampled { cluster, weight, n_suspects, nearest, cutoff });
         }
     }
-    sample
+    Ok(sample)
 }
 
 /// A cluster of the sample, and the clusters nearest to it by the bound.
@@ -116,8 +140,6 @@ struct Sampled {
     cluster: usize,
     /// The fraction of all clusters that it represents.
     weight: f64,
-    /// How many of the nearest are measured.
-    n_measured: usize,
     /// How many of the nearest are kept.
     n_suspects: usize,
     /// Bounds and clusters, those of the smallest bounds among them.
@@ -128,25 +150,46 @@ struct Sampled {
 
 impl Sampled {
     /// Add sixteen consecutive clusters.
-    fn add_block(&mut self, first: usize, bounds: &F64Lanes) {
+    fn add_block(&mut self, first: usize, bounds: &F64Lanes) -> Result<(), Error> {
         for (other, &bound) in (first..).zip(bounds.iter()) {
             if bound < self.cutoff && other != self.cluster {
-                self.nearest.push((bound, other as u32));
+                push(&mut self.nearest, (bound, other as u32))?;
             }
         }
         if self.nearest.len() > 3 * self.n_suspects {
             self.keep_nearest(self.n_suspects);
             self.cutoff = self.max_bound();
         }
+        Ok(())
     }
 
     /// Remove all but the `count` nearest.
     fn keep_nearest(&mut self, count: usize) {
         if self.nearest.len() > count {
-            self.nearest
-                .select_nth_unstable_by(count, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            self.nearest.select_nth_unstable_by(count, compare_bounds);
             self.nearest.truncate(count);
         }
+    }
+
+    /// The clusters to measure, and how many of the nearest each of them represents.
+    fn strata(&mut self, degree: f64) -> Result<Vec<(usize, f64)>, Error> {
+        let mut end = self.nearest.len();
+        let first = ((degree * MEASURED_PER_NEIGHBOUR) as usize).max(2);
+        let bounds = std::iter::successors(Some((first, STRATUM_RATIO)), |&(start, step)| {
+            Some((start * STRATUM_RATIO, step * STRATUM_RATIO))
+        });
+        let mut strata: Vec<_> = bounds.take_while(|&(start, _)| start < end).collect();
+        let mut chosen = Vec::new();
+        while let Some((start, step)) = strata.pop() {
+            self.nearest[..end].select_nth_unstable_by(start, compare_bounds);
+            let stratum = self.nearest[start..end].iter().step_by(step);
+            append(&mut chosen, stratum.map(|&(_, other)| (other as usize, step as f64)))?;
+            end = start;
+        }
+        let nearest = self.nearest[..end].iter();
+        append(&mut chosen, nearest.map(|&(_, other)| (other as usize, 1.0)))?;
+        self.nearest = Vec::new();
+        Ok(chosen)
     }
 
     /// The largest bound of the nearest.
@@ -157,19 +200,35 @@ impl Sampled {
     }
 }
 
-/// Compare some clusters of the sample with all clusters.
-fn collect_nearest(workers: &Workers<'_>, clusters: &Clusters, sample: &mut [Sampled]) {
+/// The order of (bound, cluster) pairs: by the bound, of equal bounds by the cluster.
+fn compare_bounds(a: &(f64, u32), b: &(f64, u32)) -> Ordering {
+    a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
+}
+
+/// Compare some clusters of the sample with all clusters, and count the work.
+fn collect_nearest(
+    workers: &Workers<'_>,
+    clusters: &Clusters,
+    sample: &mut [Sampled],
+    work: &mut u64,
+) -> Result<(), Error> {
     let m = clusters.len();
     let (mut block, mut variances) = (Vec::new(), Aligned([0.0; LANES]));
     for first in (0..m).step_by(LANES) {
-        clusters.copy_to_lanes(first..m.min(first + LANES), &mut block, &mut variances);
+        let members = first..m.min(first + LANES);
+        *work += (sample.len() * members.len() * clusters.centre(0).len()) as u64;
+        if !workers.can_continue(work) {
+            break;
+        }
+        clusters.copy_to_lanes(members, &mut block, &mut variances);
         for sampled in &mut *sample {
             let centre = clusters.centre(sampled.cluster);
             let variance = clusters.variances[sampled.cluster];
             let bounds = simd::squared_bounds(workers.isa, centre, variance, &block, &variances);
-            sampled.add_block(first, &bounds);
+            sampled.add_block(first, &bounds)?;
         }
     }
+    Ok(())
 }
 
 /// Sort (value, weight) pairs; return the value at which the weights add up to `total`.

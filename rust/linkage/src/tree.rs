@@ -7,6 +7,11 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use crate::error::Error;
+use crate::memory::{allocate, collect, with_capacity};
+use crate::parallel::Workers;
+use crate::sorting::sort;
+
 /// Marks a missing merge.
 const NONE: u32 = u32::MAX;
 
@@ -39,22 +44,25 @@ impl Merge {
 /// `merges` are all merges of `n` points; every merge stands behind those of its parts. Rows have
 /// the order of greedy search: the least key among the merges whose parts exist. `to_height` maps
 /// the height of a merge to that of its row. Takes O(n log n) time.
+///
+/// # Errors
+///
+/// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
 pub(crate) fn linkage_matrix(
+    workers: &Workers<'_>,
     n: usize,
     merges: &[Merge],
     to_height: impl Fn(f64) -> f64,
-) -> Vec<[f64; 4]> {
-    let (parents, mut n_missing) = merge_parents(n, merges);
-    let mut order: Vec<(u64, u32)> = (0..)
-        .zip(merges)
-        .map(|(index, merge)| (merge.height.to_bits(), index))
-        .collect();
-    order.sort_unstable();
+) -> Result<Vec<[f64; 4]>, Error> {
+    let (parents, mut n_missing) = merge_parents(workers, n, merges)?;
+    let keys = merges.iter().enumerate();
+    let mut order = collect(keys.map(|(index, merge)| (merge.height.to_bits(), index as u32)))?;
+    sort(workers, &mut order)?;
 
     // Number and size of the cluster of each representative.
-    let mut clusters: Vec<(u32, u32)> = (0..n as u32).map(|point| (point, 1)).collect();
-    let mut rows = Vec::with_capacity(merges.len());
-    let mut ready = BinaryHeap::new();
+    let mut clusters: Vec<(u32, u32)> = collect((0..n as u32).map(|point| (point, 1)))?;
+    let mut rows = with_capacity(merges.len())?;
+    let mut ready = BinaryHeap::from(with_capacity(n_simultaneous(&order))?);
     for same_height in order.chunk_by(|a, b| a.0 == b.0) {
         let heap_entry = |merge: u32| Reverse((merges[merge as usize].key(), merge));
         let indices = same_height.iter().map(|&(_, index)| index);
@@ -64,6 +72,7 @@ pub(crate) fn linkage_matrix(
                 .map(heap_entry),
         );
         while let Some(Reverse((_, index))) = ready.pop() {
+            workers.check_item(rows.len())?;
             let merge = merges[index as usize];
             let parts = [merge.low, merge.high].map(|rep| clusters[rep as usize]);
             let [(a, size_a), (b, size_b)] = parts;
@@ -84,15 +93,26 @@ pub(crate) fn linkage_matrix(
             }
         }
     }
-    rows
+    Ok(rows)
+}
+
+/// The largest count of merges at the same height, given the merges sorted by height.
+fn n_simultaneous(order: &[(u64, u32)]) -> usize {
+    let same_height = order.chunk_by(|a, b| a.0 == b.0);
+    same_height.map(<[_]>::len).max().unwrap_or(0)
 }
 
 /// For each merge, the merge that its union is part of, and how many of its parts are unions.
-fn merge_parents(n: usize, merges: &[Merge]) -> (Vec<u32>, Vec<u8>) {
-    let mut latest = vec![NONE; n];
-    let mut parents = vec![NONE; merges.len()];
-    let mut n_unions = vec![0; merges.len()];
+fn merge_parents(
+    workers: &Workers<'_>,
+    n: usize,
+    merges: &[Merge],
+) -> Result<(Vec<u32>, Vec<u8>), Error> {
+    let mut latest = allocate(NONE, n)?;
+    let mut parents = allocate(NONE, merges.len())?;
+    let mut n_unions = allocate(0, merges.len())?;
     for (index, merge) in merges.iter().enumerate() {
+        workers.check_item(index)?;
         for representative in [merge.low, merge.high] {
             let part = latest[representative as usize];
             if part != NONE {
@@ -102,21 +122,27 @@ fn merge_parents(n: usize, merges: &[Merge]) -> (Vec<u32>, Vec<u8>) {
         }
         latest[merge.low as usize] = index as u32;
     }
-    (parents, n_unions)
+    Ok((parents, n_unions))
 }
 
 /// The cluster of each of `n` points, numbered from 0 in the order of the representatives.
 ///
 /// `merges` may be in any order. Takes O(n) time.
-pub(crate) fn labels(n: usize, merges: &[Merge]) -> Vec<i64> {
+///
+/// # Errors
+///
+/// [`Error::OutOfMemory`], and [`Error::Stopped`] if the progress callback requests a stop.
+pub(crate) fn labels(workers: &Workers<'_>, n: usize, merges: &[Merge]) -> Result<Vec<i64>, Error> {
     // Every point except the smallest of its cluster points to a smaller point of that cluster.
-    let mut targets: Vec<u32> = (0..n as u32).collect();
-    for merge in merges {
+    let mut targets: Vec<u32> = collect(0..n as u32)?;
+    for (index, merge) in merges.iter().enumerate() {
+        workers.check_item(index)?;
         targets[merge.high as usize] = merge.low;
     }
-    let mut labels = Vec::with_capacity(n);
+    let mut labels = with_capacity(n)?;
     let mut n_clusters = 0;
     for (point, &target) in targets.iter().enumerate() {
+        workers.check_item(point)?;
         if target as usize == point {
             labels.push(n_clusters);
             n_clusters += 1;
@@ -124,12 +150,13 @@ pub(crate) fn labels(n: usize, merges: &[Merge]) -> Vec<i64> {
             labels.push(labels[target as usize]);
         }
     }
-    labels
+    Ok(labels)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simd::Isa;
 
     #[test]
     fn linkage_matrix_unordered_merges_gives_greedy_order() {
@@ -141,7 +168,8 @@ mod tests {
             Merge::new(2, 0, 1.0),
             Merge::new(4, 0, 3.0),
         ];
-        let rows = linkage_matrix(6, &merges, |height| height);
+        let workers = Workers::new(1, Isa::best(), None);
+        let rows = linkage_matrix(&workers, 6, &merges, |height| height).unwrap();
         let expected = [
             [0.0, 1.0, 1.0, 2.0],
             [2.0, 3.0, 1.0, 2.0],
@@ -155,6 +183,7 @@ mod tests {
     #[test]
     fn labels_of_merges_count_from_first_point() {
         let merges = [Merge::new(1, 4, 0.5), Merge::new(2, 1, 0.7)];
-        assert_eq!(labels(6, &merges), [0, 1, 1, 2, 1, 3]);
+        let workers = Workers::new(1, Isa::best(), None);
+        assert_eq!(labels(&workers, 6, &merges).unwrap(), [0, 1, 1, 2, 1, 3]);
     }
 }

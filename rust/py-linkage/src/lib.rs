@@ -68,7 +68,7 @@ type Labels<'py> = Bound<'py, PyArray1<i64>>;
 type Limits<'a> = (usize, usize, Option<usize>, Option<&'a Py<PyAny>>);
 
 /// Least time between two calls of the progress callback.
-const CALLBACK_INTERVAL: Duration = Duration::from_millis(50);
+const CALLBACK_INTERVAL: Duration = Duration::from_millis(25);
 
 /// Run a kernel without the GIL; pass its progress to Python and let Python stop it.
 ///

@@ -1,19 +1,17 @@
 //! Bindings of `mograft-kinematics`. Every function has its kernel's name.
 
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 use mograft_kinematics::energy::{self, Omega};
 use mograft_kinematics::keyframes::{self, Interpolation, KeyTimes, Track};
 use mograft_kinematics::memory::collected;
-use mograft_kinematics::{
-    Error, banded, capsule, derivatives, forward, pose, resample, rotation, sample,
-};
-use numpy::{IntoPyArray as _, PyArrayMethods as _, PyReadonlyArray2, PyUntypedArrayMethods as _};
+use mograft_kinematics::{Error, capsule, derivatives, forward, pose, resample, rotation, sample};
+use numpy::{IntoPyArray as _, PyArrayMethods as _, PyUntypedArrayMethods as _};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::convert::{
-    Array, Floats, Indices, Rows, as_quats, as_rows, as_usizes, as_vecs, from_quats, from_vecs,
-    into_array, kernel_error, shape_with_last,
+    Array, Floats, IndexRows, Indices, Rows, as_quats, as_rows, as_usizes, as_vecs, check_equal,
+    from_quats, from_vecs, into_array, kernel_error, pairs, poses_shape, shape_with_last,
 };
 
 /// See [`rotation::exp`].
@@ -35,7 +33,7 @@ pub fn log<'py>(py: Python<'py>, rotations: Floats<'py>) -> Array<'py> {
 /// Products of pairs of quaternions.
 #[pyfunction]
 pub fn multiply<'py>(py: Python<'py>, a: Floats<'py>, b: Floats<'py>) -> Array<'py> {
-    let pairs = as_quats(&a)?.iter().zip(as_quats(&b)?);
+    let pairs = pairs(as_quats(&a)?, as_quats(&b)?)?;
     let n = pairs.len();
     let products = py.detach(|| collected(pairs.map(|(&a, &b)| a.mul_quat(b)), n));
     from_quats(py, products.map_err(kernel_error)?, &shape_with_last(&a, &[]))
@@ -44,7 +42,7 @@ pub fn multiply<'py>(py: Python<'py>, a: Floats<'py>, b: Floats<'py>) -> Array<'
 /// See [`rotation::rotate`].
 #[pyfunction]
 pub fn rotate<'py>(py: Python<'py>, rotations: Floats<'py>, vectors: Floats<'py>) -> Array<'py> {
-    let pairs = as_quats(&rotations)?.iter().zip(as_vecs(&vectors)?);
+    let pairs = pairs(as_quats(&rotations)?, as_vecs(&vectors)?)?;
     let n = pairs.len();
     let rotated = py.detach(|| collected(pairs.map(|(&q, &v)| rotation::rotate(q, v)), n));
     from_vecs(py, rotated.map_err(kernel_error)?, &shape_with_last(&vectors, &[]))
@@ -53,7 +51,7 @@ pub fn rotate<'py>(py: Python<'py>, rotations: Floats<'py>, vectors: Floats<'py>
 /// See [`rotation::angle`].
 #[pyfunction]
 pub fn angle<'py>(py: Python<'py>, a: Floats<'py>, b: Floats<'py>) -> Array<'py> {
-    let pairs = as_quats(&a)?.iter().zip(as_quats(&b)?);
+    let pairs = pairs(as_quats(&a)?, as_quats(&b)?)?;
     let n = pairs.len();
     let angles = py.detach(|| collected(pairs.map(|(&a, &b)| rotation::angle(a, b)), n));
     into_array(py, angles.map_err(kernel_error)?, &shape_with_last(&a, &[]))
@@ -127,6 +125,8 @@ pub fn hermite<'py>(
     let (from, to) = (as_quats(&start)?, as_quats(&end)?);
     let (start_velocity, end_velocity) = (as_vecs(&start_velocity)?, as_vecs(&end_velocity)?);
     let t = t.as_slice()?;
+    let counts = [from.len(), to.len(), start_velocity.len(), end_velocity.len(), t.len()];
+    check_equal(counts)?;
     let quats = py.detach(|| {
         let ends = from
             .iter()
@@ -150,7 +150,7 @@ pub fn sample_keys<'py>(
     key_times: Floats<'py>,
     key_starts: Indices<'py>,
     values: Floats<'py>,
-    tracks: PyReadonlyArray2<'py, i64>,
+    tracks: IndexRows<'py>,
 ) -> Array<'py> {
     let (times, seconds, starts) =
         (times.as_slice()?, key_times.as_slice()?, as_usizes(&key_starts)?);
@@ -168,7 +168,7 @@ pub fn sample_keys<'py>(
 }
 
 /// Convert rows of three integers.
-fn as_tracks(rows: &PyReadonlyArray2<'_, i64>) -> PyResult<Vec<Track>> {
+fn as_tracks(rows: &IndexRows<'_>) -> PyResult<Vec<Track>> {
     let convert = |row: &[i64]| {
         let &[start, times, interpolation] = row else { return None };
         Some(Track {
@@ -188,6 +188,28 @@ fn as_tracks(rows: &PyReadonlyArray2<'_, i64>) -> PyResult<Vec<Track>> {
     })
 }
 
+/// [`forward::world`] or [`forward::local`].
+type TransformKernel = fn(&[i64], &[DQuat], &[DVec3]) -> Result<(Vec<DQuat>, Vec<DVec3>), Error>;
+
+/// Rotations and positions.
+type Transforms<'py> = PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)>;
+
+fn transform<'py>(
+    py: Python<'py>,
+    kernel: TransformKernel,
+    parents: &Indices<'py>,
+    rotations: &Floats<'py>,
+    positions: &Floats<'py>,
+) -> Transforms<'py> {
+    let (quats, vecs) = (as_quats(rotations)?, as_vecs(positions)?);
+    let parents = parents.as_slice()?;
+    let (turned, moved) = py
+        .detach(|| kernel(parents, quats, vecs))
+        .map_err(kernel_error)?;
+    let shape = shape_with_last(rotations, &[]);
+    Ok((from_quats(py, turned, &shape)?.into_any(), from_vecs(py, moved, &shape)?.into_any()))
+}
+
 /// See [`forward::world`].
 #[pyfunction]
 pub fn world<'py>(
@@ -195,17 +217,8 @@ pub fn world<'py>(
     parents: Indices<'py>,
     rotations: Floats<'py>,
     positions: Floats<'py>,
-) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-    let (quats, vecs) = (as_quats(&rotations)?, as_vecs(&positions)?);
-    let parents = parents.as_slice()?;
-    let (world_rotations, world_positions) = py
-        .detach(|| forward::world(parents, quats, vecs))
-        .map_err(kernel_error)?;
-    let shape = shape_with_last(&rotations, &[]);
-    Ok((
-        from_quats(py, world_rotations, &shape)?.into_any(),
-        from_vecs(py, world_positions, &shape)?.into_any(),
-    ))
+) -> Transforms<'py> {
+    transform(py, forward::world, &parents, &rotations, &positions)
 }
 
 /// See [`forward::local`].
@@ -215,17 +228,8 @@ pub fn local<'py>(
     parents: Indices<'py>,
     rotations: Floats<'py>,
     positions: Floats<'py>,
-) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-    let (quats, vecs) = (as_quats(&rotations)?, as_vecs(&positions)?);
-    let parents = parents.as_slice()?;
-    let (local_rotations, local_positions) = py
-        .detach(|| forward::local(parents, quats, vecs))
-        .map_err(kernel_error)?;
-    let shape = shape_with_last(&rotations, &[]);
-    Ok((
-        from_quats(py, local_rotations, &shape)?.into_any(),
-        from_vecs(py, local_positions, &shape)?.into_any(),
-    ))
+) -> Transforms<'py> {
+    transform(py, forward::local, &parents, &rotations, &positions)
 }
 
 /// See [`energy::kinetic_energy`].
@@ -262,7 +266,7 @@ fn resample_rotations<'py>(
     rotations: &Floats<'py>,
     times: &Floats<'py>,
 ) -> Array<'py> {
-    let n_joints = rotations.shape()[1];
+    let [_, n_joints] = poses_shape(rotations.shape())?;
     let (frame_times, times) = (frame_times.as_slice()?, times.as_slice()?);
     let quats = as_quats(rotations)?;
     let resampled = py
@@ -301,7 +305,7 @@ pub fn cubic_positions<'py>(
     positions: Floats<'py>,
     times: Floats<'py>,
 ) -> Array<'py> {
-    let n_joints = positions.shape()[1];
+    let [_, n_joints] = poses_shape(positions.shape())?;
     let (frame_times, times) = (frame_times.as_slice()?, times.as_slice()?);
     let vecs = as_vecs(&positions)?;
     let resampled = py
@@ -319,7 +323,7 @@ pub fn segments<'py>(
     stops: Indices<'py>,
     counts: Indices<'py>,
 ) -> Array<'py> {
-    let n_joints = rotations.shape()[1];
+    let [_, n_joints] = poses_shape(rotations.shape())?;
     let [starts, stops, counts] = [as_usizes(&starts)?, as_usizes(&stops)?, as_usizes(&counts)?];
     let quats = as_quats(&rotations)?;
     let resampled = py
@@ -337,7 +341,7 @@ pub fn segments_positions<'py>(
     stops: Indices<'py>,
     counts: Indices<'py>,
 ) -> Array<'py> {
-    let n_joints = positions.shape()[1];
+    let [_, n_joints] = poses_shape(positions.shape())?;
     let [starts, stops, counts] = [as_usizes(&starts)?, as_usizes(&stops)?, as_usizes(&counts)?];
     let vecs = as_vecs(&positions)?;
     let resampled = py
@@ -390,15 +394,17 @@ pub fn features<'py>(
             )
         }
     };
-    let width = 3 * shape.0 * joints.len() + n_rest;
+    let n_poses = 3_usize.saturating_mul(shape.0);
+    let width = n_poses.saturating_mul(joints.len()).saturating_add(n_rest);
     into_array(py, vectors.map_err(kernel_error)?, &[n, width])
 }
 
 /// See [`pose::pose_gaps`].
 #[pyfunction]
 pub fn pose_gaps<'py>(py: Python<'py>, ends: Floats<'py>, starts: Floats<'py>) -> Array<'py> {
-    let n_joints = ends.shape()[1];
-    let shape = [ends.shape()[0], starts.shape()[0]];
+    let ([n_ends, n_joints], [n_starts, _]) =
+        (poses_shape(ends.shape())?, poses_shape(starts.shape())?);
+    let shape = [n_ends, n_starts];
     let (from, to) = (as_quats(&ends)?, as_quats(&starts)?);
     let gaps = py
         .detach(|| pose::pose_gaps(from, to, n_joints))
@@ -409,8 +415,9 @@ pub fn pose_gaps<'py>(py: Python<'py>, ends: Floats<'py>, starts: Floats<'py>) -
 /// See [`pose::velocity_gaps`].
 #[pyfunction]
 pub fn velocity_gaps<'py>(py: Python<'py>, ends: Floats<'py>, starts: Floats<'py>) -> Array<'py> {
-    let n_joints = ends.shape()[1];
-    let shape = [ends.shape()[0], starts.shape()[0]];
+    let ([n_ends, n_joints], [n_starts, _]) =
+        (poses_shape(ends.shape())?, poses_shape(starts.shape())?);
+    let shape = [n_ends, n_starts];
     let (from, to) = (as_vecs(&ends)?, as_vecs(&starts)?);
     let gaps = py
         .detach(|| pose::velocity_gaps(from, to, n_joints))
@@ -427,7 +434,7 @@ pub fn pose_gaps_along<'py>(
     candidates: Indices<'py>,
     counts: Indices<'py>,
 ) -> Array<'py> {
-    let n_joints = ends.shape()[1];
+    let [_, n_joints] = poses_shape(ends.shape())?;
     let (candidates, counts) = (as_usizes(&candidates)?, as_usizes(&counts)?);
     let (from, to) = (as_quats(&ends)?, as_quats(&starts)?);
     let gaps = py
@@ -446,7 +453,7 @@ pub fn velocity_gaps_along<'py>(
     candidates: Indices<'py>,
     counts: Indices<'py>,
 ) -> Array<'py> {
-    let n_joints = ends.shape()[1];
+    let [_, n_joints] = poses_shape(ends.shape())?;
     let (candidates, counts) = (as_usizes(&candidates)?, as_usizes(&counts)?);
     let (from, to) = (as_vecs(&ends)?, as_vecs(&starts)?);
     let gaps = py
@@ -454,21 +461,6 @@ pub fn velocity_gaps_along<'py>(
         .map_err(kernel_error)?;
     let n = gaps.len();
     into_array(py, gaps, &[n])
-}
-
-/// See [`banded::solve_pentadiagonal`].
-#[pyfunction]
-pub fn solve_pentadiagonal<'py>(
-    py: Python<'py>,
-    bands: Floats<'py>,
-    rhs: Floats<'py>,
-) -> Array<'py> {
-    let (rows, values) = (bytemuck::cast_slice(as_vecs(&bands)?), rhs.as_slice()?);
-    let width = rhs.shape()[1];
-    let solution = py
-        .detach(|| banded::solve_pentadiagonal(rows, values, width))
-        .map_err(kernel_error)?;
-    into_array(py, solution, rhs.shape())
 }
 
 /// See [`capsule::capsule_ends`].
@@ -508,6 +500,7 @@ pub fn clearance<'py>(
     let (left, right) = pairs;
     let (lefts, rights) = (as_usizes(&left)?, as_usizes(&right)?);
     let n_pairs = lefts.len();
+    check_equal([n_pairs, rights.len()])?;
     let pairs = collected(lefts.into_iter().zip(rights), n_pairs).map_err(kernel_error)?;
     let (distances, nearest) = py
         .detach(|| capsule::clearance(ends, radii, others, other_radii, &other_frames, &pairs))
@@ -534,12 +527,15 @@ pub fn box_clearance<'py>(
     half: [f64; 3],
     rotation: [f64; 4],
 ) -> Array<'py> {
+    let &[n_frames, n_capsules, _, _] = ends.shape() else {
+        return Err(PyValueError::new_err("`ends` must have shape (n_frames, n_capsules, 2, 3)"));
+    };
     let (end_points, radii) = (as_vecs(&ends)?, radii.as_slice()?);
     let (center, half, rotation) = (center.into(), half.into(), DQuat::from_array(rotation));
     let distances = py
         .detach(|| capsule::box_clearance(end_points, radii, center, half, rotation))
         .map_err(kernel_error)?;
-    into_array(py, distances, &ends.shape()[..2])
+    into_array(py, distances, &[n_frames, n_capsules])
 }
 
 /// See [`derivatives::greatest_derivatives`].
@@ -549,7 +545,7 @@ pub fn greatest_derivatives<'py>(
     rotations: Floats<'py>,
     joints: Indices<'py>,
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-    let [n_frames, n_joints] = [rotations.shape()[0], rotations.shape()[1]];
+    let [n_frames, n_joints] = poses_shape(rotations.shape())?;
     let (quats, joints) = (as_quats(&rotations)?, as_usizes(&joints)?);
     let (accelerations, jerks) = py
         .detach(|| derivatives::greatest_derivatives(quats, n_joints, &joints))
@@ -571,9 +567,27 @@ pub fn world_jerk<'py>(
 ) -> Array<'py> {
     let (quats, vecs) = (as_quats(&rotations)?, as_vecs(&positions)?);
     let (parents, joints) = (parents.as_slice()?, as_usizes(&joints)?);
-    let shape = [rotations.shape()[0], joints.len()];
+    let [n_frames, _] = poses_shape(rotations.shape())?;
+    let shape = [n_frames, joints.len()];
     let jerks = py
         .detach(|| derivatives::world_jerk(parents, quats, vecs, &joints))
         .map_err(kernel_error)?;
     into_array(py, jerks, &shape)
+}
+
+/// See [`sample::distances`].
+#[pyfunction]
+#[pyo3(signature = (points, from, to, /))]
+pub fn distances<'py>(
+    py: Python<'py>,
+    points: Floats<'py>,
+    from: Indices<'py>,
+    to: Indices<'py>,
+) -> Array<'py> {
+    let &[_, width] = points.shape() else {
+        return Err(PyValueError::new_err("`points` must have two axes"));
+    };
+    let (numbers, from, to) = (points.as_slice()?, as_usizes(&from)?, as_usizes(&to)?);
+    let lengths = py.detach(|| sample::distances(numbers, width, &from, &to));
+    into_array(py, lengths.map_err(kernel_error)?, &[from.len()])
 }

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | C-contiguous float64 array `(..., 4)` | `&[DQuat]`, no copy |
 //! | C-contiguous float64 array `(..., 3)` | `&[DVec3]`, no copy |
+//! | C-contiguous float64 array `(..., 2)` | `&[DVec2]`, no copy |
 //! | C-contiguous float64 or int64 array | `&[f64]` or `&[i64]`, no copy |
 //! | C-contiguous float32 or float64 array of sampled segments | `Rows<f32>` or `Rows<f64>`, no copy |
 //! | `bytes` | `&[u8]`, no copy |
@@ -13,6 +14,7 @@
 //! arguments and return new arrays, so that free-threaded Python needs no lock (`gil_used = false`).
 #![allow(clippy::needless_pass_by_value, reason = "PyO3 extracts arguments by value")]
 
+mod balance;
 mod convert;
 mod kinematics;
 mod seams;
@@ -30,11 +32,14 @@ mod _core {
     const VERSION: &str = env!("CARGO_PKG_VERSION");
 
     #[pymodule_export]
+    use crate::balance::added_imbalances;
+
+    #[pymodule_export]
     use crate::kinematics::{
         angle, box_clearance, capsule_ends, clearance, continuous_signs, cubic, cubic_positions,
-        exp, features, from_channels, from_euler, greatest_derivatives, hermite, kinetic_energy,
-        local, log, moments, multiply, pose_gaps, pose_gaps_along, rotate, sample_keys, segments,
-        segments_positions, slerp, solve_pentadiagonal, to_euler, velocity_gaps,
+        distances, exp, features, from_channels, from_euler, greatest_derivatives, hermite,
+        kinetic_energy, local, log, moments, multiply, pose_gaps, pose_gaps_along, rotate,
+        sample_keys, segments, segments_positions, slerp, to_euler, velocity_gaps,
         velocity_gaps_along, world, world_jerk,
     };
 
@@ -45,8 +50,8 @@ mod _core {
     use crate::seams::{add_offsets, clip_states, replace_joints, sample_clips, smooth_gradient};
 
     #[pymodule_export]
-    use crate::text::{format_rows, scan_numbers};
+    use crate::text::{format_rows, scan_hierarchy, scan_numbers};
 
     #[pymodule_export]
-    use crate::trellis::sample;
+    use crate::trellis::{keep_cheapest, sample};
 }

@@ -6,15 +6,13 @@ use glam::{DQuat, DVec3};
 use mograft_kinematics::gradient::{self, Donors, Objective};
 use mograft_kinematics::offset::{self, Offsets, PieceTimes};
 use mograft_kinematics::{resample, value};
-use numpy::{
-    IntoPyArray as _, PyArrayDyn, PyArrayMethods as _, PyReadwriteArrayDyn,
-    PyUntypedArrayMethods as _,
-};
+use numpy::{IntoPyArray as _, IxDyn, PyArrayDyn, PyArrayMethods as _, PyUntypedArrayMethods as _};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::convert::{
-    Array, Floats, Indices, as_quats, as_quats_mut, as_usizes, as_vecs, as_vecs_mut, from_quats,
-    from_vecs, kernel_error,
+    Array, Floats, Indices, Output, as_quats, as_quats_mut, as_usizes, as_vecs, as_vecs_mut,
+    from_quats, from_vecs, kernel_error, poses_shape,
 };
 
 /// See [`offset::add_offsets`].
@@ -26,7 +24,7 @@ pub fn add_offsets<'py>(
     before: (Floats<'py>, Floats<'py>),
     after: (Floats<'py>, Floats<'py>),
 ) -> Array<'py> {
-    let [n, n_joints] = [values.shape()[0], values.shape()[1]];
+    let [n, n_joints] = poses_shape(values.shape())?;
     let piece = as_usizes(&times.0)?;
     let times = PieceTimes {
         piece: &piece,
@@ -50,12 +48,13 @@ pub fn add_offsets<'py>(
 #[pyfunction]
 pub fn smooth_gradient<'py>(
     py: Python<'py>,
-    mut values: PyReadwriteArrayDyn<'py, f64>,
+    mut values: Output<'py, f64, IxDyn>,
     donors: (Indices<'py>, Indices<'py>, Floats<'py>, Indices<'py>, Floats<'py>),
     weights: [f64; 3],
     reach: f64,
 ) -> PyResult<()> {
-    let (n_joints, is_rotation) = (values.shape()[1], values.shape().last() == Some(&4));
+    let [_, n_joints] = poses_shape(values.shape())?;
+    let is_rotation = values.shape().last() == Some(&4);
     let (starts, stops, rows, seams, accelerations) = &donors;
     let [starts, stops, seams] = [as_usizes(starts)?, as_usizes(stops)?, as_usizes(seams)?];
     let accelerations = as_vecs(accelerations)?;
@@ -83,7 +82,7 @@ pub fn sample_clips<'py>(
     times: Floats<'py>,
 ) -> Array<'py> {
     let (clip, times) = (as_usizes(&clip)?, times.as_slice()?);
-    let n_joints = clips.first().map_or(0, |own| own.shape()[1]);
+    let n_joints = joint_count(&clips)?;
     let shape = [times.len(), n_joints];
     if is_rotations(&clips) {
         let quats = clips.iter().map(as_quats).collect::<PyResult<Vec<_>>>()?;
@@ -108,7 +107,7 @@ pub fn clip_states<'py>(
     frames: Indices<'py>,
 ) -> PyResult<States<'py>> {
     let (clip, frames) = (as_usizes(&clip)?, as_usizes(&frames)?);
-    let n_joints = clips.first().map_or(0, |own| own.shape()[1]);
+    let n_joints = joint_count(&clips)?;
     let shape = [frames.len(), n_joints];
     let (values, velocities, accelerations) = if is_rotations(&clips) {
         let quats = clips.iter().map(as_quats).collect::<PyResult<Vec<_>>>()?;
@@ -122,6 +121,20 @@ pub fn clip_states<'py>(
         (from_vecs(py, values, &shape)?, velocities, accelerations)
     };
     Ok((values, from_vecs(py, velocities, &shape)?, from_vecs(py, accelerations, &shape)?))
+}
+
+/// The number of joints of all clips.
+fn joint_count(clips: &[Floats<'_>]) -> PyResult<usize> {
+    let mut counts = clips
+        .iter()
+        .map(|own| poses_shape(own.shape()).map(|shape| shape[1]));
+    let first = counts.next().transpose()?.unwrap_or(0);
+    for count in counts {
+        if count? != first {
+            return Err(PyValueError::new_err("`clips` must have the same number of joints"));
+        }
+    }
+    Ok(first)
 }
 
 fn is_rotations(clips: &[Floats<'_>]) -> bool {
@@ -138,7 +151,7 @@ pub fn replace_joints<'py>(
     part: Floats<'py>,
     joints: Indices<'py>,
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-    let [n, n_joints] = [base.shape()[0], base.shape()[1]];
+    let [n, n_joints] = poses_shape(base.shape())?;
     let joints = as_usizes(&joints)?;
     let (values, mask) = if base.shape().last() == Some(&4) {
         let (quats, part) = (as_quats(&base)?, as_quats(&part)?);

@@ -84,7 +84,8 @@ fn is_prefix_of_number(text: &[u8]) -> bool {
     position == text.len()
 }
 
-fn is_white_space(byte: u8) -> bool {
+/// Whether a byte is white space of ASCII.
+pub(crate) fn is_white_space(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t'..=b'\r')
 }
 

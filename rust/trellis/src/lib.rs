@@ -1,10 +1,14 @@
-//! Random paths through a trellis.
+//! The cheapest candidates of a trellis, and random paths through it.
 //!
 //! A trellis has one or more candidates at every position. A path takes one candidate per
 //! position; it costs the sum of their unary costs and of the pairwise costs of neighbours.
 
 use std::collections::TryReserveError;
 use std::fmt;
+
+mod cheapest;
+
+pub use cheapest::keep_cheapest;
 
 /// The costs of a trellis. Costs may be infinite.
 #[derive(Clone, Copy, Debug)]
@@ -18,12 +22,14 @@ pub struct Trellis<'a> {
     pub pairwise: &'a [f64],
 }
 
-/// Why no path was drawn.
+/// Why there is no result.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Error {
     /// Buffers whose lengths do not match the numbers of candidates.
     LengthMismatch,
+    /// Costs or marks whose number is not that of all candidates.
+    CandidateMismatch,
     /// The system has refused memory.
     OutOfMemory(TryReserveError),
 }
@@ -42,8 +48,11 @@ impl fmt::Display for Error {
             Self::LengthMismatch => {
                 write!(
                     f,
-                    "`unary`, `pairwise` and `draws` must match `counts`, which must not be 0"
+                    "`unary`, `pairwise` and `draws` must match `counts`, which must be above 0"
                 )
+            }
+            Self::CandidateMismatch => {
+                write!(f, "`costs` and `is_first` must have one element per candidate")
             }
             Self::OutOfMemory(error) => error.fmt(f),
         }

@@ -3,7 +3,7 @@
 import functools
 import operator
 from collections.abc import Callable
-from typing import NoReturn, ParamSpec, TypeAlias, TypeVar
+from typing import Any, NoReturn, ParamSpec, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -20,14 +20,14 @@ def accept_threads(function: Callable[P, R]) -> Callable[P, R]:
     """Let a function also take its argument `n_threads` by the older name `threads`."""
 
     @functools.wraps(function)
-    def renamed(*args: P.args, **kwargs: P.kwargs) -> R:
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
         if "threads" in kwargs:
             if "n_threads" in kwargs:
                 raise TypeError("`n_threads` must be given once, got `threads` too")
             kwargs["n_threads"] = kwargs.pop("threads")
         return function(*args, **kwargs)
 
-    return renamed
+    return call
 
 
 def as_points(points: npt.ArrayLike, min_points: int) -> Floats:
@@ -50,13 +50,10 @@ def as_points(points: npt.ArrayLike, min_points: int) -> Floats:
 
 
 def as_floats(name: str, value: npt.ArrayLike) -> Floats:
-    """Return real numbers as a float32 or float64 array without gaps; copy only if necessary."""
+    """Return real numbers as a contiguous float32 or float64 array; copy only if necessary."""
     if hasattr(value, "toarray"):
         raise TypeError(f"`{name}` must be dense, got a sparse matrix; `.toarray()` converts it")
-    try:
-        array = np.asarray(value)
-    except ValueError:
-        raise ValueError(f"`{name}` must be an array, got rows of different lengths") from None
+    array = as_array(name, value)
     if array.size and array.dtype.kind not in "fiub":
         raise TypeError(f"`{name}` must be real numbers, got {array.dtype}")
     floats: Floats
@@ -69,8 +66,19 @@ def as_floats(name: str, value: npt.ArrayLike) -> Floats:
     return floats.copy(order="C")
 
 
+def as_array(name: str, value: npt.ArrayLike) -> npt.NDArray[Any]:
+    """Return `value` as an array; raise ValueError if its rows have different lengths."""
+    try:
+        return np.asarray(value)
+    except ValueError:
+        raise ValueError(f"`{name}` must be an array, got rows of different lengths") from None
+
+
 def as_count(name: str, value: int, minimum: int) -> int:
-    """Return a whole number; TypeError if it is none, ValueError if it is less than `minimum`."""
+    """Return `value` as an int.
+
+    Raises TypeError if it is not a whole number, ValueError if it is less than `minimum`.
+    """
     try:
         count = operator.index(value)
     except TypeError:
@@ -81,21 +89,42 @@ def as_count(name: str, value: int, minimum: int) -> int:
 
 
 def as_height(name: str, value: float) -> float:
-    """Return a height, which may be infinite; ValueError if it is negative or NaN."""
-    height = float(value)
+    """Return `value` as a height, which may be infinite.
+
+    Raises TypeError if it is not a number, ValueError if it is negative or NaN.
+    """
+    height = _as_number(name, value)
     if not height >= 0.0:
         raise ValueError(f"`{name}` must be 0 or more, got {value}")
     return height
 
 
 def check_amount(name: str, value: float) -> None:
-    """Raise ValueError if a number is negative or not finite."""
-    if not 0.0 <= value < np.inf:
+    """Raise TypeError unless `value` is a number, ValueError if it is negative or not finite."""
+    if not 0.0 <= _as_number(name, value) < np.inf:
         raise ValueError(f"`{name}` must be a finite number of at least 0, got {value}")
 
 
+def as_cluster_count(name: str, value: float) -> int:
+    """Return `value` as a number of clusters, at least 1; floats such as 2.0 are accepted.
+
+    Raises TypeError if it is not a number, ValueError if it is not whole or below 1.
+    """
+    number = _as_number(name, value)
+    if not number.is_integer():
+        raise ValueError(f"`{name}` must be a whole number for 'maxclust', got {value}")
+    return as_count(name, int(number), 1)
+
+
+def _as_number(name: str, value: float) -> float:
+    # `float` also converts text, and the message of its errors does not name the argument.
+    if np.ndim(value) == 0 and np.asarray(value).dtype.kind in "fiub":
+        return float(value)
+    raise TypeError(f"`{name}` must be a number, got {value!r}")
+
+
 def raise_not_finite(points: Floats) -> NoReturn:
-    """Raise the error of the kernels for the first coordinate that is not finite."""
+    """Raise the ValueError that the kernels raise, for the first coordinate that is not finite."""
     row, axis = (int(i) for i in np.argwhere(~np.isfinite(points))[0])
     value = str(points[row, axis]).replace("nan", "NaN")  # as the kernels print it
     raise ValueError(f"`points` must be finite, got {value} at [{row}, {axis}]")

@@ -1,4 +1,4 @@
-"""The extension module: as a part of mograft the one of mograft, else the one of this package."""
+"""The extension module: `mograft._core` if mograft contains this package, else its own `_core`."""
 
 from typing import TYPE_CHECKING
 

@@ -26,10 +26,10 @@ def check_metric(metric: str) -> None:
 
 
 def converted_points(points: Floats, metric: str) -> Floats:
-    """Return the points whose Euclidean distances have the order of the distances of a metric.
+    """Return points whose Euclidean distances have the same order as the distances of a metric.
 
-    These are the points themselves, or for "cosine" and "correlation" a float64 copy with rows of
-    length 1. Raises ValueError if a row has no direction.
+    For "cosine" and "correlation" the result is a float64 copy with rows of length 1. For other
+    metrics it is `points` itself. Raises ValueError if a row cannot be scaled to length 1.
     """
     if metric in ("euclidean", "sqeuclidean"):
         return points
@@ -51,7 +51,7 @@ def converted_points(points: Floats, metric: str) -> Floats:
 
 
 def convert_heights(heights: FloatArray, metric: str) -> None:
-    """Convert increasing Euclidean heights of converted points to a metric, in place."""
+    """Convert ascending heights of `converted_points`, in place, to distances of `metric`."""
     _convert(heights, metric)
     if len(heights) and np.isinf(heights[-1]):
         raise ValueError("`points` must have squared distances below 1.8e308; scale the points")
@@ -70,7 +70,7 @@ def euclidean_limit(height: float, metric: str) -> float:
 
 
 def _convert(heights: FloatArray, metric: str) -> None:
-    """Convert Euclidean heights to those of a metric, in place; large ones become infinite."""
+    """Convert Euclidean heights to those of a metric, in place; an overflow gives infinity."""
     if metric == "euclidean":
         return
     with np.errstate(over="ignore", under="ignore"):

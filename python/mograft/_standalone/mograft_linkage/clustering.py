@@ -6,6 +6,7 @@ smaller of the two clusters' lowest point indices, larger of them), which makes 
 """
 
 import os
+import sys
 from collections.abc import Callable
 
 import numpy as np
@@ -44,16 +45,16 @@ def linkage(
         At least two points, in any unit.
     metric : {"euclidean", "sqeuclidean", "cosine", "correlation"}
         The distance of two points, as in `scipy.spatial.distance`. "cosine" is 1 minus the cosine
-        of the angle of two points seen from the origin. "correlation" is the same for points
+        of the angle between two points, seen from the origin. "correlation" is the same for points
         minus the mean of their coordinates.
     n_threads : int, optional
         Number of threads; the tree does not depend on it. Default: one per processor. `threads`
         is accepted as an older name of this argument.
     memory_limit : int, optional
-        Maximum size, in bytes, of a matrix of all distances, which takes ``8 * n**2``. It is
-        used for fewer than 1,449 points, and if too few distances can be excluded for the
-        algorithm without a matrix, as with many axes and equal distances. Other memory is
-        proportional to n. Default: half of the available memory.
+        Maximum size, in bytes, of a matrix of all distances, which takes ``8 * n**2``. The
+        matrix is used for fewer than 1,449 points. It is also used if the algorithm without a
+        matrix can exclude too few distances, as with many axes or equal distances. Other memory
+        is proportional to n. Default: half of the available memory.
     max_memory : int, optional
         Number of bytes that the call may use beyond the points. Default: no limit.
     progress : callable, optional
@@ -65,7 +66,7 @@ def linkage(
     ndarray, shape (n - 1, 4)
         The tree in SciPy's format: row `i` merges clusters `Z[i, 0] < Z[i, 1]` into cluster
         `n + i` of `Z[i, 3]` points at height `Z[i, 2]`, the greatest distance between their
-        points, in the unit of the metric. Clusters below `n` are single points.
+        points, in the unit of the metric. The clusters 0 to `n` - 1 are the single points.
 
     Raises
     ------
@@ -144,7 +145,7 @@ def cut(
     Raises
     ------
     TypeError, ValueError, MemoryError
-        As for `linkage`, and if `max_diameter` is negative or NaN.
+        As for `linkage`, and if `max_diameter` is negative, NaN or not a number.
 
     Notes
     -----
@@ -243,15 +244,16 @@ def threshold(points: npt.ArrayLike, kind: str | float = "rms", scale: float = 1
     Raises
     ------
     TypeError
-        If the points are not real numbers.
+        If the points are not real numbers, or `kind` or `scale` is not a number.
     ValueError
         If there is no point or a coordinate is not finite, `kind` is another string, or a number
         is negative or not finite.
 
     Notes
     -----
-    "literal" is equation 14 of the paper as printed: the square root of a length, so the clusters
-    depend on the unit of the points. "rms", the standard deviation, scales with the points.
+    "literal" is equation 14 of the paper on *analogic transplanting* (W. Jang, I.-K. Lee, J. Lee)
+    as printed. It is the square root of a length, so the clusters depend on the unit of the points.
+    "rms", the standard deviation, is proportional to the points.
 
     Examples
     --------
@@ -274,11 +276,13 @@ def threshold(points: npt.ArrayLike, kind: str | float = "rms", scale: float = 1
 def _limits(
     n_threads: int | None, memory_limit: int | None, default_limit: int, max_memory: int | None
 ) -> tuple[int, int, int | None]:
-    """Return the number of threads, the size of a matrix and the memory that a kernel may use."""
+    """Return the number of threads, the maximum size of a matrix and `max_memory`, checked."""
+    # The kernels take 64-bit integers, and no larger number has another effect.
     default_threads = os.cpu_count() or 1
     n_threads = default_threads if n_threads is None else as_count("n_threads", n_threads, 1)
     if max_memory is not None:
-        max_memory = as_count("max_memory", max_memory, 0)
-    if memory_limit is None:
-        return n_threads, default_limit, max_memory
-    return n_threads, as_count("memory_limit", memory_limit, 0), max_memory
+        max_memory = min(as_count("max_memory", max_memory, 0), sys.maxsize)
+    limit = default_limit
+    if memory_limit is not None:
+        limit = min(as_count("memory_limit", memory_limit, 0), sys.maxsize)
+    return min(n_threads, sys.maxsize), limit, max_memory

@@ -9,7 +9,15 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ._checks import FloatArray, IntArray, as_count, as_floats, as_height
+from ._checks import (
+    FloatArray,
+    IntArray,
+    as_array,
+    as_cluster_count,
+    as_count,
+    as_floats,
+    as_height,
+)
 
 __all__ = ["TruncatedTree", "cophenet", "fcluster", "leaves_list", "truncate"]
 
@@ -80,7 +88,7 @@ def fcluster(
     if criterion == "distance":
         limit = as_height("t", t)
     elif criterion == "maxclust":
-        n_clusters = _whole(t)
+        n_clusters = as_cluster_count("t", t)
         if n_clusters >= n:
             return np.arange(1, n + 1)
         limit = heights[n - 1 - n_clusters]
@@ -140,13 +148,14 @@ def cophenet(tree: npt.ArrayLike, pairs: npt.ArrayLike | None = None) -> FloatAr
     between[first[n:] + size[checked[:, 0].astype(np.int64)] - 1] = checked[:, 2]
     if pairs is None:
         return _all_maxima(between, first[:n])
-    array = np.asarray(pairs)
+    array = as_array("pairs", pairs)
     if array.ndim != 2 or array.shape[1] != 2:
         raise ValueError(f"`pairs` must have shape (n_pairs, 2), got {array.shape}")
     if array.size and array.dtype.kind not in "iu":
         raise TypeError(f"`pairs` must be whole numbers, got {array.dtype}")
     if array.size and not (array.min() >= 0 and array.max() < n):
-        raise IndexError(f"`pairs` must be between 0 and {n - 1}")
+        wrong = array.min() if array.min() < 0 else array.max()
+        raise IndexError(f"`pairs` must be between 0 and {n - 1}, got {wrong}")
     positions = np.sort(first[array.astype(np.int64)], axis=1)
     return _range_maxima(between, positions[:, 0], positions[:, 1])
 
@@ -205,7 +214,7 @@ def truncate(
     checked = _as_tree(tree)
     n = len(checked) + 1
     if (p is None) == (distance is None):
-        raise ValueError(f"exactly one of p and distance must be given, got {p} and {distance}")
+        raise ValueError(f"exactly one of `p` and `distance` must be given, got {p} and {distance}")
     if p is not None:
         n_replaced = n - min(as_count("p", p, 1), n)
     else:
@@ -227,15 +236,12 @@ def truncate(
     return TruncatedTree(rest, sizes.astype(np.int64), labels.astype(np.int64))
 
 
-def _whole(t: float) -> int:
-    """Return a number of clusters, which SciPy takes as a float, too."""
-    if not float(t).is_integer():
-        raise ValueError(f"`t` must be a whole number for 'maxclust', got {t}")
-    return as_count("t", int(t), 1)
-
-
 def _as_tree(tree: npt.ArrayLike) -> FloatArray:
-    """Check that every cluster but the last is merged once, later, and heights do not decrease."""
+    """Return a tree as a float64 array.
+
+    Raises ValueError unless each cluster except the last is merged by exactly one later row,
+    heights do not decrease, and the last column has the numbers of points.
+    """
     array = as_floats("tree", tree).astype(np.float64, copy=False)
     if array.ndim != 2 or array.shape[0] < 1 or array.shape[1] != 4:
         raise ValueError(f"`tree` must have shape (n - 1 >= 1, 4), got {array.shape}")
@@ -243,14 +249,15 @@ def _as_tree(tree: npt.ArrayLike) -> FloatArray:
     limits = np.arange(n, 2 * n - 1)[:, None]
     pairs, heights = array[:, :2], array[:, 2]
     if not ((pairs >= 0) & (pairs < limits) & (pairs == np.floor(pairs))).all():
-        raise ValueError("`tree` must merge clusters that exist: row i those below n + i")
+        raise ValueError("`tree` must merge clusters that exist: row i clusters below n + i")
     if (np.bincount(pairs.astype(np.int64).ravel(), minlength=2 * n - 2) != 1).any():
         raise ValueError("`tree` must merge each cluster once")
     if not (np.isfinite(heights).all() and heights[0] >= 0 and (np.diff(heights) >= 0).all()):
         raise ValueError("`tree` must have finite heights of at least 0 that do not decrease")
-    size = _sizes(array)
+    with np.errstate(invalid="ignore"):  # a size that is no int64 also fails the test
+        size = _sizes(array)
     if (size[pairs.astype(np.int64)].sum(axis=1) != array[:, 3]).any():
-        raise ValueError("`tree` must have the numbers of points of clusters in its last column")
+        raise ValueError("`tree` must have the number of points of each cluster in column 3")
     return array
 
 
@@ -260,7 +267,7 @@ def _sizes(tree: FloatArray) -> IntArray:
 
 
 def _parents(tree: FloatArray, n_merges: int) -> IntArray:
-    """Return the parent of each cluster after `n_merges` merges; without one, itself."""
+    """Return the parent of each cluster after `n_merges` merges; the cluster itself without one."""
     n = len(tree) + 1
     parents = np.arange(2 * n - 1)
     merged = tree[:n_merges, :2].astype(np.int64)
@@ -269,7 +276,7 @@ def _parents(tree: FloatArray, n_merges: int) -> IntArray:
 
 
 def top_clusters(tree: FloatArray, n_merges: int) -> IntArray:
-    """Return the cluster that contains each cluster after `n_merges` merges."""
+    """Return, for each cluster, the largest cluster that contains it after `n_merges` merges."""
     top = _parents(tree, n_merges)
     while True:
         # Each round doubles the number of levels that the pointers pass.
@@ -277,6 +284,16 @@ def top_clusters(tree: FloatArray, n_merges: int) -> IntArray:
         if (above == top).all():
             return top
         top = above
+
+
+def labels_after_merges(tree: FloatArray, n_merges: int) -> IntArray:
+    """Return the cluster of each point after the first `n_merges` merges of a tree.
+
+    Clusters are numbered from 0 in the order of their first points.
+    """
+    top = top_clusters(tree, n_merges)[: len(tree) + 1]
+    _, first, cluster = np.unique(top, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[cluster].astype(np.int64)
 
 
 def _order(tree: FloatArray) -> IntArray:

@@ -6,10 +6,10 @@ from typing import Literal, Self
 import numpy as np
 import numpy.typing as npt
 
-from ._checks import FloatArray, Floats, IntArray, accept_threads, as_height
+from ._checks import Floats, IntArray, accept_threads, as_height
 from ._metrics import Metric
 from .clustering import linkage
-from .dendrogram import top_clusters
+from .dendrogram import labels_after_merges
 
 _PARAMETERS = (
     "n_clusters",
@@ -33,8 +33,8 @@ class CompleteLinkage:
     metric : {"euclidean", "sqeuclidean", "cosine", "correlation"}
         As for `linkage`.
     compute_full_tree : {"auto", True, False}
-        Accepted as by scikit-learn, which ignores it in the same case: the tree is always
-        complete. False must not be combined with `distance_threshold`.
+        Has no effect, because the tree is always complete. As in scikit-learn, False must not
+        be combined with `distance_threshold`.
     n_threads, memory_limit : int, optional
         As for `linkage`. `threads` is accepted as an older name of `n_threads`.
 
@@ -45,13 +45,14 @@ class CompleteLinkage:
     n_clusters_, n_leaves_, n_features_in_ : int
         The number of clusters, of points and of axes.
     n_connected_components_ : int
-        1: every two points may be merged.
+        Always 1: any two clusters may be merged.
     children_ : ndarray of int64, shape (n - 1, 2)
         The clusters of each merge, as in `linkage`.
     distances_ : ndarray, shape (n - 1,)
         The heights of the merges.
     feature_names_in_ : ndarray of str, shape (n_axes,)
-        The names of the columns, if the points are a data frame whose columns are all strings.
+        The names of the columns. Exists only if the points are a data frame whose column names
+        are all strings.
 
     See Also
     --------
@@ -61,7 +62,7 @@ class CompleteLinkage:
     -----
     Differences from ``sklearn.cluster.AgglomerativeClustering(linkage="complete")``:
 
-    - labels are numbered by first points, and the same partition has other numbers there;
+    - labels are numbered in the order of first points; there the same partition has other numbers;
     - `distances_` always exists;
     - with tied distances, the tree may be another valid one, see `linkage`;
     - there are no parameters `linkage`, `connectivity`, `memory` and `compute_distances`, and no
@@ -133,7 +134,7 @@ class CompleteLinkage:
         heights = tree[:, 2].copy()
         # scikit-learn does not merge at the threshold itself.
         n_merges = int(np.searchsorted(heights, limit)) if self.n_clusters is None else n - limit
-        self.labels_ = _labels(tree, int(n_merges))
+        self.labels_ = labels_after_merges(tree, int(n_merges))
         self.n_clusters_ = n - int(n_merges)
         self.n_leaves_ = n
         self.n_connected_components_ = 1
@@ -184,13 +185,6 @@ class CompleteLinkage:
         return Tags(estimator_type="clusterer", target_tags=TargetTags(required=False))
 
 
-def _labels(tree: FloatArray, n_merges: int) -> IntArray:
-    """Label the points by their clusters after the first `n_merges` merges of a tree."""
-    top = top_clusters(tree, n_merges)[: len(tree) + 1]
-    _, first, cluster = np.unique(top, return_index=True, return_inverse=True)
-    return np.argsort(np.argsort(first))[cluster].astype(np.int64)
-
-
 def _feature_names(points: object) -> npt.NDArray[np.object_] | None:
     """Return the column names of a data frame if all are strings, as scikit-learn does."""
     columns = getattr(points, "columns", None)
@@ -199,7 +193,7 @@ def _feature_names(points: object) -> npt.NDArray[np.object_] | None:
     names = np.array(list(columns), dtype=object)
     are_strings = [isinstance(name, str) for name in names]
     if any(are_strings) and not all(are_strings):
-        raise TypeError("X must have column names that are all strings, or none that is")
+        raise TypeError("X must have column names that are all strings, or none that is a string")
     return names if any(are_strings) else None
 
 

@@ -24,19 +24,19 @@ class BeatParameters:
     Parameters
     ----------
     shortest, longest : float
-        Shortest and longest interval between beats, in seconds, `shortest` at least 0.1; 0.3 and
-        1.5 are 200 and 40 beats per minute.
+        Shortest and longest interval between beats, in seconds: 0.3 and 1.5 are 200 and 40 beats
+        per minute. `shortest` is at least 0.1, `longest` at least twice `shortest`.
     smoothing : float
         Standard deviation, in seconds, of the Gaussian that smooths angular velocities.
     min_speed : float
         Smallest change of the angular velocity, in radians per second, from one zero of the angular
         acceleration to the next. Smaller changes are noise.
     fundamental : float
-        Least power of the beat frequency as a share of the largest power. The lowest frequency of
-        at least this power is the tempo, because the multiples of the tempo have about its power.
+        Smallest power of the tempo, as a share of the largest power, up to 1. The tempo is the
+        lowest frequency of at least this power, because its multiples have about the same power.
     tightness : float
-        Weight of deviations from the interval against candidate beats in the dynamic fit. Large
-        values give beats at regular times.
+        Weight of deviations from a regular interval, relative to that of candidate beats, when the
+        beats are fitted. Large values give beats at regular times.
 
     Raises
     ------
@@ -80,16 +80,16 @@ def cut_frames(motion: Motion, parameters: BeatParameters) -> IntArray:
     -------
     ndarray of int, shape (n_cuts,)
         The inner cut frames, ascending. There are none if the motion is shorter than twice
-        `longest`, constant, or without joints below the root. Beats are found in every other
-        motion, also if it has no rhythm.
+        `longest`, has no joints below the root, or no change of angular velocity reaches
+        `min_speed`. Beats are found in every other motion, even if it has no rhythm.
 
     Notes
     -----
     After Kim, Park and Shin 2003, "Rhythmic-motion synthesis based on motion-beat analysis".
     Candidate beats are the zeros of the components of the angular acceleration of every joint
-    below the root; a candidate weighs as much as the angular velocity changes between it and its
-    neighbours. The tempo is the lowest peak in the power spectrum of the candidates, tapered by a
-    Hann window, that has at least the share `fundamental` of the largest power. The beats t_i
+    below the root. The weight of a candidate is the change of the angular velocity between it and
+    its neighbours. The tempo is the lowest peak in the power spectrum of the candidates, tapered by
+    a Hann window, that has at least the share `fundamental` of the largest power. The beats t_i
     maximize Σ c(t_i) - `tightness` · Σ ln²((t_i - t_{i-1}) / interval), where c is the density of
     candidates divided by its standard deviation. The last formula is that of Ellis 2007, "Beat
     tracking by dynamic programming". The cost is O(n log n) for n frames.
@@ -102,12 +102,10 @@ def cut_frames(motion: Motion, parameters: BeatParameters) -> IntArray:
     >>> bool(0.25 < np.median(np.diff(beats)) * motion.frame_time < 1.6)
     True
     """
-    times, weights = candidate_beats(motion, parameters)
-    duration = motion.duration
-    if duration < 2 * parameters.longest or not len(times):
+    found = _find_tempo(motion, parameters)
+    if found is None:
         return np.zeros(0, np.int64)
-    train = _pulse_train(times, weights, duration)
-    interval = _strongest_interval(train, parameters)
+    times, train, interval = found
     density = gaussian_filter(train, _CANDIDATE_WIDTH * _GRID_RATE)
     beats = fit_beats(density / density.std(), interval * _GRID_RATE, parameters.tightness)
     seconds = beats / _GRID_RATE
@@ -118,11 +116,23 @@ def cut_frames(motion: Motion, parameters: BeatParameters) -> IntArray:
 
 
 def beat_interval(motion: Motion, parameters: BeatParameters) -> float:
-    """Return the mean seconds between beats, or NaN if the motion has none; see `cut_frames`."""
+    """Return the period of the tempo in seconds, or NaN without beats; see `cut_frames`."""
+    found = _find_tempo(motion, parameters)
+    return float("nan") if found is None else found[2]
+
+
+def _find_tempo(
+    motion: Motion, parameters: BeatParameters
+) -> tuple[FloatArray, FloatArray, float] | None:
+    """Return the times of candidate beats, their pulse train, and the period of the tempo.
+
+    Times and period are in seconds. The result is None if the motion has no beats.
+    """
     times, weights = candidate_beats(motion, parameters)
     if motion.duration < 2 * parameters.longest or not len(times):
-        return float("nan")
-    return _strongest_interval(_pulse_train(times, weights, motion.duration), parameters)
+        return None
+    train = _pulse_train(times, weights, motion.duration)
+    return times, train, _strongest_interval(train, parameters)
 
 
 def candidate_beats(motion: Motion, parameters: BeatParameters) -> tuple[FloatArray, FloatArray]:
@@ -158,7 +168,7 @@ def candidate_beats(motion: Motion, parameters: BeatParameters) -> tuple[FloatAr
 
 
 def _pulse_train(times: FloatArray, weights: FloatArray, duration: float) -> FloatArray:
-    """Return the weights of possible beats as a series in bins of 1/60 s.
+    """Return the sums of the weights of candidate beats in bins of 1/60 s.
 
     Each weight is divided between the two bins nearest to its time.
     """
@@ -191,7 +201,7 @@ def fit_beats(strength: FloatArray, interval: float, tightness: float) -> IntArr
 
     Successive beats are half to twice an `interval` apart, in samples; see `cut_frames` for the
     penalty. The first beat is within one interval of the start, and the last one within one
-    interval of the end. Of equal sums the first is taken.
+    interval of the end. Of equal sums, the one with the earliest beats is selected.
     """
     shortest, longest = max(round(interval / 2), 1), max(round(2 * interval), 1)
     gaps = np.arange(longest, shortest - 1, -1)

@@ -24,8 +24,9 @@ class ComParameters:
         Standard deviation, in seconds, of the Gaussian that smooths the height of the centre of
         mass.
     min_depth : float
-        Smallest rise of the centre of mass on both sides of a lowest point that is a cut frame, in
-        skeleton heights. In walking, the centre of mass rises by about 0.025 heights.
+        Smallest rise of the centre of mass before and after a lowest point, in skeleton heights;
+        points with a smaller rise are no cut frames. In walking, the centre of mass rises by about
+        0.025 heights.
     min_flight : float
         Shortest flight, in seconds.
     min_rise : float
@@ -72,8 +73,9 @@ def _find_flights(
 ) -> IntArray:
     """Return the first and last frame of each flight, shape (n_flights, 2).
 
-    A flight is a run of frames without a low foot that begins and ends within the motion, has the
-    shortest duration, and in which the centre of mass rises far enough above a straight line.
+    A flight is a run of frames without a low foot that begins and ends within the motion and lasts
+    at least `min_flight`. In it, the centre of mass rises by at least `min_rise` above the straight
+    line between its heights at the ends of the run.
     """
     found = []
     for start, stop in find_runs(is_airborne).tolist():
@@ -86,14 +88,14 @@ def _find_flights(
 
 
 def find_lowest_points(curve: FloatArray, min_depth: float) -> IntArray:
-    """Return the frames of the minima of a curve that rises by at least `min_depth` on both sides.
+    """Return the frames of the minima on both sides of which a curve rises by `min_depth` or more.
 
-    Between two of them the curve rises by at least `min_depth` above both; of frames with
-    equal heights the first is returned. The ends of the curve are not returned.
+    Between two of them the curve rises by at least `min_depth` above both. Of frames with equal
+    values the first is returned. The ends of the curve are not returned.
     """
     steps = np.diff(curve)
     nonzero = np.flatnonzero(steps)
-    if not len(nonzero) or min_depth < 0:
+    if not len(nonzero):
         return np.zeros(0, np.int64)
     is_turn = np.sign(steps[nonzero[1:]]) != np.sign(steps[nonzero[:-1]])
     turns = np.concatenate([[0], nonzero[:-1][is_turn] + 1, [len(curve) - 1]])

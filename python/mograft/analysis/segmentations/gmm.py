@@ -23,16 +23,17 @@ class GmmParameters:
     Parameters
     ----------
     energy : float
-        Share of the variance that the principal axes preserve, in which the poses are clustered,
-        between 0 and 1.
+        Share of the variance, between 0 and 1, that the principal axes preserve. The poses are
+        clustered in these axes.
     max_clusters : int
         Greatest number of clusters.
     ratio : float
         The number of clusters k is the smallest one at which another cluster reduces the
         clustering error by less than this share of the reduction from one to two clusters.
     cycle : float
-        Seconds over which the probabilities of the clusters are averaged, and shortest behaviour: a
-        cycle of a gait. It prevents cuts within a cycle whose poses belong to two clusters.
+        Seconds over which the probabilities of the clusters are averaged, and duration of the
+        shortest behaviour: about one cycle of a gait. It prevents cuts within a cycle whose poses
+        belong to two clusters.
     step : float
         Seconds between the poses to which the clusters are fitted.
 
@@ -114,7 +115,7 @@ def _fit(points: FloatArray, parameters: GmmParameters) -> GaussianMixture:
 
 
 def _centred_means(values: FloatArray, width: int) -> FloatArray:
-    """Return the means of `width` rows around each row; fewer at the ends."""
+    """Return the mean of the `width` rows around each row; at the ends there are fewer rows."""
     sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
     rows = np.arange(len(values))
     first = np.maximum(rows - width // 2, 0)
@@ -126,8 +127,8 @@ def _centred_means(values: FloatArray, width: int) -> FloatArray:
 def merge_short_runs(labels: IntArray, min_length: int) -> IntArray:
     """Return labels without runs of equal labels that are shorter than `min_length`.
 
-    The shortest run is merged first: it takes the label of the longer neighbour. The first of
-    equal runs or neighbours is selected. If only one run is left, it may be shorter.
+    The shortest run is merged first: it takes the label of the longer neighbour. Of equal runs or
+    neighbours, the first is selected. If only one run is left, it may be shorter.
     """
     values = labels.copy()
     while True:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray
+from mograft._util.arrays import FloatArray, IntArray
 
 
 class GrowingScatter:
@@ -18,21 +18,21 @@ class GrowingScatter:
         self._products = np.zeros((rows.shape[1],) * 2)
         self._sum = np.zeros(rows.shape[1])
 
-    def grow_to(self, n: int) -> None:
-        """Use the first `n` rows from now on; `n` must not decrease."""
-        rows = self._rows[self.n : n]
-        self._products += rows.T @ rows
-        self._sum += rows.sum(axis=0)
-        self.n = n
+    def grow_through(self, counts: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return means and scatter matrices of the first n rows, for each n of `counts`.
 
-    @property
-    def mean(self) -> FloatArray:
-        """Mean of the rows, shape (n_columns,)."""
-        mean: FloatArray = self._first + self._sum / self.n
-        return mean
-
-    @property
-    def scatter(self) -> FloatArray:
-        """The sum Σ (row - mean)(row - mean)ᵀ, shape (n_columns, n_columns)."""
-        scatter: FloatArray = self._products - np.outer(self._sum, self._sum / self.n)
-        return scatter
+        `counts` are ascending, above 0, and not below those of the last call. The shapes are
+        (n_counts, n_columns) and (n_counts, n_columns, n_columns). A scatter matrix is the sum
+        Σ (row - mean)(row - mean)ᵀ.
+        """
+        products = np.empty((len(counts), *self._products.shape))
+        sums = np.empty((len(counts), len(self._sum)))
+        for index, count in enumerate(counts.tolist()):
+            rows = self._rows[self.n : count]
+            self._products += rows.T @ rows
+            self._sum += rows.sum(axis=0)
+            self.n = count
+            products[index], sums[index] = self._products, self._sum
+        means = sums / counts[:, None]
+        products -= sums[:, :, None] * means[:, None, :]
+        return self._first + means, products

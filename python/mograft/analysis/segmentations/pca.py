@@ -86,7 +86,8 @@ def cut_frames(motion: Motion, parameters: PcaParameters) -> IntArray:
     descending. The projection error of the first i frames is e_i = Σ_{j>r} λ_j of their scatter
     matrix; while a behaviour continues, it rises at a constant rate. A cut is placed at the first
     frame i with d_i > mean + `deviations` · deviation of all d_j, j < i, where
-    d_i = e_i - e_{i-lag}. The method is restarted at the cut.
+    d_i = e_i - e_{i-lag}, unless d_i is below the noise of recordings. The method is restarted at
+    the cut.
 
     The cuts of the first frames do not depend on the frames that follow: the method is causal.
     A cut follows the change of behaviour by at most about `lag`. For n frames of D features the
@@ -121,8 +122,8 @@ def _length_of_first_segment(
     increases: list[float] = []
     n_dimensions = 0
     for end in range(window, len(features) + 1, step):
-        poses.grow_to(end)
-        values = eigenvalues(poses.scatter)
+        _, scatters = poses.grow_through(np.array([end]))
+        values = eigenvalues(scatters[0])
         if not errors:
             n_dimensions = dimensions_of(values, parameters.energy)
         errors.append(float(values[n_dimensions:].sum()))

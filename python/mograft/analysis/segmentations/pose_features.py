@@ -36,18 +36,24 @@ def frames_of(seconds: float, rate: float) -> int:
 
 
 def dimensions_of(values: FloatArray, energy: float) -> int:
-    """Return the smallest number of eigenvalues that hold a share `energy` of their sum.
+    """Return the number of largest eigenvalues that suffice for a share `energy` of their sum.
 
     `values` are descending. The number is 0 if their sum is 0.
     """
-    total = float(values.sum())
-    if total <= 0:
-        return 0
-    return int(np.searchsorted(np.cumsum(values), energy * total)) + 1
+    return int(dimensions_of_each(values, energy))
+
+
+def dimensions_of_each(values: FloatArray, energy: float) -> IntArray:
+    """Return the result of `dimensions_of` for each row of `values`, shape (..., n)."""
+    totals = values.sum(axis=-1)
+    is_below = np.cumsum(values, axis=-1) < energy * totals[..., None]
+    return np.where(totals > 0, np.count_nonzero(is_below, axis=-1) + 1, 0)
 
 
 def principal_scores(features: FloatArray, energy: float) -> FloatArray:
-    """Return the features in the axes that hold a share `energy` of their variance, (n, D).
+    """Return the features in the principal axes that hold a share `energy` of their variance.
+
+    The result has shape (n, D), with one column for each of the D axes.
 
     There are no columns if the features vary by less than the noise of recordings.
     """

@@ -5,15 +5,16 @@ from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft._util.linalg import eigenvectors
+from mograft._util.linalg import principal_axes
 from mograft._util.validate import check_positive
 from mograft.analysis.segmentation_method import SegmentationMethod
 from mograft.analysis.segmentations.growing_scatter import GrowingScatter
 from mograft.analysis.segmentations.pose_features import (
     MIN_VARIANCE,
-    dimensions_of,
+    dimensions_of_each,
     frames_of,
     pose_features,
     principal_scores,
@@ -22,6 +23,9 @@ from mograft.motion.motion import Motion
 
 _KEPT_ENERGY = 0.999
 """Share of the variance of the whole motion that the features keep, which speeds up the rest."""
+_CHUNK = 8
+"""Number of distances that are computed together. More would be faster for each of them, but all
+distances after a cut in the chunk are computed in vain."""
 
 
 @dataclass(frozen=True)
@@ -31,23 +35,24 @@ class PpcaParameters:
     Parameters
     ----------
     window : float
-        Seconds of poses that are compared with the poses before, and the fewest seconds before
-        them (T = 150 frames at 120 fps in the source).
+        Duration in seconds of the window of poses that is compared with all poses before it in
+        the segment; these last at least as long (T = 150 frames at 120 fps in the source).
     step : float
-        Seconds by which the boundary between the two moves (Δ = 10 frames).
+        Seconds by which the window moves (Δ = 10 frames).
     energy : float
-        Share of the variance that the principal axes of the poses before preserve (τ), between 0
-        and 1.
+        Share of the variance of the poses before the window that their principal axes preserve
+        (τ), between 0 and 1.
     rise : float
         Rise of the mean Mahalanobis distance from a valley to a peak that makes a cut, as a share
         of the range (greatest minus smallest) of the distances in the whole motion (0.1 in the
         source). These distances are computed once, without starting again at cuts.
     min_rise : float
-        Least rise that makes a cut, in the unit of the mean distance of the poses before from their
-        own model. It is not in the source, which would cut a motion without a change of behaviour.
+        Smallest rise that makes a cut, as a multiple of the mean distance of the poses before the
+        window from their own model, which is D. The source has no such limit, and would also cut a
+        motion without a change of behaviour.
     directions : {"both", "forward"}
-        Whether the motion is also read backwards, and all cuts are united. Forwards alone, a
-        behaviour whose poses all occur in the behaviour before it is not found.
+        "both" also reads the motion backwards, and unites the cuts of both directions. "forward"
+        does not find a behaviour whose poses all occur in the behaviour before it.
 
     Raises
     ------
@@ -122,7 +127,7 @@ def cut_frames(motion: Motion, parameters: PpcaParameters) -> IntArray:
 def _cuts_of_direction(
     scores: FloatArray, window: int, step: int, parameters: PpcaParameters
 ) -> list[int]:
-    """Return the cuts that are found when the poses are read in the given order, ascending."""
+    """Return the cuts that are found by reading the poses in the given order, ascending."""
     cuts: list[int] = []
     coarse = max(window // 4, step)
     distances = np.array([*_window_distances(scores, window, coarse, parameters.energy)])
@@ -142,24 +147,41 @@ def _cuts_of_direction(
 
 def _window_distances(scores: FloatArray, window: int, step: int, energy: float) -> Iterator[float]:
     """Yield H(K) for K = window, window + step, ... while a whole window follows, in frames."""
+    counts = np.arange(window, len(scores) - window + 1, step)
+    if not (len(counts) and scores.shape[1]):
+        return
     before = GrowingScatter(scores)
-    counts = range(window, len(scores) - window + 1, step) if scores.shape[1] else range(0)
-    for count in counts:
-        before.grow_to(count)
-        variances, axes = eigenvectors(before.scatter / (count - 1), scores.shape[1])
-        n = dimensions_of(variances, energy)
-        noise = max(float(variances[n:].mean()) if n < len(variances) else 0.0, MIN_VARIANCE)
-        variances[n:] = noise
-        offsets = (scores[count : count + window] - before.mean) @ axes
-        squares = np.einsum("ij,ij->j", offsets, offsets) / window
-        yield float((squares / np.maximum(variances, noise)).sum())
+    windows = sliding_window_view(scores, window, axis=0).transpose(0, 2, 1)
+    for chunk in np.array_split(counts, -(-len(counts) // _CHUNK)):
+        means, scatters = before.grow_through(chunk)
+        covariances = scatters / (chunk[:, None, None] - 1)
+        yield from _mean_distances(covariances, windows[chunk] - means[:, None], energy).tolist()
+
+
+def _mean_distances(covariances: FloatArray, offsets: FloatArray, energy: float) -> FloatArray:
+    """Return the mean Mahalanobis distance of poses from each of several models, shape (n,).
+
+    `covariances`, shape (n, D, D), are those of the poses from which each model is made. `offsets`,
+    shape (n, window, D), are the differences of the compared poses from the mean of the model.
+    """
+    variances, axes = principal_axes(covariances)
+    n_dimensions = dimensions_of_each(variances, energy)[:, None]
+    is_noise = np.arange(variances.shape[1]) >= n_dimensions
+    sums = np.where(is_noise, variances, 0.0).sum(axis=1, keepdims=True)
+    noise = np.maximum(sums / np.maximum(is_noise.sum(axis=1, keepdims=True), 1), MIN_VARIANCE)
+    projected = offsets @ axes
+    squares = np.einsum("kij,kij->kj", projected, projected) / offsets.shape[1]
+    model = np.maximum(np.where(is_noise, noise, variances), noise)
+    distances: FloatArray = (squares / model).sum(axis=1)
+    return distances
 
 
 def _first_peak(distances: Iterator[float], rise: float, n_following: int) -> int | None:
     """Return the index of the first peak that is `rise` above a valley before it, or None.
 
-    The peak is the greatest of the first such distance and the `n_following` after it. It must not
-    be the last distance, because the behaviour after it would last less than a window.
+    The peak is the greatest one of the first distance above this limit and of the `n_following`
+    distances after it. The result is None if the peak is the last distance, because the behaviour
+    after it would last less than a window.
     """
     least = np.inf
     for index, distance in enumerate(distances):

@@ -18,11 +18,12 @@ def fit_donors(
     rate: float,
     reach: float,
 ) -> FloatArray:
-    """Minimise the sum of `_Gradient` near seams by changing `values` in place; return `values`.
+    """Minimise the sum that `_Gradient` defines, near seams, by changing `values` in place.
 
-    `values` has shape (n_frames, n_joints, 4 or 3). `donors` are the first and the last frame of
-    each segment and, as in `ClosedFrames`, donor rows, seams and seam accelerations. `reach` is the
-    greatest distance of a changed frame from a seam, in frames, `rate` in frames per second.
+    Returns `values`, whose shape is (n_frames, n_joints, 4 or 3). `donors` has the first and the
+    last frame of each segment and, as in `ClosedFrames`, the donor rows, seams and seam
+    accelerations. `reach` is the greatest distance of a changed frame from a seam, in frames, and
+    `rate` is in frames per second.
     """
     tau = _TIME * rate
     _core.smooth_gradient(values, donors, (1.0, tau**2, tau**4), reach)

@@ -17,9 +17,10 @@ class _Inertial(SeamTreatment):
     """Add a decaying offset to the motion after a seam; the motion before it is unchanged.
 
     Inertialisation (Bollo, GDC 2018). The offset is a quintic in time. At the seam it closes the
-    gap in value and velocity, and its acceleration is 0. After a window of `Config.seam_blend`
-    seconds, at most the piece's duration, its value, velocity and acceleration are 0. The window is
-    shortened if the offset would overshoot 0. All three components of a joint share one window.
+    gap in value and velocity, and its acceleration is 0. At the end of a window its value,
+    velocity and acceleration are 0. The window lasts `Config.seam_blend` seconds, but at most as
+    long as the piece, and is shortened if the offset would overshoot 0. All three components of a
+    joint share one window.
     """
 
     is_causal = True

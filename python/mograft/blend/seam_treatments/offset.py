@@ -14,8 +14,8 @@ class Offset(SeamTreatment):
     """Move both sides of a seam to the mean value and the mean velocity.
 
     An offset is added on each side: a translation or a rotation vector, cubic in time. Its value
-    and velocity fall to 0 at the end of the blend time, at the latest at the other end of the
-    piece. Where the offsets of both seams of a short piece overlap, they are added.
+    and velocity fall to 0 within the blend time, and not later than at the other end of the piece.
+    Where the offsets of both seams of a short piece overlap, they are added.
     """
 
     is_causal = False

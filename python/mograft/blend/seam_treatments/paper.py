@@ -41,7 +41,9 @@ class _Paper(Displacement):
 
 
 def smoothing_windows(cut: Segments, seams: IntArray, window: int) -> tuple[IntArray, IntArray]:
-    """Return the frames between which frames are replaced, one before and one after each seam.
+    """Return the last kept frame before each seam and the first kept frame after it.
+
+    The frames between the two are replaced.
 
     `window` is the maximum number of replaced frames on each side of a seam. Seams next to a
     segment of one frame interval have no entry.

@@ -63,6 +63,7 @@ class Cursor:
         self._n_repairs = Counter[str]()
         # `_line` and `_column` are those of the offset `_counted` in the buffer.
         self._counted, self._line, self._column = 0, 1, 1
+        self._has_lone_cr: bool | None = None  # whether CR ends a line of `buffer`; None if unknown
         self._word_start = 0
         self._held = b""  # a CR at the end of the text read so far, which is not in `buffer`
         self._read_start()
@@ -87,6 +88,7 @@ class Cursor:
         pieces, size = [self.buffer[self.offset :]], 0
         self._word_start -= self.offset
         self._counted = self.offset = 0
+        self._has_lone_cr = None
         while size < CHUNK_BYTES:
             piece = self._read_bytes()
             if not piece:
@@ -99,9 +101,9 @@ class Cursor:
         self.buffer = b"".join(pieces)
 
     def _hold_cr(self, text: bytes) -> bytes:
-        """Return a text without a CR at its end, which is kept for the next chunk.
+        """Remove a CR from the end of a text, keep it for the next chunk, and return the rest.
 
-        LF may follow as part of the same line end.
+        The next chunk may begin with the LF of the same line end.
         """
         self._held = b"\r" if text.endswith(b"\r") else b""
         return text.removesuffix(b"\r")
@@ -128,14 +130,14 @@ class Cursor:
             self.read_chunk()
 
     def ends_in_word(self) -> bool:
-        """Return whether nothing follows the last word of a file that has been read."""
+        """Return whether the text in the buffer ends in a word, not in white space or padding."""
         end = self.buffer[-1:]
         return bool(end) and end not in b"\0\x1a \t\n\v\f\r"
 
     def take(self, pattern: re.Pattern[bytes]) -> bytes | None:
-        """Match a pattern at the cursor, move after the match and return the pattern's group.
+        """Match a pattern at the cursor, move after the match and return its first group.
 
-        Without a match, return None and do not move.
+        If the pattern does not match, return None and do not move.
         """
         self._ensure_lookahead()
         self._word_start = self.offset
@@ -158,16 +160,27 @@ class Cursor:
         if not self.is_at_end and not self.has_lookahead:
             self.skip_white_space()
 
+    def position_of(self, offset: int) -> Position:
+        """Return line and column of an offset in the buffer.
+
+        Positions must be requested in ascending order, because lines are counted from the last one.
+        """
+        self._count_to(offset)
+        return self._line, self._column
+
     def move_back(self) -> None:
         """Move back to the start of the last word taken."""
         self.offset = self._word_start
 
     def take_word(self) -> bytes:
-        """Return the next word or brace and move after it; empty at the end of the file."""
+        """Return the next word or brace and move after it; at the end of the file return b""."""
         return self.take(_WORD) or b""
 
     def take_keyword(self) -> bytes:
-        """Return the next word and move after it; keywords are returned in standard spelling."""
+        """Skip comments, return the next word and move after it.
+
+        Keywords are returned in standard spelling, such as ``End`` for ``END``.
+        """
         self.skip_comments()
         word = self.take_word()
         keyword = _KEYWORDS.get(word.upper())
@@ -196,11 +209,11 @@ class Cursor:
             self.tolerate("comment", "a comment")
 
     def take_number(self, meaning: str) -> float:
-        """Return the next word as a finite number; errors use `meaning` as its description."""
+        """Return the next word as a finite number; errors name `meaning` as expected."""
         return self._to_float(self.take_word(), meaning)
 
     def take_count(self, meaning: str) -> int:
-        """Return the next word as an integer from 0 up; errors use `meaning` as its description."""
+        """Return the next word as an integer of at least 0; errors name `meaning` as expected."""
         word = self.take_word()
         value = self._to_float(word, meaning)
         if not value.is_integer() or value < 0 or value >= 2**53:
@@ -226,7 +239,7 @@ class Cursor:
         raise BvhError(message, self.label, line, column)
 
     def tolerate(self, kind: str, message: str, position: Position | None = None) -> None:
-        """Raise BvhError for a deviation from the format if strict; otherwise add it to `repairs`.
+        """Add a deviation from the format to `repairs`; raise BvhError instead if strict.
 
         For each `kind`, only the first message and the number of deviations are kept.
         """
@@ -237,7 +250,7 @@ class Cursor:
         self._n_repairs[kind] += 1
 
     def move(self, size: int, n_line_ends: int) -> None:
-        """Move forward by `size` bytes of ASCII that hold `n_line_ends` line ends."""
+        """Move forward by `size` bytes of ASCII text, which contain `n_line_ends` line ends."""
         self._count_to(self.offset)
         end = self.offset + size
         if n_line_ends:
@@ -259,19 +272,27 @@ class Cursor:
     def _count_to(self, offset: int) -> None:
         if offset <= self._counted:
             return
-        passed = self.buffer[self._counted : offset]
-        lines = passed.count(b"\n") + passed.count(b"\r") - passed.count(b"\r\n")
+        buffer, start = self.buffer, self._counted
+        if self._has_lone_cr is None:
+            self._has_lone_cr = buffer.count(b"\r") != buffer.count(b"\r\n")
+        lines = buffer.count(b"\n", start, offset)
+        if self._has_lone_cr:
+            passed = buffer[start:offset]
+            lines += passed.count(b"\r") - passed.count(b"\r\n")
         if lines:
             self._line += lines
             self._column = 1
-            passed = passed[max(passed.rfind(b"\n"), passed.rfind(b"\r")) + 1 :]
-        self._column += len(passed.decode("utf-8", "replace"))
+            last = buffer.rfind(b"\n", start, offset)
+            if self._has_lone_cr:
+                last = max(last, buffer.rfind(b"\r", start, offset))
+            start = last + 1
+        self._column += len(buffer[start:offset].decode("utf-8", "replace"))
         self._counted = offset
 
 
 @contextmanager
 def open_cursor(file: BvhFile, *, strict: bool) -> Iterator[Cursor]:
-    """Open a path, or use an open file, and yield a cursor at the first word of the file."""
+    """Yield a cursor at the first word of a file: a path that is opened, or an open file."""
     if isinstance(file, str | os.PathLike):
         with open(file, "rb", buffering=0) as stream:
             yield Cursor(stream, os.fspath(file), strict=strict)
@@ -290,16 +311,19 @@ def _file_bytes(stream: IO[Any]) -> int:
 
 
 def match_end(pattern: re.Pattern[bytes], buffer: bytes, start: int) -> int:
-    """Return the offset in `buffer` at which a match of a pattern at `start` ends.
+    """Match a pattern at `start` in `buffer`, and return the offset of the end of the match.
 
-    The offset is `start` if the pattern does not match.
+    If the pattern does not match, return `start`.
     """
     match = pattern.match(buffer, start)
     return start if match is None else match.end()
 
 
 def describe_word(word: bytes) -> str:
-    """Return a word as printable text for a message, cut after 40 characters."""
+    """Return a word as printable text for a message, cut after 40 characters.
+
+    An empty word stands for the end of the file.
+    """
     if not word:
         return "the end of the file"
     text = word.decode("utf-8", "replace")
@@ -308,7 +332,7 @@ def describe_word(word: bytes) -> str:
 
 
 def describe_number(word: bytes) -> str:
-    """Return the text of an invalid number for a message, with the reason why it is invalid."""
+    """Return a word that is not a valid number as text for a message, with the reason if known."""
     text = describe_word(word)
     end = match_end(_NUMBER, word, 0)
     if _NAN.fullmatch(word) or _INFINITY.fullmatch(word):

@@ -11,8 +11,8 @@ MAX_DECIMALS = 12
 The spacing of float64 numbers near 180 is 3e-14.
 """
 
-_SAMPLE_LENGTH = 4096  # numbers of which the decimals are counted
-_SHARE = 0.9
+_SAMPLE_LENGTH = 4096  # numbers of which the decimals are counted, about
+_SHARE = 0.9  # of the numbers, which the result must reproduce
 _MAX_SCALED = 2.0**53  # integers below this are exact
 
 
@@ -26,8 +26,8 @@ def check_digits(digits: object) -> int:
 def round_numbers(numbers: FloatArray, digits: int) -> FloatArray:
     """Return numbers rounded to `digits` decimals, without negative zeros.
 
-    Numbers of 2**53 units of the last decimal or more are returned unchanged: they have fewer
-    decimals.
+    Numbers of at least 2**53 / 10**digits are returned unchanged: float64 numbers of this size have
+    no more decimals.
     """
     scale = 10.0**digits
     is_small = np.abs(numbers) < _MAX_SCALED / scale
@@ -39,8 +39,8 @@ def count_decimals(numbers: FloatArray) -> int:
     """Return the number of decimals with which numbers were written, at most 12.
 
     This is the smallest number of decimals that reproduces nine tenths of the numbers that are not
-    integers: a few numbers may have an exponent. NaN is ignored. The result is 0 if all are
-    integers.
+    integers. The other tenth may have been written with exponents. NaN is ignored. The result is 0
+    if all numbers are integers. Of more than about 4,096 numbers, only a sample is examined.
     """
     flat = numbers.ravel()
     sample = flat[:: max(1, len(flat) // _SAMPLE_LENGTH)]

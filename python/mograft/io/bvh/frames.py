@@ -9,6 +9,7 @@ from mograft import _core
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.io.bvh.cursor import Cursor, describe_number, describe_word, match_end
 from mograft.io.bvh.header import Header
+from mograft.motion.limits import check_frames
 
 # Numbers read at a time after the declared number of frames.
 _BLOCK_LENGTH = 1 << 15
@@ -36,7 +37,7 @@ def read_frames(cursor: Cursor, header: Header) -> FloatArray:
 
 
 def count_frames(cursor: Cursor, header: Header) -> int:
-    """Return the number of frames, after the same check of the numbers as in `read_frames`."""
+    """Return the number of frames; check the numbers as `read_frames` does."""
     lines, scratch = _LineCheck(cursor, header), np.empty(_BLOCK_LENGTH)
     while _read_numbers(cursor, lines, scratch):
         pass
@@ -45,9 +46,9 @@ def count_frames(cursor: Cursor, header: Header) -> int:
 
 
 def _read_numbers(cursor: Cursor, lines: "_LineCheck", out: FloatArray) -> int:
-    """Read numbers into `out` until it is full or the file ends; return their count.
+    """Read numbers into `out` until it is full or the file ends; return how many were read.
 
-    `lines` receives the line ends for its check.
+    Pass the line ends between them to `lines`.
     """
     filled = 0
     while True:
@@ -69,9 +70,9 @@ def _read_numbers(cursor: Cursor, lines: "_LineCheck", out: FloatArray) -> int:
 
 
 def _check_padding(cursor: Cursor) -> None:
-    """Raise BvhError for the word at the cursor, which is no number.
+    """Raise BvhError for the word at the cursor, which is not a number.
 
-    Padding (NUL or control bytes) at the end of the file is tolerated.
+    If only padding (NUL, control-Z and white space) follows up to the end of the file, tolerate it.
     """
     word = cursor.take_word()
     if word[:1] in (b"\0", b"\x1a"):
@@ -90,14 +91,18 @@ def _check_padding(cursor: Cursor) -> None:
 
 
 class _LineCheck:
-    """Check that line ends and frames agree.
+    """Check that the line ends fit the frames.
 
-    Three layouts are valid: a line holds one or more whole frames; a frame is wrapped over several
-    lines; all lines hold the same count of numbers. In any other layout a number is missing or
-    surplus, and all later numbers would be assigned to wrong channels. If a line is not exactly one
-    frame, the declared number of frames must be correct. Surplus numbers at the end of lines are
-    ignored if every line has the same number of them, and there are as many lines as declared
-    frames.
+    Usually, each line holds one frame. These layouts are valid, too, if the file has as many
+    frames as it declares:
+
+    - several whole frames on a line;
+    - a frame that continues on the next lines, where the next frame starts on a new line;
+    - the same count of numbers on all lines, except fewer on the last, whatever the frames;
+    - one line per frame with the same count of surplus numbers at its end, which are ignored.
+
+    In any other layout a number is missing or surplus, and all later numbers would be assigned to
+    wrong channels.
     """
 
     def __init__(self, cursor: Cursor, header: Header) -> None:
@@ -117,7 +122,10 @@ class _LineCheck:
         self._first_count, self._is_uniform, self._has_short_line = 0, True, False
 
     def add(self, line_ends: IntArray, n_values: int) -> None:
-        """Add `n_values` numbers; `line_ends` holds how many of these precede each line end."""
+        """Add `n_values` numbers and the line ends between them.
+
+        `line_ends` holds for each line end how many of these numbers precede it.
+        """
         if not len(line_ends):
             self._n_on_line += n_values
             return
@@ -131,9 +139,10 @@ class _LineCheck:
             self._check_lines(lines, counts[not_blank])
 
     def finish(self) -> tuple[int, int]:
-        """Check the lines after the last number; return two counts: frames, and numbers per frame.
+        """Complete the check after the last number; return the counts of frames and of numbers.
 
-        A frame has one number per channel, or more if the lines have surplus numbers.
+        The second result is the count of numbers per frame: one per channel, or more if the lines
+        have surplus numbers.
         """
         self.add(np.array([0]), 0)
         cursor, declared, width = self._cursor, self._header.n_frames, self._width
@@ -144,6 +153,10 @@ class _LineCheck:
             word = describe_word(cursor.take_word())
             cursor.fail(f"expected {declared} frames, got {word}")
         n_frames, n_left = divmod(self._n_numbers, width)
+        try:
+            check_frames(n_frames)
+        except ValueError as error:
+            cursor.fail(str(error), self._header.frames_position)
         is_declared = self._n_numbers == declared * width
         position = (self._straddling_line or self._wrapped_line or self._joined_line, 1)
         if self._straddling_line and self._has_surplus():
@@ -182,7 +195,7 @@ class _LineCheck:
         )
 
     def _check_lines(self, lines: IntArray, counts: IntArray) -> None:
-        """Check lines that are not blank, given their line numbers and their counts of numbers."""
+        """Check lines that are not blank: `lines` are their numbers, `counts` those of values."""
         width, n_before = self._width, self._n_numbers
         self._n_numbers += int(counts.sum())
         self._first_count = self._first_count or int(counts[0])
@@ -220,5 +233,5 @@ class _LineCheck:
 
 
 def _first(lines: IntArray, selected: npt.NDArray[np.bool_]) -> int:
-    """Return the first of the `lines` that is selected; 0 if none is."""
+    """Return the first of `lines` for which `selected` is true; 0 if there is none."""
     return int(lines[selected.argmax()]) if selected.any() else 0

@@ -3,19 +3,20 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 
+from mograft import _core
+from mograft._util.arrays import FloatArray
 from mograft.io.bvh.cursor import Cursor, Position, describe_word
-from mograft.motion.skeleton import CHANNELS, EndSite, Skeleton
+from mograft.motion import limits
+from mograft.motion.skeleton import CHANNELS, Skeleton, make_end_sites
 
 # Patterns for `Cursor.take`: one group, followed by white space.
 _NAME = re.compile(rb"([^\r\n{]*)[ \t-\r]*")
 _SITE = re.compile(rb"(site(?=[ \t-\r{]|\Z))[ \t-\r]*", re.IGNORECASE)
 _FRAMES = re.compile(rb"(frames[ \t-\r]*:?)[ \t-\r]*", re.IGNORECASE)
-_MAX_JOINTS = 1 << 16
-"""Joints of a file: some seconds of reading, and far more than any figure has."""
-
 _FRAME_TIME = re.compile(rb"(frames?[ \t-\r]*time[ \t-\r]*:?)[ \t-\r]*", re.IGNORECASE)
 
 _CHANNEL_OF_WORD = {name.lower().encode(): name for name in CHANNELS}
@@ -31,24 +32,61 @@ class Header:
     frame_time: float  # seconds
 
 
-@dataclass
-class _Joint:
-    name: bytes
-    parent: int
-    position: Position
-    offset: list[float] = field(default_factory=list)
-    channels: list[str] | None = None
+@dataclass(slots=True)
+class _Open:
+    """A joint whose brace is open, and how many children and end sites it has so far."""
+
+    joint: int
     n_children: int = 0
     n_end_sites: int = 0
 
 
 @dataclass(frozen=True)
-class _Site:
-    parent: int
-    before: int
+class _Joint:
     name: bytes
     position: Position
-    offset: list[float]
+    offset: Sequence[float]
+    channels: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Tree:
+    """The joints and end sites that were read, as columns, and the joints with open braces."""
+
+    names: list[bytes] = field(default_factory=list)
+    positions: list[Position] = field(default_factory=list)
+    parents: list[int] = field(default_factory=list)
+    channels: list[tuple[str, ...]] = field(default_factory=list)
+    offsets: list[FloatArray] = field(default_factory=list)  # shapes (n, 3)
+    site_names: list[bytes] = field(default_factory=list)
+    site_positions: list[Position] = field(default_factory=list)
+    site_parents: list[int] = field(default_factory=list)
+    site_ranks: list[int] = field(default_factory=list)  # `EndSite.before`
+    site_offsets: list[FloatArray] = field(default_factory=list)
+    open: list[_Open] = field(default_factory=list)
+
+    def add(self, joint: _Joint) -> None:
+        """Add a joint whose brace is open; raise ValueError for too many joints or levels."""
+        limits.check_joints(len(self.names) + 1)
+        limits.check_levels(len(self.open) + 1)
+        self.parents.append(self.open[-1].joint if self.open else -1)
+        if self.open:
+            self.open[-1].n_children += 1
+        self.open.append(_Open(len(self.names)))
+        self.names.append(joint.name)
+        self.positions.append(joint.position)
+        self.channels.append(joint.channels)
+        self.offsets.append(np.array([joint.offset]))
+
+    def add_site(self, name: bytes, position: Position, offset: Sequence[float]) -> None:
+        """Add an end site to the last open joint."""
+        above = self.open[-1]
+        self.site_names.append(name)
+        self.site_positions.append(position)
+        self.site_parents.append(above.joint)
+        self.site_ranks.append(above.n_children)
+        self.site_offsets.append(np.array([offset]))
+        above.n_end_sites += 1
 
 
 def read_header(cursor: Cursor) -> Header:
@@ -63,8 +101,10 @@ def read_header(cursor: Cursor) -> Header:
         if frame_time is None and (label := cursor.take(_FRAME_TIME)) is not None:
             _check_label(cursor, label, b"Frame Time:")
             frame_time = cursor.take_number("the frame time in seconds")
-            if frame_time <= 0:
-                cursor.fail(f"expected a frame time above 0 seconds, got {frame_time:g}")
+            try:
+                limits.check_frame_time(frame_time)
+            except ValueError as error:
+                cursor.fail(str(error))
             if n_frames is None:
                 cursor.tolerate("order", "Frame Time before Frames")
         elif n_frames is None and (label := cursor.take(_FRAMES)) is not None:
@@ -78,7 +118,7 @@ def read_header(cursor: Cursor) -> Header:
 
 
 def _check_label(cursor: Cursor, label: bytes, expected: bytes) -> None:
-    """Tolerate a label that is misspelt or not followed by white space; list it as a repair.
+    """List a label that is misspelt or not followed by white space as a repair.
 
     If the cursor is strict, raise BvhError instead.
     """
@@ -93,47 +133,96 @@ def _check_label(cursor: Cursor, label: bytes, expected: bytes) -> None:
 def _read_hierarchy(cursor: Cursor) -> Skeleton:
     cursor.expect(b"HIERARCHY")
     cursor.expect(b"ROOT")
-    joints = [_read_joint(cursor, "ROOT", -1)]
-    sites: list[_Site] = []
-    # Indices of the joints whose braces are open. An explicit stack reads chains that are deeper
-    # than Python's recursion limit.
-    stack = [0]
-    while stack:
-        joint = joints[stack[-1]]
-        word = cursor.take_keyword()
-        if word == b"JOINT":
-            if len(joints) == _MAX_JOINTS:
-                cursor.fail(f"expected at most {_MAX_JOINTS} joints, got more")
-            joint.n_children += 1
-            stack.append(len(joints))
-            joints.append(_read_joint(cursor, "JOINT", stack[-2]))
-        elif word == b"End":
-            sites.append(_read_end_site(cursor, stack[-1], joint.n_children))
-            joint.n_end_sites += 1
-        elif word == b"}":
-            _check_end_sites(cursor, joint)
-            stack.pop()
-        else:
-            cursor.fail(
-                f"expected JOINT, End Site or the }} of {describe_word(joint.name)} "
-                f"(line {joint.position[0]}), got {describe_word(word)}"
-            )
-    names = _decode_names(cursor, [(joint.name, joint.position) for joint in joints])
-    site_names = _decode_names(cursor, [(site.name, site.position) for site in sites])
-    _check_names(cursor, names, [joint.position for joint in joints])
-    return Skeleton(
-        tuple(names),
-        np.array([joint.parent for joint in joints]),
-        np.array([joint.offset for joint in joints]),
-        tuple(tuple(joint.channels or ()) for joint in joints),
-        tuple(
-            EndSite(site.parent, np.array(site.offset), site.before, name)
-            for site, name in zip(sites, site_names, strict=True)
-        ),
+    tree = _Tree()
+    tree.add(_read_joint(cursor, "ROOT"))
+    # The kernel takes time for each open joint: in files of another form it is tried less often.
+    wait = skipped = 0
+    while tree.open:
+        if skipped >= wait:
+            start = cursor.offset
+            _read_usual_items(cursor, tree)
+            wait, skipped = 0 if cursor.offset > start else min(2 * wait + 1, 256), 0
+        if tree.open:
+            _read_item(cursor, tree)
+            skipped += 1
+    names = _decode_names(cursor, tree.names, tree.positions)
+    site_names = _decode_names(cursor, tree.site_names, tree.site_positions)
+    _check_names(cursor, names, tree.positions)
+    site_offsets = np.concatenate([np.empty((0, 3)), *tree.site_offsets])
+    sites = make_end_sites(tree.site_parents, site_offsets, tree.site_ranks, site_names)
+    offsets = np.concatenate(tree.offsets)
+    try:
+        return Skeleton(names, np.array(tree.parents), offsets, tuple(tree.channels), sites)
+    except ValueError as error:
+        cursor.fail(str(error))
+
+
+def _read_usual_items(cursor: Cursor, tree: _Tree) -> None:
+    """Read the items that follow with a fast kernel, up to the first item of unusual form.
+
+    `_read_item` gives the same result for these items, and also reads items of any other form.
+    """
+    text, start = cursor.buffer, cursor.offset
+    line, column = cursor.position_of(start)
+    joints, offsets, sites, site_offsets, unusual, n_bytes, left = _core.scan_hierarchy(
+        text,
+        start,
+        [(own.joint, own.n_children, own.n_end_sites) for own in tree.open],
+        len(tree.names),
+        (limits.MAX_JOINTS, limits.MAX_LEVELS),
     )
+    starts, stops, lines, columns, codes, parents = joints.T
+    columns = np.where(lines, columns + 1, columns + column)
+    bounds = zip((start + starts).tolist(), (start + stops).tolist(), strict=True)
+    tree.names.extend([text[first:last] for first, last in bounds])
+    tree.positions.extend(zip((line + lines).tolist(), columns.tolist(), strict=True))
+    tree.parents.extend(parents.tolist())
+    tree.channels.extend(map(_decode_channels, codes.tolist()))
+    tree.offsets.append(offsets)
+    n_sites = len(sites)
+    tree.site_names.extend([b""] * n_sites)
+    tree.site_positions.extend([(line, column)] * n_sites)
+    tree.site_parents.extend(sites[:, 0].tolist())
+    tree.site_ranks.extend(sites[:, 1].tolist())
+    tree.site_offsets.append(site_offsets)
+    tree.open[:] = [_Open(*own) for own in left]
+    for own in unusual:
+        _check_end_sites(cursor, tree, _Open(*own))
+    cursor.offset += n_bytes
 
 
-def _read_joint(cursor: Cursor, keyword: str, parent: int) -> _Joint:
+@cache
+def _decode_channels(code: int) -> tuple[str, ...]:
+    """Return the channels that the digits of `code` in base 7 name; see `mograft_text::Joint`."""
+    names = []
+    while code:
+        code, digit = divmod(code, 7)
+        names.append(CHANNELS[digit - 1])
+    return tuple(names)
+
+
+def _read_item(cursor: Cursor, tree: _Tree) -> None:
+    """Read the start of a joint, an end site, or the closing brace of a joint."""
+    word = cursor.take_keyword()
+    if word == b"JOINT":
+        joint = _read_joint(cursor, "JOINT")
+        try:
+            tree.add(joint)
+        except ValueError as error:
+            cursor.fail(str(error), joint.position)
+    elif word == b"End":
+        tree.add_site(*_read_end_site(cursor))
+    elif word == b"}":
+        _check_end_sites(cursor, tree, tree.open.pop())
+    else:
+        last = tree.open[-1].joint
+        cursor.fail(
+            f"expected JOINT, End Site or the }} of {describe_word(tree.names[last])} "
+            f"(line {tree.positions[last][0]}), got {describe_word(word)}"
+        )
+
+
+def _read_joint(cursor: Cursor, keyword: str) -> _Joint:
     """Read a joint from its name up to its channels; the keyword ROOT or JOINT has been read."""
     line = cursor.position()[0]
     name = _take_name(cursor)
@@ -141,19 +230,20 @@ def _read_joint(cursor: Cursor, keyword: str, parent: int) -> _Joint:
     if not name:
         cursor.fail(f"expected a name after {keyword}, got {describe_word(cursor.take_word())}")
     _read_brace(cursor, keyword, line)
-    joint = _Joint(name, parent, position)
-    while not joint.offset or joint.channels is None:
+    offset: list[float] = []
+    channels: list[str] | None = None
+    while not offset or channels is None:
         word = cursor.take_keyword()
-        if word == b"OFFSET" and not joint.offset:
-            joint.offset = _read_offset(cursor)
-        elif word == b"CHANNELS" and joint.channels is None:
-            if not joint.offset:
+        if word == b"OFFSET" and not offset:
+            offset = _read_offset(cursor)
+        elif word == b"CHANNELS" and channels is None:
+            if not offset:
                 cursor.tolerate("channels first", "CHANNELS before OFFSET")
-            joint.channels = _read_channels(cursor, name)
+            channels = _read_channels(cursor, name)
         else:
-            expected = "CHANNELS" if joint.offset else "OFFSET"
+            expected = "CHANNELS" if offset else "OFFSET"
             cursor.fail(f"expected {expected}, got {describe_word(word)}")
-    return joint
+    return _Joint(name, position, offset, tuple(channels))
 
 
 def _read_channels(cursor: Cursor, joint: bytes) -> list[str]:
@@ -175,11 +265,8 @@ def _read_channels(cursor: Cursor, joint: bytes) -> list[str]:
     return channels
 
 
-def _read_end_site(cursor: Cursor, parent: int, before: int) -> _Site:
-    """Read an end site after its keyword End.
-
-    `before` is the number of children of the joint `parent` that precede the end site.
-    """
+def _read_end_site(cursor: Cursor) -> tuple[bytes, Position, list[float]]:
+    """Read an end site after its keyword End; return its name, position and offset."""
     position = cursor.position()
     keyword = cursor.take(_SITE)
     if keyword is None:
@@ -193,7 +280,7 @@ def _read_end_site(cursor: Cursor, parent: int, before: int) -> _Site:
     cursor.expect(b"OFFSET")
     offset = _read_offset(cursor)
     cursor.expect(b"}")
-    return _Site(parent=parent, before=before, name=name, position=position, offset=offset)
+    return name, position, offset
 
 
 def _take_name(cursor: Cursor) -> bytes:
@@ -210,41 +297,47 @@ def _read_brace(cursor: Cursor, keyword: str, line: int) -> None:
         cursor.tolerate("brace", f"'{{' on the line of {keyword}")
 
 
-def _check_end_sites(cursor: Cursor, joint: _Joint) -> None:
-    """Tolerate a leaf joint without end site, or an end site with siblings; list it as a repair.
+def _check_end_sites(cursor: Cursor, tree: _Tree, closed: _Open) -> None:
+    """List a leaf joint without end site, or an end site with siblings, as a repair.
 
-    If the cursor is strict, raise BvhError instead.
+    `closed` is the joint. If the cursor is strict, raise BvhError instead.
     """
-    text = describe_word(joint.name)
-    if not joint.n_children and not joint.n_end_sites:
-        cursor.tolerate("no end", f"{text} has neither JOINT nor End Site", joint.position)
-    if joint.n_end_sites > 1 or (joint.n_children and joint.n_end_sites):
-        cursor.tolerate("end beside", f"{text} has an End Site and other children", joint.position)
+    text, position = describe_word(tree.names[closed.joint]), tree.positions[closed.joint]
+    if not closed.n_children and not closed.n_end_sites:
+        cursor.tolerate("no end", f"{text} has neither JOINT nor End Site", position)
+    if closed.n_end_sites > 1 or (closed.n_children and closed.n_end_sites):
+        cursor.tolerate("end beside", f"{text} has an End Site and other children", position)
 
 
-def _decode_names(cursor: Cursor, names: Sequence[tuple[bytes, Position]]) -> list[str]:
-    """Decode names as UTF-8 or, if one of them is invalid, all as Windows-1252 or Latin-1."""
+def _decode_names(
+    cursor: Cursor, names: Sequence[bytes], positions: Sequence[Position]
+) -> tuple[str, ...]:
+    """Decode all names as UTF-8, or as Windows-1252, or as Latin-1: the first that is possible."""
     for encoding in ("utf-8", "cp1252", "latin-1"):
         try:
-            decoded = [name.decode(encoding) for name, _ in names]
+            decoded = tuple([name.decode(encoding) for name in names])
         except UnicodeDecodeError:
             continue
         if encoding != "utf-8":
-            position = next(position for name, position in names if not name.isascii())
+            pairs = zip(names, positions, strict=True)
+            position = next(position for name, position in pairs if not name.isascii())
             cursor.tolerate("encoding", f"names are not UTF-8; read as {encoding}", position)
         return decoded
-    raise AssertionError("unreachable: Latin-1 decodes any bytes")
+    raise AssertionError("Latin-1 must decode any bytes")
 
 
 def _check_names(cursor: Cursor, names: Sequence[str], positions: Sequence[Position]) -> None:
-    """Tolerate repeated names and names that contain white space; list them as repairs.
+    """List repeated names and names that contain white space as repairs.
 
     If the cursor is strict, raise BvhError instead.
     """
     known: set[str] = set()
+    all_names = "".join(names)
+    if len(set(names)) == len(names) and " " not in all_names and "\t" not in all_names:
+        return
     for name, position in zip(names, positions, strict=True):
         if " " in name or "\t" in name:
             cursor.tolerate("blank name", f"a space in the name {name!r}", position)
         if name in known:
-            cursor.tolerate("twin name", f"the name {name!r} is repeated", position)
+            cursor.tolerate("repeated name", f"the name {name!r} is repeated", position)
         known.add(name)

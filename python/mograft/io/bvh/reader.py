@@ -66,19 +66,20 @@ def read_bvh(source: BvhFile, *, strict: bool = False, add_offsets: bool = False
     Parameters
     ----------
     source : path or file object
-        The file; an open file may be text or binary. White space and line ends may be of any kind.
+        The file: a path, or an open text or binary file. White space and line ends may be of any
+        kind.
     strict : bool
         Whether to raise an error for the deviations that `Motion.repairs` otherwise lists.
     add_offsets : bool
-        Whether position channels are added to OFFSET, as in three.js, or replace it, as in Blender.
-        The sums become the channel values of the motion, so that programs that replace OFFSET read
-        the written file correctly.
+        Whether position channels are added to OFFSET, as in three.js. By default they replace it,
+        as in Blender. The sums become the channel values of the motion: when the motion is written,
+        programs that replace OFFSET read the file correctly.
 
     Returns
     -------
     Motion
         The motion, named after the file without its suffix. It has all frames found, even if the
-        file declares another number. `Motion.channel_values` holds the numbers as read, so that
+        file declares another number. `Motion.channel_values` holds the numbers of the file, so that
         `write_bvh` reproduces them. Quaternions do not change sign from frame to frame.
 
     Raises
@@ -127,7 +128,9 @@ def read_bvh(source: BvhFile, *, strict: bool = False, add_offsets: bool = False
 
 
 def scan_bvh(source: BvhFile, *, strict: bool = False) -> BvhSummary:
-    """Check a BVH file as `read_bvh` does and return a summary; memory does not grow with frames.
+    """Check a BVH file as `read_bvh` does, and return a summary.
+
+    The memory does not grow with the number of frames.
 
     Parameters
     ----------

@@ -3,17 +3,19 @@
 import os
 import re
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 
 from mograft import _core
-from mograft._util.arrays import BoolArray
+from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.atomic import atomic_path
 from mograft._util.validate import check_type
 from mograft.io.bvh.cursor import BvhFile
 from mograft.io.bvh.decimals import check_digits, count_decimals, round_numbers
+from mograft.motion.limits import MAX_LEVELS
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import EndSite, Skeleton
 
@@ -21,8 +23,10 @@ from mograft.motion.skeleton import EndSite, Skeleton
 _BLOCK_LENGTH = 1 << 15
 # Deeper levels are not indented further: a chain of thousands of joints would be mostly tabs.
 _MAX_INDENTATION = 40
-_FRAMES_WITH_DECIMALS = 4096  # frames, about, whose decimals are counted
+_FRAMES_WITH_DECIMALS = 4096  # about as many frames are searched for the number of decimals
 _MIN_DECIMALS = 6  # of computed angles, if `digits` is not given
+# Names that the format cannot represent. Lone surrogates (category Cs) cannot be encoded.
+_UNSUITABLE = re.compile(r"[\r\n{\ud800-\udfff]|^[ \t\v\f]|[ \t\v\f]\Z")
 
 
 def write_bvh(motion: Motion, target: BvhFile, *, digits: int | None = None) -> None:
@@ -50,6 +54,8 @@ def write_bvh(motion: Motion, target: BvhFile, *, digits: int | None = None) -> 
         If `digits` is not an integer from 1 to 12, or if the format cannot represent the motion:
         the name of a joint is empty; the name of a joint or end site contains a line end, ``{`` or
         a lone surrogate, or starts or ends with white space; or the skeleton has no channel.
+    TypeError
+        If `motion` is not a motion, or `target` is neither a path nor a file object.
     OSError
         If the file cannot be written.
 
@@ -87,20 +93,21 @@ def _format_blocks(motion: Motion, digits: int | None) -> Iterator[bytes]:
     """Yield the text of a file: the header, then blocks of frames."""
     skeleton = motion.skeleton
     if not skeleton.n_channels:
-        raise ValueError("the skeleton must have at least one channel to be written, got none")
+        raise ValueError("the skeleton must have at least one channel in a BVH file, got none")
     _check_names(skeleton)
     header, joints = _format_hierarchy(skeleton)
-    columns = np.concatenate([skeleton.channel_columns[joint] for joint in joints]).astype(int)
+    is_in_order = joints == list(range(skeleton.n_joints))
     yield "\n".join(
         [*header, "MOTION", f"Frames: {motion.n_frames}", f"Frame Time: {motion.frame_time!r}", ""]
     ).encode()
-    is_angle = np.zeros(skeleton.n_channels, bool)
-    is_angle[[column for turns in skeleton.rotation_columns for column in turns]] = True
+    is_angle = _find_angles(skeleton)
     if digits is None:
-        digits = max(_count_own_decimals(motion, is_angle), _MIN_DECIMALS)
-    is_in_order = bool((np.diff(columns) == 1).all())
+        digits = max(_count_read_decimals(motion, is_angle), _MIN_DECIMALS)
+    columns = list[int]()
+    if not is_in_order:
+        columns = [column for joint in joints for column in skeleton.channel_columns[joint]]
     start = 0
-    for numbers in motion.channel_blocks(max(_BLOCK_LENGTH // skeleton.n_channels, 1)):
+    for numbers in motion.channel_blocks(max(_BLOCK_LENGTH // skeleton.n_channels, 8)):
         is_rounded = is_angle & motion.is_computed(numbers, start)
         start += len(numbers)
         numbers[is_rounded] = round_numbers(numbers[is_rounded], digits)
@@ -108,65 +115,93 @@ def _format_blocks(motion: Motion, digits: int | None) -> Iterator[bytes]:
         yield _core.format_rows(np.ascontiguousarray(ordered))
 
 
-def _count_own_decimals(motion: Motion, is_angle: BoolArray) -> int:
+def _find_angles(skeleton: Skeleton) -> BoolArray:
+    """Return whether each channel is an angle, shape (n_channels,)."""
+    kinds = {own: [name.endswith("rotation") for name in own] for own in set(skeleton.channels)}
+    return np.array([*chain.from_iterable(map(kinds.__getitem__, skeleton.channels))], bool)
+
+
+def _count_read_decimals(motion: Motion, is_angle: BoolArray) -> int:
     """Return the number of decimals of the angles that were read from a file; 0 if none were."""
     if motion.channel_values is None:
         return 0
     frames = slice(None, None, max(1, motion.n_frames // _FRAMES_WITH_DECIMALS))
-    own = motion.channel_values[frames]
-    is_own = np.broadcast_to(is_angle, own.shape)
+    values = motion.channel_values[frames]
+    is_read = np.broadcast_to(is_angle, values.shape)
     if motion.computed_values is not None:
-        is_own = is_own & ~motion.computed_values[frames]
-    return count_decimals(own[is_own])
+        is_read = is_read & ~motion.computed_values[frames]
+    return count_decimals(values[is_read])
 
 
 def _check_names(skeleton: Skeleton) -> None:
-    owners = [(f"joint {joint}", name) for joint, name in enumerate(skeleton.names)]
-    for owner, name in owners:
-        if not name:
-            raise ValueError(f"{owner} must have a name to be written, got none")
-    owners += [(f"the end site of {skeleton.names[s.parent]}", s.name) for s in skeleton.end_sites]
-    for owner, name in owners:
-        # Lone surrogates (category Cs) cannot be encoded.
-        if name.strip(" \t\v\f") != name or re.search("[\r\n{\ud800-\udfff]", name):
+    if "" in skeleton.names:
+        joint = skeleton.names.index("")
+        raise ValueError(f"joint {joint} must have a name in a BVH file, got an empty name")
+    names = [*skeleton.names, *[site.name for site in skeleton.end_sites]]
+    for index, found in enumerate(map(_UNSUITABLE.search, names)):
+        if found:
+            site = index - skeleton.n_joints
+            owner = f"joint {index}"
+            if site >= 0:
+                parent = skeleton.end_sites[site].parent
+                owner = f"the end site of {skeleton.names[parent]}"
             raise ValueError(
-                f"the name of {owner} must not contain a line end, '{{' or a lone surrogate, or "
-                f"start or end with white space, to be written; got {name!r}"
+                f"in a BVH file, the name of {owner} must not contain a line end, '{{' or a lone "
+                f"surrogate, or start or end with white space; got {names[index]!r}"
             )
 
 
 def _format_hierarchy(skeleton: Skeleton) -> tuple[list[str], list[int]]:
-    """Return the lines of the hierarchy, and the joint indices in the order of these lines."""
+    """Return the lines of the hierarchy, and the joint indices in the order of these lines.
+
+    An item of the first list may hold several lines.
+    """
     lines, order = ["HIERARCHY"], list[int]()
-    # An explicit stack of joints, end sites and closing lines still to be written: chains may be
-    # deeper than Python's recursion limit.
-    stack: list[int | EndSite | str] = [0]
-    depth = 0
+    below, sites = skeleton.children_and_sites, skeleton.end_sites
+    offsets = _format_offsets(skeleton.offsets)
+    ends = dict(zip(sites, _format_offsets([site.offset for site in sites]), strict=True))
+    channels = {
+        names: " ".join(["CHANNELS", str(len(names)), *names]) for names in set(skeleton.channels)
+    }
+    tabs = ["\t" * depth for depth in range(_MAX_INDENTATION)]
+    tabs += ["\t" * _MAX_INDENTATION] * MAX_LEVELS
+    # An explicit stack of joints, end sites and, as None, closing lines still to be written:
+    # chains may be deeper than Python's recursion limit.
+    stack: list[int | EndSite | None] = [0]
+    depth, kind = 0, "ROOT"
     while stack:
         item = stack.pop()
-        if isinstance(item, str):
+        if item is None:
             depth -= 1
-            lines.append("\t" * min(depth, _MAX_INDENTATION) + item)
+            lines.append(tabs[depth] + "}")
             continue
-        indent = "\t" * min(depth, _MAX_INDENTATION)
-        depth += 1
-        stack.append("}")
+        tab = tabs[depth]
         if isinstance(item, EndSite):
-            title, offset = f"End Site {item.name}".rstrip(" "), item.offset
-        else:
-            title, offset = (
-                ("JOINT " if order else "ROOT ") + skeleton.names[item],
-                skeleton.offsets[item],
-            )
-        lines += [indent + title, indent + "{"]
-        lines.append(f"{indent}\tOFFSET {' '.join(map(repr, offset.tolist()))}")
-        if isinstance(item, EndSite):
+            title = f"End Site {item.name}".rstrip(" ")
+            lines.append(f"{tab}{title}\n{tab}{{\n{tab}\tOFFSET {ends[item]}\n{tab}}}")
             continue
-        channels = skeleton.channels[item]
-        lines.append(" ".join([f"{indent}\tCHANNELS", str(len(channels)), *channels]))
+        lines.append(
+            f"{tab}{kind} {skeleton.names[item]}\n{tab}{{\n{tab}\tOFFSET {offsets[item]}\n"
+            f"{tab}\t{channels[skeleton.channels[item]]}"
+        )
         order.append(item)
-        stack += reversed(skeleton.children_and_sites[item])
+        depth, kind = depth + 1, "JOINT"
+        stack.append(None)
+        stack += reversed(below[item])
     return lines, order
+
+
+def _format_offsets(offsets: FloatArray | list[FloatArray]) -> list[str]:
+    """Return the text of each offset: numbers as `repr` writes them, separated by spaces."""
+    rows = np.array(offsets, np.float64).reshape(-1, 3)
+    texts = _core.format_rows(rows).decode().splitlines()
+    # The kernel and `repr` write numbers of at most 15 digits and 6 decimals equally, from 1e-4 on.
+    sizes = np.minimum(np.abs(rows), 1e9)
+    is_equal = (sizes < 1e9) & (np.rint(sizes * 1e6) / 1e6 == sizes)
+    is_equal &= (sizes >= 1e-4) | (sizes == 0.0)
+    for row in np.flatnonzero(~is_equal.all(axis=1)).tolist():
+        texts[row] = " ".join(map(repr, rows[row].tolist()))
+    return texts
 
 
 def _is_text_file(stream: IO[Any]) -> bool:

@@ -38,10 +38,10 @@ def read_accessors(
 ) -> FloatArray:
     """Return the elements of several accessors one after another, shape (sum of counts, width).
 
-    Accessor i must have `counts[i]` elements. `place` is where the document
-    refers to the accessors, for messages.
+    Accessor i must have `counts[i]` elements. `place` names, in messages, the part of the document
+    that refers to the accessors.
     """
-    arrays = _find_plain(container, indices, counts, width)
+    arrays = _read_plain(container, indices, counts, width)
     if arrays is not None:
         return to_floats(np.concatenate(arrays)).reshape(-1, width)
     arrays = []
@@ -55,13 +55,13 @@ def read_accessors(
     return np.concatenate(arrays)
 
 
-def _find_plain(
+def _read_plain(
     container: Container, indices: Sequence[Any], counts: Sequence[int], width: int
 ) -> list[Array] | None:
-    """Return the numbers of accessors of single precision without gaps in one buffer.
+    """Return the numbers of several accessors, without the checks of `read_accessor` for each.
 
-    Return None if they have another form or are invalid. This takes a third of the time of
-    `read_accessor` for each.
+    This is possible if all are in single precision, contiguous, and in the same buffer. Return None
+    if an accessor has another form or is invalid.
     """
     accessors, views = container.items("accessors"), container.items("bufferViews")
     kind, usual, arrays = _TYPE_OF_WIDTH[width], _UNUSUAL.isdisjoint, []
@@ -102,7 +102,7 @@ def _find_plain(
 
 
 def to_floats(array: Array) -> FloatArray:
-    """Return an array as float64; signalling NaN causes no warning."""
+    """Return an array as float64, without a warning if it holds a signalling NaN."""
     with np.errstate(invalid="ignore"):
         return array.astype(np.float64)
 
@@ -110,8 +110,9 @@ def to_floats(array: Array) -> FloatArray:
 def read_accessor(container: Container, index: object, place: str, width: int) -> Array:
     """Return the elements of an accessor, shape (count, width).
 
-    Floats are returned as stored in the file, normalized integers as float64. `place` refers to the
-    accessor. The array is a view of the file if possible.
+    The type is that of the file, except that normalized integers become float64. The array is a
+    view of the file's bytes if possible. `place` names, in messages, the part of the document that
+    refers to the accessor.
     """
     accessor = container.item("accessors", index, place)
     own = f"accessors[{index}]"
@@ -147,7 +148,7 @@ def _read_view(
     dtype: np.dtype[Any],
     place: str,
 ) -> Array:
-    """Return `shape` elements that begin `start` bytes after the start of a buffer view."""
+    """Return an array of the given shape that starts at byte `start` of a buffer view."""
     view = container.item("bufferViews", index, f"{place}.bufferView")
     own = f"bufferViews[{index}]"
     extensions = view.get("extensions")

@@ -18,21 +18,21 @@ _INTERPOLATIONS = {"STEP": 0, "LINEAR": 1, "CUBICSPLINE": 2}
 _SPLINE = _INTERPOLATIONS["CUBICSPLINE"]
 
 _MIN_KEY_LIMIT = 1 << 20
-"""Limit of the keys of an animation: at least this number, else one per byte of the file. Several
-accessors may refer to the same bytes, so that a small file may claim any number of keys."""
+"""Limit of the keys of an animation: this number, or one per byte of the file if that is more.
+Several accessors may refer to the same bytes, so that a small file may claim any number of keys."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
     """The tracks of one property of several nodes; the values of all keys are in one array.
 
-    A row of `table` has, for each track, the row of its first value, the index of its key times and
-    the number of its interpolation. With splines, a key has three values: in-tangent, value and
-    out-tangent.
+    `table` has a row per track: the row of its first value in `values`, the index of its key times
+    in `Animation.key_times`, and its interpolation, a value of `_INTERPOLATIONS`. With splines, a
+    key has three values: in-tangent, value and out-tangent.
     """
 
-    path: str  # key of `PATH_WIDTHS`
-    nodes: IntArray  # shape (n_tracks,)
+    path: str  # the property, a key of `PATH_WIDTHS`
+    nodes: IntArray  # the node of each track, shape (n_tracks,)
     table: IntArray  # shape (n_tracks, 3)
     values: FloatArray  # shape (n_rows, width)
 
@@ -41,17 +41,18 @@ class Tracks:
 class Channels:
     """The channels of one animation that move some nodes."""
 
-    place: str  # of the animation in the document
+    place: str  # of the animation in the document, for messages
     groups: dict[tuple[str, bool], list[tuple[int, int, int, object]]]
-    """By path and whether it is a spline: node, index of the key times, number of the interpolation
-    and output accessor of each channel."""
+    """The channels by property and whether they are splines. A channel is a tuple of its node, the
+    index of its key times, its interpolation (a value of `_INTERPOLATIONS`) and the index of the
+    accessor of its values."""
     key_times: tuple[FloatArray, ...]  # seconds, shape (n_keys,)
 
 
 def animated_properties(container: Container, animation: int) -> set[tuple[int | None, str]]:
     """Return the pairs of node and property that an animation changes, without reading its keys.
 
-    The node of a property that belongs to no node is None.
+    The node is None if the property does not belong to a node, as extensions permit.
     """
     place = f"animations[{animation}].channels"
     found: set[tuple[int | None, str]] = set()
@@ -134,7 +135,7 @@ def read_animation(container: Container, animation: int, nodes: frozenset[int]) 
 
 
 def read_tracks(container: Container, channels: Channels) -> Animation:
-    """Read the values of channels; rotations become unit quaternions, except those of splines."""
+    """Read the values of channels; rotations are normalized, except those of splines."""
     tracks = []
     lengths = np.array([len(times) for times in channels.key_times], np.int64)
     used = [member[1] for members in channels.groups.values() for member in members]
@@ -157,14 +158,17 @@ def read_tracks(container: Container, channels: Channels) -> Animation:
 
 
 def _check_count(container: Container, n_keys: int, place: str) -> None:
-    """Raise `FormatError` if an animation has more keys than a file of its size may have."""
+    """Raise `FormatError` if an animation has more keys than the limit for its file.
+
+    The limit is `_MIN_KEY_LIMIT` or one key per byte.
+    """
     limit = max(_MIN_KEY_LIMIT, container.n_bytes)
     if n_keys > limit:
         container.fail(place, f"expected at most {limit} keys, got {n_keys} that share bytes")
 
 
 def _objects(container: Container, item: dict[str, Any], name: str, place: str) -> list[Any]:
-    """Return a list of objects of an animation."""
+    """Return the entry `name` of an animation, which must be a list of objects."""
     found = item.get(name)
     if not isinstance(found, list) or not {*map(type, found)} <= {dict}:
         container.fail(place, "expected a list of objects")

@@ -70,8 +70,9 @@ class GltfBuffer:
     def pack(self, document: dict[str, Any]) -> bytes:
         """Return the bytes of the GLB file: header, JSON chunk of `document`, binary chunk.
 
-        The first of ``buffers`` becomes the binary chunk; its length is set, and its other fields
-        and the other buffers are kept. Raises ValueError if the file would have 4 GiB or more.
+        ``bufferViews`` and ``accessors`` of the document become those of this buffer. Its first
+        entry of ``buffers`` describes the binary chunk: the length is set, and other fields are
+        kept, as are the other entries. Raises ValueError if the file would have 4 GiB or more.
         """
         self.data += bytes(-len(self.data) % 4)
         buffers = document.get("buffers") or [{}]

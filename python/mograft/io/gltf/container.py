@@ -31,7 +31,9 @@ class Container:
     """The JSON document of a glTF file, and its buffers, which are read at their first use."""
 
     path: Path
-    document: dict[str, Any]  # the values of `_COLLECTIONS`, if present, are lists of objects
+    document: dict[
+        str, Any
+    ]  # the values of the keys in `_COLLECTIONS`, if present, are lists of objects
     binary: memoryview | None  # the binary chunk of a GLB file
     file_bytes: int
     _buffers: dict[int, memoryview] = field(default_factory=dict, repr=False)
@@ -51,7 +53,7 @@ class Container:
         return found
 
     def item(self, collection: str, index: object, place: str) -> dict[str, Any]:
-        """Return the object to which a reference at `place` refers."""
+        """Return the object with this index in a collection; errors name `place`."""
         items = self.document.get(collection, ())
         if type(index) is not int or not 0 <= index < len(items):
             self.fail(place, f"expected an index of {len(items)} {collection}, got {index!r}")
@@ -59,7 +61,7 @@ class Container:
         return found
 
     def integer(self, value: object, place: str, minimum: int = 0) -> int:
-        """Return a value that must be an integer of at least `minimum`."""
+        """Return a value that must be an integer of at least `minimum`; errors name `place`."""
         if type(value) is float and value.is_integer():
             value = int(value)
         if type(value) is not int or value < minimum:
@@ -67,7 +69,7 @@ class Container:
         return value
 
     def floats(self, value: object, place: str, count: int) -> list[float]:
-        """Return a value that must be a list of `count` finite numbers."""
+        """Return a value that must be a list of `count` numbers below 1e30; errors name `place`."""
         if (
             not isinstance(value, list)
             or len(value) != count
@@ -77,7 +79,7 @@ class Container:
         return [float(v) for v in value]
 
     def buffer(self, index: int, place: str) -> memoryview:
-        """Return the bytes of a buffer; `place` refers to it."""
+        """Return the bytes of the buffer with this index; errors name `place`."""
         buffer = self.item("buffers", index, place)
         if index not in self._buffers:
             self._buffers[index] = self._read_buffer(index, buffer)
@@ -111,7 +113,10 @@ class Container:
             self.fail(place, f"expected base64 data: {error}")
 
     def read_file(self, uri: str, length: int, place: str) -> memoryview:
-        """Read the first `length` bytes of a file in the folder of this file."""
+        """Read the first `length` bytes of a file in the folder of this file; errors name `place`.
+
+        If the file is shorter, return all of it.
+        """
         name = unquote(uri)
         folder = self.path.parent.resolve()
         if "\0" in name or ":" in name or "\\" in name or name.startswith("/"):
@@ -147,15 +152,17 @@ def read_container(path: Path) -> Container:
 
 
 def _split_chunks(path: Path, data: memoryview) -> tuple[memoryview, str, memoryview | None]:
-    """Return the JSON chunk of a GLB file, its name in messages, and the binary chunk."""
+    """Return the JSON chunk of a GLB file, its name in messages, and the binary chunk, if any."""
     if len(data) < _HEADER.size:
-        raise FormatError(f"expected a header of {_HEADER.size} bytes", path, "byte 0")
+        raise FormatError(
+            f"expected a header of {_HEADER.size} bytes, got {len(data)}", path, "byte 0"
+        )
     _, version, length = _HEADER.unpack_from(data)
     if version != 2:
         raise FormatError(f"expected version 2 of GLB, got {version}", path, "byte 4")
     if length > len(data):
         raise FormatError(
-            f"expected {length} bytes as the header declares, got {len(data)}", path, "byte 8"
+            f"expected {length} bytes, as the header states, got {len(data)}", path, "byte 8"
         )
     chunks: list[tuple[bytes, memoryview]] = []
     start = _HEADER.size
@@ -177,7 +184,10 @@ def _split_chunks(path: Path, data: memoryview) -> tuple[memoryview, str, memory
 
 
 def _check_document(document: object, path: Path) -> dict[str, Any]:
-    """Return the JSON document if `asset` and all collections have the expected types."""
+    """Return the document; raise `FormatError` unless `asset` and all collections are valid.
+
+    `asset` must be an object, and a collection, if present, a list of objects.
+    """
     if not isinstance(document, dict) or not isinstance(document.get("asset"), dict):
         raise FormatError("expected an object with `asset`", path, "JSON")
     for name in _COLLECTIONS:
@@ -193,6 +203,6 @@ def _check_document(document: object, path: Path) -> dict[str, Any]:
 
 
 def _shorten(value: object) -> str:
-    """Return a value as it appears in a message."""
+    """Return the text of a value for a message, of at most 60 characters."""
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."

@@ -17,18 +17,18 @@ Json = dict[str, Any]
 
 @dataclass(frozen=True)
 class _Place:
-    """Where the bytes of a buffer of the source are in the copy."""
+    """The place of a source buffer's bytes in the copy: the index of the buffer and the offset."""
 
     buffer: int
     offset: int  # bytes
 
 
 def copy_content(container: Container) -> tuple[dict[str, Any], GltfBuffer]:
-    """Return the JSON document of a copy, and its binary buffer with all data of the file.
+    """Return the JSON document of a copy, and a binary buffer with all data of the file.
 
-    The bytes of each buffer and of each image in another file follow the binary chunk, which stays
-    where it is. Buffers without data, which extensions use, are kept as they are. The document
-    shares the objects of the file that do not change.
+    The binary buffer begins with the file's binary chunk, if there is one. The bytes of the other
+    buffers and of images in other files follow. Buffers without data, which extensions use, are
+    kept as they are. The document shares the objects of the file that do not change.
     """
     buffer = GltfBuffer(accessors=list(container.items("accessors")))
     places, buffers = _merge_buffers(container, buffer)
@@ -45,21 +45,25 @@ def copy_content(container: Container) -> tuple[dict[str, Any], GltfBuffer]:
 def _merge_buffers(
     container: Container, buffer: GltfBuffer
 ) -> tuple[list[_Place], list[dict[str, Any]]]:
-    """Append the data of all buffers to `buffer`; return their places, and the buffers left."""
+    """Append the data of all buffers to `buffer`.
+
+    Return the place of each buffer, and the entries of ``buffers`` in the copy: that of the binary
+    chunk, then the buffers without data.
+    """
     items = container.items("buffers")
     places: list[_Place] = []
-    left: list[dict[str, Any]] = [{}]
+    entries: list[dict[str, Any]] = [{}]
     for index, item in enumerate(items):
         has_data = "uri" in item or (index == 0 and container.binary is not None)
         if has_data:
             data = container.buffer(index, f"buffers[{index}]")
             places.append(_Place(0, buffer.append(data)))
             if index == 0:
-                left[0] = {name: value for name, value in item.items() if name != "uri"}
+                entries[0] = {name: value for name, value in item.items() if name != "uri"}
         else:
-            places.append(_Place(len(left), 0))
-            left.append(item)
-    return places, left
+            places.append(_Place(len(entries), 0))
+            entries.append(item)
+    return places, entries
 
 
 def _move_view(container: Container, view: Json, places: list[_Place]) -> Json:
@@ -78,7 +82,7 @@ def _move_view(container: Container, view: Json, places: list[_Place]) -> Json:
 
 
 def _move(container: Container, reference: Json, places: list[_Place]) -> Json:
-    """Return an object whose ``buffer`` and ``byteOffset`` are those of the copy."""
+    """Return an object with its ``buffer`` and ``byteOffset`` changed to those in the copy."""
     index = container.integer(reference.get("buffer"), "bufferViews.buffer")
     container.item("buffers", index, "bufferViews.buffer")
     offset = container.integer(reference.get("byteOffset", 0), "bufferViews.byteOffset")
@@ -87,10 +91,10 @@ def _move(container: Container, reference: Json, places: list[_Place]) -> Json:
 
 
 def _copy_image(container: Container, image: object, buffer: GltfBuffer) -> object:
-    """Return an image; the bytes of one in another file are appended to `buffer`.
+    """Append the bytes of an image in another file to `buffer`; return the changed image.
 
-    An image that is missing, is not in the folder of the file, or is neither PNG nor JPEG and has
-    no media type, stays a reference.
+    An image stays a reference to its file if the file is missing or not in the folder of the glTF
+    file, or if its type is unknown: neither PNG nor JPEG, and no media type is given.
     """
     uri = image.get("uri") if isinstance(image, dict) else None
     if not isinstance(image, dict) or not isinstance(uri, str) or uri.startswith("data:"):

@@ -13,7 +13,9 @@ from mograft.errors import FormatError, join_names
 from mograft.io.gltf.animation import PATH_WIDTHS, animated_properties
 from mograft.io.gltf.container import Container, read_container
 from mograft.io.gltf.nodes import NodeTree, Transforms, read_nodes, to_world
+from mograft.io.named_errors import errors_of_file
 from mograft.io.rest_pose import RestPose
+from mograft.motion import limits
 
 
 class NoFigureError(FormatError):
@@ -24,8 +26,8 @@ class NoFigureError(FormatError):
 class GltfFile:
     """A glTF file with its node tree, the nodes that are joints, and the animations that are clips.
 
-    Joints are in depth-first order. The nodes above the root joint take part in its world
-    transform.
+    Joints are in depth-first order. The transforms of the nodes above the root joint are part of
+    its world transform: a clip moves these nodes and the joints, the "moved nodes".
     """
 
     container: Container
@@ -39,18 +41,18 @@ class GltfFile:
 
     @cached_property
     def moved_nodes(self) -> IntArray:
-        """The nodes above the root joint, and the joints: parents first."""
+        """The indices of the nodes above the root joint, then of the joints: parents first."""
         nodes: IntArray = np.concatenate([self.above, self.joints])
         return nodes
 
     @cached_property
     def moved_parents(self) -> IntArray:
-        """The parent of each moved node, as an index into these; -1 for the first."""
+        """The parent of each of `moved_nodes` as an index into them; -1 for the first."""
         return local_parents(self.tree, self.moved_nodes)
 
     @cached_property
     def moved_rows(self) -> IntArray:
-        """The index of each node of the file in `moved_nodes`; 0 for all others."""
+        """For each node of the file its index in `moved_nodes`; 0 if it is not one of them."""
         rows: IntArray = np.zeros(len(self.tree.names), np.int64)
         rows[self.moved_nodes] = np.arange(len(self.moved_nodes))
         return rows
@@ -64,10 +66,10 @@ class GltfFile:
 def read_gltf_file(path: Path) -> GltfFile:
     """Read the node tree of a glTF file, and find its joints and clips.
 
-    If the file has skins, the joints are those of the skins and the nodes between them and their
-    common ancestor. Otherwise they are the animated nodes and those between them and their common
-    ancestor. Of figures without a common ancestor, the one with most joints is taken. Raises
-    `FormatError` if the file is invalid, and `NoFigureError` if it has no joints.
+    If the file has skins, the joints are those of the skins, otherwise the animated nodes. Their
+    lowest common ancestor and the nodes between are joints, too. If they have several roots, they
+    are several figures, of which the one with the most joints is taken. Raises `FormatError` if the
+    file is invalid, and `NoFigureError` if it has no joints.
     """
     container = read_container(path)
     tree = read_nodes(container)
@@ -82,6 +84,8 @@ def read_gltf_file(path: Path) -> GltfFile:
     clips = [index for index, nodes in enumerate(animated) if nodes & moved]
     names = unique_names(_animation_names(container, clips))
     rest = rest_pose(tree, above, joints)
+    with errors_of_file(path, "nodes"):
+        limits.check_hierarchy(rest.names, rest.parents.tolist())
     notes = [*left_out, *_find_notes(container, tree, moved, changed, clips)]
     return GltfFile(container, tree, joints, above, rest, tuple(names), tuple(clips), tuple(notes))
 
@@ -108,7 +112,7 @@ def local_parents(tree: NodeTree, nodes: IntArray) -> IntArray:
 def _find_joints(
     container: Container, tree: NodeTree, animated: set[int]
 ) -> tuple[IntArray, list[str]]:
-    """Return the joints in depth-first order, and a note on figures that are left out."""
+    """Return the joints of the largest figure, depth first, and a note of the others, if any."""
     members: set[int] = set()
     for number, skin in enumerate(container.items("skins")):
         place = f"skins[{number}].joints"
@@ -121,9 +125,12 @@ def _find_joints(
     members = members or animated
     if not members:
         raise NoFigureError("expected a skin or an animation of nodes, got none", container.path)
+    with errors_of_file(container.path, "nodes"):
+        limits.check_joints(len(members))
     figures: dict[int, list[int]] = {}
-    for node in sorted(members):
-        figures.setdefault(tree.ancestors(node)[-1], []).append(node)
+    nodes = sorted(members)
+    for node, top in zip(nodes, tree.roots(nodes), strict=True):
+        figures.setdefault(top, []).append(node)
     largest = max(figures.values(), key=len)
     root = tree.common_ancestor(largest)
     needed = {root}

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray
-from mograft.io.gltf.document import GltfFile, local_parents
+from mograft.io.gltf.document import GltfFile
 from mograft.io.gltf.nodes import SCALE_TOLERANCE, Transforms, remove_mirroring
 from mograft.io.rest_pose import POSITION_TOLERANCE, restore
 from mograft.motion import rotations
@@ -23,12 +23,12 @@ class LocalTracks:
 def local_tracks(file: GltfFile, motion: Motion, nodes: Transforms) -> LocalTracks:
     """Return local transforms that give the joints of a file the world transforms of a motion.
 
-    `nodes` holds, in every frame, the local transforms of `GltfFile.moved_nodes`: those above the
-    root joint, and the scales of the joints, are kept. If the axes of a parent have no length, the
-    translations of `nodes` are kept.
+    `nodes` holds, in every frame, the local transforms of `GltfFile.moved_nodes`. The transforms of
+    the nodes above the root joint and the scales of the joints are used as they are. If a parent
+    has a scale of 0, no translation gives the position, and the translation of `nodes` is returned.
     """
     world_turns, world_places = restore(file.rest, motion)
-    parents = local_parents(file.tree, file.moved_nodes).tolist()
+    parents = file.moved_parents.tolist()
     n_above, n_frames = len(file.above), motion.n_frames
     half_turns, _ = remove_mirroring(
         np.broadcast_to(rotations.IDENTITY, nodes.rotations.shape), nodes.scales
@@ -62,23 +62,27 @@ def local_tracks(file: GltfFile, motion: Motion, nodes: Transforms) -> LocalTrac
     return LocalTracks(rotations.continuous_signs(local.rotations), local.translations)
 
 
-def _solve(axes: FloatArray, arms: FloatArray, fallback: FloatArray) -> FloatArray:
-    """Return the coordinates of vectors along axes, or `fallback` where the axes are singular."""
+def _solve(axes: FloatArray, vectors: FloatArray, fallback: FloatArray) -> FloatArray:
+    """Return the coordinates of vectors, (n, 3), in terms of axes, the columns of (n, 3, 3).
+
+    Where the axes are singular, return `fallback`, (n, 3).
+    """
     sizes = np.linalg.norm(axes, axis=1)
     volumes = np.abs(np.linalg.det(axes))
     is_regular = volumes > 1e-9 * sizes.max(axis=1) ** 3
     found = fallback.copy()
-    found[is_regular] = np.linalg.solve(axes[is_regular], arms[is_regular][..., None])[..., 0]
+    found[is_regular] = np.linalg.solve(axes[is_regular], vectors[is_regular][..., None])[..., 0]
     return found
 
 
 def changed_tracks(
     file: GltfFile, motion: Motion, base: Motion, scales: FloatArray
 ) -> tuple[BoolArray, BoolArray]:
-    """Return which joints need new rotations, and which need new translations, per joint.
+    """Return whether each joint needs new rotations, and whether it needs new translations.
 
-    All others have the values of `base`, bit for bit. `scales` are those of
-    `GltfFile.moved_nodes`: below axes of different scale, translations depend on rotations.
+    A joint needs none if its values in `base` are the same, bit for bit. `scales` are those of
+    `GltfFile.moved_nodes`. If the scales along the axes of a node differ, new rotations above a
+    joint require new translations of the joint, too.
     """
     is_equal = (motion.rotations == base.rotations).all(axis=2)
     is_equal |= (motion.rotations == -base.rotations).all(axis=2)
@@ -95,7 +99,10 @@ def changed_tracks(
 
 
 def differs_from_rest(file: GltfFile, tracks: LocalTracks) -> BoolArray:
-    """Return which joints have other translations than their nodes, shape (n_joints,)."""
+    """Return whether the translations of each joint differ from that of its node, (n_joints,).
+
+    Differences up to `POSITION_TOLERANCE` do not count. The result is always true for the root.
+    """
     rest = file.tree.rest.translations[0, file.joints]
     reach = POSITION_TOLERANCE * np.abs(rest).max(initial=0.0)
     differs: BoolArray = np.abs(tracks.translations - rest).max(axis=(0, 2)) > reach

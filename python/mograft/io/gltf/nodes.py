@@ -11,7 +11,8 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.io.gltf.container import Container
-from mograft.motion import rotations
+from mograft.io.named_errors import errors_of_file
+from mograft.motion import limits, rotations
 from mograft.motion.motion import forward_kinematics
 
 SCALE_TOLERANCE = 1e-5
@@ -28,7 +29,10 @@ class Transforms:
     scales: FloatArray  # shape (n_frames, n_nodes, 3)
 
     def of(self, nodes: IntArray, n_frames: int) -> "Transforms":
-        """Return copies of the transforms of some nodes, repeated for `n_frames` frames."""
+        """Return copies of the transforms of some nodes, in `n_frames` frames.
+
+        One pose is repeated; `n_frames` must otherwise be the number of frames.
+        """
         return Transforms(
             *(
                 np.repeat(array[:, nodes], n_frames // len(array), axis=0)
@@ -39,7 +43,7 @@ class Transforms:
 
 @dataclass(frozen=True, eq=False)
 class NodeTree:
-    """The nodes of a glTF file; a node keeps its index in the file."""
+    """The nodes of a glTF file, in the order of the file."""
 
     names: tuple[str, ...]
     parents: IntArray  # shape (n_nodes,); -1 at roots
@@ -53,18 +57,32 @@ class NodeTree:
             line.append(node)
         return line
 
-    def common_ancestor(self, nodes: Sequence[int]) -> int:
-        """Return the lowest node that is an ancestor of all `nodes`, or one of them.
+    def roots(self, nodes: Sequence[int]) -> list[int]:
+        """Return the root above each of `nodes`, in time linear in all nodes."""
+        parents, found = self.parents.tolist(), dict[int, int]()
+        for node in nodes:
+            line = []
+            while node not in found and parents[node] >= 0:
+                line.append(node)
+                node = parents[node]
+            root = found.setdefault(node, node)
+            found.update(dict.fromkeys(line, root))
+        return [found[node] for node in nodes]
 
-        The nodes must have the same root.
+    def common_ancestor(self, nodes: Sequence[int]) -> int:
+        """Return the lowest common ancestor of `nodes`, which must have the same root.
+
+        Each node counts as an ancestor of itself. The time is linear in all nodes.
         """
-        common = self.ancestors(nodes[0])[::-1]
+        line, parents = self.ancestors(nodes[0]), self.parents.tolist()
+        ranks = {node: rank for rank, node in enumerate(line)}
+        seen, highest = set(line), 0
         for node in nodes[1:]:
-            line = self.ancestors(node)[::-1]
-            pairs = zip(common, line, strict=False)
-            n_shared = next((i for i, (a, b) in enumerate(pairs) if a != b), None)
-            common = common[: min(len(common), len(line)) if n_shared is None else n_shared]
-        return common[-1]
+            while node not in seen:
+                seen.add(node)
+                node = parents[node]
+            highest = max(highest, ranks.get(node, 0))
+        return line[highest]
 
     def below(self, root: int) -> list[int]:
         """Return a node and all nodes below it, parents first, in the order of the file."""
@@ -95,10 +113,13 @@ def read_nodes(container: Container) -> NodeTree:
             parents[child] = index
         children.append(tuple(below))
     # With one parent per node, the nodes that no root reaches are those of cycles.
-    n_reached, pending = 0, np.flatnonzero(parents < 0).tolist()
-    while pending:
-        n_reached += 1
-        pending += children[pending.pop()]
+    n_reached, n_levels, level = 0, 0, np.flatnonzero(parents < 0).tolist()
+    while level:
+        n_reached += len(level)
+        n_levels += 1
+        level = [child for node in level for child in children[node]]
+    with errors_of_file(container.path, "nodes"):
+        limits.check_levels(n_levels)
     if n_reached < len(items):
         container.fail("nodes", "expected trees, got nodes that are their own ancestors")
     rest = [_read_transform(container, item, i) for i, item in enumerate(items)]
@@ -117,7 +138,7 @@ def _name(name: object, index: int) -> str:
 
 
 def _read_transform(container: Container, item: dict[str, object], index: int) -> list[float]:
-    """Return translation, rotation and scale of a node: ten numbers."""
+    """Return translation (3), rotation (4, xyzw) and scale (3) of a node as ten numbers."""
     place = f"nodes[{index}]"
     if "matrix" in item:
         numbers = container.floats(item["matrix"], f"{place}.matrix", 16)
@@ -135,7 +156,10 @@ def _read_transform(container: Container, item: dict[str, object], index: int) -
 
 
 def decompose(matrix: FloatArray) -> list[float]:
-    """Return translation, rotation and scale of a 4 x 4 matrix, as glTF requires it to have."""
+    """Return translation (3), rotation (4, xyzw) and scale (3) of a 4 x 4 matrix.
+
+    glTF requires that a matrix is a product of these three.
+    """
     linear = matrix[:3, :3]
     scale = np.linalg.norm(linear, axis=0)
     if np.linalg.det(linear) < 0:
@@ -151,8 +175,8 @@ def to_world(parents: IntArray, local: Transforms) -> tuple[FloatArray, FloatArr
     """Return world rotations and positions of nodes, shapes (n_frames, n_nodes, 4) and (..., 3).
 
     `parents` are indices into the nodes; node 0 is the only root, and parents precede their
-    children. World rotations are products of the local ones. If axes of a node are mirrored, the
-    rotation is that of the mirrored axes, with all three reversed if an odd number is.
+    children. World rotations are products of the local ones. Negative scales are first converted by
+    `remove_mirroring`, which may add half turns to the rotations.
     """
     turns, scales = remove_mirroring(local.rotations, local.scales)
     first = scales[..., 0]
@@ -168,10 +192,11 @@ def to_world(parents: IntArray, local: Transforms) -> tuple[FloatArray, FloatArr
 
 
 def remove_mirroring(turns: FloatArray, scales: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Move signs of scales to the rotations, so that the three signs of a node are equal.
+    """Convert rotations and scales so that the three scales of a node have the same sign.
 
-    An even number of negative signs is a half turn. With an odd number, it is one after all three
-    signs are reversed, which leaves a factor of -1.
+    Two negative scales are the same as a half turn about the third axis. This half turn is appended
+    to the rotation, and the scales become positive. One or three negative scales become three: one
+    negative scale is a half turn about its axis with all three scales negative.
     """
     if (scales >= 0).all():
         return turns, scales
@@ -184,7 +209,7 @@ def remove_mirroring(turns: FloatArray, scales: FloatArray) -> tuple[FloatArray,
 
 
 def _products(parents: IntArray, factors: FloatArray) -> FloatArray:
-    """Return the products of the factors of each node and its ancestors, shape (n_frames, n)."""
+    """Return for each node the product of its factor and those of its ancestors, (n_frames, n)."""
     products = factors.copy()
     for node, parent in enumerate(parents.tolist()):
         if parent >= 0:
@@ -195,7 +220,10 @@ def _products(parents: IntArray, factors: FloatArray) -> FloatArray:
 def _matrix_positions(
     parents: IntArray, turns: FloatArray, scales: FloatArray, places: FloatArray
 ) -> FloatArray:
-    """Return world positions by matrices, which non-uniform scale requires."""
+    """Return world positions, computed with matrices, because scales differ between axes.
+
+    The arguments are local rotations, scales and translations.
+    """
     linear = _to_matrices(turns) * scales[:, :, None, :]
     positions = places.copy()
     for level in _levels(parents):

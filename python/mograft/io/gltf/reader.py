@@ -6,13 +6,14 @@ from pathlib import Path
 from typing import overload
 
 from mograft._util.arrays import FloatArray
-from mograft.errors import FormatError
 from mograft.io.clips import ClipLength, Clips
 from mograft.io.gltf.animation import Channels, read_channels, read_tracks
 from mograft.io.gltf.document import GltfFile, NoFigureError, read_gltf_file
 from mograft.io.gltf.nodes import to_world
 from mograft.io.gltf.sampling import DEFAULT_RATE, choose_times, sample
+from mograft.io.named_errors import errors_of_file
 from mograft.io.rest_pose import rebase
+from mograft.motion import limits
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
@@ -22,7 +23,7 @@ def open_gltf(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> C
     try:
         file = read_gltf_file(path)
     except NoFigureError as error:
-        return Clips(path, (), _no_clip, "glTF", (error.message,))
+        return Clips.without_motions(path, "glTF", (error.message,))
     return Clips(
         path,
         file.clip_names,
@@ -33,14 +34,9 @@ def open_gltf(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> C
     )
 
 
-def _no_clip(index: int) -> Motion:
-    """Raise IndexError: a file without joints has no clips."""
-    raise IndexError(index)
-
-
 @dataclass(frozen=True, eq=False)
 class _Lengths(Sequence[ClipLength]):
-    """The lengths of the clips of a file; only key times are read, when a length is accessed."""
+    """The lengths of the clips of a file; accessing a length reads the key times of the clip."""
 
     file: GltfFile
     rate: float | None
@@ -62,8 +58,8 @@ class _Lengths(Sequence[ClipLength]):
 def read_gltf_clip(file: GltfFile, clip: int, rate: float | None = None) -> Motion:
     """Return the motion of a clip, sampled from its first to its last key.
 
-    `rate`, in frames per second, is by default that of the keys if these lie on a uniform grid of
-    at least 12 frames per second, else 30. Raises `FormatError` if the animation is invalid.
+    `rate` is in frames per second. By default it is that of the keys if these lie on a uniform grid
+    of 12 to 500 frames per second, else 30. Raises `FormatError` if the animation is invalid.
     """
     channels, times = _read_grid(file, clip, rate)
     animation = read_tracks(file.container, channels)
@@ -86,10 +82,9 @@ def _read_grid(file: GltfFile, clip: int, rate: float | None) -> tuple[Channels,
     animation, nodes = file.animations[clip], file.moved_nodes
     container = file.container
     channels = read_channels(container, animation, frozenset(nodes.tolist()))
-    try:
+    with errors_of_file(container.path, channels.place):
         times = choose_times(channels.key_times, rate, len(nodes), container.n_bytes)
-    except ValueError as error:
-        raise FormatError(str(error), container.path, channels.place) from None
+        limits.check_frame_time(_length(times, rate).frame_time)
     return channels, times
 
 

@@ -8,6 +8,7 @@ from mograft import _core
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.io.gltf.animation import Animation
 from mograft.io.gltf.nodes import Transforms
+from mograft.motion.limits import check_frames
 
 DEFAULT_RATE = 30.0
 """Frames per second of animations whose keys give no rate."""
@@ -16,14 +17,14 @@ _RATE_BOUNDS = (12.0, 500.0)
 """Rates that keys may give; slower keys are poses between which a motion is interpolated."""
 
 _GRID_TOLERANCE = 1e-3
-"""Deviation of key times from a uniform grid, as a fraction of its step, that counts as none."""
+"""Deviation of key times from a uniform grid that is tolerated, as a fraction of its step."""
 
 _MIN_POSE_LIMIT = 1 << 21
 _POSES_PER_BYTE = 8
 _FRAMES_PER_KEY = 8
-"""Limits of the poses of nodes in a motion: at least the first constant, else these multiples of
-the bytes of the file and of the keys of the longest track. A file of few keys may claim a duration
-whose frames exceed any memory."""
+"""Limits of the poses of nodes in a motion. A motion of at most the first constant is accepted;
+otherwise its poses must not exceed these multiples of the bytes of the file and of the keys of the
+longest track. A file of few keys may claim a duration whose frames exceed any memory."""
 
 
 def choose_times(
@@ -31,9 +32,10 @@ def choose_times(
 ) -> FloatArray:
     """Return equally spaced times of frames, from the first to the last key.
 
-    The duration is divided into the whole number of intervals nearest to its product with `rate`,
-    by default the rate of the keys. An animation of one key has one frame. Raises ValueError if
-    there are more frames than a file of `n_bytes` with `n_nodes` nodes credibly has.
+    The duration is divided into a whole number of intervals, so that the rate is as near as
+    possible to `rate`, by default the rate of the keys. An animation of one key has one frame.
+    Raises ValueError if the poses of `n_nodes` nodes in all frames exceed the limit for the keys
+    and for a file of `n_bytes`.
     """
     keys = np.unique(np.concatenate(key_times))
     start, stop = float(keys[0]), float(keys[-1])
@@ -48,13 +50,15 @@ def choose_times(
             f"{most_keys} keys of {n_nodes} nodes; choose a lower rate"
         )
     count = 1 if stop == start else max(round(n_intervals), 1) + 1
+    check_frames(count)
     return np.linspace(start, stop, count)
 
 
 def _key_rate(times: FloatArray) -> float:
-    """Return the rate of the finest uniform grid of key times, or `DEFAULT_RATE`.
+    """Return the rate of the uniform grid on which all key times lie.
 
-    Keys may be absent at any time of the grid.
+    The step is the smallest interval between keys; not every time of the grid needs a key. Return
+    `DEFAULT_RATE` if there is no such grid, or its rate is not within `_RATE_BOUNDS`.
     """
     if len(times) < 3:
         return DEFAULT_RATE
@@ -74,8 +78,8 @@ def _key_rate(times: FloatArray) -> float:
 def sample(animation: Animation, times: FloatArray, rest: Transforms, rows: IntArray) -> Transforms:
     """Return the local transforms of nodes at the times of the frames.
 
-    `rest` holds the default transforms of these nodes, one frame. `rows` maps an index of a node in
-    the file to its row in the result.
+    `rest` holds the default transforms of these nodes, one frame. `rows` holds for each node of the
+    file its index in the result.
     """
     found = rest.of(np.arange(rest.scales.shape[1]), len(times))
     arrays = {

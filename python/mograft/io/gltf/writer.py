@@ -37,9 +37,9 @@ def write_glb_animations(
     *,
     bases: Sequence[Motion | None] | None = None,
 ) -> tuple[str, ...]:
-    """Write a copy of a glTF file that also has motions as animations.
+    """Write a copy of a glTF file to which motions are added as animations.
 
-    Meshes, skins, materials, images, old animations and all their bytes stay as they are.
+    Meshes, skins, materials, images and the animations of the file keep their bytes.
 
     Parameters
     ----------
@@ -50,16 +50,17 @@ def write_glb_animations(
     path : str or path
         The GLB file to write.
     bases : sequence of Motion or None, optional
-        For each motion, a clip of `source`, as `read` returns it at the same rate, or None. A joint
-        with the same rotations or positions as in the clip keeps the track of the clip, and the
-        animation also has its scales and everything else that the clip animates. Default: None for
-        all motions, so that all joints get new tracks.
+        For each motion the clip of `source` from which it was made, as `read` returns it, with the
+        same frames; or None. Rotations and positions of a joint that do not differ from the clip
+        keep the clip's tracks. The new animation also has the scales of the clip and everything
+        else that the clip animates. Default: None for all motions, so that all joints get new
+        tracks.
 
     Returns
     -------
     tuple of str
-        The names of the new animations: those of the motions, with ``~2`` appended if an animation
-        has the name already.
+        The names of the new animations: those of the motions, with ``~2``, ``~3``... appended if
+        an animation already has the name.
 
     Raises
     ------
@@ -68,15 +69,16 @@ def write_glb_animations(
     SkeletonMismatchError
         If a motion has other joints than the file.
     ValueError
-        If there is no motion; if a base is not a clip of the file, or has other frames than its
-        motion; or if the file would have 4 GiB or more.
+        If there is no motion; if a base is not a clip of the file, or has another number of frames
+        than its motion; or if the file would have 4 GiB or more.
     OSError
         If a file cannot be read or written.
 
     Notes
     -----
     A new track has a key at every frame with linear interpolation, or two equal keys if it is
-    constant. A graft keeps the tracks of the joints that are not exchanged.
+    constant. If a graft is written with its base, the joints that are not exchanged keep their
+    tracks.
 
     Examples
     --------
@@ -110,17 +112,17 @@ def write_glb_animations(
 
 @dataclass(frozen=True, eq=False)
 class Addition:
-    """A motion to add to a file, and the clip of which it keeps tracks."""
+    """A motion to add to a file, and the clip of the file whose tracks it keeps, if any."""
 
     motion: Motion
-    base: Motion | None = None  # the motion of the clip, with the frames of `motion`
-    clip: int | None = None
+    base: Motion | None = None  # the motion of the clip, in the same frames as `motion`
+    clip: int | None = None  # index of the clip
 
 
 def find_base_clip(file: GltfFile, base: Motion) -> int:
-    """Return the clip of which `base` is the motion, by its name.
+    """Return the index of the clip with the name of `base`.
 
-    Raises ValueError if no clip has the name and the duration of `base`.
+    Raises ValueError if no clip has the name, or its duration differs from that of `base`.
     """
     name = base.name if base.clip is None else base.clip
     if name not in file.clip_names:
@@ -131,28 +133,28 @@ def find_base_clip(file: GltfFile, base: Motion) -> int:
     clip = file.clip_names.index(name)
     if not has_duration(file, clip, base):
         raise ValueError(
-            f"`bases` must be clips of {file.container.path}, where {name} has another "
-            f"duration than {base.duration:.6g} s"
+            f"`bases` must be clips of {file.container.path}, whose clip {name} does not last "
+            f"{base.duration:.6g} s"
         )
     return clip
 
 
 def has_duration(file: GltfFile, clip: int, base: Motion) -> bool:
-    """Return whether a motion is as long as a clip, up to a quarter of a frame."""
+    """Return whether the durations of a motion and a clip differ by at most a quarter frame."""
     animation = _read_base(file, clip)
     difference = abs(base.duration - (animation.stop - animation.start))
     return difference <= 0.25 * base.frame_time
 
 
 def _add(file: GltfFile, motion: Motion, base: Motion | None) -> Addition:
-    """Return the addition of a motion, after checks of the arguments."""
+    """Check a motion and its base, and return the addition of the motion."""
     if base is None:
         return Addition(motion)
     check_type("bases", base, Motion)
     if (base.n_frames, base.n_joints) != (motion.n_frames, motion.n_joints):
         raise ValueError(
-            f"`bases` must have the {motion.n_frames} frames and {motion.n_joints} joints of their "
-            f"motions, got {base.n_frames} and {base.n_joints}"
+            f"`bases` must have as many frames and joints as their motions, {motion.n_frames} and "
+            f"{motion.n_joints}, got {base.n_frames} and {base.n_joints}"
         )
     return Addition(motion, base, find_base_clip(file, base))
 
@@ -189,14 +191,14 @@ def append_animations(
 
 @dataclass(frozen=True, eq=False)
 class _NewTables:
-    """The new tracks of an animation: values in every frame, by node and property."""
+    """The new tracks of an animation."""
 
     times: FloatArray  # seconds, shape (n_frames,)
-    keys: dict[tuple[int, str], FloatArray]
+    keys: dict[tuple[int, str], FloatArray]  # values in every frame, by node and property
 
 
 def _new_tables(file: GltfFile, addition: Addition) -> _NewTables:
-    """Return the tracks that a motion needs in addition to those of its base clip."""
+    """Return the tracks of a motion that it does not share with its base clip."""
     motion, nodes = addition.motion, file.moved_nodes
     rest = file.moved_rest
     if addition.clip is None or addition.base is None:
@@ -220,7 +222,10 @@ def _new_tables(file: GltfFile, addition: Addition) -> _NewTables:
 
 
 def _animated_nodes(file: GltfFile, animated: set[int]) -> list[Json]:
-    """Return the nodes of the file; those of `animated` have no matrix, as glTF requires."""
+    """Return the nodes of the file, where those of `animated` have no matrix.
+
+    glTF requires that animated nodes have translation, rotation and scale instead.
+    """
     nodes = list(file.container.items("nodes"))
     rest = file.tree.rest
     for node in animated:
@@ -239,7 +244,7 @@ def _build_animation(
 ) -> Json:
     """Append the keys of an animation to the buffer; return the animation.
 
-    Properties without new keys have the samplers of the clip.
+    Properties without new keys keep the samplers of the clip.
     """
     samplers: list[Json] = []
     channels: list[Json] = []

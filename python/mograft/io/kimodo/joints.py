@@ -18,14 +18,16 @@ class KimodoSkeleton:
 
 
 def _skeleton(name: str, text: str) -> KimodoSkeleton:
-    """Return the skeleton in a text: chains of joints, each after the joint above it and ``>``.
+    """Return the skeleton that a text describes.
 
-    A chain is in the order of the file; the first joint of the text is the root.
+    The text has parts between ``|``, such as ``Chest > LeftShoulder LeftArm``: the names of joints,
+    each of which is the parent of the next. The joint before ``>`` is the parent of the first. The
+    first part begins with the root and has no ``>``. The joints are in the order of the text.
     """
     joints: list[str] = []
     parents: list[int] = []
-    for chain in text.split("|"):
-        above, _, below = chain.rpartition(">")
+    for part in text.split("|"):
+        above, _, below = part.rpartition(">")
         parent = joints.index(above.strip()) if above.strip() else -1
         for joint in below.split():
             joints.append(joint)
@@ -35,7 +37,7 @@ def _skeleton(name: str, text: str) -> KimodoSkeleton:
 
 
 def _both_sides(text: str) -> str:
-    """Return a text for the left side, followed by the same for the right side."""
+    """Return a text twice, with ``Left`` and then with ``Right`` in place of ``Side``."""
     return f"{text} | {text}".replace("Side", "Left", text.count("Side")).replace("Side", "Right")
 
 
@@ -88,7 +90,7 @@ SKELETONS = {
     len(skeleton.joints): skeleton
     for skeleton in (SOMA_30, SOMA_77, _skeleton("G1", _G1), _SMPL_X_22)
 }
-"""The skeletons by number of joints."""
+"""The skeletons by number of joints: files contain no names."""
 
 
 def is_kimodo(names: frozenset[str]) -> bool:

@@ -8,9 +8,10 @@ from mograft._util.arrays import FloatArray
 from mograft.errors import join_names
 from mograft.io.clips import ClipLength, Clips
 from mograft.io.kimodo.joints import SKELETONS, KimodoSkeleton
-from mograft.io.npz_archive import NpzArchive, as_format_error, open_npz_archive
+from mograft.io.named_errors import errors_of_file
+from mograft.io.npz_archive import NpzArchive, open_npz_archive
 from mograft.io.rest_pose import to_local
-from mograft.motion import rotations
+from mograft.motion import limits, rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import CHANNELS, Skeleton
 
@@ -26,9 +27,10 @@ which its bone is rigid. Positions in single precision, some metres from the ori
 def open_kimodo(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001
     """Return the clip of a file of Kimodo; see `mograft.io.formats.Opener`.
 
-    The number of joints gives their names and parents. Rotation matrices are relative to the rest
-    pose of the skeleton. Offsets are the mean positions of the joints in the axes of their parents;
-    a joint that leaves its offset has position channels. Axes and metres are those of the file.
+    The number of joints determines the skeleton, a value of `SKELETONS`. Rotation matrices are
+    relative to its rest pose. Offsets are the mean positions of the joints in the axes of their
+    parents; a joint whose position differs from its offset in some frame has position channels.
+    Axes are those of the file, and lengths are in metres.
     """
     archive = open_npz_archive(path)
     shape = archive.header("posed_joints", ("n_frames", "n_joints", 3)).shape
@@ -39,18 +41,18 @@ def open_kimodo(path: Path, *, rate: float | None, skeleton: Skeleton | None) ->
         raise archive.error("posed_joints", f"expected {known} joints, got {n_joints}")
     if n_frames == 0:
         raise archive.error("posed_joints", "expected at least one frame, got none")
+    with errors_of_file(path, "array `posed_joints`"):
+        limits.check_frames(n_frames)
 
     def load(_: int) -> Motion:
-        try:
+        with errors_of_file(path):
             motion = _to_motion(archive, SKELETONS[n_joints], n_frames)
-        except ValueError as error:
-            raise as_format_error(error, path) from error
         return motion if rate is None else motion.resample(rate)
 
     others = [name for name in archive.headers if name not in ("posed_joints", "global_rot_mats")]
     notes = [f"frames per second: {RATE:g}, that of Kimodo's models; the file states none"]
     if others:
-        notes.append(f"arrays without joints: {join_names(others)}")
+        notes.append(f"arrays that are not part of the motion: {join_names(others)}")
     return Clips(
         path,
         (path.stem,),
@@ -98,5 +100,6 @@ def _check_matrices(archive: NpzArchive, matrices: FloatArray) -> None:
     if invalid.any():
         frame, joint = (int(index) for index in np.argwhere(invalid)[0])
         raise archive.error(
-            "global_rot_mats", f"expected rotation matrices, got another one at [{frame}, {joint}]"
+            "global_rot_mats",
+            f"expected rotation matrices, got a matrix that is none at [{frame}, {joint}]",
         )

@@ -44,7 +44,7 @@ BODY_JOINTS: tuple[str, ...] = tuple(_PARENT_OF_BODY_JOINT)
 
 
 def _hands() -> dict[str, str]:
-    """Return the finger joints of both hands, each with its parent."""
+    """Return the parents of the finger joints of both hands, by joint."""
     return {
         f"{side}_{finger}{joint}": f"{side}_{finger}{joint - 1}" if joint > 1 else f"{side}_wrist"
         for side in _SIDES
@@ -68,10 +68,11 @@ def smpl_parents(joints: Sequence[str]) -> IntArray:
 
 
 def smpl_channels(n_joints: int) -> tuple[tuple[str, ...], ...]:
-    """Return the channels of the joints if a motion is written as BVH.
+    """Return the channels of the joints, which determine the angles in BVH files.
 
-    The root turns the body by about 90 degrees about x, from y up to z up. In the order Z, X, Y the
-    angles would be near gimbal lock.
+    The rotation order of the root is X, Z, Y. Its rotation contains about 90 degrees about x, from
+    y up in the rest pose to z up in AMASS. In the usual order Z, X, Y, angles would be near gimbal
+    lock.
     """
     root = (*CHANNELS[:3], "Xrotation", "Zrotation", "Yrotation")
     return (root, *[("Zrotation", "Xrotation", "Yrotation")] * (n_joints - 1))

@@ -8,10 +8,11 @@ import numpy as np
 from mograft._util.arrays import FloatArray
 from mograft.errors import join_names
 from mograft.io.clips import ClipLength, Clips
-from mograft.io.npz_archive import NpzArchive, as_format_error, open_npz_archive
+from mograft.io.named_errors import errors_of_file
+from mograft.io.npz_archive import NpzArchive, open_npz_archive
 from mograft.io.smpl.joints import MODELS, SMPL_H, SMPL_X, BodyModel
 from mograft.io.smpl.rest import rest_skeleton
-from mograft.motion import rotations
+from mograft.motion import limits, rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
@@ -29,7 +30,7 @@ class AmassFile:
 
     @property
     def pose_names(self) -> tuple[str, ...]:
-        """Names of the arrays with rotations: ``poses`` or parts of it, or both."""
+        """Names of the arrays with rotations: ``poses``, arrays of parts of it, or both."""
         return tuple(n for n in ("poses", *self.model.columns) if n in self.archive.headers)
 
     def columns(self, name: str) -> slice:
@@ -37,7 +38,7 @@ class AmassFile:
         return slice(0, self.model.n_columns) if name == "poses" else self.model.columns[name]
 
     def poses(self) -> FloatArray:
-        """Read the rotation vectors, shape (n_frames, n_columns); absent parts are zero."""
+        """Read the rotation vectors, shape (n_frames, n_columns); zero for absent parts."""
         names = ("poses",) if "poses" in self.pose_names else self.pose_names
         vectors = np.zeros((self.n_frames, self.model.n_columns))
         for name in names:
@@ -51,7 +52,10 @@ class AmassFile:
         return self.archive.read_floats("trans", (self.n_frames, 3))
 
     def rate(self, given: float | None) -> float:
-        """Return the frames per second of the file, or `given` if the file has none."""
+        """Return the frames per second that the file states, or `given` if it states none.
+
+        Raises `FormatError` if the file states none and `given` is None, or if the rate is invalid.
+        """
         if self.rate_name is None:
             if given is None:
                 raise self.archive.error(
@@ -60,8 +64,10 @@ class AmassFile:
             return given
         shape = () if self.archive.headers[self.rate_name].shape == () else (1,)
         rate = float(self.archive.read_floats(self.rate_name, shape).reshape(()))
-        if not 1e-6 <= rate <= 1e6:
+        if not rate > 0:
             raise self.archive.error(self.rate_name, f"expected frames per second, got {rate:g}")
+        with errors_of_file(self.archive.path, f"array `{self.rate_name}`"):
+            limits.check_frame_time(1.0 / rate)
         return rate
 
 
@@ -75,11 +81,14 @@ def open_amass_file(path: Path) -> AmassFile:
             known = ", ".join(f"{model.n_columns} ({model.name})" for model in MODELS)
             raise archive.error("poses", f"expected {known} columns, got {n_columns}")
     else:
-        n_frames, _ = archive.header("root_orient", ("n_frames", 3)).shape
+        n_frames = archive.header("root_orient", ("n_frames", 3)).shape[0]
         has_face = {"pose_jaw", "pose_eye"} & archive.headers.keys()
         model = SMPL_X if has_face else SMPL_H
     if n_frames == 0:
-        raise archive.error("poses", "expected at least one frame, got none")
+        name = "poses" if "poses" in archive.headers else "root_orient"
+        raise archive.error(name, "expected at least one frame, got none")
+    with errors_of_file(path):
+        limits.check_frames(n_frames)
     rate_name = next((name for name in _RATE_NAMES if name in archive.headers), None)
     file = AmassFile(archive, model, n_frames, rate_name)
     for name in file.pose_names:
@@ -90,7 +99,10 @@ def open_amass_file(path: Path) -> AmassFile:
 
 
 def to_motion(file: AmassFile, rest: Skeleton, rate: float | None) -> Motion:
-    """Return the motion of an AMASS file on a skeleton whose joints are those of its model."""
+    """Return the motion of an AMASS file, given the rest skeleton of its body model.
+
+    `rate` is used if the file states no frame rate.
+    """
     vectors = file.poses().reshape(file.n_frames, -1, 3)
     positions = np.tile(rest.offsets, (file.n_frames, 1, 1))
     positions[:, 0] += file.translations()
@@ -108,17 +120,15 @@ def to_motion(file: AmassFile, rest: Skeleton, rate: float | None) -> Motion:
 def open_amass(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:
     """Return the clip of an AMASS file; see `mograft.io.formats.Opener`.
 
-    Local rotations are those of ``poses``, world axes and metres those of the file (z up in AMASS).
-    The position of the pelvis is ``trans`` plus its rest position.
+    Local rotations are those of ``poses``. World axes are those of the file (z up in AMASS), and
+    lengths are in metres. The position of the pelvis is ``trans`` plus its rest position.
     """
     file = open_amass_file(path)
     rest, note = rest_skeleton(file.model, skeleton)
 
     def load(_: int) -> Motion:
-        try:
+        with errors_of_file(path):
             motion = to_motion(file, rest, rate)
-        except ValueError as error:
-            raise as_format_error(error, path) from error
         return motion if rate is None else motion.resample(rate)
 
     return Clips(
@@ -132,19 +142,19 @@ def open_amass(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> 
 
 
 def _notes(file: AmassFile) -> list[str]:
-    """Return notes of the arrays that are not part of the motion."""
+    """Return notes on a missing rate, missing parts, and arrays that are not in the motion."""
     used = {*file.pose_names, "trans", file.rate_name}
     headers = file.archive.headers
     kept = [name for name, header in headers.items() if name not in used and not header.is_pickled]
     pickled = [name for name, header in headers.items() if header.is_pickled]
     notes = []
     if file.rate_name is None:
-        notes.append("frames per second: not in the file, the given rate")
+        notes.append("frames per second: those given, because the file states none")
     if "poses" not in file.pose_names:
         absent = [name for name in file.model.columns if name not in file.pose_names]
         notes += [f"poses: zero for {join_names(absent)}"] if absent else []
     if kept:
-        notes.append(f"arrays without joints: {join_names(kept)}")
+        notes.append(f"arrays that are not part of the motion: {join_names(kept)}")
     if pickled:
         notes.append(f"arrays of pickled objects, which are not read: {join_names(pickled)}")
     return notes

@@ -1,4 +1,8 @@
-"""Rest poses for SMPL joints, from a skeleton that the user gives, or the stand-in."""
+"""Rest poses for SMPL joints, from a skeleton that the user gives, or from the stand-in skeleton.
+
+AMASS files contain rotations only, and the body models, which give the bone lengths, are licensed.
+The stand-in (`mograft.io.smpl.stand_in`) is a skeleton of published body proportions.
+"""
 
 import json
 import os
@@ -56,19 +60,20 @@ def read_offsets(path: str | os.PathLike[str]) -> Skeleton:
     with open(path, "rb") as file:
         data = file.read(MAX_OFFSETS_BYTES + 1)
     if len(data) > MAX_OFFSETS_BYTES:
-        raise FormatError("expected offsets of joints, got more than 1 MiB", os.fspath(path))
+        raise FormatError("expected at most 1 MiB of joint offsets, got more", os.fspath(path))
     try:
         given = json.loads(data, parse_int=float)  # an int may be too large for a float
     except (ValueError, RecursionError) as error:
         raise FormatError(f"expected JSON: {error}", os.fspath(path)) from error
     if not isinstance(given, dict):
-        raise FormatError("expected an object of joints and offsets", os.fspath(path))
+        kind = type(given).__name__
+        raise FormatError(f"expected an object with joint offsets, got a {kind}", os.fspath(path))
     offsets: dict[str, FloatArray] = {"pelvis": np.zeros(3)}
     for key, value in given.items():
         name = _smpl_name(key)
         if name not in PARENT_OF_JOINT:
             hint = suggest_name(key, list(PARENT_OF_JOINT))
-            raise FormatError(f"expected the name of a SMPL joint{hint}", os.fspath(path), key)
+            raise FormatError(f"expected the name of an SMPL joint{hint}", os.fspath(path), key)
         is_vector = isinstance(value, list) and [type(x) for x in value] == [float] * 3
         if not is_vector or not np.isfinite(value).all():
             raise FormatError("expected [x, y, z] in metres", os.fspath(path), key)
@@ -84,11 +89,12 @@ def read_offsets(path: str | os.PathLike[str]) -> Skeleton:
 
 
 def rest_skeleton(model: BodyModel, given: Skeleton | None) -> tuple[Skeleton, str]:
-    """Return the skeleton of a body model in metres, and a note of the origin of its offsets.
+    """Return the skeleton of a body model in metres, and a note that states where it is from.
 
-    If the given skeleton names the joints of the body as SMPL does, its rest pose is taken as it
-    is. Otherwise the bones of the stand-in get the lengths of the given skeleton, by body part.
-    Raises ValueError if the given skeleton is not that of a human.
+    Without a given skeleton, this is the stand-in. If the given skeleton has the joint names of
+    SMPL, its rest pose is used unchanged. If it has other names, the result is the stand-in with
+    the bone lengths of the given skeleton, which are assigned by body part. Raises ValueError if
+    the given skeleton is not that of a human.
     """
     standard = stand_in(model)
     if given is None:
@@ -114,7 +120,12 @@ def rest_skeleton(model: BodyModel, given: Skeleton | None) -> tuple[Skeleton, s
 def _named_skeleton(
     model: BodyModel, given: Skeleton, indices: dict[str, int], scale: float
 ) -> tuple[Skeleton, str]:
-    """Return the rest pose of a skeleton with SMPL names; see `rest_skeleton`."""
+    """Return the skeleton of a body model with the rest pose of a skeleton with SMPL names.
+
+    `indices` holds the index of each joint in `given` by SMPL name; lengths of `given` times
+    `scale` are metres. Joints that `given` lacks get the offsets of the stand-in, scaled by the
+    mean ratio of bone lengths. The result also has a note; see `rest_skeleton`.
+    """
     standard = stand_in(model)
     positions = scale * given.rest_positions()
     ratio = float(np.mean(list(_length_ratios(standard, given, scale).values())))
@@ -141,7 +152,11 @@ def _named_skeleton(
 def _length_ratios(
     standard: Skeleton, given: Skeleton, scale: float
 ) -> dict[tuple[str, str], float]:
-    """Return the length of each bone of the given skeleton in lengths of the stand-in."""
+    """Return the ratio of the lengths of each bone in two skeletons, given to standard.
+
+    The keys are body part and side; lengths of `given` are multiplied by `scale`. Raises ValueError
+    if there is no ratio.
+    """
     own, other = _bone_lengths(standard), _bone_lengths(given)
     ratios = {
         key: scale * other[key] / length
@@ -149,15 +164,16 @@ def _length_ratios(
         if length > 0 and other.get(key, 0.0) > 0
     }
     if not ratios:
-        raise ValueError("`skeleton` must have bones of lengths above 0, got none")
+        raise ValueError("`skeleton` must have bones longer than 0, got none")
     return ratios
 
 
 def _bone_lengths(skeleton: Skeleton) -> dict[tuple[str, str], float]:
     """Return the length of each bone in the rest pose, by body part and side.
 
-    The bone of the pelvis, with a side, reaches from the hips to the thigh; that of the trunk from
-    the hips to the neck.
+    A bone begins at the first joint of its part and ends at the first joint of the next part. Two
+    bones of the pelvis, left and right, lead from the hips to the thighs, and the bone of the trunk
+    leads from the hips to the neck.
     """
     known, positions = anatomy(skeleton), skeleton.rest_positions()
     first: dict[tuple[str, str], int] = {}
@@ -175,7 +191,10 @@ def _bone_lengths(skeleton: Skeleton) -> dict[tuple[str, str], float]:
 
 
 def _scale(standard: Skeleton, ratios: dict[tuple[str, str], float]) -> Skeleton:
-    """Return the stand-in with bones scaled by body part; parts without a ratio get the mean."""
+    """Return the stand-in `standard` with the bones of each body part multiplied by its ratio.
+
+    Parts without a ratio are multiplied by the mean of all ratios.
+    """
     known = anatomy(standard)
     mean = float(np.mean(list(ratios.values())))
     scales = np.ones(standard.n_joints)
@@ -192,10 +211,10 @@ def _scale(standard: Skeleton, ratios: dict[tuple[str, str], float]) -> Skeleton
 
 
 def _smpl_name(name: str) -> str:
-    """Return the name of a joint as `smplx` writes it, if it is a variant such as ``L_Hip``.
+    """Return the name that the package `smplx` uses for a joint, such as ``left_hip``.
 
-    Variants are ``m_avg_L_Hip``, ``L_Hip``, ``LeftHip``... of the bodies that the makers of SMPL
-    distribute; other names are returned in lower case.
+    Bodies that the authors of SMPL distribute have variants of it: ``m_avg_L_Hip``, ``L_Hip`` and
+    ``LeftHip``. Any other name is converted in the same way: to lower case, with underscores.
     """
     text = re.sub(r"^[mf]_avg_", "", name)
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", text).casefold()

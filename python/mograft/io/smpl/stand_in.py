@@ -1,12 +1,13 @@
 """A rest pose for SMPL joints without a body model: published proportions of the body.
 
 Heights, breadths and limb lengths are those of Drillis and Contini (1966), as reproduced by Winter,
-Biomechanics and Motor Control of Human Movement, figure 4.1, in statures: ankle 0.039, knee 0.285,
-hip 0.530, shoulder 0.818, chin 0.870 and eye 0.936 above the floor; half the shoulder breadth
-0.129; upper arm 0.186, forearm 0.146, hand 0.108. What that source does not give is the choice of
-this project: half the distance of the hip joints 0.050, the pelvis 0.030 above them, the spine in
-four equal parts from there to the height of the shoulders, collars, balls of the feet, fingers and
-the depth of the face. The pose is a T-pose, as in SMPL: y up, the left side at +x, facing +z.
+Biomechanics and Motor Control of Human Movement, figure 4.1. As fractions of the stature: ankle
+0.039, knee 0.285, hip 0.530, shoulder 0.818, chin 0.870 and eye 0.936 above the floor; half the
+shoulder breadth 0.129; upper arm 0.186, forearm 0.146, hand 0.108. This project chose what that
+source does not give: half the distance of the hip joints 0.050, the pelvis 0.030 above them, the
+spine in four equal parts from there to the height of the shoulders, collars, balls of the feet,
+fingers and the depth of the face. The pose is a T-pose, as in SMPL: y up, the left side at +x,
+facing +z.
 """
 
 from functools import cache
@@ -24,7 +25,7 @@ _PELVIS, _SHOULDER, _CHIN, _EYE = 0.560, 0.818, 0.870, 0.936
 _WRIST, _HAND = 0.129 + 0.186 + 0.146, 0.108
 _SPINE = [_PELVIS + (_SHOULDER - _PELVIS) * part / 4 for part in (1, 2, 3)]
 
-# Positions in statures of the joints in the middle and on the left.
+# Positions of the joints in the middle and on the left, as fractions of the stature.
 _POSITIONS = {
     "pelvis": (0.0, _PELVIS, 0.0),
     "spine1": (0.0, _SPINE[0], 0.0),
@@ -59,7 +60,7 @@ _ENDS = {
 
 @cache
 def stand_in(model: BodyModel) -> Skeleton:
-    """Return the stand-in for a body model, in metres; the rest position of the pelvis is 0."""
+    """Return the stand-in skeleton for a body model, in metres, with the pelvis at the origin."""
     positions = {name: _position(name) for name in model.joints}
     parents = model.parents
     offsets = [
@@ -81,7 +82,7 @@ def stand_in(model: BodyModel) -> Skeleton:
 
 
 def _position(name: str) -> FloatArray:
-    """Return the position of a joint in statures."""
+    """Return the position of a joint as fractions of the stature."""
     left = name.replace("right", "left")
     if left in _POSITIONS:
         return _mirror(_POSITIONS, name)

@@ -25,7 +25,7 @@ _MAX_DISTANCE = 1e-6  # metres
 def write_amass(
     motion: Motion, path: str | os.PathLike[str], *, like: str | os.PathLike[str]
 ) -> tuple[str, ...]:
-    """Write a motion into a copy of the AMASS file that its base came from.
+    """Write a copy of an AMASS file with another motion, such as a graft of the file's motion.
 
     Parameters
     ----------
@@ -47,7 +47,8 @@ def write_amass(
     SkeletonMismatchError
         If the joints differ from those of the model of `like`.
     ValueError
-        If a joint other than the root is translated, which AMASS cannot store.
+        If a joint other than the root leaves its offset, which AMASS cannot store, or `like` has no
+        array for a joint that rotates.
     FormatError
         If `like` is not a valid AMASS file.
     OSError
@@ -55,12 +56,12 @@ def write_amass(
 
     Notes
     -----
-    Rotation vectors and translations in frames in which the motion has the rotation and position of
-    `like`, within 1e-7 radians and 1e-6 metres, keep their bits; motions that were stored as BVH
-    have errors up to this size. All other arrays, such as ``betas`` and ``gender``, keep theirs.
-    Other rotations become shortest rotation vectors in the type of the array. Arrays with parts of
-    ``poses``, such as ``pose_body``, are changed with it. ``mocap_framerate`` changes only if the
-    rate of the motion differs.
+    A rotation vector or a translation of `like` keeps its bits if the motion has the same rotation
+    or position in the same frame, within 1e-7 radians or 1e-6 metres. Motions that were stored as
+    BVH have errors up to this size. Other rotations become shortest rotation vectors in the type of
+    the array. Arrays of parts of ``poses``, such as ``pose_body``, are changed with it.
+    ``mocap_framerate`` changes only if the rate of the motion differs. All other arrays, such as
+    ``betas`` and ``gender``, keep their bits.
     """
     file = open_amass_file(Path(like))
     motion = _in_order_of(file, motion)
@@ -85,7 +86,7 @@ def write_amass(
 
 
 def _in_order_of(file: AmassFile, motion: Motion) -> Motion:
-    """Return a motion with the joints in the order of the model; BVH stores them depth first.
+    """Return a motion with its joints in the order of the model, which differs from that of BVH.
 
     Raises SkeletonMismatchError if the motion has other joints.
     """
@@ -108,8 +109,9 @@ def _in_order_of(file: AmassFile, motion: Motion) -> Motion:
                 channel_values=None,
             )
     raise SkeletonMismatchError(
-        f"{file.archive.path} has the {len(model.joints)} joints of {model.name}, got a motion "
-        f"with {skeleton.n_joints} joints, the first of which is {skeleton.names[0]}"
+        f"`motion` must have the {len(model.joints)} joints of {model.name}, as in "
+        f"{file.archive.path}, got {skeleton.n_joints} joints, the first of which is "
+        f"{skeleton.names[0]}"
     )
 
 
@@ -120,8 +122,8 @@ def _check_channels(motion: Motion, file: AmassFile) -> None:
     moved = np.flatnonzero(gaps > POSITION_TOLERANCE * np.abs(skeleton.offsets).max(initial=1.0))
     if len(moved):
         raise ValueError(
-            "AMASS can translate the root only, "
-            f"got a joint that leaves its offset, {skeleton.names[moved[0] + 1]}"
+            "AMASS can translate the root only, got a joint that leaves its offset, "
+            f"{skeleton.names[moved[0] + 1]}"
         )
     stored = np.zeros(model.n_columns, bool)
     for name in file.pose_names:
@@ -130,14 +132,14 @@ def _check_channels(motion: Motion, file: AmassFile) -> None:
     lost = np.flatnonzero(is_turned & ~stored[::3])
     if len(lost):
         raise ValueError(
-            f"{file.archive.path} has no array for rotations of {skeleton.names[lost[0]]}"
+            f"{file.archive.path} has no array for the rotations of {skeleton.names[lost[0]]}"
         )
 
 
 def _merge(file: AmassFile, name: str, values: FloatArray, is_same: BoolArray) -> npt.NDArray[Any]:
-    """Return new values for an array, with the bits of the file where `is_same`.
+    """Return `values` in the type of an array of the file, with the file's values where `is_same`.
 
-    `is_same` has the columns of `values` and at most as many rows.
+    `is_same` has as many columns as `values`, and at most as many rows.
     """
     old = file.archive.read(name, (file.n_frames, values.shape[1]))
     new = values.astype(old.dtype if old.dtype.kind == "f" else np.float64)
@@ -147,9 +149,10 @@ def _merge(file: AmassFile, name: str, values: FloatArray, is_same: BoolArray) -
 
 
 def _same_rotations(motion: Motion, source: Motion) -> BoolArray:
-    """Return for each joint, three times, whether its rotation in a frame is that of the file.
+    """Return whether each rotation of a motion is that of the file in the same frame.
 
-    The shape is (number of common frames, 3 n_joints).
+    The shape is (number of common frames, 3 n_joints): each result is repeated for the three
+    components of the rotation vector.
     """
     rows = slice(min(motion.n_frames, source.n_frames))
     own, other = motion.rotations[rows], source.rotations[rows]
@@ -160,9 +163,9 @@ def _same_rotations(motion: Motion, source: Motion) -> BoolArray:
 
 
 def _same_positions(motion: Motion, source: Motion) -> BoolArray:
-    """Return whether each coordinate of the root is that of the file: the same value for all three.
+    """Return whether each position of the root is that of the file in the same frame.
 
-    The shape is (number of common frames, 3).
+    The shape is (number of common frames, 3): each result is repeated for the three coordinates.
     """
     rows = slice(min(motion.n_frames, source.n_frames))
     gaps = np.abs(motion.positions[rows, 0] - source.positions[rows, 0]).max(axis=-1)
@@ -171,8 +174,8 @@ def _same_positions(motion: Motion, source: Motion) -> BoolArray:
 
 
 def _frame_arrays(file: AmassFile) -> tuple[str, ...]:
-    """Return the names of other arrays with one row per frame."""
-    used = {*file.pose_names, "trans", "betas"}
+    """Return the names of the arrays with one row per frame that `write_amass` does not replace."""
+    used = {*file.pose_names, file.rate_name, "trans", "betas"}
     return tuple(
         name
         for name, header in file.archive.headers.items()

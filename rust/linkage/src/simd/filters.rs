@@ -2,7 +2,8 @@
 //!
 //! A cluster is a centre and a variance. The squared distance of two clusters is at least the
 //! squared distance of their centres plus both variances (see `clusters`); "within the limit"
-//! means that this bound is at most the squared limit.
+//! means that this bound is at most the squared limit. Two points of each cluster that are far
+//! apart, its *extreme points*, give a second bound: the largest of their four distances.
 
 use super::vectors::{F32x16, add_squared_difference};
 use super::{Aligned, F32Lanes, F64Lanes, LANES};
@@ -56,6 +57,9 @@ pub(crate) struct Block<'a> {
     pub half_extents: &'a [f32],
     /// Centres relative to the midpoint, one element per axis.
     pub offsets: &'a [F32Lanes],
+    /// The two extreme points of every cluster relative to the midpoint, two elements per axis.
+    /// Empty if the clusters are points.
+    pub extremes: &'a [F32Lanes],
     /// Variances of the clusters, rounded down.
     pub variances: &'a F32Lanes,
     /// The smallest of `variances`.
@@ -67,26 +71,42 @@ pub(crate) struct Query<'a> {
     block: Block<'a>,
     /// The squared limit.
     pub limit: f32,
+    /// The squared limit of extreme points.
+    pub extreme_limit: f32,
+    /// Count of rows whose extreme points were compared.
+    pub n_extreme_rows: u32,
     /// Bit `i` is set if cluster `i` may be within the limit of the other block's box.
     pub rows: u16,
     /// For every row in `rows`, which clusters of the other block may be within the limit.
     pub found: [u16; LANES],
     /// Centres relative to the other block's midpoint, one element per axis.
     relative: Vec<F32Lanes>,
+    /// Extreme points relative to the other block's midpoint.
+    relative_extremes: Vec<F32Lanes>,
 }
 
 impl<'a> Query<'a> {
     /// A query of `block` with empty results.
     pub fn new(block: Block<'a>) -> Self {
         let relative = vec![Aligned([0.0; LANES]); block.midpoint.len()];
-        Self { block, limit: 0.0, rows: 0, found: [0; LANES], relative }
+        let relative_extremes = vec![Aligned([0.0; LANES]); block.extremes.len()];
+        Self {
+            block,
+            limit: 0.0,
+            extreme_limit: 0.0,
+            n_extreme_rows: 0,
+            rows: 0,
+            found: [0; LANES],
+            relative,
+            relative_extremes,
+        }
     }
 }
 
 dispatch! {
     /// Compare the blocks of some queries with another block.
     ///
-    /// Updates `rows` and `found` of every query whose bit is set in `selected`. `found` is
+    /// Updates the results of every query whose bit is set in `selected`. `found` is
     /// undefined for rows that are not in `rows`. Takes O(`selected.count_ones()` × dim) time plus
     /// O(dim) for every row that passes.
     blocks_within = blocks_within_body(queries: &mut [Query<'_>], selected: u16, other: &Block<'_>)
@@ -108,7 +128,9 @@ fn blocks_within_body<V: F32x16>(queries: &mut [Query<'_>], selected: u16, other
     }
     remaining = selected;
     while remaining != 0 {
-        compare_rows::<V>(&mut queries[remaining.trailing_zeros() as usize], other);
+        let query = &mut queries[remaining.trailing_zeros() as usize];
+        compare_rows::<V>(query, other);
+        compare_extremes::<V>(query, other);
         remaining &= remaining - 1;
     }
 }
@@ -171,5 +193,45 @@ fn compare_rows<V: F32x16>(query: &mut Query<'_>, other: &Block<'_>) {
         for (row, sum) in group.into_iter().zip([a, b, c, d]) {
             query.found[row] = sum.le_mask(limit);
         }
+    }
+}
+
+/// Remove from `found` of a query the pairs of which two extreme points are beyond the limit.
+#[inline(always)]
+fn compare_extremes<V: F32x16>(query: &mut Query<'_>, other: &Block<'_>) {
+    let Query { block, extreme_limit, n_extreme_rows, rows, found, relative_extremes, .. } = query;
+    *n_extreme_rows = 0;
+    let is_row = |row: usize| *rows >> row & 1 != 0 && found[row] != 0;
+    let mut remaining = (0..LANES).fold(0_u16, |bits, row| bits | u16::from(is_row(row)) << row);
+    if other.extremes.is_empty() || remaining == 0 {
+        return;
+    }
+    *n_extreme_rows = remaining.count_ones();
+    let axes = block.midpoint.iter().zip(other.midpoint);
+    let extremes = block.extremes.as_chunks::<2>().0.iter();
+    for ((midpoint, other_midpoint), (extremes, relative)) in
+        axes.zip(extremes.zip(relative_extremes.as_chunks_mut::<2>().0))
+    {
+        let shift = V::splat((midpoint - other_midpoint) as f32);
+        V::load(&extremes[0]).add(shift).store(&mut relative[0]);
+        V::load(&extremes[1]).add(shift).store(&mut relative[1]);
+    }
+    let limit = V::splat(*extreme_limit);
+    while remaining != 0 {
+        let row = remaining.trailing_zeros() as usize % LANES;
+        remaining &= remaining - 1;
+        // Four variables, because an array of sums does not stay in registers.
+        let [mut a, mut b, mut c, mut d] = [V::splat(0.0); 4];
+        let targets = other.extremes.as_chunks::<2>().0.iter();
+        for (relative, [first, second]) in relative_extremes.as_chunks::<2>().0.iter().zip(targets)
+        {
+            let (first, second) = (V::load(first), V::load(second));
+            let [p, q] = [relative[0][row], relative[1][row]];
+            add_squared_difference(&mut a, first, p);
+            add_squared_difference(&mut b, first, q);
+            add_squared_difference(&mut c, second, p);
+            add_squared_difference(&mut d, second, q);
+        }
+        found[row] &= a.max(b).max(c.max(d)).le_mask(limit);
     }
 }

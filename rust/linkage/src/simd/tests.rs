@@ -91,24 +91,26 @@ fn f32_distances_on_every_set_are_within_stated_error() {
 #[test]
 fn blocks_within_on_every_set_equals_brute_force() {
     for dim in DIMS {
+        let extremes = whole_lanes(6 * dim).split_off(2 * dim);
         let (offsets, variances) = (whole_lanes(2 * dim), Aligned(whole_lanes(1)[0].map(f32::abs)));
         let (midpoint, other_midpoint) = (vec![3.0; dim], vec![1.0; dim]);
         let half_extents = vec![5.0; dim];
         let min_variance = variances.iter().copied().fold(f32::INFINITY, f32::min);
-        let block = |midpoint, offsets| Block {
+        let block = |midpoint, offsets, extremes| Block {
             midpoint,
             half_extents: &half_extents,
             offsets,
+            extremes,
             variances: &variances,
             min_variance,
         };
-        let first = block(&midpoint, &offsets[..dim]);
-        let other = block(&other_midpoint, &offsets[dim..]);
+        let first = block(&midpoint, &offsets[..dim], &extremes[..2 * dim]);
+        let other = block(&other_midpoint, &offsets[dim..], &extremes[2 * dim..]);
         for limit in [0.0, 9.0 * dim as f32, 25.0 * dim as f32, 1e9] {
             let results = instruction_sets().map(|isa| {
                 let mut queries = [other, first, first].map(Query::new);
                 for query in &mut queries[1..] {
-                    query.limit = limit;
+                    (query.limit, query.extreme_limit) = (limit, limit / 2.0);
                 }
                 blocks_within(isa, &mut queries, 0b110, &other);
                 queries.map(|query| (query.rows, query.found))
@@ -125,7 +127,19 @@ fn blocks_within_on_every_set_equals_brute_force() {
                         .map(|k| other.offsets[k][lane] - first.offsets[k][row] - 2.0)
                         .map(|difference| difference * difference) // powi need not be exact
                         .sum();
-                    let is_within = squared + variances[row] + variances[lane] <= limit;
+                    let between_extremes = |p: usize, q: usize| {
+                        (0..dim)
+                            .map(|k| {
+                                first.extremes[2 * k + p][row] + 2.0
+                                    - other.extremes[2 * k + q][lane]
+                            })
+                            .map(|difference| difference * difference)
+                            .sum::<f32>()
+                    };
+                    let pairs =
+                        [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(p, q)| between_extremes(p, q));
+                    let is_within = squared + variances[row] + variances[lane] <= limit
+                        && pairs.iter().all(|&squared| squared <= limit / 2.0);
                     assert_eq!(has_passed && found[row] >> lane & 1 != 0, is_within);
                 }
             }

@@ -1,0 +1,67 @@
+"""Limits of skeletons and motions, the same for files of all formats, libraries and arrays.
+
+They are far above what any figure needs. They bound the time and memory that reading a file takes.
+"""
+
+from collections.abc import Iterable, Sequence
+
+MAX_JOINTS = 1 << 16
+
+MAX_LEVELS = 2_048
+"""Joints from the root to the deepest joint, both included."""
+
+MAX_FRAMES = 1 << 24
+"""Frames of a motion: 39 hours at 120 frames per second."""
+
+MIN_FRAME_TIME, MAX_FRAME_TIME = 1e-5, 1e3
+"""Seconds from one frame to the next."""
+
+MIN_CLIP_FRAME_TIME, MAX_CLIP_FRAME_TIME = 1e-4, 1.0
+"""Seconds from one frame to the next in clips that are segmented. The memory of smoothing is
+inversely proportional to it."""
+
+MAX_NAME_CHARACTERS = (1 << 16) - 1
+
+
+def check_joints(n_joints: int) -> None:
+    """Raise ValueError if a skeleton has too many joints."""
+    if n_joints > MAX_JOINTS:
+        raise ValueError(f"expected at most {MAX_JOINTS} joints, got {n_joints}")
+
+
+def check_levels(n_levels: int) -> None:
+    """Raise ValueError if a hierarchy is too deep."""
+    if n_levels > MAX_LEVELS:
+        raise ValueError(f"expected at most {MAX_LEVELS} levels of joints, got {n_levels}")
+
+
+def check_frames(n_frames: float) -> None:
+    """Raise ValueError if a motion has too many frames."""
+    if n_frames > MAX_FRAMES:
+        raise ValueError(f"expected at most {MAX_FRAMES} frames, got {n_frames:.16g}")
+
+
+def check_frame_time(seconds: float, name: str = "a frame time") -> None:
+    """Raise ValueError if a frame time is out of range; `name` describes it in the message."""
+    if not MIN_FRAME_TIME <= seconds <= MAX_FRAME_TIME:
+        raise ValueError(
+            f"expected {name} of {MIN_FRAME_TIME:g} to {MAX_FRAME_TIME:g} seconds, "
+            f"got {seconds:.6g}"
+        )
+
+
+def check_hierarchy(names: Sequence[str], parents: Iterable[int]) -> None:
+    """Raise ValueError if a skeleton has too many joints or levels, or a name is too long.
+
+    `parents` holds for each joint the index of its parent, which is smaller; -1 at the root.
+    """
+    check_joints(len(names))
+    longest = max(map(len, names), default=0)
+    if longest > MAX_NAME_CHARACTERS:
+        raise ValueError(
+            f"expected names of at most {MAX_NAME_CHARACTERS} characters, got one of {longest}"
+        )
+    levels: list[int] = []
+    for parent in parents:
+        levels.append(levels[parent] + 1 if parent >= 0 else 1)
+    check_levels(max(levels, default=0))

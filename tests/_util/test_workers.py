@@ -1,0 +1,113 @@
+"""Worker processes: results, errors, and processes that are killed at the worst moment."""
+
+import gc
+import multiprocessing
+import os
+import signal
+import struct
+import sys
+import time
+from multiprocessing.connection import Connection
+
+import numpy as np
+import pytest
+
+from mograft._util.workers import worker_processes
+from mograft.errors import FormatError, MograftError
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
+
+
+LONG_SECONDS = 600
+"""Time of a call that nothing may wait for, also if this process is not scheduled for minutes."""
+
+
+def square(n):
+    return n * n
+
+
+def raise_format_error():
+    raise FormatError("expected a motion", "walk.bvh", "byte 3")
+
+
+def return_lambda():
+    return lambda: 0
+
+
+class UnpicklableError(Exception):
+    def __reduce__(self):
+        raise TypeError("cannot be pickled")
+
+
+def raise_unpicklable():
+    raise UnpicklableError("lost")
+
+
+def end_at_once():
+    os._exit(3)
+
+
+def wait_long():
+    time.sleep(LONG_SECONDS)
+
+
+def kill_while_sending(declared, sent):
+    """Send `sent` bytes of a message of `declared` bytes to the main process, and kill this one."""
+    writers = [each for each in gc.get_objects() if isinstance(each, Connection) and each.writable]
+    message = struct.pack("!i", declared) + bytes(declared)
+    for each in writers:
+        os.write(each.fileno(), message[:sent])
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def call_beside_another(function, *arguments):
+    """Call a function in a process while another process is busy for `LONG_SECONDS`."""
+    with worker_processes(2) as pool:
+        pool.submit(wait_long)
+        pool.submit(function, *arguments).result(LONG_SECONDS / 2)
+
+
+def test_workers_return_results_of_many_calls():
+    with worker_processes(2) as pool:
+        futures = [pool.submit(square, np.arange(n)) for n in range(50)]
+        for n, future in enumerate(futures):
+            assert future.result(LONG_SECONDS).tolist() == [k * k for k in range(n)]
+    assert not multiprocessing.active_children()
+
+
+def test_workers_raise_the_exceptions_of_calls_and_go_on():
+    with worker_processes(2) as pool:
+        with pytest.raises(FormatError) as caught:
+            pool.submit(raise_format_error).result(LONG_SECONDS)
+        assert str(caught.value) == "walk.bvh: byte 3: expected a motion"
+        assert "in raise_format_error" in caught.value.__notes__[0]
+        with pytest.raises(Exception, match="pickle"):
+            pool.submit(return_lambda).result(LONG_SECONDS)
+        with pytest.raises(RuntimeError, match="UnpicklableError"):
+            pool.submit(raise_unpicklable).result(LONG_SECONDS)
+        with pytest.raises(Exception, match=r"pickle|Can't get local object"):
+            pool.submit(lambda: 0).result(LONG_SECONDS)
+        assert pool.submit(square, 3).result(LONG_SECONDS) == 9
+
+
+# A message has four bytes of length; the kill comes before, in and after these.
+@pytest.mark.parametrize("sent", [0, 2, 4, 60])
+def test_worker_killed_while_it_sends_a_result_raises_error(sent):
+    start = time.monotonic()
+    with pytest.raises(MograftError, match=r"^a worker process was killed"):
+        call_beside_another(kill_while_sending, 100, sent)
+    assert time.monotonic() - start < LONG_SECONDS / 2
+    assert not multiprocessing.active_children()
+
+
+def test_worker_that_ends_itself_raises_error():
+    with pytest.raises(MograftError, match="a worker process was killed"):
+        call_beside_another(end_at_once)
+
+
+def test_exception_of_a_call_ends_running_calls():
+    start = time.monotonic()
+    with pytest.raises(FormatError, match="expected a motion"):
+        call_beside_another(raise_format_error)
+    assert time.monotonic() - start < LONG_SECONDS / 2
+    assert not multiprocessing.active_children()

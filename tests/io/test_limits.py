@@ -1,0 +1,144 @@
+"""The limits of skeletons and motions hold for every format; errors name file, value and limit."""
+
+from dataclasses import replace
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+
+import mograft as mg
+from mograft.motion import limits
+from tests.hierarchies import human
+from tests.io import fbx_scenes
+from tests.io.amass_file import amass_arrays
+from tests.io.kimodo_file import kimodo_arrays
+
+N_FRAMES = 12
+LIMITS = {
+    "joints": ("MAX_JOINTS", "expected at most {} joints, got"),
+    "levels": ("MAX_LEVELS", "expected at most {} levels of joints, got"),
+    "frames": ("MAX_FRAMES", "expected at most {} frames, got 12"),
+    "short frames": ("MIN_FRAME_TIME", "expected .*frame.time.* of {:g} to 1000 seconds, got"),
+    "long frames": ("MAX_FRAME_TIME", "expected .*frame.time.* of 1e-05 to {:g} seconds, got"),
+    "names": ("MAX_NAME_CHARACTERS", "expected (names of )?at most {} characters, got"),
+}
+
+
+def make_motion():
+    skeleton = human()
+    longest = "Hips" + 80 * "x"  # longer than the channels of a joint, which NPZ files hold as text
+    skeleton = replace(skeleton, names=(longest, *skeleton.names[1:]))
+    quats = np.tile([0.0, 0.0, 0.0, 1.0], (N_FRAMES, skeleton.n_joints, 1))
+    positions = np.tile(skeleton.offsets, (N_FRAMES, 1, 1))
+    positions[:, 0, 0] += np.linspace(0.0, 1.0, N_FRAMES)
+    return mg.Motion(skeleton, 1 / 30, quats, positions, name="walk")
+
+
+def write_fbx(motion, path):
+    pytest.importorskip("mograft_fbx", reason="mograft-fbx is not installed")
+    path.write_bytes(fbx_scenes.to_binary(fbx_scenes.scene_of_motions([motion], ["walk"])))
+
+
+def write_usd(motion, path):
+    pytest.importorskip("pxr", reason="usd-core is not installed")
+    mg.write_usd(motion, path)
+
+
+WRITERS = {
+    "walk.bvh": mg.write_bvh,
+    "walk.glb": mg.write_glb,
+    "walk.fbx": write_fbx,
+    "walk.npz": mg.write_npz,
+    "walk.usda": write_usd,
+    "amass.npz": lambda _, path: np.savez(path, **amass_arrays(n_frames=N_FRAMES)),
+    "kimodo.npz": lambda _, path: np.savez(path, **kimodo_arrays(n_frames=N_FRAMES)[0]),
+}
+"""Writers of a motion by the name of the file. AMASS and Kimodo determine the skeleton."""
+
+
+def tightest(motion, name):
+    """Return the value of a limit that a motion just fulfils, and one that it violates."""
+    skeleton = motion.skeleton
+    depths = [1 + len(skeleton.ancestors(joint)) for joint in range(skeleton.n_joints)]
+    counts = {
+        "MAX_JOINTS": skeleton.n_joints,
+        "MAX_LEVELS": max(depths),
+        "MAX_FRAMES": motion.n_frames,
+        "MAX_NAME_CHARACTERS": max(map(len, skeleton.names)),
+    }
+    if name in counts:
+        return counts[name], counts[name] - 1
+    factor = 1.001 if name == "MIN_FRAME_TIME" else 1 / 1.001
+    return motion.frame_time / factor, motion.frame_time * factor
+
+
+def make_cases():
+    for file in WRITERS:
+        for limit in LIMITS:
+            if file in ("amass.npz", "kimodo.npz") and limit in ("joints", "levels", "names"):
+                continue
+            # The file does not state the rate.
+            if file == "kimodo.npz" and limit in ("short frames", "long frames"):
+                continue
+            yield file, limit
+
+
+@pytest.mark.parametrize(("file", "limit"), list(make_cases()))
+def test_file_beyond_limit_raises_error_with_file_value_and_limit(tmp_path, file, limit):
+    path = tmp_path / file
+    WRITERS[file](make_motion(), path)
+    motion = mg.read(path)[0]
+    name, message = LIMITS[limit]
+    fulfilled, violated = tightest(motion, name)
+    # The figure of a glTF file is a node above the joints.
+    n_above = 1 if limit == "levels" and path.suffix == ".glb" else 0
+    with patch.object(limits, name, fulfilled + n_above):
+        assert mg.read(path)[0].n_frames == N_FRAMES
+    with patch.object(limits, name, violated):
+        with pytest.raises(mg.FormatError, match=message.format(violated)) as caught:
+            mg.read(path)[0]
+        assert str(caught.value).startswith(str(path))
+
+
+# The reader of FBX files has a lower limit, and deeper chains take seconds in GLB and USD files.
+@pytest.mark.parametrize(
+    ("file", "n"),
+    [
+        ("walk.bvh", limits.MAX_LEVELS),
+        ("walk.npz", limits.MAX_LEVELS),
+        ("walk.glb", 998),
+        ("walk.fbx", 998),
+        ("walk.usda", 998),
+    ],
+)
+def test_chain_of_the_greatest_depth_is_read(tmp_path, file, n):
+    skeleton = mg.Skeleton(
+        [f"j{joint}" for joint in range(n)], np.arange(-1, n - 1), np.eye(3)[[1] * n]
+    )
+    quats = np.tile([0.0, 0.0, 0.0, 1.0], (2, n, 1))
+    chain = mg.Motion(skeleton, 1 / 30, quats, np.tile(skeleton.offsets, (2, 1, 1)))
+    WRITERS[file](chain, tmp_path / file)
+    found = mg.read(tmp_path / file)[0]
+    assert found.n_joints == n
+    heights = found.world_positions()[0, :, 1]
+    assert heights[-1] / heights[0] == pytest.approx(n, rel=1e-4)
+
+
+def test_arrays_beyond_limits_raise_value_error():
+    n = limits.MAX_JOINTS + 1
+    with pytest.raises(ValueError, match=r"^expected at most 65536 joints, got 65537$"):
+        mg.Skeleton(["j"] * n, [-1] + [0] * (n - 1), np.zeros((n, 3)))
+    n = limits.MAX_LEVELS + 1
+    with pytest.raises(ValueError, match=r"^expected at most 2048 levels of joints, got 2049$"):
+        mg.Skeleton(["j"] * n, np.arange(-1, n - 1), np.zeros((n, 3)))
+    with pytest.raises(ValueError, match="at most 65535 characters, got one of 65536"):
+        mg.Skeleton(["j" * 65_536], [-1], np.zeros((1, 3)))
+    motion = make_motion()
+    for seconds in (0.0, -1.0, 9e-6, 1001.0):
+        with pytest.raises(ValueError, match=r"`frame_time` of 1e-05 to 1000 seconds, got"):
+            mg.Motion(motion.skeleton, seconds, motion.rotations, motion.positions)
+    with patch.object(limits, "MAX_FRAMES", 11):
+        with pytest.raises(ValueError, match="at most 11 frames, got 12"):
+            mg.Motion(motion.skeleton, 0.1, motion.rotations, motion.positions)
+        with pytest.raises(ValueError, match="`rate` must give at most 11 frames, got 60"):
+            motion[:11].resample(60.0)
