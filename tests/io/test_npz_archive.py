@@ -1,12 +1,12 @@
 """NPZ files that are damaged, claim too much, hold pickled objects, or have no known format."""
 
+import ast
 import contextlib
 import io
 import subprocess
 import sys
 import warnings
 import zipfile
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft.dancer import dance
-from mograft.io.npz_archive import open_npz_archive
+from mograft.io.npz_archive import _parse_header, open_npz_archive
 from tests import fuzz_npz
 from tests.io.amass_file import amass_arrays, write_arrays
 from tests.io.kimodo_file import kimodo_arrays
@@ -119,15 +119,51 @@ def test_npz_header_of_python_2_is_read_without_warning(tmp_path):
     np.testing.assert_array_equal(open_npz_archive(path).read_floats("x", (2, 3)), values)
 
 
-def test_npz_read_in_threads_keeps_the_filters_of_warnings(valid_files):
-    before, interval = list(warnings.filters), sys.getswitchinterval()
-    sys.setswitchinterval(1e-6)
-    try:
-        with ThreadPoolExecutor(8) as pool:
-            list(pool.map(open_npz_archive, valid_files * 50))
-    finally:
-        sys.setswitchinterval(interval)
-    assert list(warnings.filters) == before
+@given(
+    dtype=st.sampled_from(["<f8", ">f4", "<i8", "|b1", "|u1", "<U12", "<U0", "|S3", "<c16", "|O"]),
+    shape=st.lists(st.integers(0, 10**12), max_size=5).map(tuple),
+    fortran=st.booleans(),
+    version=st.sampled_from([1, 2]),
+)
+def test_npz_header_is_parsed_without_numpy_and_equals_it(dtype, shape, fortran, version):
+    header = io.BytesIO()
+    write = getattr(np.lib.format, f"write_array_header_{version}_0")
+    write(header, {"descr": dtype, "fortran_order": fortran, "shape": shape})
+    text = header.getvalue()[10 if version == 1 else 12 :]
+    assert _parse_header(text) == (shape, fortran, np.dtype(dtype))
+    assert _parse_header(text[:-1] + b"x") is None
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_npz_header_that_ends_early_raises_format_error(tmp_path, version):
+    length = (118).to_bytes(2 * version, "little")
+    member = b"\x93NUMPY" + bytes([version, 0]) + length + header_of((2, 3))[10:-1]
+    path = write_members(tmp_path / "a.npz", {"x": member})
+    with pytest.raises(mg.FormatError, match=r"array `x`: .* header of 118 bytes, got 117"):
+        open_npz_archive(path)
+
+
+@pytest.mark.parametrize("header", [b"{'descr': '<f8', 'fortran_order': False, 'shape': (3), }\n"])
+def test_npz_shape_that_is_no_tuple_raises_format_error(tmp_path, header):
+    member = b"\x93NUMPY\1\0" + len(header).to_bytes(2, "little") + header + bytes(24)
+    path = write_members(tmp_path / "a.npz", {"x": member})
+    with pytest.raises(mg.FormatError, match="array `x`: damaged: shape is not valid: 3"):
+        open_npz_archive(path)
+
+
+def test_npz_structured_array_is_described(tmp_path):
+    records = np.zeros(3, [("a", "<f8"), ("b", "<i4", (2,))])
+    archive = open_npz_archive(write_arrays(tmp_path / "a.npz", {"x": records}))
+    assert archive.headers["x"].dtype == records.dtype
+    assert archive.headers["x"].n_bytes == records.nbytes
+
+
+def test_npz_headers_are_read_without_warning_filters_and_ast(valid_files, monkeypatch):
+    """Threads must not change the filters of warnings; `ast` fails in threads of Python 3.11.7."""
+    monkeypatch.setattr(ast, "literal_eval", None)
+    monkeypatch.setattr(warnings, "catch_warnings", None)
+    for path in valid_files:
+        assert open_npz_archive(path).headers
 
 
 @pytest.fixture(scope="module")

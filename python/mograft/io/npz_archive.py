@@ -14,6 +14,7 @@ from types import MappingProxyType
 from typing import IO, Any
 
 import numpy as np
+import numpy.lib.format as npy
 import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray, IntArray, Shape
@@ -24,10 +25,15 @@ from mograft.motion import limits
 MAX_ARRAY_BYTES = 2**30
 """Largest array that is read: about two hours of SMPL-H poses at 120 fps in float64."""
 
-_LONG = re.compile(rb"(?<=[0-9])L\b")
-"""The ``L`` behind integers of headers that Python 2 wrote, for which NumPy issues a warning.
+_HEADER = re.compile(
+    rb"\{'descr': '([<>=|]?[A-Za-z][0-9]*)', 'fortran_order': (False|True), "
+    rb"'shape': \(((?:[0-9]+L?, ?)*(?:[0-9]+L?)?)\),? ?\} *\n?"
+)
+"""The header of an array without fields; Python 2 wrote integers with an ``L``.
 
-To ignore the warning by `warnings.catch_warnings` would change the filters of other threads.
+NumPy evaluates headers by `ast.literal_eval`, which is slower, raises SystemError at random if
+several threads call it in Python 3.11.0 to 3.11.7 (CPython issue 106905), and needs a warning for
+the ``L``.
 """
 
 _MAX_HEADER_BYTES = 10_000  # as NumPy
@@ -199,7 +205,7 @@ def copy_npz_archive(
             member.external_attr = info.external_attr
             with new.open(member, "w", force_zip64=True) as out:
                 if name in replaced:
-                    np.lib.format.write_array(out, replaced[name], allow_pickle=False)
+                    npy.write_array(out, replaced[name], allow_pickle=False)
                 else:
                     with old.open(info) as data:
                         shutil.copyfileobj(data, out)
@@ -216,16 +222,25 @@ def _read_header(member: IO[bytes]) -> ArrayHeader:
     length = int.from_bytes(length_bytes, "little")
     if length > _MAX_HEADER_BYTES:
         raise ValueError(f"expected a header of at most {_MAX_HEADER_BYTES} bytes, got {length}")
-    text, key, shape_text = member.read(length).partition(b"'shape':")
-    stream = io.BytesIO(length_bytes + text + key + _LONG.sub(b" ", shape_text))
+    text = member.read(length)
+    if len(text) < length:
+        raise ValueError(f"expected a header of {length} bytes, got {len(text)}")
     # Version 3 differs from version 2 only in the encoding of field names.
-    read = np.lib.format.read_array_header_2_0
-    if start[6] == 1:
-        read = np.lib.format.read_array_header_1_0
-    shape, is_fortran, dtype = read(stream)
+    evaluate = npy.read_array_header_1_0 if start[6] == 1 else npy.read_array_header_2_0
+    shape, is_fortran, dtype = _parse_header(text) or evaluate(io.BytesIO(length_bytes + text))
     if any(length < 0 for length in shape):
         raise ValueError(f"expected a shape without negative lengths, got {shape}")
-    return ArrayHeader(shape, dtype, is_fortran, 8 + stream.tell())
+    return ArrayHeader(shape, dtype, is_fortran, 8 + len(length_bytes) + length)
+
+
+def _parse_header(text: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any]] | None:
+    """Return shape, whether the first index varies fastest, and type; None for other headers."""
+    match = _HEADER.fullmatch(text)
+    if match is None or (match[3] and b"," not in match[3]):  # a number in brackets is no tuple
+        return None
+    lengths = match[3].replace(b"L", b"").split(b",")
+    shape = tuple(int(length) for length in lengths if length.strip())
+    return shape, match[2] == b"True", np.dtype(match[1].decode())
 
 
 @contextmanager
