@@ -160,6 +160,9 @@ def try_sdists() -> None:
 
     The crates of each one are vendored first, and cargo has an empty home.
     """
+    # Files of source distributions have a fixed date, so cargo would keep crates of earlier runs.
+    target = WORK / "target-sdist"
+    shutil.rmtree(target, ignore_errors=True)
     folder = make_fresh_environment("sdist")
     run_fresh(folder, "python", "-m", "pip", "install", "--quiet", "maturin>=1.13,<2", "numpy")
     for distribution in DISTRIBUTIONS:
@@ -171,7 +174,7 @@ def try_sdists() -> None:
         offline = {
             "CARGO_HOME": str(folder / "empty"),
             "CARGO_NET_OFFLINE": "true",
-            "CARGO_TARGET_DIR": str(WORK / "target-sdist"),
+            "CARGO_TARGET_DIR": str(target),
             "RUSTUP_HOME": os.environ.get("RUSTUP_HOME") or str(Path.home() / ".rustup"),
         }
         words = ["-m", "pip", "install", "--quiet", "--no-index", "--no-build-isolation"]

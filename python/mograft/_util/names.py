@@ -35,8 +35,8 @@ def portable_stem(name: str) -> str:
 def as_words(name: str, words: object) -> str | Collection[str]:
     """Return a string, or several strings in any iterable, as a string or a collection of strings.
 
-    Lists, tuples and sets are returned as they are. Raises TypeError, which calls the argument
-    `name`, for anything else.
+    A list, tuple or set of strings is returned as it is, another iterable as a tuple. Raises
+    TypeError, which calls the argument `name`, for anything else.
     """
     if isinstance(words, str):
         return words

@@ -59,7 +59,11 @@ def _watch(read_end: int, handled: frozenset[int]) -> None:
 
 
 def _sleep(seconds: float) -> None:
-    """Sleep in short steps, so that the main thread has as long if the process is suspended."""
+    """Sleep in 20 short steps.
+
+    If the process is suspended meanwhile, only the current step elapses, so that the main thread
+    still gets nearly all of `seconds` afterwards.
+    """
     for _ in range(20):
         time.sleep(seconds / 20)
 

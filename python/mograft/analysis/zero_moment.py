@@ -121,10 +121,11 @@ def support_margins(
 def zero_moment_operators(n_samples: int, seconds: FloatArray) -> FloatArray:
     """Return how displacements of the mass move the zero-moment point, (n, n_samples, n_samples).
 
-    `seconds` are the durations of n base segments. The product of an operator and d at the samples,
-    shape (n_samples, 2), is the shift d - (z/g) d̈ at the samples. Here d is the difference of the
-    `mass_offsets` of donor and base segment, smoothed by a Gaussian. Beyond both ends of the
-    segment, d continues by point reflection, so it is the sum of a line and of sines.
+    `seconds` are the durations of n base segments. The product of an operator and the difference of
+    the `mass_offsets` of donor and base segment, shape (n_samples, 2), is the shift d - (z/g) d̈ at
+    the samples. Here d is this difference after smoothing by a Gaussian, which the operator
+    includes, and z/g is `PENDULUM_TIME_SQUARED`. For both steps the difference continues beyond the
+    ends of the segment by point reflection, so it is the sum of a line and of sines.
     """
     times = np.linspace(0.0, 1.0, n_samples)[:, None]
     line = np.zeros((n_samples, n_samples))

@@ -79,9 +79,11 @@ class SeamBoundaries:
 def restrict_to_pieces(
     times: PieceTimes, boundaries: SeamBoundaries
 ) -> tuple[PieceTimes, SeamBoundaries]:
-    """Return times and boundaries with only the pieces of `times`, their neighbours and seams.
+    """Return times and boundaries of only the pieces that are needed at these times.
 
-    `SeamTreatment.close` returns the same bits for them, in time independent of all other pieces.
+    These are the pieces from the first to the last that `times.piece` names, one neighbour on each
+    side, and the seams between them. `SeamTreatment.close` returns the same bits for them, in time
+    independent of all other pieces.
     """
     if not len(times.piece):
         return times, boundaries

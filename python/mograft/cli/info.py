@@ -50,8 +50,9 @@ def run(options: argparse.Namespace) -> int:
 def _find_clips(names: Iterable[str]) -> Iterator[tuple[str, str | FormatError | None]]:
     """Yield the path and the clip name of each clip of the given files and folders.
 
-    Clips of a single pose in a file are included. The name is None if a file has only one clip, and
-    the error if the clips of a file cannot be listed.
+    Clips of a single pose are included if their file is given by name; those in folders are left
+    out as in `find_addresses`. The name is None if a file has only one clip, and the error if the
+    clips of a file cannot be listed.
     """
     for name in names:
         try:

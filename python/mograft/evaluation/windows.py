@@ -219,7 +219,7 @@ class GraftWindows:
         return Windows.concatenate(parts)[order]
 
     def _no_windows(self) -> Windows:
-        """Return an empty collection of windows with the columns of all others."""
+        """Return `Windows` without rows, whose arrays have as many columns as all others here."""
         tracks = BodyTracks.of(self.grafts[0].motion)
         return extract_windows(tracks, np.zeros(0, np.int64), self.place)
 

@@ -157,7 +157,7 @@ class IngestRun:
 
     config: Config
     strict: bool  # whether a clip that is refused ends the run with an error
-    is_packed: bool  # whether clips are returned packed or as motions
+    is_packed: bool  # as for `ingest`
     include_grafts: bool = False
     rate: float | None = None
     match: Match = "names"
@@ -173,7 +173,7 @@ class IngestRun:
 
     @classmethod
     def from_options(cls, options: "AddOptions | IngestOptions", **fixed: Any) -> "IngestRun":  # noqa: ANN401
-        """Return the run of the keyword arguments `options` of a method, and of `fixed` fields.
+        """Return a run with the fields `fixed`, and with `options`, those of a public method.
 
         Raise TypeError if `options` has a name that is not in `IngestOptions`.
         """

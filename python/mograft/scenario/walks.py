@@ -219,8 +219,8 @@ def to_beats(
     ValueError
         If no segment sequence can be stretched to the beats; the message gives the time of the
         beat from which there is none. If there are fewer than two beats, they do not ascend or
-        they span more than 24 hours, if
-        the seed is not an integer of at least 0, or if the library has no transition graph.
+        they span more than 24 hours, if the seed or the penalty is negative, or if the library has
+        no transition graph.
 
     Notes
     -----

@@ -56,9 +56,10 @@ class SegmentBalance:
     def _compute(
         self, bases: IntArray, donors: IntArray, counts: IntArray, seconds: FloatArray
     ) -> FloatArray:
-        """Return the `added_imbalances` of donors, which are those of one base after the other.
+        """Return the `added_imbalances` of donors.
 
-        `counts` are the numbers of donors of the base segments `bases`.
+        `donors` holds the donors of the first of `bases`, then those of the next, and so on;
+        `counts` are their numbers.
         """
         is_needed = np.zeros(len(seconds), bool)
         is_needed[bases] = is_needed[donors] = True
