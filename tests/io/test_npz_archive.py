@@ -143,12 +143,28 @@ def test_npz_header_that_ends_early_raises_format_error(tmp_path, version):
         open_npz_archive(path)
 
 
-@pytest.mark.parametrize("header", [b"{'descr': '<f8', 'fortran_order': False, 'shape': (3), }\n"])
-def test_npz_shape_that_is_no_tuple_raises_format_error(tmp_path, header):
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        (b"{'descr': '<f8', 'fortran_order': False, 'shape': (3), }", "shape is not valid: 3"),
+        (b"{'descr': " + b"-" * 9000 + b"1}", "expected the header of a NumPy array, got b"),
+    ],
+)
+def test_npz_header_that_is_invalid_raises_format_error(tmp_path, header, message):
     member = b"\x93NUMPY\1\0" + len(header).to_bytes(2, "little") + header + bytes(24)
     path = write_members(tmp_path / "a.npz", {"x": member})
-    with pytest.raises(mg.FormatError, match="array `x`: damaged: shape is not valid: 3"):
+    with pytest.raises(mg.FormatError, match=f"array `x`: damaged: {message}"):
         open_npz_archive(path)
+
+
+def test_npz_without_memory_for_an_array_is_not_called_damaged(tmp_path, monkeypatch):
+    def refuse(*_):
+        raise MemoryError
+
+    archive = open_npz_archive(write_arrays(tmp_path / "a.npz", {"x": np.zeros(3)}))
+    monkeypatch.setattr(zipfile.ZipExtFile, "read", refuse)
+    with pytest.raises(MemoryError):
+        archive.read("x", (3,))
 
 
 def test_npz_structured_array_is_described(tmp_path):

@@ -227,7 +227,10 @@ def _read_header(member: IO[bytes]) -> ArrayHeader:
         raise ValueError(f"expected a header of {length} bytes, got {len(text)}")
     # Version 3 differs from version 2 only in the encoding of field names.
     evaluate = npy.read_array_header_1_0 if start[6] == 1 else npy.read_array_header_2_0
-    shape, is_fortran, dtype = _parse_header(text) or evaluate(io.BytesIO(length_bytes + text))
+    try:
+        shape, is_fortran, dtype = _parse_header(text) or evaluate(io.BytesIO(length_bytes + text))
+    except MemoryError:  # Python's parser raises it for deep expressions
+        raise ValueError(f"expected the header of a NumPy array, got {text[:40]!r}") from None
     if any(length < 0 for length in shape):
         raise ValueError(f"expected a shape without negative lengths, got {shape}")
     return ArrayHeader(shape, dtype, is_fortran, 8 + len(length_bytes) + length)
@@ -247,11 +250,12 @@ def _parse_header(text: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any]] | 
 def _named_errors(path: Path, name: str | None) -> Iterator[None]:
     """Convert the errors of a damaged archive to `FormatError`, for the array `name` if not None.
 
-    zipfile, zlib and NumPy raise exceptions of many classes for damaged files.
+    zipfile, zlib and NumPy raise exceptions of many classes for damaged files. MemoryError is not
+    converted: the file may be valid.
     """
     try:
         yield
-    except FormatError:
+    except (FormatError, MemoryError):
         raise
     except Exception as error:
         # zipfile seeks to offsets that a damaged directory states, even negative ones.
