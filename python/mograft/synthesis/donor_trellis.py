@@ -16,6 +16,7 @@ from mograft.search.costs import ConstraintViolations
 from mograft.search.trellis import DonorSequences, DonorTrellis
 from mograft.synthesis.assembly import assemble
 from mograft.synthesis.donor_poses import advance_root, candidate_poses, split_by_count
+from mograft.synthesis.error_bounds import find_evaluated_positions
 from mograft.synthesis.search_problem import SearchProblem
 
 
@@ -45,10 +46,10 @@ def candidate_violations(
     violations = [
         ConstraintViolations(np.zeros(len(costs)), costs) for costs in problem.origin_costs(group)
     ]
-    active = np.flatnonzero(problem.is_constrained_position)
-    if not len(active):
+    if not problem.is_constrained_position.any():
         return violations
     context = assemble(problem, chosen) if chosen else problem.base
+    active = np.flatnonzero(find_evaluated_positions(problem, group, context))
     intervals = problem.base_segments.lengths[active]
     n_poses = np.array([len(lists[p]) for p in active.tolist()]) * (intervals + 1)
     for positions in split_by_count(active, n_poses):
