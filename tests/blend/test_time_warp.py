@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 from mograft import Config, Library, Segments, graft
-from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
+from mograft.blend.donor_timeline import DonorLayout, DonorTimeline, SegmentTimes
 from mograft.blend.recombine import recombine
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.time_warp import TimeWarp, warping_path
 from mograft.blend.transplant import GraftedGroup, transplant
-from mograft.blend.value_spaces import ROTATIONS
+from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.motion.resample import cubic
@@ -24,6 +24,7 @@ from tests.strategies import (
     SEEDS,
     SEGMENT_LENGTHS,
     assert_same_rotations,
+    few_examples,
     random_star_clip,
     tile_segments,
 )
@@ -130,6 +131,60 @@ def test_close_warped_pieces_are_continuous(lengths, seed, seam):
     value, velocity = jumps(layout, ROTATIONS)
     assert value < 1e-9
     assert velocity < 1e-4
+
+
+def one_sided_derivatives(space, curve, ends, step):
+    """Velocity and acceleration at `ends`, from five points on one side, `step` frames apart."""
+    deltas = [space.delta(curve(ends), curve(ends + k * step)) for k in range(1, 5)]
+    first = np.tensordot(np.array([4.0, -3.0, 4.0 / 3.0, -0.25]), deltas, 1)
+    second = np.tensordot(np.array([-26.0, 28.5, -14.0, 2.75]) / 3.0, deltas, 1)
+    return first / step, second / step**2
+
+
+def boundaries_and_derivatives(timeline, space, track):
+    """The boundaries of the first seam, and the derivatives of the curves on both sides."""
+    states = []
+    for segment, frame, step in ((0, timeline.cut.lengths[0], -4.0), (1, 0, 4.0)):
+        index = np.array([segment])
+
+        def curve(frames, index=index):
+            return timeline.sample(space, [track], SegmentTimes(index, frames))
+
+        states.append(one_sided_derivatives(space, curve, np.array([float(frame)]), step))
+    return timeline.boundaries(space, [track], np.array([0])), *states
+
+
+WARPS = npst.arrays(np.float64, (2, 4), elements=st.floats(0.5, 2.0)).map(
+    lambda rises: np.pad(rises / rises.sum(axis=1, keepdims=True), ((0, 0), (1, 0))).cumsum(axis=1)
+)
+SECONDS = st.tuples(st.integers(4, 8), st.integers(4, 8))
+
+
+@few_examples(40)
+@given(WARPS, SECONDS, SECONDS, SEEDS, st.sampled_from([ROTATIONS, TRANSLATIONS]))
+def test_boundaries_warped_donors_have_derivatives_of_their_curves(
+    shares, base, donor, seed, space
+):
+    """The difference vanishes as the frame rate grows."""
+    rng = np.random.default_rng(seed)
+    phase, pace, size = rng.uniform((0, 0.5, 0.2), (2 * np.pi, 1.0, 1.0), (2, 3, 3)).T
+    for rate in (64, 1024):
+        time = np.arange(rate * (sum(donor) + 2) + 1)[:, None, None] / rate
+        track = (size * np.sin(pace * time + phase)).transpose(0, 2, 1).copy()
+        if space is ROTATIONS:
+            track = rotations.exp(track)
+        cut, donors = tile_segments(rate * np.array(base)), tile_segments(rate * np.array(donor))
+        donors = Segments(donors.start[::-1] + rate, donors.stop[::-1] + rate)
+        timeline = DonorTimeline(cut, donors, rate, warp=TimeWarp(shares, np.ones(2, bool)))
+        ends, before, after = boundaries_and_derivatives(timeline, space, track)
+        for found, expected in (
+            (ends.velocity_before, rate * before[0]),
+            (ends.velocity_after, rate * after[0]),
+        ):
+            np.testing.assert_allclose(found, expected, rtol=0, atol=60.0 / rate**2)
+        expected = 0.5 * rate**2 * (before[1] + after[1])
+        found = rate**2 * ends.accelerations
+        np.testing.assert_allclose(found, expected, rtol=0, atol=60.0 / rate)
 
 
 def test_find_seams_one_warped_neighbour_makes_a_seam():

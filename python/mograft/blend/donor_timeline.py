@@ -1,7 +1,7 @@
 """Donor segments stretched to replace base segments: their values at any time, and their seams."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -141,11 +141,41 @@ class DonorTimeline:
         velocity_before *= speed[seams, 1]
         velocity_after *= speed[seams + 1, 0]
         squared = (self.donors.lengths / self.cut.lengths)[:, None, None] ** 2
-        accelerations = squared[seams] * ending_acceleration
-        accelerations += squared[seams + 1] * starting_acceleration
+        ending_acceleration *= squared[seams]
+        starting_acceleration *= squared[seams + 1]
+        if self.warp is not None:
+            last_three = self.cut.lengths[seams] - 2
+            self._replace_warped(ending_acceleration, space, tracks, seams, last_three)
+            first_three = np.zeros_like(last_three)
+            self._replace_warped(starting_acceleration, space, tracks, seams + 1, first_three)
+        accelerations = ending_acceleration + starting_acceleration
         return SeamBoundaries(
             space, before, after, velocity_before, velocity_after, 0.5 * accelerations
         )
+
+    def _replace_warped(
+        self,
+        accelerations: FloatArray,
+        space: ValueSpace,
+        tracks: Sequence[FloatArray],
+        segments: IntArray,
+        first: IntArray,
+    ) -> None:
+        """Replace the accelerations of warped donors, per frame², in place.
+
+        Each becomes the second difference of three frames of the segment, from frame `first` on.
+        A warp ends with its donor: there are no warped frames beyond the seam.
+        """
+        assert self.warp is not None
+        rows = np.flatnonzero(self.warp.is_warped[segments])
+        captured = replace(self, alignment=None)
+        a, b, c = (
+            captured.sample(
+                space, tracks, SegmentTimes(segments[rows], (first[rows] + k).astype(np.float64))
+            )
+            for k in range(3)
+        )
+        accelerations[rows] = space.delta(b, c) - space.delta(a, b)
 
     def piece_times(self, seams: IntArray, times: SegmentTimes, blend: float) -> PieceTimes:
         """Convert times since the start of a segment to times since the start of a piece.
