@@ -104,9 +104,13 @@ def _insert_rotations(
     clip_of_row = np.repeat(taken.clip, counts)
     for clip in np.unique(taken.clip):
         in_clip, rows, motion = taken.clip == clip, clip_of_row == clip, library.clips[clip]
-        track = np.concatenate([lean.upright_tracks(motion), split_axes(motion, axes)], axis=1)
+        needed = _captured_frames(taken[in_clip])
+        tracks = lean.upright_tracks(motion)[needed], split_axes(motion, axes)[needed]
         resampled = resample_segments(
-            track, taken.start[in_clip], taken.stop[in_clip], counts[in_clip]
+            np.concatenate(tracks, axis=1),
+            np.searchsorted(needed, taken.start[in_clip]),
+            np.searchsorted(needed, taken.stop[in_clip]),
+            counts[in_clip],
         )
         local[np.ix_(rows, joints)] = resampled[:, : len(joints)]
         for (joint, axis), angle in merge_axes(resampled[:, len(joints) :], axes).items():
@@ -118,6 +122,17 @@ def _insert_rotations(
         trunk = joints[list(lean.columns)]
         inverse = rotations.inverse(lean.base_leans[frames])
         local[:, trunk] = rotations.multiply(inverse, local[:, trunk])
+
+
+def _captured_frames(donors: Segments) -> IntArray:
+    """Return the frames of a clip that are in any of the donors, which are all of this clip.
+
+    A clip has many times as many frames as a chunk of donors, so that copying and checking all of
+    them for each chunk would take time that grows with the square of its length.
+    """
+    counts = donors.lengths + 1
+    offsets = donors.start - (np.cumsum(counts) - counts)
+    return np.unique(np.repeat(offsets, counts) + np.arange(counts.sum()))
 
 
 def _resample_roots(problem: SearchProblem, taken: Segments, counts: IntArray) -> RootTransforms:
