@@ -117,6 +117,26 @@ def test_support_margins_do_not_depend_on_position_and_heading(motion, angle):
     np.testing.assert_allclose(margins_of(move(motion, angle), Config()), expected, atol=1e-9)
 
 
+@given(st.sampled_from([(0, 2), (2, 2), (0, 1), (0, -1), (2, 1), (2, -1)]))
+def test_zero_moment_points_of_rotated_world_are_rotated(motion, turn):
+    """Each axis, positive and negative, points up in one of the rotated worlds."""
+    axis, quarters = turn
+    world = rotations.exp(0.5 * np.pi * quarters * np.eye(3)[axis])
+    quats, positions = motion.rotations.copy(), motion.positions.copy()
+    quats[:, 0] = rotations.multiply(world, quats[:, 0])
+    positions[:, 0] = rotations.rotate(world, positions[:, 0])
+    other = replace(motion, rotations=quats, positions=positions, channel_values=None)
+    ground, turned = Ground.of(motion), Ground.of(other)
+    np.testing.assert_allclose(turned.up, rotations.rotate(world, ground.up), atol=1e-12)
+    up = int(np.abs(turned.up).argmax())
+    expected = ZeroMomentTrack.of(motion, CUT, ground, CAPTURED, root=0, up=1)
+    found = ZeroMomentTrack.of(other, CUT, turned, CAPTURED, root=0, up=up)
+    np.testing.assert_array_equal(found.is_loaded, expected.is_loaded)
+    np.testing.assert_allclose(found.points, rotations.rotate(world, expected.points), atol=1e-9)
+    distances = [dynamic_balance(own).distance for own in (motion, other)]
+    np.testing.assert_allclose(distances[1], distances[0], atol=1e-9)
+
+
 def test_support_margins_are_infinite_in_flight(motion):
     ground = Ground.of(motion)
     lifted = replace(motion, positions=motion.positions + np.array([0.0, ground.height, 0.0]))
