@@ -192,6 +192,23 @@ def test_transitions_is_at_rest_marks_energy_minima(library, graph):
     assert least[graph.is_at_rest[inner]].all()
 
 
+@pytest.mark.parametrize("several", [iter, np.array, set, tuple])
+def test_transitions_clips_of_any_iterable_equal_a_list(library, graph, several):
+    np.testing.assert_array_equal(transitions(library, several(["dance"])).costs, graph.costs)
+
+
+@pytest.mark.parametrize("empty", [[], iter([]), np.array([], str)])
+def test_transitions_of_no_clips_raise_value_error(library, empty):
+    with pytest.raises(ValueError, match="`clips` must have segments that are not excluded"):
+        transitions(library, empty)
+
+
+def test_transitions_of_excluded_donors_raise_value_error(library):
+    excluded = replace(library, is_donor=np.zeros(len(library.segments), bool))
+    with pytest.raises(ValueError, match="the library must have segments that are not excluded"):
+        transitions(excluded)
+
+
 @pytest.mark.filterwarnings("ignore:group")  # twenty frames are too few for an embedding
 def test_transitions_invalid_clips_raise_value_error(library):
     with pytest.raises(ValueError, match="`clips` must match at least one of dance; got 'waltz'"):

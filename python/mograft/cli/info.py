@@ -62,7 +62,10 @@ def _find_clips(names: Iterable[str]) -> Iterator[tuple[str, str | FormatError |
 
 
 def _find_in(name: str) -> list[tuple[str, str | None]]:
-    """Return the path and the clip name of each clip of a file or folder."""
+    """Return the path and the clip name of each clip of a file or folder.
+
+    The name is None if the file has only one clip.
+    """
     if Path(name).is_dir():
         return list(map(split_address, expand_folders([name])))
     path, pattern = split_address(name)

@@ -15,7 +15,10 @@ class SegmentValue:
     group: str | None = None
 
     def resolve_span(self, rate: float) -> tuple[int, int] | None:
-        """Return the first and last frame; None for a number. `rate` is in frames per second."""
+        """Return the first and last frame; None if the segment is given by its number.
+
+        `rate` is in frames per second.
+        """
         return None if self.span is None else resolve_frames(self.span, rate)
 
 

@@ -108,8 +108,8 @@ def transitions(library: Library, clips: Sequence[str] | str | None = None) -> T
     Raises
     ------
     ValueError
-        If a name or glob matches no clip, if there are more than 100 000 segments, or if fewer than
-        four segments are reachable from one another.
+        If a name or glob matches no clip, if all segments are excluded as donors or there are more
+        than 100 000, or if fewer than four segments are reachable from one another.
 
     Notes
     -----
@@ -198,6 +198,9 @@ def _donor_segments(library: Library, clips: Sequence[str] | str | None) -> IntA
                 )
             is_named |= matches
         segments = segments[is_named[library.segments.clip[segments]]]
+    if not len(segments):
+        subject = "the library" if clips is None else "`clips`"
+        raise ValueError(f"{subject} must have segments that are not excluded as donors, got none")
     if len(segments) > _MAX_SEGMENTS:
         raise ValueError(
             f"a transition graph must have at most {_MAX_SEGMENTS} segments, got "

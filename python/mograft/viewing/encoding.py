@@ -203,7 +203,10 @@ def _encode_row(row: TimelineRow, donors: dict[str, int]) -> dict[str, Any]:
 
 
 def _energy_curve(motion: Motion) -> list[int]:
-    """Return the smoothed kinetic energy at equally spaced frames, scaled to 0 to 255."""
+    """Return the smoothed kinetic energy at equally spaced frames, scaled to 0 to 255.
+
+    Values above the 99th percentile are 255.
+    """
     if motion.n_frames < 2:
         return []
     energy = gaussian_filter(kinetic_energy(motion), _CURVE_SMOOTHING_SECONDS * motion.rate)
