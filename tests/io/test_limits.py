@@ -142,3 +142,7 @@ def test_arrays_beyond_limits_raise_value_error():
             mg.Motion(motion.skeleton, 0.1, motion.rotations, motion.positions)
         with pytest.raises(ValueError, match="`rate` must give at most 11 frames, got 60"):
             motion[:11].resample(60.0)
+        part = motion[:11]
+        with pytest.raises(ValueError, match="`rate` must give at most 11 frames"):
+            part.resample(10.6 / part.duration)  # 12 frames after rounding
+        assert part.resample(10.4 / part.duration).n_frames == 11

@@ -166,6 +166,11 @@ def test_to_beats_invalid_beats_raises_value_error(library):
         to_beats(library, [0.0])
     with pytest.raises(ValueError, match="`beats` must ascend, got 1 after 1"):
         to_beats(library, [0.0, 1.0, 1.0])
+    near = [0.0, 1.0, 1.0 + 0.4 / library.rate]
+    with pytest.raises(
+        ValueError, match=r"`beats` must be at least a frame \(.* s\) apart, got 1 "
+    ):
+        to_beats(library, near)
 
 
 @pytest.mark.parametrize("duration", [1e300, 86_400.1, np.inf, 0.0, -1.0, True])

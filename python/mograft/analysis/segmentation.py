@@ -233,7 +233,6 @@ def segment(
     config = Config() if config is None else config
     check_type("config", config, Config)
     check_type("motion", motion, Motion)
-    check_type("config", config, Config)
     if method is None and parameters:
         known = {**config.segmentation_parameters, **parameters}
         config = replace(config, segmentation_parameters=known)

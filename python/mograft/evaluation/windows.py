@@ -151,13 +151,10 @@ class GraftWindows:
     def pairs(self) -> Pairs:
         """Return the windows of the grafts, each with the captured window at the same frame."""
         new = [
-            self._no_windows(),
-            *(
-                extract_windows(BodyTracks.of(self.grafts[index].motion), centers, self.place)
-                for index, centers in self._by_graft()
-            ),
+            extract_windows(BodyTracks.of(self.grafts[index].motion), centers, self.place)
+            for index, centers in self._by_graft()
         ]
-        return self._pair(Windows.concatenate(new), self._donor_blocks())
+        return self._pair(Windows.concatenate(new or [self._no_windows()]), self._donor_blocks())
 
     def donor_pairs(self) -> Pairs:
         """Return the result of `pairs` with captured windows of donors in place of those of grafts.
@@ -210,13 +207,14 @@ class GraftWindows:
 
     def _captured_windows(self, clip: IntArray, frame: IntArray) -> Windows:
         """Return the captured windows around the frames `frame` of the clips `clip`."""
-        parts, rows = [self._no_windows()], [np.zeros(0, np.int64)]
+        parts: list[Windows] = []
+        rows = [np.zeros(0, np.int64)]
         for index in np.unique(clip).tolist():
             rows.append(np.flatnonzero(clip == index))
             tracks = BodyTracks.of(self.library.clips[index])
             parts.append(extract_windows(tracks, frame[rows[-1]], self.place))
         order = np.argsort(np.concatenate(rows), kind="stable")
-        return Windows.concatenate(parts)[order]
+        return Windows.concatenate(parts or [self._no_windows()])[order]
 
     def _no_windows(self) -> Windows:
         """Return `Windows` without rows, whose arrays have as many columns as all others here."""

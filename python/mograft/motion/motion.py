@@ -228,9 +228,12 @@ class Motion:
         rate = float(as_floats("rate", rate, ()))
         if rate <= 0:
             raise ValueError(f"`rate` must be above 0 frames per second, got {rate}")
-        if self.duration * rate >= limits.MAX_FRAMES:
+        # The duration is compared first, because a huge one cannot be rounded to an integer.
+        if (
+            self.duration * rate >= limits.MAX_FRAMES
+            or (intervals := max(round(self.duration * rate), 1)) >= limits.MAX_FRAMES
+        ):
             raise ValueError(f"`rate` must give at most {limits.MAX_FRAMES} frames, got {rate:g}")
-        intervals = max(round(self.duration * rate), 1)
         if self.n_frames == 1 or intervals == self.n_frames - 1:
             return self
         bounds: tuple[npt.ArrayLike, ...] = ([0], [self.n_frames - 1], [intervals + 1])

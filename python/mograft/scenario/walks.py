@@ -218,9 +218,9 @@ def to_beats(
     ------
     ValueError
         If no segment sequence can be stretched to the beats; the message gives the time of the
-        beat from which there is none. If there are fewer than two beats, they do not ascend or
-        they span more than 24 hours, if the seed or the penalty is negative, or if the library has
-        no transition graph.
+        beat from which there is none. If there are fewer than two beats, they do not ascend, are
+        less than a frame apart or span more than 24 hours, if the seed or the penalty is negative,
+        or if the library has no transition graph.
 
     Notes
     -----
@@ -249,6 +249,12 @@ def to_beats(
     path = _WalkPath(library, seed, graph, repeat_penalty)
     _check_table_size(round(float(times[-1] - times[0]) * library.rate), path.graph)
     spans = np.diff(np.round((times - times[0]) * library.rate).astype(np.int64))
+    if not spans.all():
+        first = int(np.argmin(spans))
+        raise ValueError(
+            f"`beats` must be at least a frame ({1 / library.rate:.4g} s) apart, got "
+            f"{times[first]:g} and {times[first + 1]:g}"
+        )
     meets, continues = _plan_beats(path, spans, times)
     length = path.start(meets[0])
     new_lengths: list[int] = []
