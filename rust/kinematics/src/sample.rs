@@ -119,21 +119,24 @@ pub fn features<T: Copy + Into<f64> + Sync>(
     };
     let rows_per_thread = n.div_ceil(threads.max(1)).max(MIN_ROWS_PER_THREAD);
     let parts = vectors.chunks_mut(rows_per_thread.saturating_mul(width).max(1));
-    let parts = parts.zip(rows.numbers.chunks((rows_per_thread * rows.width).max(1)));
+    let parts = parts.zip(
+        rows.numbers
+            .chunks(rows_per_thread.saturating_mul(rows.width).max(1)),
+    );
     for_each_part(parts, |(vectors, numbers)| fill(vectors, numbers));
     Ok(vectors)
 }
 
 /// Euclidean distances between pairs of points of `width` coordinates.
 ///
-/// `from` and `to` have the indices of each pair among the points. Squares are added in the order
-/// of `numpy.linalg.norm` with an axis. Takes O(pairs × width) time; NaN affects the distances of
-/// its point only.
+/// `from` and `to` have the indices of each pair among the points. Up to 128 coordinates, squares
+/// are added in the order of `numpy.linalg.norm` with an axis. Takes O(pairs × width) time; NaN
+/// affects the distances of its point only.
 ///
 /// # Errors
 ///
 /// If the coordinates are not whole points, there are not two points per pair, a point does not
-/// exist, or memory is exhausted.
+/// exist, or memory is exhausted. Points without coordinates are not counted: any index is valid.
 pub fn distances(
     points: &[f64],
     width: usize,

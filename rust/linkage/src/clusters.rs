@@ -336,7 +336,7 @@ impl Clusters {
             .zip(self.variances.chunks_mut(width))
             .zip(radii.zip(self.update_counts.chunks_mut(width)))
             .zip(self.extremes.chunks_mut(width));
-        workers.run(
+        let states = workers.run(
             members.into_iter().zip(balls).enumerate(),
             BallScratch::default,
             |scratch, (job, (mut members, (((centres, variances), (radii, counts)), extremes)))| {
@@ -358,6 +358,9 @@ impl Clusters {
                 }
             },
         )?;
+        states
+            .iter()
+            .for_each(|scratch| workers.add_work(scratch.work));
         Ok(())
     }
 }

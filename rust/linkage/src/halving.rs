@@ -46,9 +46,12 @@ pub(crate) fn sort_by_halving(
     let mut parts = vec![order];
     // In each step all parts are halved at the same time.
     while parts.iter().any(|part| part.len() > MAX_PART_ROWS) {
-        workers.run(parts.iter_mut(), Scratch::default, |scratch, part| {
+        let states = workers.run(parts.iter_mut(), Scratch::default, |scratch, part| {
             workers.ok_or_stop(halve(points, dim, part, scratch));
         })?;
+        states
+            .iter()
+            .for_each(|scratch| workers.add_work(scratch.work));
         parts = (parts.into_iter())
             .flat_map(|part| {
                 let middle = middle_of(part.len());
@@ -57,9 +60,12 @@ pub(crate) fn sort_by_halving(
             })
             .collect();
     }
-    workers.run(parts.into_iter(), Scratch::default, |scratch, part| {
+    let states = workers.run(parts.into_iter(), Scratch::default, |scratch, part| {
         workers.ok_or_stop(sort_part(workers, points, dim, part, scratch));
     })?;
+    states
+        .iter()
+        .for_each(|scratch| workers.add_work(scratch.work));
     Ok(())
 }
 

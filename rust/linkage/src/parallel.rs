@@ -276,8 +276,8 @@ const THREAD_BYTES: usize = 72 << 20;
 /// The largest count of threads, at most `n_threads`, for which the system has address space
 /// besides `bytes` bytes.
 ///
-/// An allocation that is refused in a thread would abort the process. Only processes whose address
-/// space is limited get fewer threads.
+/// An allocation that is refused in a thread ends the call with an error. Only processes whose
+/// address space is limited get fewer threads.
 pub(crate) fn affordable_threads(n_threads: usize, bytes: usize) -> usize {
     let mut n_helpers = n_threads.saturating_sub(1);
     while n_helpers > 0 {

@@ -183,7 +183,8 @@ impl Sampled {
         while let Some((start, step)) = strata.pop() {
             self.nearest[..end].select_nth_unstable_by(start, compare_bounds);
             let stratum = self.nearest[start..end].iter().step_by(step);
-            append(&mut chosen, stratum.map(|&(_, other)| (other as usize, step as f64)))?;
+            let weight = (end - start) as f64 / stratum.len() as f64;
+            append(&mut chosen, stratum.map(|&(_, other)| (other as usize, weight)))?;
             end = start;
         }
         let nearest = self.nearest[..end].iter();

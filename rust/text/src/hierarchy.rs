@@ -57,7 +57,8 @@ pub struct Hierarchy {
     pub end_sites: Vec<EndSite>,
     /// OFFSET of the end sites.
     pub end_offsets: Vec<[f64; 3]>,
-    /// The joints that ended and have neither children nor exactly one end site.
+    /// The joints that ended with both children and end sites, or as leaves without exactly one
+    /// end site.
     pub unusual: Vec<Open>,
     /// Bytes that were read, with the white space after them.
     pub n_bytes: usize,
@@ -102,7 +103,7 @@ pub fn scan_hierarchy(
                 if joint >= limits.joints || n_levels >= limits.levels {
                     break;
                 }
-                // Only blanks and JOINT precede the name on its line, within this text.
+                // Only ASCII characters precede the name on its line, within this text.
                 let (column, parent) = (name.0 - line_start, above.joint);
                 above.n_children = above.n_children.saturating_add(1);
                 push(&mut found.joints, Joint { name, n_line_ends, column, channels, parent })?;
