@@ -28,9 +28,14 @@ HOSTILE_NAMES = [
 
 
 def few_examples(count):
-    """Return the settings of a test with slow examples: `count` of them, all with --thorough."""
-    is_thorough = settings.default.max_examples > 100
-    return settings() if is_thorough else settings(max_examples=count)
+    """Return the settings of a test with another count of examples than Hypothesis's 100.
+
+    The profile "thorough" has more than 100 in any case, and "few" at most 10.
+    """
+    default = settings.default.max_examples
+    if default > 100:
+        return settings()
+    return settings(max_examples=count if default == 100 else min(count, default))
 
 
 def vectors(shape, size=3.0):

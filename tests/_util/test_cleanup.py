@@ -149,12 +149,16 @@ end_on_signals()
 with clean_up_by(clean):
     signal.raise_signal(signal.SIGTERM)
 """
-    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as child:
-        assert os.WIFSTOPPED(os.waitpid(child.pid, os.WUNTRACED)[1])
-        time.sleep(2.0)  # longer than cleanup may take
-        child.send_signal(signal.SIGCONT)
-        assert child.stdout.read() == b"clean"
-    assert child.returncode == 143
+    results = []
+    # Other processes may take the time of one cleanup, or of two.
+    while len(results) < 3 and (b"clean", 143) not in results:
+        with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as child:
+            assert os.WIFSTOPPED(os.waitpid(child.pid, os.WUNTRACED)[1])
+            time.sleep(2.0)  # longer than cleanup may take
+            child.send_signal(signal.SIGCONT)
+            out = child.stdout.read()
+        results.append((out, child.returncode))
+    assert (b"clean", 143) in results
 
 
 @posix_only

@@ -23,7 +23,9 @@ from tests.strategies import (
 UPPER = GraftedGroup(np.arange(7, 18))  # the chest and all joints below it
 CHEST, HEAD = 7, 17
 RATE, N_FRAMES = 60.0, 121
-FREQUENCIES = st.floats(3.0, 7.0)
+# Sway is what a Gaussian of 0.1 s removes. It keeps 4 % of an oscillation of 4 Hz: with shares up
+# to 0.9 in two motions, less than 0.08 of the sway remains, and errors near the ends of the clip.
+FREQUENCIES = st.floats(4.0, 7.0)
 SHARES = st.floats(-0.9, 0.9)
 
 

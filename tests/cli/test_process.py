@@ -201,7 +201,7 @@ def test_export_interrupted_film_leaves_no_file(working_folder, slow_clip, endin
     if ending == "mp4":
         pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed")
     # Pillow keeps all pictures of a GIF in memory: small ones suffice.
-    options = ["--size", "64x64", "--rate", "50"] if ending == "gif" else ["--size", "1920x1080"]
+    options = ["--rate", "50", "--size", "64x64" if ending == "gif" else "1920x1080"]
     with running("export", slow_clip, "-o", f"x.{ending}", *options) as child:
         wait_until(lambda: any(path.suffix == ".part" for path in working_folder.iterdir()), child)
         interrupt(child)
