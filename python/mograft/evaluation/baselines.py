@@ -145,8 +145,8 @@ class RandomLength(Method):
 class ContactPattern(Method):
     """Method that draws donors of similar length with similar foot contacts.
 
-    It follows the paper's description of the best rule of Ikemoto and Forsyth (Symposium on
-    Computer Animation 2004). Their list of rules was not available.
+    Jang, Lee and Lee describe it as the best rule of Ikemoto and Forsyth (Symposium on Computer
+    Animation 2004). It follows this description, as the list of rules itself was not available.
 
     Attributes
     ----------

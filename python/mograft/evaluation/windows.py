@@ -217,7 +217,7 @@ class GraftWindows:
         return Windows.concatenate(parts or [self._no_windows()])[order]
 
     def _no_windows(self) -> Windows:
-        """Return `Windows` without rows, whose arrays have as many columns as all others here."""
+        """Return `Windows` without rows; the arrays have as many columns as with rows."""
         tracks = BodyTracks.of(self.grafts[0].motion)
         return extract_windows(tracks, np.zeros(0, np.int64), self.place)
 

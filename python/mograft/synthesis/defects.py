@@ -170,7 +170,10 @@ class DefectMeasure:
     def _jerk_amounts(
         self, motion: Motion, pieces: Sequence[Piece], shifts: Sequence[int]
     ) -> list[FloatArray]:
-        """Return the amounts of world jerk by piece; 0 unless at or next to a substitution."""
+        """Return, for each piece, the greatest ratio of world jerk to its limit in each segment.
+
+        The ratio is 0 in segments that are neither exchanged nor next to an exchanged segment.
+        """
         cut, step = self.problem.base_segments, self._step
         found = []
         for piece, shift in zip(pieces, shifts, strict=True):

@@ -22,7 +22,8 @@ def add_graft_animations(grafts: Sequence[Graft], path: Path) -> tuple[tuple[str
         if file is None:
             raise ValueError(
                 f"{path.name} must be a .bvh file: {graft.base.name}, the base of "
-                f"{graft.motion.name}, is not from a glTF file; mograft export writes a new .glb"
+                f"{graft.motion.name}, is not from a glTF file; to write a new .glb file, "
+                "use mograft export"
             )
     paths = list(dict.fromkeys(file.path for file in files if file is not None))
     if len(paths) > 1:

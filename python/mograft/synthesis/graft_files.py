@@ -116,6 +116,7 @@ def _amass_source(graft: Graft, target: Path) -> str:
     if file is None:
         raise ValueError(
             f"{target.name} must be a .bvh file: {graft.base.name}, the base of "
-            f"{graft.motion.name}, is not from an AMASS file; mograft export writes a new .npz"
+            f"{graft.motion.name}, is not from an AMASS file; to write a new .npz file, "
+            "use mograft export"
         )
     return file.path

@@ -103,7 +103,7 @@ class StreamSession:
         return Message(header)
 
     def _close(self, request: Message) -> Message:
-        """End the base; return all remaining pieces."""
+        """End the base motion, to which no frames follow; return all remaining pieces."""
         _options(request, {})
         stream = self._open_stream()
         with _invalid_arguments():

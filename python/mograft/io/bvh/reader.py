@@ -79,8 +79,9 @@ def read_bvh(source: BvhFile, *, strict: bool = False, add_offsets: bool = False
     -------
     Motion
         The motion, named after the file without its suffix. It has all frames found, even if the
-        file declares another number. `Motion.channel_values` holds the numbers of the file, so that
-        `write_bvh` reproduces them. Quaternions do not change sign from frame to frame.
+        file declares another number. Without `add_offsets`, `Motion.channel_values` holds the
+        numbers of the file, so that `write_bvh` reproduces them. Quaternions do not change sign
+        from frame to frame.
 
     Raises
     ------
