@@ -1,4 +1,4 @@
-"""Memory of the system: errors for work that needs more, and reuse or return of freed memory."""
+"""System memory: errors if work needs more than is available; reuse or return of freed memory."""
 
 import ctypes
 import sys

@@ -65,15 +65,15 @@ def integrate_root(
     closed: RootTransforms,
     up: int,
 ) -> RootTransforms:
-    """Integrate root velocities and yaw rates to a path over the floor.
+    """Integrate root velocities and yaw rates into a path over the floor.
 
     `source` is the root in n frames before seams are closed, `closed` after that. `captured`, shape
     (n - 1, 4), has the displacement of `source` over the floor from each frame to the next, in
     world axes, and the rotation of `source` about the up axis in radians; `velocities` is
     `captured` with blended seams. The displacements are rotated by the difference between the new
     heading and that of `source`. The result has the lean and height of `closed`, and its yaw rate
-    never exceeds the maximum of `captured`. Its floor positions equal those of `source`, bit for
-    bit, up to the first frame in which `velocities` and `captured` differ.
+    never exceeds the largest one in `captured`. Its floor positions equal those of `source`, bit
+    for bit, up to the first frame in which `velocities` and `captured` differ.
     """
     leaning = closed.rotations
     change = rotations.multiply(leaning, rotations.inverse(source.rotations))

@@ -153,7 +153,8 @@ def _limb(
 def _long_bones(shape: _Shape, chain: list[int], roles: tuple[str, ...]) -> tuple[int, int, int]:
     """Return three indices in `chain`: the start of the upper part, and the two long bones.
 
-    `roles` is `LEG` or the parts of an arm, which are searched from opposite ends of the chain.
+    `roles` is `LEG` or the parts of an arm. The bones of legs are searched from the start of the
+    chain, those of arms from its end.
     """
     # The bone of a joint ends at the next joint, the last one at an end site.
     lengths = [float(np.linalg.norm(shape.skeleton.offsets[joint])) for joint in chain[1:]]

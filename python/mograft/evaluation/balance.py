@@ -252,11 +252,11 @@ class BalanceRow(Record):
     rate : Estimate
         Share of unbalanced segments among all segments that are not in flight.
     spread : float
-        Standard deviation over the runs of the rate of one run, which has one graft of each base;
-        NaN with a single run.
+        Standard deviation of `rate` over the runs, of which each has one graft of each base; NaN
+        with a single run.
     changed, difference : Estimate
-        Share of unbalanced segments among the segments with an exchanged part, and this share
-        minus that of the same segments in the recording.
+        Share of unbalanced segments among those with an exchanged part that are not in flight, and
+        this share minus that of the same segments in the recording.
     flight : float
         Share of the segments that are in flight.
     runs : int

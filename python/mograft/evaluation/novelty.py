@@ -30,9 +30,9 @@ class Novelty(Record):
     """Novelty of grafts, the share of the recordings that they cover, and their diversity.
 
     A window is about half a second of motion; see `novelty`. The distance of two windows is the
-    root mean square distance of their bone ends in skeleton heights. A measure that is divided by
-    a distance of captured windows is NaN if this distance is 0, as `novelty` and `coverage` are if
-    the library contains every motion twice.
+    root mean square distance of their bone ends in skeleton heights. A measure that is
+    relative to a distance of captured windows is NaN if this distance is 0. For example, `novelty`
+    and `coverage` are NaN if the library contains every motion twice.
 
     Attributes
     ----------

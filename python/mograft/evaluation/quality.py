@@ -281,7 +281,10 @@ def diversity(motions: Sequence[Motion], joints: IntArray) -> float:
 
 
 def _angles_between(motions: Sequence[Motion], joints: IntArray) -> FloatArray:
-    """Return the mean joint angle of all pairs of motions in each frame; empty without a pair."""
+    """Return, for each frame, the angle between the rotations of a joint in two motions.
+
+    It is the mean over `joints` and all pairs of motions; the array is empty without a pair.
+    """
     angles = [
         rotations.angle(a.rotations[:, joints], b.rotations[:, joints]).mean(axis=1)
         for i, a in enumerate(motions)

@@ -25,7 +25,7 @@ class BoneMesh(NamedTuple):
 def bone_mesh(skeleton: Skeleton, transform: ExportTransform) -> BoneMesh:
     """Return the mesh of the bones in the rest pose, in metres with y up.
 
-    A bone leads from a joint to a child or an end site. Joints above the hips have no bones. If no
+    A bone leads from a joint to a child or an end site. Ancestors of the hips have no bones. If no
     bone is long enough to be visible, one bone is added at the root, because a skin needs a mesh.
     """
     rest = transform.points(skeleton.rest_positions())

@@ -51,6 +51,7 @@ class Clips(Sequence[Motion]):
     Examples
     --------
     >>> import tempfile
+    >>> from pathlib import Path
     >>> from mograft.dancer import dance
     >>> from mograft.io.bvh.writer import write_bvh
     >>> from mograft.io.formats import read

@@ -29,6 +29,7 @@ def write_csv(motion: Motion, path: str | os.PathLike[str]) -> None:
     Examples
     --------
     >>> import tempfile
+    >>> from pathlib import Path
     >>> from mograft.dancer import dance
     >>> target = Path(tempfile.mkdtemp()) / "dance.csv"
     >>> write_csv(dance(strides=1).motion[:2], target)

@@ -162,6 +162,7 @@ def read(
     Examples
     --------
     >>> import tempfile
+    >>> from pathlib import Path
     >>> from mograft.dancer import dance
     >>> from mograft.io.npz import write_npz
     >>> target = Path(tempfile.mkdtemp()) / "dance.npz"

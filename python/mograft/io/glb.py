@@ -70,6 +70,7 @@ def write_glb(
     Examples
     --------
     >>> import tempfile
+    >>> from pathlib import Path
     >>> from mograft.dancer import dance
     >>> target = Path(tempfile.mkdtemp()) / "dance.glb"
     >>> write_glb(dance(strides=1).motion[:30], target)  # metres per unit: the motion is in cm

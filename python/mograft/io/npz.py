@@ -56,6 +56,7 @@ def write_npz(motion: Motion, path: str | os.PathLike[str]) -> None:
     Examples
     --------
     >>> import tempfile
+    >>> from pathlib import Path
     >>> from mograft.dancer import dance
     >>> target = Path(tempfile.mkdtemp()) / "dance.npz"
     >>> write_npz(dance(strides=1).motion, target)

@@ -252,10 +252,10 @@ def _read_locations(database: sqlite3.Connection) -> Iterator[ClipLocation]:
 
 
 def _select(database: sqlite3.Connection, names: Iterable[str]) -> sqlite3.Cursor:
-    """Return a cursor over the clips, by index, with the values of the fields `names`.
+    """Return a cursor over the clips, in the order of their indices, with the fields `names`.
 
-    The value is None if the library was written before the field was added. Raise ValueError if
-    another column is missing.
+    A field that a later version added is None if the library is older. Raise ValueError if the
+    column of any other field is missing.
     """
     known = {row[1] for row in database.execute("PRAGMA table_info(clip)")}
     added = set(_ADDED_COLUMNS) - known  # by a later version than the one that wrote the library

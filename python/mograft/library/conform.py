@@ -100,7 +100,8 @@ class Conformer:
         """Return whether each joint takes its position from the clip, shape (n_joints,).
 
         These are the hips, their ancestors, and the joints whose position relative to the parent
-        varies in the clip, if the parents correspond, too. Joints without a counterpart are not.
+        varies in the clip if the parents correspond, too. It is False for joints without a
+        counterpart.
         """
         skeleton, sources = self.skeleton, self.match.sources
         hips = anatomy(skeleton).hips

@@ -199,7 +199,7 @@ def check_contents(
     shapes |= {f"frames-{shard}": ("<f8", 1) for shard in manifest["shards"]}
     for name, (dtype, n_dimensions) in shapes.items():
         if arrays[name].dtype != np.dtype(dtype) or arrays[name].ndim != n_dimensions:
-            raise damage(folder, f"{name}.npy has another shape or type")
+            raise damage(folder, f"{name}.npy does not have the expected shape and type")
     clips, n_clips = arrays["clips"], len(table.entries)
     n_segments = len(clips)
     if any(len(arrays[name]) != n_segments for name in ("starts", "stops", "donors")):
@@ -209,7 +209,8 @@ def check_contents(
     for about in manifest["group"].values():
         labels = arrays[f"{about['folder']}/labels"]
         if labels.dtype != np.dtype("<i8") or labels.shape != (n_segments,):
-            raise damage(folder, f"{about['folder']}/labels.npy has another shape or type")
+            name = f"{about['folder']}/labels.npy"
+            raise damage(folder, f"{name} does not have the expected shape and type")
         if n_segments and (labels.min() < 0 or labels.max() >= n_segments):
             raise damage(folder, f"{about['folder']}/labels.npy has invalid clusters")
     n_frames = np.array([entry.n_frames for entry in table.entries], np.int64)

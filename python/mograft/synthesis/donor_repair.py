@@ -158,7 +158,7 @@ def _try_sequences(
 def _kept_amounts(
     problem: SearchProblem, group: str, chosen: DonorSequences, trellis: DonorTrellis
 ) -> list[FloatArray]:
-    """Return for each position the hard violation amounts of the candidates in a trellis."""
+    """Return, for each position, by how much candidates of a trellis violate hard constraints."""
     found = candidate_violations(problem, group, chosen)
     listed = zip(found, problem.candidates[group], trellis.candidates, strict=True)
     return [own.hard[np.searchsorted(everyone, kept)] for own, everyone, kept in listed]

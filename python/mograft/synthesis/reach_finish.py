@@ -84,7 +84,7 @@ def _kept_frames(problem: SearchProblem) -> BoolArray:
 
 
 def _other_constraints(problem: SearchProblem) -> list[Constraint]:
-    """Return the hard constraints on poses whose class is not `Reach`."""
+    """Return the hard pose constraints that are not `Reach` constraints."""
     return [own for own in problem.pose_constraints if own.is_hard and not isinstance(own, Reach)]
 
 

@@ -267,7 +267,7 @@ def _sizes(tree: FloatArray) -> IntArray:
 
 
 def _parents(tree: FloatArray, n_merges: int) -> IntArray:
-    """Return the parent of each cluster after `n_merges` merges; the cluster itself without one."""
+    """Return the parent of each cluster after `n_merges` merges, or itself if it has no parent."""
     n = len(tree) + 1
     parents = np.arange(2 * n - 1)
     merged = tree[:n_merges, :2].astype(np.int64)

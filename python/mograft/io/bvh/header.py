@@ -298,9 +298,9 @@ def _read_brace(cursor: Cursor, keyword: str, line: int) -> None:
 
 
 def _check_end_sites(cursor: Cursor, tree: _Tree, closed: _Open) -> None:
-    """List a leaf joint without end site, or an end site with siblings, as a repair.
+    """Add a repair if a leaf joint has no end site, or an end site has siblings.
 
-    `closed` is the joint. If the cursor is strict, raise BvhError instead.
+    `closed` is the joint whose block has ended. If the cursor is strict, raise BvhError instead.
     """
     text, position = describe_word(tree.names[closed.joint]), tree.positions[closed.joint]
     if not closed.n_children and not closed.n_end_sites:

@@ -1,4 +1,4 @@
-"""`GltfFile`: the figure of a glTF file, and the animations that move it."""
+"""`GltfFile`: the skeleton of a glTF file, and the animations that move it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -83,6 +83,7 @@ def write_glb_animations(
     Examples
     --------
     >>> import tempfile
+    >>> from pathlib import Path
     >>> from mograft.dancer import dance
     >>> from mograft.io.formats import read
     >>> from mograft.io.glb import write_glb
@@ -222,9 +223,9 @@ def _new_tables(file: GltfFile, addition: Addition) -> _NewTables:
 
 
 def _animated_nodes(file: GltfFile, animated: set[int]) -> list[Json]:
-    """Return the nodes of the file, where those of `animated` have no matrix.
+    """Return the nodes of the file; matrices of `animated` become translation, rotation and scale.
 
-    glTF requires that animated nodes have translation, rotation and scale instead.
+    glTF forbids matrices in animated nodes.
     """
     nodes = list(file.container.items("nodes"))
     rest = file.tree.rest
