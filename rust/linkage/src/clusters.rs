@@ -358,9 +358,9 @@ impl Clusters {
                 }
             },
         )?;
-        states
-            .iter()
-            .for_each(|scratch| workers.add_work(scratch.work));
+        for scratch in states {
+            workers.add_work(scratch.work);
+        }
         Ok(())
     }
 }

@@ -49,9 +49,9 @@ pub(crate) fn sort_by_halving(
         let states = workers.run(parts.iter_mut(), Scratch::default, |scratch, part| {
             workers.ok_or_stop(halve(points, dim, part, scratch));
         })?;
-        states
-            .iter()
-            .for_each(|scratch| workers.add_work(scratch.work));
+        for scratch in states {
+            workers.add_work(scratch.work);
+        }
         parts = (parts.into_iter())
             .flat_map(|part| {
                 let middle = middle_of(part.len());
@@ -63,9 +63,9 @@ pub(crate) fn sort_by_halving(
     let states = workers.run(parts.into_iter(), Scratch::default, |scratch, part| {
         workers.ok_or_stop(sort_part(workers, points, dim, part, scratch));
     })?;
-    states
-        .iter()
-        .for_each(|scratch| workers.add_work(scratch.work));
+    for scratch in states {
+        workers.add_work(scratch.work);
+    }
     Ok(())
 }
 
