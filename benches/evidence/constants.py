@@ -7,6 +7,7 @@ recordings rests on it. The values are checked against the program (`tests/evide
 from dataclasses import dataclass
 
 import mograft as mg
+from mograft.search.costs import ANGLE_FACTOR, VELOCITY_FACTOR
 from mograft.search.neighbourhoods import BALL_RADIUS
 
 DANCES = "salsa, perfume, indian (dance_*)"
@@ -38,7 +39,8 @@ CONSTANTS = (
     _default("length_floor", "none", DANCES),
     _default("angle_scale", "none", DANCES),
     _default("velocity_scale", "none", DANCES),
-    Constant("factor of the typical gap in the seam scales", 2.0, "none", DEVELOPMENT),
+    Constant("angle scale / typical angle", ANGLE_FACTOR, "none", DEVELOPMENT),
+    Constant("velocity scale / typical velocity gap", VELOCITY_FACTOR, "none", DEVELOPMENT),
     _default("length_weight", "none", DANCES),
     _default("distance_weight", "none", DANCES),
     _default("balance_weight", "none", DEVELOPMENT),

@@ -120,11 +120,11 @@ class Config:
         streams.
     angle_scale : float
         Seam angle, in radians, at which the pairwise cost is 1; the cost is proportional to the
-        square of the angle. The scale is reduced to twice the mean seam angle between members of
-        a cluster if that is smaller, as in libraries of small movements.
+        square of the angle. The scale is reduced to half the mean angle at seams between
+        random donors if that is smaller, as in most libraries.
     velocity_scale : float
         Mean difference of joint velocities at a seam, in radians per second, at which the pairwise
-        cost is 1; this scale is reduced like `angle_scale`.
+        cost is 1. This scale is reduced like `angle_scale`, to twice the mean difference.
     novelty : float
         Reduction of the unary cost for every donor that is not the base segment itself. At 0
         the captured motion has the lowest cost.
@@ -213,8 +213,8 @@ class Config:
     balance_weight: float = 30.0
     angle_scale: float = math.radians(20.0)
     velocity_scale: float = math.radians(200.0)
-    novelty: float = 5.0
-    temperature: float = 1.0
+    novelty: float = 10.0
+    temperature: float = 0.25
     diversity: float = 1.0
     max_candidates: int = 32
     seam: str = "gradient"

@@ -23,8 +23,8 @@ def test_constants_equal_those_of_the_program():
     expected = {
         "Config.sigma": "rms",
         "Config.sigma_scale": 0.75,
-        "Config.novelty": 5.0,
-        "Config.temperature": 1.0,
+        "Config.novelty": 10.0,
+        "Config.temperature": 0.25,
         "Config.diversity": 1.0,
         "Config.distance_weight": 0.25,
         "Config.balance_weight": 30.0,

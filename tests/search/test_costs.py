@@ -103,10 +103,21 @@ def test_keep_cheapest_of_each_is_keep_cheapest_at_each_position(seed, counts, f
 
 
 @given(st.floats(1e-3, 10.0), st.floats(1e-3, 10.0))
-def test_seam_scales_are_twice_the_typical_gaps_up_to_the_configured_scales(angle, velocity):
+def test_seam_scales_follow_the_typical_gaps_up_to_the_configured_scales(angle, velocity):
     scales = SeamScales.from_typical_gaps(angle, velocity, ROBUST)
-    assert scales.angle == min(ROBUST.angle_scale, 2 * angle)
+    assert scales.angle == min(ROBUST.angle_scale, angle / 2)
     assert scales.velocity == min(ROBUST.velocity_scale, 2 * velocity)
+
+
+@given(st.floats(1e-6, 1.0), st.floats(0.0, 0.5), st.floats(0.0, 1e3))
+def test_two_seams_within_the_limits_cost_less_than_half_a_violated_limit(scale, angle, velocity):
+    costs = CostModel(Config(max_angle=0.5), SeamScales(scale, scale)).pairwise(
+        np.array([angle]), np.array([velocity])
+    )
+    assert 2 * costs[0] < INFEASIBLE_PENALTY / 2
+    assert costs[0] == pytest.approx(
+        min((angle / scale) ** 2 + (velocity / scale) ** 2, INFEASIBLE_PENALTY / 8)
+    )
 
 
 @pytest.mark.parametrize("gap", [0.0, 1e-15, np.inf])

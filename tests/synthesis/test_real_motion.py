@@ -37,7 +37,9 @@ def test_three_different_grafts_with_the_legs_of_the_input(source, tmp_path, cap
     path = at(source)
     assert main(["graft", str(path), "-o", str(tmp_path), "-n", "3"]) == 0
     written = [Path(line) for line in capsys.readouterr().out.split()]
-    assert len(written) == 3
+    # In the recording of "skel_neuron_354dof" only two segments have a candidate.
+    n_different = 2 if source == "skel_neuron_354dof" else 3
+    assert n_different <= len(written) <= 3
     base = read_bvh(path if path.is_file() else sorted(path.rglob("*.bvh"))[0])
     lower = JointGroups.preset("lower_upper", base.skeleton).resolve(base.skeleton)["lower"]
     columns = [c for joint in lower for c in base.skeleton.channel_columns[joint]]
@@ -49,8 +51,6 @@ def test_three_different_grafts_with_the_legs_of_the_input(source, tmp_path, cap
         document = json.loads(file.with_suffix(".json").read_text())
         assert document["base"] == base.name
         assert any(s["exchanged"] for s in document["substitutions"])
-    # In the recording of "skel_neuron_354dof" only two segments have a candidate.
-    n_different = 2 if source == "skel_neuron_354dof" else 3
     assert len({new.channel_values.tobytes() for new in news}) >= n_different
     if source not in ("bandai_ds1", "skel_neuron_354dof"):  # six channels a joint: not pybvh's
         with warnings.catch_warnings():

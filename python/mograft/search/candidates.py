@@ -313,7 +313,7 @@ class SegmentPool:
         return left, np.where(is_captured, shift(right, np.ones_like(right)), right)
 
     def seam_scales(self, config: Config) -> SeamScales:
-        """Return the gaps of a seam that cost 1: twice the typical ones, at most as in `config`."""
+        """Return the gaps of a seam that cost 1: see `SeamScales.from_typical_gaps`."""
         return SeamScales.from_typical_gaps(*self.typical_gaps, config)
 
 

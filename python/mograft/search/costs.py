@@ -18,7 +18,10 @@ from mograft.search.boundary_states import BoundaryStates, pose_gaps, velocity_g
 from mograft.search.constraints import Clip, Constraint, overlaps
 
 _ROUNDED_GAP = 1e-9  # radians or radians per second, of equal poses or velocities
-INFEASIBLE_PENALTY = 1e3  # more than a sequence within the limits costs at any seam
+INFEASIBLE_PENALTY = 1e5
+# Two such costs stay below half a penalty, so that a violated limit is recognised by its cost.
+_MAX_SEAM_COST = INFEASIBLE_PENALTY / 8
+ANGLE_FACTOR, VELOCITY_FACTOR = 0.5, 2.0  # largest seam scales, as multiples of the typical gaps
 # Of the candidates of a position, this multiple of `max_candidates` is compared by all costs; which
 # ones is decided without the cost of balance, so that time is linear in the number of positions.
 PRESELECTION = 16
@@ -50,15 +53,19 @@ class SeamScales:
 
     @classmethod
     def from_typical_gaps(cls, angle: float, velocity: float, config: Config) -> "SeamScales":
-        """Return twice the typical gaps, but at most the scales of the configuration.
+        """Return the scales of the configuration, limited by the typical gaps of the library.
 
         `angle` is the typical pose gap in radians, `velocity` the typical velocity gap in radians
-        per second. A library with small movements has small typical gaps and therefore small
+        per second. The scale of the angle is at most half, that of the velocity at most twice the
+        typical gap. A library with small movements has small typical gaps and therefore small
         scales. For a typical gap that is infinite, or 0 up to rounding, the scale of the
         configuration is returned.
         """
-        angle, velocity = (2.0 * gap if gap > _ROUNDED_GAP else np.inf for gap in (angle, velocity))
-        return cls(min(config.angle_scale, angle), min(config.velocity_scale, velocity))
+        max_angle, max_velocity = (
+            factor * gap if gap > _ROUNDED_GAP else np.inf
+            for factor, gap in ((ANGLE_FACTOR, angle), (VELOCITY_FACTOR, velocity))
+        )
+        return cls(min(config.angle_scale, max_angle), min(config.velocity_scale, max_velocity))
 
 
 @dataclass(frozen=True)
@@ -69,8 +76,8 @@ class CostModel:
     k) / sigma + balance_weight · u``, minus `novelty` if k is not i. Here shorter and longer are
     the lengths of the two segments, d is their distance in the embedding of the base group, sigma
     the cluster diameter threshold and u the result of `added_imbalances`. A seam costs
-    ``(angle / scales.angle)² + (velocity / scales.velocity)²``, plus `INFEASIBLE_PENALTY` if the
-    angle exceeds `max_angle`.
+    ``(angle / scales.angle)² + (velocity / scales.velocity)²``, at most an eighth of
+    `INFEASIBLE_PENALTY`, plus that penalty if the angle exceeds `max_angle`.
     """
 
     config: Config
@@ -101,7 +108,7 @@ class CostModel:
         in radians per second.
         """
         gaps = (angles / self.scales.angle) ** 2 + (velocities / self.scales.velocity) ** 2
-        return self._angle_penalties(angles) + gaps
+        return self._angle_penalties(angles) + np.minimum(gaps, _MAX_SEAM_COST)
 
     def seam_costs(self, left: BoundaryStates, right: BoundaryStates) -> FloatArray:
         """Return the seam costs from each left to each right segment, shape (n_left, n_right)."""
