@@ -193,7 +193,7 @@ def read_at_30_fps(path):
 
 def seam_gaps(library, choice, seeds):
     """Return the seam gaps in degrees of each graft on all clips, and the exchanged share."""
-    config = replace(CONFIG, choice=choice, balance_weight=0.0, novelty=3.0)
+    config = replace(CONFIG, choice=choice, balance_weight=0.0, novelty=6.0)
     library = replace(library, config=config)
     grafts = [mg.graft(library, clip, seed=seed) for clip in library.clips for seed in seeds]
     seams = [[np.degrees(seam.gap) for seam in graft.seams] for graft in grafts]

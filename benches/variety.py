@@ -205,7 +205,7 @@ def report(options):
             for name in NEIGHBOURHOODS.names
             for scale in (0.5, 0.75, 1.0)
         ],
-        "temperature": [(f"{own:g}", mg.Config(temperature=own)) for own in (0.5, 1.0, 2.0)],
+        "temperature": [(f"{own:g}", mg.Config(temperature=own)) for own in (0.1, 0.25, 1.0)],
         "dial": [(f"{own:g}", mg.Config.with_variety(own)) for own in VARIETIES],
     }
     for part, configs in settings.items():
