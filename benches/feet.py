@@ -6,6 +6,7 @@ feet and frames that skate (`mograft.foot_skate`) in the recording, in grafts wi
 in grafts with it. It prints the largest depth of a heel or toe below its floor without planting and
 with it, and the largest depth below the lower of its floor and its position in the same frame
 without planting. Depths are in skeleton heights; the floor is that of the recording.
+Both grafts have the same donors: self-repair, which may replace them in one only, is off.
 Files are resampled to 30 frames per second.
 """
 
@@ -39,7 +40,7 @@ def depths(motion, ground):
 def measure_depth(before, after, ground):
     """Largest depth before and after planting, and largest excess over the same frame before."""
     old, new = depths(before, ground), depths(after, ground)
-    return old.max(), new.max(), (new - np.maximum(old, 0.0)).max()
+    return old.max(), new.max(), (np.maximum(new, 0.0) - np.maximum(old, 0.0)).max()
 
 
 def measure_feet(library, seeds):
@@ -47,6 +48,7 @@ def measure_feet(library, seeds):
 
     The first four are means, the depths of `measure_depth` maxima.
     """
+    library = replace(library, config=replace(library.config, self_repair=False))
     loose = replace(library, config=replace(library.config, feet="never"))
     rows, deepest = [], []
     for seed in range(seeds):
