@@ -514,6 +514,18 @@ def test_reach_reachable_target_is_met(library):
     assert n_met >= 14
 
 
+@few_examples(40)
+@given(SEEDS)
+def test_repair_reaches_what_one_substitution_reaches(library, seed):
+    rng = np.random.default_rng(seed)
+    target, frame = reachable_target(build_problem(library, []), rng)
+    problem = build_problem(library, [mg.Reach(HAND, target, frame)])
+    trellises = {"upper": build_trellis(problem, "upper", {})}
+    donors = {"upper": np.array([rng.choice(own) for own in trellises["upper"].candidates])}
+    repaired = repair_donors(problem, donors, trellises)
+    assert donor_excess(problem, repaired)["upper"].sum() == 0
+
+
 def test_reach_unreachable_target_reports_smallest_violation(library):
     height = mg.Poses.from_motion(library.clips[0]).height
     graft = mg.graft(library, constraints=[mg.Reach(HAND, (0.0, 9 * height, 0.0), 100)])

@@ -128,31 +128,66 @@ def _try_sequences(
 
     The cheapest sequences come first. Then follow those for which the violation amounts before seam
     treatment plus the seam costs are smallest: seam treatment changes poses more at a wider gap.
+    Where violations remain, captured parts replace the donors on both sides, because the treatment
+    of seams there may cause them too.
     """
     chosen = dict(donors)
     for group, trellis in trellises.items():
-        violated = problem.positions_with(donor_excess(problem, chosen)[group])
-        windows = [
-            (start, stop)
-            for start, stop in find_runs(dilate(violated)).tolist()
-            if stop - start <= _MAX_WINDOW_LENGTH
-        ]
-        if not windows:
-            continue
-        amounts = _kept_amounts(problem, group, chosen, trellis)
-        by_amount = Trellis(tuple(amounts), trellis.costs.pairwise)
-        for start, stop in windows:
-            path = trellis.path(chosen[group])
-            cheapest = k_best(trellis.costs.slice_within(path, start, stop), _N_CHEAPEST_TRIALS)
-            nearest = k_best(by_amount.slice(start, stop), _N_NEAREST_TRIALS)
-            trials = [path]
-            for window_path in [*cheapest, *nearest]:
-                trials.append(path.copy())
-                trials[-1][start:stop] = window_path
-            alternatives = [{**chosen, group: trellis.donor_sequence(own)} for own in trials]
-            first, last = max(start - 1, 0), min(stop + 1, len(problem.base_segments))
-            chosen = _least_violating(problem, alternatives, first, last)
+        for radius, list_trials in ((1, _trials_within), (0, _trials_between_captured)):
+            violated = problem.positions_with(donor_excess(problem, chosen)[group])
+            windows = [
+                (start, stop)
+                for start, stop in find_runs(dilate(violated, radius)).tolist()
+                if stop - start <= _MAX_WINDOW_LENGTH
+            ]
+            if not windows:
+                break
+            amounts = _kept_amounts(problem, group, chosen, trellis)
+            for start, stop in windows:
+                first, last, trials = list_trials(
+                    trellis, amounts, trellis.path(chosen[group]), start, stop
+                )
+                alternatives = [{**chosen, group: trellis.donor_sequence(own)} for own in trials]
+                chosen = _least_violating(problem, alternatives, first, last)
     return chosen
+
+
+def _trials_within(
+    trellis: DonorTrellis, amounts: Sequence[FloatArray], path: IntArray, start: int, stop: int
+) -> tuple[int, int, list[IntArray]]:
+    """Return paths with other donors in a window, after `path` itself, and the range to evaluate.
+
+    The range is that of the window and one position on either side.
+    """
+    by_amount = Trellis(tuple(amounts), trellis.costs.pairwise)
+    cheapest = k_best(trellis.costs.slice_within(path, start, stop), _N_CHEAPEST_TRIALS)
+    nearest = k_best(by_amount.slice(start, stop), _N_NEAREST_TRIALS)
+    trials = [path, *(_replaced(path, start, own) for own in (*cheapest, *nearest))]
+    return max(start - 1, 0), min(stop + 1, len(path)), trials
+
+
+def _trials_between_captured(
+    trellis: DonorTrellis, amounts: Sequence[FloatArray], path: IntArray, start: int, stop: int
+) -> tuple[int, int, list[IntArray]]:
+    """As `_trials_within`, with the captured part at 3 positions on either side of the window.
+
+    The range includes these positions.
+    """
+    first, last = max(start - _REPAIR_RADIUS, 0), min(stop + _REPAIR_RADIUS, len(path))
+    unary = list(amounts[first:last])
+    for position in (*range(first, start), *range(stop, last)):
+        is_other = trellis.candidates[position] != trellis.scenario[position]
+        if not is_other.all():
+            unary[position - first] = np.where(is_other, np.inf, unary[position - first])
+    between = Trellis(tuple(unary), trellis.costs.slice(first, last).pairwise)
+    nearest = k_best(between, _N_CHEAPEST_TRIALS)
+    return first, last, [path, *(_replaced(path, first, own) for own in nearest)]
+
+
+def _replaced(path: IntArray, start: int, window: IntArray) -> IntArray:
+    replaced = path.copy()
+    replaced[start : start + len(window)] = window
+    return replaced
 
 
 def _kept_amounts(
