@@ -133,7 +133,7 @@ def _try_sequences(
     """
     chosen = dict(donors)
     for group, trellis in trellises.items():
-        for radius, list_trials in ((1, _trials_within), (0, _trials_between_captured)):
+        for radius, list_trials in _TRIALS:
             violated = problem.positions_with(donor_excess(problem, chosen)[group])
             windows = [
                 (start, stop)
@@ -188,6 +188,10 @@ def _replaced(path: IntArray, start: int, window: IntArray) -> IntArray:
     replaced = path.copy()
     replaced[start : start + len(window)] = window
     return replaced
+
+
+# Kinds of trials in order, each with the number of positions beside a violation in its window.
+_TRIALS = ((1, _trials_within), (0, _trials_between_captured), (1, _trials_between_captured))
 
 
 def _kept_amounts(
