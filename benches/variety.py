@@ -8,7 +8,7 @@ set of BVH files with one skeleton below it, at 30 frames per second. It prints
 - ``share``: the share of exchanged segments and the mean seam gap by variety, which need no
   motions and take seconds;
 - ``neighbourhood``: measures of grafts with clusters and with balls, by `sigma_scale`;
-- ``temperature``: the same by `temperature`;
+- ``temperature``, ``diversity``: the same by `temperature` and by `diversity`;
 - ``dial``: the same by the variety of `Config.with_variety`;
 - ``auto``: for each source the scale that `sigma_scale` "auto" chooses for the legs and for the
   upper body, and the error of repetitions, as a share of that of random segments;
@@ -53,10 +53,20 @@ COLUMNS = (
     "seams, gross",
     "seams, fine",
 )
+DIVERSITIES = (0.0, 1.0, 2.0, 4.0)
 VARIETIES = (0.0, 0.25, 0.5, 0.75, 1.0)
 TOLERANCES = (1.0, 1.05, 1.1, 1.2, 1.5)  # of the error within clusters; 1.1 is the default
 N_SPLITS = 3  # of the folds of compatibility
-PARTS = ("radius", "share", "neighbourhood", "temperature", "dial", "auto", "tolerance")
+PARTS = (
+    "radius",
+    "share",
+    "neighbourhood",
+    "temperature",
+    "diversity",
+    "dial",
+    "auto",
+    "tolerance",
+)
 MAX_BASES = 3  # clips of a source that are bases
 MAX_WINDOWS = 600
 
@@ -206,6 +216,7 @@ def report(options):
             for scale in (0.5, 0.75, 1.0)
         ],
         "temperature": [(f"{own:g}", mg.Config(temperature=own)) for own in (0.1, 0.25, 1.0)],
+        "diversity": [(f"{own:g}", mg.Config(diversity=own)) for own in DIVERSITIES],
         "dial": [(f"{own:g}", mg.Config.with_variety(own)) for own in VARIETIES],
     }
     for part, configs in settings.items():

@@ -2,6 +2,9 @@
 
 import hashlib
 import json
+import math
+import operator
+import re
 import shlex
 import shutil
 from pathlib import Path
@@ -9,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mograft import Library, __version__, graft_many, read_bvh, write_bvh
+from mograft import Config, Library, __version__, graft_many, read_bvh, write_bvh
 from mograft.cli import main
 from mograft.evaluation import world_measures
 
@@ -92,6 +95,34 @@ def test_graft_choice_and_seed_options_select_donors(run, folder, tmp_path):
     assert cheapest[0] == cheapest[1]
     assert donors("d.bvh", "--temperature", "0.001")[1] == cheapest[0][1]
     assert donors("f.bvh", "--preset", "paper")[0] == "random"
+
+
+def test_graft_diversity_option_changes_later_motions_only(run, folder, tmp_path):
+    found = {}
+    for diversity in (0, 50):
+        target = tmp_path / str(diversity)
+        options = ("-n", 3, "--choice", "viterbi", "--diversity", diversity, "--json")
+        code, out, _ = run("graft", folder, "-o", target, *options)
+        assert code == 0
+        grafts = json.loads(out)["grafts"]
+        assert grafts[0]["config"]["diversity"] == diversity
+        found[diversity] = [g["substitutions"] for g in grafts]
+    assert found[0][0] == found[50][0]
+    few, many = (sum(map(operator.ne, *own[:2])) for own in found.values())
+    assert 0 < few < many
+
+
+@pytest.mark.parametrize(
+    "field", ["temperature", "diversity", "reach_ik", "max_stretch", "max_angle", "sigma_scale"]
+)
+def test_graft_help_states_defaults_of_the_configuration(capsys, field):
+    """The help texts repeat the values, so that they are shown without importing NumPy."""
+    with pytest.raises(SystemExit):
+        main(["graft", "--help"])
+    text = " ".join(capsys.readouterr().out.split())
+    stated = re.search(rf" --{field.replace('_', '-')} [A-Z].*?\(default: \D*([\d.]*\d)", text)
+    value = getattr(Config(), field)
+    assert float(stated[1]) == pytest.approx(math.degrees(value) if field == "max_angle" else value)
 
 
 def test_graft_seam_option_changes_motion(run, folder, tmp_path):

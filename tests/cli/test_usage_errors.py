@@ -75,6 +75,12 @@ def test_main_number_out_of_range_names_option_and_range(capsys, command, option
             "graft {} --temperature 1 --choice best",
             "--temperature requires --choice sample, got best",
         ),
+        ("graft {} --diversity 2", "--diversity requires -n above 1"),
+        ("graft {} --diversity 0", "--diversity requires -n above 1"),
+        (
+            "graft {} --diversity 0 -n 2 --choice best",
+            "--diversity requires --choice sample, viterbi or nearest, got best",
+        ),
         ("graft {} --avoid sphere:0,0,0,-1", "--avoid sphere: `radius` must not be negative"),
         ("plot pca {} --frames 1-5", "--frames requires strip, timeline, energy; got pca"),
         (

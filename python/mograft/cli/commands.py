@@ -177,8 +177,15 @@ _GRAFT = command(
     setting(
         "--temperature X",
         "temperature of --choice sample: a donor sequence that costs X more than another is drawn "
-        "with a probability that is smaller by the factor e (default: 1)",
+        "with a probability that is smaller by the factor e (default: 0.25)",
         positive_number,
+    ),
+    setting(
+        "--diversity X",
+        "with -n above 1: cost of a donor for each earlier motion that has this donor at the same "
+        "position; the greater it is, the more the motions differ from each other, and the wider "
+        "their seams become (default: 1)",
+        non_negative_number,
     ),
     *SCENARIO_OPTIONS,
     config_option("seam", "seam treatment", "gradient", paper="paper"),

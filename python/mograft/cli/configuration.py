@@ -30,6 +30,7 @@ _CONFIG_OPTIONS = (
     "neighbourhood",
     "choice",
     "temperature",
+    "diversity",
     "seam",
     "alignment",
     "torso",
@@ -47,7 +48,8 @@ def options_given(options: argparse.Namespace, *names: str) -> list[str]:
     in `names` must be None or False.
     """
     given = [name for name in names if name not in options.origins]
-    return [name for name in given if getattr(options, name, None) not in (None, False)]
+    values = {name: getattr(options, name, None) for name in given}
+    return [name for name, value in values.items() if value is not None and value is not False]
 
 
 @contextmanager

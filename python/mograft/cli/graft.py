@@ -17,6 +17,7 @@ from mograft.cli.output import print_error, print_remark, print_result
 from mograft.cli.replayed import is_edit, replay_graft
 from mograft.cli.results import with_command, write_report
 from mograft.cli.scenario import check_scenario, read_scenario
+from mograft.config import Config
 from mograft.errors import join_names, suggest_name
 from mograft.io.addresses import find_addresses, read_clip, split_address
 from mograft.library.library import Library
@@ -68,6 +69,7 @@ def run(options: argparse.Namespace) -> int:
     constraints = read_constraints(options, library, obstacles)
     if options_given(options, "temperature") and library.config.choice != "sample":
         options.usage_error(f"--temperature requires --choice sample, got {library.config.choice}")
+    _check_diversity(options, library.config)
     if options.mirror:
         library = library.with_mirror_images()
     base, swap = _find_base(library, options.base, folder), _swapped_groups(library, options)
@@ -85,6 +87,18 @@ def run(options: argparse.Namespace) -> int:
             return 4  # No donor sequence satisfies the constraints.
     _write_results(grafts, paths, page, options)
     return 0
+
+
+def _check_diversity(options: argparse.Namespace, config: Config) -> None:
+    """End with a usage error if ``--diversity`` on the command line has no effect."""
+    if not options_given(options, "diversity"):
+        return
+    if options.count == 1:
+        options.usage_error("--diversity requires -n above 1")
+    if config.choice not in ("sample", "viterbi", "nearest"):
+        options.usage_error(
+            f"--diversity requires --choice sample, viterbi or nearest, got {config.choice}"
+        )
 
 
 def _run_replay(options: argparse.Namespace) -> int:
