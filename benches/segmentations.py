@@ -319,7 +319,8 @@ def print_grafts(sources, count, methods, splits):
                 for graft in mg.graft_many(library, base, count)
             ]
             gross, fine = detect_seams(grafts)
-            cells = [f"{gross:.2f}", f"{fine:.2f}", *compatibility_of(library, splits)]
+            areas = ["too few" if np.isnan(own) else f"{own:.2f}" for own in (gross, fine)]
+            cells = [*areas, *compatibility_of(library, splits)]
             print(f"| {name} | `{method}` | {' | '.join(cells)} |", flush=True)
 
 

@@ -150,7 +150,7 @@ def render(results):
         null="The same repair with clusters of the same sizes whose members are random. It shows "
         "what any exchange removes. The repair of whole bodies exchanges all joints together, with "
         "the segments of similar length that have small seams; it also moves the figure over the "
-        "floor after the exchange, so that most frames change.",
+        "floor after the exchange, so that it changes most frames or none.",
         tables=(
             Table(
                 (
