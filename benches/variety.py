@@ -9,6 +9,8 @@ set of BVH files with one skeleton below it, at 30 frames per second. It prints
   motions and take seconds;
 - ``neighbourhood``: measures of grafts with clusters and with balls, by `sigma_scale`;
 - ``temperature``, ``diversity``: the same by `temperature` and by `diversity`;
+- ``seeds``: by `temperature`, the share of positions at which donors of two seeds differ, and the
+  mean seam gap, which need no motions;
 - ``dial``: the same by the variety of `Config.with_variety`;
 - ``auto``: for each source the scale that `sigma_scale` "auto" chooses for the legs and for the
   upper body, and the error of repetitions, as a share of that of random segments;
@@ -26,6 +28,7 @@ a classifier cannot distinguish grafts from recordings. Needs scikit-learn.
 import argparse
 import sys
 from collections import defaultdict
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +56,8 @@ COLUMNS = (
     "seams, gross",
     "seams, fine",
 )
+TEMPERATURES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
+N_SEEDS = 4
 DIVERSITIES = (0.0, 1.0, 2.0, 4.0)
 VARIETIES = (0.0, 0.25, 0.5, 0.75, 1.0)
 TOLERANCES = (1.0, 1.05, 1.1, 1.2, 1.5)  # of the error within clusters; 1.1 is the default
@@ -60,6 +65,7 @@ N_SPLITS = 3  # of the folds of compatibility
 PARTS = (
     "radius",
     "share",
+    "seeds",
     "neighbourhood",
     "temperature",
     "diversity",
@@ -130,6 +136,30 @@ def print_shares(sources, count):
         print(f"| {name} |{cells}", flush=True)
     means = np.mean(rows, axis=0)
     print("| mean |" + "".join(f" {100 * share:.0f} %, {gap:.1f}° |" for share, gap in means))
+
+
+def seed_difference(library, config):
+    """The share of positions at which donors of two seeds differ, and the mean seam gap."""
+    library = library.relabelled(config)
+    differs, gaps = [], []
+    for entry in library.entries:
+        plan = GraftPlan.build(library, entry.name, None, ())
+        for group, pool in plan.pools.items():
+            drawn = [plan.choose_donors(1, seed)[0][group] for seed in range(N_SEEDS)]
+            differs += [own != other for own, other in combinations(drawn, 2)]
+            gaps += [pool.seam_angles_along(own) for own in drawn]
+    gaps = np.concatenate(gaps)
+    return np.concatenate(differs).mean(), np.degrees(gaps[gaps > 1e-9].mean())
+
+
+def print_seeds(sources):
+    print("| source |" + "".join(f" {temperature:g} |" for temperature in TEMPERATURES))
+    print("|---|" + "---|" * len(TEMPERATURES))
+    for name, library in sources.items():
+        configs = [mg.Config(temperature=temperature) for temperature in TEMPERATURES]
+        found = [seed_difference(library, config) for config in configs]
+        cells = "".join(f" {100 * share:.0f} %, {gap:.1f}° |" for share, gap in found)
+        print(f"| {name} |{cells}", flush=True)
 
 
 def print_automatic(sources):
@@ -205,6 +235,8 @@ def report(options):
         print_radius(sources)
     if options.only in (None, "share"):
         print_shares(sources, options.count)
+    if options.only in (None, "seeds"):
+        print_seeds(sources)
     if options.only in (None, "auto"):
         print_automatic(sources)
     if options.only in (None, "tolerance"):
