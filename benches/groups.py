@@ -39,24 +39,29 @@ MAX_CLIPS = 2  # clips of a source for the measures of quality
 COUNT = 2  # grafts per clip
 
 
-def read_sources(folder):
+def read_sources(folder, beginnings=("",)):
     """The motions of each subfolder and hierarchy, by name; files that cannot be read are left out.
 
-    Motions of one frame have no segments.
+    Only sources whose names begin with one of `beginnings` are returned. Motions of one frame have
+    no segments.
     """
     sources = defaultdict(list)
     for file in scan_folder(str(folder)):
+        subfolder = file.parent.name
+        if not any(subfolder.startswith(own) or own.startswith(subfolder) for own in beginnings):
+            continue
         try:
             motions = [motion for motion in mg.read(file) if motion.n_frames > 1]
         except (mg.MograftError, ValueError, OSError):
             continue
         for motion in motions:
-            key = file.parent.name, motion.skeleton.names, tuple(motion.skeleton.parents)
+            key = subfolder, motion.skeleton.names, tuple(motion.skeleton.parents)
             sources[key].append(motion)
-    return {
-        f"{folder} {Path(motions[0].path or motions[0].name).stem}": motions
-        for (folder, *_), motions in sources.items()
+    named = {
+        f"{subfolder} {Path(motions[0].path or motions[0].name).stem}": motions
+        for (subfolder, *_), motions in sources.items()
     }
+    return {name: own for name, own in named.items() if name.startswith(tuple(beginnings))}
 
 
 def differing_joints(skeleton, found, expected):
@@ -183,14 +188,11 @@ def main(argv=None):
 
 
 def report(options):
-    sources = {"dancer": [tiny_motion()]} if options.tiny else read_sources(options.folder)
+    tiny = {"dancer": [tiny_motion()]} if options.tiny else None
     if options.only in (None, "table"):
-        print_table(sources)
+        print_table(tiny or read_sources(options.folder))
     if options.only in (None, "quality"):
-        chosen = QUALITY_SOURCES if options.source is None else tuple(options.source)
-        print_quality(
-            {name: own for name, own in sources.items() if options.tiny or name.startswith(chosen)}
-        )
+        print_quality(tiny or read_sources(options.folder, options.source or QUALITY_SOURCES))
 
 
 if __name__ == "__main__":
