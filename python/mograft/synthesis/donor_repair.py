@@ -128,8 +128,8 @@ def _try_sequences(
 
     The cheapest sequences come first. Then follow those for which the violation amounts before seam
     treatment plus the seam costs are smallest: seam treatment changes poses more at a wider gap.
-    Where violations remain, captured parts replace the donors on both sides, because the treatment
-    of seams there may cause them too.
+    If violations remain, captured parts replace the donors on both sides, because the treatment of
+    their seams can cause violations too.
     """
     chosen = dict(donors)
     for group, trellis in trellises.items():
@@ -155,9 +155,10 @@ def _try_sequences(
 def _trials_within(
     trellis: DonorTrellis, amounts: Sequence[FloatArray], path: IntArray, start: int, stop: int
 ) -> tuple[int, int, list[IntArray]]:
-    """Return paths with other donors in a window, after `path` itself, and the range to evaluate.
+    """Return the positions to evaluate, first and stop, and the paths to try in this order.
 
-    The range is that of the window and one position on either side.
+    The paths are `path` itself, and those with other donors from position `start` to `stop` - 1.
+    The positions to evaluate are these and one on either side.
     """
     by_amount = Trellis(tuple(amounts), trellis.costs.pairwise)
     cheapest = k_best(trellis.costs.slice_within(path, start, stop), _N_CHEAPEST_TRIALS)
@@ -169,9 +170,9 @@ def _trials_within(
 def _trials_between_captured(
     trellis: DonorTrellis, amounts: Sequence[FloatArray], path: IntArray, start: int, stop: int
 ) -> tuple[int, int, list[IntArray]]:
-    """As `_trials_within`, with the captured part at 3 positions on either side of the window.
+    """As `_trials_within`, but with captured parts at the 3 positions on either side.
 
-    The range includes these positions.
+    These positions are evaluated too.
     """
     first, last = max(start - _REPAIR_RADIUS, 0), min(stop + _REPAIR_RADIUS, len(path))
     unary = list(amounts[first:last])
@@ -190,7 +191,7 @@ def _replaced(path: IntArray, start: int, window: IntArray) -> IntArray:
     return replaced
 
 
-# Kinds of trials in order, each with the number of positions beside a violation in its window.
+# Trials in their order, each with the number of positions beside a violation that change too.
 _TRIALS = ((1, _trials_within), (0, _trials_between_captured), (1, _trials_between_captured))
 
 
