@@ -149,8 +149,9 @@ def render(results):
         "verdict near 0 may be wrong.",
         null="The same repair with clusters of the same sizes whose members are random. It shows "
         "what any exchange removes. The repair of whole bodies exchanges all joints together, with "
-        "the segments of similar length that have small seams; it also moves the figure over the "
-        "floor after the exchange, so that it changes most frames or none.",
+        "the segments of similar length that have small seams; from the first exchange on "
+        "it also moves the figure over the floor. So it changes most frames, or none if it "
+        "exchanges nothing.",
         tables=(
             Table(
                 (

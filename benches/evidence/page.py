@@ -115,9 +115,10 @@ def _constants_table():
     return Table(
         ("constant", "value", "in the paper", "chosen on"),
         tuple(rows),
-        "Three constants were changed after the test sources had been measured: angle scale / "
-        "typical angle (2 before), `Config.novelty` (5) and `Config.temperature` (1). They were "
-        "chosen on development sources, but some other values had been tried on test sources too. "
-        "All sections were then measured again with the values of this table. The recordings of "
-        "salsa, perfume and indian are in folders whose names begin with `dance_`.",
+        "Three constants were changed after the test sources had been measured. Their former "
+        "values are 2 (angle scale / typical angle), 5 (`Config.novelty`) and 1 "
+        "(`Config.temperature`). The new values were chosen on development sources, but some other "
+        "values of these constants had been tried on test sources too. All results were then "
+        "measured again with the values of this table. The recordings of salsa, perfume and indian "
+        "are in folders whose names begin with `dance_`.",
     )

@@ -104,11 +104,11 @@ class Config:
     choice : {"viterbi", "best", "sample", "nearest", "random"}
         How donors are chosen among the candidates within the limits. "sample" draws donor
         sequences with probability proportional to exp(-cost / `temperature`), so motions of
-        different seeds differ in some donors. "viterbi" takes the donor sequence of minimum cost,
-        for every seed. "best" takes one sequence for each motion, in ascending order of cost; these
-        sequences differ little. "nearest" minimises only the distance between the base group's
-        motion in donor and base segment. "random" draws uniformly within the limits, as in the
-        paper (4.4).
+        different seeds usually differ in some donors. "viterbi" takes the donor sequence of minimum
+        total cost, whatever the seed. "best" takes one sequence for each motion, in ascending order
+        of cost; these sequences differ little. "nearest" minimises only the distance between the
+        base group's motion in donor and base segment. "random" draws uniformly within the limits,
+        as in the paper (4.4).
     length_weight : float
         Weight of the relative length difference, 1 - shorter / longer, in the unary cost.
     distance_weight : float

@@ -182,9 +182,9 @@ _GRAFT = command(
     ),
     setting(
         "--diversity X",
-        "with -n above 1: cost of a donor for each earlier motion that has this donor at the same "
-        "position; the greater it is, the more the motions differ from each other, and the wider "
-        "their seams become (default: 1)",
+        "with -n above 1: additional cost of a donor for each earlier motion that has this donor "
+        "at the same position; a larger cost makes the motions differ more from each other, and "
+        "the gaps at their seams wider (default: 1)",
         non_negative_number,
     ),
     *SCENARIO_OPTIONS,

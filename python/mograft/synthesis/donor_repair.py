@@ -124,12 +124,12 @@ def search_again(
 def _try_sequences(
     problem: SearchProblem, donors: DonorSequences, trellises: Mapping[str, DonorTrellis]
 ) -> DonorSequences:
-    """Assemble many sequences around each remaining violation and keep the best.
+    """Assemble many sequences around each remaining violation; keep that of smallest violation.
 
     The cheapest sequences come first. Then follow those for which the violation amounts before seam
-    treatment plus the seam costs are smallest: seam treatment changes poses more at a wider gap.
-    If violations remain, captured parts replace the donors on both sides, because the treatment of
-    their seams can cause violations too.
+    treatment plus the seam costs are smallest. Seam costs count because seam treatment changes
+    poses more at a wider gap. If violations remain, the base segments replace the donors on both
+    sides, because the treatment of their seams can cause violations too.
     """
     chosen = dict(donors)
     for group, trellis in trellises.items():
@@ -158,7 +158,8 @@ def _trials_within(
     """Return the positions to evaluate, first and stop, and the paths to try in this order.
 
     The paths are `path` itself, and those with other donors from position `start` to `stop` - 1.
-    The positions to evaluate are these and one on either side.
+    The positions to evaluate are these and one on either side. `amounts` has for each position by
+    how much its candidates violate hard constraints.
     """
     by_amount = Trellis(tuple(amounts), trellis.costs.pairwise)
     cheapest = k_best(trellis.costs.slice_within(path, start, stop), _N_CHEAPEST_TRIALS)
@@ -167,12 +168,12 @@ def _trials_within(
     return max(start - 1, 0), min(stop + 1, len(path)), trials
 
 
-def _trials_between_captured(
+def _trials_between_base_segments(
     trellis: DonorTrellis, amounts: Sequence[FloatArray], path: IntArray, start: int, stop: int
 ) -> tuple[int, int, list[IntArray]]:
-    """As `_trials_within`, but with captured parts at the 3 positions on either side.
+    """As `_trials_within`, but with the base segment at the 3 positions on either side.
 
-    These positions are evaluated too.
+    The positions to evaluate are these six and those between them.
     """
     first, last = max(start - _REPAIR_RADIUS, 0), min(stop + _REPAIR_RADIUS, len(path))
     unary = list(amounts[first:last])
@@ -191,8 +192,13 @@ def _replaced(path: IntArray, start: int, window: IntArray) -> IntArray:
     return replaced
 
 
-# Trials in their order, each with the number of positions beside a violation that change too.
-_TRIALS = ((1, _trials_within), (0, _trials_between_captured), (1, _trials_between_captured))
+# Kinds of trials in their order, each with the number of positions by which the range of changes
+# extends on either side of a violation.
+_TRIALS = (
+    (1, _trials_within),
+    (0, _trials_between_base_segments),
+    (1, _trials_between_base_segments),
+)
 
 
 def _kept_amounts(
