@@ -516,6 +516,8 @@ def test_reach_reachable_target_is_met(library):
 
 @few_examples(40)
 @given(SEEDS)
+@example(448)  # two segments share the frame
+@example(772)  # seams two positions away move the hand
 def test_repair_reaches_what_one_substitution_reaches(library, seed):
     rng = np.random.default_rng(seed)
     target, frame = reachable_target(build_problem(library, []), rng)

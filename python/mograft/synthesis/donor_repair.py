@@ -173,17 +173,25 @@ def _trials_between_base_segments(
 ) -> tuple[int, int, list[IntArray]]:
     """As `_trials_within`, but with the base segment at the 3 positions on either side.
 
-    The positions to evaluate are these six and those between them.
+    The last paths have a single donor that is not the base segment. The positions to evaluate are
+    the six and those between them.
     """
     first, last = max(start - _REPAIR_RADIUS, 0), min(stop + _REPAIR_RADIUS, len(path))
-    unary = list(amounts[first:last])
-    for position in (*range(first, start), *range(stop, last)):
-        is_other = trellis.candidates[position] != trellis.scenario[position]
-        if not is_other.all():
-            unary[position - first] = np.where(is_other, np.inf, unary[position - first])
+    captured, unary = path.copy(), list(amounts[first:last])
+    for position in range(first, last):
+        is_base = trellis.candidates[position] == trellis.scenario[position]
+        if not is_base.any():
+            continue
+        captured[position] = is_base.argmax()
+        if not start <= position < stop:
+            unary[position - first] = np.where(is_base, unary[position - first], np.inf)
     between = Trellis(tuple(unary), trellis.costs.slice(first, last).pairwise)
     nearest = k_best(between, _N_CHEAPEST_TRIALS)
-    return first, last, [path, *(_replaced(path, first, own) for own in nearest)]
+    trials = [path, *(_replaced(path, first, own) for own in nearest)]
+    for position in range(start, stop):
+        indices = np.arange(len(trellis.candidates[position]))
+        trials += [_replaced(captured, position, indices[k : k + 1]) for k in indices]
+    return first, last, trials
 
 
 def _replaced(path: IntArray, start: int, window: IntArray) -> IntArray:
