@@ -23,7 +23,7 @@ import mograft as mg
 from benches import _common
 from mograft._util.runs import find_runs
 from mograft.body.anatomy import anatomy
-from mograft.synthesis.search_problem import SearchProblem
+from mograft.solve.search_problem import SearchProblem
 
 RATE = 30.0
 DISTANCES = np.arange(0.25, 1.0, 0.05)

@@ -29,7 +29,7 @@ from mograft._util.linalg import GRID
 from mograft.analysis.segmentation import kinetic_energy
 from mograft.body import support_polygon
 from mograft.evaluation import estimate
-from mograft.library.array_files import map_array
+from mograft.library.files.array_files import map_array
 
 # Prints the correlation matrices of all recordings as pickles: the matrix, its loadings before
 # rounding, and the rounded eigenvalues and loadings.

@@ -22,11 +22,11 @@ from benches.measures.nearest_windows import (
 )
 from benches.measures.tracks import COMPARED_RATE, pose_track
 from mograft.analysis.embedding import embed, features, mean_rotations, normalise
-from mograft.analysis.segmentation import Segments
 from mograft.body.anatomy import feature_joints
 from mograft.body.mass import mass_model
 from mograft.evaluation import estimate
 from mograft.evaluation.body_tracks import FrameBlocks
+from mograft.motion.segments import Segments
 
 WINDOW_FRAMES, WINDOW_STEP = 15, 5  # of the embedded windows
 PIECE_FRAMES = 100  # at 10 frames per second: of the motions that the global measure compares

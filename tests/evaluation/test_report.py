@@ -4,10 +4,10 @@ import re
 
 import pytest
 
-from mograft.evaluation import evaluation_page, plots
 from mograft.evaluation.estimate import Estimate
 from mograft.evaluation.kappa import Difference
-from mograft.evaluation.report import compare_methods
+from mograft.viewing.evaluation_report import compare_methods, evaluation_page
+from mograft.viewing.plot import evaluation_plots as plots
 from tests.browser import chromium
 
 pytest.importorskip("matplotlib", reason="matplotlib is not installed")

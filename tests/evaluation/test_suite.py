@@ -15,9 +15,8 @@ from mograft.evaluation import (
     Random,
     default_methods,
     evaluate,
-    evaluation_page,
 )
-from mograft.evaluation.report import summarize
+from mograft.viewing.evaluation_report import evaluation_page, summarize
 from tests.strategies import smooth_rotations
 
 pytest.importorskip("sklearn", reason="scikit-learn is not installed")

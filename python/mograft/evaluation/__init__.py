@@ -37,7 +37,6 @@ from mograft.evaluation.labelling import label_items, label_page
 from mograft.evaluation.naturalness import Compatibility, compatibility
 from mograft.evaluation.novelty import Novelty, novelty
 from mograft.evaluation.quality import Quality, quality
-from mograft.evaluation.report import evaluation_page
 from mograft.evaluation.retrieval import Advantage, Retrieval, RuleScore, retrieval
 from mograft.evaluation.suite import Evaluation, evaluate
 from mograft.evaluation.two_sample import Detection
@@ -79,7 +78,6 @@ __all__ = [
     "dynamic_balance",
     "enrichment",
     "evaluate",
-    "evaluation_page",
     "grafts_by",
     "judgement",
     "label_items",

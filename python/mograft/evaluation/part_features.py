@@ -3,11 +3,11 @@
 import numpy as np
 
 from mograft._util.arrays import FloatArray
-from mograft.analysis.segmentation import Segments
 from mograft.body.anatomy import feature_joints
 from mograft.body.mass import mass_model
 from mograft.library.library import Library
 from mograft.motion import rotations
+from mograft.motion.segments import Segments
 
 N_INSTANTS = 10  # equidistant instants of a segment at which features are sampled
 
