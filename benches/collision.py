@@ -20,6 +20,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
+import mograft.constraints as mc
 from benches import _common
 from mograft._util.runs import find_runs
 from mograft.body.anatomy import anatomy
@@ -41,7 +42,11 @@ def copies(motion, poses, step=1, directions=DIRECTIONS):
             for angle in directions[::step]:
                 offset = home.copy()
                 offset[level] += distance * poses.height * np.array([np.cos(angle), np.sin(angle)])
-                yield mg.Character(motion, tuple(offset), yaw), distance, np.degrees([angle, yaw])
+                yield (
+                    mc.Character(motion, tuple(offset), yaw),
+                    distance,
+                    np.degrees([angle, yaw]),
+                )
 
 
 def half_turn(position, up):
@@ -60,14 +65,14 @@ def worst_collision(motion, problem, step=1):
     sparse = poses.with_poses(poses.frames[every], poses.rotations[every], poses.positions[every])
     found = []
     for other, distance, angles in copies(motion, poses, step):
-        avoid = mg.Avoid(other)
+        avoid = mc.Avoid(other)
         if (avoid.errors(sparse, ~grafted)[0] > 1).any():
             continue
         count = int((avoid.errors(sparse, grafted)[0] > 1).sum())
         if count:
             found.append((count, other, distance, angles))
     for candidate in sorted(found, key=lambda candidate: -candidate[0]):
-        if not (mg.Avoid(candidate[1]).errors(poses, ~grafted)[0] > 1).any():
+        if not (mc.Avoid(candidate[1]).errors(poses, ~grafted)[0] > 1).any():
             return candidate
     return None
 
@@ -87,7 +92,7 @@ def strip(path, base, graft, other, frames, body):
     theirs, radii = other._capsule_ends_and_radii
     for row, (name, motion) in enumerate((("before", base), ("after", graft.motion))):
         figure_poses = mg.Poses.from_motion(motion)
-        error, joint = mg.Avoid(other).errors(figure_poses)
+        error, joint = mc.Avoid(other).errors(figure_poses)
         for axis, frame in zip(axes[row], frames, strict=True):
             for ends, widths, color in (
                 (figure_poses.ends[frame], body.radii, "tab:blue"),
@@ -121,7 +126,7 @@ class Trial:
 
     motion: mg.Motion
     library: mg.Library
-    avoid: mg.Avoid
+    avoid: mc.Avoid
     where: str
     graft: mg.Graft
     before: np.ndarray
@@ -138,7 +143,7 @@ class Trial:
             return None
         _, other, distance, (angle, yaw) = found
         where = f"{distance:.2f} heights away at {angle:.0f}°, heading turned by {yaw:.0f}°"
-        avoid = mg.Avoid(other)
+        avoid = mc.Avoid(other)
         graft = mg.repair(library, constraints=[avoid])
         before, after = (
             avoid.errors(mg.Poses.from_motion(each))[0] for each in (motion, graft.motion)

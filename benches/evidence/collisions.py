@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 import mograft as mg
+import mograft.constraints as mc
 from benches import collision
 from benches.collision import copies
 from benches.evidence.section import Section, Table, count_names, format_estimate, verdict
@@ -30,7 +31,7 @@ def measure(recordings, *, is_quick):
     rows = []
     count, step = (2, 4) if is_quick else (N_PLACEMENTS, 1)
     for placed in _placements(clip, count, step):
-        avoid = mg.Avoid(placed)
+        avoid = mc.Avoid(placed)
         before = int((avoid.errors(mg.Poses.from_motion(clip))[0] > 1).sum())
         row = {"before": before}
         for name, own, widest in (
@@ -55,7 +56,7 @@ def _placements(clip, count, step):
     sparse = poses.with_poses(poses.frames[every], poses.rotations[every], poses.positions[every])
     found = []
     for other, _, _ in copies(clip, poses, step, DIRECTIONS):
-        avoid = mg.Avoid(other)
+        avoid = mc.Avoid(other)
         if (avoid.errors(sparse, ~is_arm)[0] > 1).any():
             continue
         if (avoid.errors(sparse, is_arm)[0] > 1).any():

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mograft import Config, KeepOriginal, Library, graft, graft_many, read_bvh
+from mograft import Config, Library, graft, graft_many, read_bvh
 from mograft.cli.advice import advise
+from mograft.constraints import KeepOriginal
 from mograft.solve.self_repair import RepairedWindow
 
 
