@@ -39,6 +39,7 @@ _HOMES = {
     "solve.candidate_verdicts": "candidates",
     "solve.self_repair": "RepairedWindow",
     "stream.stream": "Piece Stream join_pieces",
+    "synthesis.advice": "advise",
     "synthesis.graft": "Grafts graft graft_many repair",
     "synthesis.graft_request": "GraftRequest",
     "synthesis.graft_result": "Graft",

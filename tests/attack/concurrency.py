@@ -62,6 +62,7 @@ CALLS = {
     "discover_groups": lambda library: mg.discover_groups(library.clips[:2]),
     "graft": lambda library: mg.graft(library, library.names[-1], seed=3),
     "graft_many": lambda library: mg.graft_many(library, count=3, seed=1)[:],
+    "advise": lambda library: mg.advise(mg.graft(library, seed=2)),
     "edit": lambda library: mg.edit(mg.graft(library, seed=4), reroll=[2]),
     "graft_record": lambda library: mg.graft_record(mg.graft(library, seed=4)),
     "repair": lambda library: mg.repair(library, constraints=FAR),

@@ -44,7 +44,7 @@ def test_write_existing_file_is_kept_unless_forced(tmp_path, new, taken):
 
 
 def test_write_wrong_ending_or_type_raises(tmp_path):
-    with pytest.raises(ValueError, match=r"must end with .*got a\.bvhh; did you mean"
+    with pytest.raises(ValueError, match=r"must end with .*got a\.bvhh; did you mean"):
         mg.write(MOTION, tmp_path / "a.bvhh")
     with pytest.raises(TypeError, match="`item` must be a Motion or a Graft, got str"):
         mg.write("a.bvh", tmp_path / "a.bvh")
