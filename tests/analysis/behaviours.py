@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from mograft import Motion
-from mograft.motion import rotations
+from mograft import Motion, rotations
 from tests.strategies import star_skeleton
 
 RATE = 30.0
