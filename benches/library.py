@@ -35,7 +35,7 @@ INDEX = """
 import json, sys, time, warnings
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
-from mograft import Library
+from mograft import Library, candidates
 warnings.simplefilter("ignore")
 stages = {}
 last = ["start", time.perf_counter()]
@@ -63,10 +63,10 @@ QUERY = """
 import time
 begin = time.perf_counter()
 import sys
-from mograft import Library
+from mograft import Library, candidates
 start = time.perf_counter()
 library = Library.open(sys.argv[1])
-found = library.candidates(len(library.segments) // 2, "arms")
+found = candidates(library, len(library.segments) // 2, "arms")
 end = time.perf_counter()
 import json, resource
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
@@ -164,7 +164,7 @@ def measure(files, jobs):
 def kill(files, times, seed=0):
     """Kill index and add at random moments; the library must be the old or the new one."""
     from mograft import Library
-    from mograft.library import storage
+    from mograft.library.files import storage
 
     rng = random.Random(seed)
     with tempfile.TemporaryDirectory() as folder:

@@ -36,8 +36,8 @@ from mograft.search.candidates import SegmentPool
 from mograft.search.donor_choice import cost_model
 from mograft.search.trellis import DonorTrellis
 from mograft.search.viterbi import Trellis, viterbi
-from mograft.synthesis.assembly import assemble
-from mograft.synthesis.search_problem import SearchProblem
+from mograft.solve.assembly import assemble
+from mograft.solve.search_problem import SearchProblem
 from tests.oracles import capsules as capsules_oracle
 from tests.oracles import search as search_oracle
 

@@ -17,11 +17,12 @@ mpl.use("agg")
 from matplotlib import pyplot
 
 import mograft as mg
-from mograft import cli, plot
-from mograft.cli.parser import build_parsers
+from mograft import cli
+from mograft.cli.syntax.parser import build_parsers
 from mograft.dancer import dance
 from mograft.scenario import walk
-from mograft.synthesis.stream import join_pieces
+from mograft.stream.stream import join_pieces
+from mograft.viewing import plot
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "benches"))

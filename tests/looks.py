@@ -15,9 +15,9 @@ from matplotlib import pyplot
 from PIL import Image
 
 import mograft as mg
-from mograft import plot
 from mograft.cli import main as command
 from mograft.dancer import dance
+from mograft.viewing import plot
 from tests.browser import chromium, open_page
 
 THEMES = ("light", "dark")

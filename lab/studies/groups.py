@@ -96,7 +96,7 @@ def describe_human(motions):
     expected = mg.JointGroups.preset(PRESET, skeleton).resolve(skeleton)
     discovery = mg.discover_groups(motions, len(expected))
     found = discovery.groups.resolve(skeleton)
-    n_by_gap = len(mg.JointGroups.discover(motions).names)
+    n_by_gap = len(mg.discover_groups(motions).groups.names)
     differing = [skeleton.names[joint] for joint in differing_joints(skeleton, found, expected)]
     pairs = [unit_dependence(discovery, "trunk", part) for part in ("head", "forearm")]
     difference = ", ".join(differing) or "none"
@@ -112,7 +112,7 @@ def counts_text(found):
 def describe_animal(motions):
     """The groups of a skeleton that is not human, and the joints of all except the base."""
     skeleton = motions[0].skeleton
-    found = mg.JointGroups.discover(motions, N_ANIMAL_GROUPS).resolve(skeleton)
+    found = mg.discover_groups(motions, N_ANIMAL_GROUPS).groups.resolve(skeleton)
     members = [
         f"{name}: {' '.join(skeleton.names[joint] for joint in joints)}"
         for name, joints in list(found.items())[1:]

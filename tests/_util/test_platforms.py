@@ -16,7 +16,7 @@ import mograft as mg
 from mograft._util import atomic
 from mograft._util import lock as lock_module
 from mograft.dancer import dance
-from mograft.library import array_files, generation
+from mograft.library.files import array_files, generation
 from tests._util.test_names import is_portable
 
 not_on_windows = pytest.mark.skipif(sys.platform == "win32", reason="replaces modules of Windows")

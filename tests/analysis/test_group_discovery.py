@@ -7,6 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+import mograft as mg
 from mograft import (
     Config,
     JointGroups,
@@ -187,7 +188,7 @@ def test_joint_chains_every_joint_has_a_node_and_nodes_one_chain(skeleton):
 )
 def test_discover_planted_coupling_joins_coupled_chains(seed, leaders, pair, alone):
     motion = coupled_motion(seed, leaders)
-    groups = JointGroups.discover(motion, 3)
+    groups = mg.discover_groups(motion, 3).groups
     together = CHAINS["torso"].split() + CHAINS[pair].split()
     assert names_of(motion.skeleton, groups) == {
         frozenset(CHAINS["base"].split()),
@@ -195,7 +196,7 @@ def test_discover_planted_coupling_joins_coupled_chains(seed, leaders, pair, alo
         frozenset(CHAINS[alone].split()),
     }
     # Three chains move alike, of which two are neighbours at most of the gap.
-    assert JointGroups.discover(motion) == groups
+    assert mg.discover_groups(motion).groups == groups
 
 
 LEADERS = st.dictionaries(
@@ -209,7 +210,7 @@ LEADERS = st.dictionaries(
 def test_discover_groups_are_connected_directly_or_by_the_base(seed, leaders, n):
     motion = coupled_motion(seed, leaders, 200)
     parents, pair = motion.skeleton.parents.tolist(), partners(motion.skeleton)
-    groups = JointGroups.discover(motion, n).resolve(motion.skeleton)
+    groups = mg.discover_groups(motion, n).groups.resolve(motion.skeleton)
     base = set(groups.pop("lower").tolist())
     for joints in map(np.ndarray.tolist, groups.values()):
         reached = {joints[0]}  # left and right count as one
@@ -226,7 +227,7 @@ def test_discover_groups_are_complete_nested_and_left_right_consistent(seed):
     skeleton, pair = motion.skeleton, partners(motion.skeleton)
     finer = None
     for n in (4, 3, 2):
-        groups = JointGroups.discover(motion, n)
+        groups = mg.discover_groups(motion, n).groups
         assert len(groups.names) == n
         members = groups.resolve(skeleton)
         assert sorted(np.concatenate(list(members.values()))) == list(range(skeleton.n_joints))
@@ -273,7 +274,7 @@ def test_discover_chain_that_does_not_move_belongs_to_the_chain_above(still, abo
     quats = motion.rotations.copy()
     joints = [motion.skeleton.index(name) for name in CHAINS[still].split()]
     quats[:, joints] = quats[:1, joints]
-    groups = JointGroups.discover(replace(motion, rotations=quats), 3).resolve(motion.skeleton)
+    groups = mg.discover_groups(replace(motion, rotations=quats), 3).groups.resolve(motion.skeleton)
     expected = CHAINS[above].split() + CHAINS[still].split()
     found = {frozenset(motion.skeleton.names[j] for j in own) for own in groups.values()}
     assert frozenset(expected) in found
@@ -281,13 +282,13 @@ def test_discover_chain_that_does_not_move_belongs_to_the_chain_above(still, abo
 
 def test_discover_config_of_wrong_type_raises_type_error():
     with pytest.raises(TypeError, match="`config` must be a Config, got int"):
-        JointGroups.discover(coupled_motion(0, {}), config=3)
+        mg.discover_groups(coupled_motion(0, {}), config=3)
 
 
 def test_discover_two_groups_equal_preset_lower_upper():
     motion = coupled_motion(0, {})
     expected = JointGroups.preset("lower_upper", motion.skeleton)
-    assert JointGroups.discover(motion, 2) == expected
+    assert mg.discover_groups(motion, 2).groups == expected
 
 
 def test_discover_chain_that_carries_the_body_is_in_base():
@@ -304,7 +305,7 @@ def test_discover_chain_that_carries_the_body_is_in_base():
         overhead = rotations.from_axis_angle(axis, np.radians(angle))
         quats[:, skeleton.index(name)] = overhead
     handstand = replace(motion, rotations=rotations.continuous_signs(quats))
-    base = JointGroups.discover(handstand).resolve(skeleton)["lower"]
+    base = mg.discover_groups(handstand).groups.resolve(skeleton)["lower"]
     assert set(arms) <= set(base.tolist())
 
 
@@ -387,24 +388,24 @@ def test_discover_left_and_right_of_a_chain_may_move_independently():
 )
 def test_discover_invalid_number_raises_value_error(n, message):
     with pytest.raises(ValueError, match=message):
-        JointGroups.discover(coupled_motion(0, {}), n)
+        mg.discover_groups(coupled_motion(0, {}), n)
 
 
 @pytest.mark.parametrize("seed", [-1, "a", 1.5])
 def test_discover_invalid_seed_raises_value_error(seed):
     with pytest.raises(ValueError, match="`seed` must be a whole number of at least 0, got"):
-        JointGroups.discover(coupled_motion(0, {}), seed=seed)
+        mg.discover_groups(coupled_motion(0, {}), seed=seed)
 
 
 def test_discover_too_little_motion_raises_value_error():
     motion = coupled_motion(0, {})
     with pytest.raises(ValueError, match="needs at least 3 segments, got 1"):
-        JointGroups.discover(motion[:4])
+        mg.discover_groups(motion[:4])
     still = replace(motion, rotations=np.repeat(motion.rotations[:1], motion.n_frames, axis=0))
     with pytest.raises(ValueError, match="no joint moves except those of the base group"):
-        JointGroups.discover(still)
+        mg.discover_groups(still)
     with pytest.raises(ValueError, match="at least one clip, got none"):
-        JointGroups.discover([])
+        mg.discover_groups([])
 
 
 def test_discover_other_hierarchy_raises_mismatch_error():
@@ -412,7 +413,7 @@ def test_discover_other_hierarchy_raises_mismatch_error():
     names = [name.upper() for name in motion.skeleton.names]
     other = replace(motion, skeleton=replace(motion.skeleton, names=tuple(names)))
     with pytest.raises(SkeletonMismatchError):
-        JointGroups.discover([motion, other], 3)
+        mg.discover_groups([motion, other], 3)
 
 
 @pytest.mark.parametrize("groups", ["auto:x", "auto:1", "auto:", "auto:2.0", "auto:-3"])
@@ -427,7 +428,7 @@ def test_libraries_discover_the_same_groups_and_remember_them(tmp_path):
     for number, motion in enumerate(clips[:2]):
         write_bvh(motion, tmp_path / "clips" / f"{number}.bvh")
     paths = [str(tmp_path / "clips" / f"{number}.bvh") for number in range(2)]
-    expected = JointGroups.discover(paths, 3)
+    expected = mg.discover_groups(paths, 3).groups
     assert Library.build(paths, "auto:3").groups == expected
     indexed = Library.index(paths, tmp_path / "library", "auto:3")
     assert indexed.groups == expected
@@ -437,7 +438,7 @@ def test_libraries_discover_the_same_groups_and_remember_them(tmp_path):
     added = Library.open(tmp_path / "library").add(tmp_path / "clips" / "2.bvh")
     assert len(added.clips) == 3
     assert added.groups == expected
-    assert JointGroups.discover(tmp_path / "clips", 3) != expected
+    assert mg.discover_groups(tmp_path / "clips", 3).groups != expected
 
 
 @given(st.integers(0, 500))
@@ -451,7 +452,7 @@ def test_spread_evenly_keeps_order_ends_and_limit(n):
 def test_discover_uses_segmentation_of_config():
     motion = coupled_motion(0, {})
     with pytest.raises(ValueError, match="needs at least 3 segments, got 2"):
-        JointGroups.discover(motion, 3, config=Config(segmentation={"coupled": [200]}))
+        mg.discover_groups(motion, 3, config=Config(segmentation={"coupled": [200]}))
 
 
 ANIMALS = {
@@ -475,7 +476,7 @@ def test_discover_animal_has_legs_trunk_head_and_tail(name):
     if name.endswith(".fbx"):
         pytest.importorskip("mograft_fbx", reason="mograft-fbx is not installed")
     motions = [motion for motion in read(DATA / name) if motion.n_frames > 1]
-    groups = JointGroups.discover(motions, 4)
+    groups = mg.discover_groups(motions, 4).groups
     skeleton = motions[0].skeleton
     found = {
         group: " ".join(skeleton.names[joint] for joint in joints)

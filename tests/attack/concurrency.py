@@ -60,6 +60,8 @@ CALLS = {
     "discover_groups": lambda library: mg.discover_groups(library.clips[:2]),
     "graft": lambda library: mg.graft(library, library.names[-1], seed=3),
     "graft_many": lambda library: mg.graft_many(library, count=3, seed=1)[:],
+    "edit": lambda library: mg.edit(mg.graft(library, seed=4), reroll=[2]),
+    "graft_record": lambda library: mg.graft_record(mg.graft(library, seed=4)),
     "repair": lambda library: mg.repair(library, constraints=FAR),
     "replay": replay,
     "write_graft": lambda library: write_file(
@@ -68,8 +70,8 @@ CALLS = {
     "report_page": lambda library: mg.report_page([mg.graft(library, seed=6)]).html,
     "view": lambda library: mg.view(library.clips[0], groups=library.groups).html,
     "join_pieces": lambda library: mg.join_pieces(stream_pieces(library), "joined"),
-    "Library.candidates": lambda library: library.candidates(3, "upper"),
-    "Library.candidates with constraints": lambda library: library.candidates(2, "upper", FAR),
+    "candidates": lambda library: mg.candidates(library, 3, "upper"),
+    "candidates with constraints": lambda library: mg.candidates(library, 2, "upper", FAR),
     "Library.to_dataframe": lambda library: [
         library.to_dataframe(table) for table in ("segments", "clips", "points")
     ],

@@ -18,7 +18,7 @@ from scipy.spatial.distance import pdist
 import mograft as mg
 from mograft import Library, LibraryError, write_bvh
 from mograft.dancer import dance
-from mograft.library import storage
+from mograft.library.files import storage
 from tests import fuzz_bvh
 from tests.attack.concurrency import compare_threads, fingerprint
 from tests.attack.outcome import Outcome

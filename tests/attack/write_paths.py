@@ -6,7 +6,7 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
-from mograft.library import storage
+from mograft.library.files import storage
 
 Files = dict[str, str]
 """The SHA-256 of each visible file by its name; for a library the hashes of its manifest."""

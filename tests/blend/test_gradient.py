@@ -7,13 +7,13 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mograft import Config
-from mograft.analysis.segmentation import Segments
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.seams import ClosedFrames
 from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS
 from mograft.motion import rotations
 from mograft.motion.resample import cubic, cubic_positions
+from mograft.motion.segments import Segments
 from tests.oracles import seams as oracle
 from tests.strategies import SEEDS, SEGMENT_LENGTHS, few_examples, smooth_rotations, tile_segments
 

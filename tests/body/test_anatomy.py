@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mograft import Skeleton
 from mograft.body.anatomy import anatomy, feature_joints
-from mograft.body.body_parts import ARM, LEG, PARTS
+from mograft.body.joint_names import ARM, LEG, PARTS
 from tests.hierarchies import (
     DATA,
     distinct_recordings,

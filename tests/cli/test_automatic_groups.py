@@ -4,12 +4,13 @@ import json
 
 import pytest
 
+import mograft as mg
 from mograft import JointGroups, Library
-from mograft.cli.commands import COMMANDS
+from mograft.cli.syntax.command_table import COMMANDS
 
 
 def test_automatic_groups_of_every_command_are_those_of_discover(run, folder, tmp_path):
-    expected = JointGroups.discover(folder / "a.bvh", 3)
+    expected = mg.discover_groups(folder / "a.bvh", 3).groups
     path = tmp_path / "groups.toml"
     assert run("groups", folder / "a.bvh", "--preset", "auto:3", "-o", path)[0] == 0
     assert JointGroups.from_toml(path) == expected
@@ -30,7 +31,7 @@ def test_automatic_groups_of_every_command_are_those_of_discover(run, folder, tm
 def test_automatic_groups_of_folder_use_all_files(run, folder, tmp_path):
     path = tmp_path / "groups.toml"
     assert run("groups", folder, "--preset", "auto", "-o", path)[0] == 0
-    assert JointGroups.from_toml(path) == JointGroups.discover(folder)
+    assert JointGroups.from_toml(path) == mg.discover_groups(folder).groups
 
 
 def test_automatic_groups_colour_figures(run, folder, tmp_path):

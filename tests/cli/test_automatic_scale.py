@@ -33,8 +33,8 @@ def test_automatic_scale_other_word_is_usage_error(usage_error, folder, tmp_path
 
 def test_plot_threshold_draws_curve_and_both_scales(run, folder, tmp_path):
     pyplot = pytest.importorskip("matplotlib.pyplot", reason="matplotlib is not installed")
-    from mograft import plot
     from mograft.analysis.scale_choice import scale_curve
+    from mograft.viewing import plot
 
     library = Library.build(folder / "a.bvh")
     curve = scale_curve(library.embedding, "upper", library.config)

@@ -9,7 +9,7 @@ import pytest
 
 from mograft import read_bvh, write_bvh, write_npz
 from mograft.body import groups as joint_groups
-from mograft.cli.options import PRESETS
+from mograft.cli.syntax.options import PRESETS
 
 
 def test_info_prints_joints_frames_and_groups(run, folder):
@@ -48,7 +48,7 @@ def test_info_invalid_files_are_reported_and_all_others_described(run, folder, t
 
 def test_info_large_file_is_scanned(run, folder, monkeypatch):
     whole = json.loads(run("info", "--json", folder / "a.bvh")[1])["files"][0]
-    monkeypatch.setattr("mograft.cli.info.MAX_BYTES_IN_MEMORY", 1000)
+    monkeypatch.setattr("mograft.cli.actions.info.MAX_BYTES_IN_MEMORY", 1000)
     streamed = json.loads(run("info", "--json", folder / "a.bvh")[1])["files"][0]
     assert streamed.pop("faults") is None
     assert whole.pop("faults") == []

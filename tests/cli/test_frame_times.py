@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft import read_bvh
-from mograft.cli.frame_times import (
+from mograft.cli.syntax.frame_times import (
     Seconds,
     frame,
     frame_count,
@@ -17,7 +17,7 @@ from mograft.cli.frame_times import (
     resolve_frame,
     resolve_frames,
 )
-from mograft.cli.values import obstacle, reach
+from mograft.cli.syntax.values import obstacle, reach
 
 NUMBERS = st.integers(0, 10**6)
 RATES = st.floats(1, 1000)

@@ -433,7 +433,7 @@ def test_graft_measure_writes_quality_to_document_and_page(run, folder, tmp_path
 
 
 def test_graft_measure_without_scipy_names_extra(run, folder, tmp_path, monkeypatch):
-    monkeypatch.setattr("mograft.cli.graft.find_spec", {}.get)
+    monkeypatch.setattr("mograft.cli.actions.graft.find_spec", {}.get)
     code, _, err = run("graft", folder, "-o", tmp_path / "out", "--measure")
     assert code == 1
     assert "--measure needs SciPy: pip install 'mograft[evaluate]'" in err

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from mograft import read_bvh
 from mograft.cli import COMMANDS, main
-from mograft.cli.arguments import ArgumentGroup
-from mograft.cli.parser import GENERAL_OPTIONS
+from mograft.cli.syntax.arguments import ArgumentGroup
+from mograft.cli.syntax.parser import GENERAL_OPTIONS
 
 
 def option_flags(command):
@@ -119,7 +119,7 @@ def test_equal_warnings_are_printed_once(run, clip, monkeypatch):
             warnings.warn(text, stacklevel=1)
         return 0
 
-    monkeypatch.setattr("mograft.cli.info.run", warn)
+    monkeypatch.setattr("mograft.cli.actions.info.run", warn)
     assert run("info", clip)[2] == "warning: first\nwarning: second\n"
     assert run("info", clip)[2] == "warning: first\nwarning: second\n"
 

@@ -8,7 +8,7 @@ import pytest
 import mograft as mg
 from mograft.io.smpl.joints import SMPL_H
 from mograft.io.smpl.stand_in import stand_in
-from mograft.synthesis.stream_server import StreamServer
+from mograft.stream.server import StreamServer
 from mograft.viewing.page import view
 from tests.io.amass_file import amass_arrays, dance_arrays, write_arrays
 from tests.library.test_matched_libraries import OTHER, PARTS

@@ -13,7 +13,7 @@ import pytest
 
 from mograft import read_bvh
 from mograft.cli import COMMANDS, main
-from mograft.cli.parser import build_parsers
+from mograft.cli.syntax.parser import build_parsers
 
 ARGUMENTS = {
     ("demo",): ["-o", "demo"],

@@ -28,7 +28,7 @@ def test_every_entry_point_takes_every_method_and_libraries_remember_it(name, cl
 
     library = mg.Library.index(clip, "indexed", config=config)
     assert mg.graft(library, seed=1).library.config == config
-    assert len(library.candidates(0, "upper")) >= 1
+    assert len(mg.candidates(library, 0, "upper")) >= 1
     assert stops in mg.view(motion, config=config, show=False).html
     if is_causal(name):
         stream = mg.Stream(library)

@@ -2,7 +2,7 @@
 
 import re
 
-from mograft.evaluation.report import evaluation_page
+from mograft.viewing.evaluation_report import evaluation_page
 
 
 def test_evaluation_page_has_all_sections_and_no_script(evaluation):

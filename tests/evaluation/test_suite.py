@@ -10,7 +10,7 @@ from mograft import Config, JointGroups, Library, Motion, Skeleton, graft_many
 from mograft.dancer import dance
 from mograft.evaluation import RandomLength, evaluate
 from mograft.evaluation.quality import quality
-from mograft.evaluation.report import evaluation_page, summarize
+from mograft.viewing.evaluation_report import evaluation_page, summarize
 from tests.evaluation.planted import ByCost
 from tests.strategies import smooth_rotations
 

@@ -19,6 +19,6 @@ def test_unknown_section_is_refused_with_the_known_ones():
 
 
 def test_compare_measures_every_topic_and_draws_figures(small_library):
-    found, figures = compare.compare(small_library, runs=1)
+    found, figures = compare.compare(small_library, runs=3)
     assert set(compare.TOPICS) <= found.keys()
     assert {"combinations", "quality", "detectability"} <= figures.keys()

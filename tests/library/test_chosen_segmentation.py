@@ -43,7 +43,7 @@ def test_library_remembers_its_segmentation(name, folder, tmp_path):
     assert_same_libraries(stored, built)
     starts = [mg.segment(clip, config).start for clip in built.clips]
     np.testing.assert_array_equal(built.segments.start, np.concatenate(starts))
-    assert stored.candidates(1, "upper") == built.candidates(1, "upper")
+    assert mg.candidates(stored, 1, "upper") == mg.candidates(built, 1, "upper")
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -94,7 +94,7 @@ def test_library_with_a_function_works_in_memory_and_cannot_be_stored(folder, tm
     assert library.segments.start[:4].tolist() == [0, 8, 16, 24]
     graft = mg.graft(library, DANCE[1100:1200], seed=1)
     assert graft.motion.n_frames == 100
-    document = json.loads(json.dumps(graft.as_dict()))
+    document = json.loads(json.dumps(mg.graft_record(graft)))
     with pytest.raises(mg.ProvenanceError, match=r"`segmentation` was the function .*every_eighth"):
         mg.replay(document)
     for store in (

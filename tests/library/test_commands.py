@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import pytest
 
+import mograft as mg
 from mograft.cli import main
 from mograft.cli.files import select_clips
 
@@ -64,7 +65,7 @@ def test_commands_accept_library_in_place_of_files(stored_library, tmp_path, cap
     )
     assert code == 0
     index = [entry.name for entry in stored_library.entries].index("b")
-    found = stored_library.candidates(int(stored_library.segments.of_clip(index)[2]), "upper")
+    found = mg.candidates(stored_library, int(stored_library.segments.of_clip(index)[2]), "upper")
     assert len(json.loads(out)["allowed"]) == len(found.allowed)
     code, out, _ = run_command(
         capsys, "candidates", folder, "--segment", 2, "--json", "--not-tagged", "walk,jump"

@@ -8,8 +8,8 @@ import pytest
 
 from mograft import Library
 from mograft.dancer import dance
+from mograft.library.data import library_tables
 from mograft.library.export import export_tables
-from mograft.library.tables import library_tables
 
 
 @pytest.mark.parametrize("kind", ["csv", "npz", "parquet"])

@@ -12,7 +12,7 @@ import pytest
 
 import mograft as mg
 from mograft import Library, LibraryError, write_bvh
-from mograft.library import generation, storage
+from mograft.library.files import generation, storage
 from tests.library.checks import DANCE, assert_same_libraries, list_files
 
 

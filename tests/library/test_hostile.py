@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from mograft import Library, LibraryError
 from mograft.cli import main
-from mograft.library import storage
+from mograft.library.files import storage
 from mograft.motion import limits
 from tests.library.checks import list_files
 

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+import mograft as mg
 from mograft import (
     BvhError,
     Library,
@@ -21,8 +22,9 @@ from mograft import (
     graft_many,
     write_bvh,
 )
-from mograft.library import ingest, storage
+from mograft.library import ingest
 from mograft.library.discover import read_tags
+from mograft.library.files import storage
 from tests.library.checks import CLIP_NAMES, DANCE, assert_same_libraries, copy_clips
 
 
@@ -31,7 +33,7 @@ def test_index_equals_build(clip_folder, stored_library):
     assert_same_libraries(stored_library, built)
     assert [info.name for info in stored_library.entries] == ["c", "d", "a", "a~2", "b"]
     ours, theirs = graft(stored_library, seed=3), graft(built, seed=3)
-    documents = [own.as_dict() for own in (ours, theirs)]
+    documents = [mg.graft_record(own) for own in (ours, theirs)]
     for document in documents:
         del document["library"]["folder"]
     assert documents[0] == documents[1]
@@ -39,7 +41,9 @@ def test_index_equals_build(clip_folder, stored_library):
     np.testing.assert_array_equal(ours.motion.channel_values, theirs.motion.channel_values)
     assert len(graft_many(stored_library, "a", 2, seed=1)) == 2
     for segment in range(0, len(built.segments), 7):
-        assert stored_library.candidates(segment, "upper") == built.candidates(segment, "upper")
+        assert mg.candidates(stored_library, segment, "upper") == mg.candidates(
+            built, segment, "upper"
+        )
 
 
 def test_graft_on_stored_library_accepts_new_base(clip_folder, stored_library):
@@ -234,7 +238,7 @@ def test_graft_tag_constraints_select_donor_clips(clip_folder, stored_library, i
     with pytest.raises(ValueError, match="`tags` must be among jump, walk; got 'happy'"):
         graft(library, "c", constraints=[OnlyFrom(tags="happy")])
     segment = int(library.segments.of_clip(0)[2])
-    candidates = library.candidates(segment, "upper", [NotFrom(tags="walk")])
+    candidates = mg.candidates(library, segment, "upper", [NotFrom(tags="walk")])
     for candidate in (*candidates.allowed, *candidates.refused):
         is_walking = library.entries[candidate.clip].name in walking
         assert ("NotFrom: from clips tagged walk" in candidate.refused) == is_walking

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mograft
+import mograft as mg
 from mograft import (
     Config,
     JointGroups,
@@ -223,15 +224,15 @@ def test_relabelled_changes_labels_only(library):
 
 def test_candidates_list_reasons_and_check_arguments(library):
     for segment in (0, 5, len(library.segments) - 1):
-        candidates = library.candidates(segment, "upper")
+        candidates = mg.candidates(library, segment, "upper")
         assert candidates.allowed[0].segment == segment
         assert all(candidate.refused for candidate in candidates.refused)
     with pytest.raises(ValueError, match="`group` must not be the base group, 'lower'"):
-        library.candidates(0, "lower")
+        mg.candidates(library, 0, "lower")
     with pytest.raises(ValueError, match="`group` must be one of lower, upper, got 'tail'"):
-        library.candidates(0, "tail")
+        mg.candidates(library, 0, "tail")
     with pytest.raises(ValueError, match="`segment` must be 0 to"):
-        library.candidates(99_999, "upper")
+        mg.candidates(library, 99_999, "upper")
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")  # random motions have faults

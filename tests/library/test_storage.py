@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 from mograft import Config, JointGroups, Library, LibraryError
 from mograft.analysis import embedding
 from mograft.analysis.embedding import Samples
-from mograft.library import storage, stored_clips
-from mograft.library.packing import pack, unpack
-from mograft.library.stored_clips import RowRange
+from mograft.library.files import storage, stored_clips
+from mograft.library.files.packing import pack, unpack
+from mograft.library.files.stored_clips import RowRange
 from tests.library.checks import assert_same_libraries, list_files
 from tests.strategies import motions
 

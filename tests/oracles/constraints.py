@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from mograft.synthesis.assembly import assemble
-from mograft.synthesis.donor_poses import candidate_poses
+from mograft.solve.assembly import assemble
+from mograft.solve.donor_poses import candidate_poses
 
 
 def candidate_amounts(problem, group, chosen):

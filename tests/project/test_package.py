@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -45,18 +46,13 @@ print(mograft.view.__name__, mograft.segment.__name__)
     assert sorted(set(mograft.__all__)) == sorted(mograft.__all__)
 
 
-def test_type_checking_imports_match_lazy_table():
-    # The imports under TYPE_CHECKING repeat the lazy table for type checkers.
+def test_stub_imports_match_lazy_table():
+    # `__init__.pyi` repeats the lazy table for type checkers.
     import ast
-    import inspect
 
-    tree = ast.parse(inspect.getsource(mograft))
-    (block,) = (
-        node
-        for node in tree.body
-        if isinstance(node, ast.If) and not node.orelse and isinstance(node.test, ast.Name)
-    )
-    imported = {alias.asname: node.module for node in block.body for alias in node.names}
+    tree = ast.parse(Path(mograft.__file__).with_suffix(".pyi").read_text("utf-8"))
+    imports = [node for node in tree.body if isinstance(node, ast.ImportFrom)]
+    imported = {alias.asname: node.module for node in imports for alias in node.names}
     declared = {name: f"mograft.{home}" for name, home in mograft._HOME_OF.items()}
     declared |= {name: path.rpartition(".")[0] for name, path in mograft._MODULES.items()}
     assert imported == declared

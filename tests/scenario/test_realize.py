@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+import mograft as mg
 from mograft import Library, graft
 from mograft.body.mass import mass_model
 from mograft.motion import rotations
@@ -61,7 +62,7 @@ def test_graft_scenario_keeps_base_group_bit_for_bit(library, graph):
     lengths = library.segments.lengths[list(new.scenario)]
     assert new.motion.n_frames == lengths.sum() + 1
     assert [s.start for s in new.substitutions] == [0, *np.cumsum(lengths)[:-1]]
-    document = new.as_dict()
+    document = mg.graft_record(new)
     assert len(document["scenario"]["segments"]) == len(new.scenario)
 
 

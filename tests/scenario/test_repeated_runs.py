@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import mograft as mg
 from mograft import Library, graft
 from mograft.scenario import Scenario, fill, repetition, to_beats, walk
 from mograft.scenario.repeated_runs import RepeatedRuns
@@ -144,8 +145,8 @@ def test_graft_report_of_scenario_has_repetition(library):
     seconds = library.segments.lengths[:2].sum() / library.rate
     assert f"5 segments, 60% different; longest repeat {seconds:.1f} s" in new.report()
     expected = {"longest_repeat_seconds": round(seconds, 4), "distinct_share": 0.6}
-    assert new.as_dict()["repetition"] == expected
-    assert graft(library).as_dict()["repetition"] is None
+    assert mg.graft_record(new)["repetition"] == expected
+    assert mg.graft_record(graft(library))["repetition"] is None
 
 
 @pytest.mark.filterwarnings("ignore")  # of faults in the recordings

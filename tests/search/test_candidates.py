@@ -16,8 +16,8 @@ from mograft.search.costs import length_fits
 from mograft.search.donor_choice import cost_model
 from mograft.search.neighbourhoods import BALL_RADIUS, NEIGHBOURHOODS
 from mograft.search.trellis import DonorTrellis
-from mograft.synthesis.donor_trellis import build_trellis
-from mograft.synthesis.search_problem import SearchProblem
+from mograft.solve.donor_trellis import build_trellis
+from mograft.solve.search_problem import SearchProblem
 from tests.oracles import search as oracle
 from tests.strategies import SEEDS, few_examples
 
@@ -304,7 +304,7 @@ def test_listed_cost_with_constraints_is_that_of_the_search(library, choice, kin
     beside = trellis.costs.conditional_costs(trellis.path(scenario))
     n_compared = 0
     for position, segment in list(enumerate(scenario.tolist()))[::7]:
-        found = library.candidates(segment, "upper", constraints)
+        found = mg.candidates(library, segment, "upper", constraints)
         costs = {c.segment: c.cost for c in (*found.allowed, *found.refused)}
         for member, cost in zip(trellis.candidates[position], beside[position], strict=True):
             assert costs[member] == pytest.approx(cost, rel=1e-12, abs=1e-12)
@@ -313,7 +313,7 @@ def test_listed_cost_with_constraints_is_that_of_the_search(library, choice, kin
 
 
 def test_listed_candidates_with_a_seam_constraint_are_refused_by_its_limit(library):
-    found = [library.candidates(i, "upper", [mg.MaxAngle(0.15)]) for i in range(0, 60, 5)]
+    found = [mg.candidates(library, i, "upper", [mg.MaxAngle(0.15)]) for i in range(0, 60, 5)]
     wide = [c for own in found for c in own.refused if "is above 8.6°" in c.refused]
     assert wide
     for candidate in wide:

@@ -14,12 +14,12 @@ from mograft.dancer import dance
 from mograft.search.constraints import find_violations, overlaps
 from mograft.search.donor_choice import cost_model
 from mograft.search.donor_constraints import limit_config
-from mograft.synthesis.assembly import assemble, donor_excess, donor_excesses
-from mograft.synthesis.donor_poses import candidate_poses
-from mograft.synthesis.donor_repair import repair_donors
-from mograft.synthesis.donor_trellis import build_trellis, candidate_violations
-from mograft.synthesis.donor_violations import find_donor_violations
-from mograft.synthesis.search_problem import SearchProblem
+from mograft.solve.assembly import assemble, donor_excess, donor_excesses
+from mograft.solve.donor_poses import candidate_poses
+from mograft.solve.donor_repair import repair_donors
+from mograft.solve.donor_trellis import build_trellis, candidate_violations
+from mograft.solve.donor_violations import find_donor_violations
+from mograft.solve.search_problem import SearchProblem
 from tests.oracles.capsules import capsule_distances
 from tests.strategies import SEEDS, SEGMENT_LENGTHS, few_examples, vectors
 
@@ -539,7 +539,7 @@ def test_reach_unreachable_target_reports_smallest_violation(library):
     assert violation.error == pytest.approx(distance / 0.03)
     assert f"{distance:.3f} heights" in violation.message
     assert violation.message in graft.report()
-    assert graft.as_dict()["violations"][0]["worst_frame"] == 100
+    assert mg.graft_record(graft)["violations"][0]["worst_frame"] == 100
 
 
 def avoid_sphere_at_hand(library):
@@ -673,8 +673,8 @@ def test_candidates_refused_names_constraint_and_amount(library):
     position = library.clips[0].world_positions()[300, library.clips[0].skeleton.index(HAND)]
     reach = mg.Reach(HAND, tuple(position), 300)
     segment = int((library.segments.stop[library.segments.of_clip(0)] < 300).sum())
-    free = library.candidates(segment, "upper")
-    judged = library.candidates(segment, "upper", [reach, mg.NotFrom("second")])
+    free = mg.candidates(library, segment, "upper")
+    judged = mg.candidates(library, segment, "upper", [reach, mg.NotFrom("second")])
     assert judged.allowed[0].segment == segment
     problem = build_problem(library, [reach])
     for candidate in (*judged.allowed, *judged.refused):

@@ -11,6 +11,7 @@ import numpy as np
 import pybvh
 import pytest
 
+import mograft as mg
 from mograft import (
     Config,
     JointGroups,
@@ -296,7 +297,7 @@ def test_graft_base_outside_the_library_takes_donors_of_the_library(library):
 
 def test_as_dict_covers_the_base_with_donors(library):
     new = graft(library, seed=2)
-    document = json.loads(json.dumps(new.as_dict()))
+    document = json.loads(json.dumps(mg.graft_record(new)))
     assert document["schema"] == "mograft.graft/2"
     assert document["seed"] == 2
     assert Config.from_dict(document["config"]) == library.config
@@ -364,7 +365,7 @@ def test_graft_upper_body_base_keeps_its_channels_and_plants_the_feet(motion):
     assert new.feet.skate_after <= foot_skate(motion)
     assert new.feet.unreached_frames == 0
     assert "feet: " in new.report()
-    assert new.as_dict()["feet"]["plants"] == new.feet.plants
+    assert mg.graft_record(new)["feet"]["plants"] == new.feet.plants
 
 
 def test_graft_upper_body_base_without_other_candidates_returns_the_file(motion):

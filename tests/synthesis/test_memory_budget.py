@@ -17,7 +17,7 @@ from mograft.cli import main
 from mograft.dancer import dance
 from mograft.search import trellis
 from mograft.search.candidate_lists import ComputedLists
-from mograft.synthesis import search_problem
+from mograft.solve import search_problem
 from mograft.synthesis.graft import MEMORY_FACTOR
 from mograft.synthesis.graft_plan import GraftPlan
 

@@ -12,7 +12,7 @@ import pytest
 import mograft as mg
 from mograft.dancer import dance
 from mograft.scenario import walk
-from mograft.synthesis.stream import join_pieces
+from mograft.stream.stream import join_pieces
 
 pytestmark = pytest.mark.usefixtures("quick_switches")
 
@@ -40,7 +40,7 @@ def library_folder(tmp_path_factory):
 def bytes_of(graft):
     """Return the motion and the provenance of a graft as bytes."""
     motion = graft.motion
-    text = json.dumps(graft.as_dict(), sort_keys=True).encode()
+    text = json.dumps(mg.graft_record(graft), sort_keys=True).encode()
     return motion.rotations.tobytes() + motion.positions.tobytes() + text
 
 
@@ -67,7 +67,7 @@ def stream_base(seed, library):
 
 
 def list_candidates(seed, library):
-    found = library.candidates(segment=10 + seed, group="torso")
+    found = mg.candidates(library, segment=10 + seed, group="torso")
     return repr([(c.segment, c.cost) for c in found.allowed]).encode()
 
 

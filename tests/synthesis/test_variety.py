@@ -70,10 +70,10 @@ def test_graft_ball_takes_the_listed_candidates_within_the_radius(dance_library,
             n_outside += library.labels["lower"][own.donor] != library.labels["lower"][own.segment]
     assert n_outside
     for segment in range(0, len(library.segments), 40):
-        found = library.candidates(segment, "upper")
+        found = mg.candidates(library, segment, "upper")
         listed = {own.segment for own in (*found.allowed, *found.refused)}
         near = np.linalg.norm(points - points[segment], axis=1) <= BALL_RADIUS * sigma
         assert listed == set(np.flatnonzero(near))
         assert found.elsewhere == (~near).sum()
-        ways = library.candidates(segment, "upper", [mg.Avoid(mg.Sphere((0.0, 0.0, 0.0), 9e3))])
+        ways = mg.candidates(library, segment, "upper", [mg.Avoid(mg.Sphere((0.0, 0.0, 0.0), 9e3))])
         assert {own.segment for own in ways.refused} == listed

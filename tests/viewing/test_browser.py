@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import mograft
+import mograft as mg
 from mograft import (
     Avoid,
     Box,
@@ -169,7 +170,7 @@ def test_viewer_click_lists_candidates_with_command(
     library = new.library
     upper = [s for s in new.substitutions if s.group == "upper"]
     index, part = next((i, s) for i, s in enumerate(upper) if not s.is_own)
-    want = library.candidates(part.segment, "upper").allowed
+    want = mg.candidates(library, part.segment, "upper").allowed
     with open_page(browser, path) as page:
         assert not page.locator("[data-part=candidates]").is_visible()
         pin(page, 2, part)
@@ -204,7 +205,7 @@ def test_viewer_click_lists_candidates_with_command(
             assert main([*words, "--force"]) == 0
             changed = replay("a b_new.json")
         else:
-            changed = new.replace(eval(text, {"mg": mograft}))
+            changed = mg.edit(new, eval(text, {"mg": mograft}))
         donors.append([s for s in changed.substitutions if s.group == "upper"][index])
     assert (donors[0].donor_start, donors[0].donor_stop) == (candidate.start, candidate.stop)
     assert donors[1].donor_start != candidate.start

@@ -96,7 +96,7 @@ def test_plot_timeline_of_file_hatches_exchanged_segments(made, tmp_path):
     pytest.importorskip("matplotlib", reason="matplotlib is not installed")
     from matplotlib import pyplot
 
-    from mograft import plot
+    from mograft.viewing import plot
 
     axes = plot.timeline(tmp_path / "out" / "new.bvh")
     hatched = [bar for bar in axes.collections if bar.get_hatch() is not None]

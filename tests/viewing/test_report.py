@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import mograft as mg
 from mograft import (
     Config,
     Library,
@@ -92,7 +93,7 @@ def test_report_donor_table_equals_candidates(grafts, library):
     assert row[0] == "upper"
     alike = [(labels == own).sum() - 1 for own in labels]
     assert row[1] == f"{np.mean(alike):.1f}"
-    judged = [library.candidates(segment, "upper") for segment in range(len(labels))]
+    judged = [mg.candidates(library, segment, "upper") for segment in range(len(labels))]
     fitting = [
         sum("length" not in c.refused and "fault" not in c.refused for c in own.allowed[1:])
         + sum("length" not in c.refused and "fault" not in c.refused for c in own.refused)

@@ -13,11 +13,11 @@ from mograft import _core
 from mograft._util.arrays import FloatArray, IntArray, Packed
 from mograft._util.linalg import product
 from mograft.analysis.principal_components import MIN_DEVIATION, Spread, pca
-from mograft.analysis.segmentation import Segments
 from mograft.config import FRAME, Config
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.resample import resample_segment_positions, resample_segments
+from mograft.motion.segments import Segments
 
 CHUNK = 1024
 """Number of segments in memory at a time. Sums run chunk by chunk in the order of segments, so

@@ -12,13 +12,13 @@ from mograft._util.names import unique_names
 from mograft._util.validate import as_integer
 from mograft.analysis.connected_linkage import connected_linkage
 from mograft.analysis.joint_dependence import angular_velocities, joint_dependence
-from mograft.analysis.segmentation import Segments
 from mograft.body.anatomy import anatomy
-from mograft.body.body_parts import ARM, LEG
 from mograft.body.groups import JointGroups, groups_of_joints
 from mograft.body.joint_chains import MIN_SUPPORT_SHARE, JointChains, support_shares
+from mograft.body.joint_names import ARM, LEG
 from mograft.config import Config
 from mograft.motion.motion import Motion
+from mograft.motion.segments import Segments
 from mograft.motion.skeleton import Skeleton
 
 MAX_CLIPS = 64
@@ -71,7 +71,7 @@ class GroupDiscovery:
 def discover_in_segments(
     clips: Iterable[tuple[Motion, Segments]], n: int | None, config: Config, seed: int = 0
 ) -> GroupDiscovery:
-    """Discover joint groups in segmented motions of one hierarchy; see `JointGroups.discover`."""
+    """Discover joint groups in segmented motions of one hierarchy; see `discover_groups`."""
     n, seed = None if n is None else as_integer("n", n, 2), as_integer("seed", seed)
     chains, velocities, shares, pose = None, [], [], None
     for motion, segments in clips:

@@ -5,12 +5,12 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.linalg import eigenvectors, product
 from mograft.analysis.embedding import normalise
-from mograft.analysis.segmentation import Segments
 from mograft.body.anatomy import anatomy
 from mograft.body.mass import mass_model, up_axis
 from mograft.config import FRAME, Config
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
+from mograft.motion.segments import Segments
 
 N_PERMUTATIONS = 20
 """Number of permutations of segments from which the floor of the dependence is computed."""

@@ -1,6 +1,6 @@
 """How donors change the balance of the base motion: the zero-moment point against the support.
 
-The zero-moment point is where the floor reaction acts (`mograft.body.zero_moment_point`). A graft
+The zero-moment point is where the floor reaction acts (`mograft.body.support_polygon`). A graft
 keeps the feet of the base, and with them the support polygon. A donor moves the zero-moment point
 by d - (z/g) d̈ along each horizontal axis, where d is the displacement of the centre of mass and z
 its height; vertical accelerations of the donor are ignored.
@@ -15,14 +15,18 @@ from mograft import _core
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.gaussian import gaussian_kernel
 from mograft.analysis.embedding import Samples, segment_headings
-from mograft.analysis.segmentation import Segments
 from mograft.body.contacts import Ground
 from mograft.body.mass import center_of_mass, mass_model
-from mograft.body.support_polygon import support_extents
-from mograft.body.zero_moment_point import GRAVITY, STATURE_METERS, zero_moment_points
+from mograft.body.support_polygon import (
+    GRAVITY,
+    STATURE_METERS,
+    support_extents,
+    zero_moment_points,
+)
 from mograft.config import Config
 from mograft.motion import rotations
 from mograft.motion.motion import Motion, world_transforms
+from mograft.motion.segments import Segments
 from mograft.motion.skeleton import Skeleton
 
 # Squared seconds: height of the centre of mass, 0.56 statures, over gravity.

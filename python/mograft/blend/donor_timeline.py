@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, Item
-from mograft.analysis.segmentation import Segments
 from mograft.blend.rigid_alignment import AlignmentTransform
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.seams import ClosedFrames, PieceTimes, SeamBoundaries, restrict_to_pieces
@@ -17,6 +16,7 @@ from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS, ValueSpace
 from mograft.config import Config
 from mograft.motion import rotations
 from mograft.motion.resample import clip_states, sample_clips
+from mograft.motion.segments import Segments
 
 _FRAMES_PER_BLOCK = 8192
 

@@ -7,11 +7,11 @@ to the root's position and heading at the seam, and decaying an offset would cau
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.analysis.segmentation import Segments
 from mograft.blend.rigid_alignment import RootTransforms
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.config import Config
 from mograft.motion import rotations
+from mograft.motion.segments import Segments
 
 
 def root_velocity_weights(

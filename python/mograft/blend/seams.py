@@ -11,8 +11,8 @@ from typing import ClassVar
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.analysis.segmentation import Segments
 from mograft.blend.value_spaces import ValueSpace
+from mograft.motion.segments import Segments
 
 
 @dataclass(frozen=True, eq=False)

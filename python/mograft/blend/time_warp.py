@@ -8,9 +8,9 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.registry import CONFIG_OPTIONS, Registry
-from mograft.analysis.segmentation import Segments
 from mograft.motion.motion import Motion
 from mograft.motion.resample import resample_segments
+from mograft.motion.segments import Segments
 from mograft.search.boundary_states import pose_gaps
 
 _BAND_SHARE = 0.2  # maximum deviation from the constant rate, as a share of the segment

@@ -7,7 +7,6 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.channel_groups import ChannelKey, merge_axes, split_axes
-from mograft.analysis.segmentation import Segments
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
 from mograft.blend.recombine import Part
 from mograft.blend.root_transplant import GraftedRoot
@@ -16,6 +15,7 @@ from mograft.blend.time_warp import ALIGNMENTS
 from mograft.blend.trunk_lean import TrunkLean
 from mograft.config import Config
 from mograft.motion.motion import Motion
+from mograft.motion.segments import Segments
 
 _MAX_BLOCK_VALUES = 1 << 21
 """Maximum number of joint rotations (joints times frames) of a group that is transplanted at once:

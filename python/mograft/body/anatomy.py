@@ -7,9 +7,16 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import IntArray, as_indices
-from mograft.body.body_parts import ARM, LEG, OPPOSITE_SIDE, PARTS
 from mograft.body.hierarchy import unbranched_chain
-from mograft.body.joint_names import ANIMAL_WORDS, part_of_words, read_names
+from mograft.body.joint_names import (
+    ANIMAL_WORDS,
+    ARM,
+    LEG,
+    OPPOSITE_SIDE,
+    PARTS,
+    part_of_words,
+    read_names,
+)
 from mograft.body.limb_structure import recognise_structure
 from mograft.motion.skeleton import Skeleton
 
@@ -23,7 +30,7 @@ class Anatomy:
     Ancestors of the hips, which move the whole body, have the part ``"other"``.
     """
 
-    parts: tuple[str, ...]  # of `mograft.body.body_parts.PARTS`, per joint
+    parts: tuple[str, ...]  # of `mograft.body.joint_names.PARTS`, per joint
     sides: tuple[str, ...]  # "left", "right" or "", per joint
     hips: int  # lowest common ancestor of all body parts: the root, or a joint below helper joints
     unmatched: tuple[int, ...]  # joints whose names are unknown

@@ -4,14 +4,12 @@ import os
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mograft._util.arrays import IntArray
 from mograft._util.validate import check_type
 from mograft.body.anatomy import anatomy
-from mograft.body.body_parts import ARM
 from mograft.body.group_entries import (
     Entry,
     Subtree,
@@ -21,12 +19,9 @@ from mograft.body.group_entries import (
     joint_label,
 )
 from mograft.body.groups_toml import groups_to_toml, read_groups
-from mograft.config import Config
+from mograft.body.joint_names import ARM
 from mograft.errors import join_names, suggest_name
 from mograft.motion.skeleton import Skeleton
-
-if TYPE_CHECKING:
-    from mograft.library.discover import ClipSource
 
 # Groups of each preset. The first is the base: the hips, their ancestors and the legs.
 PRESETS: Mapping[str, tuple[str, ...]] = {
@@ -61,7 +56,7 @@ class JointGroups:
     See Also
     --------
     JointGroups.preset : Groups by body part.
-    JointGroups.discover : Groups of joints that move together.
+    mograft.discover_groups : Groups of joints that move together.
 
     Examples
     --------
@@ -155,63 +150,6 @@ class JointGroups:
             found[group].append(joint)
         _check_parts(name, skeleton, found)
         return groups_of_joints(skeleton, found, "lower")
-
-    @classmethod
-    def discover(
-        cls,
-        clips: "ClipSource | Iterable[ClipSource]",
-        n: int | None = None,
-        *,
-        config: Config | None = None,
-        seed: int = 0,
-    ) -> "JointGroups":
-        """Return groups of joints that move together in some clips.
-
-        Parameters
-        ----------
-        clips : Motion, address, folder or glob, or several
-            Clips of one hierarchy, as for `Library.build`. Of more than 64 clips, 64 at equal
-            intervals are used.
-        n : int, optional
-            The number of groups, at least 2. Default: the number at the largest gap between the
-            heights of the linkage tree.
-        config : Config, optional
-            Provides the parameters of segmentation and the number of samples per segment.
-        seed : int
-            Seed of the random permutations that measure the dependence of independent joints.
-
-        Returns
-        -------
-        JointGroups
-            The base group is the first: the hips with their ancestors, and all chains of joints
-            that carry the body, such as the legs. Names are those of the presets if the body parts
-            are the same.
-
-        Raises
-        ------
-        ValueError
-            If `n` is below 2 or above the number of chains, the clips have fewer than three
-            segments, or no joint beside the base moves.
-        SkeletonMismatchError
-            If the hierarchies of the clips differ.
-
-        See Also
-        --------
-        discover_groups : The same groups with the dependences and the linkage tree.
-
-        Notes
-        -----
-        `docs/groups.md` describes the method.
-
-        Examples
-        --------
-        >>> from mograft.dancer import dance
-        >>> JointGroups.discover(dance(strides=2).motion, 3).names
-        ('lower', 'torso', 'arms')
-        """
-        from mograft.library import group_choice  # layer exception: a convenience
-
-        return group_choice.discover_groups(clips, n, config=config, seed=seed).groups
 
     def resolve(self, skeleton: Skeleton) -> dict[str, IntArray]:
         """Return the joints of each group.

@@ -7,8 +7,8 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.body.anatomy import anatomy, feature_joints
-from mograft.body.body_parts import LEG
 from mograft.body.hierarchy import subtree_mask
+from mograft.body.joint_names import LEG
 from mograft.body.mass import mass_model, mean_world_positions, up_axis, up_sign
 from mograft.motion import rotations
 from mograft.motion.motion import Motion

@@ -8,7 +8,7 @@ import numpy as np
 
 from mograft._util.arrays import IntArray
 from mograft.body.anatomy import Anatomy, anatomy
-from mograft.body.body_parts import ARM
+from mograft.body.joint_names import ARM
 from mograft.errors import SkeletonMismatchError, join_names
 from mograft.motion.skeleton import Skeleton
 

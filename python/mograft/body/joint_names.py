@@ -1,8 +1,14 @@
-"""Body parts and sides recognised from joint names."""
+"""Names of body parts, and the parts and sides recognised from joint names."""
 
 import re
 from collections import Counter
 from functools import lru_cache
+
+# Ordered from the trunk outwards: a part of a limb is never the child of a later one.
+ARM = ("clavicle", "upper_arm", "forearm", "hand", "finger")
+LEG = ("thigh", "shank", "foot", "toe")
+PARTS = ("pelvis", "trunk", "neck", "head", *ARM, *LEG, "tail", "other")
+OPPOSITE_SIDE = {"left": "right", "right": "left", "": ""}
 
 
 def _words_of(text: str) -> frozenset[str]:

@@ -6,8 +6,8 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from mograft._util.arrays import FloatArray
-from mograft.body.body_parts import ARM, LEG
 from mograft.body.hierarchy import unbranched_chain
+from mograft.body.joint_names import ARM, LEG
 from mograft.motion.skeleton import Skeleton
 
 _MAX_LIMBS = 128

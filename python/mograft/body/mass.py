@@ -10,8 +10,8 @@ from mograft._util.arrays import FloatArray, make_read_only, set_fields
 from mograft._util.memo import remember
 from mograft._util.registry import CONFIG_OPTIONS
 from mograft.body.anatomy import Anatomy, anatomy
-from mograft.body.body_parts import ARM, LEG
 from mograft.body.hierarchy import subtree_mask
+from mograft.body.joint_names import ARM, LEG
 from mograft.body.segment_masses import COLUMNS_OF_SEX, de_leva_masses, rod_masses
 from mograft.motion import rotations
 from mograft.motion.motion import Motion

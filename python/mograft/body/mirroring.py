@@ -10,7 +10,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.validate import check_type
 from mograft.body.anatomy import anatomy
-from mograft.body.body_parts import OPPOSITE_SIDE
+from mograft.body.joint_names import OPPOSITE_SIDE
 from mograft.body.mass import mass_model, up_axis
 from mograft.motion import rotations
 from mograft.motion.motion import Motion

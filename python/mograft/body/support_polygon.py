@@ -1,4 +1,4 @@
-"""The support polygon: convex hull of the soles that carry weight, for each frame.
+"""The support polygon, convex hull of the soles that carry weight, and the zero-moment point.
 
 Lengths of the foot are those of an average adult, as multiples of the skeleton height.
 """
@@ -17,6 +17,9 @@ _HEEL_LENGTH = 0.035  # distance from the ankle back to the end of the heel
 _FOOT_LENGTH = 0.117  # distance from the ankle to the tip of the foot
 _BALL_HALF_WIDTH, _TIP_HALF_WIDTH = 0.0275, 0.0165
 _MIN_FOOT_EXTENT = 0.02  # horizontal distance from ankle to toe of a foot with a direction
+GRAVITY = 9.81  # m/s²
+STATURE_METERS = 1.75  # assumed stature, to convert gravity to the unit of a file
+_MIN_LOAD = 0.2  # share of gravity that the floor must carry for a zero-moment point to exist
 _FRAMES_PER_BATCH = 1024  # in memory together with their extents along all directions
 
 
@@ -279,3 +282,23 @@ def _sole_corners(
     ]
     carries = [touches[:, 0], touches.any(axis=1), touches[:, 1]]
     return np.stack(corners, axis=1), np.repeat(np.stack(carries, axis=1), 2, axis=1)
+
+
+def zero_moment_points(
+    position: FloatArray, acceleration: FloatArray, up: FloatArray, floor: float, height: float
+) -> tuple[FloatArray, BoolArray]:
+    """Return the zero-moment point of a point mass in each frame, and whether it exists.
+
+    The point is x - (z - floor) ẍ / (z̈ + g) along each horizontal axis, with the coordinate x and
+    the height z of the centre of mass (Vukobratović and Borovac, International Journal of Humanoid
+    Robotics 1, 2004). `position` and `acceleration`, shape (n_frames, 3), are those of the centre
+    of mass. `up` is a unit vector, `floor` the height of the floor along `up`, and `height` the
+    skeleton height. Lengths are in the unit of the file, times in seconds. The point does not
+    exist, and `position` is returned, if the floor carries less than a fifth of the weight.
+    """
+    gravity = GRAVITY * height / STATURE_METERS
+    load = acceleration @ up + gravity
+    is_loaded: BoolArray = load > _MIN_LOAD * gravity
+    lever = (position @ up - floor) / np.where(is_loaded, load, np.inf)
+    points: FloatArray = position - lever[:, None] * acceleration
+    return points, is_loaded

@@ -12,9 +12,9 @@ import sys
 import warnings
 from collections.abc import Sequence
 
-from mograft.cli.commands import COMMANDS
 from mograft.cli.output import print_error, print_remark, set_quiet
-from mograft.cli.parser import parse
+from mograft.cli.syntax.command_table import COMMANDS
+from mograft.cli.syntax.parser import parse
 from mograft.cli.terminal import escape_output
 from mograft.errors import FormatError, MograftError, ProvenanceError
 
@@ -48,7 +48,7 @@ def _run(options: argparse.Namespace) -> int:
         warnings.showwarning = show_once
         try:
             # Only the module of this command is imported: `mograft --help` needs no NumPy.
-            module = importlib.import_module(f"mograft.cli.{options.command.name}")
+            module = importlib.import_module(f"mograft.cli.actions.{options.command.name}")
             if "numpy" in sys.modules:
                 _allocate_blas_buffer()
             code: int = getattr(module, options.function)(options)

@@ -9,7 +9,8 @@ from mograft._util.arrays import IntArray
 from mograft.config import variety_fields
 from mograft.library.library import Library
 from mograft.search.costs import length_fits
-from mograft.synthesis.graft_result import Graft, Substitution
+from mograft.synthesis.graft_result import Graft
+from mograft.synthesis.substitution import Substitution
 
 _REMEDIES = {
     "no similar segment": "{similar} or add clips",

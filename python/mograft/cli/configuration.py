@@ -13,8 +13,8 @@ from mograft._util.cut_frames import freeze_cut_frames
 from mograft.analysis.segmentation import check_segmentation
 from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders, library_folder
-from mograft.cli.options import PRESETS
 from mograft.cli.output import show_progress
+from mograft.cli.syntax.options import PRESETS
 from mograft.config import Config, variety_fields
 from mograft.errors import suggest_name
 from mograft.io.addresses import open_clips, read_clip, split_address

@@ -6,8 +6,8 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
-from mograft.cli.frame_times import Range, resolve_frames
-from mograft.cli.values import SHAPE_NUMBERS
+from mograft.cli.syntax.frame_times import Range, resolve_frames
+from mograft.cli.syntax.values import SHAPE_NUMBERS
 from mograft.errors import join_names, suggest_name
 from mograft.io.addresses import read_clip
 from mograft.library.library import Library

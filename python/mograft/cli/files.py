@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from mograft.cli.frame_times import Range, resolve_frames
+from mograft.cli.syntax.frame_times import Range, resolve_frames
 from mograft.errors import join_names, suggest_name
 from mograft.io.addresses import split_address
 from mograft.library.discover import FoundClip, exclude_grafts, find_clips

@@ -9,7 +9,7 @@ from mograft.cli.configuration import options_given
 from mograft.cli.files import check_suffix
 from mograft.io.addresses import split_address
 from mograft.io.formats import SUFFIXES
-from mograft.synthesis.graft_files import MOTION_SUFFIXES
+from mograft.provenance.graft_files import MOTION_SUFFIXES
 
 _INPUTS_OF_SUFFIX = {".glb": (".glb", ".gltf"), ".npz": (".npz",)}
 """Suffixes of files of which an output with a suffix may be a copy."""

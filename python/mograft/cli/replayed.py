@@ -6,21 +6,22 @@ from dataclasses import replace
 from pathlib import Path
 
 from mograft._util.runs import find_runs
-from mograft.cli.arguments import Argument
 from mograft.cli.configuration import options_given
 from mograft.cli.constraints import read_segment_constraints
 from mograft.cli.files import check_writable, library_folder
 from mograft.cli.graft_outputs import graft_files
 from mograft.cli.output import print_remark
-from mograft.cli.segment_values import SegmentValue
+from mograft.cli.syntax.arguments import Argument
+from mograft.cli.syntax.segment_values import SegmentValue
 from mograft.errors import join_names
 from mograft.io.bvh.decimals import check_digits
 from mograft.library.library import Library
-from mograft.synthesis.graft_files import MOTION_SUFFIXES
-from mograft.synthesis.graft_record import GraftRecord, read_record
+from mograft.provenance.graft_edit import edit
+from mograft.provenance.graft_files import MOTION_SUFFIXES
+from mograft.provenance.graft_record import GraftRecord, read_record
+from mograft.provenance.record_library import find_whole_library
+from mograft.provenance.replay import replay
 from mograft.synthesis.graft_result import Graft
-from mograft.synthesis.record_library import find_whole_library
-from mograft.synthesis.replay import replay
 
 _EDITS = ("take", "ban", "keep", "reroll")
 _ALLOWED = (*_EDITS, "files", "from", "output", "report", "measure", "digits", "json", "force")
@@ -81,7 +82,8 @@ def _recorded_digits(record: GraftRecord) -> int | None:
 def _edit(graft: Graft, options: argparse.Namespace) -> Graft:
     """Return a graft with the edits that the options describe."""
     rate = graft.base.rate
-    edited = graft.replace(
+    edited = edit(
+        graft,
         *read_segment_constraints(options, rate),
         reroll=[_reroll_segment(value, rate) for value in options.reroll],
         seed=options.seed,

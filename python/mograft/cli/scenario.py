@@ -7,8 +7,8 @@ import numpy as np
 
 from mograft._util.arrays import IntArray
 from mograft.cli.configuration import flags_in_errors
-from mograft.cli.frame_times import Seconds, resolve_frame
-from mograft.cli.options import DEFAULT_DURATION
+from mograft.cli.syntax.frame_times import Seconds, resolve_frame
+from mograft.cli.syntax.options import DEFAULT_DURATION
 from mograft.library.library import Library
 from mograft.scenario import Scenario, fill, follow, to_beats, transitions, walk
 from mograft.scenario.walks import check_duration

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mograft.cli.arguments import Argument, Command
+from mograft.cli.syntax.arguments import Argument, Command
 from mograft.errors import suggest_name
 
 CONFIG_FILE = "mograft.toml"

@@ -12,15 +12,19 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray
-from mograft.analysis.segmentation import Segments
 from mograft.body.mass import center_of_mass, mass_model
-from mograft.body.support_polygon import Support, signed_distance, support_polygons
-from mograft.body.zero_moment_point import zero_moment_points
+from mograft.body.support_polygon import (
+    Support,
+    signed_distance,
+    support_polygons,
+    zero_moment_points,
+)
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation._extra import import_extra
 from mograft.evaluation.estimate import Estimate, Record
 from mograft.motion.motion import Motion
+from mograft.motion.segments import Segments
 
 Rule = Literal["all", "majority", "any"]
 RULES: tuple[Rule, ...] = ("all", "majority", "any")

@@ -8,8 +8,8 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.body.anatomy import anatomy, feature_joints
-from mograft.body.body_parts import ARM
 from mograft.body.contacts import Ground
+from mograft.body.joint_names import ARM
 from mograft.body.mass import mass_model
 from mograft.body.support_polygon import facing_directions, horizontal_axes
 from mograft.library.library import Library

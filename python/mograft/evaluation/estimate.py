@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.analysis.segmentation import Segments
+from mograft.motion.segments import Segments
 
 BLOCK_SEGMENTS = 10  # neighbouring segments in one block: a few seconds of motion
 MIN_CLIPS_AS_BLOCKS = 10  # from this number of clips on, each clip is one block

@@ -11,7 +11,6 @@ import numpy as np
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.arrays import BoolArray
 from mograft._util.validate import as_integer
-from mograft.analysis.segmentation import Segments
 from mograft.body.mass import mass_model
 from mograft.body.support_polygon import Support, support_polygons
 from mograft.errors import InsufficientDataError
@@ -32,6 +31,7 @@ from mograft.evaluation.world_measures import has_base_legs
 from mograft.evaluation.world_quality import WorldQuality, world_quality
 from mograft.library.clusters import Progress
 from mograft.library.library import Library
+from mograft.motion.segments import Segments
 from mograft.synthesis.graft import graft_many
 from mograft.synthesis.graft_result import Graft
 

@@ -9,7 +9,6 @@ import numpy as np
 from mograft._util.arrays import IntArray
 from mograft._util.names import unique_names
 from mograft.analysis.embedding import Samples
-from mograft.analysis.segmentation import Segments
 from mograft.body.groups import JointGroups
 from mograft.library.clip_table import ClipInfo
 from mograft.library.clusters import cluster_groups, embed_groups, join_boundary_states
@@ -19,6 +18,7 @@ from mograft.library.group_choice import choose_groups, spread_evenly
 from mograft.library.ingest import IngestedClip
 from mograft.library.ingest_run import ClipOrder, IngestRun, PendingClip, warn_of_clips
 from mograft.motion.motion import Motion
+from mograft.motion.segments import Segments
 
 L = TypeVar("L", bound=LibraryData)
 

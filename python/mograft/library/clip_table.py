@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mograft._util.arrays import BoolArray, IntArray
-from mograft.analysis.segmentation import Segments
 from mograft.errors import LibraryError
 from mograft.library.discover import SourceFile, relative_path
-from mograft.library.packing import PackedContent
+from mograft.library.files.packing import PackedContent
 from mograft.library.spec import ClipProperties
+from mograft.motion.segments import Segments
 from mograft.motion.skeleton import EndSite, Skeleton
 
 

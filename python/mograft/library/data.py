@@ -9,20 +9,21 @@ from typing import Any, Literal, Self, SupportsIndex
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.html_table import html_table
 from mograft.analysis.channel_groups import restrict_ends
 from mograft.analysis.embedding import Embedding, Samples
 from mograft.analysis.scale_choice import scale_of_threshold
-from mograft.analysis.segmentation import Segments
 from mograft.body.contacts import find_legs
 from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.errors import suggest_name
 from mograft.library.clip_table import ClipInfo
+from mograft.library.files.stored_clips import ExtendedSamples, StoredClips, StoredSamples
 from mograft.library.segment_balance import LibraryBalance
 from mograft.library.spec import LibrarySpec
-from mograft.library.stored_clips import ExtendedSamples, StoredClips, StoredSamples
-from mograft.library.tables import Columns, library_html, library_tables
+from mograft.library.tables import Columns
 from mograft.motion.motion import Motion
+from mograft.motion.segments import Segments
 from mograft.motion.skeleton import Skeleton
 from mograft.search.balance import SegmentBalance
 from mograft.search.boundary_states import BoundaryStates
@@ -248,3 +249,63 @@ def _check_group(group: str, groups: Mapping[str, object]) -> None:
     if group not in groups:
         hint = suggest_name(group, groups)
         raise ValueError(f"`group` must be one of {', '.join(groups)}, got {group!r}{hint}")
+
+
+def library_tables(library: LibraryData) -> dict[str, Columns]:
+    """Return the tables ``clips``, ``segments`` and ``points`` of a library by name.
+
+    `LibraryData.to_dataframe` describes them.
+    """
+    segments, entries = library.segments, library.entries
+    files = [info.source_file for info in entries]
+    points = Columns(segment=np.arange(len(segments)))
+    for group, embedding in library.embedding.items():
+        if embedding is not None:
+            for axis, column in enumerate(np.ascontiguousarray(embedding.points.T)):
+                points[f"{group}_{axis}"] = column
+    return {
+        "clips": Columns(
+            clip=np.arange(len(entries)),
+            name=list(library.names),
+            file=["" if file is None else file.path for file in files],
+            file_clip=["" if file is None or file.clip is None else file.clip for file in files],
+            sha256=["" if file is None else file.sha256 for file in files],
+            frames=np.array([info.n_frames for info in entries], np.int64),
+            own_rate=np.array([info.source_rate for info in entries], np.float64),
+            tags=[" ".join(info.tags) for info in entries],
+            faults=["; ".join(info.faults) for info in entries],
+        ),
+        "segments": Columns(
+            segment=np.arange(len(segments)),
+            clip=segments.clip,
+            start=segments.start,
+            stop=segments.stop,
+            seconds=segments.lengths / library.rate,
+            is_donor=library.is_donor,
+            **{f"label_{group}": labels for group, labels in library.labels.items()},
+        ),
+        "points": points,
+    }
+
+
+def library_html(library: LibraryData) -> str:
+    """Return two HTML tables: the clips of a library, and its joint groups with their clusters."""
+    names, segments = library.skeleton.names, library.segments
+    n_segments = np.bincount(segments.clip, minlength=len(library.entries)).tolist()
+    clips = (
+        (info.name, info.n_frames, (info.n_frames - 1) / library.rate, count, " ".join(info.tags))
+        for info, count in zip(library.entries, n_segments, strict=True)
+    )
+    groups = [
+        (
+            f"{group} (base)" if group == library.groups.base else group,
+            ", ".join(names[joint] for joint in library.joints(group)),
+            int(labels.max(initial=-1)) + 1,
+        )
+        for group, labels in library.labels.items()
+    ]
+    columns = ("clip", "frames", "seconds", "segments", "tags")
+    caption = f"{library!r}, {library.rate:.6g} fps"
+    return html_table(caption, columns, clips, len(library.entries)) + html_table(
+        "Joint groups", ("group", "joints", "clusters"), groups, len(groups)
+    )

@@ -10,7 +10,7 @@ from mograft._util.names import unique_names
 from mograft._util.validate import check_type
 from mograft.analysis.channel_groups import restrict_samples
 from mograft.analysis.embedding import Embedding, Samples, features
-from mograft.analysis.segmentation import Segments, segment_clip
+from mograft.analysis.segmentation import segment_clip
 from mograft.config import Config
 from mograft.errors import SkeletonMismatchError, join_names, suggest_name
 from mograft.library.clip_table import ClipInfo
@@ -21,9 +21,10 @@ from mograft.library.clusters import (
     nearest_clusters,
 )
 from mograft.library.data import LibraryData
+from mograft.library.files.stored_clips import ExtendedClips, ExtendedSamples
 from mograft.library.spec import ClipProperties, rates_match
-from mograft.library.stored_clips import ExtendedClips, ExtendedSamples
 from mograft.motion.motion import Motion
+from mograft.motion.segments import Segments
 
 BUILD_FIELDS = (
     "segmentation",

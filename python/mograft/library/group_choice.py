@@ -34,8 +34,16 @@ def discover_groups(
 
     Parameters
     ----------
-    clips, n, config, seed
-        As for `JointGroups.discover`.
+    clips : Motion, address, folder or glob, or several
+        Clips of one hierarchy, as for `Library.build`. Of more than 64 clips, 64 at equal
+        intervals are used.
+    n : int, optional
+        The number of groups, at least 2. Default: the number at the largest gap between the
+        heights of the linkage tree.
+    config : Config, optional
+        Provides the parameters of segmentation and the number of samples per segment.
+    seed : int
+        Seed of the random permutations that measure the dependence of independent joints.
     **options
         `include_grafts`, `rate`, `match`, `hierarchy`, `skeleton`, `frame_rates` and `executor`, as
         for `Library.build`.
@@ -43,19 +51,30 @@ def discover_groups(
     Returns
     -------
     GroupDiscovery
-        The groups, the dependences and the linkage tree, for `mograft.plot.groups`.
+        The groups, the dependences and the linkage tree, for `mograft.plot.groups`. The base group
+        is the first: the hips with their ancestors, and all chains of joints that carry the body,
+        such as the legs. Names are those of the presets if the body parts are the same.
 
     Raises
     ------
-    ValueError, SkeletonMismatchError
-        As for `JointGroups.discover`.
+    ValueError
+        If `n` is below 2 or above the number of chains, the clips have fewer than three
+        segments, or no joint beside the base moves.
+    SkeletonMismatchError
+        If the hierarchies of the clips differ.
     FormatError, FileNotFoundError
         If a file is invalid; if a path, folder or glob holds no file.
+
+    Notes
+    -----
+    `docs/groups.md` describes the method.
 
     Examples
     --------
     >>> from mograft.dancer import dance
     >>> discovery = discover_groups(dance(strides=2).motion, 3)
+    >>> discovery.groups.names
+    ('lower', 'torso', 'arms')
     >>> [len(unit) for unit in discovery.units]
     [7, 1, 2, 8]
     """

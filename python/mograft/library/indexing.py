@@ -25,15 +25,15 @@ from mograft.library.discover import (
     matching_values,
     relative_path,
 )
-from mograft.library.generation import GenerationWriter, write_generation
+from mograft.library.files.generation import GenerationWriter, write_generation
+from mograft.library.files.loading import load_library
+from mograft.library.files.saving import BoundaryParts, commit_library
+from mograft.library.files.storage import StoredLibrary
+from mograft.library.files.stored_clips import RowRange, StoredClips, merge_ranges
 from mograft.library.group_choice import choose_groups, spread_evenly
 from mograft.library.ingest import IngestedClip, IngestTask, ingest_all
 from mograft.library.ingest_run import ClipOrder, IngestRun, PendingClip, warn_of_clips
-from mograft.library.loading import load_library
-from mograft.library.saving import BoundaryParts, commit_library
 from mograft.library.spec import LibrarySpec
-from mograft.library.storage import StoredLibrary
-from mograft.library.stored_clips import RowRange, StoredClips, merge_ranges
 from mograft.motion.motion import Motion
 from mograft.search.boundary_states import BoundaryStates
 

@@ -15,17 +15,18 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, Packed
 from mograft._util.memory import reuse_freed_arrays
 from mograft.analysis.embedding import Samples, normalise
-from mograft.analysis.segmentation import Segments, segment_clip
+from mograft.analysis.segmentation import segment_clip
 from mograft.body.faults import find_faults
 from mograft.body.mass import mass_model
 from mograft.config import Config
 from mograft.errors import MograftError
 from mograft.io.addresses import read_clip, split_address
 from mograft.library.discover import SourceFile
-from mograft.library.packing import PackedMotion, pack
+from mograft.library.files.packing import PackedMotion, pack
 from mograft.library.spec import ClipProperties, LibrarySpec, describe_match, rates_match
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
+from mograft.motion.segments import Segments
 from mograft.motion.skeleton import Skeleton
 
 DISQUALIFYING_FAULTS = ("first_frame", "teleport", "glitch", "flip")

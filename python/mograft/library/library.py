@@ -1,25 +1,21 @@
 """The class `Library`: build, store and open libraries of segments."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
-from mograft._util.validate import is_integer
 from mograft.body.groups import JointGroups
 from mograft.config import Config
-from mograft.library import storage
 from mograft.library.derive import DerivableLibrary
 from mograft.library.discover import ClipSource
-from mograft.library.loading import load_library
-from mograft.search.candidates import Candidates, list_candidates
-from mograft.search.donor_choice import cost_model
+from mograft.library.files import storage
+from mograft.library.files.loading import load_library
 
 # Imported where they are used: opening a library needs neither readers nor writers.
 if TYPE_CHECKING:
     from mograft.library.ingest_run import AddOptions, IngestOptions
-    from mograft.search.constraints import Constraint
 
 Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
 
@@ -94,7 +90,7 @@ class Library(DerivableLibrary):
             order of name.
         groups : JointGroups or str
             The joint groups, the name of a preset, or ``auto`` or ``auto:3``, which discovers them
-            in the clips; see `JointGroups.discover`. The library stores the discovered groups.
+            in the clips; see `mograft.discover_groups`. The library stores the discovered groups.
         config : Config, optional
             The configuration.
         mirrored : bool
@@ -306,7 +302,7 @@ executor, progress
         memory are stored at the library's rate, clips of an opened library as read from their
         files.
         """
-        from mograft.library.saving import save_library
+        from mograft.library.files.saving import save_library
 
         save_library(self, Path(path), force=force)
 
@@ -333,41 +329,3 @@ executor, progress
             If the folder does not exist.
         """
         return load_library(cls, storage.read(Path(path)))
-
-    def candidates(
-        self, segment: int, group: str, constraints: Sequence["Constraint"] = ()
-    ) -> Candidates:
-        """Return the donors for a group of a segment, and why other similar segments are refused.
-
-        Parameters
-        ----------
-        segment : int
-            Index of the base segment.
-        group : str
-            The group to replace.
-        constraints : sequence of Constraint, optional
-            Donors that would violate a hard constraint at the segment are refused.
-
-        Returns
-        -------
-        Candidates
-            All members of the base segment's neighbourhood (see `Config.neighbourhood`), with
-            costs.
-
-        Raises
-        ------
-        ValueError
-            If the segment or the group does not exist, or the group is the base.
-        """
-        if not is_integer(segment) or not 0 <= segment < len(self.segments):
-            raise ValueError(f"`segment` must be 0 to {len(self.segments) - 1}, got {segment!r}")
-        if group == self.groups.base:
-            raise ValueError(f"`group` must not be the base group, {group!r}, which is kept")
-        pool, config, verdicts = self.pool(group), self.config, None
-        if constraints:
-            from mograft.search.donor_constraints import limit_config
-            from mograft.synthesis import candidate_verdicts  # layer exception: a convenience
-
-            verdicts = candidate_verdicts.judge_candidates(self, segment, group, constraints)
-            config = limit_config(config, constraints)
-        return list_candidates(pool, segment, cost_model(config, pool), verdicts)

@@ -17,8 +17,8 @@ from mograft.library.clip_table import skeleton_to_json
 from mograft.library.data import LibraryData
 from mograft.library.derive import BUILD_FIELDS
 from mograft.library.discover import SourceFile
+from mograft.library.files.stored_clips import ExtendedClips, StoredClips
 from mograft.library.spec import LibrarySpec, Match, rates_match
-from mograft.library.stored_clips import ExtendedClips, StoredClips
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 

@@ -7,7 +7,6 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.embedding import CHUNK, Samples
-from mograft.analysis.segmentation import Segments
 from mograft.analysis.zero_moment import (
     N_DIRECTIONS,
     ZeroMomentTrack,
@@ -16,9 +15,10 @@ from mograft.analysis.zero_moment import (
 )
 from mograft.body.contacts import Ground
 from mograft.config import Config
+from mograft.library.files.stored_clips import ExtendedSamples, StoredSamples
 from mograft.library.spec import LibrarySpec
-from mograft.library.stored_clips import ExtendedSamples, StoredSamples
 from mograft.motion.motion import Motion
+from mograft.motion.segments import Segments
 from mograft.motion.skeleton import Skeleton
 
 _MAX_KNOWN_MARGINS = 1 << 24

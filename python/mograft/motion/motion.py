@@ -19,6 +19,7 @@ from mograft._util.arrays import (
     as_vectors,
     set_fields,
 )
+from mograft._util.notebooks import notebook_html
 from mograft._util.runs import find_runs
 from mograft.motion import limits, rotations
 from mograft.motion.resample import resample_segment_positions, resample_segments
@@ -121,7 +122,7 @@ class Motion:
     def __len__(self) -> int:
         return self.n_frames
 
-    def _repr_html_(self) -> str:
+    def _repr_html_(self) -> str | None:
         return notebook_html(self)
 
     def __getitem__(self, frames: slice) -> "Motion":
@@ -376,13 +377,6 @@ def _as_channel_array(
         index = np.argwhere(np.isinf(array))[0].tolist()
         raise ValueError(f"`{name}` must be finite or NaN, got {array[tuple(index)]} at {index}")
     return array
-
-
-def notebook_html(item: Any) -> str:  # noqa: ANN401 - a motion, or a graft of a higher layer
-    """Return the HTML that shows a motion or a graft in a notebook."""
-    from mograft.viewing.page import notebook_view  # layer exception: notebooks show a page
-
-    return notebook_view(item)
 
 
 def world_transforms(

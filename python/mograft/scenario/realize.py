@@ -7,7 +7,6 @@ from functools import cache
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.analysis.segmentation import Segments
 from mograft.blend.foot_planting import plant_feet
 from mograft.blend.recombine import recombine
 from mograft.blend.rigid_alignment import RootTransforms
@@ -16,6 +15,7 @@ from mograft.body.contacts import detect_contacts, find_legs, foot_heights
 from mograft.library.library import Library
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
+from mograft.motion.segments import Segments
 from mograft.scenario.scenario import Scenario
 
 

@@ -15,9 +15,9 @@ from mograft._util.arrays import (
     split_by_counts,
 )
 from mograft._util.html_table import html_table
-from mograft.analysis.segmentation import Segments
 from mograft.config import Config
 from mograft.motion import rotations
+from mograft.motion.segments import Segments
 from mograft.search.balance import SegmentBalance
 from mograft.search.boundary_states import (
     BoundaryStates,

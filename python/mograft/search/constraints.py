@@ -16,8 +16,8 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.runs import find_runs
 from mograft._util.validate import as_integer, check_not_negative
-from mograft.analysis.segmentation import Segments
 from mograft.body.world_poses import Poses
+from mograft.motion.segments import Segments
 
 Span = tuple[int, int]
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from mograft import _core
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, split_by_counts
-from mograft.analysis.segmentation import Segments
 from mograft.config import Config
+from mograft.motion.segments import Segments
 from mograft.search.boundary_states import BoundaryStates, pose_gaps, velocity_gaps
 from mograft.search.constraints import Clip, Constraint, overlaps
 

@@ -9,9 +9,9 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.names import as_words
 from mograft._util.validate import as_integer, check_not_negative, check_positive, is_integer
-from mograft.analysis.segmentation import Segments
 from mograft.config import Config
 from mograft.errors import join_names, suggest_name
+from mograft.motion.segments import Segments
 from mograft.search.constraints import Clip, Constraint, Span, Violation, as_span, overlaps
 
 

@@ -14,10 +14,10 @@ from mograft.motion.motion import Motion
 from mograft.scenario import Scenario
 from mograft.search.constraints import Constraint
 from mograft.search.trellis import DonorSequences
-from mograft.synthesis.donor_repair import restrict_to_violations
+from mograft.solve.donor_repair import restrict_to_violations
+from mograft.solve.kept_joints import find_kept_violations
 from mograft.synthesis.graft_plan import GraftPlan
 from mograft.synthesis.graft_result import Graft
-from mograft.synthesis.kept_joints import find_kept_violations
 
 MEMORY_FACTOR = 5
 """Memory of a graft, in addition to library and base, as a multiple of the arrays of the base."""

@@ -26,16 +26,17 @@ from mograft.search.donor_constraints import find_seam_violations
 from mograft.search.pose_constraints import Reach
 from mograft.search.trellis import DonorSequences, DonorTrellis
 from mograft.search.viterbi import viterbi
-from mograft.synthesis.assembly import Assembly
-from mograft.synthesis.donor_repair import repair_donors
-from mograft.synthesis.donor_trellis import build_trellis, candidate_violations
-from mograft.synthesis.donor_violations import find_donor_violations
+from mograft.solve.assembly import Assembly
+from mograft.solve.donor_repair import repair_donors
+from mograft.solve.donor_trellis import build_trellis, candidate_violations
+from mograft.solve.donor_violations import find_donor_violations
+from mograft.solve.reach_finish import active_reaches, finish_reaches
+from mograft.solve.root_tabu_search import tabu_search
+from mograft.solve.search_problem import SearchProblem
+from mograft.solve.self_repair import RepairedWindow, self_repair
 from mograft.synthesis.graft_request import GraftRequest
-from mograft.synthesis.graft_result import Graft, Seam, Substitution
-from mograft.synthesis.reach_finish import active_reaches, finish_reaches
-from mograft.synthesis.root_tabu_search import tabu_search
-from mograft.synthesis.search_problem import SearchProblem
-from mograft.synthesis.self_repair import RepairedWindow, self_repair
+from mograft.synthesis.graft_result import Graft
+from mograft.synthesis.substitution import Seam, Substitution
 
 
 @dataclass(frozen=True, eq=False)

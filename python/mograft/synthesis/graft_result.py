@@ -1,89 +1,24 @@
 """Grafts: new motions with the source of every part."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from os import PathLike
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from mograft._util.arrays import IntArray
 from mograft._util.html_table import html_table
+from mograft._util.notebooks import notebook_html
 from mograft.blend.foot_planting import FeetReport
 from mograft.blend.reach_completion import ReachCompletion
 from mograft.library.library import Library
-from mograft.motion.motion import Motion, notebook_html
-from mograft.search.constraints import Constraint, Violation
+from mograft.motion.motion import Motion
+from mograft.scenario import repetition
+from mograft.search.constraints import Violation
+from mograft.search.donor_constraints import limit_config
 from mograft.search.trellis import DonorSequences
-from mograft.synthesis import graft_report, provenance
+from mograft.solve.self_repair import RepairedWindow
 from mograft.synthesis.graft_request import GraftRequest
-from mograft.synthesis.self_repair import RepairedWindow
-
-
-class Substitution(NamedTuple):
-    """The donor of one base segment for one joint group.
-
-    Attributes
-    ----------
-    group : str
-        The joint group.
-    start, stop : int
-        First and last frame in the base, both included.
-    segment, donor : int
-        Indices of the base segment and of the donor in the library.
-    clip : str
-        Name of the donor's clip.
-    donor_start, donor_stop : int
-        First and last frame of the donor in its clip.
-    stretch : float
-        Relative change of the donor's length: 0.1 if it was lengthened by 10 %.
-    cost : float
-        Cost of the donor without the costs of seams and constraints; see `Config`.
-    gap_before, gap_after : float
-        Mean joint angle, in radians, between this donor and the previous or next one where they
-        meet; 0 if they are consecutive in a clip, and at the start and end of the motion.
-    """
-
-    group: str
-    start: int
-    stop: int
-    segment: int
-    donor: int
-    clip: str
-    donor_start: int
-    donor_stop: int
-    stretch: float
-    cost: float = 0.0
-    gap_before: float = 0.0
-    gap_after: float = 0.0
-
-    @property
-    def is_own(self) -> bool:
-        """Whether the donor is the base segment itself."""
-        return self.segment == self.donor
-
-
-@dataclass(frozen=True)
-class Seam:
-    """A frame at which the gap between two donors was closed.
-
-    The donors are not consecutive in a clip, or one of them was stretched.
-
-    Attributes
-    ----------
-    group : str
-        The joint group.
-    frame : int
-        The frame in the base.
-    gap : float
-        Mean joint angle between the two donors' poses, in radians: the angle that
-        `Config.max_angle` limits.
-    """
-
-    group: str
-    frame: int
-    gap: float
+from mograft.synthesis.substitution import Seam, Substitution
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -161,7 +96,7 @@ class Graft:
         return () if scenario is None else tuple(scenario.segments.tolist())
 
     def _repr_html_(self) -> str:
-        return notebook_html(self) + self._substitution_table()
+        return (notebook_html(self) or "") + self._substitution_table()
 
     def _substitution_table(self) -> str:
         """Return an HTML table of the exchanged parts, in the order of the frames."""
@@ -186,68 +121,83 @@ class Graft:
         each : bool
             Whether to list every exchanged segment with its donor, cost and seams.
         """
-        return graft_report.report(self, each=each)
+        return _report(self, each=each)
 
-    def replace(
-        self,
-        *edits: Constraint,
-        reroll: Sequence[int | tuple[int, int]] = (),
-        seed: int | None = None,
-    ) -> "Graft":
-        """Return the graft with other donors at some segments; all other segments keep theirs.
 
-        Parameters
-        ----------
-        *edits : Use, Ban or KeepOriginal
-            `Use` sets the donor of a segment, `KeepOriginal` restores the captured motion. `Ban`
-            excludes a donor, by default the present one, and the segment gets another. At its
-            segments an edit replaces the constraints `Use` and `KeepOriginal` of the graft and of
-            earlier edits, and `Use` and `KeepOriginal` also replace earlier bans. Other bans remain
-            in force: no ban and no reroll brings an excluded donor back.
-        reroll : sequence of int or tuple of int
-            Segments to draw again, by their numbers or by ranges of frames. Each gets another donor
-            than the present one if it has another candidate.
-        seed : int, optional
-            Seed of the choice. Default: that of the graft.
+def _report(graft: Graft, *, each: bool = False) -> str:
+    """Return a text summary of a graft; with `each`, also a list of all exchanged segments."""
+    lines = [f"{graft.motion.name}: {graft.base.n_frames} frames of {graft.base.name}"]
+    if graft.scenario:
+        repeated = repetition(graft.library, graft.scenario)
+        lines.append(
+            f"  scenario: {len(graft.scenario)} segments, {repeated.distinct_share:.0%} different; "
+            f"longest repeat {repeated.longest_repeat:.1f} s"
+        )
+    for group in graft.alternatives:
+        lines += _group_lines(graft, group, each=each)
+    lines += [f"  {violation.message}" for violation in graft.violations]
+    lines += [_repair_line(own) for own in graft.repairs]
+    feet = graft.feet
+    if feet is not None:
+        lines.append(
+            f"  feet: {feet.plants} plants; skating frames {feet.skate_before:.1%} before "
+            f"planting, {feet.skate_after:.1%} after"
+        )
+        if feet.unreached_frames:
+            lines.append(
+                f"    out of reach in {feet.unreached_frames} frames, "
+                f"by up to {feet.unreached:.4f} heights"
+            )
+    lines += [_reach_line(own) for own in graft.reach_completions]
+    return "\n".join(lines)
 
-        Returns
-        -------
-        Graft
-            Other segments have the same donors. The frames near the changed segments are new. A
-            range of new frames ends at least `Config.seam_blend` seconds outside these segments, at
-            a frame at which no joint differs by more than 0.0001 radians from the present motion.
-            All other frames are the same, bit for bit. If an exchanged group contains the root, the
-            later frames of the root are moved rigidly.
-            `violations` lists edits and constraints that contradict each other.
 
-        Raises
-        ------
-        TypeError
-            If an edit is of another class.
-        ValueError
-            If neither an edit nor `reroll` is given; if an edit has a weight; if a segment, donor,
-            group or frame does not exist; if the library has only the clips of the graft, because
-            `replay` read their files.
+def _reach_line(completion: ReachCompletion) -> str:
+    first, last = completion.frames
+    when = f"frame {first}" if first == last else f"frames {first}-{last}"
+    where = f"  reach: {completion.reach.joint}, {when}: {completion.before:.3f} heights"
+    if completion.is_moved:
+        return f"{where} from the target, {completion.after:.3f} after inverse kinematics"
+    return f"{where} from the target, not moved: {completion.reason}"
 
-        Examples
-        --------
-        >>> import mograft as mg
-        >>> from mograft.dancer import dance
-        >>> new = mg.graft(mg.Library.build(dance(strides=1).motion), seed=7)
-        >>> edited = new.replace(mg.KeepOriginal(frames=(60, 90)), reroll=[40])
-        >>> (edited.motion.rotations[400:] == new.motion.rotations[400:]).all()
-        np.True_
-        """
-        from mograft.synthesis.graft_edit import edit_graft  # layer exception: a convenience
 
-        return edit_graft(self, edits, reroll, seed)
+def _repair_line(window: RepairedWindow) -> str:
+    where = f"{window.group}, frames {window.start}-{window.stop}: {window.measure}"
+    if window.after < window.before:
+        result = f"{window.after:.1f} with other donors"
+    else:
+        result = "no better donors"
+    return f"  {where} {window.before:.1f} times its limit; {result}"
 
-    def as_dict(self, folder: str | PathLike[str] = ".") -> dict[str, Any]:
-        """Return the provenance of the motion as a JSON document, from which `replay` remakes it.
 
-        Parameters
-        ----------
-        folder : path
-            The folder to which paths of files are relative: that of the document.
-        """
-        return provenance.document(self, folder)
+def seam_limit(graft: Graft) -> float:
+    """Return the largest seam gap in radians that configuration and constraints accept."""
+    return limit_config(graft.library.config, graft.request.constraints).max_angle
+
+
+def _group_lines(graft: Graft, group: str, *, each: bool) -> list[str]:
+    limit = seam_limit(graft)
+    substitutions = [s for s in graft.substitutions if s.group == group]
+    exchanged = [s for s in substitutions if not s.is_own]
+    gaps = np.degrees([seam.gap for seam in graft.seams if seam.group == group])
+    n_wide = int((gaps > np.degrees(limit) + 1e-6).sum())
+    n_without = int((graft.alternatives[group] == 0).sum())
+    lines = [f"  {group}: {len(exchanged)} of {len(substitutions)} segments exchanged"]
+    if n_without:
+        lines.append(f"    {n_without} had no candidate and were kept")
+    if len(gaps):
+        lines.append(
+            f"    {len(gaps)} seams, mean gap {gaps.mean():.1f}°, largest {gaps.max():.1f}° "
+            f"(limit {np.degrees(limit):.0f}°)"
+        )
+    if n_wide:
+        lines.append(f"    {n_wide} seams are wider than {np.degrees(limit):.0f}°")
+    if each:
+        lines += [
+            f"    segment {number}, {s.start}-{s.stop} from {s.clip} {s.donor_start}-"
+            f"{s.donor_stop}: cost {s.cost:.2f}, stretch {s.stretch:+.2f}, seams "
+            f"{np.degrees(s.gap_before):.1f}° and {np.degrees(s.gap_after):.1f}°"
+            for number, s in enumerate(substitutions)
+            if not s.is_own
+        ]
+    return lines

@@ -6,6 +6,7 @@ from itertools import islice
 import numpy as np
 
 from mograft.search.candidates import Candidate
+from mograft.solve.candidate_verdicts import candidates
 from mograft.synthesis.graft_result import Graft
 
 _MAX_LISTED = 20
@@ -37,7 +38,7 @@ class CandidateTable:
 
     @classmethod
     def of(cls, graft: Graft) -> "CandidateTable":
-        """Return the allowed candidates in the order of `Library.candidates`.
+        """Return the allowed candidates in the order of `mograft.candidates`.
 
         Constraints are ignored. Costs and seam angles are those between the neighbours of the base
         segment in its clip; in a scenario, in which it has other neighbours, they are None. Only
@@ -48,7 +49,7 @@ class CandidateTable:
         for group in graft.alternatives:
             own = (s.segment for s in graft.substitutions if s.group == group)
             found = [
-                (segment, graft.library.candidates(segment, group).allowed)
+                (segment, candidates(graft.library, segment, group).allowed)
                 for segment in islice(own, most)
             ]
             donors[group] = tuple(

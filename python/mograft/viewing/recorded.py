@@ -11,10 +11,10 @@ from mograft.io.addresses import read_clip
 from mograft.library.discover import has_provenance
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
+from mograft.provenance.graft_record import DAMAGE, ClipRecord, GraftRecord, read_clip_record
+from mograft.provenance.record_library import find_clip
 from mograft.search.constraint_records import decode_constraint
 from mograft.search.constraints import Constraint
-from mograft.synthesis.graft_record import DAMAGE, ClipRecord, GraftRecord, read_clip_record
-from mograft.synthesis.record_library import find_clip
 from mograft.viewing.figure import Figure, TimelineRow
 
 

@@ -17,8 +17,7 @@ from mograft.library.library import Library
 from mograft.search.candidates import count_combinations
 from mograft.search.costs import PRESELECTION, length_fits
 from mograft.search.neighbourhoods import NEIGHBOURHOODS, Neighbourhood
-from mograft.synthesis.graft_report import seam_limit
-from mograft.synthesis.graft_result import Graft
+from mograft.synthesis.graft_result import Graft, seam_limit
 from mograft.viewing.page import Page, assemble_page, asset, viewer_html
 from mograft.viewing.scene import Scene
 

@@ -3,9 +3,9 @@
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.analysis.segmentation import Segments
 from mograft.blend.seam_treatments.displacement import Displacement
 from mograft.blend.seams import ClosedFrames
+from mograft.motion.segments import Segments
 
 
 class _Paper(Displacement):

@@ -1,0 +1,130 @@
+"""``mograft candidates``: the donors of a segment, and why other segments are refused."""
+
+import argparse
+import math
+from typing import Any
+
+from mograft.cli.configuration import flags_in_errors, load_library
+from mograft.cli.constraints import check_frames, read_constraints, read_obstacles
+from mograft.cli.output import print_result
+from mograft.cli.syntax.frame_times import resolve_frame
+from mograft.errors import join_names, suggest_name
+from mograft.library.library import Library
+from mograft.search.candidates import Candidate, Candidates
+from mograft.search.donor_constraints import limit_config
+from mograft.search.neighbourhoods import NEIGHBOURHOODS
+from mograft.solve.candidate_verdicts import candidates
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    obstacles = read_obstacles(options)
+    library = load_library(options)
+    constraints = read_constraints(options, library, obstacles)
+    clip, number, segment = _find_segment(library, options)
+    check_frames(options, library.rate, library.entries[clip].n_frames)
+    others = [name for name in library.groups.names if name != library.groups.base]
+    group = options.group or others[0]
+    with flags_in_errors(group="--group"):
+        found = candidates(library, segment, group, constraints)
+    name = library.entries[clip].name
+    frames = [int(library.segments.start[segment]), int(library.segments.stop[segment])]
+    config = limit_config(library.config, constraints)
+    document = {
+        "clip": name,
+        "segment": number,
+        "index": segment,
+        "frames": frames,
+        "group": group,
+        "max_angle_degrees": round(math.degrees(config.max_angle), 4),
+        "max_stretch": config.max_stretch,
+        "allowed": [_as_dict(library, candidate) for candidate in found.allowed],
+        "refused": [_as_dict(library, candidate) for candidate in found.refused],
+        "of_other_clusters": found.elsewhere,
+    }
+    n_donors = sum(own.segment != segment for own in found.allowed)
+    title = (
+        f"{name}, segment {number}, frames {frames[0]} to {frames[1]}: {group} of "
+        f"{n_donors} other {'segment' if n_donors == 1 else 'segments'}"
+    )
+    limits = (
+        f"   limits: stretch {config.max_stretch:.2f}, "
+        f"seam angle {math.degrees(config.max_angle):.0f}°"
+    )
+    lines = [title, *_table(library, found, segment), limits]
+    print_result(options, "candidates", document, lines, version=2)
+    return 0
+
+
+def _find_segment(library: Library, options: argparse.Namespace) -> tuple[int, int, int]:
+    """Return the segment that ``--clip``, ``--segment`` and ``--frame`` select.
+
+    The result holds the index of the clip, the index of the segment within the clip, and the
+    index of the segment in the library. Raise ValueError if there is no such segment.
+    """
+    names = library.names
+    if options.clip is not None and options.clip not in names:
+        hint = suggest_name(options.clip, names)
+        raise ValueError(f"--clip must be one of {join_names(names)}; got {options.clip!r}{hint}")
+    _, clip = library.resolve_base(options.clip)
+    segments = library.segments.of_clip(clip)
+    number = options.segment
+    if number is None:
+        stops = library.segments.stop[segments]
+        frame = resolve_frame(options.frame, library.rate)
+        if frame > stops[-1]:
+            raise ValueError(f"--frame must be 0 to {stops[-1]} in clip {names[clip]}, got {frame}")
+        # Two segments share a frame; as on pages, it belongs to the later one.
+        number = int((library.segments.start[segments] <= frame).sum()) - 1
+    if number >= len(segments):
+        raise ValueError(
+            f"--segment must be 0 to {len(segments) - 1} in clip {names[clip]}, got {number}"
+        )
+    return clip, number, int(segments[number])
+
+
+def _as_dict(library: Library, candidate: Candidate) -> dict[str, Any]:
+    """Return a candidate as a dict for JSON."""
+    gaps = (candidate.gap_before, candidate.gap_after)
+    return {
+        "clip": library.entries[candidate.clip].name,
+        "segment": _number_in_clip(library, candidate),
+        "index": candidate.segment,
+        "frames": [candidate.start, candidate.stop],
+        "cost": candidate.cost,
+        "stretch": candidate.stretch,
+        "gaps_degrees": [round(math.degrees(gap), 4) for gap in gaps],
+        "distance": None if math.isnan(candidate.distance) else candidate.distance,
+        "refused": candidate.refused,
+        "is_forced": candidate.is_forced,
+    }
+
+
+def _number_in_clip(library: Library, candidate: Candidate) -> int:
+    return candidate.segment - int(library.segments.of_clip(candidate.clip)[0])
+
+
+def _table(library: Library, found: Candidates, segment: int) -> list[str]:
+    """Return one line for each candidate, and one with the number of all other segments.
+
+    ``=`` marks the base segment itself, ``+`` an allowed, ``*`` a forced and ``-`` a refused
+    candidate.
+    """
+    candidates = (*found.allowed, *found.refused)
+    names = [library.entries[candidate.clip].name for candidate in candidates]
+    width = max((len(name) for name in names), default=0)
+    lines = []
+    for name, candidate in zip(names, candidates, strict=True):
+        before, after = math.degrees(candidate.gap_before), math.degrees(candidate.gap_after)
+        seams = f"{before:.0f}°/{after:.0f}°"
+        mark = "-" if candidate.refused else "=" if candidate.segment == segment else "+"
+        note = candidate.refused
+        if candidate.is_forced and not candidate.refused:
+            mark, note = "*", "forced"
+        lines.append(
+            f" {mark} {name:{width}} {candidate.start:6}-{candidate.stop:<6} "
+            f"cost {candidate.cost:7.2f}  stretch {candidate.stretch:.2f}  "
+            f"seams {seams:8} {note}".rstrip()
+        )
+    outside = NEIGHBOURHOODS.get(library.config.neighbourhood).outside
+    return [*lines, f"   {found.elsewhere} segments are {outside}"]

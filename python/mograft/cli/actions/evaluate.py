@@ -1,0 +1,63 @@
+"""``mograft evaluate``: measures of the grafts of a library."""
+
+import argparse
+import json
+from pathlib import Path
+
+from mograft._util.atomic import write_text
+from mograft.cli.configuration import load_library
+from mograft.cli.files import check_suffix, check_writable
+from mograft.cli.output import print_remark, print_result, show_progress
+from mograft.cli.syntax.command_table import EVALUATION_TOPICS
+from mograft.errors import suggest_name
+from mograft.evaluation import evaluate
+from mograft.viewing.evaluation_report import evaluation_page, summarize
+
+_WORDS = (*EVALUATION_TOPICS, "all")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    words = _take_words(options)
+    folder: Path | None = options.output
+    if folder is not None:
+        check_suffix(options, is_folder=True)
+    paths = [] if folder is None else [folder / "evaluation.json", folder / "index.html"]
+    check_writable(paths, force=options.force)
+    library = load_library(options)
+    with show_progress() as progress:
+        found = evaluate(
+            library,
+            EVALUATION_TOPICS if not words or "all" in words else words,
+            runs=options.runs,
+            bases=options.bases,
+            seed=options.seed or 0,
+            progress=progress,
+        )
+    document = found.as_dict()
+    if folder is not None:
+        page = evaluation_page(found)
+        folder.mkdir(parents=True, exist_ok=True)
+        write_text(paths[0], json.dumps(document, indent=1, allow_nan=False) + "\n")
+        page.save(paths[1], force=True)
+    if not options.json:
+        for sentence in summarize(found):
+            print_remark(sentence)
+        if folder is None:
+            print_remark("use -o DIR to write all numbers and a page to a folder")
+    print_result(options, "evaluation", document, paths)
+    return 0
+
+
+def _take_words(options: argparse.Namespace) -> tuple[str, ...]:
+    """Remove the words that select what to measure from ``options.files``, and return them."""
+    names: list[str] = options.files
+    words = [name for name in names if name in _WORDS and not Path(name).exists()]
+    options.files = [name for name in names if name not in words]
+    if not options.files:
+        options.usage_error("expected one library or at least one motion file, got none")
+    for name in options.files:
+        if name.isalpha() and not Path(name).exists():
+            hint = suggest_name(name, _WORDS)
+            options.usage_error(f"expected a file or one of {', '.join(_WORDS)}; got {name}{hint}")
+    return tuple(dict.fromkeys(words))

@@ -1,0 +1,125 @@
+"""``mograft export``: motions as files for other programs."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from mograft.cli.configuration import (
+    figure_groups,
+    flags_in_errors,
+    refuse_useless_options,
+    selected_skeleton,
+)
+from mograft.cli.files import check_writable, expand_folders, frame_range
+from mograft.cli.output import print_remark, print_result, show_progress
+from mograft.cli.syntax.frame_times import Range
+from mograft.io.addresses import read_clip
+from mograft.io.bvh.writer import write_bvh
+from mograft.io.csv import write_csv
+from mograft.io.glb import write_glb
+from mograft.io.npz import write_npz
+from mograft.io.smpl.writer import write_amass
+from mograft.io.units import UNITS
+from mograft.io.usd import write_usd
+from mograft.motion.motion import Motion
+from mograft.viewing.video import write_video
+
+_FIGURES = (".glb", ".usd", ".usda", ".usdc")
+_FILMS = (".mp4", ".gif")
+_TABLE_WRITERS = {".npz": write_npz, ".csv": write_csv}
+_ENDINGS = (*_FIGURES, *_FILMS, *_TABLE_WRITERS, ".bvh")
+_ENDINGS_OF_SEVERAL = (".glb", *_FILMS)
+_ENDINGS_OF_OPTION = {
+    "scale": _FIGURES,
+    "groups": (*_FIGURES, *_FILMS),
+    "dark": _FILMS,
+    "digits": (".bvh",),
+    "like": (".npz",),
+}
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    target: Path = options.output
+    ending = target.suffix.lower()
+    files = expand_folders(options.files)
+    if ending == ".fbx":
+        options.usage_error("-o cannot be .fbx: write .glb or .bvh and convert it in Blender")
+    if ending not in _ENDINGS:
+        options.usage_error(f"-o must end in {', '.join(_ENDINGS)}, got {target.name}")
+    if len(files) > 1 and ending not in _ENDINGS_OF_SEVERAL:
+        options.usage_error(f"-o {target.name} can contain only one motion, got {len(files)} files")
+    refuse_useless_options(options, _ENDINGS_OF_OPTION, ending, target.name)
+    check_writable([target], force=options.force, inputs=files)
+    options.groups = figure_groups(options, files)
+    skeleton = selected_skeleton(options)
+    motions = [_select_frames(read_clip(name, skeleton=skeleton), options.frames) for name in files]
+    target.parent.mkdir(parents=True, exist_ok=True)
+    document: dict[str, Any] = {"file": str(target)}
+    if ending in _FILMS:
+        document |= _write_film(motions, target, options)
+    else:
+        if options.rate is not None:
+            motions = [motion.resample(options.rate) for motion in motions]
+        document |= {"frames": [motion.n_frames for motion in motions], "rate": motions[0].rate}
+        if ending in _FIGURES:
+            document |= _write_figure(motions, target, options)
+        else:
+            if ending == ".bvh":
+                write_bvh(motions[0], target, digits=options.digits)
+            elif options.like is not None:
+                _write_like(motions[0], target, options.like)
+            else:
+                _TABLE_WRITERS[ending](motions[0], target)
+            document |= {"up": "as in the file", "unit": "of the file"}
+            print_remark(f"{target.name}: unit and axes of {files[0]}")
+    print_result(options, "export", document, [target])
+    return 0
+
+
+def _select_frames(motion: Motion, given: Range | None) -> Motion:
+    if given is None:
+        return motion
+    first, last = frame_range(motion, given)
+    return motion[first : last + 1]
+
+
+def _write_like(motion: Motion, target: Path, source: str) -> None:
+    """Write a motion into a copy of the AMASS file `source`; print which arrays are omitted."""
+    omitted = write_amass(motion, target, like=source)
+    if omitted:
+        print_remark(
+            f"{target.name}: without {', '.join(omitted)}, which have one row per frame of {source}"
+        )
+
+
+def _write_figure(
+    motions: Sequence[Motion], target: Path, options: argparse.Namespace
+) -> dict[str, Any]:
+    scale = UNITS[options.scale] if isinstance(options.scale, str) else options.scale
+    if target.suffix.lower() == ".glb":
+        metres = write_glb(motions, target, scale=scale, groups=options.groups)
+    else:
+        metres = write_usd(motions[0], target, scale=scale, groups=options.groups)
+    estimated = "" if options.scale is not None else " (estimated from the figure's height)"
+    print_remark(f"{target.name}: metres, y up; 1 unit of the file is {metres:g} m{estimated}")
+    return {"up": "y", "unit": "m", "metres_in_a_unit": metres}
+
+
+def _write_film(
+    motions: Sequence[Motion], target: Path, options: argparse.Namespace
+) -> dict[str, Any]:
+    with flags_in_errors(size="--size", rate="--rate"), show_progress() as progress:
+        rate = write_video(
+            motions,
+            target,
+            rate=options.rate,
+            size=options.size,
+            groups=options.groups,
+            dark=options.dark,
+            progress=progress,
+        )
+    width, height = options.size
+    print_remark(f"{target.name}: {width} by {height} pixels, {rate:.6g} pictures per second")
+    return {"size": [width, height], "rate": rate, "frames": [m.n_frames for m in motions]}

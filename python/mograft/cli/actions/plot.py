@@ -1,0 +1,178 @@
+"""``mograft plot``: pictures of motions and of their clusters."""
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mograft._util.atomic import atomic_path
+from mograft._util.automatic_groups import AUTOMATIC, automatic_number, is_automatic
+from mograft.analysis.group_discovery import GroupDiscovery
+from mograft.body.groups import JointGroups
+from mograft.cli.configuration import (
+    figure_groups,
+    flags_in_errors,
+    load_library,
+    options_given,
+    refuse_fixed_options,
+    refuse_useless_options,
+    selected_config,
+    selected_groups,
+    selected_skeleton,
+)
+from mograft.cli.files import (
+    check_writable,
+    expand_folders,
+    frame_range,
+    library_folder,
+    select_clips,
+)
+from mograft.cli.output import print_result
+from mograft.cli.syntax.frame_times import resolve_frames
+from mograft.config import Config
+from mograft.io.addresses import read_clip, split_address
+from mograft.library.discover import has_provenance
+from mograft.library.group_choice import discover_groups, discover_in_library
+from mograft.library.library import Library
+from mograft.motion.motion import Motion
+from mograft.viewing import plot
+from mograft.viewing.scene import Scene
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_ENDINGS = (".png", ".svg", ".pdf")
+_CLUSTER_KINDS = {
+    "pca": plot.pca,
+    "dendrogram": plot.dendrogram,
+    "clusters": plot.clusters,
+    "threshold": plot.threshold,
+}
+_KINDS_OF_OPTION: Mapping[str, tuple[str, ...]] = {
+    "frames": ("strip", "timeline", "energy"),
+    "groups": ("strip", "timeline", *_CLUSTER_KINDS, "groups"),
+    "match": ("timeline", *_CLUSTER_KINDS, "groups"),
+    "segmentation": ("timeline", "energy", *_CLUSTER_KINDS, "groups"),
+    "group": tuple(_CLUSTER_KINDS),
+}
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    target: Path = options.output
+    if target.suffix.lower() not in _ENDINGS:
+        options.usage_error(f"-o must end in {', '.join(_ENDINGS)}, got {target.name}")
+    check_writable([target], force=options.force, inputs=options.files)
+    try:
+        import matplotlib as mpl
+    except ImportError as error:
+        raise ValueError("plots need matplotlib: pip install 'mograft[plot]'") from error
+    mpl.use("agg")
+    metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(target.suffix.lower())
+    from matplotlib import pyplot
+
+    with mpl.rc_context(), pyplot.style.context("dark_background" if options.dark else "default"):
+        # Without a date and with constant element names, equal input gives equal bytes.
+        mpl.rcParams["svg.hashsalt"] = "mograft"
+        figure = _draw(options).get_figure(root=True)
+        assert figure is not None  # The axes were created with a figure.
+        target.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with atomic_path(target) as draft:
+                figure.savefig(draft, dpi=options.dpi, metadata=metadata)
+        finally:
+            pyplot.close("all")
+    print_result(options, "plot", {"file": str(target), "kind": options.kind}, [target])
+    return 0
+
+
+def _draw(options: argparse.Namespace) -> "Axes":
+    folder = library_folder(options)
+    if folder is not None:
+        fixed = () if options.kind == "groups" else ("groups",)
+        refuse_fixed_options(options, *fixed, "segmentation", "match", "skeleton")
+    if options.clip and (folder is None or options.kind not in _KINDS_OF_OPTION["frames"]):
+        options.usage_error(
+            "--clip requires a library, and one of the kinds strip, timeline and energy"
+        )
+    refuse_useless_options(options, _KINDS_OF_OPTION, options.kind, options.kind)
+    if options.kind in ("strip", "energy"):
+        motion, groups, config = _single_motion(options, folder)
+        frames = frame_range(motion, options.frames)
+        if options.kind == "energy":
+            return plot.energy(motion, config, frames=frames)
+        return plot.strip(motion, options.poses, groups=groups, frames=frames)
+    if options.kind == "groups":
+        return plot.groups(_discovery(options, folder))[0]
+    if options.kind == "timeline":
+        scene = _timeline_scene(options, folder)
+        given, rate = options.frames, scene.figures[0].motion.rate
+        shown = None if given is None else resolve_frames(given, rate)
+        with flags_in_errors(frames="--frames"):
+            return plot.timeline(scene, frames=shown)
+    library = load_library(options)
+    with flags_in_errors(group="--group"):
+        return _CLUSTER_KINDS[options.kind](library, options.group)
+
+
+def _discovery(options: argparse.Namespace, folder: Path | None) -> GroupDiscovery:
+    """Return the groups that ``--groups auto`` or ``auto:N`` discovers in a library or in files.
+
+    `folder` is that of a library, or None for motion files. Any other value of ``--groups`` is a
+    usage error on the command line, and is ignored in the configuration file and the environment.
+    """
+    name: str = options.groups or AUTOMATIC
+    if not is_automatic(name):
+        if options_given(options, "groups"):
+            options.usage_error(f"the picture groups needs --groups auto or auto:N, got {name}")
+        name = AUTOMATIC
+    options.groups = name
+    selected_groups(options)  # checks the number
+    if folder is not None:
+        return discover_in_library(Library.open(folder), automatic_number(name))
+    return discover_groups(
+        expand_folders(options.files, include_grafts=options.include_grafts),
+        automatic_number(name),
+        config=selected_config(options),
+        match=options.match or "names",
+        skeleton=selected_skeleton(options),
+    )
+
+
+def _timeline_scene(options: argparse.Namespace, folder: Path | None) -> Scene:
+    """Return a scene of the selected clips of a library, or of motion files.
+
+    `folder` is that of a library, or None for motion files. Grafts that have a .json file are shown
+    with their donors. The scene shows all other files as clips of one library, with clusters.
+    """
+    if folder is not None:
+        library = load_library(options)
+        return Scene.of_clips(library, select_clips(library, options.clip))
+    files = expand_folders(options.files)
+    grafts = [file for file in files if has_provenance(Path(split_address(file)[0]))]
+    options.files = [file for file in files if file not in grafts]
+    libraries = [load_library(options)] if options.files else []
+    return Scene.of([*libraries, *grafts], skeleton=selected_skeleton(options))
+
+
+def _single_motion(
+    options: argparse.Namespace, folder: Path | None
+) -> tuple[Motion, JointGroups | str | None, Config]:
+    """Return the only motion that the options select, its joint groups and its configuration.
+
+    `folder` is that of a library, or None for motion files. Raise ValueError if the options select
+    several motions.
+    """
+    groups: JointGroups | str | None
+    if folder is not None:
+        library = Library.open(folder)
+        motions = [library.clips[index] for index in select_clips(library, options.clip)]
+        groups, config = library.groups, library.config
+    else:
+        files = expand_folders(options.files)
+        groups = figure_groups(options, files)
+        motions = [read_clip(file, skeleton=selected_skeleton(options)) for file in files]
+        config = selected_config(options)
+    if len(motions) != 1:
+        raise ValueError(f"{options.kind} shows exactly one motion, got {len(motions)}")
+    return motions[0], groups, config

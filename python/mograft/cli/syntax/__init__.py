@@ -1,0 +1,1 @@
+"""Commands, options and values of the command line; imports no NumPy."""

@@ -1,0 +1,1 @@
+"""The files of a library folder: arrays, database and manifest."""

@@ -1,0 +1,405 @@
+"""Write the next generation of a stored library, in the format of `storage`."""
+
+import contextlib
+import glob
+import json
+import os
+import re
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
+from mograft._util.arrays import Packed
+from mograft._util.atomic import sync
+from mograft._util.cleanup import clean_up_by
+from mograft._util.lock import exclusive_lock
+from mograft.errors import LibraryError
+from mograft.library.clip_table import ClipLocation, ClipTable, skeleton_to_json, write_clip_table
+from mograft.library.data import LibraryData
+from mograft.library.files.array_files import ArrayWriter
+from mograft.library.files.integrity import DATABASE, MANIFEST
+from mograft.library.files.packing import PackedMotion
+from mograft.library.files.storage import (
+    FORMAT,
+    FORMAT_VERSION,
+    LOCK,
+    StoredLibrary,
+    hash_files,
+    manifest_checksum,
+    read,
+    read_manifest,
+)
+from mograft.library.files.stored_clips import RowRange, StoredSamples, merge_ranges
+from mograft.library.ingest import IngestedClip
+from mograft.motion.skeleton import Skeleton
+
+_MAX_SHARDS = 16
+"""Generations whose clips may lie in separate files; beyond that all clips are written again."""
+
+_MIN_USED_SHARE = 0.5
+"""Share of the bytes in older ``frames`` files that clips must use; below that all clips are
+written again."""
+
+
+class GenerationWriter:
+    """Write the next generation of a library; `write_generation` creates the writer.
+
+    A generation is one committed state of a library, in a folder that is named by its number.
+    `final` is the folder of the library, and `root` the folder to write to: `final` or a temporary
+    folder that is renamed to `final` at the end. `base` is the previous generation if clips are
+    added to it. `number` is that of the new generation. A shard is a pair of files with the frames
+    and the samples of clips; later generations link it. `shards` are the names of all shards, which
+    are those of the generations that wrote them.
+    """
+
+    def __init__(self, root: Path, final: Path, base: StoredLibrary | None, number: int) -> None:
+        self.base, self.final = base, final
+        self.shards: list[str] = []
+        self._root = root
+        self._generation = f"{number:04d}"
+        self._linked_hashes: dict[str, dict[str, Any]] = {}
+        self._writers: dict[str, ArrayWriter] = {}
+        self._written: list[str] = []
+        self._skeletons: dict[str, tuple[int, Skeleton]] = {}
+        self.folder = root / self._generation
+        self.folder.mkdir()
+
+    def link_base_shards(self) -> None:
+        """Link the shards of the previous generation into the new one."""
+        if self.base is None:
+            raise RuntimeError("the writer has no previous generation to link")
+        manifest = self.base.manifest
+        for shard in manifest["shards"]:
+            self.shards.append(shard)
+            for stem in ("frames", "samples"):
+                name = f"{stem}-{shard}.npy"
+                source = f"{manifest['generation']}/{name}"
+                self._link(self.base.folder / source, name)
+                self._linked_hashes[f"{self._generation}/{name}"] = manifest["files"][source]
+        for skeleton in self.base.table.skeletons:
+            self._skeleton_index(skeleton)
+
+    def _link(self, source: Path, name: str) -> None:
+        try:
+            os.link(source, self.folder / name)
+        except OSError:
+            # Some file systems have no hard links.
+            shutil.copyfile(source, self.folder / name)
+
+    def restart(self) -> None:
+        """Discard everything that was written or linked, so that writing can begin again."""
+        self.abandon()
+        for path in self.folder.iterdir():
+            path.unlink()
+        self._linked_hashes.clear()
+        self._written.clear()
+        self._skeletons.clear()
+        self.shards.clear()
+        self._writers.clear()
+
+    def write_clip(self, clip: IngestedClip) -> ClipLocation:
+        """Write the packed motion, the samples and the boundary states of a clip."""
+        if not isinstance(clip.clip, PackedMotion):
+            raise TypeError("`clip` must be packed")
+        samples = self._writers.get(f"samples-{self._generation}")
+        location = self.write_frames(clip.clip, 0 if samples is None else samples.n_rows)
+        self.write_samples(clip.samples)
+        for key, states in clip.boundary_states.items():
+            self._writer(f"edges-{key}", "<f8", states.shape[1:]).append(states)
+        return location
+
+    def write_frames(self, packed: PackedMotion, first_row: int) -> ClipLocation:
+        """Write a packed motion; `first_row` is the first row of its samples."""
+        if self._generation not in self.shards:
+            self.shards.append(self._generation)
+        frames = self._writer(f"frames-{self._generation}", "<f8", ())
+        location = ClipLocation(
+            shard=self.shards.index(self._generation),
+            first_number=frames.n_rows,
+            n_numbers=len(packed.numbers),
+            first_row=first_row,
+            content=packed.content,
+            frame_time=packed.frame_time,
+            repairs=packed.repairs,
+            skeleton=self._skeleton_index(packed.skeleton),
+        )
+        frames.append(packed.numbers)
+        return location
+
+    def write_samples(self, rows: Packed) -> None:
+        """Write samples of segments."""
+        self._writer(f"samples-{self._generation}", "<f4", rows.shape[1:]).append(rows)
+
+    def read_boundary_states(self, key: str, start: int, stop: int) -> npt.NDArray[Any]:
+        """Return the boundary states of the segments `start` to `stop - 1` of the clips written.
+
+        `key` is a key of `boundary_states`. The result has the states of all joints.
+        """
+        return self._writers[f"edges-{key}"].read(start, stop)
+
+    def _writer(self, name: str, dtype: str, row_shape: tuple[int, ...]) -> ArrayWriter:
+        if name not in self._writers:
+            self._writers[name] = ArrayWriter(self.folder / f"{name}.npy", dtype, row_shape)
+        return self._writers[name]
+
+    def _skeleton_index(self, skeleton: Skeleton) -> int:
+        text = json.dumps(skeleton_to_json(skeleton))
+        return self._skeletons.setdefault(text, (len(self._skeletons), skeleton))[0]
+
+    def samples(self, ranges: Sequence[RowRange], n_samples: int, n_joints: int) -> StoredSamples:
+        """Close the new shard and return the samples of all shards.
+
+        No clip may be written afterwards. `ranges` are the rows of each clip in the shards, in the
+        order of the library. `n_samples` is the number of samples per segment.
+        """
+        self._close_shards()
+        paths = [self.folder / f"samples-{shard}.npy" for shard in self.shards]
+        return StoredSamples.from_paths(paths, merge_ranges(ranges), n_samples, n_joints)
+
+    def _close_shards(self) -> None:
+        for name in [name for name in self._writers if name.startswith(("samples-", "frames-"))]:
+            self._close(name)
+
+    def _close(self, name: str) -> None:
+        self._writers.pop(name).close()
+        self._written.append(f"{name}.npy")
+
+    def is_fragmented(self, locations: Sequence[ClipLocation]) -> bool:
+        """Return whether the clips should be written again, all to one shard.
+
+        `locations` are those of the clips that stay in the library. Clips should be written again
+        if there are more than 16 shards, or if the clips that stay use less than half of the bytes
+        in the older shards.
+        """
+        if len(self.shards) > _MAX_SHARDS:
+            return True
+        n_bytes_used = 8 * sum(location.n_numbers for location in locations)
+        n_bytes = sum(
+            (self.folder / f"frames-{shard}.npy").stat().st_size
+            for shard in self.shards
+            if shard != self._generation
+        )
+        return n_bytes_used < _MIN_USED_SHARE * n_bytes
+
+    def write_array(
+        self, name: str, dtype: str, parts: Iterator[npt.NDArray[Any]] | npt.NDArray[Any]
+    ) -> None:
+        """Write an array that is given as a whole or as consecutive parts."""
+        (self.folder / name).parent.mkdir(exist_ok=True)
+        for part in [parts] if isinstance(parts, np.ndarray) else parts:
+            self._writer(name, dtype, part.shape[1:]).append(part)
+        if name in self._writers:
+            self._close(name)
+
+    def write_clip_table(self, library: LibraryData, locations: Sequence[ClipLocation]) -> None:
+        """Write the database of a library whose clips were written at `locations`."""
+        table = ClipTable(
+            entries=library.entries,
+            locations=tuple(locations),
+            skeletons=tuple(skeleton for _, skeleton in self._skeletons.values()),
+            refused=library.refused,
+        )
+        path = self.folder / DATABASE
+        write_clip_table(
+            path, self.final, table, library.segments, library.is_donor, library.labels
+        )
+        self._written.append(DATABASE)
+
+    def commit(self, metadata: Mapping[str, Any]) -> None:
+        """Write the manifest with `metadata`, which makes this generation the current one."""
+        self._close_shards()
+        self.abandon()  # each group has its part of the boundary states
+        for path in self.folder.glob("edges-*.npy"):
+            path.unlink()
+        names = [f"{self._generation}/{name}" for name in self._written]
+        hashes = self._linked_hashes | hash_files(self._root, names)
+        document = {
+            "format": FORMAT,
+            "version": FORMAT_VERSION,
+            "mograft": VERSION,
+            "generation": self._generation,
+            **metadata,
+            "shards": self.shards,
+            "files": dict(sorted(hashes.items())),
+        }
+        document["checksum"] = manifest_checksum(document)
+        paths = [self._root / name for name in hashes]
+        for path in [*paths, *dict.fromkeys(path.parent for path in paths), self.folder]:
+            sync(path)
+        sync(self._root)  # the manifest must not become valid before the folder that it names
+        draft = self._root / f"{MANIFEST}.{self._generation}"
+        draft.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        sync(draft)
+        draft.replace(self._root / MANIFEST)
+        sync(self._root)
+
+    def abandon(self) -> None:
+        """Close the files that are not complete."""
+        for writer in self._writers.values():
+            writer.abandon()
+
+
+@contextlib.contextmanager
+def write_generation(
+    path: Path, *, force: bool = False, add: bool = False
+) -> Iterator[GenerationWriter]:
+    """Yield a writer of a library's next generation, under an exclusive lock.
+
+    `force` permits to replace an existing library; `add` extends it. If neither is true and the
+    folder exists and is not empty, raise FileExistsError. At the end, everything that was written
+    but not committed is removed. Raise LibraryError if the folder is not a library, or another
+    process is writing to it.
+    """
+    final = Path(os.path.abspath(path))
+    final.parent.mkdir(parents=True, exist_ok=True)
+    exists = final.exists() and (not final.is_dir() or any(final.iterdir()))
+    if exists and not add and not force:
+        raise FileExistsError(17, "exists; force=True replaces it", str(path))
+    generation = _write_in_place(final, add=add) if exists or add else _write_new(final)
+    with generation as writer:
+        try:
+            yield writer
+        finally:
+            writer.abandon()
+
+
+@contextlib.contextmanager
+def _write_new(final: Path) -> Iterator[GenerationWriter]:
+    """Yield a writer of a new library, in a temporary folder that is renamed after the commit."""
+    _remove_partial_libraries(final)
+    partial = final.with_name(f".{final.name}.partial-{os.getpid()}")
+    shutil.rmtree(partial, ignore_errors=True)
+    with clean_up_by(lambda: shutil.rmtree(partial, ignore_errors=True)):
+        partial.mkdir()
+        with _lock(partial):
+            yield GenerationWriter(partial, final, None, 1)
+        # After the lock file is closed: Windows does not rename a folder with an open file.
+        if (partial / MANIFEST).exists():
+            partial.rename(final)
+            sync(final.parent)
+
+
+@contextlib.contextmanager
+def _write_in_place(final: Path, *, add: bool) -> Iterator[GenerationWriter]:
+    """Yield a writer of the next generation, in the library's folder, beside the current one."""
+    if not add:
+        _check_is_library(final)
+    with _lock(final):
+        base = read(final) if add else None
+        try:
+            number = int(read_manifest(final)["generation"]) + 1
+        except LibraryError:
+            taken = [int(path.name) for path in final.iterdir() if path.name.isdigit()]
+            number = max(taken, default=0) + 1
+        _remove(final / f"{number:04d}")  # a killed process may have left it
+        with clean_up_by(lambda: _remove_old_generations(final)):
+            yield GenerationWriter(final, final, base, number)
+
+
+def _check_is_library(folder: Path) -> None:
+    """Raise LibraryError if a folder to be overwritten holds anything other than a library.
+
+    The library may be damaged.
+    """
+    reason = None
+    if not _has_library_manifest(folder):
+        reason = f"it is not a mograft library: it has no valid {MANIFEST}; move it away first"
+    else:
+        foreign = sorted(
+            path.name
+            for path in folder.iterdir()
+            if path.name not in (MANIFEST, LOCK) and not _is_replaceable(path)
+        )
+        if foreign:
+            listed = ", ".join(foreign[:3])
+            reason = f"it also holds other files, such as {listed}; move them away"
+    if reason:
+        raise LibraryError(f"{folder} is not overwritten: {reason}")
+
+
+def _has_library_manifest(folder: Path) -> bool:
+    """Return whether the folder has the manifest of a library, even a truncated one."""
+    if not (folder / MANIFEST).is_file():
+        return False
+    try:
+        text = (folder / MANIFEST).read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return False
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError):
+        return re.match(rf'\s*{{\s*"format":\s*"{re.escape(FORMAT)}"', text) is not None
+    return isinstance(document, dict) and document.get("format") == FORMAT
+
+
+def _is_replaceable(path: Path) -> bool:
+    """Return whether a path in a library's folder is a generation or the draft of a manifest.
+
+    Only these may be removed. A generation is a folder that is named by its number and holds only
+    arrays, folders of arrays and the database.
+    """
+    if path.is_symlink():
+        return False
+    if not path.is_dir():
+        return re.fullmatch(rf"{re.escape(MANIFEST)}\.\d{{4,}}", path.name) is not None
+    return re.fullmatch(r"\d{4,}", path.name) is not None and all(
+        _is_generation_file(entry)
+        or (
+            entry.is_dir()
+            and not entry.is_symlink()
+            and entry.name.isdigit()
+            and all(map(_is_generation_file, entry.iterdir()))
+        )
+        for entry in path.iterdir()
+    )
+
+
+def _is_generation_file(path: Path) -> bool:
+    is_file = path.is_file() and not path.is_symlink()
+    return is_file and (path.suffix == ".npy" or path.name.startswith(DATABASE))
+
+
+def _remove(path: Path) -> None:
+    """Remove a generation or the draft of a manifest; leave any other path unchanged."""
+    if not path.exists() or not _is_replaceable(path):
+        return
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _remove_old_generations(folder: Path) -> None:
+    """Remove all generations except the current one, and all drafts of manifests."""
+    with contextlib.suppress(LibraryError, OSError):
+        current = read_manifest(folder)["generation"]
+        for path in folder.iterdir():
+            if path.name != current:
+                _remove(path)
+
+
+def _remove_partial_libraries(final: Path) -> None:
+    """Remove temporary folders of this library that killed processes left behind."""
+    for path in final.parent.glob(f".{glob.escape(final.name)}.partial-*"):
+        with contextlib.suppress(LibraryError, OSError), _lock(path):
+            shutil.rmtree(path, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def _lock(folder: Path) -> Iterator[None]:
+    """Hold the exclusive lock of writers of a library; raise LibraryError if it is taken."""
+    path = folder / LOCK
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        raise LibraryError(f"{path} is not a regular file; remove it")
+    with contextlib.ExitStack() as stack:
+        try:
+            stack.enter_context(exclusive_lock(path))
+        except BlockingIOError as error:
+            message = f"another process is writing to {folder}; try again later"
+            raise LibraryError(message) from error
+        yield

@@ -1,0 +1,1 @@
+"""Records of grafts: written beside a motion, replayed and edited."""

@@ -1,0 +1,310 @@
+"""`GraftRecord`: the provenance of a graft as read from a JSON document."""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any, Self
+
+from mograft.body.groups import JointGroups
+from mograft.config import Config
+from mograft.errors import ProvenanceError, join_names
+from mograft.library.clip_table import skeleton_from_json
+from mograft.library.origin import LibraryOrigin
+from mograft.motion.skeleton import Skeleton
+from mograft.provenance.document import SCHEMA, SEVERAL_SCHEMA
+from mograft.search.constraints import Span
+
+SCHEMA_1 = "mograft.graft/1"
+DAMAGE = (
+    ArithmeticError,
+    AttributeError,
+    IndexError,
+    KeyError,
+    RecursionError,
+    TypeError,
+    ValueError,
+)
+"""What reading a damaged document raises."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClipRecord:
+    """A clip of which a graft is made."""
+
+    name: str
+    file: str | None  # relative to the folder of the document
+    clip: str | None  # name in the file, if the file holds several clips
+    sha256: str | None
+    is_base: bool
+    is_mirrored: bool
+    is_in_library: bool
+    true_rate: float | None
+    licence: str | None = None
+
+    @classmethod
+    def from_json(cls, record: Mapping[str, Any]) -> Self:
+        """Read an item of ``clips``."""
+        rate = record["true_rate"]
+        return cls(
+            name=str(record["name"]),
+            file=_optional_str(record["file"]),
+            clip=_optional_str(record.get("clip")),
+            sha256=_optional_str(record["sha256"]),
+            is_base="base" in record["roles"],
+            is_mirrored=bool(record["is_mirrored"]),
+            is_in_library=bool(record["is_in_library"]),
+            true_rate=None if rate is None else float(rate),
+            licence=_optional_str(record["licence"]),
+        )
+
+    @classmethod
+    def of_file(cls, record: Mapping[str, Any]) -> Self:
+        """Read an object with ``name``, ``file`` and ``sha256``: the motion of a `Character`."""
+        return cls(
+            name=str(record["name"]),
+            file=_optional_str(record["file"]),
+            clip=_optional_str(record.get("clip")),
+            sha256=_optional_str(record["sha256"]),
+            is_base=False,
+            is_mirrored=False,
+            is_in_library=False,
+            true_rate=None,
+        )
+
+
+@dataclass(frozen=True)
+class SegmentRecord:
+    """A segment by its clip and frames."""
+
+    clip: str
+    frames: Span
+
+    @classmethod
+    def from_json(cls, record: Mapping[str, Any]) -> Self:
+        """Read a JSON object with ``clip`` and ``clip_frames``."""
+        return cls(str(record["clip"]), _span(record["clip_frames"]))
+
+
+@dataclass(frozen=True)
+class DonorRecord:
+    """The donor of one base segment for one group."""
+
+    group: str
+    frames: Span  # of the base segment in the base
+    donor: SegmentRecord
+    is_own: bool  # whether the donor is the base segment itself
+    cost: float
+    alternatives: int | None  # number of other candidates; None in documents of version 1
+
+    @classmethod
+    def from_json(cls, record: Mapping[str, Any]) -> Self:
+        """Read an item of ``substitutions``, or of ``replaced`` in ``edits``."""
+        n = record.get("alternatives")
+        return cls(
+            str(record["group"]),
+            _span(record["frames"]),
+            SegmentRecord.from_json(record),
+            not record["exchanged"],
+            float(record.get("cost", 0.0)),
+            None if n is None else int(n),
+        )
+
+
+@dataclass(frozen=True)
+class ScenarioRecord:
+    """The segments that compose a base."""
+
+    segments: tuple[SegmentRecord, ...]
+    lengths: tuple[int, ...] | None = None
+    place: tuple[float, ...] | None = None
+    turn: float = 0.0
+
+    @classmethod
+    def from_json(cls, record: Any) -> "ScenarioRecord | None":  # noqa: ANN401 - of JSON
+        """Read ``scenario``: null, a JSON object, or in version 1 a list of segments."""
+        if not record:
+            return None
+        if isinstance(record, list):
+            return cls(tuple(SegmentRecord.from_json(own) for own in record))
+        segments = tuple(SegmentRecord.from_json(own) for own in record["segments"])
+        lengths, place = record["lengths"], record["place"]
+        return cls(
+            segments,
+            None if lengths is None else tuple(int(own) for own in lengths),
+            None if place is None else tuple(float(own) for own in place),
+            float(record["turn"]),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class GraftRecord:
+    """The provenance of a graft. Made by `read_record`."""
+
+    label: str  # the file, for messages
+    folder: Path  # to which paths are relative
+    document: Mapping[str, Any]
+    name: str
+    base: str
+    seed: int
+    index: int
+    poses_sha256: str | None  # None in documents of version 1
+    config: Config
+    groups: JointGroups
+    library: LibraryOrigin | None  # None in documents of version 1
+    clips: tuple[ClipRecord, ...]
+    sources: tuple[str, ...]  # files and folders, as typed on the command line
+    scenario: ScenarioRecord | None
+    donors: tuple[DonorRecord, ...]
+    edits: tuple[tuple[DonorRecord, ...], ...]  # the donors that each edit replaced
+
+    def error(self, message: str) -> ProvenanceError:
+        """Return an error that names the document."""
+        return ProvenanceError(f"{self.label}: {message}")
+
+
+def read_record(source: str | PathLike[str] | Mapping[str, Any]) -> GraftRecord:
+    """Read the provenance of a graft from a file, or from a document as `Graft.as_dict` returns it.
+
+    Of a file with the provenance of several grafts, ``path#NAME`` names one. Raise ProvenanceError
+    if it is not the provenance of a graft or is damaged, and OSError if the file cannot be read.
+    """
+    if isinstance(source, Mapping):
+        return _parse(source, "document", Path())
+    address, _, name = fspath(source).rpartition("#")
+    if not address or os.path.exists(source):
+        address, name = fspath(source), ""
+    path = Path(address)
+    grafts = _read_documents(path)
+    names = [str(own.get("name")) for own in grafts]
+    if name and names.count(name) == 1:
+        return _parse(grafts[names.index(name)], address, path.parent)
+    if name or len(grafts) > 1:
+        raise ProvenanceError(
+            f"{path}: expected the name of a graft, as in {path}#{names[0]}, one of "
+            f"{join_names(names)}; got {name or 'none'}"
+        )
+    return _parse(grafts[0], address, path.parent)
+
+
+def read_clip_record(path: Path, clip: str | None) -> GraftRecord | None:
+    """Read the provenance beside a motion file; None if the clip of the file is not a graft.
+
+    `clip` is None for the only clip. Raises as `read_record`.
+    """
+    source = path.with_suffix(".json")
+    for document in _read_documents(source):
+        if clip is None or document.get("animation", clip) == clip:
+            return _parse(document, str(source), source.parent)
+    return None
+
+
+def _read_documents(path: Path) -> list[Mapping[str, Any]]:
+    """Return the documents of all grafts in a file: at least one object."""
+    try:
+        document = json.loads(path.read_bytes())
+    except (ValueError, RecursionError) as error:
+        raise ProvenanceError(f"{path}: not a JSON document: {error}") from None
+    grafts = [document]
+    if isinstance(document, Mapping) and document.get("schema") == SEVERAL_SCHEMA:
+        grafts = document.get("grafts", [])
+    if not isinstance(grafts, list) or not grafts:
+        raise ProvenanceError(f"{path}: damaged: `grafts` must be a list of objects")
+    return [own if isinstance(own, Mapping) else {} for own in grafts]
+
+
+def _parse(document: Any, label: str, folder: Path) -> GraftRecord:  # noqa: ANN401 - of JSON
+    schema = document.get("schema") if isinstance(document, Mapping) else None
+    if schema not in (SCHEMA, SCHEMA_1):
+        raise ProvenanceError(
+            f"{label}: not the provenance of a graft: `schema` must be {SCHEMA} or {SCHEMA_1}, "
+            f"got {schema!r}"
+        )
+    try:
+        return _record(document, label, folder, is_first=schema == SCHEMA_1)
+    except DAMAGE as error:
+        reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+        raise ProvenanceError(f"{label}: damaged: {reason}") from error
+
+
+def _record(
+    document: Mapping[str, Any], label: str, folder: Path, *, is_first: bool
+) -> GraftRecord:
+    donors = tuple(DonorRecord.from_json(own) for own in document["substitutions"])
+    if not donors:
+        raise ValueError("`substitutions` is empty")
+    request = {} if is_first else document["request"]
+    base = str(document["base"])
+    return GraftRecord(
+        label=label,
+        folder=folder,
+        document=document,
+        name=str(document["name"]),
+        base=base,
+        seed=int(document["seed"]),
+        index=int(document["index"]),
+        poses_sha256=None if is_first else str(document["poses_sha256"]),
+        config=Config.from_dict(document["config"]),
+        groups=_read_groups(document, is_first=is_first),
+        library=None if is_first else _read_library(document["library"], folder),
+        clips=tuple(
+            ClipRecord.from_json(_as_version_2(own, base) if is_first else own)
+            for own in document["clips"]
+        ),
+        sources=tuple(str(own) for own in request.get("sources", ())),
+        scenario=ScenarioRecord.from_json(document["scenario"]),
+        donors=donors,
+        edits=tuple(
+            tuple(DonorRecord.from_json(own) for own in edit["replaced"])
+            for edit in document.get("edits", ())
+        ),
+    )
+
+
+def _as_version_2(record: Mapping[str, Any], base: str) -> Mapping[str, Any]:
+    """Return an item of ``clips`` of version 1 with the keys of version 2."""
+    return {
+        **record,
+        "roles": ["base"] if record["name"] == base else [],
+        "is_mirrored": False,
+        "is_in_library": True,
+        "true_rate": None,
+        "licence": None,
+    }
+
+
+def _read_groups(document: Mapping[str, Any], *, is_first: bool) -> JointGroups:
+    if is_first:
+        return JointGroups(document["groups"], base=document["base_group"])
+    return JointGroups.from_toml(str(document["groups_toml"]) + "\n")
+
+
+def _read_library(record: Mapping[str, Any], folder: Path) -> LibraryOrigin:
+    path = _optional_str(record["folder"])
+    return LibraryOrigin(
+        folder=None if path is None else folder / path,
+        sha256=str(record["sha256"]),
+        n_clips=int(record["clips"]),
+        is_mirrored=bool(record["is_mirrored"]),
+        rate=float(record["rate"]),
+        root=int(record["root"]),
+        up=int(record["up"]),
+        match=record.get("match", "names"),  # earlier versions did not write the last three
+        hierarchy=_optional_skeleton(record.get("hierarchy")),
+        rest=_optional_skeleton(record.get("rest")),
+    )
+
+
+def _optional_skeleton(value: Any) -> Skeleton | None:  # noqa: ANN401 - of JSON
+    return None if value is None else skeleton_from_json(value)
+
+
+def _span(value: Sequence[Any]) -> Span:
+    first, last = value
+    return int(first), int(last)
+
+
+def _optional_str(value: Any) -> str | None:  # noqa: ANN401 - of JSON
+    return None if value is None else str(value)

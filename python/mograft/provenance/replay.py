@@ -1,0 +1,297 @@
+"""Replay: a graft made again from its provenance, without a search."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from mograft._util.validate import check_type
+from mograft.blend.reach_completion import ReachCompletion
+from mograft.errors import ProvenanceError
+from mograft.io.addresses import read_clip
+from mograft.library.library import Library
+from mograft.library.origin import hash_poses
+from mograft.motion.motion import Motion
+from mograft.provenance.graft_edit import splice_versions
+from mograft.provenance.graft_record import DAMAGE, ClipRecord, GraftRecord, read_record
+from mograft.provenance.record_library import RecordedLibrary, find_clip, find_library
+from mograft.scenario import Scenario
+from mograft.search.constraint_records import UnrestoredConstraint, decode_constraint
+from mograft.search.constraints import Constraint, Violation
+from mograft.search.pose_constraints import Reach
+from mograft.search.trellis import DonorSequences
+from mograft.solve.assembly import Assembly
+from mograft.solve.self_repair import RepairedWindow
+from mograft.synthesis.graft_plan import GraftPlan
+from mograft.synthesis.graft_request import GraftRequest
+from mograft.synthesis.graft_result import Graft
+
+
+def replay(
+    source: str | PathLike[str] | Mapping[str, Any],
+    library: Library | None = None,
+    *,
+    sources: Sequence[str] = (),
+) -> Graft:
+    """Make a graft again from its provenance, bit for bit.
+
+    The donors are those of the provenance; nothing is searched.
+
+    Parameters
+    ----------
+    source : path or mapping
+        The ``.json`` file beside a graft, or a document that `Graft.as_dict` returned.
+    library : Library, optional
+        The library of the graft. Default: the stored library that the provenance names; if it is
+        missing or has changed, a library of the clips of which the graft is made, read from their
+        files.
+    sources : sequence of str
+        Files and folders. The files of clips that are not at the path in the provenance are
+        searched for among them.
+
+    Returns
+    -------
+    Graft
+        The graft. If no complete library was found, `Graft.library` has only the clips of the
+        graft.
+
+    Raises
+    ------
+    ProvenanceError
+        If the provenance is damaged or of another schema; if the library or a file is missing or
+        has another SHA-256; if the motion differs from that of the provenance, because another
+        version of mograft made it.
+    OSError
+        If a file cannot be read.
+
+    Examples
+    --------
+    >>> import mograft as mg
+    >>> from mograft.dancer import dance
+    >>> library = mg.Library.build(dance(strides=1).motion)
+    >>> document = mg.graft_record(mg.graft(library, seed=7))
+    >>> mg.replay(document, library)
+    Graft(dance_graft0: 151 of 197 parts exchanged)
+    """
+    record = read_record(source)
+    if library is not None:
+        check_type("library", library, Library)
+    try:
+        return _replay(record, library, sources)
+    except ProvenanceError:
+        raise
+    except DAMAGE as error:
+        raise record.error(f"damaged: {error}") from error
+
+
+def _replay(record: GraftRecord, library: Library | None, sources: Sequence[str]) -> Graft:
+    """Return the graft of a record; damaged values raise one of the exceptions in `DAMAGE`."""
+    recorded = find_library(record, library, sources)
+    plan = GraftPlan.build(
+        recorded.library, recorded.base, _groups(record), (), _read_scenario(record, recorded)
+    )
+    donors = _find_donors(record, recorded, plan)
+    request = _read_request(record, sources)
+    versions = _find_versions(record, recorded, plan, donors)
+    graft = _finish_versions(record, plan, versions, request.constraints)
+    found = hash_poses(graft.motion)
+    if record.poses_sha256 not in (None, found):
+        raise record.error(
+            f"the motion differs from that of the provenance: SHA-256 of its poses {found}, "
+            f"expected {record.poses_sha256}; another version of mograft made it"
+        )
+    return _with_recorded(graft, record, replace(request, scenario=plan.request.scenario))
+
+
+def _groups(record: GraftRecord) -> list[str]:
+    return list(dict.fromkeys(own.group for own in record.donors))
+
+
+def _read_scenario(record: GraftRecord, recorded: RecordedLibrary) -> Scenario | None:
+    own = record.scenario
+    if own is None:
+        return None
+    segments = [recorded.find_segment(record, segment) for segment in own.segments]
+    return Scenario(
+        np.array(segments),
+        None if own.lengths is None else np.array(own.lengths),
+        None if own.place is None else np.array(own.place),
+        own.turn,
+    )
+
+
+def _find_donors(record: GraftRecord, recorded: RecordedLibrary, plan: GraftPlan) -> DonorSequences:
+    """Return the recorded donor sequences."""
+    base_segments, scenario = plan.problem.base_segments, plan.problem.scenario.tolist()
+    frames = list(zip(base_segments.start.tolist(), base_segments.stop.tolist(), strict=True))
+    donors: DonorSequences = {}
+    for group in plan.pools:
+        own = [donor for donor in record.donors if donor.group == group]
+        if [donor.frames for donor in own] != frames:
+            raise record.error(f"the segments of {record.base} differ from those of the graft")
+        donors[group] = np.array(
+            [
+                base if donor.is_own else recorded.find_segment(record, donor.donor)
+                for donor, base in zip(own, scenario, strict=True)
+            ]
+        )
+    return donors
+
+
+def _find_versions(
+    record: GraftRecord, recorded: RecordedLibrary, plan: GraftPlan, donors: DonorSequences
+) -> list[DonorSequences]:
+    """Return the donors before each edit, oldest first, then `donors`, those after the last."""
+    cut, scenario = plan.problem.base_segments, plan.problem.scenario.tolist()
+    position_of = {
+        frames: position
+        for position, frames in enumerate(zip(cut.start.tolist(), cut.stop.tolist(), strict=True))
+    }
+    versions = [donors]
+    for edit in reversed(record.edits):
+        earlier = {group: own.copy() for group, own in versions[0].items()}
+        for own in edit:
+            position = position_of[own.frames]
+            earlier[own.group][position] = (
+                scenario[position] if own.is_own else recorded.find_segment(record, own.donor)
+            )
+        versions.insert(0, earlier)
+    return versions
+
+
+def _finish_versions(
+    record: GraftRecord,
+    plan: GraftPlan,
+    versions: Sequence[DonorSequences],
+    constraints: Sequence[Constraint],
+) -> Graft:
+    """Return the graft of the last donors; the edits are made one after the other.
+
+    In each version, inverse kinematics moves only the limbs that it moved according to `record`.
+    """
+    document = record.document
+    completions = [_read_completions(own, constraints) for own in document.get("edits", ())]
+    completions.append(_read_completions(document, constraints))
+    graft: Graft | None = None
+    for index, (donors, found) in enumerate(zip(versions, completions, strict=True)):
+        assembly = Assembly(plan.problem, donors, record.name)
+
+        def adjust(
+            motion: Motion, before: Graft | None = graft, donors: DonorSequences = donors
+        ) -> Motion:
+            if before is None:
+                return motion
+            return splice_versions(
+                plan.problem, before.motion, motion, versions[before.index], donors
+            )
+
+        moved = [own.reach for own in found if own.is_moved]
+        graft = plan.finish(assembly, record.seed, index, adjust, moved)
+    assert graft is not None
+    return replace(
+        graft,
+        index=record.index,
+        history=tuple(versions[:-1]),
+        reach_completions=completions[-1],
+        completion_history=tuple(completions[:-1]),
+    )
+
+
+def _read_request(record: GraftRecord, sources: Sequence[str]) -> GraftRequest:
+    """Return the recorded request without its scenario; the default for documents of version 1."""
+    request = record.document.get("request")
+    if request is None:
+        return GraftRequest()
+
+    def decode_motion(motion: Mapping[str, Any]) -> Motion:
+        clip = ClipRecord.of_file(motion)
+        return replace(read_clip(find_clip(record, clip, sources)), name=clip.name)
+
+    swap = request["swap"]
+    constraints = [decode_constraint(own, decode_motion) for own in request["constraints"]]
+    return GraftRequest(
+        method=request["method"],
+        base=request["base"],
+        swap=None if swap is None else tuple(swap),
+        constraints=tuple(constraints),
+        command=request["command"],
+        sources=record.sources,
+        edit_commands=tuple(edit["command"] for edit in record.document.get("edits", ())),
+    )
+
+
+def _with_recorded(graft: Graft, record: GraftRecord, request: GraftRequest) -> Graft:
+    """Return the graft with the recorded results of the search, which replay does not repeat."""
+    costs = {(own.group, own.frames): own.cost for own in record.donors}
+    alternatives = dict(graft.alternatives)
+    for group in alternatives:
+        counts = [own.alternatives for own in record.donors if own.group == group]
+        if None not in counts:
+            alternatives[group] = np.array(counts)
+    document = record.document
+    violations = [_read_violation(own, request.constraints) for own in document["violations"]]
+    return replace(
+        graft,
+        substitutions=tuple(
+            own._replace(cost=costs[own.group, (own.start, own.stop)])
+            for own in graft.substitutions
+        ),
+        alternatives=alternatives,
+        violations=tuple(violations),
+        repairs=tuple(_read_repair(own) for own in document.get("self_repair", ())),
+        request=request,
+    )
+
+
+def _read_violation(record: Mapping[str, Any], constraints: Sequence[Constraint]) -> Violation:
+    number = record.get("number")
+    first, last = record["frames"]
+    return Violation(
+        constraint=UnrestoredConstraint(str(record["constraint"]))
+        if number is None
+        else constraints[number],
+        frames=(int(first), int(last)),
+        worst=int(record["worst_frame"]),
+        error=float(record["tolerances"]),
+        joint=str(record["joint"]),
+        message=str(record["message"]),
+    )
+
+
+def _read_completions(
+    document: Mapping[str, Any], constraints: Sequence[Constraint]
+) -> tuple[ReachCompletion, ...]:
+    """Return what inverse kinematics did according to a document, or to one of its ``edits``.
+
+    The result is empty if the document was written before mograft had inverse kinematics.
+    """
+    found = []
+    for own in document.get("reach_ik", ()):
+        reach = constraints[own["number"]]
+        if not isinstance(reach, Reach):
+            raise ValueError("each `number` in `reach_ik` must be that of a Reach constraint")
+        first, last = own["frames"]
+        found.append(
+            ReachCompletion(
+                reach=reach,
+                frames=(int(first), int(last)),
+                before=float(own["before_heights"]),
+                after=float(own["after_heights"]),
+                reason=str(own["reason"]),
+            )
+        )
+    return tuple(found)
+
+
+def _read_repair(record: Mapping[str, Any]) -> RepairedWindow:
+    first, last = record["frames"]
+    return RepairedWindow(
+        group=str(record["group"]),
+        start=int(first),
+        stop=int(last),
+        measure=str(record["measure"]),
+        before=float(record["before"]),
+        after=float(record["after"]),
+    )

@@ -1,0 +1,1 @@
+"""Search for donor sequences that satisfy constraints on assembled motions."""

@@ -1,0 +1,205 @@
+"""Motions assembled from donor sequences, and how far they violate hard constraints."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.blend.recombine import Part, recombine
+from mograft.blend.transplant import seam_reach, transplant
+from mograft.body.world_poses import Poses
+from mograft.motion.motion import Motion
+from mograft.motion.segments import Segments
+from mograft.search.trellis import DonorSequences
+from mograft.solve.search_problem import SearchProblem
+
+
+def transplant_group(
+    problem: SearchProblem,
+    group: str,
+    base: Motion,
+    base_segments: Segments,
+    donors: IntArray,
+    frames: IntArray | None = None,
+) -> Part:
+    """Return the motion of a group in which donors replace the segments of a base motion.
+
+    `base_segments` are the segments of `base`; `donors` has one donor for each. Seams are treated.
+    `base` consists of the frames `frames` of the problem's base, by default of all frames.
+    """
+    library, lean = problem.library, problem.trunk_leans[group]
+    return transplant(
+        base,
+        base_segments,
+        library.segments[donors],
+        library.clips,
+        problem.group_specs[group],
+        library.config,
+        lean if frames is None else lean.at(frames),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """The positions `first` to `stop` - 1 of donor sequences."""
+
+    donors: DonorSequences
+    first: int
+    stop: int
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """The motion that results from donor sequences, before feet are planted.
+
+    It is computed when it is first used.
+    """
+
+    problem: SearchProblem
+    donors: DonorSequences
+    name: str
+    _kept_parts: Mapping[str, Part] = field(default_factory=dict)  # of groups known already
+
+    @property
+    def motion(self) -> Motion:
+        """The motion of all joints."""
+        return self._built[0]
+
+    @property
+    def seams(self) -> Mapping[str, IntArray]:
+        """The frames of the seams of each grafted group."""
+        return self._built[1]
+
+    @cached_property
+    def _built(self) -> tuple[Motion, dict[str, IntArray], dict[str, Part]]:
+        """The motion, the seams, and the parts that another assembly can use."""
+        problem, parts = self.problem, dict(self._kept_parts)
+        base, segments = problem.base, problem.base_segments
+        for group, sequence in self.donors.items():
+            if group not in parts:
+                parts[group] = transplant_group(problem, group, base, segments, sequence)
+        seams = {group: parts[group].seams for group in self.donors}
+        ordered = [parts[group] for group in self.donors]
+        kept = parts if len(parts) > 1 else {}
+        # The part of a single group is not kept, and is released before channel values are copied.
+        del parts
+        ordered.reverse()
+        motion = recombine(base, (ordered.pop() for _ in seams), self.name)
+        return motion, seams, kept
+
+    def replace_donors(self, group: str, donors: IntArray) -> "Assembly":
+        """Return a new assembly in which one group has the donor sequence `donors`.
+
+        This assembly forgets its motion, which is large; the next use computes it again.
+        """
+        kept: dict[str, Part] = {}
+        if len(self.donors) > 1:  # otherwise no part remains
+            kept = {name: part for name, part in self._built[2].items() if name != group}
+        self.__dict__.pop("_built", None)
+        return Assembly(self.problem, {**self.donors, group: donors}, self.name, kept)
+
+
+def assemble(problem: SearchProblem, donors: DonorSequences) -> Motion:
+    """Return the motion of donor sequences; groups without one keep the motion of the base."""
+    return assemble_pieces(problem, [Piece(donors, 0, len(problem.base_segments))])
+
+
+def pose_excess(problem: SearchProblem, poses: Poses) -> FloatArray:
+    """Return by how many tolerances each pose violates hard constraints, shape (n,).
+
+    It is the sum over the grafted groups of max(0, greatest violation amount - 1).
+    """
+    excess = np.zeros(len(poses))
+    for joints in problem.driven_joints.values():
+        excess += _joint_excess(problem, poses, joints)
+    return excess
+
+
+def donor_excess(problem: SearchProblem, donors: DonorSequences) -> dict[str, FloatArray]:
+    """Return by how many tolerances the motion of donor sequences violates hard constraints.
+
+    The result has an array of shape (n_frames,) for each group: max(0, greatest violation amount
+    - 1) in each frame.
+    """
+    excesses = donor_excesses(problem, [donors], 0, len(problem.base_segments))
+    return {group: own[0] for group, own in excesses.items()}
+
+
+def donor_excesses(
+    problem: SearchProblem, alternatives: Sequence[DonorSequences], first: int, stop: int
+) -> dict[str, FloatArray]:
+    """Evaluate `donor_excess` for several alternatives, in the positions `first` to `stop` - 1.
+
+    For every group the result has an array of shape (n_alternatives, n_frames). The frames are
+    those from the first frame of position `first` to the last frame of position `stop` - 1.
+    """
+    if problem.root_group is not None and len(alternatives) > 1:
+        each = [donor_excesses(problem, [donors], first, stop) for donors in alternatives]
+        return {group: np.concatenate([own[group] for own in each]) for group in problem.pools}
+    segments = problem.base_segments
+    low, high = _seam_range(problem, first, stop)
+    motion = assemble_pieces(problem, [Piece(donors, low, high) for donors in alternatives])
+    begin, end = int(segments.start[low]), int(segments.stop[high - 1])
+    frames = np.tile(np.arange(begin, end + 1), len(alternatives))
+    poses = problem.base_poses.with_poses(frames, *motion.world_transforms())
+    wanted = slice(int(segments.start[first]) - begin, int(segments.stop[stop - 1]) - begin + 1)
+    found = {}
+    for group in problem.pools:
+        excess = _joint_excess(problem, poses, problem.driven_joints[group])
+        found[group] = excess.reshape(len(alternatives), -1)[:, wanted]
+    return found
+
+
+def _joint_excess(problem: SearchProblem, poses: Poses, joints: BoolArray) -> FloatArray:
+    excess = np.zeros(len(poses))
+    for constraint in problem.constraints:
+        if constraint.is_hard:
+            error, _ = constraint.errors(poses, joints)
+            excess = np.maximum(excess, error - 1.0)
+    return excess
+
+
+def assemble_pieces(problem: SearchProblem, pieces: Sequence[Piece]) -> Motion:
+    """Assemble pieces of donor sequences, and return their motions one after the other."""
+    segments, base = problem.base_segments, problem.base
+    frames, starts, stops, n_frames = [], [], [], 0
+    for piece in pieces:
+        own = segments[piece.first : piece.stop]
+        shift = n_frames - int(own.start[0])
+        starts.append(own.start + shift)
+        stops.append(own.stop + shift)
+        frames.append(np.arange(own.start[0], own.stop[-1] + 1))
+        n_frames += len(frames[-1])
+    joined = Segments(np.concatenate(starts), np.concatenate(stops))
+    kept = np.concatenate(frames)
+    motion = replace(
+        base,
+        rotations=base.rotations[kept],
+        positions=base.positions[kept],
+        channel_values=None,
+    )
+    parts = []
+    for group in problem.pools:
+        chosen = [own.donors[group][own.first : own.stop] for own in pieces if group in own.donors]
+        if chosen:
+            donors = np.concatenate(chosen)
+            parts.append(transplant_group(problem, group, motion, joined, donors, kept))
+    return recombine(motion, parts, "")
+
+
+def _seam_range(problem: SearchProblem, first: int, stop: int) -> tuple[int, int]:
+    """Extend a range of positions by all positions whose donors can change frames in the range.
+
+    If a grafted group contains the root, the result has all positions: the root transform depends
+    on all earlier donors.
+    """
+    segments = problem.base_segments
+    if problem.root_group is not None:
+        return 0, len(segments)
+    reach = int(np.ceil(seam_reach(problem.config) * problem.base.rate))
+    start, end = segments.start[first], segments.stop[stop - 1]
+    low = int(np.searchsorted(segments.start, start - reach, side="right")) - 1
+    high = int(np.searchsorted(segments.stop, end + reach)) + 1
+    return max(min(low, first - 2), 0), min(max(high, stop + 2), len(segments))

@@ -1,0 +1,330 @@
+"""The search problem: a base motion, the candidate donors, and the constraints on the result."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.blend.transplant import GraftedGroup
+from mograft.blend.trunk_lean import TrunkLean
+from mograft.body.anatomy import feature_joints
+from mograft.body.contacts import find_legs
+from mograft.body.world_poses import Poses
+from mograft.config import Config
+from mograft.library.library import Library
+from mograft.motion.motion import Motion
+from mograft.motion.segments import Segments
+from mograft.motion.skeleton import Skeleton
+from mograft.scenario.realize import joints_of_donors
+from mograft.search.candidate_lists import ComputedLists
+from mograft.search.candidates import POSITIONS_PER_BATCH, SegmentPool
+from mograft.search.constraints import Constraint
+from mograft.search.costs import PRESELECTION, ConstraintViolations, CostModel, origin_violations
+from mograft.search.donor_choice import DONOR_CHOICES, cost_model
+from mograft.search.donor_constraints import limit_config
+from mograft.search.pose_constraints import with_captured_depth
+from mograft.search.trellis import DonorSequences
+from mograft.solve.segment_references import check_groups, resolve_segments, used_donors
+
+_MAX_STORED_CANDIDATES = 1 << 24
+"""Greatest number of candidates that are stored: 128 MiB. More are computed when they are read."""
+
+
+def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
+    """Check the types of constraints and the joint names in them.
+
+    `poses` has at least one pose of the skeleton to which the constraints apply. An item that is
+    not a constraint raises TypeError; a joint name that the skeleton lacks raises ValueError.
+    """
+    if not isinstance(constraints, Collection):
+        raise TypeError(f"`constraints` must be a list of constraints, got {constraints!r}")
+    for constraint in constraints:
+        if not isinstance(constraint, Constraint):
+            raise TypeError(f"`constraints` must contain only constraints, got {constraint!r}")
+        frame = 0 if constraint.frames is None else constraint.frames[0]
+        # Evaluating a pose looks up every joint that the constraint names.
+        first = poses.with_poses(np.array([frame]), poses.rotations[:1], poses.positions[:1])
+        constraint.errors(first)
+
+
+def _checked_constraints(constraints: Sequence[Constraint], base: Motion) -> list[Constraint]:
+    """Check constraints on a base motion, and return them.
+
+    If `AvoidSelf.captured` is 0, it is set to the largest depth of self-collision in `base`.
+    """
+    poses = Poses.from_motion(base)
+    check_constraints(constraints, poses)
+    for constraint in constraints:
+        if constraint.frames is not None and constraint.frames[0] >= base.n_frames:
+            raise ValueError(
+                f"frames of {type(constraint).__name__} must be within 0 to "
+                f"{base.n_frames - 1}, got {constraint.frames[0]}"
+            )
+    return with_captured_depth(constraints, poses)
+
+
+def _with_used_donors(
+    candidates: Sequence[IntArray],
+    constraints: Sequence[Constraint],
+    base_segments: Segments,
+    library: Library,
+) -> Sequence[IntArray]:
+    """Add the donors that `Use` constraints name to the candidates of each position."""
+    if not constraints:
+        return candidates
+    used = used_donors(constraints, base_segments, library)
+    return [
+        np.union1d(own, more) if len(more) else own
+        for own, more in zip(candidates, used, strict=True)
+    ]
+
+
+def _find_candidates(
+    pool: SegmentPool, scenario: IntArray, config: Config, model: CostModel | None
+) -> Sequence[IntArray]:
+    """Return the candidates of each position, computed when they are read if they are many."""
+    limit = PRESELECTION * config.max_candidates
+    is_limited = model is not None and limit < len(pool.segments)
+    if not is_limited or len(scenario) * limit <= _MAX_STORED_CANDIDATES:
+        return pool.candidate_lists(scenario, config, model)
+
+    def compute(block: slice) -> list[IntArray]:
+        return pool.candidate_lists(scenario[block], config, model)
+
+    return ComputedLists(compute, len(scenario), POSITIONS_PER_BATCH)
+
+
+def driven_joints(skeleton: Skeleton, members: Mapping[str, IntArray]) -> dict[str, BoolArray]:
+    """Return for each joint group a mask of the joints that it moves, shape (n_joints,).
+
+    A joint that is in no group is moved by the group of its nearest ancestor that is in one.
+    """
+    group_of = [""] * skeleton.n_joints
+    member_of = {int(joint): group for group, joints in members.items() for joint in joints}
+    for joint, parent in enumerate(skeleton.parents):
+        inherited = group_of[parent] if parent >= 0 else ""
+        group_of[joint] = member_of.get(joint, inherited)
+    return {group: np.array([name == group for name in group_of]) for group in members}
+
+
+@dataclass(frozen=True, eq=False)
+class SearchProblem:
+    """A base motion, its candidate donors and the constraints. Made by `SearchProblem.build`."""
+
+    library: Library
+    base: Motion
+    scenario: IntArray  # base segments as indices into the library, shape (n_positions,)
+    base_segments: Segments  # the same segments in frames of the base motion
+    pools: Mapping[str, SegmentPool]  # by grafted group, in hierarchical order of the groups
+    candidates: Mapping[str, Sequence[IntArray]]  # by grafted group, for each position
+    constraints: tuple[Constraint, ...]
+    config: Config  # of the library, limited by the constraints
+
+    @classmethod
+    def build(
+        cls,
+        library: Library,
+        base: Motion,
+        scenario: IntArray,
+        base_segments: Segments,
+        groups: Sequence[str],
+        constraints: Sequence[Constraint],
+    ) -> "SearchProblem":
+        """Find the candidates that satisfy limits on cluster and length, and donor constraints.
+
+        If `AvoidSelf.captured` is 0, it is set to the largest depth of self-collision in the base
+        motion. An item that is not a constraint raises TypeError; a constraint with an unknown
+        joint, clip or frame raises ValueError.
+        """
+        if not isinstance(constraints, Collection) or len(constraints):
+            constraints = _checked_constraints(constraints, base)
+        config = limit_config(library.config, constraints)
+        if not DONOR_CHOICES.get(config.choice).is_limited:
+            config = replace(config, max_candidates=len(library.segments))
+        groups = sorted(groups, key=lambda group: int(library.joints(group).min()))
+        check_groups(constraints, groups)
+        constraints = resolve_segments(constraints, base_segments, library)
+        pools = {group: library.pool(group) for group in groups}
+        # A constraint can require any donor, so lists are limited only without constraints.
+        models = {
+            group: None if constraints else cost_model(config, pools[group]) for group in groups
+        }
+        lists = {
+            group: _with_used_donors(
+                _find_candidates(pool, scenario, config, models[group]),
+                [own for own in constraints if own.applies_to_group(group)],
+                base_segments,
+                library,
+            )
+            for group, pool in pools.items()
+        }
+        problem = cls(
+            library=library,
+            base=base,
+            scenario=scenario,
+            base_segments=base_segments,
+            pools=pools,
+            candidates=lists,
+            constraints=tuple(constraints),
+            config=config,
+        )
+        allowed = {group: problem._allowed_by_origin(group) for group in groups}
+        return replace(problem, candidates=allowed)
+
+    @cached_property
+    def base_poses(self) -> Poses:
+        """The world poses of the base motion."""
+        return Poses.from_motion(self.base)
+
+    def poses_of(self, motion: Motion) -> Poses:
+        """Return the world poses of all frames of a motion of the same skeleton."""
+        return self.base_poses.with_poses(np.arange(motion.n_frames), *motion.world_transforms())
+
+    @cached_property
+    def cost_models(self) -> dict[str, CostModel]:
+        """The cost model of each grafted group."""
+        return {group: cost_model(self.config, pool) for group, pool in self.pools.items()}
+
+    @cached_property
+    def driven_joints(self) -> dict[str, BoolArray]:
+        """For each grafted group, a mask of the joints that it moves; see `driven_joints`."""
+        members = {group: self.library.joints(group) for group in self.pools}
+        return driven_joints(self.base.skeleton, members)
+
+    @cached_property
+    def movable_legs(self) -> list[bool]:
+        """For each leg of `find_legs`, whether the grafted groups contain hip, knee and ankle."""
+        joints = {
+            joint
+            for group, divided in self.divided_channels.items()
+            if group in self.pools
+            for joint in self.library.joints(group).tolist()
+            if joint not in divided
+        }
+        legs = find_legs(self.base.skeleton)
+        return [{leg.hip, leg.knee, leg.ankle} <= joints for leg in legs]
+
+    @cached_property
+    def divided_channels(self) -> dict[str, dict[int, str]]:
+        """For each group, the joints of which it has only some rotation channels.
+
+        The values are the axes of these channels.
+        """
+        return self.library.groups.divided_channels(self.library.skeleton)
+
+    @cached_property
+    def root_group(self) -> str | None:
+        """The grafted group that contains the root and whose donors drive it, or None."""
+        for group in self.pools:
+            joints = np.setdiff1d(self.library.joints(group), list(self.divided_channels[group]))
+            if self.library.root in joints:
+                return group
+        return None
+
+    @cached_property
+    def group_specs(self) -> dict[str, GraftedGroup]:
+        """For each grafted group, its description as an argument of `transplant`."""
+        library = self.library
+        # Time warping compares the joints of the base group except the root.
+        compared = feature_joints(library.skeleton, library.joints(library.groups.base))
+        return {
+            group: GraftedGroup(
+                joints=joints_of_donors(library, library.joints(group)),
+                root=library.root,
+                up=library.up,
+                base_joints=np.setdiff1d(compared, [library.root]),
+                held=self.divided_channels[group],
+            )
+            for group in self.pools
+        }
+
+    @cached_property
+    def trunk_leans(self) -> dict[str, TrunkLean]:
+        """The trunk joints of each grafted group that keep their lean, and the lean of the base."""
+        return {
+            group: TrunkLean.from_config(self.base, spec.whole_joints, spec.up, self.config)
+            for group, spec in self.group_specs.items()
+        }
+
+    @property
+    def captured_donors(self) -> DonorSequences:
+        """The donor sequences without substitutions: every base segment is its own donor."""
+        return {group: self.scenario.copy() for group in self.pools}
+
+    @property
+    def pose_constraints(self) -> list[Constraint]:
+        """The constraints that depend on poses."""
+        return [own for own in self.constraints if type(own).errors is not Constraint.errors]
+
+    @cached_property
+    def is_constrained_position(self) -> BoolArray:
+        """Whether a pose constraint applies at each position, shape (n_positions,)."""
+        applies = np.zeros(len(self.base_segments), bool)
+        for constraint in self.pose_constraints:
+            first, last = constraint.frames or (0, self.base.n_frames)
+            applies |= (self.base_segments.start <= last) & (self.base_segments.stop >= first)
+        return applies
+
+    @cached_property
+    def is_constrained_frame(self) -> BoolArray:
+        """Whether a hard pose constraint applies in each frame, shape (n_frames,)."""
+        frames = np.arange(self.base.n_frames)
+        applies = [own.applies(frames) for own in self.pose_constraints if own.is_hard]
+        return np.any(applies, axis=0) if applies else np.zeros(len(frames), bool)
+
+    def count_alternatives(self, group: str) -> IntArray:
+        """Return how many candidates other than the base segment each position has."""
+        lists = self.candidates[group]
+        if isinstance(lists, ComputedLists):
+            return lists.lengths() - 1  # all contain the base segment
+        pairs = zip(lists, self.scenario, strict=True)
+        return np.array([np.count_nonzero(own != base) for own, base in pairs], np.int64)
+
+    def positions_with(self, excess: FloatArray) -> BoolArray:
+        """Return whether each position has a frame in which `excess` is above 0.
+
+        `excess` is a result of `donor_excess`, shape (n_frames,).
+        """
+        count = np.concatenate([[0], np.cumsum(excess > 0)])
+        found: BoolArray = count[self.base_segments.stop + 1] > count[self.base_segments.start]
+        return found
+
+    def greatest_at_positions(self, excess: FloatArray) -> FloatArray:
+        """Return the greatest `excess` in the frames of each position, first and last included."""
+        frames = zip(self.base_segments.start, self.base_segments.stop, strict=True)
+        return np.array([excess[start : stop + 1].max() for start, stop in frames])
+
+    def origin_costs(self, group: str) -> list[FloatArray]:
+        """Return for each position the costs of soft constraints on clips and lengths."""
+        return [own.soft for own in self._origin_violations(group)]
+
+    def _allowed_by_origin(self, group: str) -> Sequence[IntArray]:
+        """Return for each position the candidates that satisfy all hard constraints on donors.
+
+        At a position where none does, the base segment is the only candidate.
+        """
+        if not self.constraints:
+            return self.candidates[group]
+        candidates, violations = self.candidates[group], self._origin_violations(group)
+        return [
+            segments[own.is_feasible if own.is_feasible.any() else segments == base]
+            for segments, own, base in zip(candidates, violations, self.scenario, strict=True)
+        ]
+
+    def _origin_violations(self, group: str) -> list[ConstraintViolations]:
+        """Return for each position how far candidates violate constraints on clips and lengths."""
+        lists, segments = self.candidates[group], self.library.segments
+        counts = [len(own) for own in lists]
+        positions, donors = np.repeat(np.arange(len(lists)), counts), np.concatenate(lists)
+        amounts = origin_violations(
+            self.constraints,
+            group,
+            segments[self.scenario[positions]],
+            segments[donors],
+            self.base_segments[positions],
+            self.library.entries,
+        )
+        found = ConstraintViolations.from_amounts(self.constraints, amounts, len(donors))
+        return found.split(counts)

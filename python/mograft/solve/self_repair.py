@@ -1,0 +1,331 @@
+"""Self-repair: other donors where an assembled motion is rougher than the recordings.
+
+The donors at defects are penalised and the trellis is searched again around them. The sequences
+found are assembled and measured. The sequence with the smallest defects is used; if none is better,
+that is the first one. No repair may violate a hard limit that the first sequence satisfies.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.runs import dilate, find_runs
+from mograft.search.constraints import Span, Violation
+from mograft.search.trellis import DonorTrellis
+from mograft.solve.assembly import Assembly, Piece, assemble_pieces
+from mograft.solve.defects import MEASURES, DefectMeasure
+from mograft.solve.donor_repair import replace_unlisted, search_again
+from mograft.solve.search_problem import SearchProblem
+
+_Window = tuple[int, int]  # half-open range of positions
+
+_RADIUS = 2  # positions beside a defect that repair can change
+_MARGIN = 3  # positions beside a window that are assembled with it
+_MAX_ROUNDS = 4  # searches with penalised donors
+_MAX_ASSEMBLIES = 3  # of the whole motion
+_FRAMES_PER_ASSEMBLY = 1 << 15  # of windows that are assembled together
+_LIMIT_FACTOR = 1e6  # of infeasible costs: penalties at defects must not outweigh them
+_ROUNDING = 1e-12  # radians
+
+
+@dataclass(frozen=True, kw_only=True)
+class RepairedWindow:
+    """A range of frames in which self-repair searched for other donors.
+
+    Attributes
+    ----------
+    group : str
+        The joint group.
+    start, stop : int
+        First and last frame in the base, both included.
+    measure : {"seam acceleration", "seam jerk", "world jerk", "floor depth"}
+        The measure that exceeded its limit most before the repair.
+    before, after : float
+        Greatest ratio of any measure to its limit, before and after the repair. Both are equal if
+        no better donors were found.
+    """
+
+    group: str
+    start: int
+    stop: int
+    measure: str
+    before: float
+    after: float
+
+
+def self_repair(
+    assembly: Assembly,
+    trellises: Callable[[], Mapping[str, DonorTrellis]],
+    violations: Callable[[Assembly], Sequence[Violation]],
+) -> tuple[Assembly, list[RepairedWindow]]:
+    """Replace donors where a measure exceeds its limit; see `DefectMeasure`.
+
+    Return the new assembly and the frame ranges searched, including those without better donors. If
+    no donor is replaced, the assembly is returned unchanged. No seam exceeds `max_angle` by more
+    than before, no constraint has more or greater `violations`, and neither the greatest amount of
+    the repaired group nor that of all groups grows. `trellises` returns the trellis of each group;
+    it is called only if there is a defect.
+    """
+    reports: list[RepairedWindow] = []
+    defects = {
+        group: _Defects.build(assembly, DefectMeasure(assembly.problem, group))
+        for group in assembly.donors
+    }
+    for group in assembly.donors:
+        before = defects[group]
+        if not before.windows:
+            continue
+        limits = _Limits(before, violations)
+        after = _keep_better(limits, _search(limits, trellises()[group]))
+        if after is not before:
+            # The donors of a group also move joints of other groups.
+            measured = {
+                other: after if other == group else _Defects.build(after.assembly, own.measure)
+                for other, own in defects.items()
+            }
+            if after.worst <= before.worst and _worst(measured) <= max(_worst(defects), 1.0):
+                defects = measured
+            else:
+                after = before
+        reports += before.report(after)
+    return next(iter(defects.values())).assembly, reports
+
+
+@dataclass(frozen=True, eq=False)
+class _Defects:
+    """The defects of one group at each position of an assembly.
+
+    Amounts are measures divided by their limits, as in `DefectMeasure`; above 1 is a defect.
+    """
+
+    assembly: Assembly
+    measure: DefectMeasure
+    amounts: FloatArray  # shape (n_positions, n_measures)
+
+    @classmethod
+    def build(cls, assembly: Assembly, measure: DefectMeasure) -> "_Defects":
+        """Measure a group of an assembly."""
+        whole = Piece(assembly.donors, 0, len(assembly.problem.base_segments))
+        return cls(assembly, measure, measure.amounts(assembly.motion, [whole])[0])
+
+    @property
+    def donors(self) -> IntArray:
+        """The donor sequence of the group."""
+        return self.assembly.donors[self.measure.group]
+
+    @property
+    def worst(self) -> float:
+        """The greatest amount."""
+        return float(self.amounts.max(initial=0.0))
+
+    @cached_property
+    def windows(self) -> list[_Window]:
+        """Half-open ranges of the positions within `_RADIUS` of a defect."""
+        has_defect = self.amounts.max(axis=1) > 1.0
+        return [(start, stop) for start, stop in find_runs(dilate(has_defect, _RADIUS)).tolist()]
+
+    def is_better(self, after: FloatArray, window: _Window) -> bool:
+        """Whether the amounts `after` have a smaller total excess and no greater maximum.
+
+        They are those in a window, and at the positions just before and just after it.
+        """
+        before = _around(self.amounts, window)
+        return after.max() <= before.max() and _total_excess(after) < _total_excess(before)
+
+    def overlaps(self, window: _Window, frames: Sequence[Span]) -> bool:
+        """Whether a window, or the position before or after it, overlaps one of the ranges."""
+        cut, (start, stop) = self.assembly.problem.base_segments, window
+        first, last = cut.start[max(start - 1, 0)], cut.stop[min(stop, len(cut) - 1)]
+        return any(first <= end and begin <= last for begin, end in frames)
+
+    def report(self, after: "_Defects") -> list[RepairedWindow]:
+        """Return one record for each window.
+
+        It holds the greatest ratio of a measure to its limit twice: before the repair, in this
+        assembly, and after it, in the repaired assembly `after`. These two may be of different
+        measures; the record names the first.
+        """
+        cut = self.assembly.problem.base_segments
+        reports = []
+        for start, stop in self.windows:
+            own = _around(self.amounts, (start, stop))
+            reports.append(
+                RepairedWindow(
+                    group=self.measure.group,
+                    start=int(cut.start[start]),
+                    stop=int(cut.stop[stop - 1]),
+                    measure=MEASURES[int(own.max(axis=0).argmax())],
+                    before=float(own.max()),
+                    after=float(_around(after.amounts, (start, stop)).max()),
+                )
+            )
+        return reports
+
+
+@dataclass(frozen=True, eq=False)
+class _Limits:
+    """The limits of a repair: amounts, seam angles and violations may not become greater."""
+
+    defects: _Defects  # before the repair
+    violations: Callable[[Assembly], Sequence[Violation]]
+
+    def has_feasible_seams(self, donors: IntArray, window: _Window) -> bool:
+        """Whether no seam in a window exceeds `max_angle` by more than before the repair."""
+        start, stop = window
+        around = slice(max(start - 1, 0), stop + 1)
+        first = self._seam_excess(self.defects.donors[around])
+        return bool((self._seam_excess(donors[around]) <= first + _ROUNDING).all())
+
+    def broken_frames(self, assembly: Assembly) -> list[Span]:
+        """Return the frames of the violations of constraints that `assembly` violates more.
+
+        These constraints have more violations, or a greater total amount, than before the repair.
+        The result is empty if there are none.
+        """
+        grown: list[Span] = []
+        if not assembly.problem.constraints:
+            return grown
+        found = self.violations(assembly)
+        for constraint in assembly.problem.constraints:
+            old = [own.error for own in self.first_violations if own.constraint is constraint]
+            new = [own.error for own in found if own.constraint is constraint]
+            if len(new) > len(old) or sum(new) > sum(old) + _ROUNDING:
+                grown += [own.frames for own in found if own.constraint is constraint]
+        return grown
+
+    @cached_property
+    def first_violations(self) -> Sequence[Violation]:
+        """The violations of the first donors."""
+        assembly = self.defects.assembly
+        return self.violations(assembly) if assembly.problem.constraints else []
+
+    def _seam_excess(self, donors: IntArray) -> FloatArray:
+        problem = self.defects.assembly.problem
+        angles = problem.pools[self.defects.measure.group].seam_angles_along(donors)
+        return np.maximum(angles - problem.config.max_angle, 0.0)
+
+
+def _search(limits: _Limits, trellis: DonorTrellis) -> IntArray:
+    """Search for other donors near defects; return those with the fewest and smallest defects.
+
+    In several rounds, the donors at defects are penalised and the cheapest sequence is measured. A
+    last round measures the base segments. Sequences with seams that `limits` forbid are skipped.
+    """
+    defects = limits.defects
+    problem, first = defects.assembly.problem, defects.donors
+    best, excess = first.copy(), np.maximum(defects.amounts.max(axis=1) - 1.0, 0.0)
+    least = dict.fromkeys(defects.windows, np.inf)
+    current = replace_unlisted(first, trellis)
+    captured = replace_unlisted(problem.scenario, trellis)
+    penalties = [np.zeros(len(own)) for own in trellis.candidates]
+    for attempt in range(_MAX_ROUNDS + 1):
+        windows = [window for window, total in least.items() if total > 0.0]
+        if not windows:
+            break
+        is_open = np.zeros(len(first), bool)
+        for start, stop in windows:
+            is_open[start:stop] = True
+        if attempt == _MAX_ROUNDS:
+            current = np.where(is_open, captured, current)
+        else:
+            # A search also changes the positions before and after those that it penalises.
+            is_inner = ~dilate(~is_open)
+            inner = np.where(is_inner, excess, 0.0)
+            current = search_again(trellis, penalties, current, inner, _LIMIT_FACTOR)
+        donors = np.where(is_open, current, first)
+        found = _measure(defects, donors, windows)
+        for (start, stop), own in zip(windows, found, strict=True):
+            inside = own[min(start, 1) :][: stop - start]
+            excess[start:stop] = np.maximum(inside.max(axis=1) - 1.0, 0.0)
+            total = _total_excess(own)
+            if (
+                total < least[start, stop]
+                and defects.is_better(own, (start, stop))
+                and limits.has_feasible_seams(donors, (start, stop))
+            ):
+                least[start, stop] = total
+                best[start:stop] = current[start:stop]
+    return best
+
+
+def _measure(defects: _Defects, donors: IntArray, windows: Sequence[_Window]) -> list[FloatArray]:
+    """Return the defect amounts if the group has the donor sequence `donors`.
+
+    Each array has those of a window, and of the positions just before and just after it.
+    """
+    assembly, group = defects.assembly, defects.measure.group
+    problem, n = assembly.problem, len(donors)
+    chosen = {**assembly.donors, group: donors}
+    if problem.root_group is not None:
+        # A root's transform accumulates from the start.
+        whole = [Piece(chosen, 0, n)]
+        (amounts,) = defects.measure.amounts(assemble_pieces(problem, whole), whole)
+        return [_around(amounts, window) for window in windows]
+    pieces = [
+        Piece(chosen, max(start - _MARGIN, 0), min(stop + _MARGIN, n)) for start, stop in windows
+    ]
+    found: list[FloatArray] = []
+    for batch in _batches(problem, pieces):
+        # With the pieces beside the batch: the treatment of a seam reaches into the next piece.
+        near = slice(max(batch.start - 1, 0), batch.stop + 1)
+        measured = defects.measure.amounts(assemble_pieces(problem, pieces[near]), pieces[near])
+        for index in batch:
+            (start, stop), first = windows[index], pieces[index].first
+            found.append(_around(measured[index - near.start], (start - first, stop - first)))
+    return found
+
+
+def _batches(problem: SearchProblem, pieces: Sequence[Piece]) -> Iterator[range]:
+    """Yield ranges of pieces that are assembled together, to bound the memory."""
+    cut = problem.base_segments
+    lengths = [int(cut.stop[piece.stop - 1] - cut.start[piece.first]) for piece in pieces]
+    numbers = np.cumsum([0, *lengths[:-1]]) // _FRAMES_PER_ASSEMBLY
+    bounds = [0, *(np.flatnonzero(np.diff(numbers)) + 1).tolist(), len(pieces)]
+    return map(range, bounds[:-1], bounds[1:])
+
+
+def _keep_better(limits: _Limits, donors: IntArray) -> _Defects:
+    """Replace the donors in the windows where this reduces the defects; return the resulting ones.
+
+    A window keeps its old donors if its defects do not become smaller or a constraint is violated
+    more. After `_MAX_ASSEMBLIES` attempts without an acceptable motion, all windows do.
+    """
+    before = limits.defects
+    for _ in range(_MAX_ASSEMBLIES):
+        is_changed = donors != before.donors
+        changed = [own for own in before.windows if is_changed[slice(*own)].any()]
+        if not changed:
+            break
+        limits.first_violations  # noqa: B018 - computed while the first motion is in memory
+        assembly = before.assembly.replace_donors(before.measure.group, donors)
+        after = _Defects.build(assembly, before.measure)
+        reverted = [
+            own for own in changed if not before.is_better(_around(after.amounts, own), own)
+        ]
+        if not reverted:
+            broken = limits.broken_frames(assembly)
+            if not broken:
+                return after
+            reverted = [own for own in changed if before.overlaps(own, broken)] or changed
+        del assembly, after  # their motion is large
+        donors = donors.copy()
+        for start, stop in reverted:
+            donors[start:stop] = before.donors[start:stop]
+    return before
+
+
+def _worst(defects: Mapping[str, _Defects]) -> float:
+    return max(own.worst for own in defects.values())
+
+
+def _around(amounts: FloatArray, window: _Window) -> FloatArray:
+    """Return the amounts in a window, and at the positions just before and just after it."""
+    start, stop = window
+    return amounts[max(start - 1, 0) : stop + 1]
+
+
+def _total_excess(amounts: FloatArray) -> float:
+    return float(np.maximum(amounts.max(axis=1) - 1.0, 0.0).sum())

@@ -1,0 +1,210 @@
+"""`StreamSession`: the requests of one client of a stream server, and their replies."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
+from mograft.library.library import Library
+from mograft.motion.motion import Motion
+from mograft.provenance.document import substitution_record, violation_record
+from mograft.search.constraint_records import Record, decode_constraint
+from mograft.search.constraints import Constraint
+from mograft.stream.protocol import DTYPES, PROTOCOL, Array, Message, RequestError
+from mograft.stream.stream import Piece, Stream
+
+MAX_NORM_ERROR = 1e-3
+"""Largest difference from 1 of the norm of a float32 quaternion, which is then normalised."""
+
+
+class StreamSession:
+    """One client's stream on a library, and the dtype of the replies to the client."""
+
+    def __init__(self, library: Library) -> None:
+        self._library = library
+        self._stream: Stream | None = None
+        self.dtype = "float32"
+
+    def reply(self, request: Message) -> Message:
+        """Return the reply to a request.
+
+        Raise RequestError if the request is invalid; the stream is then unchanged.
+        """
+        handlers: Mapping[object, Callable[[Message], Message]] = {
+            "hello": self._hello,
+            "push": self._push,
+            "constraints": self._set_constraints,
+            "close": self._close,
+        }
+        kind = request.header.get("type")
+        handler = handlers.get(kind) if isinstance(kind, str) else None
+        if handler is None:
+            raise RequestError(
+                f"`type` must be one of {', '.join(map(str, handlers))}, got {kind!r}"
+            )
+        # Constraints with extreme numbers have infinite costs.
+        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+            return handler(request)
+
+    def _hello(self, request: Message) -> Message:
+        """Start a new stream; describe the skeleton that its frames must have."""
+        options = _options(
+            request, {"protocol": str, "dtype": str, "seed": int, "horizon": int, "swap": list}
+        )
+        protocol, dtype = options.pop("protocol", None), options.pop("dtype", "float32")
+        if protocol != PROTOCOL:
+            raise RequestError(f"`protocol` must be {PROTOCOL!r}, got {protocol!r}")
+        if dtype not in DTYPES:
+            raise RequestError(f"`dtype` must be one of {', '.join(DTYPES)}, got {dtype!r}")
+        library = self._library
+        with _invalid_arguments():
+            stream = Stream(library, **options)
+        self._stream, self.dtype = stream, dtype
+        skeleton = library.skeleton
+        header = {
+            "type": "welcome",
+            "protocol": PROTOCOL,
+            "mograft": VERSION,
+            "rate": library.rate,
+            "n_joints": skeleton.n_joints,
+            "joints": list(skeleton.names),
+            "parents": np.asarray(skeleton.parents).tolist(),
+            "root": library.root,
+            "up": library.up,
+            "swap": {group: library.joints(group).tolist() for group in stream.groups},
+        }
+        return Message(header, {"offsets": skeleton.offsets})
+
+    def _push(self, request: Message) -> Message:
+        """Append frames; return the pieces that can then be committed."""
+        _options(request, {})
+        stream = self._open_stream()
+        arrays = _arrays(request, ("rotations", "positions"))
+        with _invalid_arguments():
+            stream.push(_unit_quaternions(arrays["rotations"]), arrays["positions"])
+        return self._pieces(stream)
+
+    def _set_constraints(self, request: Message) -> Message:
+        """Replace the constraints of the frames that are not committed."""
+        stream = self._open_stream()
+        records = _options(request, {"constraints": list}).get("constraints")
+        if records is None:
+            raise RequestError("`constraints` must be given")
+        with _invalid_arguments():
+            stream.constraints = [_constraint(record) for record in records]
+        header = {
+            "type": "constraints",
+            "n_constraints": len(stream.constraints),
+            "first_free_frame": stream.first_free_frame,
+        }
+        return Message(header)
+
+    def _close(self, request: Message) -> Message:
+        """End the base motion, to which no frames follow; return all remaining pieces."""
+        _options(request, {})
+        stream = self._open_stream()
+        with _invalid_arguments():
+            stream.close()
+        self._stream = None
+        return self._pieces(stream)
+
+    def _open_stream(self) -> Stream:
+        if self._stream is None:
+            raise RequestError("`type` must be 'hello' in the first request and after 'close'")
+        return self._stream
+
+    def _pieces(self, stream: Stream) -> Message:
+        """Commit all pieces that can be committed, and return them as one message."""
+        pieces, n_joints = stream.pieces(), self._library.skeleton.n_joints
+        empty = np.zeros((0, n_joints, 4))
+        header = {
+            "type": "pieces",
+            "n_frames": sum(piece.motion.n_frames for piece in pieces),
+            "n_known": stream.n_known,
+            "first_free_frame": stream.first_free_frame,
+            "is_closed": self._stream is None,
+            "pieces": [_piece_record(piece, stream.constraints) for piece in pieces],
+        }
+        arrays = {
+            "rotations": np.concatenate([empty, *(piece.motion.rotations for piece in pieces)]),
+            "positions": np.concatenate(
+                [empty[..., :3], *(piece.motion.positions for piece in pieces)]
+            ),
+        }
+        return Message(header, arrays)
+
+
+def _options(request: Message, types: Mapping[str, type]) -> dict[str, Any]:
+    """Return the entries of a header except ``type``; check their names and types."""
+    options = {name: value for name, value in request.header.items() if name != "type"}
+    for name, value in options.items():
+        if name not in types:
+            allowed = ", ".join(["type", *types])
+            raise RequestError(
+                f"the header of a {request.header['type']!r} request can only have the entries "
+                f"{allowed}; got {name!r}"
+            )
+        if type(value) is not types[name]:
+            raise RequestError(f"`{name}` must be of type {types[name].__name__}, got {value!r}")
+    return options
+
+
+def _arrays(request: Message, names: tuple[str, ...]) -> Mapping[str, Array]:
+    if set(request.arrays) != set(names):
+        given = ", ".join(request.arrays) or "none"
+        raise RequestError(f"`arrays` must be {' and '.join(names)}, got {given}")
+    return request.arrays
+
+
+def _unit_quaternions(rotations: Array) -> Array:
+    """Return rotations as float64; normalise float32 ones unless a norm is far from 1."""
+    if rotations.dtype.itemsize == 8:
+        return rotations
+    quats = rotations.astype(np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):
+        norms = np.linalg.norm(quats, axis=-1, keepdims=True) if quats.ndim else np.ones(())
+        is_near = bool((np.abs(norms - 1.0) <= MAX_NORM_ERROR).all())
+    # Other values raise the error of `Stream.push`, which names the first of them.
+    return quats / norms if is_near else quats
+
+
+def _constraint(record: object) -> Constraint:
+    if not isinstance(record, dict) or record.get("is_restored") is False:
+        raise RequestError(f"each of `constraints` must be an object with `kind`, got {record!r}")
+    return decode_constraint(record, _refuse_motion)
+
+
+@contextmanager
+def _invalid_arguments() -> Iterator[None]:
+    """Raise RequestError for an error that an argument of the client causes."""
+    try:
+        yield
+    except (ArithmeticError, LookupError, RecursionError, TypeError, ValueError) as error:
+        raise RequestError(str(error) or type(error).__name__) from error
+
+
+def _refuse_motion(record: Record) -> Motion:
+    raise RequestError(
+        f"constraints and obstacles must have a `kind` other than Character, got {record!r}"
+    )
+
+
+def _piece_record(piece: Piece, constraints: tuple[Constraint, ...]) -> dict[str, Any]:
+    """Return a piece as JSON; NaN and infinity become null, because JSON has neither."""
+    substitutions = [substitution_record(own) for own in piece.substitutions]
+    for record in substitutions:
+        # The gap at the end of a piece is not known yet.
+        record["gaps_degrees"] = [record["gaps_degrees"][0], None]
+    violations = [violation_record(own, constraints) for own in piece.violations]
+    for record in violations:
+        if not math.isfinite(record["tolerances"]):
+            record["tolerances"] = None
+    return {
+        "start": piece.start,
+        "stop": piece.stop,
+        "substitutions": substitutions,
+        "violations": violations,
+    }

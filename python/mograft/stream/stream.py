@@ -1,0 +1,408 @@
+"""`Stream`: grafts on a base motion that is still growing, committed segment by segment."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from mograft._util.arrays import FloatArray
+from mograft._util.validate import as_integer, check_type
+from mograft.analysis.online_segmentation import OnlineSegmenter, WindowSegmenter
+from mograft.blend.recombine import Part, recombine
+from mograft.library.library import Library
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
+from mograft.search.boundary_states import pose_gaps
+from mograft.search.constraints import Constraint, Violation, find_violations
+from mograft.search.donor_constraints import find_seam_violations
+from mograft.stream.base_buffer import BOUNDARY_MARGIN, BaseBuffer
+from mograft.stream.checks import (
+    check_free_frames,
+    check_stream_config,
+    check_stream_constraints,
+    check_stream_frames,
+    check_stream_groups,
+    motion_from_arrays,
+)
+from mograft.stream.donors import StreamDonors, StreamRules
+from mograft.stream.pending_segment import PendingSegment
+from mograft.stream.placed_donors import CommittedEnd
+from mograft.stream.search import ChosenDonors, StreamSearch
+from mograft.synthesis.graft_plan import grafted_groups
+from mograft.synthesis.substitution import Substitution
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A committed segment of a stream, as `Stream.advance` and `Stream.pieces` return it.
+
+    All frames are numbered from the first pushed frame. Successive pieces have successive frames:
+    the first piece starts at frame 0, every other one at the `stop` of the previous piece plus 1.
+
+    Attributes
+    ----------
+    motion : Motion
+        The new motion in the frames `start` to `stop`.
+    start, stop : int
+        First and last frame of `motion`, both included.
+    substitutions : tuple of Substitution
+        The donor of each grafted group. Their `start` and `stop` are those of the base segment:
+        neighbouring segments share a frame, so that a segment starts at the last frame of the
+        previous piece. The numbers of base segments continue those of the library's segments.
+        `gap_after` is NaN, because the next donor is not known yet.
+    violations : tuple of Violation
+        Violations of hard constraints in these frames and at the seam before them.
+    """
+
+    motion: Motion
+    start: int
+    stop: int
+    substitutions: tuple[Substitution, ...]
+    violations: tuple[Violation, ...]
+
+
+def join_pieces(pieces: Sequence[Piece], name: str = "stream") -> Motion:
+    """Join one or more successive pieces to one motion."""
+    motions = [piece.motion for piece in pieces]
+    values = [motion.channel_values for motion in motions]
+    return replace(
+        motions[0],
+        rotations=np.concatenate([motion.rotations for motion in motions]),
+        positions=np.concatenate([motion.positions for motion in motions]),
+        channel_values=np.concatenate([v for v in values if v is not None])
+        if all(v is not None for v in values)
+        else None,
+        name=name,
+    )
+
+
+class Stream:
+    """Graft a base motion that is still growing.
+
+    Push frames of the base as they arrive. The stream cuts the base into segments. As soon as
+    `horizon` segments are known, it chooses a donor sequence for them and commits the first
+    donor. Committed frames never change: a seam changes only the frames after it.
+
+    Parameters
+    ----------
+    library : Library
+        The library whose segments are the donors. Clips of a stored library are read on demand.
+    swap : sequence of str, optional
+        The joint groups to replace, as for `graft`. They must not contain the root or legs.
+    constraints : sequence of Constraint, optional
+        Constraints on the segments that are not committed yet; can be changed at any time.
+        Frames count from the first pushed frame.
+    seed : int
+        Seed of the random choices of ``Config(choice="sample")`` and "random".
+    horizon : int
+        Number of segments that must be known before the first of them is committed. A larger
+        horizon gives cheaper donor sequences and a longer delay. With 1, only the cost of each
+        donor and of its seam with the previous one counts.
+
+    Raises
+    ------
+    TypeError
+        If an item of `constraints` is not a constraint.
+    ValueError
+        If `swap` names an unknown group, the base group, or a group that contains legs, the root or
+        single channels; if `horizon` is below 1; if the library's `Config.alignment` is not
+        "uniform"; if its `Config.segmentation` needs later frames; or if a constraint names an
+        unknown joint or clip.
+
+    Notes
+    -----
+    With `Config.seam` "gradient" and a `horizon` of at least 2, the donor of the next segment is
+    chosen together with that of the committed one, and the committed frames are fitted to both.
+    This does not apply to segments with constraints on poses, because these are evaluated before
+    the next donor is known, nor to the last one; they have the treatment "inertial". "inertial" and
+    "dead" change only frames after a seam. A stream replaces the other treatments by "inertial",
+    and `Config.torso` by "pelvis": the other values smooth the motion of the base over later
+    frames.
+    Translations are those of the base.
+
+    ``Config(choice="random")`` draws uniformly from the donor sequences within the limits, among
+    the `max_candidates` cheapest candidates of each segment.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> library, base = Library.build(dance(strides=1).motion), dance(seed=1, strides=1).motion
+    >>> stream = Stream(library, seed=7)
+    >>> pieces = []
+    >>> for first in range(0, base.n_frames, 10):
+    ...     stream.push(base[first : first + 10])
+    ...     pieces += stream.pieces()
+    >>> stream.close()
+    >>> pieces += stream.pieces()
+    >>> join_pieces(pieces).n_frames == base.n_frames
+    True
+    """
+
+    def __init__(
+        self,
+        library: Library,
+        *,
+        swap: Sequence[str] | None = None,
+        constraints: Sequence[Constraint] = (),
+        seed: int = 0,
+        horizon: int = 8,
+    ) -> None:
+        horizon, seed = as_integer("horizon", horizon, 1), as_integer("seed", seed)
+        check_type("library", library, Library)
+        groups = sorted(
+            grafted_groups(library, swap), key=lambda group: int(library.joints(group).min())
+        )
+        check_stream_config(library.config)
+        check_stream_groups(library, groups)
+        self._library, self._horizon = library, horizon
+        self._rng = np.random.default_rng(seed)
+        self._donors = StreamDonors.build(library, groups)
+        is_energy = library.config.segmentation == "energy"
+        segmenter_type = OnlineSegmenter if is_energy else WindowSegmenter
+        self._segmenter = segmenter_type(library.rate, library.config)
+        self._base: BaseBuffer | None = None
+        self._search: StreamSearch | None = None
+        self._pending: list[PendingSegment] = []
+        self._ends: dict[str, CommittedEnd] = {}
+        self._following: Mapping[str, int] = {}  # donors of the next segment, chosen in advance
+        self._last_rotations: FloatArray | None = None
+        self._n_committed = self._first_free_frame = 0
+        self._rules = StreamRules.build(self._donors, ())
+        self._is_closed = False
+        self.constraints = constraints
+
+    def __repr__(self) -> str:
+        return f"Stream({self._library}, {self._n_committed} segments committed)"
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """The constraints on all segments that are not committed yet.
+
+        Setting a constraint whose `frames` are all before `first_free_frame` raises ValueError,
+        unless it was set before.
+        """
+        return self._rules.constraints
+
+    @constraints.setter
+    def constraints(self, constraints: Sequence[Constraint]) -> None:
+        check_stream_constraints(constraints, self._skeleton, self._donors.clips)
+        new = [own for own in constraints if own not in self.constraints]
+        check_free_frames(new, self.first_free_frame)
+        self._rules = StreamRules.build(self._donors, constraints)
+        self._pending, self._following = [], {}
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """The joint groups that are replaced, in the order in which donors are chosen."""
+        return tuple(self._donors.joints)
+
+    @property
+    def first_free_frame(self) -> int:
+        """The first frame that no piece contains yet, counted from the first pushed frame.
+
+        Constraints and donors of the frames before it cannot change any more.
+        """
+        return self._first_free_frame
+
+    @property
+    def n_known(self) -> int:
+        """Number of frames of the base that have been pushed."""
+        return 0 if self._base is None else self._base.n_frames
+
+    def push(self, frames: Motion | npt.ArrayLike, positions: npt.ArrayLike | None = None) -> None:
+        """Append the next frames of the base.
+
+        Parameters
+        ----------
+        frames : Motion, or array_like of shape (n_frames, n_joints, 4)
+            One or more frames, as a motion with the library's hierarchy and frame rate, or as
+            local rotations of all joints: unit quaternions, xyzw, in the order of
+            ``library.skeleton.names``, at the library's frame rate. An array of shape
+            (n_joints, 4) is one frame.
+        positions : array_like, shape (n_frames, n_joints, 3) or (n_frames, 3)
+            With an array of rotations, the local translations of all joints in the unit of the
+            library, or only those of the joint ``library.root``. The other joints then have the
+            offsets of the skeleton. If `frames` is an array of one frame, the first axis is missing
+            here, too.
+
+        Raises
+        ------
+        SkeletonMismatchError
+            If the hierarchy differs from the library's.
+        TypeError
+            If `positions` are missing beside an array, or given beside a motion.
+        ValueError
+            If the rate differs from the library's, the skeleton differs from that of the frames
+            before, an array has another shape, is not finite or holds quaternions whose norm is
+            not 1, or the stream is closed. The frames before stay valid.
+
+        Examples
+        --------
+        >>> from mograft.dancer import dance
+        >>> library, base = Library.build(dance(strides=1).motion), dance(seed=1, strides=1).motion
+        >>> stream = Stream(library)
+        >>> stream.push(base.rotations[:2], base.positions[:2])
+        >>> stream.push(base.rotations[2], base.positions[2, library.root])
+        >>> stream.n_known
+        3
+        """
+        if self._is_closed:
+            raise ValueError("`frames` must be pushed before the stream is closed")
+        first = None if self._base is None else self._base.first_frame
+        if not isinstance(frames, Motion):
+            frames = motion_from_arrays(frames, positions, self._library, self._skeleton)
+        elif positions is not None:
+            raise TypeError("`positions` must be None if `frames` is a motion")
+        check_stream_frames(frames, self._library, None if first is None else first.skeleton)
+        if self._base is None:
+            self._base = BaseBuffer(frames)
+            self._search = StreamSearch(self._donors, self._base.first_frame)
+        else:
+            self._base.push(frames)
+        if isinstance(self._segmenter, WindowSegmenter):
+            self._segmenter.push(frames)
+            return
+        # The energy of the last frame is not final before the next frame.
+        n_known, n_final = self._segmenter.n_frames, self._base.n_frames - 1
+        if n_final > n_known:
+            energies = self._base.next_energies(self._rules.config)
+            self._segmenter.push(energies[: n_final - n_known])
+
+    @property
+    def _skeleton(self) -> Skeleton:
+        """The skeleton of the base, or that of the library before frames are pushed."""
+        return (self._library if self._base is None else self._base.first_frame).skeleton
+
+    def close(self) -> None:
+        """Declare the base motion complete, so that all remaining segments can be committed.
+
+        Raises
+        ------
+        ValueError
+            If fewer than 2 frames have been pushed.
+        """
+        if self._is_closed:
+            return
+        if self._base is None or self._base.n_frames < 2:
+            raise ValueError(f"a stream needs at least 2 frames, got {self.n_known}")
+        if isinstance(self._segmenter, OnlineSegmenter):
+            self._segmenter.push(self._base.next_energies(self._rules.config))
+        self._segmenter.close()
+        self._is_closed = True
+
+    def pieces(self) -> list[Piece]:
+        """Commit segments with `advance` until it returns None; return their pieces."""
+        pieces = []
+        while (piece := self.advance()) is not None:
+            pieces.append(piece)
+        return pieces
+
+    def advance(self) -> Piece | None:
+        """Commit the next segment.
+
+        Returns
+        -------
+        Piece or None
+            The segment; None if fewer than `horizon` segments are known and the stream is not
+            closed, or if all segments are committed.
+        """
+        bounds = self._segmenter.bounds
+        n_known = min(len(bounds) - 1, self._horizon)
+        if n_known < 1 or (n_known < self._horizon and not self._is_closed):
+            return None
+        assert self._base is not None
+        assert self._search is not None
+        for start, stop in pairwise(bounds[len(self._pending) : n_known + 1]):
+            segment = self._search.list_candidates(
+                self._base, start, stop, self._rules, has_previous=self._n_committed > 0
+            )
+            self._pending.append(segment)
+        chosen = self._search.choose_donors(
+            self._pending, self._ends, self._rules, self._rng, self._following
+        )
+        self._following = chosen.following
+        piece = self._commit(self._pending[0], chosen)
+        del bounds[0]
+        del self._pending[0]
+        self._n_committed += 1
+        self._first_free_frame = piece.stop + 1
+        self._base.discard_before(bounds[0] - BOUNDARY_MARGIN)
+        return piece
+
+    def _commit(self, segment: PendingSegment, chosen: ChosenDonors) -> Piece:
+        """Return the piece for a segment and its chosen donors; store its end for the next seam."""
+        # The first frame belongs to the previous piece.
+        new = slice(1 if self._n_committed else 0, None)
+        base = segment.base[segment.offset + new.start : segment.rows.stop]
+        substitutions, violations, parts = [], [], []
+        for group, index in chosen.candidates.items():
+            boundary, placed = segment.groups[group].boundary, chosen.placed[group]
+            previous = self._ends.get(group)
+            gap = 0.0
+            if previous is not None:
+                gap = float(pose_gaps(previous.boundary.last, boundary.first)[0, index])
+            substitutions.append(self._substitution(segment, group, index, gap))
+            violations += find_seam_violations(
+                self._rules.constraints, group, [segment.start], [gap]
+            )
+            joints = self._donors.joints[group]
+            parts.append(Part(joints, placed.frames[0, new], base.positions[:, joints]))
+            self._ends[group] = CommittedEnd(
+                pose=placed.end_pose[0],
+                velocity=placed.end_velocity[0],
+                pose_before=placed.frames[0, -2],
+                acceleration=placed.end_acceleration[0],
+                boundary=boundary[index : index + 1],
+            )
+        motion = self._with_continuous_signs(recombine(base, parts, base.name))
+        if (poses := chosen.poses) is not None:
+            new_poses = poses.with_poses(
+                poses.frames[new], poses.rotations[new], poses.positions[new]
+            )
+            violations += find_violations(segment.pose_constraints, new_poses)
+        return Piece(
+            motion=motion,
+            start=segment.start + new.start,
+            stop=segment.stop,
+            substitutions=tuple(substitutions),
+            violations=tuple(violations),
+        )
+
+    def _substitution(
+        self, segment: PendingSegment, group: str, index: int, gap: float
+    ) -> Substitution:
+        """Return the `Substitution` of a chosen candidate; `gap` is its `gap_before`."""
+        library, donor = self._library, int(segment.donors[index])
+        base_segment = len(library.segments) + self._n_committed
+        if donor < 0:
+            donor, donor_start, donor_stop = base_segment, segment.start, segment.stop
+            clip = segment.base.name or "the base"
+        else:
+            segments = library.segments
+            donor_start, donor_stop = int(segments.start[donor]), int(segments.stop[donor])
+            clip = self._donors.clips[segments.clip[donor]].name
+        return Substitution(
+            group=group,
+            start=segment.start,
+            stop=segment.stop,
+            segment=base_segment,
+            donor=donor,
+            clip=clip,
+            donor_start=donor_start,
+            donor_stop=donor_stop,
+            stretch=segment.length / (donor_stop - donor_start) - 1.0,
+            cost=float(segment.unary_costs[index]),
+            gap_before=gap,
+            gap_after=float("nan"),
+        )
+
+    def _with_continuous_signs(self, motion: Motion) -> Motion:
+        """Choose the signs of quaternions so that they continue the previous piece."""
+        quaternions = motion.rotations.copy()
+        if self._last_rotations is not None:
+            is_opposite = np.einsum("ji,ji->j", quaternions[0], self._last_rotations) < 0
+            quaternions[:, is_opposite] *= -1.0
+        self._last_rotations = quaternions[-1]
+        return replace(motion, rotations=quaternions)

@@ -1,0 +1,24 @@
+"""Pictures of motions, energies, timelines, clusters and joint groups, drawn by Matplotlib.
+
+Each function draws into the given axes, or into new ones, and returns them. They need the extra
+``plot``, and raise an ImportError if matplotlib is not installed.
+"""
+
+from mograft.io.palette import PALETTE
+from mograft.viewing.plot.cluster_plots import clusters, dendrogram, pca
+from mograft.viewing.plot.group_plots import groups
+from mograft.viewing.plot.pose_strip import strip
+from mograft.viewing.plot.threshold_plot import threshold
+from mograft.viewing.plot.time_plots import energy, timeline
+
+__all__ = [
+    "PALETTE",
+    "clusters",
+    "dendrogram",
+    "energy",
+    "groups",
+    "pca",
+    "strip",
+    "threshold",
+    "timeline",
+]

@@ -1,0 +1,218 @@
+"""The segments of a library as points, as a linkage tree, and as cluster sizes."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mograft._standalone.mograft_linkage import linkage
+from mograft._standalone.mograft_linkage.dendrogram import leaves_list
+from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.validate import is_integer
+from mograft.analysis.embedding import Embedding
+from mograft.errors import suggest_name
+from mograft.io.palette import PALETTE
+from mograft.library.library import Library
+from mograft.viewing.plot.figure_axes import cluster_colour, ensure_axes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_MAX_NUMBERED_CLUSTERS = 12
+_MAX_TICKS = 40
+
+
+def pca(
+    library: Library,
+    group: str | None = None,
+    components: tuple[int, int] = (1, 2),
+    *,
+    ax: "Axes | None" = None,
+) -> "Axes":
+    """Draw the segments as points in two principal components, coloured by cluster.
+
+    Parameters
+    ----------
+    library : Library
+        The library whose segments are drawn.
+    group : str, optional
+        The joint group. Default: the base group.
+    components : tuple of int
+        The principal components of the horizontal and the vertical axis, from 1.
+    ax : matplotlib Axes, optional
+        Axes to draw into. Default: new axes.
+
+    Returns
+    -------
+    matplotlib Axes
+        The axes, with equal scales. Segments that are alone in their cluster are grey. The numbers
+        of the twelve largest clusters are shown.
+
+    Raises
+    ------
+    ValueError
+        If the group does not exist or has no embedding, or `components` are not two components.
+    """
+    name, embedding, labels = _embedding(library, group)
+    points = embedding.points
+    if len(components) != 2:
+        raise ValueError(f"`components` must be two numbers, got {components}")
+    for component in components:
+        if not (is_integer(component) and 1 <= component <= points.shape[1]):
+            raise ValueError(
+                f"`components` must be whole numbers from 1 to {points.shape[1]}, got {component}"
+            )
+    axes = ensure_axes(ax, (6, 5))
+    x, y = (points[:, component - 1] for component in components)
+    sizes = np.bincount(labels)
+    is_single = sizes[labels] == 1
+    axes.scatter(x[is_single], y[is_single], s=8, color="0.6", linewidths=0)
+    colours = [cluster_colour(label) for label in labels[~is_single].tolist()]
+    axes.scatter(x[~is_single], y[~is_single], s=14, c=colours, linewidths=0)
+    background = {"boxstyle": "round,pad=0.2", "fc": axes.get_facecolor(), "ec": "none"}
+    for label in np.argsort(-sizes, kind="stable")[:_MAX_NUMBERED_CLUSTERS].tolist():
+        if sizes[label] > 1:
+            middle = (np.median(x[labels == label]), np.median(y[labels == label]))
+            box = background | {"alpha": 0.75}
+            axes.annotate(str(label), middle, fontsize=8, ha="center", va="center", bbox=box)
+    share = embedding.variances / embedding.variances.sum()
+    axes.set_xlabel(f"component {components[0]} ({100 * share[components[0] - 1]:.0f} %)")
+    axes.set_ylabel(f"component {components[1]} ({100 * share[components[1] - 1]:.0f} %)")
+    axes.set_aspect("equal", adjustable="datalim")
+    counts = f"{len(labels)} segments, {len(sizes)} clusters, {int(is_single.sum())} of one segment"
+    axes.set_title(f"{name}: {counts}", loc="left", fontsize=10)
+    return axes
+
+
+def dendrogram(library: Library, group: str | None = None, *, ax: "Axes | None" = None) -> "Axes":
+    """Draw the complete-linkage tree of the segments and the cluster diameter threshold.
+
+    Parameters
+    ----------
+    library : Library
+        The library whose segments are drawn.
+    group : str, optional
+        The joint group. Default: the base group.
+    ax : matplotlib Axes, optional
+        Axes to draw into. Default: new axes.
+
+    Returns
+    -------
+    matplotlib Axes
+        The axes. The segments are on the horizontal axis, and the diameter at which clusters merge
+        is on the vertical axis. The threshold is a dashed line. Branches below it have the colours
+        of their clusters.
+
+    Raises
+    ------
+    ValueError
+        If the group does not exist or has no embedding.
+    """
+    name, embedding, labels = _embedding(library, group)
+    points = embedding.points
+    axes = ensure_axes(ax, (10, 4))
+    from matplotlib.collections import LineCollection
+
+    tree = linkage(points)
+    threshold = library.sigma[name]
+    for colour, branches in _branches(tree, labels, threshold).items():
+        axes.add_collection(LineCollection(branches, colors=colour, linewidths=0.9))
+    axes.axhline(threshold, color=PALETTE[1], linewidth=1, linestyle="--")
+    axes.set_xlim(-1, len(points))
+    axes.set_ylim(0, 1.05 * float(tree[-1, 2]))
+    axes.set_xticks([])
+    axes.set_xlabel(f"{len(points)} segments")
+    axes.set_ylabel("diameter")
+    n_clusters = int(labels.max()) + 1
+    title = f"{name}: {n_clusters} clusters of diameter {threshold:.3g} at most"
+    axes.set_title(title, loc="left", fontsize=10)
+    return axes
+
+
+def _branches(tree: FloatArray, labels: IntArray, threshold: float) -> dict[str, list[FloatArray]]:
+    """Return the branches of a linkage tree, by their colour.
+
+    `labels` has the cluster of each segment. A branch is a polyline, shape (4, 2), in the
+    coordinates of the axes.
+    """
+    n = len(labels)
+    x = np.zeros(2 * n - 1)
+    x[leaves_list(tree)] = np.arange(n)
+    height = np.concatenate([np.zeros(n), tree[:, 2]])
+    cluster = np.concatenate([labels, np.full(n - 1, -1)])
+    branches: dict[str, list[FloatArray]] = {}
+    for node, (left, right) in enumerate(tree[:, :2].astype(int).tolist(), start=n):
+        x[node] = 0.5 * (x[left] + x[right])
+        if height[node] <= threshold:
+            cluster[node] = cluster[left]
+        colour = "0.45" if cluster[node] < 0 else cluster_colour(int(cluster[node]))
+        corners = np.array([x[left], x[left], x[right], x[right]])
+        heights = np.array([height[left], height[node], height[node], height[right]])
+        branches.setdefault(colour, []).append(np.stack([corners, heights], axis=1))
+    return branches
+
+
+def clusters(library: Library, group: str | None = None, *, ax: "Axes | None" = None) -> "Axes":
+    """Draw the sizes of the clusters as bars.
+
+    Parameters
+    ----------
+    library : Library
+        The library whose clusters are drawn.
+    group : str, optional
+        The joint group. Default: the base group.
+    ax : matplotlib Axes, optional
+        Axes to draw into. Default: new axes.
+
+    Returns
+    -------
+    matplotlib Axes
+        The axes. The height of a bar is the number of segments in a cluster; the largest cluster
+        is first. If `Config.neighbourhood` is "cluster", no other segment can replace a segment
+        that is alone in its cluster of the base group.
+
+    Raises
+    ------
+    ValueError
+        If the group does not exist.
+    """
+    name, labels = group_labels(library, group)
+    axes = ensure_axes(ax, (8, 3))
+    sizes = np.bincount(labels)
+    order = np.argsort(-sizes, kind="stable")
+    colours = [cluster_colour(label) for label in order.tolist()]
+    axes.bar(np.arange(len(order)), sizes[order], width=0.9, color=colours)
+    axes.set_xlim(-0.6, len(order) - 0.4)
+    axes.set_xlabel("cluster, largest first")
+    axes.set_ylabel("segments")
+    counts = f"{len(sizes)} clusters, {int((sizes == 1).sum())} of one segment"
+    axes.set_title(f"{name}: {counts}", loc="left", fontsize=10)
+    ticks = order.tolist() if len(order) <= _MAX_TICKS else []
+    axes.set_xticks(range(len(ticks)), [str(label) for label in ticks], fontsize=7)
+    return axes
+
+
+def group_labels(library: Library, group: str | None) -> tuple[str, IntArray]:
+    """Return the name of a group and the cluster of each segment; the default is the base group.
+
+    Raise ValueError if the library has no such group.
+    """
+    name = library.groups.base if group is None else group
+    if name not in library.labels:
+        hint = suggest_name(name, library.labels)
+        raise ValueError(f"`group` must be one of {', '.join(library.labels)}, got {name!r}{hint}")
+    return name, library.labels[name]
+
+
+def _embedding(library: Library, group: str | None) -> tuple[str, Embedding, IntArray]:
+    """Return the name of a group, its embedding, and the cluster of each point in the embedding.
+
+    The default group is the base group.
+    """
+    name, labels = group_labels(library, group)
+    embedding = library.embedding[name]
+    if embedding is None or len(embedding.points) < 2:
+        raise ValueError(
+            f"group {name!r} has no embedding, which requires at least three different segments"
+        )
+    # The segments of a base that was added for a graft have labels, but no points.
+    return name, embedding, labels[: len(embedding.points)]

@@ -1,0 +1,172 @@
+"""The kinetic energy of a motion, and segments coloured by cluster, along time."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mograft._util.gaussian import gaussian_filter
+from mograft.analysis.segmentation import kinetic_energy, segment
+from mograft.config import Config
+from mograft.io.palette import PALETTE
+from mograft.motion.motion import Motion
+from mograft.viewing.figure import TimelineRow
+from mograft.viewing.plot.figure_axes import cluster_colour, ensure_axes
+from mograft.viewing.scene import Item, Scene
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def energy(
+    motion: Motion,
+    config: Config | None = None,
+    *,
+    frames: tuple[int, int] | None = None,
+    ax: "Axes | None" = None,
+) -> "Axes":
+    """Draw the kinetic energy of a motion and the boundaries of its segments.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion, of at least two frames.
+    config : Config, optional
+        Parameters of the segmentation.
+    frames : tuple of int, optional
+        First and last frame that the axes show; the first must be a frame of the motion. Energy
+        and segments are those of the whole motion. Default: all.
+    ax : matplotlib Axes, optional
+        Axes to draw into. Default: new axes.
+
+    Returns
+    -------
+    matplotlib Axes
+        The axes, with time in seconds on the horizontal axis. The energy before smoothing is grey,
+        after smoothing coloured. A point marks each segment boundary, and every second segment is
+        shaded.
+
+    Raises
+    ------
+    ValueError
+        If the motion has a single frame, or the first of `frames` is not before the last or not
+        a frame of the motion.
+    """
+    config = Config() if config is None else config
+    axes = ensure_axes(ax, (10, 2.8))
+    values = kinetic_energy(motion, omega=config.omega, inertia=config.inertia)
+    smooth = gaussian_filter(values, config.smoothing * motion.rate)
+    time = np.arange(motion.n_frames) * motion.frame_time
+    segments = segment(motion, config)
+    first, last = _shown_frames(frames, motion.n_frames)
+    bounds = np.append(segments.start, segments.stop[-1])
+    for start, stop in zip(segments.start[::2], segments.stop[::2], strict=True):
+        axes.axvspan(time[start], time[stop], color="0.5", alpha=0.13, linewidth=0)
+    axes.plot(time, values, color="0.5", linewidth=0.8, label="measured")
+    axes.plot(time, smooth, color=PALETTE[0], linewidth=1.4, label="smoothed")
+    x, y = time[bounds], smooth[bounds]
+    axes.plot(x, y, ".", color=PALETTE[1], markersize=4, label="segment boundaries")
+    axes.set_xlim(first * motion.frame_time, last * motion.frame_time)
+    axes.set_ylim(0, 1.05 * max(float(values[first : last + 1].max()), 1e-9))
+    axes.set_xlabel("time (s)")
+    axes.set_ylabel("kinetic energy")
+    axes.set_title(f"{motion.name or 'motion'}: {len(segments)} segments", loc="left", fontsize=10)
+    axes.legend(loc="upper right", fontsize=8)
+    return axes
+
+
+def timeline(
+    *items: Item,
+    frames: tuple[int, int] | None = None,
+    ax: "Axes | None" = None,
+) -> "Axes":
+    """Draw the segments of each joint group along time, coloured by cluster.
+
+    Parameters
+    ----------
+    *items : Motion, Graft, Library, Scene, or address of motions
+        What to draw. The base of a graft is drawn above the graft. A file beside which ``mograft
+        graft`` wrote a .json file is drawn as a graft without clusters: the clip of the donor
+        colours each exchanged segment, and other segments are grey.
+    frames : tuple of int, optional
+        First and last frame that the axes show; the first must be a frame of the longest motion.
+        Default: all.
+    ax : matplotlib Axes, optional
+        Axes to draw into. Default: new axes.
+
+    Returns
+    -------
+    matplotlib Axes
+        The axes, with one row of bars per motion and joint group. Exchanged segments are hatched.
+        Bars that are long enough show the number of their cluster.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for `mograft.view`, and if the first of `frames` is not before the last or not a frame
+        of the longest motion.
+    """
+    figures = Scene.of(items).figures
+    lines = [(figure, row) for figure in figures for row in figure.rows]
+    first, last = _shown_frames(frames, max(figure.motion.n_frames for figure in figures))
+    axes = ensure_axes(ax, (10, 0.5 + 0.32 * max(len(lines), 1)))
+    canvas = axes.get_figure(root=True)
+    if canvas is None:
+        raise ValueError("`ax` must belong to a figure")
+    inches_per_frame = axes.get_position().width * canvas.get_figwidth() / (last - first)
+    for height, (_, row) in enumerate(lines):
+        _draw_row(axes, row, height, (first, last), inches_per_frame)
+    labels = [f"{figure.name} · {row.group}" for figure, row in lines]
+    axes.set_yticks(range(len(lines)), labels, fontsize=8)
+    axes.set_ylim(len(lines) - 0.4, -0.6)
+    axes.set_xlim(first, last)
+    axes.set_xlabel("frame")
+    axes.tick_params(axis="y", length=0)
+    for side in ("top", "left", "right"):
+        axes.spines[side].set_visible(False)
+    return axes
+
+
+def _shown_frames(frames: tuple[int, int] | None, n_frames: int) -> tuple[int, int]:
+    """Return the first and last frame that axes show, by default all of `n_frames` frames."""
+    first, last = (0, n_frames - 1) if frames is None else frames
+    if not (first < last and 0 <= first < n_frames):
+        raise ValueError(
+            f"`frames` must be two ascending numbers, the first within 0-{n_frames - 1}, "
+            f"got {(first, last)}"
+        )
+    return first, last
+
+
+def _draw_row(
+    axes: "Axes", row: TimelineRow, height: int, frames: tuple[int, int], inches_per_frame: float
+) -> None:
+    first, last = frames
+    clips = sorted(set(row.donor_clips))
+    for index in np.flatnonzero((row.stop > first) & (row.start < last)).tolist():
+        start, length = int(row.start[index]), int(row.stop[index] - row.start[index])
+        cluster = int(row.cluster[index])
+        # Without clusters, the colour of an exchanged segment is that of the clip of its donor.
+        colour = cluster
+        if cluster < 0 and row.is_exchanged[index]:
+            colour = clips.index(row.donor_clips[index])
+        style: dict[str, Any] = {"hatch": "//////"} if row.is_exchanged[index] else {}
+        axes.broken_barh(
+            [(start, length)],
+            (height - 0.4, 0.8),
+            facecolor="0.75" if colour < 0 else cluster_colour(colour),
+            edgecolor="white",
+            linewidth=0.8,
+            **style,
+        )
+        if cluster >= 0 and length * inches_per_frame > 0.07 * len(str(cluster)) + 0.05:
+            axes.text(
+                start + 0.5 * length,
+                height,
+                str(cluster),
+                ha="center",
+                va="center",
+                fontsize=7,
+                color="black",
+                clip_on=True,
+                bbox={"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.6},
+            )

@@ -1,0 +1,381 @@
+"""Edits of a graft: named segments change, all other frames stay bit for bit."""
+
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft._util.registry import CONFIG_OPTIONS
+from mograft._util.runs import dilate
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.splice import MAX_ANGLE, splice
+from mograft.blend.transplant import seam_reach
+from mograft.dancer import dance
+from mograft.motion import rotations
+from mograft.provenance.graft_edit import changed_positions
+from mograft.synthesis.graft_plan import GraftPlan
+from tests.strategies import SEEDS, few_examples
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return dance(seed=1, strides=2).motion[:1200]
+
+
+@pytest.fixture(scope="module")
+def library(motion):
+    return mg.Library.build([motion[:700], replace(motion[700:], name="second")])
+
+
+@pytest.fixture(scope="module")
+def several(motion):
+    """Return a library with three exchanged groups."""
+    clips = [motion[:700], replace(motion[700:], name="second")]
+    return mg.Library.build(clips, "lower_torso_larm_rarm")
+
+
+def frame_lines(motion):
+    """Return the text of each frame in a BVH file."""
+    file = io.StringIO()
+    mg.write_bvh(motion, file)
+    return file.getvalue().partition("Frame Time")[2].splitlines()[1:]
+
+
+def changed_frames(graft, edited):
+    """Return the mask of the frames whose text in a BVH file differs."""
+    pairs = zip(frame_lines(graft.motion), frame_lines(edited.motion), strict=True)
+    return np.array([one != other for one, other in pairs])
+
+
+def frames_within_reach(graft, edited):
+    """Return the mask of the frames within `seam_reach` of changed segments.
+
+    A seam treatment that spans segments also changes the segments beside them.
+    """
+    config = graft.library.config
+    reach = int(np.ceil(seam_reach(config) * graft.motion.rate))
+    near = np.zeros(graft.motion.n_frames, bool)
+    changed = changed_positions(graft.donors, edited.donors)
+    if SEAM_TREATMENTS.get(config.seam).spans_segments:
+        changed = dilate(changed)
+    segments = graft.substitutions[: len(changed)]
+    for own, is_changed in zip(segments, changed.tolist(), strict=True):
+        if is_changed:
+            near[max(own.start - reach, 0) : own.stop + reach + 1] = True
+    return near
+
+
+def check_replays(edited):
+    again = mg.replay(mg.graft_record(edited), edited.library)
+    assert mg.graft_record(again) == mg.graft_record(edited)
+    assert frame_lines(again.motion) == frame_lines(edited.motion)
+
+
+@st.composite
+def edits(draw, graft, groups):
+    """Draw edits at distinct segments, and segments to reroll; return them with what they name."""
+    cut = [
+        (own.start, own.stop)
+        for own in graft.substitutions[: len(next(iter(graft.donors.values())))]
+    ]
+    n, n_segments = len(cut), len(graft.library.segments)
+    numbers = draw(st.lists(st.integers(0, n - 1), min_size=1, max_size=5, unique=True))
+    made, reroll, named = [], [], {}
+    for number in numbers:
+        group = draw(st.sampled_from([None, *groups])) if len(groups) > 1 else None
+        donor = draw(st.integers(0, n_segments - 1))
+        kind = draw(st.sampled_from(["use", "ban", "ban donor", "keep", "reroll"]))
+        if kind == "use":
+            made.append(mg.Use(number, donor, group=group))
+        elif kind == "keep":
+            made.append(mg.KeepOriginal(frames=cut[number], group=group))
+        elif kind == "reroll":
+            reroll.append(draw(st.sampled_from([number, cut[number]])))
+            group = None
+        else:
+            banned = donor if kind == "ban donor" else None
+            made.append(mg.Ban(number, banned, group=group))
+        named[number] = (kind, groups if group is None else [group], donor)
+    return made, reroll, named
+
+
+@pytest.mark.filterwarnings("ignore:.*no other candidate")
+@pytest.mark.parametrize("name", ["library", "several"])
+@few_examples(8)
+@given(data=st.data())
+def test_replace_changes_named_segments_only(request, name, data):
+    library = request.getfixturevalue(name)
+    config = replace(
+        library.config,
+        choice=data.draw(st.sampled_from(CONFIG_OPTIONS["choice"].names)),
+        seam=data.draw(st.sampled_from(CONFIG_OPTIONS["seam"].names)),
+    )
+    graft = mg.graft(library.relabelled(config), seed=data.draw(SEEDS))
+    made, reroll, named = data.draw(edits(graft, list(graft.donors)))
+    edited = mg.edit(graft, *made, reroll=reroll, seed=data.draw(st.one_of(st.none(), SEEDS)))
+    candidates = GraftPlan.build(graft.library, None, None, ()).problem.candidates
+    for group, before in graft.donors.items():
+        after = edited.donors[group]
+        for position in range(len(before)):
+            kind, groups, donor = named.get(position, ("", [], 0))
+            if group not in groups:
+                assert after[position] == before[position]
+            elif kind == "use":
+                assert after[position] == donor
+            elif kind == "keep":
+                assert after[position] == graft.substitutions[position].segment
+            elif kind == "ban donor":
+                assert after[position] != donor or edited.violations
+            elif (candidates[group][position] != before[position]).any():
+                assert after[position] != before[position] or edited.violations
+    check_replays(edited)
+    if config.seam == "paper":  # a seam is also changed by the seams beside it
+        return
+    assert not (changed_frames(graft, edited) & ~frames_within_reach(graft, edited)).any()
+    outside = ~frames_within_reach(graft, edited)
+    for one, other in (
+        (graft.motion.rotations, edited.motion.rotations),
+        (graft.motion.positions, edited.motion.positions),
+    ):
+        np.testing.assert_array_equal(one[outside], other[outside])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_replace_of_root_group_moves_later_root_rigidly(root_library, seed):
+    graft = mg.graft(root_library, seed=seed)
+    rng = np.random.default_rng(seed)
+    number = int(rng.choice(np.flatnonzero(graft.alternatives["lower"] > 2)[:60]))
+    edited = mg.edit(graft, reroll=[number])
+    assert changed_positions(graft.donors, edited.donors).any()
+    near = frames_within_reach(graft, edited)
+    first, last = np.flatnonzero(near)[[0, -1]]
+    root = root_library.root
+    others = np.setdiff1d(np.arange(graft.motion.n_joints), [root])
+    np.testing.assert_array_equal(
+        graft.motion.rotations[~near][:, others], edited.motion.rotations[~near][:, others]
+    )
+    np.testing.assert_array_equal(
+        graft.motion.rotations[:first, root], edited.motion.rotations[:first, root]
+    )
+    heights = [
+        own.positions[last + 1 :, root, root_library.up] for own in (graft.motion, edited.motion)
+    ]
+    np.testing.assert_allclose(*heights, atol=1e-6 * graft.motion.positions.max())
+    turns = rotations.multiply(
+        edited.motion.rotations[last + 1 :, root],
+        rotations.inverse(graft.motion.rotations[last + 1 :, root]),
+    )
+    angles = [rotations.log(rotations.multiply(rotations.inverse(turns[:1]), own)) for own in turns]
+    assert np.abs(angles).max(initial=0.0) < 1e-5
+    check_replays(edited)
+
+
+def test_replace_with_planted_feet_joins_the_motions(root_library):
+    library = replace(root_library, config=replace(root_library.config, feet="auto"))
+    graft = mg.graft(library, seed=1)
+    number = int(np.flatnonzero(graft.alternatives["lower"] > 2)[30])
+    edited = mg.edit(graft, reroll=[number])
+    assert changed_positions(graft.donors, edited.donors).any()
+    assert edited.feet is not None
+    first = int(np.flatnonzero(changed_frames(graft, edited))[0])
+    assert first > graft.substitutions[number].start - 150
+    check_replays(edited)
+
+
+def test_replace_same_edit_gives_same_bytes_and_edits_add_up(library):
+    graft = mg.graft(library, seed=2)
+    first = mg.edit(graft, mg.Use(5, 40))
+    assert frame_lines(first.motion) == frame_lines(mg.edit(graft, mg.Use(5, 40)).motion)
+    second = mg.edit(first, mg.Use(50, 41))
+    assert (second.donors["upper"][5], second.donors["upper"][50]) == (40, 41)
+    assert not (changed_frames(first, second) & ~frames_within_reach(first, second)).any()
+    assert [len(own["replaced"]) for own in mg.graft_record(second)["edits"]] == [1, 1]
+    check_replays(second)
+
+
+def test_replace_of_present_donors_changes_nothing(library):
+    graft = mg.graft(library, seed=2)
+    number = next(i for i, own in enumerate(graft.substitutions) if not own.is_own)
+    edited = mg.edit(graft, mg.Use(number, int(graft.donors["upper"][number])))
+    assert not changed_frames(graft, edited).any()
+
+
+def test_replace_supersedes_earlier_constraints(library):
+    segments = library.segments
+    keep = mg.KeepOriginal(frames=(int(segments.start[4]), int(segments.stop[8])))
+    graft = mg.graft(library, constraints=[keep, mg.Use(12, 40)], seed=1)
+    edited = mg.edit(graft, mg.Use(6, 41), mg.KeepOriginal(frames=_span(graft, 12)))
+    assert edited.donors["upper"][[4, 5, 6, 7, 8, 12]].tolist() == [4, 5, 41, 7, 8, 12]
+    assert not edited.violations
+    again = mg.edit(edited, mg.Ban(6), reroll=[12])
+    assert again.donors["upper"][6] != 41
+    assert again.donors["upper"][[4, 5, 7, 8]].tolist() == [4, 5, 7, 8]
+    assert not again.violations
+
+
+def _span(graft, number):
+    own = graft.substitutions[number]
+    return own.start, own.stop
+
+
+def test_replace_ban_of_present_donor_stays_in_force(library):
+    graft = mg.graft(library, seed=3)
+    position = next(
+        i
+        for i, (own, n) in enumerate(
+            zip(graft.substitutions, graft.alternatives["upper"], strict=True)
+        )
+        if not own.is_own and n > 3
+    )
+    seen = [int(graft.donors["upper"][position])]
+    for _ in range(3):
+        graft = mg.edit(graft, mg.Ban(position))
+        seen.append(int(graft.donors["upper"][position]))
+    assert len(set(seen)) == 4
+
+
+def test_replace_contradictory_edits_are_violations(library):
+    edited = mg.edit(mg.graft(library, seed=1), mg.Use(5, 40), mg.Ban(5, 40))
+    assert edited.donors["upper"][5] == 5
+    assert [type(own.constraint).__name__ for own in edited.violations] == ["Use"]
+
+
+def test_replace_keeps_pose_constraints_of_the_graft(library):
+    target = mg.graft(library, seed=3).motion.world_positions()[100]
+    hand = library.skeleton.index("LeftHand")
+    reach = mg.Reach("LeftHand", tuple(target[hand].tolist()), 100, 0.05)
+    graft = mg.graft(library, constraints=[reach], seed=1)
+    assert not graft.violations
+    edited = mg.edit(graft, reroll=[(80, 120)])
+    assert edited.request.constraints[0] == reach
+    poses = edited.motion.world_positions()[100, hand]
+    height = mg.Poses.from_motion(edited.motion).height
+    assert (np.linalg.norm(poses - target[hand]) <= 0.05 * height) == (not edited.violations)
+
+
+def test_replace_reroll_without_candidate_warns(library):
+    graft = mg.graft(library, seed=1)
+    number = int(np.flatnonzero(graft.alternatives["upper"] == 0)[0])
+    with pytest.warns(UserWarning, match="1 of 1 segments of `reroll` have no other candidate"):
+        edited = mg.edit(graft, reroll=[number])
+    assert not changed_frames(graft, edited).any()
+
+
+def test_replace_in_scenario_numbers_segments_of_the_scenario(library):
+    graft = mg.graft(library, scenario=[30, 31, 5, 6, 60, 61], seed=1)
+    edited = mg.edit(graft, mg.Use(2, 40))
+    assert edited.donors["upper"][2] == 40
+    check_replays(edited)
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda graft: mg.edit(graft), ValueError, "an edit or `reroll` must be given"),
+        (lambda graft: mg.edit(graft, mg.Use(999, 3)), ValueError, "`segment` of Use must be 0 to"),
+        (
+            lambda graft: mg.edit(graft, reroll=[999]),
+            ValueError,
+            "`reroll` must be a segment number from 0 to",
+        ),
+        (
+            lambda graft: mg.edit(graft, reroll=[(9000, 9010)]),
+            ValueError,
+            "`reroll` must select a segment in frames 0 to 699, got 9000-9010",
+        ),
+        (
+            lambda graft: mg.edit(graft, mg.KeepOriginal(frames=(9000, 9010))),
+            ValueError,
+            "`frames` must select a segment in frames 0 to 699, got 9000-9010",
+        ),
+        (
+            lambda graft: mg.edit(graft, mg.Use(3, ("secnd", 0, 9))),
+            ValueError,
+            "did you mean 'second'",
+        ),
+        (
+            lambda graft: mg.edit(graft, mg.Ban(3, group="uper")),
+            ValueError,
+            "`group` of Ban must be .* got 'uper'; did you mean 'upper'",
+        ),
+        (lambda graft: mg.edit(graft, mg.AvoidSelf()), TypeError, "edits must be Use, Ban or"),
+        (lambda graft: mg.edit(graft, mg.Use(3, 4, weight=1.0)), ValueError, "hard"),
+        (lambda graft: mg.edit(graft, mg.Use(3, 4), seed=-1), ValueError, "`seed`"),
+    ],
+)
+def test_replace_invalid_edit_raises(library, make, error, message):
+    with pytest.raises(error, match=message):
+        make(mg.graft(library, seed=1))
+
+
+def test_replace_of_graft_from_files_needs_the_library(motion, tmp_path):
+    mg.write_bvh(motion[:300], tmp_path / "a.bvh")
+    graft = mg.graft(mg.Library.build(tmp_path / "a.bvh"), seed=1)
+    with pytest.raises(ValueError, match="the whole library is needed"):
+        mg.edit(mg.replay(mg.graft_record(graft)), reroll=[3])
+
+
+@few_examples(30)
+@given(seed=SEEDS, size=st.sampled_from([0.0, 1e-6, 1e-3, 0.1]))
+def test_splice_takes_each_frame_from_one_motion(seed, size):
+    rng = np.random.default_rng(seed)
+    before = dance(seed=1, strides=1).motion[:80]
+    turns = rotations.exp(size * rng.normal(size=(80, before.n_joints, 3)))
+    turns[rng.random(80) < 0.5] = rotations.IDENTITY
+    signs = rng.choice([-1.0, 1.0], (1, before.n_joints, 1))
+    after = replace(
+        before,
+        rotations=signs * rotations.multiply(before.rotations, turns),
+        channel_values=None,
+    )
+    is_new = np.zeros(80, bool)
+    is_new[30 : int(rng.integers(31, 50))] = True
+    result = splice(before, after, is_new, 100.0, [])
+    step = rotations.multiply(rotations.inverse(before.rotations), after.rotations)
+    angles = np.linalg.norm(rotations.log(step), axis=2).max(axis=1)
+    expected = is_new.copy()
+    for frames in (range(29, -1, -1), range(int(np.flatnonzero(is_new)[-1]) + 1, 80)):
+        for frame in frames:  # grow until the motions are near
+            if angles[frame] <= MAX_ANGLE:
+                break
+            expected[frame] = True
+    np.testing.assert_array_equal(result.rotations[~expected], before.rotations[~expected])
+    np.testing.assert_array_equal(
+        result.channel_numbers()[~expected], before.channel_numbers()[~expected]
+    )
+    same = np.abs((result.rotations * after.rotations).sum(axis=2))
+    np.testing.assert_allclose(same[expected], 1.0, atol=1e-12)
+    products = (result.rotations[1:] * result.rotations[:-1]).sum(axis=2)
+    assert (products[29] > 0).all() or size > 0.05
+
+
+@few_examples(8)
+@given(
+    number=st.integers(0, 60), donor=st.integers(0, 100), group=st.sampled_from(["larm", "rarm"])
+)
+def test_constraints_of_a_group_leave_other_groups_unchanged(several, number, donor, group):
+    library = several.relabelled(replace(several.config, choice="viterbi", self_repair=False))
+    free = mg.graft(library)
+    span = (free.substitutions[number].start, free.substitutions[number].stop)
+    present = int(free.donors[group][number])
+    for constraint in (
+        mg.Use(number, donor, group=group),
+        mg.Ban(number, present, group=group),
+        mg.KeepOriginal(frames=span, group=group),
+    ):
+        graft = mg.graft(library, constraints=[constraint])
+        for name, donors in graft.donors.items():
+            if name != group:
+                np.testing.assert_array_equal(donors, free.donors[name])
+        assert not graft.violations or isinstance(constraint, mg.Ban)
+    assert graft.donors[group][number] == graft.substitutions[number].segment
+
+
+def test_stream_refuses_constraint_of_a_group(library):
+    keep = mg.KeepOriginal(frames=(0, 9), group="upper")
+    with pytest.raises(ValueError, match="must apply to all groups, got KeepOriginal"):
+        mg.Stream(library, constraints=[keep])

@@ -1,0 +1,181 @@
+"""Laws of the positions whose candidates are not evaluated: no candidate has an error there."""
+
+from dataclasses import replace
+from unittest import mock
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+import mograft as mg
+from mograft.dancer import dance
+from mograft.solve.donor_poses import candidate_poses
+from mograft.solve.donor_trellis import candidate_violations
+from mograft.solve.error_bounds import find_evaluated_positions, reachable_balls
+from tests.oracles.constraints import candidate_amounts
+from tests.strategies import SEEDS, few_examples
+
+DIVIDED = {
+    "lower": ["Hips", "*Leg", "*Foot"],
+    "torso": ["Spine.Xrotation", "Spine.Zrotation", "Neck", "Head"],
+    "arms": ["Spine.Yrotation", "*Shoulder", "*Arm", "*ForeArm", "*Hand"],
+}
+
+
+@pytest.fixture(scope="module")
+def libraries():
+    """Libraries of dances whose arms change their lengths, with three kinds of joint groups."""
+    motion = dance(seed=1, strides=1).motion[:500]
+    positions = motion.positions.copy()
+    arms = [motion.skeleton.index(name) for name in ("LeftForeArm", "RightHand", "Neck")]
+    stretch = 1.0 + 0.5 * np.sin(np.arange(len(positions)) / 40.0)
+    positions[:, arms] *= stretch[:, None, None]
+    motion = replace(motion, positions=positions, channel_values=None)
+    groups = ["lower_upper", "lower_torso_larm_rarm", mg.JointGroups(DIVIDED, base="lower")]
+    return [mg.Library.build(motion, own) for own in groups]
+
+
+def random_obstacle(rng, place, motion):
+    """Return an obstacle of a random kind and size at a place, which may or may not be touched."""
+    size = float(rng.uniform(1.0, 40.0))
+    direction = rng.normal(size=3)
+    quat = rng.normal(size=4)
+    return [
+        mg.Sphere(place, size),
+        mg.Capsule(place, tuple(place + 3.0 * size * direction), size),
+        mg.Box(place, (size, 2.0 * size, 1.0), tuple(quat / np.linalg.norm(quat))),
+        mg.HalfSpace(place, tuple(direction)),
+        mg.Character(motion[:90], offset=tuple(place * [1, 0, 1]), delay=float(rng.uniform(0, 3))),
+    ][int(rng.integers(5))]
+
+
+def random_constraints(rng, motion):
+    """Return one or two random constraints on obstacles near the path of the body."""
+    world = motion.world_positions()
+    constraints = []
+    for _ in range(int(rng.integers(1, 3))):
+        place = world[rng.integers(len(world)), rng.integers(world.shape[1])]
+        place = place + rng.normal(size=3) * rng.choice([0.0, 20.0, 60.0, 150.0])
+        obstacle = random_obstacle(rng, place, motion)
+        weight = None if rng.integers(2) else float(rng.uniform(0.1, 3.0))
+        frames = None if rng.integers(2) else (int(rng.integers(200)), int(rng.integers(200, 499)))
+        if rng.integers(4):
+            margin = float(rng.uniform(-0.05, 0.1))
+            constraints.append(mg.Avoid(obstacle, margin=margin, weight=weight, frames=frames))
+        else:
+            joint = str(rng.choice(["Head", "LeftHand", "RightForeArm", "RightFoot"]))
+            inside = bool(rng.integers(2))
+            own = mg.KeepOut(joint, obstacle, inside=inside, weight=weight, frames=frames)
+            constraints.append(own)
+    return constraints
+
+
+def random_problem(libraries, make_problem, rng):
+    """Return a search problem with random constraints, a group, and donors of other groups."""
+    library = libraries[int(rng.integers(len(libraries)))]
+    names = [name for name in library.groups.names if name != library.groups.base]
+    problem = make_problem(library, random_constraints(rng, library.clips[0]), names)
+    group, chosen = str(rng.choice(names)), {}
+    if len(names) > 1 and rng.integers(2):
+        other = str(rng.choice([name for name in names if name != group]))
+        chosen[other] = np.array([rng.choice(own) for own in problem.candidates[other]])
+    return problem, group, chosen
+
+
+@settings(few_examples(30), deadline=None)
+@given(SEEDS)
+def test_candidate_violations_match_poses_of_every_candidate_bit_for_bit(
+    libraries, make_problem, seed
+):
+    problem, group, chosen = random_problem(libraries, make_problem, np.random.default_rng(seed))
+    found = candidate_violations(problem, group, chosen)
+    for own, (hard, soft) in zip(found, candidate_amounts(problem, group, chosen), strict=True):
+        assert own.hard.tobytes() == hard.tobytes()
+        assert own.soft.tobytes() == soft.tobytes()
+
+
+@settings(few_examples(15), deadline=None)
+@given(SEEDS)
+def test_reachable_balls_contain_the_capsules_of_every_candidate(libraries, make_problem, seed):
+    rng = np.random.default_rng(seed)
+    problem, group, _ = random_problem(libraries, make_problem, rng)
+    balls, segments = reachable_balls(problem, group, problem.base), problem.base_segments
+    driven = problem.driven_joints[group]
+    for position in rng.integers(len(segments), size=8).tolist():
+        donors = problem.candidates[group][position]
+        poses = candidate_poses(problem, group, np.full(len(donors), position), donors)
+        body = poses.capsules
+        own = driven[body.joints]
+        ends = poses.ends[:, own].reshape(len(poses), -1, 1, 3)
+        radii = np.repeat(body.radii[own], 2)[:, None]
+        joints = poses.positions[:, driven][:, :, None]
+        centers = balls.positions[poses.frames][:, None]
+        for points, radius in ((ends, radii), (joints, 0.0)):
+            distances = np.linalg.norm(points - centers, axis=-1)
+            assert (distances + radius <= balls.capsules.radii).any(axis=2).all()
+
+
+@settings(few_examples(4), deadline=None)
+@given(SEEDS)
+def test_grafts_with_obstacles_match_the_evaluation_of_every_position(libraries, seed):
+    rng = np.random.default_rng(seed)
+    library = libraries[int(rng.integers(len(libraries)))]
+    constraints = random_constraints(rng, library.clips[0])
+    fast = mg.graft(library, constraints=constraints)
+    with mock.patch(
+        "mograft.solve.donor_trellis.find_evaluated_positions",
+        lambda problem, *_: problem.is_constrained_position,
+    ):
+        slow = mg.graft(library, constraints=constraints)
+    assert fast.substitutions == slow.substitutions
+    assert fast.motion.channel_numbers().tobytes() == slow.motion.channel_numbers().tobytes()
+
+
+@pytest.mark.parametrize("kind", ["Avoid", "KeepOut", "wall"])
+def test_positions_out_of_reach_of_an_obstacle_are_not_evaluated(libraries, make_problem, kind):
+    """The arms reach less than 250 from the hips, at the greatest length that they have."""
+    motion = libraries[0].clips[0]
+    hips = motion.world_positions()[:, 0]
+    away = (hips[-1] - hips[0]) * [1, 0, 1]
+    away /= np.linalg.norm(away)
+    place = hips[-1] + 100.0 * away
+    constraint, distances = {
+        "Avoid": (mg.Avoid(mg.Sphere(place, 10.0)), np.linalg.norm(hips - place, axis=1) - 10.0),
+        "KeepOut": (
+            mg.KeepOut("LeftHand", mg.Box(place, (1.0, 9.0, 9.0))),
+            np.linalg.norm(hips - place, axis=1) - 13.0,
+        ),
+        "wall": (mg.Avoid(mg.HalfSpace(place, tuple(-away))), (place - hips) @ away),
+    }[kind]
+    problem = make_problem(libraries[0], [constraint], ["upper"])
+    evaluated = find_evaluated_positions(problem, "upper", problem.base)
+    is_near = problem.positions_with((distances < 250.0).astype(float))
+    assert evaluated.any()
+    assert not is_near.all()
+    assert not evaluated[~is_near].any()
+
+
+class _Sphere(mg.Sphere):
+    """An obstacle that measures something else than a distance from capsules."""
+
+
+class _Avoid(mg.Avoid):
+    """A constraint that may measure something else than a distance from an obstacle."""
+
+
+@pytest.mark.parametrize(
+    "constraint",
+    [
+        mg.Avoid(_Sphere((9000.0, 0.0, 0.0), 1.0)),
+        _Avoid(mg.Sphere((9000.0, 0.0, 0.0), 1.0)),
+        mg.KeepOut("LeftHand", _Sphere((9000.0, 0.0, 0.0), 1.0)),
+        mg.KeepOut("LeftHand", mg.Sphere((9000.0, 0.0, 0.0), 1.0), inside=True),
+        mg.AvoidSelf(),
+        mg.Custom(lambda poses: poses.positions[:, 0, 1] * 0.0),
+    ],
+)
+def test_positions_of_constraints_without_a_bound_are_all_evaluated(
+    libraries, make_problem, constraint
+):
+    problem = make_problem(libraries[0], [constraint], ["upper"])
+    assert find_evaluated_positions(problem, "upper", problem.base).all()

@@ -1,0 +1,69 @@
+"""Violations by joints that no donor moves."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft.dancer import dance
+from mograft.search.obstacles import Sphere
+from mograft.solve.kept_joints import find_kept_violations
+from mograft.synthesis import graft as graft_module
+
+
+@pytest.fixture(scope="module")
+def library():
+    return mg.Library.build(dance(seed=1, strides=1).motion[:400])
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    joint=st.sampled_from(["LeftFoot", "RightLeg", "LeftHand", "Head", "Hips"]),
+    frame=st.integers(0, 399),
+    radius=st.floats(1, 40),
+    seed=st.integers(0, 3),
+)
+def test_kept_violations_remain_in_every_graft(library, joint, frame, radius, seed):
+    """Any donors leave them as they are; and all other violations are by exchanged joints."""
+    clip = library.clips[0]
+    _, positions = clip.world_transforms()
+    avoid = mg.Avoid(Sphere(tuple(positions[frame, clip.skeleton.index(joint)]), radius))
+    kept = find_kept_violations(library, clip, ["upper"], [avoid])
+    motion = mg.graft(library, seed=seed).motion
+    again = find_kept_violations(library, motion, ["upper"], [avoid])
+    assert [(own.frames, own.joint) for own in kept] == [(own.frames, own.joint) for own in again]
+    legs = {clip.skeleton.names[index] for index in library.joints("lower")}
+    assert {own.joint for own in kept} <= legs
+    if joint in legs:
+        assert any(own.frames[0] <= frame <= own.frames[1] for own in kept)
+
+
+def test_kept_violations_are_none_if_donors_hold_the_root(library):
+    groups = mg.JointGroups(library.groups.groups, base="upper")
+    other = mg.Library.build(library.clips[0], groups)
+    everywhere = mg.Avoid(Sphere((0.0, 0.0, 0.0), 9999.0))
+    assert find_kept_violations(other, library.clips[0], ["lower"], [everywhere]) == []
+    assert find_kept_violations(library, library.clips[0], ["upper"], [everywhere]) != []
+    soft = mg.Avoid(Sphere((0.0, 0.0, 0.0), 9999.0), weight=1.0)
+    assert find_kept_violations(library, library.clips[0], ["upper"], [soft]) == []
+
+
+def test_repair_stops_if_only_kept_joints_violate(library, monkeypatch):
+    clip = library.clips[0]
+    foot = clip.world_transforms()[1][200, clip.skeleton.index("LeftFoot")]
+    scales = []
+    build = graft_module.GraftPlan.build.__func__
+
+    def record(cls, library, *rest):
+        scales.append(library.config.sigma_scale)
+        return build(cls, library, *rest)
+
+    monkeypatch.setattr(graft_module.GraftPlan, "build", classmethod(record))
+    new = mg.repair(library, constraints=[mg.Avoid(Sphere(tuple(foot), 5.0))])
+    assert new.violations
+    assert len(scales) == 1
+    # A target that no donor reaches is tried with larger clusters.
+    mg.repair(library, constraints=[mg.Reach("LeftHand", (0.0, 9999.0, 0.0), 200)], widest=1.1)
+    assert len(scales) == 3
+    assert np.allclose(np.diff(scales[1:]), 0.25)

@@ -1,0 +1,191 @@
+"""Grafts in which inverse kinematics completes a `Reach`."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft.dancer import dance
+from tests.strategies import few_examples
+
+HAND, FRAME = "LeftHand", 200
+
+
+@pytest.fixture(scope="module")
+def library():
+    motion = dance(seed=1, strides=1).motion[:600]
+    return mg.Library.build(motion, "lower_torso_larm_rarm")
+
+
+def with_config(library, **changes):
+    return replace(library, config=replace(library.config, **changes))
+
+
+def position(motion, joint=HAND, frame=FRAME):
+    return motion.world_positions()[frame, motion.skeleton.index(joint)]
+
+
+def aside(library, distance, joint=HAND, frame=FRAME):
+    """A target at a distance, in skeleton heights, from a joint of the graft without targets.
+
+    It is in the direction of the shoulder or hip, so that the limb is long enough.
+    """
+    motion = mg.graft(with_config(library, reach_ik=0.0), seed=3).motion
+    here = position(motion, joint, frame)
+    above = motion.skeleton.index("LeftArm" if "Hand" in joint else "LeftUpLeg")
+    direction = motion.world_positions()[frame, above] - here
+    height = mg.Poses.from_motion(motion).height
+    return tuple(here + distance * height * direction / np.linalg.norm(direction))
+
+
+@given(st.floats(0.0, 0.3), st.sampled_from([0.01, 0.03, 0.1]))
+@few_examples(10)
+def test_graft_reach_is_violated_only_beyond_its_tolerance_after_completion(
+    library, distance, tolerance
+):
+    reach = mg.Reach(HAND, aside(library, distance), FRAME, tolerance)
+    graft = mg.graft(library, constraints=[reach], seed=3)
+    height = mg.Poses.from_motion(graft.base).height
+    error = np.linalg.norm(position(graft.motion) - reach.target) / height
+    (completion,) = graft.reach_completions
+    assert completion.after == pytest.approx(error, abs=1e-9)
+    assert bool(graft.violations) == (error > tolerance)
+    assert completion.is_moved or completion.before == completion.after
+    if completion.is_moved:
+        assert error < 1e-9
+
+
+def test_graft_reach_ik_changes_only_the_arm_near_the_frame(library):
+    reach = mg.Reach(HAND, aside(library, 0.05), FRAME, 0.2)
+    without = mg.graft(with_config(library, reach_ik=0.0), constraints=[reach], seed=3)
+    graft = mg.graft(library, constraints=[reach], seed=3)
+    assert without.reach_completions == ()
+    assert graft.substitutions == without.substitutions
+    changed = (graft.motion.rotations != without.motion.rotations).any(axis=2)
+    names = {graft.motion.skeleton.names[joint] for joint in np.flatnonzero(changed.any(axis=0))}
+    assert names == {"LeftArm", "LeftForeArm"}
+    reached = round(library.config.seam_blend * graft.motion.rate)
+    assert np.abs(np.flatnonzero(changed.any(axis=1)) - FRAME).max() < reached
+    assert (graft.motion.positions == without.motion.positions).all()
+
+
+@pytest.mark.parametrize("joint", ["LeftHand", "LeftFoot"])
+def test_graft_kept_groups_are_never_moved(library, joint):
+    reach = mg.Reach(joint, aside(library, 0.05, joint), FRAME)
+    graft = mg.graft(library, constraints=[reach], swap=["torso", "rarm"], seed=3)
+    (completion,) = graft.reach_completions
+    assert completion.reason == "the limb is not exchanged"
+    for group in ("lower", "larm"):
+        joints = library.joints(group)
+        assert (graft.motion.rotations[:, joints] == graft.base.rotations[:, joints]).all()
+        assert (graft.motion.positions[:, joints] == graft.base.positions[:, joints]).all()
+
+
+def test_graft_keep_original_leaves_the_limb_alone(library):
+    keep = mg.KeepOriginal(frames=(FRAME - 5, FRAME + 5))
+    target = tuple(position(library.clips[0]) + np.array([0.0, 5.0, 0.0]))
+    graft = mg.graft(library, constraints=[keep, mg.Reach(HAND, target, FRAME)], seed=3)
+    (completion,) = graft.reach_completions
+    assert completion.reason == "KeepOriginal keeps these frames"
+    assert not any(isinstance(own.constraint, mg.KeepOriginal) for own in graft.violations)
+
+
+def test_graft_completion_that_breaks_another_constraint_is_not_made(library):
+    target = aside(library, 0.05)
+    reach = mg.Reach(HAND, target, FRAME, 0.2)
+    height = mg.Poses.from_motion(library.clips[0]).height
+    ball = mg.KeepOut(HAND, mg.Sphere(target, 0.02 * height), frames=(FRAME, FRAME))
+    graft = mg.graft(library, constraints=[reach, ball], seed=3)
+    (completion,) = graft.reach_completions
+    assert (completion.reason, graft.violations) == ("KeepOut would be violated", ())
+    soft = replace(ball, weight=1.0)
+    graft = mg.graft(library, constraints=[reach, soft], seed=3)
+    assert graft.reach_completions[0].is_moved
+
+
+def test_graft_completion_is_reported_and_replayed(library):
+    near, far = aside(library, 0.05), aside(library, 0.3, "RightHand", 300)
+    constraints = [mg.MaxAngle(0.7), mg.Reach("RightHand", far, 300), mg.Reach(HAND, near, FRAME)]
+    graft = mg.graft(library, constraints=constraints, seed=3)
+    left, moved = graft.reach_completions
+    assert (left.is_moved, moved.is_moved) == (False, True)
+    assert f"{HAND}, frame {FRAME}: {moved.before:.3f} heights" in graft.report()
+    assert left.reason in graft.report()
+    document = mg.graft_record(graft)
+    first, second = document["reach_ik"]
+    assert (first["number"], second["number"]) == (1, 2)
+    assert (second["joint"], second["frames"]) == (HAND, [FRAME, FRAME])
+    assert second["before_heights"] == pytest.approx(moved.before, abs=1e-6)
+    assert second["after_heights"] == pytest.approx(0.0, abs=1e-6)
+    again = mg.replay(document, library)
+    assert (again.motion.rotations == graft.motion.rotations).all()
+    assert mg.graft_record(again) == document
+
+
+def test_graft_both_hands_and_a_later_frame_are_completed_and_replayed(library):
+    constraints = [
+        mg.Reach(HAND, aside(library, 0.05), FRAME),
+        mg.Reach("RightHand", aside(library, 0.04, "RightHand"), FRAME),
+        mg.Reach(HAND, aside(library, 0.05, frame=FRAME + 7), FRAME + 7),
+    ]
+    graft = mg.graft(library, constraints=constraints, seed=3)
+    for reach, completion in zip(constraints, graft.reach_completions, strict=True):
+        assert (completion.reach, completion.is_moved) == (reach, True)
+        error = position(graft.motion, reach.joint, reach.frame) - reach.target
+        assert np.abs(error).max() < 1e-9
+    replayed = mg.replay(mg.graft_record(graft), library)
+    assert (replayed.motion.rotations == graft.motion.rotations).all()
+
+
+def test_graft_edited_reach_is_completed_and_replayed(library):
+    near, far = aside(library, 0.05), aside(library, 0.3, "RightHand", 300)
+    constraints = [mg.Reach("RightHand", far, 300), mg.Reach(HAND, near, FRAME)]
+    graft = mg.graft(library, constraints=constraints, seed=3)
+    kept = mg.edit(graft, mg.KeepOriginal(frames=(FRAME - 5, FRAME + 5)))
+    assert [own.is_moved for own in kept.reach_completions] == [False, False]
+    assert kept.reach_completions[1].reason == "KeepOriginal keeps these frames"
+    segments = graft.substitutions
+    at_start = next(i for i, own in enumerate(segments) if own.stop > 20)
+    again = mg.edit(graft, reroll=[at_start])
+    assert again.reach_completions[1].is_moved
+    assert (position(again.motion) == position(graft.motion)).all()
+    for edited in (kept, again, mg.edit(kept, reroll=[at_start])):
+        replayed = mg.replay(mg.graft_record(edited), library)
+        assert (replayed.motion.rotations == edited.motion.rotations).all()
+        assert mg.graft_record(replayed) == mg.graft_record(edited)
+
+
+def test_replay_document_without_completions_makes_none(library):
+    reach = mg.Reach(HAND, aside(library, 0.05), FRAME)
+    graft = mg.graft(with_config(library, reach_ik=0.0), constraints=[reach], seed=3)
+    document = mg.graft_record(graft)
+    # As versions before `Config.reach_ik` wrote it.
+    assert document.pop("reach_ik") == []
+    del document["config"]["reach_ik"]
+    assert (mg.replay(document, library).motion.rotations == graft.motion.rotations).all()
+
+
+def test_replay_completion_of_another_constraint_raises_provenance_error(library):
+    reach = mg.Reach(HAND, aside(library, 0.05), FRAME)
+    document = mg.graft_record(mg.graft(library, constraints=[mg.MaxAngle(0.7), reach], seed=3))
+    document["reach_ik"][0]["number"] = 0
+    with pytest.raises(mg.ProvenanceError, match="Reach"):
+        mg.replay(document, library)
+
+
+def test_config_paper_disables_reach_ik():
+    assert mg.Config.paper().reach_ik == 0.0
+    with pytest.raises(ValueError, match="`reach_ik` must not be negative"):
+        mg.Config(reach_ik=-0.1)
+
+
+def test_graft_reach_of_weight_zero_and_derived_class_is_not_completed(library):
+    class Wish(mg.Reach):
+        pass
+
+    target = aside(library, 0.05)
+    for reach in (mg.Reach(HAND, target, FRAME, weight=0.0), Wish(HAND, target, FRAME)):
+        assert mg.graft(library, constraints=[reach], seed=3).reach_completions == ()

@@ -1,0 +1,176 @@
+"""Properties of the tabu search over donors that drive the root."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+import mograft as mg
+from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
+from mograft.solve.assembly import assemble, donor_excess, donor_excesses, pose_excess
+from mograft.solve.donor_poses import candidate_poses
+from mograft.solve.donor_trellis import build_trellis
+from mograft.solve.root_tabu_search import rank_substitutions, tabu_search
+from mograft.synthesis.graft_plan import GraftPlan
+from tests.strategies import SEEDS
+
+HAND, HIPS = "LeftHand", "Hips"
+
+
+def distant_wall():
+    """Return a constraint that every pose violates, by the distance of the hips along x."""
+    return mg.KeepOut(HIPS, mg.HalfSpace((900.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
+
+
+def random_sequence(candidates, rng):
+    return {"lower": np.array([rng.choice(own) for own in candidates])}
+
+
+def total_excess(problem, donors):
+    return donor_excess(problem, donors)["lower"].sum()
+
+
+def keep_motion(motion, donors):
+    """Return the motion as it is: no step follows assembly."""
+    del donors
+    return motion
+
+
+@settings(max_examples=4, deadline=None)
+@given(SEEDS)
+def test_rank_substitutions_predicted_violation_matches_each_moved_motion(
+    root_library, make_problem, seed
+):
+    rng, root = np.random.default_rng(seed), root_library.root
+    constraints = [distant_wall(), mg.Reach(HAND, (0.0, 900.0, 0.0), 400)]
+    problem = make_problem(root_library, constraints)
+    segments = problem.base_segments
+    trellis = build_trellis(problem, "lower", {})
+    is_free = rng.random(len(segments)) < 0.1
+    chosen = random_sequence(trellis.candidates, rng)
+    motion = assemble(problem, chosen)
+    positions, donors, predicted = rank_substitutions(problem, trellis, chosen, motion, is_free)
+    assert (np.diff(predicted) >= 0).all()
+    assert is_free[positions].all()
+    assert (donors != chosen["lower"][positions]).all()
+    poses = problem.base_poses.with_poses(np.arange(900), *motion.world_transforms())
+    roots = RootTransforms.from_motion(motion, root)
+    excess = pose_excess(problem, poses)
+    for i in rng.permutation(len(positions))[:4]:
+        position, donor = positions[i : i + 1], donors[i : i + 1]
+        start, stop = int(segments.start[position[0]]), int(segments.stop[position[0]])
+        own = candidate_poses(problem, "lower", position, donor, motion)
+        end = RootTransforms(own.rotations[-1:, root], own.positions[-1:, root])
+        move = AlignmentTransform.from_roots(roots[np.array([stop])], end, root_library.up)
+        later = np.arange(stop + 1, 900)
+        rest = poses.with_poses(later, poses.rotations[later], poses.positions[later])
+        moved = move[np.zeros(len(later), int)].apply_to_poses(rest)
+        expected = excess[:start].sum() + pose_excess(problem, own).sum()
+        assert predicted[i] == pytest.approx(expected + pose_excess(problem, moved).sum())
+
+
+@settings(max_examples=4, deadline=None)
+@given(SEEDS)
+def test_donor_excess_is_that_of_the_graft(root_library, make_problem, seed):
+    library = replace(root_library, config=replace(root_library.config, self_repair=False))
+    problem = make_problem(library, [distant_wall()])
+    rngs = [np.random.default_rng([seed, i]) for i in range(2)]
+    alternatives = [random_sequence(problem.candidates["lower"], rng) for rng in rngs]
+    excesses = donor_excesses(problem, alternatives, 3, 9)["lower"]
+    plan = GraftPlan(problem)
+    for donors, excess in zip(alternatives, excesses, strict=True):
+        motion = plan.build_graft(donors, 0, 0).motion
+        np.testing.assert_array_equal(motion.positions, assemble(problem, donors).positions)
+        error, _ = problem.constraints[0].errors(mg.Poses.from_motion(motion))
+        begin, end = problem.base_segments.start[3], problem.base_segments.stop[8]
+        expected = np.maximum(error[begin : end + 1] - 1.0, 0.0)
+        assert expected.min() > 0
+        np.testing.assert_allclose(excess, expected, atol=1e-9)
+
+
+def test_tabu_search_never_increases_the_violation(root_library, make_problem, make_wall):
+    problem = make_problem(root_library, [make_wall(root_library)])
+    trellises = {"lower": build_trellis(problem, "lower", {})}
+    rng = np.random.default_rng(4)
+    n_changed = 0
+    for _ in range(2):
+        donors = random_sequence(trellises["lower"].candidates, rng)
+        found = tabu_search(problem, donors, trellises, keep_motion)
+        assert total_excess(problem, found) <= total_excess(problem, donors)
+        if total_excess(problem, donors) == 0:
+            np.testing.assert_array_equal(found["lower"], donors["lower"])
+        n_changed += (found["lower"] != donors["lower"]).any()
+    assert n_changed
+    satisfied = replace(problem, constraints=(mg.Avoid(mg.Sphere((0.0, 9000.0, 0.0), 5.0)),))
+    found = tabu_search(satisfied, donors, trellises, keep_motion)
+    np.testing.assert_array_equal(found["lower"], donors["lower"])
+
+
+def test_tabu_search_unreachable_target_returns_the_best_evaluated_sequence(
+    root_library, make_problem, make_wall
+):
+    problem = make_problem(root_library, [make_wall(root_library)])
+    trellises = {"lower": build_trellis(problem, "lower", {})}
+    unreachable = replace(problem, constraints=(mg.Reach(HIPS, (500.0, 900.0, 0.0), 500),))
+    seen = []
+
+    def record(motion, donors):
+        seen.append(total_excess(unreachable, donors))
+        return motion
+
+    found = tabu_search(unreachable, problem.captured_donors, trellises, record)
+    assert seen[0] > total_excess(unreachable, found) == min(seen) > 0
+
+
+def test_tabu_search_evaluates_the_finished_motion(root_library, make_problem, make_wall):
+    wall, root = make_wall(root_library), root_library.root
+    problem = make_problem(root_library, [wall])
+    trellises = {"lower": build_trellis(problem, "lower", {})}
+    donors = tabu_search(problem, problem.captured_donors, trellises, keep_motion)
+    outward = np.array(wall.region.normal) / np.linalg.norm(wall.region.normal)
+    hips = assemble(problem, donors).world_positions()[:, root]
+    clearance = ((hips - wall.region.point) @ outward).min()
+    shift = -outward * (clearance + 0.01 * problem.base_poses.height)
+
+    def push_into_wall(motion, donors):
+        del donors
+        positions = motion.positions.copy()
+        positions[300:, root] += shift
+        return replace(motion, positions=positions, channel_values=None)
+
+    def largest_error(donors):
+        motion = push_into_wall(assemble(problem, donors), donors)
+        return wall.errors(mg.Poses.from_motion(motion))[0].max()
+
+    assert largest_error(donors) > 1.0
+    assert largest_error(tabu_search(problem, donors, trellises, push_into_wall)) <= 1.0
+
+
+@pytest.mark.parametrize("choice", ["viterbi", "sample", "random"])
+def test_graft_with_a_wall_keeps_the_hips_on_one_side(root_library, make_wall, choice):
+    library = replace(root_library, config=replace(root_library.config, choice=choice, feet="auto"))
+    wall = make_wall(root_library)
+    error, _ = wall.errors(mg.Poses.from_motion(mg.graft(root_library).motion))
+    assert error.max() > 1.0
+    graft = mg.graft(library, constraints=[wall])
+    error, _ = wall.errors(mg.Poses.from_motion(graft.motion))
+    assert error.max() <= 1.0
+    assert not graft.violations
+
+
+def test_graft_reaches_targets_of_other_donor_sequences(root_library, make_problem):
+    problem, rng = make_problem(root_library), np.random.default_rng(6)
+    n_reached = 0
+    for turn in range(10):
+        name = (HAND, HIPS)[turn % 2]
+        joint = root_library.skeleton.index(name)
+        motion = assemble(problem, random_sequence(problem.candidates["lower"], rng))
+        frame = int(rng.integers(100, motion.n_frames))
+        target = tuple(motion.world_positions()[frame, joint])
+        graft = mg.graft(root_library, constraints=[mg.Reach(name, target, frame)])
+        distance = np.linalg.norm(graft.motion.world_positions()[frame, joint] - target)
+        is_reached = distance <= 0.03 * problem.base_poses.height
+        assert is_reached == (not graft.violations)
+        n_reached += is_reached
+    assert n_reached >= 9

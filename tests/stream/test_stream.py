@@ -1,0 +1,651 @@
+"""`Stream`: chunks, later frames, donor choice, seams, constraints, memory, invalid arguments."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft.blend.transplant import GraftedGroup, transplant
+from mograft.dancer import dance
+from mograft.motion import rotations
+from mograft.solve.donor_trellis import build_trellis
+from mograft.solve.search_problem import SearchProblem
+from mograft.stream.search import StreamSearch
+from tests.oracles import search as oracle
+from tests.strategies import assert_same_rotations
+
+HAND = "LeftHand"
+FEW_EXAMPLES = settings(max_examples=12)
+
+
+@pytest.fixture(scope="module")
+def library(two_dances):
+    return two_dances
+
+
+@pytest.fixture(scope="module")
+def base(short_base):
+    return short_base
+
+
+def stream_pieces(library, base, chunks=(10_000,), **options):
+    """Push a base in chunks whose sizes repeat; return all pieces."""
+    stream = mg.Stream(library, **options)
+    pieces, first, n_pushes = [], 0, 0
+    while first < base.n_frames:
+        size = chunks[n_pushes % len(chunks)]
+        stream.push(base[first : first + size])
+        pieces += stream.pieces()
+        first, n_pushes = first + size, n_pushes + 1
+    stream.close()
+    return pieces + stream.pieces()
+
+
+def with_choice(library, choice, **changes):
+    return replace(library, config=replace(library.config, choice=choice, **changes))
+
+
+def list_donors(pieces):
+    return [s.donor for piece in pieces for s in piece.substitutions]
+
+
+def assert_identical(a, b):
+    np.testing.assert_array_equal(a.rotations, b.rotations)
+    np.testing.assert_array_equal(a.positions, b.positions)
+
+
+def ball_at_hand(base, frame=100):
+    """Return a constraint that the base violates in a frame."""
+    center = base.world_positions()[frame, base.skeleton.index(HAND)] + np.array([0.0, 6.0, 0.0])
+    return mg.Avoid(mg.Sphere(tuple(center), 8.0))
+
+
+# Committed pieces
+
+
+@FEW_EXAMPLES
+@given(
+    st.lists(st.integers(1, 60), min_size=1, max_size=8),
+    st.sampled_from(["viterbi", "sample", "random", "nearest"]),
+    st.integers(1, 10),
+    st.booleans(),
+)
+def test_stream_any_chunks_give_identical_pieces(
+    library, base, chunks, choice, horizon, is_constrained
+):
+    constraints = [ball_at_hand(base)] if is_constrained else []
+    options = {"horizon": horizon, "constraints": constraints}
+    configured = with_choice(library, choice)
+    expected = stream_pieces(configured, base, **options)
+    pieces = stream_pieces(configured, base, chunks, **options)
+    assert repr([p.substitutions for p in pieces]) == repr([p.substitutions for p in expected])
+    assert [p.violations for p in pieces] == [p.violations for p in expected]
+    assert_identical(mg.join_pieces(pieces), mg.join_pieces(expected))
+
+
+@FEW_EXAMPLES
+@given(st.integers(2, 259), st.integers(1, 8))
+def test_stream_other_later_frames_leave_committed_pieces_unchanged(library, base, n, horizon):
+    stream = mg.Stream(library, horizon=horizon)
+    stream.push(base[:n])
+    before = stream.pieces()
+    stream.push(dance(seed=7, strides=1).motion[300:500])
+    after = stream.pieces()
+    expected = stream_pieces(library, base, horizon=horizon)
+    assert len(before) <= len(expected)
+    for piece, expected_piece in zip(before, expected, strict=False):
+        assert repr(piece.substitutions) == repr(expected_piece.substitutions)
+        assert_identical(piece.motion, expected_piece.motion)
+    stops = [piece.stop for piece in before + after]
+    assert stops == sorted(set(stops))
+
+
+@pytest.mark.parametrize("choice", ["viterbi", "sample"])
+def test_stream_pieces_cover_the_base_and_keep_its_other_joints(library, base, choice):
+    pieces = stream_pieces(with_choice(library, choice), base, (17,))
+    assert pieces[0].start == 0
+    assert pieces[-1].stop == base.n_frames - 1
+    assert all(a.stop + 1 == b.start for a, b in pairwise(pieces))
+    for piece in pieces:
+        assert piece.motion.n_frames == piece.stop - piece.start + 1
+        np.testing.assert_array_equal(
+            piece.motion.positions, base.positions[piece.start : piece.stop + 1]
+        )
+        for substitution in piece.substitutions:
+            assert (substitution.start, substitution.stop) == (max(piece.start - 1, 0), piece.stop)
+    motion = mg.join_pieces(pieces)
+    assert motion.n_frames == base.n_frames
+    kept = library.joints("lower")
+    np.testing.assert_array_equal(motion.rotations[:, kept], base.rotations[:, kept])
+    np.testing.assert_array_equal(motion.positions, base.positions)
+    columns = np.concatenate([base.skeleton.channel_columns[joint] for joint in kept])
+    expected, values = base.channel_numbers(), motion.channel_numbers()
+    np.testing.assert_array_equal(values[:, columns], expected[:, columns])
+    assert sum(not s.is_own for p in pieces for s in p.substitutions) > len(pieces) / 2
+
+
+def test_stream_equal_seeds_give_identical_motions_and_other_seeds_other_donors(library, base):
+    first, again, other = (stream_pieces(library, base, seed=seed) for seed in (5, 5, 6))
+    assert_identical(mg.join_pieces(first), mg.join_pieces(again))
+    assert list_donors(first) != list_donors(other)
+
+
+def test_stream_all_donors_excluded_returns_the_base(library, base):
+    pieces = stream_pieces(library, base, (9,), constraints=[mg.NotFrom("*")])
+    motion = mg.join_pieces(pieces)
+    assert_identical(motion, base)
+    np.testing.assert_array_equal(motion.channel_numbers(), base.channel_numbers())
+    assert all(s.is_own and s.clip == "base" for p in pieces for s in p.substitutions)
+
+
+# Donor choice
+
+
+def whole_base_search(library, base):
+    """Return the search problem and the trellis for the whole base."""
+    longer, clip = library.resolve_base(base)
+    scenario = longer.segments.of_clip(clip)
+    segments = longer.segments[scenario]
+    problem = SearchProblem.build(longer, longer.clips[clip], scenario, segments, ["upper"], [])
+    return problem, build_trellis(problem, "upper", {})
+
+
+@pytest.mark.parametrize("neighbourhood", ["cluster", "ball"])
+def test_stream_horizon_beyond_the_end_chooses_the_donors_of_graft(library, base, neighbourhood):
+    configured = with_choice(library, "viterbi", neighbourhood=neighbourhood)
+    pieces = stream_pieces(configured, base, horizon=1000)
+    graft = mg.graft(configured, base)
+    assert list_donors(pieces) == [s.donor for s in graft.substitutions]
+    for piece, expected in zip(pieces, graft.substitutions, strict=True):
+        (found,) = piece.substitutions
+        assert (found.start, found.stop) == (expected.start, expected.stop)
+        assert found.clip == expected.clip
+        assert found.cost == pytest.approx(expected.cost)
+        assert found.gap_before == pytest.approx(expected.gap_before)
+    _, trellis = whole_base_search(configured, base)
+    greedy = [int(trellis.costs.unary[0].argmin())]
+    for unary, pairwise_costs in zip(trellis.costs.unary[1:], trellis.costs.pairwise, strict=True):
+        greedy.append(int((unary + pairwise_costs[greedy[-1]]).argmin()))
+    path = trellis.path(np.array(list_donors(pieces)))
+    assert trellis.costs.cost(path) <= trellis.costs.cost(np.array(greedy)) + 1e-9
+
+
+def test_stream_several_groups_chooses_the_donors_of_graft_for_each(library, base):
+    several = mg.Library.build(list(library.clips), "lower_torso_larm_rarm", library.config)
+    configured = with_choice(several, "viterbi", self_repair=False)
+    pieces = stream_pieces(configured, base, (11,), horizon=1000)
+    graft = mg.graft(configured, base)
+    groups = [s.group for s in pieces[0].substitutions]
+    assert len(groups) == 3
+    for group in groups:
+        donors = [s.donor for p in pieces for s in p.substitutions if s.group == group]
+        assert donors == [s.donor for s in graft.substitutions if s.group == group]
+
+
+def test_stream_several_groups_with_pose_constraints_violates_fewer_frames_than_the_base(
+    library, base
+):
+    several = mg.Library.build(list(library.clips), "lower_torso_larm_rarm", library.config)
+    constraints = [ball_at_hand(base), mg.AvoidSelf()]
+    pieces = stream_pieces(several, base, (11,), constraints=constraints)
+    expected = stream_pieces(several, base, constraints=constraints)
+    assert_identical(mg.join_pieces(pieces), mg.join_pieces(expected))
+    n_frames = sum(v.frames[1] - v.frames[0] + 1 for p in pieces for v in p.violations)
+    assert n_frames < (constraints[0].errors(mg.Poses.from_motion(base))[0] > 1).sum()
+
+
+@pytest.mark.parametrize("seam", ["inertial", "gradient"])
+@pytest.mark.parametrize("horizon", [1, 2, 3, 8])
+def test_stream_each_donor_is_of_the_cheapest_sequence_in_the_horizon(library, base, horizon, seam):
+    """With "gradient", the second donor of a sequence is the first one of the next."""
+    configured = with_choice(library, "viterbi", seam=seam)
+    _, trellis = whole_base_search(configured, base)
+    unary, pairwise_costs, path = trellis.costs.unary, trellis.costs.pairwise, []
+    following = None
+    for position in range(len(unary)):
+        known = list(unary[position : position + horizon])
+        if following is not None:
+            is_other = np.arange(len(known[0])) != following
+            known[0] = np.where(is_other, np.inf, known[0])
+        if path:
+            known[0] = known[0] + pairwise_costs[position - 1][path[-1]]
+        seams = list(pairwise_costs[position : position + len(known) - 1])
+        cheapest = oracle.cheapest_sequence(known, seams)
+        path.append(int(cheapest[0]))
+        following = cheapest[1] if seam == "gradient" and len(cheapest) > 1 else None
+    pieces = stream_pieces(configured, base, (25,), horizon=horizon)
+    assert list_donors(pieces) == trellis.donor_sequence(np.array(path)).tolist()
+
+
+# Seams
+
+
+@pytest.mark.parametrize("seam", ["inertial", "dead"])
+def test_stream_seams_equal_those_of_transplanted_segment_pairs(library, base, seam):
+    """The oracle transplants two donors at a time, from whole clips.
+
+    `seam_blend` is the minimum segment length, because a blend that outlasts a segment differs.
+    """
+    configured = with_choice(
+        library, "sample", seam=seam, seam_blend=library.config.min_length, torso="pelvis"
+    )
+    problem, _ = whole_base_search(configured, base)
+    longer, joints = problem.library, problem.library.joints("upper")
+    pieces = stream_pieces(configured, base)
+    motion, donors = mg.join_pieces(pieces), np.array(list_donors(pieces))
+    for left, right in pairwise(range(len(donors))):
+        pair = problem.base_segments[np.array([left, right])]
+        start, stop = int(pair.start[0]), int(pair.stop[1])
+        shifted = mg.Segments(pair.start - start, pair.stop - start)
+        part = transplant(
+            problem.base[start : stop + 1],
+            shifted,
+            longer.segments[donors[[left, right]]],
+            longer.clips,
+            GraftedGroup(joints),
+            longer.config,
+        )
+        if len(part.seams):
+            assert_same_rotations(
+                motion.rotations[pair.start[1] + 1 : stop + 1][:, joints],
+                part.rotations[shifted.start[1] + 1 :],
+                2.5e-10,  # quaternion components: angles below 1e-9 rad
+            )
+        else:  # the donors are neighbours; the blend of an earlier seam may still go on
+            before, after = longer.segments[donors[[left]]], longer.segments[donors[[right]]]
+            assert before.stop == after.start
+            assert before.clip == after.clip
+
+
+@pytest.mark.parametrize("choice", ["sample", "viterbi"])
+def test_stream_pieces_with_pose_constraints_have_the_seam_treatment_inertial(
+    library, base, choice
+):
+    far = mg.Avoid(mg.Sphere((1e5, 0.0, 0.0), 1.0))
+    gradient, inertial = (
+        stream_pieces(with_choice(library, choice, seam=seam), base, constraints=[far])
+        for seam in ("gradient", "inertial")
+    )
+    assert_identical(mg.join_pieces(gradient), mg.join_pieces(inertial))
+
+
+@pytest.mark.parametrize("horizon", [2, 8])
+def test_stream_gradient_seams_are_as_smooth_as_those_of_all_segments_together(
+    library, base, horizon
+):
+    configured = with_choice(library, "sample", seam="gradient", torso="pelvis")
+    pieces = stream_pieces(configured, base, horizon=horizon)
+    motion, joints = mg.join_pieces(pieces), library.joints("upper")
+    problem, _ = whole_base_search(configured, base)
+    longer, donors = problem.library, np.array(list_donors(pieces))
+    group, config = GraftedGroup(joints), replace(configured.config, seam="gradient")
+    part = transplant(
+        problem.base, problem.base_segments, longer.segments[donors], longer.clips, group, config
+    )
+
+    def greatest_changes(quats):
+        steps = rotations.log(rotations.multiply(rotations.inverse(quats[:-1]), quats[1:]))
+        changes = np.linalg.norm(np.diff(steps, axis=0), axis=-1).max(axis=1)
+        around = part.seams[:, None] + np.arange(-3, 4) - 1
+        return changes[around.clip(0, len(changes) - 1)].max(axis=1)
+
+    offline, streamed = (
+        greatest_changes(part.rotations),
+        greatest_changes(motion.rotations[:, joints]),
+    )
+    assert len(part.seams) > 5
+    assert np.median(streamed / offline) < 1.1
+    assert streamed.max() < 1.25 * offline.max()
+
+
+@pytest.mark.parametrize("seam", ["inertial", "dead"])
+def test_stream_frames_beside_seams_are_as_smooth_as_those_of_graft(library, base, seam):
+    configured = with_choice(library, "viterbi", seam=seam)
+    graft = mg.graft(configured, base)
+    motion = mg.join_pieces(stream_pieces(configured, base, horizon=1000))
+
+    def velocity_changes(quats):
+        steps = rotations.log(rotations.multiply(rotations.inverse(quats[:-1]), quats[1:]))
+        return np.linalg.norm(np.diff(steps, axis=0), axis=-1)
+
+    expected = velocity_changes(graft.motion.rotations)
+    changes = velocity_changes(motion.rotations)
+    assert changes.max() < 1.25 * expected.max()
+    assert np.percentile(changes, 99) < 1.25 * np.percentile(expected, 99)
+
+
+def test_stream_quaternions_of_opposite_signs_continue_between_pieces(library, base):
+    quats = base.rotations.copy()
+    quats[:, library.joints("upper")[1::2]] *= -1.0
+    motion = mg.join_pieces(stream_pieces(library, replace(base, rotations=quats)))
+    assert (np.einsum("fji,fji->fj", motion.rotations[1:], motion.rotations[:-1]) > 0).all()
+
+
+# Constraints
+
+
+@pytest.mark.parametrize("choice", ["viterbi", "sample"])
+def test_stream_hard_constraint_violations_are_listed_and_fewer_than_without(library, base, choice):
+    configured = with_choice(library, choice)
+    unconstrained = mg.Poses.from_motion(mg.join_pieces(stream_pieces(configured, base)))
+    n_without, n_with = 0, 0
+    for frame in (40, 100, 160, 220):
+        avoid = ball_at_hand(base, frame)
+        pieces = stream_pieces(configured, base, constraints=[avoid])
+        errors, _ = avoid.errors(mg.Poses.from_motion(mg.join_pieces(pieces)))
+        is_violated = np.zeros(base.n_frames, bool)
+        for violation in (v for piece in pieces for v in piece.violations):
+            is_violated[violation.frames[0] : violation.frames[1] + 1] = True
+        np.testing.assert_array_equal(is_violated, errors > 1.0)
+        n_without += (avoid.errors(unconstrained)[0] > 1.0).sum()
+        n_with += is_violated.sum()
+    assert n_with < n_without
+
+
+def test_stream_horizon_1_violates_a_constraint_only_if_all_candidates_do(
+    library, base, monkeypatch
+):
+    calls = []
+    pose_costs = StreamSearch.pose_costs
+
+    def record_pose_costs(search, segment, *arguments, **options):
+        costs = pose_costs(search, segment, *arguments, **options)
+        calls.append((segment.start, costs))
+        return costs
+
+    monkeypatch.setattr(StreamSearch, "pose_costs", record_pose_costs)
+    pieces = stream_pieces(
+        with_choice(library, "viterbi"), base, constraints=[ball_at_hand(base)], horizon=1
+    )
+    last_costs = dict(calls)  # the last call for a segment is after seam treatment
+    assert any((costs > 0).any() and (costs == 0).any() for costs in last_costs.values())
+    for piece in pieces:
+        assert bool(piece.violations) == (last_costs[piece.substitutions[0].start] > 0).all()
+
+
+@FEW_EXAMPLES
+@given(
+    st.sampled_from(["viterbi", "sample", "random", "nearest"]),
+    st.sampled_from(["inertial", "dead"]),
+    st.integers(1, 8),
+)
+def test_stream_constraint_that_all_candidates_satisfy_changes_nothing(
+    library, base, choice, seam, horizon
+):
+    """With a pose constraint all candidates are placed, without one only the chosen donor."""
+    configured = with_choice(library, choice, seam=seam)
+    far = mg.Avoid(mg.Sphere((1e5, 0.0, 0.0), 1.0))
+    expected = stream_pieces(configured, base, horizon=horizon)
+    pieces = stream_pieces(configured, base, horizon=horizon, constraints=[far])
+    assert list_donors(pieces) == list_donors(expected)
+    assert_same_rotations(
+        mg.join_pieces(pieces).rotations, mg.join_pieces(expected).rotations, 1e-9
+    )
+
+
+def test_stream_changed_constraints_apply_to_segments_that_are_not_committed(library, base):
+    stream = mg.Stream(library, horizon=2)
+    stream.push(base)
+    unconstrained = [stream.advance() for _ in range(10)]
+    stream.constraints = [mg.OnlyFrom("clip1")]
+    from_one_clip = [stream.advance() for _ in range(5)]
+    stream.constraints = [mg.KeepOriginal()]
+    kept = stream.pieces()
+    stream.close()
+    kept += stream.pieces()
+    expected = stream_pieces(library, base, horizon=2)
+    assert list_donors(unconstrained) == list_donors(expected)[:10]
+    assert "clip0" in {s.clip for p in unconstrained for s in p.substitutions}
+    assert {s.clip for p in from_one_clip for s in p.substitutions} <= {"clip1", "base"}
+    assert all(s.is_own for p in kept for s in p.substitutions)
+    assert mg.join_pieces(unconstrained + from_one_clip + kept).n_frames == base.n_frames
+
+
+def test_stream_max_angle_set_after_a_donor_lists_the_violated_seam(library, base):
+    limit = np.radians(0.01)
+    stream = mg.Stream(with_choice(library, "viterbi"))
+    stream.push(base)
+    while stream.advance().substitutions[0].is_own:
+        pass
+    # The seam from the committed donor to the base cannot satisfy the limit.
+    stream.constraints = [mg.MaxAngle(limit), mg.KeepOriginal()]
+    pieces = stream.pieces()
+    for piece in pieces:
+        wide = [s for s in piece.substitutions if s.gap_before > limit]
+        assert len(piece.violations) == len(wide)
+        for violation, substitution in zip(piece.violations, wide, strict=True):
+            assert violation.frames == (substitution.start, substitution.start)
+            assert violation.error == pytest.approx(substitution.gap_before / limit)
+    assert pieces[0].violations
+    assert not pieces[-1].violations
+
+
+@FEW_EXAMPLES
+@given(st.integers(1, 8), st.integers(0, 259), st.integers(0, 30), st.booleans())
+def test_stream_target_before_the_first_free_frame_raises_error_that_names_it(
+    library, base, horizon, frame, length, has_span
+):
+    stream = mg.Stream(library, horizon=horizon)
+    stream.push(base[:200])
+    old = mg.Reach(HAND, (0.0, 0.0, 0.0), 3)
+    stream.constraints = [old]
+    pieces = stream.pieces()
+    free = stream.first_free_frame
+    assert free == (pieces[-1].stop + 1 if pieces else 0)
+    target, last = mg.Reach(HAND, (0.0, 0.0, 0.0), frame, tolerance=0.5), frame
+    if has_span:
+        last = frame + length
+        target = mg.Face((0.0, 0.0, 0.0), frames=(frame, last))
+    if last >= free:
+        stream.constraints = [old, target]
+        return
+    frames = f"frame {frame}" if frame == last else f"frames {frame} to {last}"
+    name = type(target).__name__
+    message = f"{name} applies to {frames}, and the first free frame is {free}"
+    with pytest.raises(ValueError, match=message):
+        stream.constraints = [old, target]
+    assert stream.constraints == (old,)
+
+
+# Arrays
+
+
+@FEW_EXAMPLES
+@given(st.lists(st.integers(1, 60), min_size=1, max_size=8), st.booleans())
+def test_stream_arrays_give_the_pieces_of_motions(library, base, chunks, has_root_only):
+    """A chunk of one frame is pushed without the axis of frames."""
+    base = replace(base, channel_values=None)
+    stream, pieces, first = mg.Stream(library), [], 0
+    while first < base.n_frames:
+        size = chunks[first % len(chunks)]
+        rows = slice(first, first + size) if size > 1 else first
+        positions = base.positions[rows]
+        if has_root_only:
+            positions = positions[..., library.root, :]
+        stream.push(base.rotations[rows], positions)
+        pieces += stream.pieces()
+        first += size
+    stream.close()
+    pieces += stream.pieces()
+    expected = stream_pieces(library, base)
+    assert_identical(mg.join_pieces(pieces), mg.join_pieces(expected))
+    assert list_donors(pieces) == list_donors(expected)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        (lambda q, _: (q, None), TypeError, "`positions` must be given with an array"),
+        (lambda q, p: (q[:, :-1], p), ValueError, r"`frames` must have shape \(n_frames, 18, 4\)"),
+        (lambda q, p: (q[0, 0], p), ValueError, r"`frames` must have shape .*got \(4,\)"),
+        (lambda q, p: (q[..., :3], p), ValueError, r"`frames` must have shape \(\.\.\., 4\)"),
+        (lambda q, p: (q * 2, p), ValueError, "`frames` must be unit quaternions, got norm 2"),
+        (lambda q, p: (q * np.nan, p), ValueError, "`frames` must be finite"),
+        (lambda q, p: (q, p + np.inf), ValueError, "`positions` must be finite"),
+        (
+            lambda q, p: (q, p[:1]),
+            ValueError,
+            r"`positions` must have shape \(3, 18, 3\) or \(3, 3",
+        ),
+        (lambda q, p: (q[0], p), ValueError, r"`positions` must have shape \(18, 3\) or \(3\)"),
+        (lambda q, p: (q[:0], p[:0]), ValueError, "at least one frame"),
+        (lambda _, p: ("walk.bvh", p), TypeError, "`frames` must"),
+    ],
+)
+def test_stream_push_of_invalid_arrays_raises_error_and_keeps_the_frames(
+    library, base, change, error, message
+):
+    stream = mg.Stream(library)
+    stream.push(base[:50])
+    with pytest.raises(error, match=message):
+        stream.push(*change(base.rotations[50:53], base.positions[50:53]))
+    with pytest.raises(TypeError, match="`positions` must be None if `frames` is a motion"):
+        stream.push(base[50:53], base.positions[50:53])
+    assert stream.n_known == 50
+    stream.push(base[50:])
+    stream.close()
+    expected = stream_pieces(library, base)
+    assert_identical(mg.join_pieces(stream.pieces()), mg.join_pieces(expected))
+
+
+# Stored libraries and memory
+
+
+def test_stream_stored_library_gives_identical_motion(library, base, tmp_path):
+    library.save(tmp_path / "two.mograft")
+    stored = mg.Library.open(tmp_path / "two.mograft")
+    assert_identical(
+        mg.join_pieces(stream_pieces(stored, base)), mg.join_pieces(stream_pieces(library, base))
+    )
+
+
+def test_stream_excluded_clips_are_not_read(library, base):
+    read = set()
+
+    class Clips:
+        def __getitem__(self, index):
+            read.add(int(index))
+            return library.clips[index]
+
+    recorded = replace(library, clips=Clips())
+    pieces = stream_pieces(recorded, base, constraints=[mg.OnlyFrom("clip1")])
+    assert any(not s.is_own for p in pieces for s in p.substitutions)
+    assert read == {1}
+
+
+def test_stream_long_base_holds_limited_frames(library):
+    long = dance(seed=3, strides=1).motion
+    stream = mg.Stream(library)
+    most = 0
+    for frame in range(long.n_frames):
+        stream.push(long[frame : frame + 1])
+        stream.pieces()
+        most = max(most, len(stream._base))
+    assert most < 400 < long.n_frames
+
+
+# Invalid arguments
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"horizon": 0}, ValueError, "`horizon` must be a whole number of at least 1, got 0"),
+        ({"seed": -1}, ValueError, "`seed` must be a whole number of at least 0, got -1"),
+        (
+            {"swap": ["lower"]},
+            ValueError,
+            "`swap` must name groups other than the base group 'lower'",
+        ),
+        ({"swap": [1]}, ValueError, "`swap` must name groups other than .*, got 1: choose from"),
+        (
+            {"constraints": ["none"]},
+            TypeError,
+            "`constraints` must contain only constraints, got 'n",
+        ),
+        ({"constraints": [mg.NotFrom("waltz")]}, ValueError, "must match at least one of clip0, "),
+        ({"constraints": [mg.Ban(3)]}, ValueError, "of a stream must not contain Ban"),
+        ({"constraints": [mg.Reach("Wing", (0, 0, 0), 5)]}, ValueError, "no joint is named 'Wing'"),
+    ],
+)
+def test_stream_invalid_argument_raises_error_that_names_it(library, options, error, message):
+    with pytest.raises(error, match=message):
+        mg.Stream(library, **options)
+
+
+def test_stream_close_below_two_frames_raises_value_error(library, base):
+    stream = mg.Stream(library)
+    with pytest.raises(ValueError, match="a stream needs at least 2 frames, got 0"):
+        stream.close()
+    stream.push(base[:1])
+    with pytest.raises(ValueError, match="a stream needs at least 2 frames, got 1"):
+        stream.close()
+    stream.push(base[1:2])
+    stream.close()
+    stream.close()
+    assert mg.join_pieces(stream.pieces()).n_frames == 2
+    assert stream.advance() is None
+    with pytest.raises(ValueError, match="`frames` must be pushed before the stream is closed"):
+        stream.push(base[2:4])
+
+
+def test_stream_push_of_other_rate_or_skeleton_raises_error(library, base):
+    stream = mg.Stream(library)
+    with pytest.raises(ValueError, match="the library's rate of 30 frames/s, got 15"):
+        stream.push(base[::2])
+    stream.push(base[:1])
+    longer = replace(base.skeleton, offsets=base.skeleton.offsets * 2)
+    with pytest.raises(ValueError, match="`frames` must all have the same skeleton"):
+        stream.push(replace(base, skeleton=longer))
+    odd = mg.Motion(mg.Skeleton(["a"], [-1], [[0, 0, 0]]), 1 / 30, [[[0, 0, 0, 1]]], [[[0, 0, 0]]])
+    with pytest.raises(mg.SkeletonMismatchError):
+        mg.Stream(library).push(odd)
+
+
+def test_stream_group_with_legs_or_root_raises_value_error(library):
+    members = library.groups.resolve(library.skeleton)
+    names = {
+        group: [library.skeleton.names[joint] for joint in joints]
+        for group, joints in members.items()
+    }
+    upper_base = mg.Library.build(library.clips[0], mg.JointGroups(names, base="upper"))
+    with pytest.raises(
+        ValueError, match=r"must not name a group with the root or a leg.*got 'lower'"
+    ):
+        mg.Stream(upper_base)
+
+
+@pytest.mark.parametrize(("field", "value"), [("alignment", "dtw")])
+def test_stream_unsupported_config_raises_value_error(library, field, value):
+    other = replace(library, config=replace(library.config, **{field: value}))
+    with pytest.raises(
+        ValueError, match=rf"`Config\.{field}` must be .* in a stream, got '{value}'"
+    ):
+        mg.Stream(other)
+
+
+def test_stream_grafted_group_of_single_channels_raises_value_error(base):
+    """A joint divided between the base group and a group that is not grafted is accepted."""
+    short = base[:120]
+    divided = "Spine"
+    in_other_groups = (divided, "Head", "LeftForeArm")
+    groups = {
+        "body": [name for name in short.skeleton.names if name not in in_other_groups],
+        "head": ["Head"],
+        "roll": [f"{divided}.Yrotation"],
+        "arm": ["LeftForeArm"],
+    }
+    groups["body"] += [f"{divided}.{axis}rotation" for axis in "XZ"]
+    library = mg.Library.build(short, mg.JointGroups(groups, base="body"))
+    with pytest.raises(ValueError, match=r"of whole joints.*got 'roll'.*single channels of Spine"):
+        mg.Stream(library)
+    with pytest.raises(ValueError, match="got 'roll'"):
+        mg.Stream(library, swap=["arm", "roll"])
+    pieces = stream_pieces(library, short, swap=["arm", "head"])
+    joint = short.skeleton.index(divided)
+    motion = mg.join_pieces(pieces)
+    np.testing.assert_array_equal(motion.rotations[:, joint], short.rotations[:, joint])

@@ -1,0 +1,608 @@
+"""`mograft stream`: the socket gives the pieces of `Stream`, and no input ends the server."""
+
+import json
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import time
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft.stream.protocol import MAX_BODY_BYTES, MAX_HEADER_BYTES
+from mograft.stream.server import ServerLimits, StreamServer, is_loopback
+from mograft.stream.session import StreamSession
+from tests.stream_examples import StreamClient, StreamError
+
+PATIENT = ServerLimits(idle_seconds=600.0, message_seconds=600.0, drain_seconds=600.0)
+"""Limits that no client of the tests exceeds, also on a busy machine."""
+
+HELLO = {"type": "hello", "protocol": "mograft.stream/1"}
+FEW_EXAMPLES = settings(max_examples=12)
+
+
+@pytest.fixture(scope="module")
+def server(two_dances):
+    with StreamServer(two_dances, limits=PATIENT) as running:
+        yield running
+
+
+def connect(server):
+    return StreamClient(("127.0.0.1", server.port))
+
+
+def pieces_by_socket(client, rotations, positions, chunks, **options):
+    """Stream a base; return the frames of all pieces, and the records of the pieces."""
+    client.request({**HELLO, **options})
+    records, received, first, n_pushes = [], [], 0, 0
+    while first < len(rotations):
+        rows = slice(first, first + chunks[n_pushes % len(chunks)])
+        replies = client.request(
+            {"type": "push"}, rotations=rotations[rows], positions=positions[rows]
+        )
+        received.append(replies)
+        first, n_pushes = rows.stop, n_pushes + 1
+    received.append(client.request({"type": "close"}))
+    for header, arrays in received:
+        assert header["type"] == "pieces"
+        assert len(arrays["rotations"]) == len(arrays["positions"]) == header["n_frames"]
+        records += header["pieces"]
+    frames = [
+        np.concatenate([arrays[name] for _, arrays in received])
+        for name in ("rotations", "positions")
+    ]
+    assert received[-1][0]["is_closed"]
+    assert received[-1][0]["first_free_frame"] == len(rotations)
+    return *frames, records
+
+
+def pieces_in_process(library, rotations, positions, constraints=(), **options):
+    stream = mg.Stream(library, constraints=constraints, **options)
+    stream.push(rotations, positions)
+    stream.close()
+    return stream.pieces()
+
+
+@FEW_EXAMPLES
+@given(
+    st.lists(st.integers(1, 90), min_size=1, max_size=5),
+    st.booleans(),
+    st.sampled_from(["float32", "float64"]),
+    st.integers(1, 9),
+    st.integers(0, 5),
+)
+def test_socket_any_chunks_give_the_pieces_of_a_stream(
+    server, two_dances, short_base, chunks, has_root_only, dtype, horizon, seed
+):
+    rotations = short_base.rotations.astype(dtype)
+    positions = short_base.positions.astype(dtype)
+    if has_root_only:
+        positions = positions[:, two_dances.root]
+    options = {"seed": seed, "horizon": horizon}
+    with connect(server) as client:
+        found = pieces_by_socket(client, rotations, positions, chunks, dtype=dtype, **options)
+    quats = rotations.astype(float)
+    if dtype == "float32":
+        quats /= np.linalg.norm(quats, axis=-1, keepdims=True)
+    pieces = pieces_in_process(two_dances, quats, positions, **options)
+    motion = mg.join_pieces(pieces)
+    np.testing.assert_array_equal(found[0], motion.rotations.astype(dtype))
+    np.testing.assert_array_equal(found[1], motion.positions.astype(dtype))
+    assert [(record["start"], record["stop"]) for record in found[2]] == [
+        (piece.start, piece.stop) for piece in pieces
+    ]
+    for record, piece in zip(found[2], pieces, strict=True):
+        for own, expected in zip(record["substitutions"], piece.substitutions, strict=True):
+            assert own["group"] == expected.group
+            assert own["frames"] == [expected.start, expected.stop]
+            assert own["clip_frames"] == [expected.donor_start, expected.donor_stop]
+
+
+def test_socket_welcome_describes_the_skeleton(server, two_dances):
+    skeleton = two_dances.skeleton
+    with connect(server) as client:
+        header, arrays = client.request({**HELLO, "dtype": "float64", "swap": ["upper"]})
+    assert header["joints"] == list(skeleton.names)
+    assert header["parents"] == list(skeleton.parents)
+    assert (header["n_joints"], header["rate"]) == (skeleton.n_joints, two_dances.rate)
+    assert header["swap"] == {"upper": two_dances.joints("upper").tolist()}
+    np.testing.assert_array_equal(arrays["offsets"], skeleton.offsets)
+
+
+def test_socket_requests_sent_together_get_their_replies_in_order(server, short_base):
+    rotations, positions = short_base.rotations, short_base.positions
+    with connect(server) as client:
+        client.send(HELLO)
+        for first in range(0, len(rotations), 20):
+            rows = slice(first, first + 20)
+            client.send({"type": "push"}, rotations=rotations[rows], positions=positions[rows])
+        client.send({"type": "close"})
+        assert client.receive()[0]["type"] == "welcome"
+        n_known = [client.receive()[0]["n_known"] for _ in range(0, len(rotations), 20)]
+        assert n_known == list(range(20, len(rotations) + 1, 20))
+        assert client.receive()[0]["is_closed"]
+
+
+def test_socket_constraints_apply_as_in_a_stream(server, two_dances, short_base):
+    hand = short_base.world_positions()[100, short_base.skeleton.index("LeftHand")]
+    center = [float(value) for value in hand + np.array([0.0, 6.0, 0.0])]
+    ball = {"kind": "Sphere", "center": center, "radius": 8.0}
+    records = [{"kind": "Avoid", "obstacle": ball}, {"kind": "OnlyFrom", "clips": ["clip1"]}]
+    constraints = [mg.Avoid(mg.Sphere(tuple(center), 8.0)), mg.OnlyFrom("clip1")]
+    rotations, positions = short_base.rotations, short_base.positions
+    with connect(server) as client:
+        client.request({**HELLO, "dtype": "float64"})
+        header, _ = client.request({"type": "constraints", "constraints": records})
+        assert (header["n_constraints"], header["first_free_frame"]) == (2, 0)
+        header, arrays = client.request({"type": "push"}, rotations=rotations, positions=positions)
+        free = header["first_free_frame"]
+        assert free == header["n_frames"] > 0
+        reach = {"kind": "Reach", "joint": "LeftHand", "target": center, "frame": free - 1}
+        with pytest.raises(
+            StreamError, match=f"frame {free - 1}, and the first free frame is {free}"
+        ):
+            client.request({"type": "constraints", "constraints": [*records, reach]})
+        client.request({"type": "constraints", "constraints": [*records, {**reach, "frame": free}]})
+        client.request({"type": "constraints", "constraints": records})
+        last, end = client.request({"type": "close"})
+    pieces = pieces_in_process(two_dances, rotations, positions, constraints)
+    found = np.concatenate([arrays["rotations"], end["rotations"]])
+    np.testing.assert_array_equal(found, mg.join_pieces(pieces).rotations)
+    records = header["pieces"] + last["pieces"]
+    messages = [violation["message"] for record in records for violation in record["violations"]]
+    assert messages == [violation.message for piece in pieces for violation in piece.violations]
+
+
+# Invalid input
+
+
+def frame(header, body=b"", magic=b"MGS1"):
+    """Return the bytes of a message; `header` may be bytes that are no JSON."""
+    text = header if isinstance(header, bytes) else json.dumps(header).encode()
+    return magic + struct.pack("<II", len(text), len(body)) + text + body
+
+
+def push(shapes, values=b"", **changes):
+    names = zip(("rotations", "positions"), shapes, strict=False)
+    listed = [{"name": n, "dtype": "float32", "shape": s, **changes} for n, s in names]
+    return frame({"type": "push", "arrays": listed}, values)
+
+
+def floats(*values):
+    return np.array(values, "<f4").tobytes()
+
+
+IDENTITY = floats(*[0, 0, 0, 1] * 18)
+INVALID_FRAMES = {
+    "http": (b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n", "must begin with b'MGS1'"),
+    "other version": (frame(HELLO, magic=b"MGS2"), "must begin with b'MGS1', got b'MGS2'"),
+    "long header": (
+        b"MGS1" + struct.pack("<II", MAX_HEADER_BYTES + 1, 0),
+        "header must have at most 65536 bytes, got 65537",
+    ),
+    "long body": (
+        b"MGS1" + struct.pack("<II", 2, MAX_BODY_BYTES + 1),
+        "body must have at most 67108864 bytes",
+    ),
+}
+INVALID_REQUESTS = {
+    "empty header": (frame(b""), "the header must be JSON"),
+    "latin header": (frame(b'{"type": "\xe9"}'), "the header must be JSON in UTF-8"),
+    "list": (frame([]), "the header must be a JSON object"),
+    "deep": (frame(b"[" * 60_000), "the header must be JSON"),
+    "nan header": (frame(b'{"type": NaN}'), "numbers must be finite and at most 1e.15, got NaN"),
+    "large number": (frame(b'{"type": 1e999}'), "numbers must be .*, got 1e999"),
+    "large integer": (frame(b'{"type": -1%s}' % (b"0" * 400)), "numbers must be .*, got -1000"),
+    "no type": (frame({}), "`type` must be one of hello, push, constraints, close, got None"),
+    "list type": (frame({"type": []}), "`type` must be one of"),
+    "protocol": (
+        frame({"type": "hello", "protocol": "x/2"}),
+        "must be 'mograft.stream/1', got 'x/",
+    ),
+    "no protocol": (frame({"type": "hello"}), "must be 'mograft.stream/1', got None"),
+    "dtype": (frame({**HELLO, "dtype": "int8"}), "`dtype` must be one of float32, float64"),
+    "seed": (frame({**HELLO, "seed": -1}), "`seed` must be a whole number"),
+    "true seed": (frame({**HELLO, "seed": True}), "`seed` must be of type int, got True"),
+    "horizon": (frame({**HELLO, "horizon": 0}), "`horizon` must be"),
+    "swap": (frame({**HELLO, "swap": ["lower"]}), "`swap` must name groups other than"),
+    "number swap": (frame({**HELLO, "swap": [1]}), "`swap` must"),
+    "unknown entry": (
+        frame({**HELLO, "sead": 1}),
+        "'hello' request can only have the entries .*; got 'sead'",
+    ),
+    "no arrays": (push([]), "`arrays` must be rotations and positions, got none"),
+    "arrays": (frame({"type": "push", "arrays": 3}), "`arrays` must be a list"),
+    "item": (frame({"type": "push", "arrays": [3]}), "each of `arrays` must be an object"),
+    "short body": (push([[1, 18, 4], [1, 3]], b"123"), "ends at byte 288 of a body of 3 bytes"),
+    "long arrays": (push([[1, 18, 4], [1, 3]], bytes(301)), "body must have 300 bytes"),
+    "dtype of array": (push([[1], [1]], b"", dtype="int8"), "must be one of float32, float64"),
+    "negative": (push([[-1, 18, 4]]), "the shape of 'rotations' must be"),
+    "overflow": (push([[10**15, 10**15, 10**15]]), "the shape of 'rotations' must be"),
+    "float shape": (push([[1.0, 18, 4]]), "the shape of 'rotations' must be"),
+    "zeros": (push([[1, 18, 4], [1, 3]], bytes(300)), "must be unit quaternions, got norm 0"),
+    "nan": (
+        push([[1, 18, 4], [1, 3]], IDENTITY + floats(0, np.nan, 0)),
+        "`positions` must be finite, got nan",
+    ),
+    "infinite": (
+        push([[1, 18, 4], [1, 3]], floats(*[np.inf] * 72, 0, 0, 0)),
+        "`frames` must be finite, got inf",
+    ),
+    "17 joints": (
+        push([[1, 17, 4], [1, 3]], IDENTITY[:-16] + floats(0, 0, 0)),
+        r"`frames` must have shape \(n_frames, 18, 4\)",
+    ),
+    "scalars": (push([[], []], floats(1, 2)), "`frames` must have shape"),
+    "no frames": (push([[0, 18, 4], [0, 3]]), "at least one frame"),
+    "constraints": (frame({"type": "constraints"}), "`constraints` must be given"),
+    "no kind": (frame({"type": "constraints", "constraints": [{}]}), "Character, got {}"),
+    "kind": (
+        frame({"type": "constraints", "constraints": [{"kind": "Fly"}]}),
+        "unknown constraint or obstacle 'Fly'",
+    ),
+    "list kind": (frame({"type": "constraints", "constraints": [{"kind": []}]}), "."),
+    "text": (frame({"type": "constraints", "constraints": ["x"]}), "each of `constraints` must be"),
+    "obstacle": (
+        frame({"type": "constraints", "constraints": [{"kind": "Avoid", "obstacle": 5}]}),
+        "`obstacle` must be an obstacle",
+    ),
+    "joint": (
+        frame(
+            {
+                "type": "constraints",
+                "constraints": [
+                    {"kind": "Reach", "joint": "Wing", "target": [0, 0, 0], "frame": 9}
+                ],
+            }
+        ),
+        "no joint is named 'Wing'",
+    ),
+    "close": (frame({"type": "close"}), "at least 2 frames"),
+}
+
+
+@pytest.mark.parametrize("kind", INVALID_FRAMES)
+def test_bytes_that_are_no_message_get_an_error_and_end_the_connection(server, kind):
+    data, message = INVALID_FRAMES[kind]
+    with connect(server) as client:
+        client.socket.sendall(data + bytes(100_000))
+        with pytest.raises(StreamError, match=message) as caught:
+            client.receive()
+        assert (caught.value.header["code"], caught.value.header["is_open"]) == ("frame", False)
+        assert client.socket.recv(1) == b""
+    with connect(server) as client:
+        assert client.request(HELLO)[0]["type"] == "welcome"
+
+
+@pytest.fixture(scope="module")
+def short_base_frames(server, short_base):
+    """Return the rotations of the stream of `short_base` without invalid requests."""
+    with connect(server) as client:
+        return pieces_by_socket(client, short_base.rotations, short_base.positions, [10_000])[0]
+
+
+@pytest.mark.parametrize("kind", INVALID_REQUESTS)
+def test_invalid_request_gets_an_error_and_leaves_the_stream_unchanged(
+    server, short_base, short_base_frames, kind
+):
+    data, message = INVALID_REQUESTS[kind]
+    rotations, positions = short_base.rotations, short_base.positions
+    with connect(server) as client:
+        client.request(HELLO)
+        first = 0 if kind == "close" else 50
+        if first:
+            client.request({"type": "push"}, rotations=rotations[:50], positions=positions[:50])
+        client.socket.sendall(data)
+        with pytest.raises(StreamError, match=message) as caught:
+            client.receive()
+        assert (caught.value.header["code"], caught.value.header["is_open"]) == ("request", True)
+        header, _ = client.request(
+            {"type": "push"}, rotations=rotations[first:], positions=positions[first:]
+        )
+        assert header["n_known"] == len(rotations)
+        frames = client.request({"type": "close"})[1]["rotations"]
+    np.testing.assert_array_equal(frames, short_base_frames[-len(frames) :])
+
+
+@pytest.mark.parametrize("kind", ["push", "close", "constraints"])
+def test_request_without_hello_or_after_close_gets_an_error(server, short_base, kind):
+    arrays = {"rotations": short_base.rotations[:9], "positions": short_base.positions[:9]}
+    header = {"type": kind} | ({"constraints": []} if kind == "constraints" else {})
+    with connect(server) as client:
+        for _ in range(2):
+            with pytest.raises(StreamError, match="must be 'hello' in the first request"):
+                client.request(header, **(arrays if kind == "push" else {}))
+            client.request(HELLO)
+            client.request({"type": "push"}, **arrays)
+            client.request({"type": "close"})
+
+
+ENTRIES = ["type", "kind", "arrays", "protocol", "constraints", "obstacle", "center", "radius"]
+ENTRIES += ["joint", "target", "frame", "frames", "weight", "tolerance", "clips", "tags", "name"]
+ENTRIES += ["dtype", "shape", "seed", "horizon", "swap"]
+
+
+def test_bug_in_the_server_ends_only_its_connection(two_dances, monkeypatch, capfd):
+    def fail(*_):
+        raise RuntimeError("a bug")
+
+    with StreamServer(two_dances) as server, connect(server) as other:
+        assert other.request(HELLO)[0]["type"] == "welcome"
+        with connect(server) as client, monkeypatch.context() as patch:
+            patch.setattr(StreamSession, "reply", fail)
+            with pytest.raises(StreamError, match="RuntimeError: a bug") as caught:
+                client.request(HELLO)
+            assert (caught.value.header["code"], caught.value.header["is_open"]) == (
+                "internal",
+                False,
+            )
+        assert other.request(HELLO)[0]["type"] == "welcome"
+    assert "RuntimeError: a bug" in capfd.readouterr().err
+
+
+JSON_VALUES = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats(allow_nan=True)
+    | st.text(max_size=5)
+    | st.sampled_from(
+        ["hello", "push", "Avoid", "Sphere", "Reach", "LeftHand", "mograft.stream/1"]
+    ),
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(
+            st.sampled_from(ENTRIES),
+            inner,
+            max_size=5,
+        )
+    ),
+    max_leaves=12,
+)
+HEADERS = st.dictionaries(
+    st.sampled_from(["type", "arrays", "constraints", "protocol", "seed"]), JSON_VALUES, max_size=4
+) | st.lists(JSON_VALUES, max_size=3).map(lambda own: {"type": "constraints", "constraints": own})
+
+
+@settings(max_examples=150)
+@given(st.lists(st.tuples(HEADERS, st.binary(max_size=400)), min_size=1, max_size=4))
+def test_random_requests_get_one_reply_each(server, requests):
+    with connect(server) as client:
+        client.request(HELLO)
+        for header, body in requests:
+            client.socket.sendall(frame(header, body))
+            try:
+                client.receive()
+            except StreamError as error:
+                assert error.header["code"] == "request"  # noqa: PT017 - others are valid
+        assert client.request(HELLO)[0]["type"] == "welcome"
+
+
+@settings(max_examples=60)
+@given(st.binary(max_size=300), st.binary(max_size=60))
+def test_random_bytes_get_at_most_errors(server, start, end):
+    with connect(server) as client:
+        client.socket.sendall(start + frame(HELLO) + end)
+        client.socket.shutdown(socket.SHUT_WR)
+        types = []
+        while True:
+            try:
+                types.append(client.receive()[0]["type"])
+            except StreamError:
+                types.append("error")
+            except ConnectionError:
+                break
+        assert set(types) <= {"error", "welcome"}
+        assert types.count("error") == len(types) or not start
+    with connect(server) as client:
+        assert client.request(HELLO)[0]["type"] == "welcome"
+
+
+SIZES = st.floats(-1e15, 1e15) | st.sampled_from([1e-300, 1e15, -1e15, 0.0])
+POINTS = st.lists(SIZES, min_size=3, max_size=3)
+OBSTACLES = st.one_of(
+    st.fixed_dictionaries({"kind": st.just("Sphere"), "center": POINTS, "radius": SIZES}),
+    st.fixed_dictionaries({"kind": st.just("Box"), "center": POINTS, "half": POINTS}),
+    st.fixed_dictionaries({"kind": st.just("HalfSpace"), "point": POINTS, "normal": POINTS}),
+)
+OPTIONS = {"weight": SIZES, "tolerance": SIZES, "frames": st.just([0, 10**15])}
+CONSTRAINTS = st.one_of(
+    st.fixed_dictionaries({"kind": st.just("Avoid"), "obstacle": OBSTACLES}, optional=OPTIONS),
+    st.fixed_dictionaries(
+        {
+            "kind": st.just("Reach"),
+            "joint": st.just("LeftHand"),
+            "target": POINTS,
+            "frame": st.integers(0, 10**15),
+        },
+        optional={"weight": SIZES, "tolerance": SIZES},
+    ),
+)
+
+
+@settings(max_examples=30)
+@given(st.lists(CONSTRAINTS, min_size=1, max_size=2))
+def test_extreme_constraints_get_pieces_or_errors(server, short_base, constraints):
+    rotations, positions = short_base.rotations[:120], short_base.positions[:120]
+    with connect(server) as client:
+        client.request({**HELLO, "horizon": 2})
+        try:
+            client.request({"type": "constraints", "constraints": constraints})
+        except StreamError as error:
+            assert error.header["code"] == "request"  # noqa: PT017 - others are valid
+        client.request({"type": "push"}, rotations=rotations, positions=positions)
+        assert client.request({"type": "close"})[0]["is_closed"]
+
+
+# Limits
+
+
+@pytest.mark.parametrize("data", [b"M", b"MGS1\x05", frame(HELLO)[:-1]])
+def test_incomplete_message_ends_the_connection_after_the_timeout(two_dances, data):
+    with StreamServer(two_dances, limits=PATIENT) as server, connect(server) as other:
+        assert other.request(HELLO)[0]["type"] == "welcome"
+        server.limits = ServerLimits(message_seconds=0.3)  # of connections from now on
+        with connect(server) as client:
+            client.socket.sendall(data)
+            assert other.request(HELLO)[0]["type"] == "welcome"
+            with pytest.raises(StreamError, match="no complete message") as caught:
+                client.receive()
+            assert caught.value.header["code"] == "timeout"
+        assert other.request(HELLO)[0]["type"] == "welcome"
+
+
+def test_silent_client_is_disconnected_after_the_idle_timeout(two_dances):
+    limits = ServerLimits(idle_seconds=0.3)
+    with StreamServer(two_dances, limits=limits) as server:
+        start = time.monotonic()
+        with connect(server) as client:
+            for action in (lambda: client.request(HELLO), client.receive):
+                try:
+                    action()  # even the first if this process is not scheduled in time
+                except StreamError as error:
+                    header = error.header
+                    break
+            assert header["code"] == "timeout"
+            assert "no complete message" in header["message"]
+            assert time.monotonic() - start >= limits.idle_seconds
+
+
+def send_until_error(client, data):
+    for _ in range(10_000):
+        client.socket.sendall(data)
+
+
+def test_client_that_does_not_read_replies_is_disconnected(two_dances):
+    with StreamServer(two_dances, limits=ServerLimits(message_seconds=0.5)) as server:
+        with connect(server) as client:
+            client.socket.settimeout(120.0)
+            # More requests than the buffers of the sockets hold: the client waits for the server,
+            # which ends the connection.
+            with pytest.raises(ConnectionError):
+                send_until_error(client, frame(HELLO) * 10_000)
+        with connect(server) as client:
+            assert client.request(HELLO)[0]["type"] == "welcome"
+
+
+def test_connection_beyond_the_maximum_gets_an_error(two_dances):
+    with StreamServer(two_dances, limits=ServerLimits(max_connections=1)) as server:
+        with connect(server) as client:
+            client.request(HELLO)
+            with (
+                connect(server) as other,
+                pytest.raises(StreamError, match="1 connections") as caught,
+            ):
+                other.receive()
+            assert caught.value.header["code"] == "busy"
+        for _ in range(3000):
+            with connect(server) as client:
+                try:
+                    header, _ = client.request(HELLO)
+                    break
+                except (StreamError, OSError):
+                    time.sleep(0.02)
+        else:
+            raise AssertionError("the connection that has ended is still counted")
+        assert header["type"] == "welcome"
+
+
+def test_server_of_a_library_that_streams_do_not_support_raises_value_error(two_dances):
+    config = replace(two_dances.config, alignment="dtw")
+    with pytest.raises(ValueError, match=r"`Config\.alignment` must be 'uniform' in a stream"):
+        StreamServer(replace(two_dances, config=config))
+
+
+# Sockets
+
+
+def test_unix_socket_gives_the_same_replies_and_is_removed(two_dances, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # paths of sockets have at most about 100 bytes
+    path = Path("s")
+    with StreamServer(two_dances, path) as server:
+        assert server.address == str(path)
+        assert path.stat().st_mode & 0o777 == 0o600
+        with StreamClient(path) as client:
+            assert client.request(HELLO)[0]["type"] == "welcome"
+        with pytest.raises(FileExistsError):
+            StreamServer(two_dances, path)
+    assert not path.exists()
+    with socket.socket(socket.AF_UNIX) as dead:
+        dead.bind(str(path))
+    with StreamServer(two_dances, path), StreamClient(path) as client:
+        assert client.request(HELLO)[0]["type"] == "welcome"
+    path.write_text("text")
+    with pytest.raises(FileExistsError):
+        StreamServer(two_dances, path)
+    assert path.read_text() == "text"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems refuse at a full queue")
+def test_unix_socket_of_a_busy_server_is_kept(two_dances, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = Path("s")
+    with socket.socket(socket.AF_UNIX) as busy, ExitStack() as clients:
+        busy.bind(str(path))
+        busy.listen(0)
+        errors = 0
+        while errors == 0:
+            client = clients.enter_context(socket.socket(socket.AF_UNIX))
+            client.settimeout(0.0)
+            errors = client.connect_ex(str(path))
+        with pytest.raises(FileExistsError):
+            StreamServer(two_dances, path)
+        assert path.is_socket()
+
+
+def test_is_loopback_only_for_addresses_of_this_computer():
+    assert all(map(is_loopback, ("127.0.0.1", "127.8.0.1", "::1", "localhost")))
+    assert not any(map(is_loopback, ("0.0.0.0", "::", "192.168.1.2", "example.org", "")))
+
+
+@contextmanager
+def run_command(*words):
+    """Run ``mograft stream`` as a process; yield it and the document that it prints."""
+    command = [sys.executable, "-m", "mograft", "stream", *map(str, words), "--json"]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            lines = []
+            while not lines or lines[-1] != "}\n":
+                lines.append(process.stdout.readline())
+                assert lines[-1], process.stderr.read()
+            yield process, json.loads("".join(lines))
+        finally:
+            process.kill()
+
+
+def test_command_serves_a_library_until_it_is_interrupted(two_dances, short_base, tmp_path):
+    two_dances.save(tmp_path / "l")
+    with run_command(tmp_path / "l", "--port", 0) as (process, document):
+        assert document["schema"] == "mograft.stream-server/1"
+        host, _, port = document["address"].partition(":")
+        assert host == "127.0.0.1"
+        with StreamClient((host, int(port))) as client:
+            rotations, positions = short_base.rotations, short_base.positions
+            found = pieces_by_socket(client, rotations, positions, [30], dtype="float64")
+        process.send_signal(signal.SIGINT)
+        assert process.wait(120) == 130
+        assert process.stderr.read() == "interrupted\n"
+    pieces = pieces_in_process(two_dances, rotations, positions)
+    np.testing.assert_array_equal(found[0], mg.join_pieces(pieces).rotations)
+
+
+def test_command_warns_of_other_computers(two_dances, tmp_path):
+    two_dances.save(tmp_path / "l")
+    with run_command(tmp_path / "l", "--port", 0, "--host", "0.0.0.0") as (process, document):
+        assert document["address"].startswith("0.0.0.0:")
+        process.send_signal(signal.SIGINT)
+        process.wait(120)
+        assert "0.0.0.0 accepts connections from other computers" in process.stderr.read()

@@ -1,0 +1,299 @@
+"""Pictures: the drawn values equal the computed ones. Skips without matplotlib."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mograft import Config, Library, discover_groups, graft, kinetic_energy, segment, write_bvh
+from mograft.cli import main
+from mograft.cli.syntax.picture_commands import PLOT_KINDS
+from mograft.dancer import dance
+
+matplotlib = pytest.importorskip("matplotlib", reason="matplotlib is not installed")
+matplotlib.use("agg")
+from matplotlib import colors, image, pyplot  # noqa: E402
+
+from mograft.viewing import plot  # noqa: E402
+from tests.hierarchies import under_world_root  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return dance(seed=1, strides=1).motion
+
+
+@pytest.fixture(scope="module")
+def library(motion):
+    return Library.build(motion)
+
+
+@pytest.fixture
+def axes():
+    yield pyplot.subplots()[1]
+    pyplot.close("all")
+
+
+def test_strip_draws_every_bone_of_every_pose(motion, axes):
+    assert plot.strip(motion, 7, groups="lower_upper", ax=axes) is axes
+    n_bones = motion.n_joints - 1 + len(motion.skeleton.end_sites)
+    bones = [line for line in axes.lines if len(line.get_xdata()) == 2][: 7 * n_bones]
+    assert [text.get_text() for text in axes.texts] == [
+        str(f) for f in np.linspace(0, motion.n_frames - 1, 7).round().astype(int)
+    ]
+    # The vertical extent of the first pose equals that in the world.
+    heights = np.array([line.get_ydata() for line in bones[:n_bones]])
+    world = motion[:1].world_positions()[0, :, 1]
+    tall = 1.2 * np.ptp(world)
+    assert 0.9 * np.ptp(world) < np.ptp(heights) * _height(motion) < tall
+    shown = {colors.to_hex(line.get_color()) for line in bones}
+    assert shown == set(plot.PALETTE[:2])
+
+
+@pytest.mark.parametrize("is_moving", [False, True])
+def test_strip_world_root_has_no_bone(motion, is_moving):
+    drawn = [
+        plot.strip(own, 3) for own in (motion, under_world_root(motion, moving_root=is_moving))
+    ]
+    lines = [[line.get_xydata() for line in axes.lines] for axes in drawn]
+    np.testing.assert_allclose(*lines, atol=1e-9)
+    pyplot.close("all")
+
+
+def _height(motion):
+    from mograft.body.mass import mass_model
+
+    return mass_model(motion.skeleton).height
+
+
+def test_strip_z_up_equals_y_up(motion):
+    short = motion[:50]
+    turn = np.array([np.sqrt(0.5), 0, 0, np.sqrt(0.5)])
+    from mograft.motion import rotations
+
+    quats, places = short.rotations.copy(), short.positions.copy()
+    quats[:, 0] = rotations.multiply(np.broadcast_to(turn, quats[:, 0].shape), quats[:, 0])
+    places[:, 0] = rotations.rotate(turn, places[:, 0])
+    turned = replace(short, rotations=quats, positions=places, channel_values=None)
+    drawn = [plot.strip(m, 3) for m in (short, turned)]
+    ups = [np.array([line.get_ydata() for line in axes.lines[:40]]) for axes in drawn]
+    np.testing.assert_allclose(*ups, atol=1e-9)
+    pyplot.close("all")
+
+
+def test_energy_curve_and_boundaries_equal_segmentation(motion, axes):
+    plot.energy(motion, ax=axes)
+    measured, smoothed, boundaries = axes.lines
+    np.testing.assert_allclose(measured.get_ydata(), kinetic_energy(motion))
+    segments = segment(motion)
+    bounds = np.append(segments.start, segments.stop[-1])
+    np.testing.assert_allclose(boundaries.get_xdata(), bounds * motion.frame_time)
+    np.testing.assert_allclose(boundaries.get_ydata(), smoothed.get_ydata()[bounds])
+    assert len(axes.patches) == (len(segments) + 1) // 2
+
+
+def test_pca_points_have_colour_of_cluster(library, axes):
+    plot.pca(library, "upper", (2, 3), ax=axes)
+    singles, others = axes.collections
+    labels = library.labels["upper"]
+    points = library.embedding["upper"].points[:, 1:3]
+    is_single = np.bincount(labels)[labels] == 1
+    np.testing.assert_allclose(singles.get_offsets(), points[is_single])
+    np.testing.assert_allclose(others.get_offsets(), points[~is_single])
+    faces = [colors.to_hex(c) for c in others.get_facecolors()]
+    by_label = dict(zip(labels[~is_single].tolist(), faces, strict=True))
+    assert [by_label[label] for label in labels[~is_single].tolist()] == faces
+    variances = library.embedding["upper"].variances
+    assert f"{100 * variances[1] / variances.sum():.0f} %" in axes.get_xlabel()
+
+
+def test_timeline_exchanged_segments_are_hatched(library, axes):
+    new = graft(library, seed=2)
+    plot.timeline(new, frames=(0, 300), ax=axes)
+    assert [t.get_text() for t in axes.get_yticklabels()] == [
+        "dance · lower",
+        "dance · upper",
+        "dance_graft0 · upper",
+    ]
+    shown = [s for s in new.substitutions if s.start < 300]
+    hatched = [c for c in axes.collections if c.get_hatch()]
+    assert len(hatched) == sum(not s.is_own for s in shown)
+    starts = sorted(float(c.get_paths()[0].vertices[:, 0].min()) for c in hatched)
+    assert starts == sorted(s.start for s in shown if not s.is_own)
+    assert len(axes.collections) == 3 * len(shown)
+
+
+def test_groups_tree_and_pose_have_values_and_colours_of_discovery(motion):
+    found = discover_groups(motion, 3)
+    tree, pose = plot.groups(found)
+    heights = sorted(line.get_xdata()[1] for line in tree.lines[:-1])
+    np.testing.assert_allclose(heights, np.sort(found.tree[:, 2]))
+    (line,) = tree.lines[-1:]
+    position = float(line.get_xdata()[0])
+    assert np.count_nonzero(found.tree[:, 2] < position) == len(found.units) - 3
+    labels = tree.get_yticklabels()
+    assert len(labels) == len(found.units)
+    assert labels[0].get_text() == "Hips ... RightFoot"
+    members = found.groups.resolve(motion.skeleton)
+    for label in labels:
+        first = motion.skeleton.index(label.get_text().split(" ... ")[0])
+        index = next(i for i, joints in enumerate(members.values()) if first in joints)
+        assert colors.to_hex(label.get_color()) == plot.PALETTE[index]
+    names = [text.get_text() for text in pose.get_legend().get_texts()]
+    assert set(names) == set(members)
+    pyplot.close("all")
+
+
+def test_command_plot_groups_library_and_files_agree(motion, tmp_path):
+    write_bvh(motion, tmp_path / "a.bvh")
+    Library.index(tmp_path / "a.bvh", tmp_path / "lib")
+    pictures = []
+    for source in ("a.bvh", "lib"):
+        target = tmp_path / f"{source}.svg"
+        words = ["plot", "groups", str(tmp_path / source), "--groups", "auto:2", "-o", str(target)]
+        assert main(words) == 0
+        pictures.append(target.read_bytes())
+    assert pictures[0] == pictures[1]
+
+
+def test_command_plot_groups_preset_is_usage_error(motion, tmp_path, capsys):
+    write_bvh(motion, tmp_path / "a.bvh")
+    words = ["plot", "groups", str(tmp_path / "a.bvh"), "-o", str(tmp_path / "x.svg")]
+    with pytest.raises(SystemExit):
+        main([*words, "--groups", "lower_upper"])
+    assert "needs --groups auto or auto:N, got lower_upper" in capsys.readouterr().err
+
+
+def test_dendrogram_threshold_gives_clusters(library, axes):
+    plot.dendrogram(library, ax=axes)
+    branches = [branch for c in axes.collections for branch in c.get_segments()]
+    n = len(library.segments)
+    assert len(branches) == n - 1
+    tops = np.array([branch[:, 1].max() for branch in branches])
+    assert (tops <= library.sigma["lower"]).sum() == n - (library.labels["lower"].max() + 1)
+    grey = [branch for c in axes.collections for branch in c.get_segments() if _is_grey(c)]
+    assert {branch[:, 1].max() for branch in grey} == set(tops[tops > library.sigma["lower"]])
+    # Each leaf is the end of one branch.
+    leaves = sorted(x for branch in branches for x, y in (branch[0], branch[3]) if y == 0)
+    assert leaves == list(range(n))
+
+
+def _is_grey(collection):
+    return np.ptp(collection.get_colors()[0, :3]) == 0
+
+
+def test_clusters_bars_equal_sorted_sizes(library, axes):
+    plot.clusters(library, ax=axes)
+    heights = [bar.get_height() for bar in axes.patches]
+    assert heights == sorted(np.bincount(library.labels["lower"]).tolist(), reverse=True)
+
+
+def test_plots_without_ax_create_figures(motion, library):
+    drawn = [
+        plot.strip(motion, 1),
+        plot.energy(motion),
+        plot.pca(library),
+        plot.timeline(motion),
+        plot.dendrogram(library),
+        plot.clusters(library),
+    ]
+    assert len({id(axes.figure) for axes in drawn}) == 6
+    pyplot.close("all")
+
+
+def test_plots_invalid_arguments_raise_value_error(motion, library):
+    with pytest.raises(ValueError, match="`poses` must be at least 1, got 0"):
+        plot.strip(motion, 0)
+    with pytest.raises(ValueError, match="`group` must be one of lower, upper, got 'wings'"):
+        plot.pca(library, "wings")
+    with pytest.raises(ValueError, match="`components` must be whole numbers from 1 to 10, got 11"):
+        plot.pca(library, components=(1, 11))
+    for components in ((1,), (1, 2.5)):
+        with pytest.raises(ValueError, match="`components` must be"):
+            plot.pca(library, components=components)
+    n = motion.n_frames
+    for draw in (plot.energy, plot.timeline):
+        for outside in ((-5, 20), (n, n + 9)):
+            with pytest.raises(ValueError, match=f"`frames` .* first within 0-{n - 1}, got"):
+                draw(motion, frames=outside)
+    with pytest.raises(ValueError, match="`frames` must be two ascending numbers"):
+        plot.timeline(motion, frames=(5, 5))
+    with pytest.raises(ValueError, match="at least 2 frames"):
+        plot.energy(motion[:1])
+    with pytest.warns(UserWarning, match="too few to compare"):
+        single = Library.build(motion[:4], config=Config(min_length=1.0))
+    with pytest.raises(ValueError, match="has no embedding"):
+        plot.dendrogram(single)
+
+
+@pytest.mark.parametrize("kind", PLOT_KINDS)
+@pytest.mark.parametrize("dark", [False, True])
+def test_plot_command_draws_each_kind(motion, tmp_path, capsys, kind, dark):
+    write_bvh(motion[:400], tmp_path / "a.bvh")
+    target = tmp_path / "x.png"
+    options = ["--dark"] if dark else []
+    assert main(["plot", kind, str(tmp_path / "a.bvh"), "-o", str(target), *options]) == 0
+    assert capsys.readouterr().out.strip() == str(target)
+    picture = image.imread(target)[..., :3]
+    assert picture[0, 0].mean() == (0.0 if dark else 1.0)
+    assert 0.001 < (np.abs(picture - picture[0, 0]).max(axis=-1) > 0.2).mean() < 0.9
+    before = target.read_bytes()
+    assert main(["plot", kind, str(tmp_path / "a.bvh"), "-o", str(target), *options]) == 1
+    assert target.read_bytes() == before
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.bvh", "x.png"]
+
+
+@pytest.mark.parametrize("ending", ["svg", "pdf", "png"])
+def test_plot_command_same_input_gives_same_bytes(motion, tmp_path, ending):
+    write_bvh(motion[:200], tmp_path / "a.bvh")
+    pictures = []
+    for name in ("x", "y"):
+        target = tmp_path / f"{name}.{ending}"
+        options = ["--frames", "10-90", "--json"]
+        assert main(["plot", "energy", str(tmp_path / "a.bvh"), "-o", str(target), *options]) == 0
+        pictures.append(target.read_bytes())
+    assert pictures[0] == pictures[1]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["pie", "a.bvh", "-o", "x.png"], ["pca", "a.bvh", "-o", "x.jpg"]]
+    + [["strip", "a.bvh", "-o", "x.png", "--frames", text] for text in ("9", "9-3", "a-b")],
+)
+def test_plot_command_wrong_usage_returns_2(arguments, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["plot", *arguments])
+    assert stop.value.code == 2
+    assert capsys.readouterr().err
+
+
+def test_import_without_matplotlib_succeeds():
+    code = "import sys, mograft, mograft.plot, mograft.cli; print('matplotlib' in sys.modules)"
+    completed = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert completed.stdout.strip() == "False"
+
+
+def test_plots_missing_matplotlib_names_extra(motion, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(ImportError, match=r"pip install 'mograft\[plot\]'"):
+        plot.energy(motion)
+    write_bvh(motion[:20], tmp_path / "a.bvh")
+    assert main(["plot", "energy", str(tmp_path / "a.bvh"), "-o", str(tmp_path / "x.png")]) == 1
+    assert "pip install 'mograft[plot]'" in capsys.readouterr().err
+
+
+def test_strip_and_energy_of_frames_show_true_frames_and_times():
+    motion = dance(seed=1, strides=1).motion
+    axes = plot.strip(motion, 5, frames=(400, 520))
+    assert [text.get_text() for text in axes.texts] == ["400", "430", "460", "490", "520"]
+    axes = plot.energy(motion, frames=(300, 600))
+    assert axes.get_xlim() == pytest.approx((300 / motion.rate, 600 / motion.rate))
+    for wrong in ((5, 5), (9, 3)):
+        with pytest.raises(ValueError, match="`frames` must be"):
+            plot.energy(motion, frames=wrong)
+    with pytest.raises(ValueError, match="`frames` must be ascending within 0 to"):
+        plot.strip(motion, frames=(0, motion.n_frames))
