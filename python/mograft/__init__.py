@@ -30,6 +30,7 @@ _HOMES = {
     "io.smpl.rest": "read_offsets",
     "io.smpl.writer": "write_amass",
     "io.usd": "write_usd",
+    "synthesis.advice": "advise",
     "synthesis.graft": "Grafts graft graft_many repair",
     "synthesis.graft_result": "Graft",
     "synthesis.substitution": "Seam Substitution",

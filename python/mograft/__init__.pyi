@@ -85,6 +85,7 @@ from mograft.solve.self_repair import RepairedWindow as RepairedWindow
 from mograft.stream.stream import Piece as Piece
 from mograft.stream.stream import Stream as Stream
 from mograft.stream.stream import join_pieces as join_pieces
+from mograft.synthesis.advice import advise as advise
 from mograft.synthesis.graft import Grafts as Grafts
 from mograft.synthesis.graft import graft as graft
 from mograft.synthesis.graft import graft_many as graft_many

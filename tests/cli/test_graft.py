@@ -770,3 +770,59 @@ def test_graft_take_of_one_group_leaves_the_others(run, folder, tmp_path):
     changed = [i for i, (old, new) in enumerate(zip(before, after, strict=True)) if old != new]
     groups = [own["group"] for own in document["substitutions"]]
     assert changed == [groups.index("larm") + 24]
+
+
+def test_graft_nothing_exchanged_is_a_warning_and_exit_code_0(run, folder):
+    code, out, err = run("graft", folder / "a.bvh", "-o", "x.bvh", "--sigma-scale", "0.0001")
+    assert (code, out) == (0, "x.bvh\n")
+    assert "warning: no segment was exchanged: no segment has a candidate" in err
+    assert "no similar segment" in err
+    code, _, err = run("graft", folder / "a.bvh", "-o", "y.bvh", "--repair", "--avoid-self")
+    assert code == 0
+    assert "warning: no segment was exchanged: the base satisfies the constraints" in err
+    assert "--variety" not in err
+
+
+def test_limit_options_above_those_of_the_configuration_raise_them(run, folder):
+    stretches = {}
+    for limit in ("0.1", "0.5"):
+        code, _, _ = run("graft", folder, "-o", f"{limit}.bvh", "--max-stretch", limit)
+        assert code == 0
+        with open(f"{limit}.json") as file:
+            document = json.load(file)
+        shares = [1.0 - 1.0 / (1.0 + s["stretch"]) for s in document["substitutions"]]
+        stretches[limit] = max(map(abs, shares))
+        assert stretches[limit] <= float(limit) + 1e-6
+    assert stretches["0.5"] > 0.2
+    words = ("candidates", folder, "--segment", 12, "--json")
+    plain, wide = (
+        json.loads(run(*words, *more)[1])
+        for more in ((), ("--max-stretch", "0.9", "--max-angle", "90"))
+    )
+    assert (wide["max_stretch"], wide["max_angle_degrees"]) == (0.9, 90.0)
+    assert len(wide["allowed"]) > len(plain["allowed"])
+
+
+def test_graft_obstacle_at_kept_joints_ends_before_the_search(run, folder, monkeypatch, tmp_path):
+    def search(*_, **__):
+        raise AssertionError("the search started")
+
+    for name in ("repair", "graft_many"):
+        monkeypatch.setattr(f"mograft.cli.actions.graft.{name}", search)
+    clip = read_bvh(folder / "a.bvh")
+    _, positions = clip.world_transforms()
+    foot = ",".join(f"{value:.3f}" for value in positions[100, clip.skeleton.index("LeftFoot")])
+    for words in (
+        ["--avoid", f"sphere:{foot},5", "--repair"],
+        ["--avoid", f"sphere:{foot},5@95-105", "-n", "2"],
+        ["--reach", "100:LeftFoot:0,900,0"],
+    ):
+        code, out, err = run("graft", folder / "a.bvh", "-o", tmp_path / "out", *words)
+        assert (code, out) == (4, "")
+        assert re.search("by Left|LeftFoot is", err)
+        assert "joints that are not exchanged violate constraints" in err.splitlines()[-1]
+        assert not (tmp_path / "out").exists()
+    with pytest.raises(AssertionError, match="the search started"):
+        run("graft", folder / "a.bvh", "-o", "out", "--avoid", f"sphere:{foot},5", "--best-effort")
+    with pytest.raises(AssertionError, match="the search started"):
+        run("graft", folder / "a.bvh", "-o", "out", "--avoid", f"sphere:{foot},5@200-210")

@@ -63,10 +63,14 @@ def flags_in_errors(**flags: str) -> Iterator[None]:
     except ValueError as error:
         if type(error) is not ValueError:
             raise
-        text = str(error)
-        for name, flag in flags.items():
-            text = text.replace(f"`{name}`", flag)
-        raise ValueError(text) from error
+        raise ValueError(with_flags(str(error), flags)) from error
+
+
+def with_flags(text: str, flags: Mapping[str, str]) -> str:
+    """Return a text in which each quoted name of a parameter is replaced by a flag."""
+    for name, flag in flags.items():
+        text = text.replace(f"`{name}`", flag)
+    return text
 
 
 def refuse_useless_options(

@@ -12,12 +12,15 @@ from mograft._util.validate import as_integer, check_type
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.scenario import Scenario
-from mograft.search.constraints import Constraint
+from mograft.search.constraints import Constraint, Violation
 from mograft.search.trellis import DonorSequences
 from mograft.solve.donor_repair import restrict_to_violations
 from mograft.solve.kept_joints import find_kept_violations
-from mograft.synthesis.graft_plan import GraftPlan
+from mograft.synthesis.graft_plan import GraftPlan, grafted_groups
 from mograft.synthesis.graft_result import Graft
+
+MAX_SIGMA_SCALE = 4.0
+"""At four times the spread of all segments one cluster contains them all."""
 
 MEMORY_FACTOR = 5
 """Memory of a graft, in addition to library and base, as a multiple of the arrays of the base."""
@@ -30,6 +33,8 @@ class Grafts(Sequence[Graft]):
     _plan: GraftPlan
     _donors: tuple[DonorSequences, ...]
     _seed: int
+    notes: tuple[str, ...] = ()
+    """How often the clusters were enlarged, one sentence each."""
 
     def __len__(self) -> int:
         return len(self._donors)
@@ -122,6 +127,7 @@ def graft_many(
     swap: Sequence[str] | None = None,
     seed: int = 0,
     scenario: Sequence[int] | IntArray | Scenario | None = None,
+    widen: bool = True,
 ) -> Grafts:
     """Make several different new motions from one base motion; see `graft`.
 
@@ -131,6 +137,10 @@ def graft_many(
         As for `graft`, which returns the first of these motions.
     count : int
         Greatest number of motions.
+    widen : bool
+        Whether `Config.sigma_scale` is multiplied by 4/3 until the donors allow `count` different
+        motions or it would exceed 4. `Grafts.notes` describes each step. If `Config.sigma` is a
+        number, the clusters are not enlarged.
 
     Returns
     -------
@@ -159,8 +169,19 @@ def graft_many(
     _check_base(base)
     if scenario is None:
         _check_memory(library, base)
-    plan = GraftPlan.build(library, base, swap, constraints, scenario)
-    return Grafts(plan, tuple(plan.choose_donors(count, seed)), seed)
+    notes: list[str] = []
+    while True:
+        plan = GraftPlan.build(library, base, swap, constraints, scenario)
+        donors = tuple(plan.choose_donors(count, seed))
+        wider = _widened(library, MAX_SIGMA_SCALE) if widen and len(donors) < count else None
+        if wider is None:
+            return Grafts(plan, donors, seed, tuple(notes))
+        scales = [own.sigma_scales[own.groups.base] for own in (library, wider)]
+        notes.append(
+            f"only {len(donors)} different motions with sigma_scale {scales[0]:.3g}; trying "
+            f"{scales[1]:.3g}, which allows less similar donors"
+        )
+        library = wider
 
 
 def repair(
@@ -169,7 +190,7 @@ def repair(
     *,
     constraints: Sequence[Constraint],
     swap: Sequence[str] | None = None,
-    widest: float = 4.0,
+    widest: float = MAX_SIGMA_SCALE,
 ) -> Graft:
     """Change a captured motion only near violations of hard constraints (paper, 5.2).
 
@@ -227,11 +248,37 @@ def repair(
         graft = replace(graft, request=replace(graft.request, method="repair"))
         if best is None or _total_excess(graft) < _total_excess(best):
             best = graft
-        config = library.config
-        sigma_scale = library.sigma_scales[library.groups.base] * 4 / 3
-        if _are_kept(best, plan) or sigma_scale > widest or not isinstance(config.sigma, str):
+        wider = None if _are_kept(best, plan) else _widened(library, widest)
+        if wider is None:
             return best
-        library = library.relabelled(replace(config, sigma_scale=sigma_scale))
+        library = wider
+
+
+def kept_violations(
+    library: Library,
+    base: Motion | str | None = None,
+    *,
+    constraints: Sequence[Constraint],
+    swap: Sequence[str] | None = None,
+) -> list[Violation]:
+    """Return the violations of hard constraints that no donor can remove.
+
+    They are by joints that are not exchanged. The search need not run if there are any. The
+    arguments are those of `graft`.
+    """
+    if not constraints:
+        return []
+    groups = grafted_groups(library, swap)
+    library, clip = library.resolve_base(base)
+    return find_kept_violations(library, library.clips[clip], groups, constraints)
+
+
+def _widened(library: Library, widest: float) -> Library | None:
+    """Return a library with larger clusters, or None if `sigma_scale` would exceed `widest`."""
+    sigma_scale = library.sigma_scales[library.groups.base] * 4 / 3
+    if sigma_scale > widest or not isinstance(library.config.sigma, str):
+        return None
+    return library.relabelled(replace(library.config, sigma_scale=sigma_scale))
 
 
 def _are_kept(graft: Graft, plan: GraftPlan) -> bool:

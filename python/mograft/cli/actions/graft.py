@@ -3,13 +3,11 @@
 import argparse
 import os
 from collections.abc import Sequence
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from mograft.cli.advice import advise
-from mograft.cli.configuration import flags_in_errors, load_library, options_given
+from mograft.cli.configuration import flags_in_errors, load_library, options_given, with_flags
 from mograft.cli.constraints import check_frames, read_constraints, read_obstacles
 from mograft.cli.files import check_writable, expand_folders, library_folder
 from mograft.cli.graft_outputs import check_graft_suffix, graft_files, output_paths
@@ -21,21 +19,29 @@ from mograft.config import Config
 from mograft.errors import join_names, suggest_name
 from mograft.io.addresses import find_addresses, read_clip, split_address
 from mograft.library.library import Library
-from mograft.library.spec import rates_match
 from mograft.motion.motion import Motion
 from mograft.provenance.document import graft_record
 from mograft.provenance.graft_files import write_graft
 from mograft.search.constraints import Constraint
-from mograft.solve.kept_joints import find_kept_violations
-from mograft.synthesis.graft import graft_many, repair
+from mograft.synthesis.advice import advise
+from mograft.synthesis.graft import graft_many, kept_violations, repair
 from mograft.synthesis.graft_plan import grafted_groups
 from mograft.synthesis.graft_result import Graft
 
 _MAX_REPORTED = 20
 """Maximum number of grafts on a report page: all of them are in memory at the same time."""
 
-_MAX_SIGMA_SCALE = 4.0
-"""At four times the spread of all segments one cluster contains them all."""
+_KEPT_VIOLATIONS = (
+    "joints that are not exchanged violate constraints, and no donor can remove these violations; "
+    "no motion was written; move the obstacle or target, limit its frames, or give --best-effort"
+)
+_ADVISED_OPTIONS = {
+    "variety": "--variety",
+    "sigma_scale": "--sigma-scale",
+    "max_stretch": "--max-stretch",
+    "self_repair=False": "--no-self-repair",
+}
+"""The options that set what `advise` names."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -76,10 +82,12 @@ def run(options: argparse.Namespace) -> int:
     base, swap = _find_base(library, options.base, folder), _swapped_groups(library, options)
     if options.scenario == "original":
         check_frames(options, library.rate, _count_frames(library, base))
-    if not options.best_effort and _print_kept_violations(
-        library, base, constraints, swap, options
-    ):
-        return 4
+    # The base motion of a scenario does not exist yet.
+    if not options.best_effort and options.scenario == "original":
+        kept = kept_violations(library, base, constraints=constraints, swap=swap)
+        if kept:
+            print_error(_KEPT_VIOLATIONS, [violation.message for violation in kept])
+            return 4
     grafts = _make_grafts(library, base, constraints, swap, options)
     if constraints:
         grafts = list(grafts)
@@ -191,63 +199,25 @@ def _make_grafts(
     swap: list[str] | None,
     options: argparse.Namespace,
 ) -> Sequence[Graft]:
-    """Return the requested grafts.
-
-    If the donors allow fewer different motions than requested, the clusters are enlarged, unless
-    an option sets their diameter.
-    """
+    """Return the requested grafts."""
     scenario = read_scenario(library, options)
     if options.repair:
         return [repair(library, base, constraints=constraints, swap=swap)]
-    keywords: dict[str, Any] = {"constraints": constraints, "swap": swap, "seed": options.seed or 0}
-    keywords["scenario"] = scenario
     with flags_in_errors(scenario="--scenario"):
-        grafts = graft_many(library, base, options.count, **keywords)
-    is_fixed = options.sigma_scale is not None or options.variety is not None
-    while len(grafts) < options.count and not is_fixed:
-        present = library.sigma_scales[library.groups.base]
-        scale = present * 4 / 3
-        if scale > _MAX_SIGMA_SCALE or library.config.sigma not in ("rms", "literal"):
-            break
-        print_remark(
-            f"only {len(grafts)} different motions with sigma_scale "
-            f"{present:.3g}; trying {scale:.3g}, which allows less similar donors"
+        grafts = graft_many(
+            library,
+            base,
+            options.count,
+            constraints=constraints,
+            swap=swap,
+            seed=options.seed or 0,
+            scenario=scenario,
+            widen=options.sigma_scale is None and options.variety is None,
         )
-        library = library.relabelled(replace(library.config, sigma_scale=scale))
-        grafts = graft_many(library, base, options.count, **keywords)
+    for note in grafts.notes:
+        print_remark(note)
     # The candidates of all segments need not stay in memory for a single graft.
     return [grafts[0]] if len(grafts) == 1 else grafts
-
-
-def _print_kept_violations(
-    library: Library,
-    base: Motion | str | None,
-    constraints: Sequence[Constraint],
-    swap: list[str] | None,
-    options: argparse.Namespace,
-) -> bool:
-    """Print the violations that no donor can remove; return whether there are any.
-
-    They are not computed for a scenario, whose base motion does not exist yet.
-    """
-    if not constraints or options.scenario != "original":
-        return False
-    motion = base
-    if not isinstance(motion, Motion):
-        motion = library.clips[0 if base is None else library.names.index(base)]
-    if not library.skeleton.has_same_hierarchy(motion.skeleton):
-        return False  # An error that `graft_many` raises.
-    if not rates_match(motion.rate, library.rate):
-        motion = motion.resample(library.rate)
-    found = find_kept_violations(library, motion, grafted_groups(library, swap), constraints)
-    if found:
-        print_error(
-            "joints that are not exchanged violate constraints, and no donor can remove these "
-            "violations; no motion was written; move the obstacle or target, limit its frames, or "
-            "give --best-effort",
-            [violation.message for violation in found],
-        )
-    return bool(found)
 
 
 def _print_violations(grafts: Sequence[Graft], *, best_effort: bool) -> bool:
@@ -325,5 +295,5 @@ def _write_grafts(
             "--variety allow more"
         )
     for remark in advise(graft, motions):
-        print_remark(remark)
+        print_remark(with_flags(remark, _ADVISED_OPTIONS))
     return documents, columns, reported

@@ -1,4 +1,4 @@
-"""Remarks after a run of ``mograft graft``: what was not exchanged, why, and which option helps."""
+"""Remarks about grafts: what was not exchanged, why, and which option helps."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -14,18 +14,38 @@ from mograft.synthesis.substitution import Substitution
 
 _REMEDIES = {
     "no similar segment": "{similar} or add clips",
-    "none of similar length": "raise --max-stretch (now {max_stretch:.2f})",
+    "none of similar length": "raise `max_stretch` (now {max_stretch:.2f})",
     "only segments with recording faults": "correct the faults that mograft check lists",
     "none within the constraints": "relax the constraints",
 }
 """The causes why a segment has no candidate, and what the user can do about each."""
 
 
-def advise(graft: Graft, motions: Sequence[Sequence[Substitution]]) -> list[str]:
-    """Return remarks about the segments that a run of ``mograft graft`` did not exchange.
+def advise(graft: Graft, motions: Sequence[Sequence[Substitution]] = ()) -> list[str]:
+    """Return remarks about segments that were not exchanged, and the options that help.
 
-    `graft` is one of the grafts of the run. `motions` holds the substitutions of each graft.
+    Parameters
+    ----------
+    graft : Graft
+        One of the grafts of a base.
+    motions : sequence of sequence of Substitution
+        `Graft.substitutions` of each of these grafts. Default: those of `graft`.
+
+    Returns
+    -------
+    list of str
+        One remark per line. Options have the names of `Config`, with "`variety`" for the argument
+        of `Config.with_variety`.
+
+    Examples
+    --------
+    >>> from mograft import Config, Library, graft
+    >>> from mograft.dancer import dance
+    >>> library = Library.build(dance(strides=1).motion, config=Config(sigma_scale=1e-6))
+    >>> advise(graft(library))[0]
+    'warning: no segment was exchanged: no segment has a candidate'
     """
+    motions = motions or [graft.substitutions]
     lines = []
     kept, total = _kept_seconds(graft, motions)
     if all(own.is_own for substitutions in motions for own in substitutions):
@@ -59,7 +79,7 @@ def _cause_of_no_exchange(graft: Graft) -> str:
     if graft.repairs:
         return (
             "self-repair restored the captured parts, because all donors exceed the acceleration, "
-            "jerk or floor depth of the base; --no-self-repair keeps the exchanges"
+            "jerk or floor depth of the base; `self_repair=False` keeps the exchanges"
         )
     return "the captured parts cost less than all candidates"
 
@@ -73,7 +93,7 @@ def _describe_missing(graft: Graft, group: str) -> str:
     config = library.config
     scale = library.sigma_scales[library.groups.base]
     is_widest = scale >= variety_fields(1.0)["sigma_scale"]
-    similar = "raise --sigma-scale" if is_widest else "raise --variety"
+    similar = "raise `sigma_scale`" if is_widest else "raise `variety`"
     remedies = ", ".join(
         _REMEDIES[cause].format(similar=similar, max_stretch=config.max_stretch)
         for cause, _ in causes.most_common()

@@ -1,0 +1,74 @@
+"""Remarks about grafts: what was not exchanged, why, and which option helps."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mograft import Config, KeepOriginal, Library, advise, graft, graft_many
+from mograft.dancer import dance
+from mograft.solve.self_repair import RepairedWindow
+
+
+@pytest.fixture(scope="module")
+def library():
+    return Library.build(dance(seed=1, strides=1).motion[:600])
+
+
+def advice(grafts):
+    return advise(grafts[-1], [own.substitutions for own in grafts])
+
+
+def test_advice_kept_seconds_are_those_of_frames_that_never_differ(library):
+    grafts = list(graft_many(library, count=3, seed=1))
+    exchanged = np.zeros(grafts[0].base.n_frames - 1, bool)
+    for own in (s for new in grafts for s in new.substitutions if not s.is_own):
+        exchanged[np.arange(own.start, own.stop)] = True
+    seconds = (~exchanged).sum() / library.rate
+    assert 0 < seconds < grafts[0].base.duration
+    total = grafts[0].base.duration
+    expected = f"in {seconds:.1f} of {total:.1f} s no segment was exchanged in any of the 3 motions"
+    assert expected in advice(grafts)
+
+
+def test_advice_counts_segments_without_candidate_by_cause(library):
+    new = graft(library, seed=1)
+    counts = new.alternatives["upper"]
+    (line,) = [line for line in advice([new]) if line.startswith("upper: ")]
+    n_without, n = map(int, re.match(r"upper: (\d+) of (\d+) segments", line).groups())
+    assert (n_without, n) == ((counts == 0).sum(), len(counts))
+    causes = re.search(r"\((.*?)\):", line).group(1)
+    assert sum(int(number) for number in re.findall(r"\d+", causes)) == n_without
+    assert "raise `variety`" in line
+    assert "raise `max_stretch` (now 0.15)" in line
+
+
+@pytest.mark.parametrize(
+    ("config", "constraints", "cause", "remedy"),
+    [
+        ({"sigma": 1e-9}, [], "no similar segment", "raise `variety` or add clips"),
+        ({"max_stretch": 1e-6, "sigma_scale": 2.0, "length_slack": 0.0}, [], "similar len", "max_"),
+        ({}, [KeepOriginal()], "within the constraints", "relax the constraints"),
+    ],
+)  # fmt: skip
+def test_advice_names_cause_and_remedy(library, config, constraints, cause, remedy):
+    own = Library.build(library.clips[0], config=Config(**config))
+    lines = advice([graft(own, constraints=constraints)])
+    assert cause in lines[-1]
+    assert remedy in lines[-1]
+
+
+def test_advice_names_self_repair_if_it_restored_all_segments(library):
+    kept = graft(library, seed=1)
+    own = tuple(s._replace(donor=s.segment) for s in kept.substitutions)
+    window = RepairedWindow(
+        group="upper", start=0, stop=20, measure="world jerk", before=4.0, after=0.0
+    )
+    (line,) = [
+        line
+        for line in advice([replace(kept, substitutions=own, repairs=(window,))])
+        if line.startswith("warning")
+    ]
+    assert "no segment was exchanged: self-repair restored the captured parts" in line
+    assert "`self_repair=False` keeps the exchanges" in line
