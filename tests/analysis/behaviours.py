@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from mograft import Motion, rotations
+from mograft import Motion
+from mograft.motion import rotations
 from tests.strategies import star_skeleton
 
 RATE = 30.0

@@ -10,10 +10,11 @@ from hypothesis.extra import numpy as npst
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from mograft import Motion, Skeleton, rotations
+from mograft import Motion, Skeleton
 from mograft.analysis.segmentations import gaussian_mixture, gmm, pca, ppca
 from mograft.analysis.segmentations.growing_scatter import GrowingScatter
 from mograft.analysis.segmentations.pose_features import pose_features, principal_scores
+from mograft.motion import rotations
 from tests.analysis.behaviours import RATE, behaviours
 from tests.oracles import behaviour_cuts as oracle
 from tests.strategies import SEEDS, few_examples, motions, quaternions

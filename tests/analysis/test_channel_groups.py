@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mograft import Config, JointGroups, Library, Skeleton, graft, rotations
+from mograft import Config, JointGroups, Library, Skeleton, graft
 from mograft.analysis.channel_groups import (
     RestrictedSamples,
     euler_angles,
@@ -22,6 +22,7 @@ from mograft.blend.recombine import recombine
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.dancer import dance
+from mograft.motion import rotations
 from tests.strategies import (
     SEEDS,
     SEGMENT_LENGTHS,

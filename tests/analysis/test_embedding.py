@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from sklearn.decomposition import PCA
 
-from mograft import Config, Motion, Segments, rotations, segment
+from mograft import Config, Motion, Segments, segment
 from mograft._util.linalg import GRID
 from mograft.analysis.embedding import (
     Samples,
@@ -25,6 +25,7 @@ from mograft.analysis.embedding import (
 )
 from mograft.analysis.principal_components import Spread
 from mograft.analysis.principal_components import pca as components_of
+from mograft.motion import rotations
 from tests.hierarchies import DATA
 from tests.oracles import analysis as oracle
 from tests.strategies import (

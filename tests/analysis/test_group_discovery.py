@@ -17,7 +17,6 @@ from mograft import (
     discover_groups,
     linkage_condensed,
     read,
-    rotations,
     write_bvh,
 )
 from mograft._standalone.mograft_linkage.dendrogram import labels_after_merges
@@ -28,6 +27,7 @@ from mograft.body.joint_chains import JointChains, support_shares
 from mograft.body.mirroring import partners
 from mograft.dancer import dance
 from mograft.library.group_choice import spread_evenly
+from mograft.motion import rotations
 from tests.hierarchies import DATA, human, skeletons
 from tests.strategies import SEEDS, few_examples, person
 

@@ -6,12 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
-from mograft import rotations
 from mograft._util.gaussian import gaussian_filter
 from mograft.analysis.online_segmentation import OnlineSegmenter, WindowSegmenter
 from mograft.analysis.segmentation import extrema
 from mograft.analysis.segmentations import METHODS
 from mograft.dancer import dance
+from mograft.motion import rotations
 from tests.analysis.behaviours import behaviours
 from tests.strategies import SEEDS, few_examples, star_skeleton
 

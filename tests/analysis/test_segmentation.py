@@ -9,11 +9,12 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from scipy.ndimage import gaussian_filter1d
 
-from mograft import Config, Motion, Segments, Skeleton, kinetic_energy, rotations, segment
+from mograft import Config, Motion, Segments, Skeleton, kinetic_energy, segment
 from mograft._util.gaussian import gaussian_filter
 from mograft.analysis.segmentation import extrema
 from mograft.body.mass import mass_model, moments_of_inertia
 from mograft.dancer import dance
+from mograft.motion import rotations
 from tests.oracles import analysis as oracle
 from tests.strategies import SEEDS, few_examples, motions, quaternions
 

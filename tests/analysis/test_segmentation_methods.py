@@ -9,13 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import find_peaks
 
-from mograft import Config, Motion, Skeleton, rotations, segment
+from mograft import Config, Motion, Skeleton, segment
 from mograft._util.registry import CONFIG_OPTIONS
 from mograft._util.runs import find_runs
 from mograft.analysis.segmentations import METHODS
 from mograft.analysis.segmentations.com import find_lowest_points
 from mograft.body.mass import mass_model
 from mograft.dancer import dance
+from mograft.motion import rotations
 from tests.strategies import few_examples, motions
 
 NAMES = CONFIG_OPTIONS["segmentation"].names

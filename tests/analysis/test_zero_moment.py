@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import expit
 
-from mograft import Config, Segments, rotations
+from mograft import Config, Segments
 from mograft.analysis.embedding import normalise
 from mograft.analysis.zero_moment import (
     N_DIRECTIONS,
@@ -23,6 +23,7 @@ from mograft.body.mass import center_of_mass, mass_model
 from mograft.body.support_polygon import support_polygons
 from mograft.dancer import dance
 from mograft.evaluation.balance import dynamic_balance
+from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 from tests.oracles import balance as balance_oracle

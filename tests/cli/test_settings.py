@@ -126,9 +126,7 @@ def test_settings_groups_path_is_relative_to_config_file(run, clip, working_fold
     assert groups == {"torso", "arms"}
 
 
-def test_settings_skeleton_path_is_relative_to_config_file(
-    run, working_folder, monkeypatch
-):
+def test_settings_skeleton_path_is_relative_to_config_file(run, working_folder, monkeypatch):
     Path(CONFIG_FILE).write_text('skeleton = "rest.json"\n')
     (working_folder / "below").mkdir()
     monkeypatch.chdir(working_folder / "below")

@@ -230,7 +230,7 @@ def is_documented_member(name, member):
 def test_undocumented_names_are_found():
     assert "mograft.graft" in find_undocumented("")
     assert "mograft.Library.build" in find_undocumented("")
-    assert "mograft.viewing.plot.strip" in find_undocumented("")
+    assert "mograft.plot.strip" in find_undocumented("")
 
 
 LINK = re.compile(r"\]\(([^)#:]+)\)")
