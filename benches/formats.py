@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
 from benches._common import run, tiny_motion
+from mograft import formats
 
 N_RUNS = 15
 N_GRAFT_RUNS = 3
@@ -69,7 +70,7 @@ def report(options):
         files, n_runs = [Path(name) for name in options.files], N_RUNS
         if options.tiny:
             files, n_runs = [Path(folder) / "tiny.glb"], 1
-            mg.write_glb([tiny_motion()[:60], tiny_motion()[60:]], files[0])
+            formats.write_glb([tiny_motion()[:60], tiny_motion()[60:]], files[0])
         print(
             "| file | MB | clips | frames | open and read, ms | processor, ms | MB/s "
             "| MB/s of processor time |\n|---|---|---|---|---|---|---|---|"

@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
 from benches._common import run
+from mograft import formats
 from mograft.io.bvh.channels import channels_to_transforms
 from mograft.io.bvh.cursor import open_cursor
 from mograft.io.bvh.frames import read_frames
@@ -77,8 +78,8 @@ def make_stages(text, folder):
     )
 
     glb, npz = folder / "a.glb", folder / "a.npz"
-    mg.write_glb(motion, glb)
-    mg.write_npz(motion, npz)
+    formats.write_glb(motion, glb)
+    formats.write_npz(motion, npz)
 
     def new(motion):
         # Skeletons keep what is computed from them: children, body parts and masses.
@@ -92,14 +93,14 @@ def make_stages(text, folder):
         "hierarchy": parse_hierarchy,
         "channels to rotations": lambda: channels_to_transforms(header.skeleton, values),
         "`read_bvh`": lambda: mg.read_bvh(io.BytesIO(data)),
-        "`scan_bvh`": lambda: mg.scan_bvh(io.BytesIO(data)),
+        "`scan_bvh`": lambda: formats.scan_bvh(io.BytesIO(data)),
         "`Motion.world_transforms`": motion.world_transforms,
         "`write_bvh`": lambda: mg.write_bvh(new(motion), io.BytesIO()),
         "`write_bvh`, new angles": lambda: mg.write_bvh(new(changed), io.BytesIO()),
         "`read`, GLB": lambda: mg.read(glb)[0],
-        "`write_glb`": lambda: mg.write_glb(new(motion), glb),
+        "`write_glb`": lambda: formats.write_glb(new(motion), glb),
         "`read`, NPZ": lambda: mg.read(npz)[0],
-        "`write_npz`": lambda: mg.write_npz(new(motion), npz),
+        "`write_npz`": lambda: formats.write_npz(new(motion), npz),
         "`find_faults`": lambda: mg.find_faults(new(motion)),
     }
 

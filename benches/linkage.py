@@ -41,9 +41,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import mograft as mg
 from benches import _common
-from mograft import _core
+from mograft import _core, clustering
 
 REAL = Path(__file__).parents[2] / "shared" / "data" / "embedding_bandai_60k.npy"
 CHILD = "--child"
@@ -126,7 +125,7 @@ def run_chain(points):
     """Run the nearest-neighbour chain on one thread, distances included."""
     from scipy.spatial.distance import pdist
 
-    return mg.linkage_condensed(pdist(points), n_threads=1, memory_limit=0)
+    return clustering.linkage_condensed(pdist(points), n_threads=1, memory_limit=0)
 
 
 def measure(who, kind, n, runs, diameter=None):
@@ -135,11 +134,11 @@ def measure(who, kind, n, runs, diameter=None):
     if who == "stop":
         return interrupt_delays(points, runs)
     if diameter == "rms":
-        diameter = mg.threshold(points)
+        diameter = clustering.threshold(points)
     call = {
-        "mograft": lambda: mg.linkage(points),
-        "cut": lambda: mg.cut(points, diameter),
-        "one thread": lambda: mg.linkage(points, n_threads=1, memory_limit=0),
+        "mograft": lambda: clustering.linkage(points),
+        "cut": lambda: clustering.cut(points, diameter),
+        "one thread": lambda: clustering.linkage(points, n_threads=1, memory_limit=0),
         "chain": lambda: run_chain(points),
         "SciPy": lambda: run_scipy(points),
         "fastcluster": lambda: run_fastcluster(points),
@@ -163,7 +162,7 @@ def interrupt_delays(points, runs):
     # A shell starts background processes with SIGINT ignored, and children inherit that.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     begin = time.perf_counter()
-    mg.linkage(points)
+    clustering.linkage(points)
     duration = time.perf_counter() - begin
     walls, cpus = [], []
     for moment in np.random.default_rng(0).uniform(0, 0.95 * duration, runs):
@@ -177,7 +176,7 @@ def interrupt_delays(points, runs):
         has_ended = False
         try:
             timer.start()  # on a busy machine, the interrupt may arrive before the call
-            mg.linkage(points)
+            clustering.linkage(points)
             has_ended = True
             timer.cancel()
             timer.join()  # a late interrupt arrives here, not in the next run

@@ -20,8 +20,8 @@ from matplotlib.patches import Circle
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import mograft as mg
 from benches._common import run
+from mograft import clustering
 
 STYLE = {"svg.hashsalt": "mograft", "svg.fonttype": "none", "font.size": 9}
 
@@ -37,7 +37,7 @@ def draw_stages(folder):
     figure = Figure(figsize=(10, 2.9))
     panels = figure.subplots(1, 4)
     for i, limit in enumerate(limits):
-        after = mg.cut(points, limit)
+        after = clustering.cut(points, limit)
         graph, merged = panels[2 * i], panels[2 * i + 1]
         graph.set_title(f"stage {i + 1}: pairs within T = {limit}")
         merged.set_title("merged until no edge is left")

@@ -27,6 +27,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
+import mograft.constraints as mc
 from benches._common import run, tiny_motion
 from mograft import _core
 from mograft.body.capsules import clearance
@@ -155,12 +156,12 @@ def stream(n_dances=13, n_frames=None):
         )
         library = mg.Library.open(path)
         base = dance(seed=99).motion[:n_frames]
-        sphere = mg.Avoid(mg.Sphere((30.0, 130.0, 40.0), 30.0))
+        sphere = mc.Avoid(mc.Sphere((30.0, 130.0, 40.0), 30.0))
         print(f"\nstream on {library}\n{'':44} {'median':>9} {'99 %':>9} {'maximum':>9}")
         for name, constraints in (
             ("decide a segment", []),
             ("decide a segment, avoiding a sphere", [sphere]),
-            ("the same, and self-collision", [sphere, mg.AvoidSelf()]),
+            ("the same, and self-collision", [sphere, mc.AvoidSelf()]),
         ):
             live = mg.Stream(library, constraints=constraints)
             decision_times, push_times = [], []
@@ -284,7 +285,7 @@ def reach(paths, count=20):
             frame = int(rng.integers(segments.start[position], segments.stop[position] + 1))
             motion = assemble(problem, donors)
             target = tuple(motion.world_positions()[frame, base.skeleton.index(hand)])
-            graft = mg.graft(library, constraints=[mg.Reach(hand, target, frame)])
+            graft = mg.graft(library, constraints=[mc.Reach(hand, target, frame)])
             n_reached += not graft.violations
         print(f"{Path(path).name}: reached {n_reached} of {count} targets")
 
@@ -312,12 +313,12 @@ def satisfiable_constraints(library, kind, count=20):
             continue
         if kind == "Reach":
             joint = (hips, hand)[len(found) % 2]
-            constraint = mg.Reach(joint, tuple(other.joint_positions(joint)[frame]), frame)
+            constraint = mc.Reach(joint, tuple(other.joint_positions(joint)[frame]), frame)
         elif kind == "KeepOut":
-            constraint = mg.KeepOut(hips, mg.HalfSpace(tuple(point), tuple(start - point)))
+            constraint = mc.KeepOut(hips, mc.HalfSpace(tuple(point), tuple(start - point)))
         else:
             top = np.where(is_level, point, 2 * cheapest.height)
-            constraint = mg.Avoid(mg.Capsule(tuple(point), tuple(top), 0.05 * cheapest.height))
+            constraint = mc.Avoid(mc.Capsule(tuple(point), tuple(top), 0.05 * cheapest.height))
         if constraint.errors(cheapest)[0].max() > 1 and constraint.errors(other)[0].max() <= 1:
             found.append(constraint)
     return found

@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 import mograft as mg
+from mograft import formats
 from tests.io.gltf_scenes import pack_glb, random_scene
 
 # Seeds of files that failed in earlier versions.
@@ -120,7 +121,7 @@ def write_copy(clips, places, target):
     if np.abs(base.positions).max() > 1e30 or base.n_frames > 20_000:
         return
     new = replace(base, rotations=base.rotations[::-1], name="new", channel_values=None)
-    mg.write_glb_animations(clips.path, [new, new], target, bases=[base, None])
+    formats.write_glb_animations(clips.path, [new, new], target, bases=[base, None])
     again = mg.read(target)
     assert len(again) == len(clips) + 2
     for old, name in zip(places, clips.names, strict=True):

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 import mograft as mg
+from mograft import formats
 from mograft.dancer import dance
 from tests.io.amass_file import amass_arrays
 from tests.io.kimodo_file import kimodo_arrays
@@ -33,7 +34,7 @@ _TYPES = ("f4", "f8", ">f8", "f2", "i4", "u1", "bool", "U3", "c16", "M8[s]", "O"
 def valid_arrays():
     """Arrays of one valid file of each kind."""
     buffer = Path(tempfile.mkdtemp()) / "m.npz"
-    mg.write_npz(dance(strides=1).motion[:2], buffer)
+    formats.write_npz(dance(strides=1).motion[:2], buffer)
     with np.load(buffer) as data:
         own = dict(data)
     kinds = [own, *(amass_arrays(columns, 2) for columns in (72, 156, 165))]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mograft as mg
+import mograft.constraints as mc
 from mograft.dancer import dance
 from mograft.solve.search_problem import SearchProblem
 
@@ -43,7 +44,7 @@ def make_wall():
         hips = motion.world_positions()[:, motion.skeleton.index("Hips")] * [1, 0, 1]
         farthest = hips[np.linalg.norm(hips - hips[0], axis=1).argmax()]
         point = hips[0] + share * (farthest - hips[0])
-        return mg.KeepOut("Hips", mg.HalfSpace(tuple(point), tuple(hips[0] - farthest)))
+        return mc.KeepOut("Hips", mc.HalfSpace(tuple(point), tuple(hips[0] - farthest)))
 
     return make
 

@@ -9,7 +9,8 @@ from typing import ClassVar
 import numpy as np
 
 from lab.donors.methods import cluster_candidates
-from mograft import JointGroups, Library, cut, threshold
+from mograft import JointGroups, Library
+from mograft.clustering import cut, threshold
 from mograft.evaluation.estimate import Record
 
 PAPER_TABLES = {

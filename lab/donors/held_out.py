@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from mograft import cut
 from mograft.analysis.channel_groups import restrict_samples
 from mograft.analysis.embedding import features
 from mograft.analysis.scale_choice import cluster_thresholds
+from mograft.clustering import cut
 from mograft.evaluation import estimate
 from mograft.library.clusters import embed_groups, nearest_clusters
 

@@ -36,7 +36,7 @@ def measure(recordings, *, is_quick):
     rows = []
     count, step = (2, 4) if is_quick else (N_PLACEMENTS, 1)
     for placed in _placements(clip, count, step):
-        avoid = mg.Avoid(placed)
+        avoid = mg.constraints.Avoid(placed)
         before = int((avoid.errors(mg.Poses.from_motion(clip))[0] > 1).sum())
         row = {"before": before}
         for name, own, widest in (
@@ -61,7 +61,7 @@ def _placements(clip, count, step):
     sparse = poses.with_poses(poses.frames[every], poses.rotations[every], poses.positions[every])
     found = []
     for other in copies(clip, poses, step):
-        avoid = mg.Avoid(other)
+        avoid = mg.constraints.Avoid(other)
         if (avoid.errors(sparse, ~is_arm)[0] > 1).any():
             continue
         if (avoid.errors(sparse, is_arm)[0] > 1).any():
@@ -81,7 +81,7 @@ def copies(motion, poses, step=1):
             for angle in DIRECTIONS[::step]:
                 offset = home.copy()
                 offset[level] += distance * poses.height * np.array([np.cos(angle), np.sin(angle)])
-                yield mg.Character(motion, tuple(offset), yaw)
+                yield mg.constraints.Character(motion, tuple(offset), yaw)
 
 
 def _half_turn(position, up):

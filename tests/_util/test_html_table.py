@@ -70,7 +70,7 @@ def test_repr_html_of_hostile_names_has_only_table_tags(name):
         assert shown in [cell for row in Table(html).rows for cell in row]
     (row,) = [row for row in Table(library._repr_html_()).rows if row[0] == shown]
     assert float(row[2]) == pytest.approx(library.clips[0].duration, abs=0.005)
-    candidates = mg.candidates(library, 17, "upper", [mg.NotFrom(clip)])
+    candidates = mg.candidates(library, 17, "upper", [mg.constraints.NotFrom(clip)])
     table = Table(candidates._repr_html_())
     assert table.tags <= TAGS
     listed = candidates.allowed + candidates.refused

@@ -12,6 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
+import mograft.constraints as mc
+from mograft import clustering
 from mograft.body.mass import mass_model
 from mograft.dancer import dance
 
@@ -79,19 +81,19 @@ def test_config_numpy_scalars_equal_python_numbers(kind, number):
     given, expected = mg.Config(sigma_scale=value), mg.Config(sigma_scale=value.item())
     assert given == expected
     assert json.dumps(given.as_dict()) == json.dumps(expected.as_dict())
-    given, expected = (mg.Sphere((0, 0, 0), radius) for radius in (value, value.item()))
+    given, expected = (mc.Sphere((0, 0, 0), radius) for radius in (value, value.item()))
     assert repr(given) == repr(expected)
 
 
 def test_graft_many_accepts_numpy_integers(library):
-    expected = mg.graft(library, constraints=[mg.KeepOriginal(frames=(5, 9))], seed=7)
-    keep = mg.KeepOriginal(frames=(np.int64(5), np.uint8(9)))
+    expected = mg.graft(library, constraints=[mc.KeepOriginal(frames=(5, 9))], seed=7)
+    keep = mc.KeepOriginal(frames=(np.int64(5), np.uint8(9)))
     given = mg.graft(library, constraints=[keep], seed=np.uint16(7))
     assert json.dumps(mg.graft_record(given)) == json.dumps(mg.graft_record(expected))
     assert len(mg.graft_many(library, count=np.int32(2))) == 2
     assert mg.Config(samples=np.int64(8)) == mg.Config(samples=8)
-    reach = mg.Reach("LeftHand", np.zeros(3, np.float32), np.int64(3), weight=np.float32(1))
-    assert reach == mg.Reach("LeftHand", (0.0, 0.0, 0.0), 3, weight=1.0)
+    reach = mc.Reach("LeftHand", np.zeros(3, np.float32), np.int64(3), weight=np.float32(1))
+    assert reach == mc.Reach("LeftHand", (0.0, 0.0, 0.0), 3, weight=1.0)
 
 
 @pytest.mark.parametrize("value", [True, None, "x", np.nan, [1]])
@@ -116,13 +118,21 @@ def test_config_invalid_value_raises_value_error_naming_field(name, value):
         (mg.mirror, ["a.bvh"], "`motion` must be a Motion, got str"),
         (mg.find_faults, ["a.bvh"], "`motion` must be a Motion, got str"),
         (mg.write_bvh, [3, "a.bvh"], "`motion` must be a Motion, got int"),
-        (mg.Avoid, [3], "`obstacle` must be an obstacle such as Sphere, Capsule or Box, got 3"),
-        (mg.KeepOut, ["Hips", None], "`region` must be an obstacle such as Sphere, Capsule or Box"),
-        (mg.Character, ["a.bvh"], "`motion` must be a Motion, got str"),
-        (mg.OnlyFrom, [3], "`clips` must be a name or several names, got 3"),
-        (mg.NotFrom, [["a", 3]], "`clips` must be a name or several names, got"),
-        (mg.MaxStretch, ["a"], "`limit` must be a number, got 'a'"),
-        (mg.Sphere, [(0, 0, 0), "a"], "`radius` must be a number, got 'a'"),
+        (
+            mc.Avoid,
+            [3],
+            "`obstacle` must be an obstacle such as Sphere, Capsule or Box, got 3",
+        ),
+        (
+            mc.KeepOut,
+            ["Hips", None],
+            "`region` must be an obstacle such as Sphere, Capsule or Box",
+        ),
+        (mc.Character, ["a.bvh"], "`motion` must be a Motion, got str"),
+        (mc.OnlyFrom, [3], "`clips` must be a name or several names, got 3"),
+        (mc.NotFrom, [["a", 3]], "`clips` must be a name or several names, got"),
+        (mc.MaxStretch, ["a"], "`limit` must be a number, got 'a'"),
+        (mc.Sphere, [(0, 0, 0), "a"], "`radius` must be a number, got 'a'"),
     ],
     ids=lambda argument: getattr(argument, "__name__", ""),
 )
@@ -141,7 +151,7 @@ def test_public_functions_invalid_collections_raise_type_error(library):
     with pytest.raises(
         TypeError, match="`constraints` must be a list of constraints, got AvoidSelf"
     ):
-        mg.graft(library, constraints=mg.AvoidSelf())
+        mg.graft(library, constraints=mc.AvoidSelf())
     for segment in (1.5, True, None, -1, np.int64(10**6)):
         message = f"`segment` must be 0 to .*, got {re.escape(repr(segment))}"
         with pytest.raises(ValueError, match=message):
@@ -154,7 +164,7 @@ def test_public_functions_invalid_collections_raise_type_error(library):
     with pytest.raises(
         TypeError, match="`constraints` must be a list of constraints, got AvoidSelf"
     ):
-        mg.Stream(library, constraints=mg.AvoidSelf())
+        mg.Stream(library, constraints=mc.AvoidSelf())
     with pytest.raises(
         ValueError, match=r"`horizon` must be a whole number of at least 1, got 1\.5"
     ):
@@ -169,20 +179,20 @@ def test_public_functions_invalid_collections_raise_type_error(library):
 @pytest.mark.parametrize("frames", [3, (1,), (5, 2), (0.5, 2), (-1, 2), "ab", None])
 def test_constraint_frames_must_be_ascending_pair(frames):
     if frames is None:
-        assert mg.AvoidSelf(frames=None).frames is None
+        assert mc.AvoidSelf(frames=None).frames is None
         return
     with pytest.raises(ValueError, match="`frames` must be a first and a last frame, ascending"):
-        mg.AvoidSelf(frames=frames)
+        mc.AvoidSelf(frames=frames)
     with pytest.raises(
         ValueError, match="`clip_frames` must be a first and a last frame, ascending"
     ):
-        mg.OnlyFrom("a", clip_frames=frames)
+        mc.OnlyFrom("a", clip_frames=frames)
 
 
 @pytest.mark.parametrize("frame", [-1, 1.5, True, "1"])
 def test_constraint_frame_must_be_integer(frame):
     with pytest.raises(ValueError, match="`frame` must be a whole number of at least 0"):
-        mg.Reach("LeftHand", (0, 0, 0), frame)
+        mc.Reach("LeftHand", (0, 0, 0), frame)
 
 
 def test_segments_ragged_rows_raise_value_error():
@@ -194,7 +204,7 @@ def test_linkage_ragged_rows_raise_value_error():
     with pytest.raises(
         ValueError, match="`points` must be an array, got rows of different lengths"
     ):
-        mg.linkage([[1.0, 2.0], [3.0]])
+        clustering.linkage([[1.0, 2.0], [3.0]])
 
 
 @pytest.mark.parametrize("rate", [1e9, 1e18, 1e300])
@@ -208,6 +218,6 @@ def test_resample_excessive_rate_raises_value_error(library, rate):
 def test_obstacle_non_finite_values_raise_value_error(library, value):
     for name in ("yaw", "delay"):
         with pytest.raises(ValueError, match=f"`{name}` must be finite, got {value}"):
-            mg.Character(library.clips[0], **{name: value})
+            mc.Character(library.clips[0], **{name: value})
     with pytest.raises(ValueError, match=f"`margin` must be finite, got {value}"):
-        mg.Avoid(mg.Sphere((0, 0, 0), 1), margin=value)
+        mc.Avoid(mc.Sphere((0, 0, 0), 1), margin=value)

@@ -14,7 +14,7 @@ from hypothesis.extra import numpy as npst
 from scipy.cluster import hierarchy
 from scipy.spatial.distance import pdist, squareform
 
-import mograft as mg
+from mograft import clustering
 from tests.memory import PEAK_BYTES
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "embedding_bandai_60k.npy"
@@ -97,14 +97,14 @@ def clouds_without_ties(draw, max_points=200):
 
 @given(clouds(max_points=12), RESOURCES)
 def test_linkage_equals_greedy_search(points, resources):
-    np.testing.assert_array_equal(mg.linkage(points, **resources), greedy(points))
+    np.testing.assert_array_equal(clustering.linkage(points, **resources), greedy(points))
 
 
 @settings(max_examples=300)
 @given(clouds(max_points=100), RESOURCES)
 def test_linkage_any_threads_and_memory_limit_gives_one_valid_tree(points, resources):
-    tree = mg.linkage(points, **resources)
-    np.testing.assert_array_equal(tree, mg.linkage(points))
+    tree = clustering.linkage(points, **resources)
+    np.testing.assert_array_equal(tree, clustering.linkage(points))
     assert hierarchy.is_valid_linkage(tree)
     assert hierarchy.is_monotonic(tree)
 
@@ -112,7 +112,7 @@ def test_linkage_any_threads_and_memory_limit_gives_one_valid_tree(points, resou
 @given(clouds_without_ties(), RESOURCES)
 def test_linkage_distinct_distances_equals_scipy(points, resources):
     expected = hierarchy.complete(pdist(points))
-    np.testing.assert_array_equal(mg.linkage(points, **resources), expected)
+    np.testing.assert_array_equal(clustering.linkage(points, **resources), expected)
 
 
 @given(clouds_without_ties(max_points=60), RESOURCES, st.floats(0, 1))
@@ -122,23 +122,23 @@ def test_cut_between_heights_equals_scipy(points, resources, quantile):
     low = int(quantile * (len(heights) - 2))
     diameter = heights[low : low + 2].mean()
     expected = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
-    np.testing.assert_array_equal(mg.cut(points, diameter, **resources), expected)
+    np.testing.assert_array_equal(clustering.cut(points, diameter, **resources), expected)
 
 
 @given(clouds(kinds=["lattice", "single precision"]), RESOURCES, st.floats(0, 1))
 def test_cut_at_and_next_to_height_equals_fcluster_of_tree(points, resources, quantile):
-    tree = mg.linkage(points)
+    tree = clustering.linkage(points)
     height = np.quantile(tree[:, 2], quantile)
     for diameter in (height, np.nextafter(height, 0), np.nextafter(height, np.inf)):
         expected = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
-        np.testing.assert_array_equal(mg.cut(points, diameter, **resources), expected)
+        np.testing.assert_array_equal(clustering.cut(points, diameter, **resources), expected)
 
 
 @given(clouds(kinds=["lattice", "single precision"]), st.floats(0, 1))
 def test_cut_diameters_within_limit_and_merges_exceed_it(points, quantile):
     distances = squareform(pdist(points))
     diameter = np.quantile(distances, quantile)
-    labels = mg.cut(points, diameter)
+    labels = clustering.cut(points, diameter)
     groups = [np.flatnonzero(labels == i) for i in range(labels.max() + 1)]
     assert all(distances[np.ix_(group, group)].max() <= diameter for group in groups)
     pairs = itertools.combinations(groups, 2)
@@ -147,21 +147,21 @@ def test_cut_diameters_within_limit_and_merges_exceed_it(points, quantile):
 
 @given(clouds(kinds=["lattice", "single precision"]))
 def test_linkage_cophenetic_distance_at_least_distance(points):
-    assert (hierarchy.cophenet(mg.linkage(points)) >= pdist(points)).all()
+    assert (hierarchy.cophenet(clustering.linkage(points)) >= pdist(points)).all()
 
 
 @given(clouds_without_ties(max_points=60), st.randoms(use_true_random=False))
 def test_linkage_permuted_points_same_cophenetic_distances(points, random):
     order = random.sample(range(len(points)), len(points))
-    original = squareform(hierarchy.cophenet(mg.linkage(points)))
-    shuffled = squareform(hierarchy.cophenet(mg.linkage(points[order])))
+    original = squareform(hierarchy.cophenet(clustering.linkage(points)))
+    shuffled = squareform(hierarchy.cophenet(clustering.linkage(points[order])))
     np.testing.assert_array_equal(shuffled, original[np.ix_(order, order)])
 
 
 @given(clouds(kinds=["lattice", "single precision"]), st.integers(-900, 900))
 def test_linkage_points_scaled_by_power_of_two_scales_heights(points, exponent):
-    tree = mg.linkage(points)
-    scaled = mg.linkage(np.ldexp(points, exponent))
+    tree = clustering.linkage(points)
+    scaled = clustering.linkage(np.ldexp(points, exponent))
     np.testing.assert_array_equal(scaled[:, [0, 1, 3]], tree[:, [0, 1, 3]])
     np.testing.assert_array_equal(scaled[:, 2], np.ldexp(tree[:, 2], exponent))
 
@@ -169,19 +169,22 @@ def test_linkage_points_scaled_by_power_of_two_scales_heights(points, exponent):
 @given(clouds_without_ties(max_points=60), st.integers(0, 2**32), st.floats(-100, 100))
 def test_cut_rotated_and_translated_points_same_labels(points, seed, shift):
     axes = np.linalg.qr(np.random.default_rng(seed).normal(size=(points.shape[1],) * 2))[0]
-    heights = np.unique(mg.linkage(points)[:, 2])
+    heights = np.unique(clustering.linkage(points)[:, 2])
     between = heights[:-1][np.diff(heights) > 1e-6 * heights[-1]]
     assume(len(between) and np.abs(points).max() < 1e3)
     diameter = between[len(between) // 2] + 5e-7 * heights[-1]
     moved = points @ axes + shift
-    np.testing.assert_array_equal(mg.cut(moved, diameter), mg.cut(points, diameter))
+    np.testing.assert_array_equal(clustering.cut(moved, diameter), clustering.cut(points, diameter))
 
 
 @given(clouds_without_ties(max_points=40), st.floats(1.5, 100))
 def test_threshold_scaled_points_rms_scales_linearly_literal_by_square_root(points, factor):
     assume(np.abs(points).max() < 1e3)
     for kind, power in (("rms", 1.0), ("literal", 0.5)):
-        one, other = mg.threshold(points, kind), mg.threshold(points * factor, kind)
+        one, other = (
+            clustering.threshold(points, kind),
+            clustering.threshold(points * factor, kind),
+        )
         assert other == pytest.approx(one * factor**power)
 
 
@@ -190,9 +193,9 @@ def test_linkage_condensed_equals_linkage_of_points(points):
     distances = pdist(points)
     # Different squares may have equal rounded roots; such points have other ties here.
     assume(len(np.unique(distances)) == len(np.unique(pdist(points, "sqeuclidean"))))
-    tree = mg.linkage(points)
-    np.testing.assert_array_equal(mg.linkage_condensed(distances), tree)
-    np.testing.assert_array_equal(mg.linkage_condensed(distances, memory_limit=0), tree)
+    tree = clustering.linkage(points)
+    np.testing.assert_array_equal(clustering.linkage_condensed(distances), tree)
+    np.testing.assert_array_equal(clustering.linkage_condensed(distances, memory_limit=0), tree)
 
 
 @pytest.mark.parametrize("n_axes", [1, 2, 30, 300])
@@ -200,22 +203,24 @@ def test_linkage_any_number_of_axes_equals_scipy(n_axes):
     points = np.random.default_rng(n_axes).standard_normal((700, n_axes))
     expected = hierarchy.complete(pdist(points))
     for memory_limit in (0, None):
-        np.testing.assert_array_equal(mg.linkage(points, memory_limit=memory_limit), expected)
+        np.testing.assert_array_equal(
+            clustering.linkage(points, memory_limit=memory_limit), expected
+        )
 
 
 def test_linkage_recorded_embedding_equals_scipy():
     if not REAL.exists():
         pytest.skip(f"needs the embedded motions of {REAL.name}")
     points = np.load(REAL)[::30].astype(np.float64)
-    tree = mg.linkage(points, memory_limit=0)
+    tree = clustering.linkage(points, memory_limit=0)
     np.testing.assert_array_equal(tree, hierarchy.complete(pdist(points)))
     for diameter in (3.525, 13.590):
         expected = hierarchy.fcluster(tree, diameter, "distance")
-        labels = mg.cut(points, diameter, memory_limit=0)
+        labels = clustering.cut(points, diameter, memory_limit=0)
         np.testing.assert_array_equal(labels, by_first_appearance(expected))
     for k in (2, 40, 900):
         expected = by_first_appearance(hierarchy.fcluster(tree, k, "maxclust"))
-        labels = mg.CompleteLinkage(n_clusters=k).fit_predict(points)
+        labels = clustering.CompleteLinkage(n_clusters=k).fit_predict(points)
         np.testing.assert_array_equal(labels, expected)
 
 
@@ -234,12 +239,12 @@ def difficult_clouds(n):
 
 def assert_resources_do_not_matter(n):
     for name, points in difficult_clouds(n):
-        tree = mg.linkage(points)
+        tree = clustering.linkage(points)
         diameter = np.quantile(tree[:, 2], 0.9)
         labels = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
-        np.testing.assert_array_equal(mg.cut(points, diameter), labels, name)
+        np.testing.assert_array_equal(clustering.cut(points, diameter), labels, name)
         for n_threads in (1, 2, 3):
-            other = mg.linkage(points, n_threads=n_threads, memory_limit=0)
+            other = clustering.linkage(points, n_threads=n_threads, memory_limit=0)
             np.testing.assert_array_equal(other, tree, name)
 
 
@@ -259,7 +264,7 @@ def test_cut_many_tied_distances_memory_stays_small():
 import numpy as np, mograft as mg
 points = np.random.default_rng(5).integers(0, 2, (12_000, 64)).astype(float)
 before = peak_bytes()
-mg.cut(points, np.sqrt(20.0), memory_limit=0)
+clustering.cut(points, np.sqrt(20.0), memory_limit=0)
 print(peak_bytes() - before)
 """
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
@@ -276,7 +281,7 @@ def test_linkage_progress_exception_ends_call():
             raise LookupError("enough")
 
     with pytest.raises(LookupError, match="enough"):
-        mg.linkage(points, progress=progress, n_threads=1)
+        clustering.linkage(points, progress=progress, n_threads=1)
     assert all(0.0 <= done <= 1.0 for done in reported)
 
 
@@ -289,21 +294,21 @@ def test_linkage_interrupt_raises_keyboard_interrupt():
             signal.raise_signal(number)
 
     with pytest.raises(KeyboardInterrupt):
-        mg.linkage(points, progress=progress, n_threads=1)
+        clustering.linkage(points, progress=progress, n_threads=1)
 
 
 @pytest.mark.parametrize("n", [0, 1, 2])
 def test_cut_up_to_two_points(n):
     points = np.arange(2.0 * n).reshape(n, 2)
-    np.testing.assert_array_equal(mg.cut(points, 1.0), np.arange(n))
-    np.testing.assert_array_equal(mg.cut(points, 9.0), np.zeros(n))
+    np.testing.assert_array_equal(clustering.cut(points, 1.0), np.arange(n))
+    np.testing.assert_array_equal(clustering.cut(points, 9.0), np.zeros(n))
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_linkage_non_finite_coordinate_raises_value_error(bad):
     points = np.zeros((4, 3))
     points[2, 1] = bad
-    for refuse in (mg.linkage, lambda points: mg.cut(points, 1.0)):
+    for refuse in (clustering.linkage, lambda points: clustering.cut(points, 1.0)):
         with pytest.raises(
             ValueError, match=r"`points` must be finite, got -?(NaN|inf) at \[2, 1\]"
         ):
@@ -313,38 +318,41 @@ def test_linkage_non_finite_coordinate_raises_value_error(bad):
 @pytest.mark.parametrize("diameter", [-1.0, np.nan])
 def test_cut_negative_or_nan_diameter_raises_value_error(diameter):
     with pytest.raises(ValueError, match="`max_diameter` must be 0 or more, got"):
-        mg.cut([[0.0]], diameter)
+        clustering.cut([[0.0]], diameter)
 
 
 def test_linkage_condensed_invalid_distances_raises_value_error():
     with pytest.raises(ValueError, match=r"`distances` must have n\(n - 1\)/2 elements.*, got 4"):
-        mg.linkage_condensed(np.ones(4))
+        clustering.linkage_condensed(np.ones(4))
     with pytest.raises(
         ValueError, match=r"`distances` must be finite and not negative, got -1 at \[1\]"
     ):
-        mg.linkage_condensed([1.0, -1.0, 1.0])
+        clustering.linkage_condensed([1.0, -1.0, 1.0])
 
 
 def test_threshold_equals_deviation_from_mean_point():
     rng = np.random.default_rng(14)
     points = rng.normal(size=(50, 3))
     distances = np.linalg.norm(points - points.mean(axis=0), axis=1)
-    assert mg.threshold(points) == pytest.approx(np.sqrt(np.mean(distances**2)))
-    assert mg.threshold(points, "literal", scale=0.5) == pytest.approx(
+    assert clustering.threshold(points) == pytest.approx(np.sqrt(np.mean(distances**2)))
+    assert clustering.threshold(points, "literal", scale=0.5) == pytest.approx(
         0.5 * np.sqrt(distances.mean())
     )
-    assert mg.threshold(points, 2.5, scale=3.0) == 2.5
+    assert clustering.threshold(points, 2.5, scale=3.0) == 2.5
     with pytest.raises(ValueError, match="`kind` must be 'rms', 'literal' or a number, got 'std'"):
-        mg.threshold(points, "std")
+        clustering.threshold(points, "std")
 
 
 @pytest.mark.parametrize(("name", "value"), [("n_threads", 0), ("memory_limit", -1)])
 def test_linkage_threads_or_memory_out_of_range_raises_value_error(name, value):
-    for cluster in (mg.linkage, lambda points, **options: mg.cut(points, 1.0, **options)):
+    for cluster in (
+        clustering.linkage,
+        lambda points, **options: clustering.cut(points, 1.0, **options),
+    ):
         with pytest.raises(ValueError, match=f"`{name}` must be . or more, got {value}"):
             cluster([[0.0], [1.0]], **{name: value})
 
 
 def test_linkage_condensed_distances_name_linkage_condensed():
     with pytest.raises(ValueError, match="linkage_condensed takes the distances"):
-        mg.linkage([1.0, 2.0, 3.0])
+        clustering.linkage([1.0, 2.0, 3.0])

@@ -15,7 +15,6 @@ from mograft import (
     Motion,
     SkeletonMismatchError,
     discover_groups,
-    linkage_condensed,
     read,
     write_bvh,
 )
@@ -25,6 +24,7 @@ from mograft.analysis.connected_linkage import connected_linkage
 from mograft.analysis.joint_dependence import joint_dependence
 from mograft.body.joint_chains import JointChains, support_shares
 from mograft.body.mirroring import partners
+from mograft.clustering import linkage_condensed
 from mograft.dancer import dance
 from mograft.library.group_choice import spread_evenly
 from mograft.motion import rotations

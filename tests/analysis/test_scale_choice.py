@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mograft import Config, Library, Reach, cut, graft, repair
+from mograft import Config, Library, graft, repair
 from mograft.analysis import scale_choice
 from mograft.analysis.embedding import Embedding
 from mograft.analysis.scale_choice import (
@@ -20,6 +20,8 @@ from mograft.analysis.scale_choice import (
     scale_curve,
     scale_of_threshold,
 )
+from mograft.clustering import cut
+from mograft.constraints import Reach
 from mograft.dancer import dance
 from tests.strategies import SEEDS, few_examples
 

@@ -13,6 +13,8 @@ import numpy as np
 from scipy.spatial.distance import pdist
 
 import mograft as mg
+import mograft.constraints as mc
+from mograft import clustering, formats
 from tests.attack.outcome import Outcome
 
 EXEMPT = {
@@ -55,17 +57,21 @@ def points_of(library):
     return np.array(library.embedding["lower"].points)
 
 
-FAR = (mg.Avoid(mg.Sphere((0.0, 900.0, 0.0), 5.0)),)
+FAR = (mc.Avoid(mc.Sphere((0.0, 900.0, 0.0), 5.0)),)
 CALLS = {
     "discover_groups": lambda library: mg.discover_groups(library.clips[:2]),
     "graft": lambda library: mg.graft(library, library.names[-1], seed=3),
     "graft_many": lambda library: mg.graft_many(library, count=3, seed=1)[:],
+    "advise": lambda library: mg.advise(mg.graft(library, seed=2)),
     "edit": lambda library: mg.edit(mg.graft(library, seed=4), reroll=[2]),
     "graft_record": lambda library: mg.graft_record(mg.graft(library, seed=4)),
     "repair": lambda library: mg.repair(library, constraints=FAR),
     "replay": replay,
     "write_graft": lambda library: write_file(
         lambda path: mg.write_graft(mg.graft(library, seed=5), path), ".bvh"
+    ),
+    "write": lambda library: write_file(
+        lambda path: mg.write(mg.graft(library, seed=5), path), ".bvh"
     ),
     "report_page": lambda library: mg.report_page([mg.graft(library, seed=6)]).html,
     "view": lambda library: mg.view(library.clips[0], groups=library.groups).html,
@@ -82,10 +88,10 @@ CALLS = {
     "Library.clips": lambda library: list(library.clips),
     "Library.samples": lambda library: [chunk.rows for chunk in library.samples.chunks()],
     "Library.save": lambda library: read_back(mg.Library.open, library.save, ".mograft").labels,
-    "cut": lambda library: mg.cut(points_of(library), 2.0),
-    "linkage": lambda library: mg.linkage(points_of(library)),
-    "linkage_condensed": lambda library: mg.linkage_condensed(pdist(points_of(library))),
-    "threshold": lambda library: mg.threshold(points_of(library)),
+    "cut": lambda library: clustering.cut(points_of(library), 2.0),
+    "linkage": lambda library: clustering.linkage(points_of(library)),
+    "linkage_condensed": lambda library: clustering.linkage_condensed(pdist(points_of(library))),
+    "threshold": lambda library: clustering.threshold(points_of(library)),
     "segment": lambda library: mg.segment(library.clips[0]),
     "find_faults": lambda library: mg.find_faults(library.clips[0]),
     "foot_skate": lambda library: mg.foot_skate(library.clips[0]),
@@ -93,7 +99,7 @@ CALLS = {
     "kinetic_energy": lambda library: mg.kinetic_energy(library.clips[0]),
     "mirror": lambda library: mg.mirror(library.clips[0]),
     "read_bvh": lambda library: mg.read_bvh(bvh_of(library)),
-    "scan_bvh": lambda library: mg.scan_bvh(bvh_of(library)).n_frames,
+    "scan_bvh": lambda library: formats.scan_bvh(bvh_of(library)).n_frames,
     "write_bvh": lambda library: bvh_of(library).getvalue(),
     "read": lambda library: read_back(
         lambda path: mg.read(path)[0],
@@ -101,16 +107,16 @@ CALLS = {
         ".bvh",
     ),
     "read_npz": lambda library: read_back(
-        mg.read_npz, lambda path: mg.write_npz(library.clips[0], path), ".npz"
+        formats.read_npz, lambda path: formats.write_npz(library.clips[0], path), ".npz"
     ),
     "write_npz": lambda library: write_file(
-        lambda path: mg.write_npz(library.clips[0], path), ".npz"
+        lambda path: formats.write_npz(library.clips[0], path), ".npz"
     ),
     "write_csv": lambda library: write_file(
-        lambda path: mg.write_csv(library.clips[0], path), ".csv"
+        lambda path: formats.write_csv(library.clips[0], path), ".csv"
     ),
     "write_glb": lambda library: write_file(
-        lambda path: mg.write_glb(library.clips[0], path), ".glb"
+        lambda path: formats.write_glb(library.clips[0], path), ".glb"
     ),
 }
 """Calls by the name of the public function, each on a library with several clips."""

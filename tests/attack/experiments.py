@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial.distance import pdist
 
 import mograft as mg
-from mograft import Library, LibraryError, write_bvh
+from mograft import Library, LibraryError, clustering, write_bvh
 from mograft.dancer import dance
 from mograft.library.files import storage
 from tests import fuzz_bvh
@@ -226,7 +226,7 @@ def small_linkages(folder, count):  # noqa: ARG001
             points = np.round(points)
         outcome.trials += 1
         try:
-            tree = mg.linkage(points, memory_limit=rng.choice([0, None]))
+            tree = clustering.linkage(points, memory_limit=rng.choice([0, None]))
             assert_is_complete_linkage(tree, pdist(points), 1e-12, 0.0)
         except AssertionError:
             outcome.failures.append(f"number {number}: not a complete linkage")
@@ -247,7 +247,7 @@ def repeated_calls(folder, count):
     calls = {
         "graft": (lambda: mg.graft(library).motion.rotations, 0.2),
         "read_bvh": (read, 0.3),
-        "linkage": (lambda: mg.linkage(points), 0.1),
+        "linkage": (lambda: clustering.linkage(points), 0.1),
         "open": (lambda: Library.open(library.folder).clips[0].rotations, 0.4),
     }
     for name, (call, share) in calls.items():

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from mograft import (
     Config,
     JointGroups,
-    KeepOriginal,
     Library,
     Motion,
     Skeleton,
@@ -27,6 +26,7 @@ from mograft.blend.two_bone_ik import bend_limb
 from mograft.body.contacts import Ground, detect_contacts, find_legs, foot_heights
 from mograft.body.mass import mass_model
 from mograft.body.support_polygon import support_polygons
+from mograft.constraints import KeepOriginal
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.hierarchies import DANCES, DATA, distinct_recordings, recording

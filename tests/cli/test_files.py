@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from mograft import read_bvh, write_bvh, write_npz
+from mograft import read_bvh, write_bvh
 from mograft.body import groups as joint_groups
 from mograft.cli.syntax.options import PRESETS
+from mograft.formats import write_npz
 
 
 def test_info_prints_joints_frames_and_groups(run, folder):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import mograft as mg
+from mograft import formats
 from mograft.dancer import dance
 
 
@@ -19,7 +20,7 @@ def pack(tmp_path_factory):
         for number, name in enumerate(("Rig|walk_a", "Rig|walk_b", "Rig|jump"))
     ]
     path = tmp_path_factory.mktemp("pack") / "pack.glb"
-    mg.write_glb(clips, path)
+    formats.write_glb(clips, path)
     return path
 
 
@@ -97,7 +98,7 @@ def test_index_clips_excluded_for_one_reason_share_a_line(run, pack, tmp_path):
     folder.mkdir()
     motion = dance(seed=1, strides=1).motion
     other = replace(motion, skeleton=replace(motion.skeleton, names=("x",) * motion.n_joints))
-    mg.write_glb([replace(other[:90], name=name) for name in "ab"], folder / "other.glb")
+    formats.write_glb([replace(other[:90], name=name) for name in "ab"], folder / "other.glb")
     (folder / "pack.glb").write_bytes(pack.read_bytes())
     code, _, err = run("index", folder, "-o", tmp_path / "l")
     assert code == 0

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 import mograft as mg
+from mograft import formats
 from mograft.dancer import dance
 from mograft.viewing.scene import Scene
 
@@ -16,7 +17,7 @@ def figures(tmp_path_factory):
     folder = tmp_path_factory.mktemp("figures")
     motion = dance(seed=1, strides=1).motion
     clips = [replace(motion[i * 300 : i * 300 + 300], name="ab"[i]) for i in range(2)]
-    mg.write_glb(clips, folder / "dance.glb")
+    formats.write_glb(clips, folder / "dance.glb")
     mg.write_bvh(clips[0], folder / "walk.bvh")
     return folder
 

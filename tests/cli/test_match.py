@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mograft as mg
+from mograft import formats
 from mograft.io.smpl.joints import SMPL_H
 from mograft.io.smpl.stand_in import stand_in
 from mograft.stream.server import StreamServer
@@ -19,7 +20,7 @@ def mixed_folder(tmp_path_factory):
     """A folder with clips of two figures."""
     folder = tmp_path_factory.mktemp("mixed")
     mg.write_bvh(PARTS["a"], folder / "a.bvh")
-    mg.write_npz(OTHER["b"], folder / "b.npz")
+    formats.write_npz(OTHER["b"], folder / "b.npz")
     mg.write_bvh(PARTS["c"], folder / "c.bvh")
     return folder
 
@@ -133,7 +134,7 @@ def test_skeleton_option_of_view_and_plot_sets_the_positions(run, body, tmp_path
             documents[name, kind] = picture.read_bytes()
         documents[name, "view"] = page.read_bytes()
     assert documents["given", "view"] != documents["plain", "view"]
-    motion = mg.read(walk, skeleton=mg.read_offsets(body))[0]
+    motion = mg.read(walk, skeleton=formats.read_offsets(body))[0]
     shown = view(motion, show=False).html.encode()
     assert documents["given", "view"] == shown
     # The poses of a strip fill the picture: a body 5 % larger has other numbers on its axes.

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
+from mograft import formats
 from mograft.body.anatomy import anatomy
 from mograft.body.mass import mass_model, up_axis
 from mograft.io.smpl.joints import MODELS
@@ -90,7 +91,7 @@ def test_write_amass_unchanged_motion_gives_identical_arrays(
     arrays["poses"][2, 3:6] = 0
     source = write_arrays(folder / "a.npz", arrays)
     motion = mg.read(source, skeleton=random_rest(model_of(n_columns), seed))[0]
-    assert mg.write_amass(motion, folder / "b.npz", like=source) == ()
+    assert formats.write_amass(motion, folder / "b.npz", like=source) == ()
     with np.load(folder / "b.npz") as written:
         assert written.files == list(arrays)
         for name, array in arrays.items():
@@ -114,7 +115,7 @@ def test_write_amass_then_read_gives_changed_motion_and_keeps_other_joints(
     positions = motion.positions.copy()
     positions[4:, 0] += rng.normal(size=(2, 3))
     edited = replace(motion, rotations=quats, positions=positions)
-    mg.write_amass(edited, folder / "b.npz", like=source)
+    formats.write_amass(edited, folder / "b.npz", like=source)
     again = mg.read(folder / "b.npz")[0]
     assert_same_rotations(again.rotations, quats, atol=1e-9)
     np.testing.assert_allclose(again.positions, positions, atol=1e-12)
@@ -134,9 +135,9 @@ def test_write_amass_other_length_omits_arrays_of_frames(tmp_path):
     arrays = amass_arrays(n_frames=16)  # as many as `betas`
     source = write_arrays(tmp_path / "a.npz", arrays)
     motion = mg.read(source)[0]
-    assert mg.write_amass(motion[:10], tmp_path / "b.npz", like=source) == ("dmpls",)
+    assert formats.write_amass(motion[:10], tmp_path / "b.npz", like=source) == ("dmpls",)
     longer = motion.resample(120)
-    mg.write_amass(longer, tmp_path / "c.npz", like=source)
+    formats.write_amass(longer, tmp_path / "c.npz", like=source)
     with np.load(tmp_path / "b.npz") as short, np.load(tmp_path / "c.npz") as long:
         assert "dmpls" not in short.files
         np.testing.assert_array_equal(short["betas"], arrays["betas"])
@@ -151,7 +152,7 @@ def test_write_amass_file_of_one_frame_keeps_array_of_its_rate(tmp_path):
     arrays = amass_arrays(n_frames=1) | {"mocap_framerate": np.array([60.0])}
     one = write_arrays(tmp_path / "one.npz", arrays)
     motion = mg.read(write_arrays(tmp_path / "ten.npz", amass_arrays(n_frames=10)))[0]
-    assert mg.write_amass(motion, tmp_path / "out.npz", like=one) == ("dmpls",)
+    assert formats.write_amass(motion, tmp_path / "out.npz", like=one) == ("dmpls",)
     assert mg.read(tmp_path / "out.npz")[0].rate == 60
 
 
@@ -162,7 +163,7 @@ def test_write_amass_keeps_pickled_members_without_reading_them(tmp_path, monkey
     monkeypatch.setattr(pickle, "loads", None)
     clips = mg.read(source)
     assert clips.notes[-1] == ("arrays of pickled objects, which are not read: markers_latent_vids")
-    mg.write_amass(clips[0], tmp_path / "b.npz", like=source)
+    formats.write_amass(clips[0], tmp_path / "b.npz", like=source)
     monkeypatch.undo()
     with np.load(tmp_path / "b.npz", allow_pickle=True) as written:
         assert written["markers_latent_vids"][0] == {"a": 1}
@@ -171,7 +172,7 @@ def test_write_amass_keeps_pickled_members_without_reading_them(tmp_path, monkey
 def test_write_amass_is_deterministic(tmp_path):
     source = write_arrays(tmp_path / "a.npz", amass_arrays())
     for name in ("b", "c"):
-        mg.write_amass(mg.read(source)[0], tmp_path / f"{name}.npz", like=source)
+        formats.write_amass(mg.read(source)[0], tmp_path / f"{name}.npz", like=source)
     assert (tmp_path / "b.npz").read_bytes() == (tmp_path / "c.npz").read_bytes()
 
 
@@ -180,11 +181,11 @@ def test_write_amass_motion_that_does_not_fit_raises_error(tmp_path):
     other = write_arrays(tmp_path / "b.npz", amass_arrays(72))
     motion = mg.read(source)[0]
     with pytest.raises(mg.SkeletonMismatchError, match=r"52 joints of SMPL-H, as in .*a\.npz, got"):
-        mg.write_amass(mg.read(other)[0], tmp_path / "c.npz", like=source)
+        formats.write_amass(mg.read(other)[0], tmp_path / "c.npz", like=source)
     positions = motion.positions.copy()
     positions[3, 5] += 0.1
     with pytest.raises(ValueError, match=r"the root only, got a joint that leaves .* right_knee"):
-        mg.write_amass(replace(motion, positions=positions), tmp_path / "c.npz", like=source)
+        formats.write_amass(replace(motion, positions=positions), tmp_path / "c.npz", like=source)
     body = {name: amass_arrays(165)[name] for name in ("trans", "root_orient", "pose_body")}
     part = write_arrays(tmp_path / "d.npz", body | {"mocap_frame_rate": np.array(30.0)})
     clips = mg.read(part)
@@ -192,7 +193,7 @@ def test_write_amass_motion_that_does_not_fit_raises_error(tmp_path):
     quats = clips[0].rotations.copy()
     quats[2, 40] = rotations.exp([0, 0, 1.0])
     with pytest.raises(ValueError, match=r"d\.npz has no array for the rotations of right_"):
-        mg.write_amass(replace(clips[0], rotations=quats), tmp_path / "c.npz", like=part)
+        formats.write_amass(replace(clips[0], rotations=quats), tmp_path / "c.npz", like=part)
     assert not (tmp_path / "c.npz").exists()
 
 

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 
 import mograft as mg
+from mograft import formats
 from mograft.io.bvh import cursor
 from mograft.motion import limits
 from tests.dialects import clips, dialects, to_text
@@ -73,7 +74,7 @@ def test_read_bvh_tolerated_deviation_is_listed_with_line(case):
     motion = read(text)
     assert motion.repairs == (listed,)
     np.testing.assert_array_equal(motion.channel_values, TEXT_VALUES)
-    assert mg.scan_bvh(io.StringIO(text)).repairs == (listed,)
+    assert formats.scan_bvh(io.StringIO(text)).repairs == (listed,)
 
 
 def test_read_bvh_repeated_deviations_are_counted():
@@ -122,7 +123,7 @@ def test_read_bvh_wrong_declared_frames_uses_frames_found(declared):
     motion = read(text)
     np.testing.assert_array_equal(motion.channel_values, TEXT_VALUES)
     assert motion.repairs == (f"line 17: {declared} frames declared, 3 found and used",)
-    summary = mg.scan_bvh(io.StringIO(text))
+    summary = formats.scan_bvh(io.StringIO(text))
     assert (summary.n_frames, summary.declared_frames) == (3, declared)
     assert not summary.counts_agree
 
@@ -302,7 +303,7 @@ def test_read_bvh_invalid_file_error_names_position_and_expectation(case):
     old, new, line, column, message = REFUSALS[case]
     assert old in TEXT
     text = new if old == TEXT else TEXT.replace(old, new, 1)
-    for source in (read, lambda text: mg.scan_bvh(io.StringIO(text))):
+    for source in (read, lambda text: formats.scan_bvh(io.StringIO(text))):
         with pytest.raises(mg.BvhError) as caught:
             source(text)
         error = caught.value

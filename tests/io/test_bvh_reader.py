@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mograft as mg
+from mograft import formats
 from mograft.io.bvh import cursor, header
 from mograft.motion import rotations
 from tests.dialects import Clip, Dialect, clips, dialects, layouts, to_text
@@ -48,7 +49,7 @@ def test_read_bvh_any_chunk_size_gives_same_motion(clip, dialect, size):
     whole = read(text)
     with patch.multiple(cursor, CHUNK_BYTES=size, MAX_WORD_BYTES=400):
         chunked = read(text)
-        summary = mg.scan_bvh(io.BytesIO(text))
+        summary = formats.scan_bvh(io.BytesIO(text))
     assert_same_skeleton(chunked.skeleton, whole.skeleton)
     assert_same_numbers(chunked.channel_values, whole.channel_values)
     assert chunked.repairs == whole.repairs == summary.repairs
@@ -130,7 +131,7 @@ def read_without_kernel(text, *, strict):
 def read_hierarchy(text, chunk_bytes=cursor.CHUNK_BYTES, *, strict):
     try:
         with patch.object(cursor, "CHUNK_BYTES", chunk_bytes):
-            summary = mg.scan_bvh(io.BytesIO(text), strict=strict)
+            summary = formats.scan_bvh(io.BytesIO(text), strict=strict)
     except mg.BvhError as error:
         return str(error)
     skeleton = summary.skeleton

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 import mograft as mg
+from mograft import formats
 from mograft.dancer import dance
 from mograft.io.bvh import writer
 from mograft.motion import rotations
@@ -251,7 +252,11 @@ def test_write_bvh_no_channels_raises_value_error():
 
 def test_write_missing_folder_error_names_folder(tmp_path):
     motion = dance(strides=1).motion[:3]
-    for write, name in ((mg.write_bvh, "a.bvh"), (mg.write_npz, "a.npz"), (mg.write_glb, "a.glb")):
+    for write, name in (
+        (mg.write_bvh, "a.bvh"),
+        (formats.write_npz, "a.npz"),
+        (formats.write_glb, "a.glb"),
+    ):
         with pytest.raises(FileNotFoundError, match="no such folder") as caught:
             write(motion, tmp_path / "none" / name)
         assert caught.value.filename == str(tmp_path / "none")

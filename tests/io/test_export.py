@@ -7,16 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from mograft import (
-    read_bvh,
-    read_npz,
-    write_bvh,
-    write_csv,
-    write_glb,
-    write_npz,
-    write_usd,
-)
+from mograft import read_bvh, write_bvh
 from mograft.cli import main
+from mograft.formats import read_npz, write_csv, write_glb, write_npz, write_usd
 from tests.io.glb_file import Glb
 from tests.strategies import HOSTILE_NAMES
 

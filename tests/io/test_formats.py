@@ -69,8 +69,8 @@ def test_rebase_translated_joint_has_position_channels():
 def test_read_every_registered_writer_round_trips(motion, tmp_path_factory):
     folder = tmp_path_factory.mktemp("formats")
     mg.write_bvh(motion, folder / "clip.bvh")
-    mg.write_npz(motion, folder / "clip.npz")
-    for name, direct in (("clip.bvh", mg.read_bvh), ("clip.npz", mg.read_npz)):
+    mg.formats.write_npz(motion, folder / "clip.npz")
+    for name, direct in (("clip.bvh", mg.read_bvh), ("clip.npz", mg.formats.read_npz)):
         clips = mg.read(folder / name)
         assert len(clips) == 1
         expected = direct(folder / name)
@@ -81,7 +81,7 @@ def test_read_every_registered_writer_round_trips(motion, tmp_path_factory):
 
 def test_read_content_decides_over_suffix(tmp_path):
     motion = dance(strides=1).motion[:3]
-    mg.write_npz(motion, tmp_path / "dance.npz")
+    mg.formats.write_npz(motion, tmp_path / "dance.npz")
     (tmp_path / "dance.npz").rename(tmp_path / "dance.bvh")
     assert mg.read(tmp_path / "dance.bvh").format == "NPZ"
     mg.write_bvh(motion, tmp_path / "dance.txt")
@@ -115,11 +115,11 @@ def test_read_npz_bad_content_raises_format_error(tmp_path):
     path = tmp_path / "motion.npz"
     np.savez(path, format=np.array("mograft.motion/1"), rotations=np.zeros((1, 1, 4)))
     with pytest.raises(mg.FormatError, match=r"motion\.npz: array `names`: expected this array"):
-        mg.read_npz(path)
+        mg.formats.read_npz(path)
     pickled = np.array([{}], dtype=object)
     np.savez(path, names=pickled, format=np.array("mograft.motion/1"))
     with pytest.raises(mg.FormatError, match=r"`names`: expected numbers, got pickled objects"):
-        mg.read_npz(path)
+        mg.formats.read_npz(path)
 
 
 def test_split_address_prefers_longest_existing_path(tmp_path, monkeypatch):
@@ -156,7 +156,7 @@ def test_open_clips_parses_a_file_once_and_again_after_a_change(tmp_path, monkey
     motion = dance(strides=1).motion[:9]
     paths = [tmp_path / f"{number}.glb" for number in range(3)]
     for path in paths:
-        mg.write_glb([motion, motion[:4]], path)
+        mg.formats.write_glb([motion, motion[:4]], path)
     parsed = []
     real = addresses.read
     monkeypatch.setattr(
@@ -166,11 +166,11 @@ def test_open_clips_parses_a_file_once_and_again_after_a_change(tmp_path, monkey
     lengths = [read_clip(address).n_frames for address in every]
     assert lengths == [9, 4] * 9
     assert sorted(parsed) == sorted(map(str, paths))
-    mg.write_glb([motion[:5], motion[:6]], paths[0])
+    mg.formats.write_glb([motion[:5], motion[:6]], paths[0])
     assert read_clip(every[0]).n_frames == 5
     assert len(parsed) == 4
     # Files above the limit are not kept together.
     monkeypatch.setattr(addresses, "_MAX_OPEN_BYTES", 1)
-    mg.write_glb([motion[:7], motion[:8]], paths[0])
+    mg.formats.write_glb([motion[:7], motion[:8]], paths[0])
     assert read_clip(every[0]).n_frames == 7
     assert len(addresses._OPEN) == 1

@@ -9,15 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mograft import (
-    EndSite,
-    Motion,
-    Skeleton,
-    SkeletonMismatchError,
-    write_bvh,
-    write_glb,
-)
+from mograft import EndSite, Motion, Skeleton, SkeletonMismatchError, write_bvh
 from mograft.body.mass import mass_model
+from mograft.formats import write_glb
 from mograft.io.units import guess_unit
 from mograft.motion import rotations
 from tests import strategies

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
+from mograft import formats
 from mograft.io.gltf.container import read_container
 from mograft.motion import rotations
 from tests import clients
@@ -61,7 +62,7 @@ def test_write_glb_animations_read_back_is_identical_to_float32(
     path, clip, rng = write_scene(tmp_path_factory, seed, scale, way)
     motion = change_joints(clip, rng)
     target = path.with_name("out.glb")
-    names = mg.write_glb_animations(path, motion, target, bases=[clip if has_base else None])
+    names = formats.write_glb_animations(path, motion, target, bases=[clip if has_base else None])
     assert names == ("new",)
     written = mg.read(target, rate=clip.rate)
     # Scales of 0.5 to 2 along each axis stretch an error by up to 4 at every level.
@@ -74,7 +75,7 @@ def test_write_glb_animations_read_back_is_identical_to_float32(
 def test_write_glb_animations_keeps_all_content(tmp_path_factory, seed, scale, way):
     path, clip, rng = write_scene(tmp_path_factory, seed, scale, way)
     target = path.with_name("out.glb")
-    mg.write_glb_animations(path, [change_joints(clip, rng), clip], target, bases=[clip, None])
+    formats.write_glb_animations(path, [change_joints(clip, rng), clip], target, bases=[clip, None])
     old, new = read_container(path), read_container(target)
     assert new.document.keys() == old.document.keys()
     for name, value in old.document.items():
@@ -99,7 +100,7 @@ def test_write_glb_animations_unchanged_joints_keep_their_accessors(tmp_path):
     )
     motion = replace(base, rotations=turned, channel_values=None, name="Looking")
     target = tmp_path / "out.glb"
-    mg.write_glb_animations(KNIGHT, motion, target, bases=[base])
+    formats.write_glb_animations(KNIGHT, motion, target, bases=[base])
     old, new = read_container(KNIGHT), read_container(target)
     nodes = [node["name"] for node in old.items("nodes")]
     names = [own["name"] for own in old.items("animations")]
@@ -123,7 +124,7 @@ def test_write_glb_animations_base_at_another_rate_keeps_accessors(tmp_path_fact
     path, _, _ = write_scene(tmp_path_factory, 5)
     clip = mg.read(path, rate=24)[0]
     target = path.with_name("out.glb")
-    mg.write_glb_animations(path, replace(clip, name="same"), target, bases=[clip])
+    formats.write_glb_animations(path, replace(clip, name="same"), target, bases=[clip])
     old, new = read_container(path), read_container(target)
     assert len(new.items("accessors")) == len(old.items("accessors"))
     assert new.items("animations")[1]["channels"] == old.items("animations")[0]["channels"]
@@ -132,10 +133,10 @@ def test_write_glb_animations_base_at_another_rate_keeps_accessors(tmp_path_fact
 def test_write_glb_animations_repeated_names_are_made_unique(tmp_path_factory):
     path, clip, _ = write_scene(tmp_path_factory, 6)
     target = path.with_name("out.glb")
-    assert mg.write_glb_animations(path, [clip, clip], target) == ("move~2", "move~3")
+    assert formats.write_glb_animations(path, [clip, clip], target) == ("move~2", "move~3")
     assert mg.read(target).names == ("move", "move~2", "move~3")
     unnamed = replace(clip, name="")
-    assert mg.write_glb_animations(target, unnamed, target) == ("motion",)
+    assert formats.write_glb_animations(target, unnamed, target) == ("motion",)
     assert mg.read(target).names == ("move", "move~2", "move~3", "motion")
 
 
@@ -159,7 +160,7 @@ def test_write_glb_animations_below_zero_scale_keeps_translations(tmp_path, scal
         np.tile([[0.0, 0, 0], [0, 1, 0], [0, 0, 0]], (3, 1, 1)),
         name="turn",
     )
-    mg.write_glb_animations(path, motion, tmp_path / "out.glb")
+    formats.write_glb_animations(path, motion, tmp_path / "out.glb")
     assert_same_motion(mg.read(tmp_path / "out.glb", rate=10)["turn"], motion, 1e-6)
 
 
@@ -170,7 +171,7 @@ def test_write_glb_animations_image_files_are_embedded(tmp_path, tmp_path_factor
     document = json.loads(path.read_text())
     document["images"] = [{"uri": "skin.png", "name": "skin"}, {"uri": "none.png"}, {"uri": "../x"}]
     path.write_text(json.dumps(document))
-    mg.write_glb_animations(path, clip, tmp_path / "out.glb")
+    formats.write_glb_animations(path, clip, tmp_path / "out.glb")
     new = read_container(tmp_path / "out.glb")
     image, *others = new.document["images"]
     assert others == document["images"][1:]
@@ -192,7 +193,7 @@ def test_write_glb_animations_several_buffers_become_one(tmp_path, tmp_path_fact
         {"buffer": 2, "byteLength": 9, "extensions": compression},
     ]
     path.write_text(json.dumps(document))
-    mg.write_glb_animations(path, change_joints(clip, rng), tmp_path / "out.glb")
+    formats.write_glb_animations(path, change_joints(clip, rng), tmp_path / "out.glb")
     new = read_container(tmp_path / "out.glb")
     assert [own.get("name") for own in new.items("buffers")] == [None, "none"]
     first, second = new.items("bufferViews")[last : last + 2]
@@ -209,7 +210,7 @@ def test_write_glb_animations_invalid_argument_raises_error(tmp_path, tmp_path_f
 
     def fails(error, match, motions, **options):
         with pytest.raises(error, match=match):
-            mg.write_glb_animations(path, motions, target, **options)
+            formats.write_glb_animations(path, motions, target, **options)
 
     fails(ValueError, "`motions` must hold at least one motion", [])
     fails(TypeError, "`motions` must be a Motion", [3])
@@ -242,7 +243,7 @@ def knight(tmp_path_factory):
         turned[:, joint] = rotations.multiply(swing, turned[:, joint])
     motion = replace(base, rotations=turned, channel_values=None, name="Turning")
     path = tmp_path_factory.mktemp("knight") / "out.glb"
-    mg.write_glb_animations(KNIGHT, [motion, motion], path, bases=[base, None])
+    formats.write_glb_animations(KNIGHT, [motion, motion], path, bases=[base, None])
     return path, base, motion
 
 
@@ -252,7 +253,9 @@ def test_write_glb_animations_adds_no_issue_of_khronos_validator(tmp_path_factor
     for seed in range(4):
         path, clip, rng = write_scene(tmp_path_factory, seed, way=way)
         target = path.with_name("out.glb")
-        mg.write_glb_animations(path, [change_joints(clip, rng), clip], target, bases=[clip, None])
+        formats.write_glb_animations(
+            path, [change_joints(clip, rng), clip], target, bases=[clip, None]
+        )
         assert issue_codes(target) <= issue_codes(path)
 
 

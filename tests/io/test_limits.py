@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import mograft as mg
+from mograft import formats
 from mograft.motion import limits
 from tests.hierarchies import human
 from tests.io import fbx_scenes
@@ -41,14 +42,14 @@ def write_fbx(motion, path):
 
 def write_usd(motion, path):
     pytest.importorskip("pxr", reason="usd-core is not installed")
-    mg.write_usd(motion, path)
+    formats.write_usd(motion, path)
 
 
 WRITERS = {
     "walk.bvh": mg.write_bvh,
-    "walk.glb": mg.write_glb,
+    "walk.glb": formats.write_glb,
     "walk.fbx": write_fbx,
-    "walk.npz": mg.write_npz,
+    "walk.npz": formats.write_npz,
     "walk.usda": write_usd,
     "amass.npz": lambda _, path: np.savez(path, **amass_arrays(n_frames=N_FRAMES)),
     "kimodo.npz": lambda _, path: np.savez(path, **kimodo_arrays(n_frames=N_FRAMES)[0]),

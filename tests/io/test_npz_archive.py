@@ -14,6 +14,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import mograft as mg
+from mograft import formats
 from mograft.dancer import dance
 from mograft.io.npz_archive import _parse_header, open_npz_archive
 from tests import fuzz_npz
@@ -186,7 +187,7 @@ def test_npz_headers_are_read_without_warning_filters_and_ast(valid_files, monke
 def valid_files(tmp_path_factory):
     """Paths of valid files of all kinds."""
     folder = tmp_path_factory.mktemp("valid")
-    mg.write_npz(dance(strides=1).motion[:3], folder / "m.npz")
+    formats.write_npz(dance(strides=1).motion[:3], folder / "m.npz")
     write_arrays(folder / "a.npz", amass_arrays(156, 2))
     np.savez_compressed(folder / "x.npz", **amass_arrays(165, 2))
     write_arrays(folder / "k.npz", kimodo_arrays(30, 2)[0])

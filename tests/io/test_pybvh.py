@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
+from mograft import formats
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.dialects import motions
@@ -48,7 +49,7 @@ def test_world_positions_equal_pybvh(path, tmp_path):
     clip = read_with_pybvh(require(path, DATA))
     motion = mg.read_bvh(path)
     assert_close(motion.world_positions(), pybvh_positions(clip))
-    assert_close(mg.from_pybvh(clip).world_positions(), pybvh_positions(clip))
+    assert_close(formats.from_pybvh(clip).world_positions(), pybvh_positions(clip))
     # pybvh reads the same numbers from the written file as from the original.
     mg.write_bvh(motion, tmp_path / "again.bvh")
     again = read_with_pybvh(tmp_path / "again.bvh")
@@ -158,8 +159,8 @@ def test_to_pybvh_from_pybvh_round_trips(motion, order):
     with warnings.catch_warnings():
         # pybvh warns, because it cannot determine the up axis from these names and offsets.
         warnings.simplefilter("ignore", UserWarning)
-        clip = mg.to_pybvh(motion)
-    back = mg.from_pybvh(clip)
+        clip = formats.to_pybvh(motion)
+    back = formats.from_pybvh(clip)
     assert back.skeleton.names == skeleton.names
     assert back.skeleton.channels == skeleton.channels
     np.testing.assert_array_equal(back.skeleton.parents, skeleton.parents)
@@ -183,4 +184,4 @@ def test_to_pybvh_translated_joint_raises_value_error():
     with pytest.raises(
         ValueError, match=r"pybvh can translate the root only, got .* local position, b"
     ):
-        mg.to_pybvh(motion)
+        formats.to_pybvh(motion)

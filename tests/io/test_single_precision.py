@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-import mograft as mg
+from mograft import formats
 from mograft.dancer import dance
 
 MOTION = dance(strides=1).motion[:4]
@@ -24,9 +24,9 @@ def with_offset(motion, joint, value):
 
 
 WRITERS = {
-    "glb": lambda motion, path: mg.write_glb(motion, path, scale=1.0),
-    "usda": lambda motion, path: mg.write_usd(motion, path, scale=1.0),
-    "npz": mg.write_npz,
+    "glb": lambda motion, path: formats.write_glb(motion, path, scale=1.0),
+    "usda": lambda motion, path: formats.write_usd(motion, path, scale=1.0),
+    "npz": formats.write_npz,
 }
 
 
@@ -53,4 +53,4 @@ def test_write_rest_position_beyond_single_precision_names_joint(tmp_path, suffi
 
 def test_write_glb_scale_beyond_single_precision_is_refused(tmp_path):
     with pytest.raises(ValueError, match="rest position of"):
-        mg.write_glb(MOTION, tmp_path / "a.glb", scale=1e39)
+        formats.write_glb(MOTION, tmp_path / "a.glb", scale=1e39)

@@ -7,12 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from mograft import (
-    read_npz,
-    write_bvh,
-    write_csv,
-    write_npz,
-)
+from mograft import write_bvh
+from mograft.formats import read_npz, write_csv, write_npz
 from tests import strategies
 
 

@@ -8,9 +8,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from mograft import EndSite, Motion, Skeleton, write_bvh, write_usd
+from mograft import EndSite, Motion, Skeleton, write_bvh
 from mograft.body.mass import mass_model
 from mograft.cli import main
+from mograft.formats import write_usd
 from mograft.io.usd import SUFFIXES, _joint_paths
 from mograft.motion import rotations
 from tests import strategies

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import mograft as mg
+from mograft import formats
 from mograft.dancer import dance
 from mograft.io.units import ExportTransform
 from tests import strategies
@@ -27,7 +28,7 @@ ENDINGS = (".usd", ".usda", ".usdc")
 @given(strategies.motions(max_frames=10), st.sampled_from(ENDINGS), st.sampled_from([0.01, 1.0]))
 def test_read_usd_gives_what_write_usd_wrote(tmp_path_factory, motion, ending, scale):
     path = tmp_path_factory.mktemp("usd") / f"m{ending}"
-    mg.write_usd(motion, path, scale=scale)
+    formats.write_usd(motion, path, scale=scale)
     (again,) = mg.read(path)
     transform = ExportTransform.of(motion, scale)
     expected = transform.points(motion.world_positions())
@@ -51,7 +52,7 @@ def test_read_usd_gives_what_write_usd_wrote(tmp_path_factory, motion, ending, s
 
 def test_read_usd_rate_resamples_and_notes_name_other_prims(tmp_path):
     motion = dance(strides=1).motion[:61]
-    mg.write_usd(motion, tmp_path / "dance.usdc")
+    formats.write_usd(motion, tmp_path / "dance.usdc")
     clips = mg.read(tmp_path / "dance.usdc", rate=10)
     assert clips.names == ("motion",)
     assert clips[0].n_frames == 21
@@ -186,7 +187,7 @@ def test_read_usd_package_is_read(tmp_path):
     from pxr import UsdUtils
 
     motion = dance(strides=1).motion[:5]
-    mg.write_usd(motion, tmp_path / "m.usdc")
+    formats.write_usd(motion, tmp_path / "m.usdc")
     assert UsdUtils.CreateNewUsdzPackage(str(tmp_path / "m.usdc"), str(tmp_path / "m.usdz"))
     packed, plain = mg.read(tmp_path / "m.usdz")[0], mg.read(tmp_path / "m.usdc")[0]
     np.testing.assert_array_equal(packed.rotations, plain.rotations)
@@ -194,8 +195,8 @@ def test_read_usd_package_is_read(tmp_path):
 
 def test_read_usd_layer_outside_folder_raises_format_error(tmp_path):
     (tmp_path / "inner").mkdir()
-    mg.write_usd(dance(strides=1).motion[:5], tmp_path / "m.usda")
-    mg.write_usd(dance(strides=1).motion[:5], tmp_path / "inner" / "m.usda")
+    formats.write_usd(dance(strides=1).motion[:5], tmp_path / "m.usda")
+    formats.write_usd(dance(strides=1).motion[:5], tmp_path / "inner" / "m.usda")
     for name, is_inside in (("./m.usda", True), ("../m.usda", False), (tmp_path / "m.usda", False)):
         layer = Sdf.Layer.CreateNew(str(tmp_path / "inner" / "top.usda"))
         layer.subLayerPaths.append(str(name))
@@ -252,7 +253,7 @@ def test_read_usd_damaged_text_gives_motions_or_format_error(tmp_path, seed):
 @pytest.mark.parametrize("claim", [2**30, 2**40, 2**63, 2**64 - 1])
 def test_read_usd_binary_file_with_too_large_section_raises_format_error(tmp_path, section, claim):
     """A file of 2 KB that claims 10 GB makes usd-core allocate them."""
-    mg.write_usd(dance(strides=1).motion[:5], tmp_path / "m.usdc")
+    formats.write_usd(dance(strides=1).motion[:5], tmp_path / "m.usdc")
     data = bytearray((tmp_path / "m.usdc").read_bytes())
     (contents,) = struct.unpack_from("<q", data, 16)
     name, first, size = struct.unpack_from("<16sqq", data, contents + 8 + 32 * section)
@@ -291,7 +292,7 @@ def test_read_usd_skeleton_without_rest_pose_raises_format_error(tmp_path):
 
 
 def test_read_usd_without_usd_core_names_the_extra(tmp_path, monkeypatch):
-    mg.write_usd(dance(strides=1).motion[:5], tmp_path / "m.usda")
+    formats.write_usd(dance(strides=1).motion[:5], tmp_path / "m.usda")
     monkeypatch.setitem(sys.modules, "pxr", None)
     with pytest.raises(ModuleNotFoundError, match=r"pip install 'mograft\[usd\]'"):
         mg.read(tmp_path / "m.usda")

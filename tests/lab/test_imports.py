@@ -7,7 +7,13 @@ from pathlib import Path
 import mograft
 
 ROOT = Path(__file__).parents[2]
-PUBLIC = ("mograft.evaluation", "mograft.scenario", "mograft.dancer")
+PUBLIC = (
+    "mograft.evaluation",
+    "mograft.scenario",
+    "mograft.dancer",
+    "mograft.clustering",
+    "mograft.constraints",
+)
 TEXT = (ROOT / "lab" / "README.md").read_text(encoding="utf-8")
 LISTED = re.findall(r"^- `(mograft\.[\w.]+)`", TEXT, re.MULTILINE)
 

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
+from mograft import formats
 from mograft.library.discover import find_clips
 from mograft.library.origin import hash_library
 from tests.library.checks import DANCE
@@ -28,7 +29,7 @@ def several(tmp_path_factory):
         replace(DANCE[90 * number : 90 * number + 160], name=name)
         for number, name in enumerate(NAMES)
     ]
-    mg.write_glb(clips, folder / "sub" / "pack.glb")
+    formats.write_glb(clips, folder / "sub" / "pack.glb")
     return folder
 
 
@@ -51,8 +52,8 @@ def test_find_clips_file_stands_for_all_of_its_clips(several):
 def test_find_clips_folder_leaves_out_files_without_motion(several, tmp_path):
     mg.write_bvh(DANCE[:50], tmp_path / "a.bvh")
     # An export of a.bvh, arrays without a motion, and a mesh are no further clips.
-    mg.write_glb(DANCE[:50], tmp_path / "a.glb")
-    mg.write_npz(DANCE[:50], tmp_path / "a.npz")
+    formats.write_glb(DANCE[:50], tmp_path / "a.glb")
+    formats.write_npz(DANCE[:50], tmp_path / "a.npz")
     np.savez(tmp_path / "features.npz", points=np.zeros(3))
     (tmp_path / "mesh.gltf").write_text('{"asset": {"version": "2.0"}, "nodes": [{}]}')
     assert addresses(find_clips(tmp_path)) == [str(tmp_path / "a.bvh")]
@@ -88,7 +89,7 @@ def test_add_changed_file_replaces_its_clips(several, tmp_path):
     library = mg.Library.index(folder, tmp_path / "l")
     before = hash_library(library)
     assert hash_library(library.add(folder)) == before
-    mg.write_glb(
+    formats.write_glb(
         [replace(DANCE[300:400], name=name) for name in NAMES], folder / "sub" / "pack.glb"
     )
     changed = library.add(folder)
@@ -106,9 +107,9 @@ def test_add_changed_file_equals_index_of_the_changed_file(tmp_path_factory, bef
     clips.mkdir()
     mg.write_bvh(DANCE[:150], clips / "other.bvh")
     parts = {name: replace(DANCE[60 * i : 60 * i + 90], name=name) for i, name in enumerate(NAMES)}
-    mg.write_glb([parts[name] for name in NAMES if name in before], clips / "pack.glb")
+    formats.write_glb([parts[name] for name in NAMES if name in before], clips / "pack.glb")
     library = mg.Library.index(clips, folder / "l")
-    mg.write_glb([parts[name][1:] for name in NAMES if name in after], clips / "pack.glb")
+    formats.write_glb([parts[name][1:] for name in NAMES if name in after], clips / "pack.glb")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         added = library.add(clips)
@@ -176,7 +177,7 @@ def test_library_of_earlier_version_opens_without_file_clips(several, tmp_path):
 
 def test_build_with_warnings_of_single_frame_poses_leaves_them_out(tmp_path):
     clips = [replace(DANCE[:100], name="walk"), replace(DANCE[:1], name="pose")]
-    mg.write_glb(clips, tmp_path / "pack.glb")
+    formats.write_glb(clips, tmp_path / "pack.glb")
     assert addresses(find_clips(tmp_path)) == [str(tmp_path / "pack.glb#walk")]
     with warnings.catch_warnings():
         warnings.simplefilter("error")

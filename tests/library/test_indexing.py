@@ -12,16 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import mograft as mg
-from mograft import (
-    BvhError,
-    Library,
-    NotFrom,
-    OnlyFrom,
-    SkeletonMismatchError,
-    graft,
-    graft_many,
-    write_bvh,
-)
+from mograft import BvhError, Library, SkeletonMismatchError, graft, graft_many, write_bvh
+from mograft.constraints import NotFrom, OnlyFrom
 from mograft.library import ingest
 from mograft.library.discover import read_tags
 from mograft.library.files import storage

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.cluster import hierarchy
 from scipy.spatial.distance import pdist, squareform
 
-import mograft as mg
+from mograft import clustering
 from tests.analysis.test_clustering import by_first_appearance
 
 METRICS = ("euclidean", "sqeuclidean", "cosine", "correlation")
@@ -87,8 +87,8 @@ def assert_trees_and_partitions_equal_scipy(points, metric, quantiles):
     """Compare the tree by stages, that on a matrix and cuts of both with SciPy."""
     distances = pdist(points, metric)
     relative, absolute = rounding(points, metric)
-    tree = mg.linkage(points, metric=metric)
-    np.testing.assert_array_equal(mg.linkage(points, metric=metric, memory_limit=0), tree)
+    tree = clustering.linkage(points, metric=metric)
+    np.testing.assert_array_equal(clustering.linkage(points, metric=metric, memory_limit=0), tree)
     assert hierarchy.is_valid_linkage(tree)
     assert_is_complete_linkage(tree, distances, relative, absolute)
     ordered = np.sort(distances)
@@ -104,7 +104,7 @@ def assert_trees_and_partitions_equal_scipy(points, metric, quantiles):
         limit = np.quantile(ordered, quantile)
         if expected is tree or np.abs(expected[:, 2] - limit).min() > allowed:
             labels = by_first_appearance(hierarchy.fcluster(expected, limit, "distance"))
-            ours = mg.cut(points, limit, metric=metric, memory_limit=memory_limit)
+            ours = clustering.cut(points, limit, metric=metric, memory_limit=memory_limit)
             np.testing.assert_array_equal(ours, labels)
 
 
@@ -115,7 +115,7 @@ def test_linkage_and_cut_difficult_points_equal_scipy_for_every_metric(points, q
         is_refused = rows_without_direction(points, metric)
         if is_refused.any() and len(points) > 1:
             with pytest.raises(ValueError, match=f"got row {np.argmax(is_refused)}$"):
-                mg.linkage(points, metric=metric)
+                clustering.linkage(points, metric=metric)
         comparable = with_comparable_rows(points[~is_refused], metric)
         if len(comparable) > 1:
             assert_trees_and_partitions_equal_scipy(comparable, metric, quantiles)

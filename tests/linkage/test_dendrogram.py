@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.cluster import hierarchy
 
-import mograft as mg
-from mograft import dendrogram
+from mograft import clustering
+from mograft.clustering import dendrogram
 
 
 @st.composite
@@ -168,4 +168,4 @@ def test_helpers_invalid_argument_raises(call, error, message):
 
 
 def test_helpers_are_public_module():
-    assert mg.dendrogram is dendrogram
+    assert clustering.dendrogram is dendrogram

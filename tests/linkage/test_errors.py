@@ -9,7 +9,7 @@ from scipy.cluster import hierarchy
 from scipy.sparse import csr_array
 from sklearn.cluster import AgglomerativeClustering
 
-import mograft as mg
+from mograft import clustering
 
 NAN = np.array([[0.0, 1.0], [2.0, 3.0], [4.0, np.nan]])
 INF = np.array([[0.0, 1.0], [-np.inf, 3.0], [4.0, 5.0]])
@@ -22,7 +22,7 @@ def scipy_tree(points, metric="euclidean"):
 
 
 def fit(points, **parameters):
-    return mg.CompleteLinkage(**parameters).fit(points)
+    return clustering.CompleteLinkage(**parameters).fit(points)
 
 
 def peer_fit(points, **parameters):
@@ -31,50 +31,65 @@ def peer_fit(points, **parameters):
 
 TABLE = [
     # our call, the peer's call, error, message
-    (lambda: mg.linkage(NAN), lambda: scipy_tree(NAN), ValueError, r"finite, got NaN at \[2, 1\]"),
-    (lambda: mg.linkage(INF), lambda: scipy_tree(INF), ValueError, r"finite, got -inf at \[1, 0\]"),
+    (
+        lambda: clustering.linkage(NAN),
+        lambda: scipy_tree(NAN),
+        ValueError,
+        r"finite, got NaN at \[2, 1\]",
+    ),
+    (
+        lambda: clustering.linkage(INF),
+        lambda: scipy_tree(INF),
+        ValueError,
+        r"finite, got -inf at \[1, 0\]",
+    ),
     (lambda: fit(NAN), lambda: peer_fit(NAN), ValueError, r"nan at \[2, 1\]"),
     (lambda: fit(INF), lambda: peer_fit(INF), ValueError, r"-inf at \[1, 0\]"),
     (
-        lambda: mg.linkage(NAN, metric="cosine"),
+        lambda: clustering.linkage(NAN, metric="cosine"),
         lambda: scipy_tree(NAN, "cosine"),
         ValueError,
         r"finite, got NaN at \[2, 1\]",
     ),
     (
-        lambda: mg.linkage(POINTS[:1]),
+        lambda: clustering.linkage(POINTS[:1]),
         lambda: scipy_tree(POINTS[:1]),
         ValueError,
         r"`points` must have shape \(n >= 2, n_axes >= 1\), got \(1, 2\)",
     ),
-    (lambda: mg.linkage(POINTS[:0]), lambda: scipy_tree(POINTS[:0]), ValueError, r"got \(0, 2\)"),
+    (
+        lambda: clustering.linkage(POINTS[:0]),
+        lambda: scipy_tree(POINTS[:0]),
+        ValueError,
+        r"got \(0, 2\)",
+    ),
     (lambda: fit(POINTS[:1]), lambda: peer_fit(POINTS[:1]), ValueError, "n_samples = 1"),
     (
-        lambda: mg.linkage_condensed([]),
+        lambda: clustering.linkage_condensed([]),
         lambda: hierarchy.complete(np.array([])),
         ValueError,
         "`distances` must have shape",
     ),
     (
-        lambda: mg.linkage_condensed(np.ones(4)),
+        lambda: clustering.linkage_condensed(np.ones(4)),
         lambda: hierarchy.complete(np.ones(4)),
         ValueError,
         "`distances` must have n.* elements .*got 4",
     ),
     (
-        lambda: mg.linkage_condensed([1.0, np.nan, 2.0]),
+        lambda: clustering.linkage_condensed([1.0, np.nan, 2.0]),
         lambda: hierarchy.complete(np.array([1.0, np.nan, 2.0])),
         ValueError,
         r"`distances` must be finite and not negative, got NaN at \[1\]",
     ),
     (
-        lambda: mg.linkage(POINTS, metric="nearest"),
+        lambda: clustering.linkage(POINTS, metric="nearest"),
         lambda: scipy_tree(POINTS, "nearest"),
         ValueError,
         "`metric` must be one of euclidean, sqeuclidean, cosine, correlation, got 'nearest'",
     ),
     (
-        lambda: mg.linkage([["a", "b"], ["c", "d"]]),
+        lambda: clustering.linkage([["a", "b"], ["c", "d"]]),
         lambda: scipy_tree([["a", "b"], ["c", "d"]]),
         (TypeError, ValueError),
         "`points` must be real numbers, got <U1",
@@ -143,18 +158,18 @@ TABLE = [
 
 
 def test_linkage_excessive_limits_have_no_effect():
-    tree = mg.linkage(POINTS)
+    tree = clustering.linkage(POINTS)
     for name in ("n_threads", "memory_limit", "max_memory"):
-        np.testing.assert_array_equal(mg.linkage(POINTS, **{name: 10**30}), tree)
+        np.testing.assert_array_equal(clustering.linkage(POINTS, **{name: 10**30}), tree)
 
 
 @pytest.mark.parametrize("given", ["2", [1.0, 2.0], 1j], ids=str)
 @pytest.mark.parametrize(
     ("name", "call"),
     [
-        ("max_diameter", lambda given: mg.cut(POINTS, given)),
-        ("kind", lambda given: mg.threshold(POINTS, [given])),
-        ("scale", lambda given: mg.threshold(POINTS, scale=given)),
+        ("max_diameter", lambda given: clustering.cut(POINTS, given)),
+        ("kind", lambda given: clustering.threshold(POINTS, [given])),
+        ("scale", lambda given: clustering.threshold(POINTS, scale=given)),
         (
             "distance_threshold",
             lambda given: fit(POINTS, n_clusters=None, distance_threshold=given),
@@ -176,44 +191,76 @@ def test_invalid_input_raises_error_of_peer(call, peer, error, message):
 
 OWN = [
     # errors that the peers do not raise, or not by index
-    (lambda: mg.cut(POINTS, -1.0), ValueError, "`max_diameter` must be 0 or more, got -1"),
-    (lambda: mg.cut(POINTS, np.nan), ValueError, "`max_diameter` must be 0 or more, got nan"),
     (
-        lambda: mg.linkage_condensed([1.0, -1.0, 2.0]),
+        lambda: clustering.cut(POINTS, -1.0),
+        ValueError,
+        "`max_diameter` must be 0 or more, got -1",
+    ),
+    (
+        lambda: clustering.cut(POINTS, np.nan),
+        ValueError,
+        "`max_diameter` must be 0 or more, got nan",
+    ),
+    (
+        lambda: clustering.linkage_condensed([1.0, -1.0, 2.0]),
         ValueError,
         r"`distances` must be finite and not negative, got -1 at \[1\]",
     ),
     (
-        lambda: mg.linkage(POINTS * [[1], [0], [0]], metric="cosine"),
+        lambda: clustering.linkage(POINTS * [[1], [0], [0]], metric="cosine"),
         ValueError,
         "`points` must have no zero rows for metric 'cosine', got row 1",
     ),
     (
-        lambda: mg.cut([[0.1, 0.2], [0.1, 0.1]], 1.0, metric="correlation"),
+        lambda: clustering.cut([[0.1, 0.2], [0.1, 0.1]], 1.0, metric="correlation"),
         ValueError,
         "`points` must have no constant rows for metric 'correlation', got row 1",
     ),
     (
-        lambda: mg.linkage(POINTS * 1e200, metric="sqeuclidean"),
+        lambda: clustering.linkage(POINTS * 1e200, metric="sqeuclidean"),
         ValueError,
         r"`points` must have squared distances below 1\.8e308",
     ),
-    (lambda: mg.linkage(POINTS + 1j), TypeError, "`points` must be real numbers, got complex128"),
-    (lambda: mg.linkage(csr_array(POINTS)), TypeError, "`points` must be dense, got a sparse"),
-    (lambda: mg.linkage(POINTS, n_threads=0), ValueError, "`n_threads` must be 1 or more, got 0"),
-    (lambda: mg.linkage(POINTS, n_threads=1.5), TypeError, "`n_threads` must be a whole number"),
     (
-        lambda: mg.linkage(POINTS, max_memory=10),
+        lambda: clustering.linkage(POINTS + 1j),
+        TypeError,
+        "`points` must be real numbers, got complex128",
+    ),
+    (
+        lambda: clustering.linkage(csr_array(POINTS)),
+        TypeError,
+        "`points` must be dense, got a sparse",
+    ),
+    (
+        lambda: clustering.linkage(POINTS, n_threads=0),
+        ValueError,
+        "`n_threads` must be 1 or more, got 0",
+    ),
+    (
+        lambda: clustering.linkage(POINTS, n_threads=1.5),
+        TypeError,
+        "`n_threads` must be a whole number",
+    ),
+    (
+        lambda: clustering.linkage(POINTS, max_memory=10),
         MemoryError,
         r"the call needs about \d+ bytes, the limit is 10",
     ),
     (
-        lambda: mg.linkage_condensed(np.ones(3), max_memory=10),
+        lambda: clustering.linkage_condensed(np.ones(3), max_memory=10),
         MemoryError,
         "the call needs about 24 bytes, the limit is 10",
     ),
-    (lambda: mg.cut(POINTS, 1.0, max_memory=-1), ValueError, "`max_memory` must be 0 or more"),
-    (lambda: mg.linkage(POINTS, memory_limit=-1), ValueError, "`memory_limit` must be 0 or more"),
+    (
+        lambda: clustering.cut(POINTS, 1.0, max_memory=-1),
+        ValueError,
+        "`max_memory` must be 0 or more",
+    ),
+    (
+        lambda: clustering.linkage(POINTS, memory_limit=-1),
+        ValueError,
+        "`memory_limit` must be 0 or more",
+    ),
 ]
 
 
@@ -229,13 +276,13 @@ def test_cophenet_too_many_pairs_raises_memory_error():
     code = """
 import resource
 import numpy as np
-import mograft as mg
+from mograft import clustering
 merges = np.arange(2.0**19 - 1)
 tree = np.column_stack([np.r_[0, merges[:-1] + 2], 2.0**19 + merges - 1, merges, merges + 2])
 tree[0, 1] = 1
 resource.setrlimit(resource.RLIMIT_AS, (1 << 36, 1 << 36))
 try:
-    mg.dendrogram.cophenet(tree)
+    clustering.dendrogram.cophenet(tree)
 except MemoryError:
     print("MemoryError")
 """
@@ -250,14 +297,14 @@ def test_limited_address_space_raises_memory_error_or_succeeds(megabytes):
     code = f"""
 import resource
 import numpy as np
-import mograft as mg
+from mograft import clustering
 points = np.random.default_rng(0).normal(size=(3000, 10))
-mg.linkage(points[:9])
+clustering.linkage(points[:9])
 size = [line for line in open("/proc/self/status") if line.startswith("VmSize")][0]
 limit = (int(size.split()[1]) << 10) + ({megabytes} << 20)
 resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 try:
-    print(len(mg.linkage(points, n_threads=4)))
+    print(len(clustering.linkage(points, n_threads=4)))
 except MemoryError as error:
     print("MemoryError", error)
 """

@@ -19,7 +19,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.estimator_checks import check_estimator
 
-import mograft as mg
+from mograft import clustering
 from tests.analysis.test_clustering import by_first_appearance, clouds, clouds_without_ties
 
 METRICS = ("euclidean", "sqeuclidean", "cosine", "correlation")
@@ -28,7 +28,7 @@ METRICS = ("euclidean", "sqeuclidean", "cosine", "correlation")
 @pytest.mark.filterwarnings("ignore:Estimator CompleteLinkage does not inherit:UserWarning")
 @pytest.mark.parametrize("parameters", [{}, {"metric": "sqeuclidean"}, {"compute_full_tree": True}])
 def test_complete_linkage_passes_check_estimator(parameters):
-    results = check_estimator(mg.CompleteLinkage(**parameters), on_skip=None)
+    results = check_estimator(clustering.CompleteLinkage(**parameters), on_skip=None)
     found = {result["status"] for result in results}
     # scikit-learn before 1.9 skips no check.
     assert found in ({"passed"}, {"passed", "skipped"})
@@ -42,7 +42,7 @@ def test_complete_linkage_passes_check_estimator(parameters):
 )
 def test_complete_linkage_equals_agglomerative_clustering(seed, shape, metric, data):
     points = np.random.default_rng(seed).standard_normal(shape)
-    tree = mg.linkage(points, metric=metric)
+    tree = clustering.linkage(points, metric=metric)
     heights = tree[:, 2]
     if data.draw(st.booleans()):
         parameters = {"n_clusters": data.draw(st.integers(1, len(points)))}
@@ -51,7 +51,7 @@ def test_complete_linkage_equals_agglomerative_clustering(seed, shape, metric, d
         gap = data.draw(st.integers(0, len(heights) - 1))
         below = heights[gap - 1] if gap else 0.0
         parameters = {"n_clusters": None, "distance_threshold": (below + heights[gap]) / 2}
-    model = mg.CompleteLinkage(metric=metric, **parameters).fit(points)
+    model = clustering.CompleteLinkage(metric=metric, **parameters).fit(points)
     distances = np.sort(pdist(points, metric))
     assume(np.diff(distances).min(initial=np.inf) > 1e-12)  # else rounding changes the order
     peer = AgglomerativeClustering(
@@ -66,18 +66,18 @@ def test_complete_linkage_equals_agglomerative_clustering(seed, shape, metric, d
 
 @given(clouds(kinds=["lattice", "single precision"]), st.floats(0, 1))
 def test_complete_linkage_threshold_is_exclusive(points, quantile):
-    threshold = float(np.quantile(mg.linkage(points)[:, 2], quantile, method="nearest"))
-    model = mg.CompleteLinkage(None, distance_threshold=threshold).fit(points)
+    threshold = float(np.quantile(clustering.linkage(points)[:, 2], quantile, method="nearest"))
+    model = clustering.CompleteLinkage(None, distance_threshold=threshold).fit(points)
     assert model.n_clusters_ == 1 + np.count_nonzero(model.distances_ >= threshold)
     assert model.n_clusters_ == len(np.unique(model.labels_))
-    inclusive = mg.CompleteLinkage(None, distance_threshold=np.nextafter(threshold, np.inf))
-    np.testing.assert_array_equal(inclusive.fit_predict(points), mg.cut(points, threshold))
+    inclusive = clustering.CompleteLinkage(None, distance_threshold=np.nextafter(threshold, np.inf))
+    np.testing.assert_array_equal(inclusive.fit_predict(points), clustering.cut(points, threshold))
 
 
 @given(clouds_without_ties(max_points=60), st.integers(1, 10))
 def test_complete_linkage_n_clusters_equals_scipy(points, k):
     k = min(k, len(points))
-    labels = mg.CompleteLinkage(n_clusters=k).fit_predict(points)
+    labels = clustering.CompleteLinkage(n_clusters=k).fit_predict(points)
     expected = hierarchy.fcluster(hierarchy.complete(pdist(points)), k, "maxclust")
     np.testing.assert_array_equal(labels, by_first_appearance(expected))
 
@@ -106,44 +106,49 @@ def test_complete_linkage_n_clusters_equals_scipy(points, k):
     ],
 )
 def test_complete_linkage_invalid_parameter_raises_at_fit(parameters, error, message):
-    model = mg.CompleteLinkage(**parameters)
+    model = clustering.CompleteLinkage(**parameters)
     with pytest.raises(error, match=message):
         model.fit(np.arange(10.0).reshape(5, 2))
 
 
 def test_threads_is_an_older_name_of_n_threads():
     points = np.random.default_rng(3).standard_normal((60, 4))
-    model = mg.CompleteLinkage(threads=2)
-    assert model.get_params() == mg.CompleteLinkage(n_threads=2).get_params()
+    model = clustering.CompleteLinkage(threads=2)
+    assert model.get_params() == clustering.CompleteLinkage(n_threads=2).get_params()
     assert clone(model).set_params(threads=1).n_threads == 1
-    np.testing.assert_array_equal(mg.linkage(points, threads=1), mg.linkage(points))
+    np.testing.assert_array_equal(clustering.linkage(points, threads=1), clustering.linkage(points))
     with pytest.raises(ValueError, match="`n_threads` must be 1 or more, got 0"):
-        mg.cut(points, 1.0, threads=0)
-    for call in (mg.CompleteLinkage, lambda **names: mg.linkage(points, **names)):
+        clustering.cut(points, 1.0, threads=0)
+    for call in (
+        clustering.CompleteLinkage,
+        lambda **names: clustering.linkage(points, **names),
+    ):
         with pytest.raises(TypeError, match="`n_threads` must be given once, got `threads` too"):
             call(n_threads=1, threads=1)
 
 
 def test_complete_linkage_sparse_matrix_raises_type_error():
     with pytest.raises(TypeError, match="Sparse data was passed for X, but dense data is required"):
-        mg.CompleteLinkage().fit(csr_array(np.eye(4)))
+        clustering.CompleteLinkage().fit(csr_array(np.eye(4)))
 
 
 def test_complete_linkage_unknown_parameter_raises_value_error():
     with pytest.raises(ValueError, match=r"`params` must be among n_clusters, .*, got 'linkage'"):
-        mg.CompleteLinkage().set_params(linkage="complete")
+        clustering.CompleteLinkage().set_params(linkage="complete")
 
 
 def test_complete_linkage_repr_lists_changed_parameters():
-    assert repr(mg.CompleteLinkage()) == "CompleteLinkage()"
-    assert repr(mg.CompleteLinkage(3, metric="cosine")) == (
+    assert repr(clustering.CompleteLinkage()) == "CompleteLinkage()"
+    assert repr(clustering.CompleteLinkage(3, metric="cosine")) == (
         "CompleteLinkage(n_clusters=3, metric='cosine')"
     )
 
 
 def test_complete_linkage_clone_and_pickle_keep_parameters_and_results():
     points = np.random.default_rng(3).standard_normal((60, 4))
-    model = mg.CompleteLinkage(None, distance_threshold=2.5, metric="sqeuclidean").fit(points)
+    model = clustering.CompleteLinkage(None, distance_threshold=2.5, metric="sqeuclidean").fit(
+        points
+    )
     copy = clone(model)
     assert copy.get_params() == model.get_params()
     assert not hasattr(copy, "labels_")
@@ -153,9 +158,9 @@ def test_complete_linkage_clone_and_pickle_keep_parameters_and_results():
 
 def test_complete_linkage_in_pipeline_equals_separate_steps():
     points = np.random.default_rng(3).standard_normal((60, 4)) * [1, 10, 100, 1000]
-    pipeline = make_pipeline(StandardScaler(), mg.CompleteLinkage(4))
+    pipeline = make_pipeline(StandardScaler(), clustering.CompleteLinkage(4))
     scaled = StandardScaler().fit_transform(points)
-    expected = mg.CompleteLinkage(4).fit_predict(scaled)
+    expected = clustering.CompleteLinkage(4).fit_predict(scaled)
     np.testing.assert_array_equal(pipeline.fit_predict(points), expected)
     assert "CompleteLinkage" in pipeline._repr_html_()
 
@@ -165,7 +170,7 @@ def test_complete_linkage_grid_search_finds_number_of_groups():
     centres = np.array([[0.0, 0.0], [9.0, 0.0], [0.0, 9.0], [9.0, 9.0]])
     points = np.repeat(centres, 20, axis=0) + rng.standard_normal((80, 2))
     search = GridSearchCV(
-        mg.CompleteLinkage(),
+        clustering.CompleteLinkage(),
         {"n_clusters": [2, 3, 4, 5, 6]},
         scoring=lambda model, X: silhouette_score(X, model.fit_predict(X)),
         cv=[(np.arange(80), np.arange(80))],
@@ -178,11 +183,13 @@ def test_complete_linkage_data_frame_names_and_set_output():
     pandas = pytest.importorskip("pandas", reason="pandas is not installed")
     points = np.random.default_rng(3).standard_normal((60, 3))
     frame = pandas.DataFrame(points, columns=["a", "b", "c"])
-    model = mg.CompleteLinkage(4).fit(frame)
+    model = clustering.CompleteLinkage(4).fit(frame)
     assert model.feature_names_in_.tolist() == ["a", "b", "c"]
-    np.testing.assert_array_equal(model.labels_, mg.CompleteLinkage(4).fit_predict(points))
+    np.testing.assert_array_equal(model.labels_, clustering.CompleteLinkage(4).fit_predict(points))
     assert not hasattr(model.fit(points), "feature_names_in_")
-    pipeline = make_pipeline(StandardScaler(), mg.CompleteLinkage(4)).set_output(transform="pandas")
+    pipeline = make_pipeline(StandardScaler(), clustering.CompleteLinkage(4)).set_output(
+        transform="pandas"
+    )
     assert pipeline.fit(frame)[-1].feature_names_in_.tolist() == ["a", "b", "c"]
     frame.columns = ["a", 1, "c"]
     with pytest.raises(TypeError, match="X must have column names that are all strings"):
@@ -191,8 +198,9 @@ def test_complete_linkage_data_frame_names_and_set_output():
 
 def test_complete_linkage_does_not_import_scikit_learn():
     script = """
-import sys, mograft as mg
-mg.CompleteLinkage().fit([[0.0], [1.0]])
+import sys
+from mograft import clustering
+clustering.CompleteLinkage().fit([[0.0], [1.0]])
 print('sklearn' in sys.modules)
 """
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)

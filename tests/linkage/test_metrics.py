@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.cluster import hierarchy
 from scipy.spatial.distance import pdist
 
-import mograft as mg
+from mograft import clustering
 from tests.analysis.test_clustering import by_first_appearance, clouds
 from tests.memory import PEAK_BYTES
 
@@ -36,20 +36,20 @@ def test_angular_metrics_equal_scipy(points, metric, quantile):
     rounding = 8 * EPSILON * points.shape[1]
     assume(np.diff(np.sort(distances)).min(initial=1.0) > 4 * rounding)
     expected = hierarchy.complete(distances)
-    tree = mg.linkage(points, metric=metric)
+    tree = clustering.linkage(points, metric=metric)
     np.testing.assert_array_equal(tree[:, [0, 1, 3]], expected[:, [0, 1, 3]])
     np.testing.assert_allclose(tree[:, 2], expected[:, 2], rtol=0, atol=rounding)
     heights = np.concatenate([[0.0], expected[:, 2]])
     low = int(quantile * (len(heights) - 2))
     limit = heights[low : low + 2].mean()
     labels = by_first_appearance(hierarchy.fcluster(expected, limit, "distance"))
-    np.testing.assert_array_equal(mg.cut(points, limit, metric=metric), labels)
+    np.testing.assert_array_equal(clustering.cut(points, limit, metric=metric), labels)
 
 
 @given(clouds(kinds=["lattice", "single precision"]))
 def test_squared_euclidean_tree_has_squared_heights(points):
-    tree = mg.linkage(points)
-    squared = mg.linkage(points, metric="sqeuclidean")
+    tree = clustering.linkage(points)
+    squared = clustering.linkage(points, metric="sqeuclidean")
     np.testing.assert_array_equal(squared[:, [0, 1, 3]], tree[:, [0, 1, 3]])
     np.testing.assert_array_equal(squared[:, 2], tree[:, 2] ** 2)
     # The height of a merge is the squared distance of two points, rounded twice.
@@ -67,59 +67,62 @@ def test_squared_euclidean_tree_has_squared_heights(points):
 def test_cut_any_metric_at_and_next_to_height_equals_fcluster(points, metric, quantile):
     # Neither zero nor constant rows.
     points = np.c_[points, np.full(len(points), 7.0), np.full(len(points), 9.0)]
-    tree = mg.linkage(points, metric=metric)
+    tree = clustering.linkage(points, metric=metric)
     height = np.quantile(tree[:, 2], quantile, method="nearest")
     for limit in (height, np.nextafter(height, -1), np.nextafter(height, np.inf), np.inf):
         if limit >= 0:
             expected = by_first_appearance(hierarchy.fcluster(tree, limit, "distance"))
-            np.testing.assert_array_equal(mg.cut(points, limit, metric=metric), expected)
+            np.testing.assert_array_equal(clustering.cut(points, limit, metric=metric), expected)
 
 
 @given(clouds(max_points=20, kinds=["lattice", "single precision"]), st.sampled_from(METRICS))
 def test_linkage_any_layout_and_precision_gives_one_tree(points, metric):
     points = np.c_[points, np.full(len(points), 7.0), np.full(len(points), 9.0)]
-    tree = mg.linkage(points, metric=metric)
+    tree = clustering.linkage(points, metric=metric)
     limit = float(np.median(tree[:, 2]))
-    labels = mg.cut(points, limit, metric=metric)
+    labels = clustering.cut(points, limit, metric=metric)
     single = points.astype(np.float32)  # these coordinates are exact in single precision
     padded = np.zeros((len(points), 2 * points.shape[1]))
     padded[:, ::2] = points
     for same in (np.asfortranarray(points), single, np.asfortranarray(single), padded[:, ::2]):
-        np.testing.assert_array_equal(mg.linkage(same, metric=metric), tree)
-        np.testing.assert_array_equal(mg.cut(same, limit, metric=metric), labels)
+        np.testing.assert_array_equal(clustering.linkage(same, metric=metric), tree)
+        np.testing.assert_array_equal(clustering.cut(same, limit, metric=metric), labels)
 
 
 @given(st.integers(0, 2**32), st.integers(2, 40))
 def test_linkage_condensed_single_precision_equals_double(seed, n):
     distances = np.random.default_rng(seed).random(n * (n - 1) // 2).astype(np.float32)
-    expected = mg.linkage_condensed(distances.astype(np.float64))
-    np.testing.assert_array_equal(mg.linkage_condensed(distances), expected)
-    np.testing.assert_array_equal(mg.linkage_condensed(distances, memory_limit=0), expected)
+    expected = clustering.linkage_condensed(distances.astype(np.float64))
+    np.testing.assert_array_equal(clustering.linkage_condensed(distances), expected)
+    np.testing.assert_array_equal(clustering.linkage_condensed(distances, memory_limit=0), expected)
 
 
 @pytest.mark.parametrize("dtype", [bool, np.uint8, np.int64, np.float16])
 def test_linkage_whole_and_half_numbers_equal_double(dtype):
     points = np.random.default_rng(1).integers(0, 2, (20, 8)).astype(dtype)
-    np.testing.assert_array_equal(mg.linkage(points), mg.linkage(points.astype(np.float64)))
+    np.testing.assert_array_equal(
+        clustering.linkage(points), clustering.linkage(points.astype(np.float64))
+    )
 
 
 def test_angular_metrics_extreme_lengths_do_not_overflow():
     points = np.random.default_rng(1).standard_normal((20, 8))
     lengths = 2.0 ** np.random.default_rng(2).integers(-1000, 1000, (20, 1))
     for metric in METRICS[2:]:
-        expected = mg.linkage(points, metric=metric)
-        np.testing.assert_array_equal(mg.linkage(points * lengths, metric=metric), expected)
+        expected = clustering.linkage(points, metric=metric)
+        np.testing.assert_array_equal(clustering.linkage(points * lengths, metric=metric), expected)
 
 
 MEMORY = """
-import numpy as np, mograft as mg
+import numpy as np
+from mograft import clustering
 rng = np.random.default_rng(0)
 points = np.empty((40_000, 100), np.{dtype}, "{order}")
 for axis in range(100):
     points[:, axis] = rng.random(40_000)
-mg.cut(points[:3].copy(), 0.5)
+clustering.cut(points[:3].copy(), 0.5)
 before = peak_bytes()
-mg.cut(points, 1e-9, memory_limit=0, n_threads=1)
+clustering.cut(points, 1e-9, memory_limit=0, n_threads=1)
 print(peak_bytes() - before)
 """
 

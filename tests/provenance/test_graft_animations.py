@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mograft as mg
+from mograft import formats
 from mograft.dancer import dance
 from mograft.io.gltf.container import read_container
 from mograft.motion import rotations
@@ -20,8 +21,8 @@ def folder(tmp_path_factory):
     clips = {"a": motion[:300], "b": motion[300:600], "c": motion[600:900]}
     named = {name: mg.Motion(clip.skeleton, clip.frame_time, clip.rotations, clip.positions,
                              name=name) for name, clip in clips.items()}  # fmt: skip
-    mg.write_glb([named["a"], named["b"]], folder / "first.glb")
-    mg.write_glb(named["c"], folder / "second.glb")
+    formats.write_glb([named["a"], named["b"]], folder / "first.glb")
+    formats.write_glb(named["c"], folder / "second.glb")
     return folder
 
 

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
+import mograft.constraints as mc
 from mograft._util.registry import CONFIG_OPTIONS
 from mograft._util.runs import dilate
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
@@ -90,15 +91,15 @@ def edits(draw, graft, groups):
         donor = draw(st.integers(0, n_segments - 1))
         kind = draw(st.sampled_from(["use", "ban", "ban donor", "keep", "reroll"]))
         if kind == "use":
-            made.append(mg.Use(number, donor, group=group))
+            made.append(mc.Use(number, donor, group=group))
         elif kind == "keep":
-            made.append(mg.KeepOriginal(frames=cut[number], group=group))
+            made.append(mc.KeepOriginal(frames=cut[number], group=group))
         elif kind == "reroll":
             reroll.append(draw(st.sampled_from([number, cut[number]])))
             group = None
         else:
             banned = donor if kind == "ban donor" else None
-            made.append(mg.Ban(number, banned, group=group))
+            made.append(mc.Ban(number, banned, group=group))
         named[number] = (kind, groups if group is None else [group], donor)
     return made, reroll, named
 
@@ -188,9 +189,9 @@ def test_replace_with_planted_feet_joins_the_motions(root_library):
 
 def test_replace_same_edit_gives_same_bytes_and_edits_add_up(library):
     graft = mg.graft(library, seed=2)
-    first = mg.edit(graft, mg.Use(5, 40))
-    assert frame_lines(first.motion) == frame_lines(mg.edit(graft, mg.Use(5, 40)).motion)
-    second = mg.edit(first, mg.Use(50, 41))
+    first = mg.edit(graft, mc.Use(5, 40))
+    assert frame_lines(first.motion) == frame_lines(mg.edit(graft, mc.Use(5, 40)).motion)
+    second = mg.edit(first, mc.Use(50, 41))
     assert (second.donors["upper"][5], second.donors["upper"][50]) == (40, 41)
     assert not (changed_frames(first, second) & ~frames_within_reach(first, second)).any()
     assert [len(own["replaced"]) for own in mg.graft_record(second)["edits"]] == [1, 1]
@@ -200,18 +201,18 @@ def test_replace_same_edit_gives_same_bytes_and_edits_add_up(library):
 def test_replace_of_present_donors_changes_nothing(library):
     graft = mg.graft(library, seed=2)
     number = next(i for i, own in enumerate(graft.substitutions) if not own.is_own)
-    edited = mg.edit(graft, mg.Use(number, int(graft.donors["upper"][number])))
+    edited = mg.edit(graft, mc.Use(number, int(graft.donors["upper"][number])))
     assert not changed_frames(graft, edited).any()
 
 
 def test_replace_supersedes_earlier_constraints(library):
     segments = library.segments
-    keep = mg.KeepOriginal(frames=(int(segments.start[4]), int(segments.stop[8])))
-    graft = mg.graft(library, constraints=[keep, mg.Use(12, 40)], seed=1)
-    edited = mg.edit(graft, mg.Use(6, 41), mg.KeepOriginal(frames=_span(graft, 12)))
+    keep = mc.KeepOriginal(frames=(int(segments.start[4]), int(segments.stop[8])))
+    graft = mg.graft(library, constraints=[keep, mc.Use(12, 40)], seed=1)
+    edited = mg.edit(graft, mc.Use(6, 41), mc.KeepOriginal(frames=_span(graft, 12)))
     assert edited.donors["upper"][[4, 5, 6, 7, 8, 12]].tolist() == [4, 5, 41, 7, 8, 12]
     assert not edited.violations
-    again = mg.edit(edited, mg.Ban(6), reroll=[12])
+    again = mg.edit(edited, mc.Ban(6), reroll=[12])
     assert again.donors["upper"][6] != 41
     assert again.donors["upper"][[4, 5, 7, 8]].tolist() == [4, 5, 7, 8]
     assert not again.violations
@@ -233,13 +234,13 @@ def test_replace_ban_of_present_donor_stays_in_force(library):
     )
     seen = [int(graft.donors["upper"][position])]
     for _ in range(3):
-        graft = mg.edit(graft, mg.Ban(position))
+        graft = mg.edit(graft, mc.Ban(position))
         seen.append(int(graft.donors["upper"][position]))
     assert len(set(seen)) == 4
 
 
 def test_replace_contradictory_edits_are_violations(library):
-    edited = mg.edit(mg.graft(library, seed=1), mg.Use(5, 40), mg.Ban(5, 40))
+    edited = mg.edit(mg.graft(library, seed=1), mc.Use(5, 40), mc.Ban(5, 40))
     assert edited.donors["upper"][5] == 5
     assert [type(own.constraint).__name__ for own in edited.violations] == ["Use"]
 
@@ -247,7 +248,7 @@ def test_replace_contradictory_edits_are_violations(library):
 def test_replace_keeps_pose_constraints_of_the_graft(library):
     target = mg.graft(library, seed=3).motion.world_positions()[100]
     hand = library.skeleton.index("LeftHand")
-    reach = mg.Reach("LeftHand", tuple(target[hand].tolist()), 100, 0.05)
+    reach = mc.Reach("LeftHand", tuple(target[hand].tolist()), 100, 0.05)
     graft = mg.graft(library, constraints=[reach], seed=1)
     assert not graft.violations
     edited = mg.edit(graft, reroll=[(80, 120)])
@@ -267,7 +268,7 @@ def test_replace_reroll_without_candidate_warns(library):
 
 def test_replace_in_scenario_numbers_segments_of_the_scenario(library):
     graft = mg.graft(library, scenario=[30, 31, 5, 6, 60, 61], seed=1)
-    edited = mg.edit(graft, mg.Use(2, 40))
+    edited = mg.edit(graft, mc.Use(2, 40))
     assert edited.donors["upper"][2] == 40
     check_replays(edited)
 
@@ -276,7 +277,11 @@ def test_replace_in_scenario_numbers_segments_of_the_scenario(library):
     ("make", "error", "message"),
     [
         (lambda graft: mg.edit(graft), ValueError, "an edit or `reroll` must be given"),
-        (lambda graft: mg.edit(graft, mg.Use(999, 3)), ValueError, "`segment` of Use must be 0 to"),
+        (
+            lambda graft: mg.edit(graft, mc.Use(999, 3)),
+            ValueError,
+            "`segment` of Use must be 0 to",
+        ),
         (
             lambda graft: mg.edit(graft, reroll=[999]),
             ValueError,
@@ -288,23 +293,27 @@ def test_replace_in_scenario_numbers_segments_of_the_scenario(library):
             "`reroll` must select a segment in frames 0 to 699, got 9000-9010",
         ),
         (
-            lambda graft: mg.edit(graft, mg.KeepOriginal(frames=(9000, 9010))),
+            lambda graft: mg.edit(graft, mc.KeepOriginal(frames=(9000, 9010))),
             ValueError,
             "`frames` must select a segment in frames 0 to 699, got 9000-9010",
         ),
         (
-            lambda graft: mg.edit(graft, mg.Use(3, ("secnd", 0, 9))),
+            lambda graft: mg.edit(graft, mc.Use(3, ("secnd", 0, 9))),
             ValueError,
             "did you mean 'second'",
         ),
         (
-            lambda graft: mg.edit(graft, mg.Ban(3, group="uper")),
+            lambda graft: mg.edit(graft, mc.Ban(3, group="uper")),
             ValueError,
             "`group` of Ban must be .* got 'uper'; did you mean 'upper'",
         ),
-        (lambda graft: mg.edit(graft, mg.AvoidSelf()), TypeError, "edits must be Use, Ban or"),
-        (lambda graft: mg.edit(graft, mg.Use(3, 4, weight=1.0)), ValueError, "hard"),
-        (lambda graft: mg.edit(graft, mg.Use(3, 4), seed=-1), ValueError, "`seed`"),
+        (
+            lambda graft: mg.edit(graft, mc.AvoidSelf()),
+            TypeError,
+            "edits must be Use, Ban or",
+        ),
+        (lambda graft: mg.edit(graft, mc.Use(3, 4, weight=1.0)), ValueError, "hard"),
+        (lambda graft: mg.edit(graft, mc.Use(3, 4), seed=-1), ValueError, "`seed`"),
     ],
 )
 def test_replace_invalid_edit_raises(library, make, error, message):
@@ -363,19 +372,19 @@ def test_constraints_of_a_group_leave_other_groups_unchanged(several, number, do
     span = (free.substitutions[number].start, free.substitutions[number].stop)
     present = int(free.donors[group][number])
     for constraint in (
-        mg.Use(number, donor, group=group),
-        mg.Ban(number, present, group=group),
-        mg.KeepOriginal(frames=span, group=group),
+        mc.Use(number, donor, group=group),
+        mc.Ban(number, present, group=group),
+        mc.KeepOriginal(frames=span, group=group),
     ):
         graft = mg.graft(library, constraints=[constraint])
         for name, donors in graft.donors.items():
             if name != group:
                 np.testing.assert_array_equal(donors, free.donors[name])
-        assert not graft.violations or isinstance(constraint, mg.Ban)
+        assert not graft.violations or isinstance(constraint, mc.Ban)
     assert graft.donors[group][number] == graft.substitutions[number].segment
 
 
 def test_stream_refuses_constraint_of_a_group(library):
-    keep = mg.KeepOriginal(frames=(0, 9), group="upper")
+    keep = mc.KeepOriginal(frames=(0, 9), group="upper")
     with pytest.raises(ValueError, match="must apply to all groups, got KeepOriginal"):
         mg.Stream(library, constraints=[keep])

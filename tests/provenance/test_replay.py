@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
+import mograft.constraints as mc
 from mograft._util.registry import CONFIG_OPTIONS
 from mograft.dancer import dance
 from mograft.scenario import fill, follow
@@ -76,24 +77,24 @@ def target_of(library, frame=100):
 def constraints(library, folder):
     """Return constraints of all kinds, by name."""
     hand = target_of(library)
-    other = mg.Character(mg.read_bvh(folder / "b.bvh"), (80, 0, 0), yaw=1.0, delay=0.5)
+    other = mc.Character(mg.read_bvh(folder / "b.bvh"), (80, 0, 0), yaw=1.0, delay=0.5)
     return {
-        "use": [mg.Use(3, 20), mg.Ban(5), mg.Ban(6, "b")],
-        "keep": [mg.KeepOriginal(frames=(100, 200))],
-        "clips": [mg.OnlyFrom("b"), mg.NotFrom("b", (0, 50), weight=1.0)],
-        "limits": [mg.MaxStretch(0.1), mg.MaxAngle(0.5)],
-        "reach": [mg.Reach("LeftHand", hand, 100, 0.05)],
-        "unreachable": [mg.Reach("LeftHand", (900, 900, 900), 100)],
+        "use": [mc.Use(3, 20), mc.Ban(5), mc.Ban(6, "b")],
+        "keep": [mc.KeepOriginal(frames=(100, 200))],
+        "clips": [mc.OnlyFrom("b"), mc.NotFrom("b", (0, 50), weight=1.0)],
+        "limits": [mc.MaxStretch(0.1), mc.MaxAngle(0.5)],
+        "reach": [mc.Reach("LeftHand", hand, 100, 0.05)],
+        "unreachable": [mc.Reach("LeftHand", (900, 900, 900), 100)],
         "avoid": [
-            mg.Avoid(mg.Sphere(hand, 5.0)),
-            mg.Avoid(mg.Capsule((0, 0, 500), (0, 200, 500), 10.0), weight=1.0),
-            mg.AvoidSelf(frames=(0, 50)),
-            mg.KeepOut("LeftHand", mg.Box((0, 0, 500), (1, 1, 1))),
-            mg.Avoid(mg.HalfSpace((0, 0, 900), (0, 0, -1))),
-            mg.Face((0, 150, 900), weight=0.5),
+            mc.Avoid(mc.Sphere(hand, 5.0)),
+            mc.Avoid(mc.Capsule((0, 0, 500), (0, 200, 500), 10.0), weight=1.0),
+            mc.AvoidSelf(frames=(0, 50)),
+            mc.KeepOut("LeftHand", mc.Box((0, 0, 500), (1, 1, 1))),
+            mc.Avoid(mc.HalfSpace((0, 0, 900), (0, 0, -1))),
+            mc.Face((0, 150, 900), weight=0.5),
         ],
-        "character": [mg.Avoid(other)],
-        "custom": [mg.Custom(lambda poses: np.full(len(poses), 2.0), "never")],
+        "character": [mc.Avoid(other)],
+        "custom": [mc.Custom(lambda poses: np.full(len(poses), 2.0), "never")],
     }
 
 
@@ -186,8 +187,8 @@ def test_replay_of_scenario_is_identical(library, tmp_path, name):
 
 
 def test_replay_of_repair_is_identical(library, tmp_path):
-    sphere = mg.Sphere(target_of(library), 5.0)
-    check_replay(mg.repair(library, constraints=[mg.Avoid(sphere)]), tmp_path)
+    sphere = mc.Sphere(target_of(library), 5.0)
+    check_replay(mg.repair(library, constraints=[mc.Avoid(sphere)]), tmp_path)
 
 
 def test_replay_from_stored_library_needs_no_file(folder, tmp_path):
@@ -243,7 +244,7 @@ def test_provenance_lists_contributing_clips_only(folder, tmp_path):
         copies.append(tmp_path / f"other{number}.bvh")
         shutil.copy(folder / "b.bvh", copies[-1])
     library = mg.Library.build([folder / "a.bvh", *copies])
-    graft = mg.graft(library, constraints=[mg.OnlyFrom("other2")], seed=1)
+    graft = mg.graft(library, constraints=[mc.OnlyFrom("other2")], seed=1)
     clips = mg.graft_record(graft, tmp_path)["clips"]
     assert [clip["name"] for clip in clips] == ["a", "other2"]
     assert clips[1]["file"] == "other2.bvh"
@@ -423,9 +424,9 @@ def test_every_key_of_the_provenance_is_documented(library):
     text = (Path(__file__).parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
     section = text.partition("## Provenance of a graft")[2].partition("\n## ")[0]
     documented = set(re.findall(r"`([a-z_0-9]+)`", section))
-    reach = mg.Reach("LeftHand", (900, 900, 900), 5)
+    reach = mc.Reach("LeftHand", (900, 900, 900), 5)
     graft = mg.graft(library, constraints=[reach], scenario=[3, 4, 20, 5, 9], seed=1)
-    graft = mg.edit(graft, mg.Use(2, 30))
+    graft = mg.edit(graft, mc.Use(2, 30))
     document = mg.graft_record(graft)
     parts = [document, document["request"], document["library"], document["scenario"]]
     lists = ("clips", "substitutions", "edits", "seams", "violations", "reach_ik")

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
+import mograft.constraints as mc
 from mograft import Config, Segments
 from mograft.dancer import dance
 from mograft.search.candidates import count_combinations, list_candidates
@@ -271,22 +272,22 @@ def library():
 
 CONSTRAINTS = {
     "pose": [
-        mg.Avoid(mg.Sphere((30.0, 130.0, 40.0), 30.0)),
-        mg.Reach("LeftHand", (20.0, 120.0, 30.0), 200, weight=0.5),
-        mg.Face((0.0, 150.0, 500.0), weight=0.2, frames=(100, 300)),
+        mc.Avoid(mc.Sphere((30.0, 130.0, 40.0), 30.0)),
+        mc.Reach("LeftHand", (20.0, 120.0, 30.0), 200, weight=0.5),
+        mc.Face((0.0, 150.0, 500.0), weight=0.2, frames=(100, 300)),
     ],
     "several hard": [
-        mg.Avoid(mg.Sphere((30.0, 130.0, 40.0), 30.0)),
-        mg.KeepOut("RightHand", mg.HalfSpace((0.0, 120.0, 0.0), (0.0, 1.0, 0.0))),
-        mg.AvoidSelf(tolerance=0.001),
+        mc.Avoid(mc.Sphere((30.0, 130.0, 40.0), 30.0)),
+        mc.KeepOut("RightHand", mc.HalfSpace((0.0, 120.0, 0.0), (0.0, 1.0, 0.0))),
+        mc.AvoidSelf(tolerance=0.001),
     ],
     "origin": [
-        mg.OnlyFrom("second", weight=0.7),
-        mg.MaxStretch(0.08),
-        mg.NotFrom("second", clip_frames=(0, 90), frames=(50, 250)),
-        mg.KeepOriginal(frames=(300, 350)),
+        mc.OnlyFrom("second", weight=0.7),
+        mc.MaxStretch(0.08),
+        mc.NotFrom("second", clip_frames=(0, 90), frames=(50, 250)),
+        mc.KeepOriginal(frames=(300, 350)),
     ],
-    "seam": [mg.MaxAngle(0.15)],
+    "seam": [mc.MaxAngle(0.15)],
 }
 
 
@@ -313,7 +314,7 @@ def test_listed_cost_with_constraints_is_that_of_the_search(library, choice, kin
 
 
 def test_listed_candidates_with_a_seam_constraint_are_refused_by_its_limit(library):
-    found = [mg.candidates(library, i, "upper", [mg.MaxAngle(0.15)]) for i in range(0, 60, 5)]
+    found = [mg.candidates(library, i, "upper", [mc.MaxAngle(0.15)]) for i in range(0, 60, 5)]
     wide = [c for own in found for c in own.refused if "is above 8.6°" in c.refused]
     assert wide
     for candidate in wide:

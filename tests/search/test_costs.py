@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from mograft import Config, Reach
+from mograft import Config
+from mograft.constraints import Reach
 from mograft.search.costs import (
     INFEASIBLE_PENALTY,
     ConstraintViolations,

@@ -68,7 +68,9 @@ def test_root_trellis_costs_are_those_along_the_cheapest_path(
     root_library, make_problem, make_wall
 ):
     wall = make_wall(root_library)
-    problem = make_problem(root_library, [wall, mg.Face((0.0, 150.0, 500.0), weight=0.5)])
+    problem = make_problem(
+        root_library, [wall, mg.constraints.Face((0.0, 150.0, 500.0), weight=0.5)]
+    )
     trellis = build_trellis(problem, "lower", {})
     unconstrained = DonorTrellis.build(
         problem.pools["lower"], problem.scenario, trellis.candidates, problem.cost_models["lower"]

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 
 import mograft as mg
+import mograft.constraints as mc
 from mograft.dancer import dance
 from mograft.solve.donor_poses import candidate_poses
 from mograft.solve.donor_trellis import candidate_violations
@@ -41,11 +42,11 @@ def random_obstacle(rng, place, motion):
     direction = rng.normal(size=3)
     quat = rng.normal(size=4)
     return [
-        mg.Sphere(place, size),
-        mg.Capsule(place, tuple(place + 3.0 * size * direction), size),
-        mg.Box(place, (size, 2.0 * size, 1.0), tuple(quat / np.linalg.norm(quat))),
-        mg.HalfSpace(place, tuple(direction)),
-        mg.Character(motion[:90], offset=tuple(place * [1, 0, 1]), delay=float(rng.uniform(0, 3))),
+        mc.Sphere(place, size),
+        mc.Capsule(place, tuple(place + 3.0 * size * direction), size),
+        mc.Box(place, (size, 2.0 * size, 1.0), tuple(quat / np.linalg.norm(quat))),
+        mc.HalfSpace(place, tuple(direction)),
+        mc.Character(motion[:90], offset=tuple(place * [1, 0, 1]), delay=float(rng.uniform(0, 3))),
     ][int(rng.integers(5))]
 
 
@@ -61,11 +62,11 @@ def random_constraints(rng, motion):
         frames = None if rng.integers(2) else (int(rng.integers(200)), int(rng.integers(200, 499)))
         if rng.integers(4):
             margin = float(rng.uniform(-0.05, 0.1))
-            constraints.append(mg.Avoid(obstacle, margin=margin, weight=weight, frames=frames))
+            constraints.append(mc.Avoid(obstacle, margin=margin, weight=weight, frames=frames))
         else:
             joint = str(rng.choice(["Head", "LeftHand", "RightForeArm", "RightFoot"]))
             inside = bool(rng.integers(2))
-            own = mg.KeepOut(joint, obstacle, inside=inside, weight=weight, frames=frames)
+            own = mc.KeepOut(joint, obstacle, inside=inside, weight=weight, frames=frames)
             constraints.append(own)
     return constraints
 
@@ -140,12 +141,18 @@ def test_positions_out_of_reach_of_an_obstacle_are_not_evaluated(libraries, make
     away /= np.linalg.norm(away)
     place = hips[-1] + 100.0 * away
     constraint, distances = {
-        "Avoid": (mg.Avoid(mg.Sphere(place, 10.0)), np.linalg.norm(hips - place, axis=1) - 10.0),
+        "Avoid": (
+            mc.Avoid(mc.Sphere(place, 10.0)),
+            np.linalg.norm(hips - place, axis=1) - 10.0,
+        ),
         "KeepOut": (
-            mg.KeepOut("LeftHand", mg.Box(place, (1.0, 9.0, 9.0))),
+            mc.KeepOut("LeftHand", mc.Box(place, (1.0, 9.0, 9.0))),
             np.linalg.norm(hips - place, axis=1) - 13.0,
         ),
-        "wall": (mg.Avoid(mg.HalfSpace(place, tuple(-away))), (place - hips) @ away),
+        "wall": (
+            mc.Avoid(mc.HalfSpace(place, tuple(-away))),
+            (place - hips) @ away,
+        ),
     }[kind]
     problem = make_problem(libraries[0], [constraint], ["upper"])
     evaluated = find_evaluated_positions(problem, "upper", problem.base)
@@ -155,23 +162,23 @@ def test_positions_out_of_reach_of_an_obstacle_are_not_evaluated(libraries, make
     assert not evaluated[~is_near].any()
 
 
-class _Sphere(mg.Sphere):
+class _Sphere(mc.Sphere):
     """An obstacle that measures something else than a distance from capsules."""
 
 
-class _Avoid(mg.Avoid):
+class _Avoid(mc.Avoid):
     """A constraint that may measure something else than a distance from an obstacle."""
 
 
 @pytest.mark.parametrize(
     "constraint",
     [
-        mg.Avoid(_Sphere((9000.0, 0.0, 0.0), 1.0)),
-        _Avoid(mg.Sphere((9000.0, 0.0, 0.0), 1.0)),
-        mg.KeepOut("LeftHand", _Sphere((9000.0, 0.0, 0.0), 1.0)),
-        mg.KeepOut("LeftHand", mg.Sphere((9000.0, 0.0, 0.0), 1.0), inside=True),
-        mg.AvoidSelf(),
-        mg.Custom(lambda poses: poses.positions[:, 0, 1] * 0.0),
+        mc.Avoid(_Sphere((9000.0, 0.0, 0.0), 1.0)),
+        _Avoid(mc.Sphere((9000.0, 0.0, 0.0), 1.0)),
+        mc.KeepOut("LeftHand", _Sphere((9000.0, 0.0, 0.0), 1.0)),
+        mc.KeepOut("LeftHand", mc.Sphere((9000.0, 0.0, 0.0), 1.0), inside=True),
+        mc.AvoidSelf(),
+        mc.Custom(lambda poses: poses.positions[:, 0, 1] * 0.0),
     ],
 )
 def test_positions_of_constraints_without_a_bound_are_all_evaluated(

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mograft as mg
+import mograft.constraints as mc
 from mograft.dancer import dance
 from mograft.search.obstacles import Sphere
 from mograft.solve.kept_joints import find_kept_violations
@@ -28,7 +29,7 @@ def test_kept_violations_remain_in_every_graft(library, joint, frame, radius, se
     """Any donors leave them as they are; and all other violations are by exchanged joints."""
     clip = library.clips[0]
     _, positions = clip.world_transforms()
-    avoid = mg.Avoid(Sphere(tuple(positions[frame, clip.skeleton.index(joint)]), radius))
+    avoid = mc.Avoid(Sphere(tuple(positions[frame, clip.skeleton.index(joint)]), radius))
     kept = find_kept_violations(library, clip, ["upper"], [avoid])
     motion = mg.graft(library, seed=seed).motion
     again = find_kept_violations(library, motion, ["upper"], [avoid])
@@ -42,10 +43,10 @@ def test_kept_violations_remain_in_every_graft(library, joint, frame, radius, se
 def test_kept_violations_are_none_if_donors_hold_the_root(library):
     groups = mg.JointGroups(library.groups.groups, base="upper")
     other = mg.Library.build(library.clips[0], groups)
-    everywhere = mg.Avoid(Sphere((0.0, 0.0, 0.0), 9999.0))
+    everywhere = mc.Avoid(Sphere((0.0, 0.0, 0.0), 9999.0))
     assert find_kept_violations(other, library.clips[0], ["lower"], [everywhere]) == []
     assert find_kept_violations(library, library.clips[0], ["upper"], [everywhere]) != []
-    soft = mg.Avoid(Sphere((0.0, 0.0, 0.0), 9999.0), weight=1.0)
+    soft = mc.Avoid(Sphere((0.0, 0.0, 0.0), 9999.0), weight=1.0)
     assert find_kept_violations(library, library.clips[0], ["upper"], [soft]) == []
 
 
@@ -60,10 +61,10 @@ def test_repair_stops_if_only_kept_joints_violate(library, monkeypatch):
         return build(cls, library, *rest)
 
     monkeypatch.setattr(graft_module.GraftPlan, "build", classmethod(record))
-    new = mg.repair(library, constraints=[mg.Avoid(Sphere(tuple(foot), 5.0))])
+    new = mg.repair(library, constraints=[mc.Avoid(Sphere(tuple(foot), 5.0))])
     assert new.violations
     assert len(scales) == 1
     # A target that no donor reaches is tried with larger clusters.
-    mg.repair(library, constraints=[mg.Reach("LeftHand", (0.0, 9999.0, 0.0), 200)], widest=1.1)
+    mg.repair(library, constraints=[mc.Reach("LeftHand", (0.0, 9999.0, 0.0), 200)], widest=1.1)
     assert len(scales) == 3
     assert np.allclose(np.diff(scales[1:]), 0.25)

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
+import mograft.constraints as mc
 from mograft.dancer import dance
 from tests.strategies import few_examples
 
@@ -46,7 +47,7 @@ def aside(library, distance, joint=HAND, frame=FRAME):
 def test_graft_reach_is_violated_only_beyond_its_tolerance_after_completion(
     library, distance, tolerance
 ):
-    reach = mg.Reach(HAND, aside(library, distance), FRAME, tolerance)
+    reach = mc.Reach(HAND, aside(library, distance), FRAME, tolerance)
     graft = mg.graft(library, constraints=[reach], seed=3)
     height = mg.Poses.from_motion(graft.base).height
     error = np.linalg.norm(position(graft.motion) - reach.target) / height
@@ -59,7 +60,7 @@ def test_graft_reach_is_violated_only_beyond_its_tolerance_after_completion(
 
 
 def test_graft_reach_ik_changes_only_the_arm_near_the_frame(library):
-    reach = mg.Reach(HAND, aside(library, 0.05), FRAME, 0.2)
+    reach = mc.Reach(HAND, aside(library, 0.05), FRAME, 0.2)
     without = mg.graft(with_config(library, reach_ik=0.0), constraints=[reach], seed=3)
     graft = mg.graft(library, constraints=[reach], seed=3)
     assert without.reach_completions == ()
@@ -74,7 +75,7 @@ def test_graft_reach_ik_changes_only_the_arm_near_the_frame(library):
 
 @pytest.mark.parametrize("joint", ["LeftHand", "LeftFoot"])
 def test_graft_kept_groups_are_never_moved(library, joint):
-    reach = mg.Reach(joint, aside(library, 0.05, joint), FRAME)
+    reach = mc.Reach(joint, aside(library, 0.05, joint), FRAME)
     graft = mg.graft(library, constraints=[reach], swap=["torso", "rarm"], seed=3)
     (completion,) = graft.reach_completions
     assert completion.reason == "the limb is not exchanged"
@@ -85,19 +86,19 @@ def test_graft_kept_groups_are_never_moved(library, joint):
 
 
 def test_graft_keep_original_leaves_the_limb_alone(library):
-    keep = mg.KeepOriginal(frames=(FRAME - 5, FRAME + 5))
+    keep = mc.KeepOriginal(frames=(FRAME - 5, FRAME + 5))
     target = tuple(position(library.clips[0]) + np.array([0.0, 5.0, 0.0]))
-    graft = mg.graft(library, constraints=[keep, mg.Reach(HAND, target, FRAME)], seed=3)
+    graft = mg.graft(library, constraints=[keep, mc.Reach(HAND, target, FRAME)], seed=3)
     (completion,) = graft.reach_completions
     assert completion.reason == "KeepOriginal keeps these frames"
-    assert not any(isinstance(own.constraint, mg.KeepOriginal) for own in graft.violations)
+    assert not any(isinstance(own.constraint, mc.KeepOriginal) for own in graft.violations)
 
 
 def test_graft_completion_that_breaks_another_constraint_is_not_made(library):
     target = aside(library, 0.05)
-    reach = mg.Reach(HAND, target, FRAME, 0.2)
+    reach = mc.Reach(HAND, target, FRAME, 0.2)
     height = mg.Poses.from_motion(library.clips[0]).height
-    ball = mg.KeepOut(HAND, mg.Sphere(target, 0.02 * height), frames=(FRAME, FRAME))
+    ball = mc.KeepOut(HAND, mc.Sphere(target, 0.02 * height), frames=(FRAME, FRAME))
     graft = mg.graft(library, constraints=[reach, ball], seed=3)
     (completion,) = graft.reach_completions
     assert (completion.reason, graft.violations) == ("KeepOut would be violated", ())
@@ -108,7 +109,11 @@ def test_graft_completion_that_breaks_another_constraint_is_not_made(library):
 
 def test_graft_completion_is_reported_and_replayed(library):
     near, far = aside(library, 0.05), aside(library, 0.3, "RightHand", 300)
-    constraints = [mg.MaxAngle(0.7), mg.Reach("RightHand", far, 300), mg.Reach(HAND, near, FRAME)]
+    constraints = [
+        mc.MaxAngle(0.7),
+        mc.Reach("RightHand", far, 300),
+        mc.Reach(HAND, near, FRAME),
+    ]
     graft = mg.graft(library, constraints=constraints, seed=3)
     left, moved = graft.reach_completions
     assert (left.is_moved, moved.is_moved) == (False, True)
@@ -127,9 +132,9 @@ def test_graft_completion_is_reported_and_replayed(library):
 
 def test_graft_both_hands_and_a_later_frame_are_completed_and_replayed(library):
     constraints = [
-        mg.Reach(HAND, aside(library, 0.05), FRAME),
-        mg.Reach("RightHand", aside(library, 0.04, "RightHand"), FRAME),
-        mg.Reach(HAND, aside(library, 0.05, frame=FRAME + 7), FRAME + 7),
+        mc.Reach(HAND, aside(library, 0.05), FRAME),
+        mc.Reach("RightHand", aside(library, 0.04, "RightHand"), FRAME),
+        mc.Reach(HAND, aside(library, 0.05, frame=FRAME + 7), FRAME + 7),
     ]
     graft = mg.graft(library, constraints=constraints, seed=3)
     for reach, completion in zip(constraints, graft.reach_completions, strict=True):
@@ -142,9 +147,12 @@ def test_graft_both_hands_and_a_later_frame_are_completed_and_replayed(library):
 
 def test_graft_edited_reach_is_completed_and_replayed(library):
     near, far = aside(library, 0.05), aside(library, 0.3, "RightHand", 300)
-    constraints = [mg.Reach("RightHand", far, 300), mg.Reach(HAND, near, FRAME)]
+    constraints = [
+        mc.Reach("RightHand", far, 300),
+        mc.Reach(HAND, near, FRAME),
+    ]
     graft = mg.graft(library, constraints=constraints, seed=3)
-    kept = mg.edit(graft, mg.KeepOriginal(frames=(FRAME - 5, FRAME + 5)))
+    kept = mg.edit(graft, mc.KeepOriginal(frames=(FRAME - 5, FRAME + 5)))
     assert [own.is_moved for own in kept.reach_completions] == [False, False]
     assert kept.reach_completions[1].reason == "KeepOriginal keeps these frames"
     segments = graft.substitutions
@@ -159,7 +167,7 @@ def test_graft_edited_reach_is_completed_and_replayed(library):
 
 
 def test_replay_document_without_completions_makes_none(library):
-    reach = mg.Reach(HAND, aside(library, 0.05), FRAME)
+    reach = mc.Reach(HAND, aside(library, 0.05), FRAME)
     graft = mg.graft(with_config(library, reach_ik=0.0), constraints=[reach], seed=3)
     document = mg.graft_record(graft)
     # As versions before `Config.reach_ik` wrote it.
@@ -169,8 +177,8 @@ def test_replay_document_without_completions_makes_none(library):
 
 
 def test_replay_completion_of_another_constraint_raises_provenance_error(library):
-    reach = mg.Reach(HAND, aside(library, 0.05), FRAME)
-    document = mg.graft_record(mg.graft(library, constraints=[mg.MaxAngle(0.7), reach], seed=3))
+    reach = mc.Reach(HAND, aside(library, 0.05), FRAME)
+    document = mg.graft_record(mg.graft(library, constraints=[mc.MaxAngle(0.7), reach], seed=3))
     document["reach_ik"][0]["number"] = 0
     with pytest.raises(mg.ProvenanceError, match="Reach"):
         mg.replay(document, library)
@@ -183,9 +191,9 @@ def test_config_paper_disables_reach_ik():
 
 
 def test_graft_reach_of_weight_zero_and_derived_class_is_not_completed(library):
-    class Wish(mg.Reach):
+    class Wish(mc.Reach):
         pass
 
     target = aside(library, 0.05)
-    for reach in (mg.Reach(HAND, target, FRAME, weight=0.0), Wish(HAND, target, FRAME)):
+    for reach in (mc.Reach(HAND, target, FRAME, weight=0.0), Wish(HAND, target, FRAME)):
         assert mg.graft(library, constraints=[reach], seed=3).reach_completions == ()

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 
 import mograft as mg
+import mograft.constraints as mc
 from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
 from mograft.solve.assembly import assemble, donor_excess, donor_excesses, pose_excess
 from mograft.solve.donor_poses import candidate_poses
@@ -20,7 +21,7 @@ HAND, HIPS = "LeftHand", "Hips"
 
 def distant_wall():
     """Return a constraint that every pose violates, by the distance of the hips along x."""
-    return mg.KeepOut(HIPS, mg.HalfSpace((900.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
+    return mc.KeepOut(HIPS, mc.HalfSpace((900.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
 
 
 def random_sequence(candidates, rng):
@@ -43,7 +44,7 @@ def test_rank_substitutions_predicted_violation_matches_each_moved_motion(
     root_library, make_problem, seed
 ):
     rng, root = np.random.default_rng(seed), root_library.root
-    constraints = [distant_wall(), mg.Reach(HAND, (0.0, 900.0, 0.0), 400)]
+    constraints = [distant_wall(), mc.Reach(HAND, (0.0, 900.0, 0.0), 400)]
     problem = make_problem(root_library, constraints)
     segments = problem.base_segments
     trellis = build_trellis(problem, "lower", {})
@@ -102,7 +103,7 @@ def test_tabu_search_never_increases_the_violation(root_library, make_problem, m
             np.testing.assert_array_equal(found["lower"], donors["lower"])
         n_changed += (found["lower"] != donors["lower"]).any()
     assert n_changed
-    satisfied = replace(problem, constraints=(mg.Avoid(mg.Sphere((0.0, 9000.0, 0.0), 5.0)),))
+    satisfied = replace(problem, constraints=(mc.Avoid(mc.Sphere((0.0, 9000.0, 0.0), 5.0)),))
     found = tabu_search(satisfied, donors, trellises, keep_motion)
     np.testing.assert_array_equal(found["lower"], donors["lower"])
 
@@ -112,7 +113,7 @@ def test_tabu_search_unreachable_target_returns_the_best_evaluated_sequence(
 ):
     problem = make_problem(root_library, [make_wall(root_library)])
     trellises = {"lower": build_trellis(problem, "lower", {})}
-    unreachable = replace(problem, constraints=(mg.Reach(HIPS, (500.0, 900.0, 0.0), 500),))
+    unreachable = replace(problem, constraints=(mc.Reach(HIPS, (500.0, 900.0, 0.0), 500),))
     seen = []
 
     def record(motion, donors):
@@ -168,7 +169,7 @@ def test_graft_reaches_targets_of_other_donor_sequences(root_library, make_probl
         motion = assemble(problem, random_sequence(problem.candidates["lower"], rng))
         frame = int(rng.integers(100, motion.n_frames))
         target = tuple(motion.world_positions()[frame, joint])
-        graft = mg.graft(root_library, constraints=[mg.Reach(name, target, frame)])
+        graft = mg.graft(root_library, constraints=[mc.Reach(name, target, frame)])
         distance = np.linalg.norm(graft.motion.world_positions()[frame, joint] - target)
         is_reached = distance <= 0.03 * problem.base_poses.height
         assert is_reached == (not graft.violations)

@@ -10,6 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import mograft as mg
+import mograft.constraints as mc
 from mograft.body.anatomy import feature_joints
 from mograft.body.contacts import Ground
 from mograft.body.faults import find_faults
@@ -296,7 +297,7 @@ def test_self_repair_that_increases_the_greatest_amount_of_another_group_is_reje
 @pytest.mark.parametrize("first_error", [0.0, 3.0])
 def test_self_repair_window_that_violates_a_constraint_more_keeps_its_donors(library, first_error):
     """A smaller violation of another constraint does not compensate."""
-    constraints = (mg.MaxAngle(1.0), mg.MaxAngle(2.0))
+    constraints = (mc.MaxAngle(1.0), mc.MaxAngle(2.0))
     plan, first = build_plan(with_config(library, choice="sample"), 1, constraints)
     free, windows = self_repair(first, lambda: plan.trellises, lambda _: [])
     positions = np.flatnonzero(free.donors["upper"] != first.donors["upper"])
@@ -306,7 +307,7 @@ def test_self_repair_window_that_violates_a_constraint_more_keeps_its_donors(lib
         is_first = (assembly.donors["upper"] == first.donors["upper"])[positions[0]]
         errors = (9.0, first_error) if is_first else (2.0, 4.0)
         return [
-            mg.Violation(own, (frame, frame), frame, error, "", "")
+            mc.Violation(own, (frame, frame), frame, error, "", "")
             for own, error in zip(constraints, errors, strict=True)
             if error
         ]
@@ -327,7 +328,7 @@ def test_self_repair_keeps_hard_constraints(library):
     target = tuple(library.clips[0].world_positions()[300, hand])
     for seed in range(3):
         before, after = graft_pair(
-            library, seed=seed, constraints=[mg.Reach("LeftHand", target, 300)]
+            library, seed=seed, constraints=[mc.Reach("LeftHand", target, 300)]
         )
         assert len(after.violations) <= len(before.violations)
 

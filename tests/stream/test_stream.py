@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mograft as mg
+import mograft.constraints as mc
 from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.dancer import dance
 from mograft.motion import rotations
@@ -61,7 +62,7 @@ def assert_identical(a, b):
 def ball_at_hand(base, frame=100):
     """Return a constraint that the base violates in a frame."""
     center = base.world_positions()[frame, base.skeleton.index(HAND)] + np.array([0.0, 6.0, 0.0])
-    return mg.Avoid(mg.Sphere(tuple(center), 8.0))
+    return mc.Avoid(mc.Sphere(tuple(center), 8.0))
 
 
 # Committed pieces
@@ -135,7 +136,7 @@ def test_stream_equal_seeds_give_identical_motions_and_other_seeds_other_donors(
 
 
 def test_stream_all_donors_excluded_returns_the_base(library, base):
-    pieces = stream_pieces(library, base, (9,), constraints=[mg.NotFrom("*")])
+    pieces = stream_pieces(library, base, (9,), constraints=[mc.NotFrom("*")])
     motion = mg.join_pieces(pieces)
     assert_identical(motion, base)
     np.testing.assert_array_equal(motion.channel_numbers(), base.channel_numbers())
@@ -190,7 +191,7 @@ def test_stream_several_groups_with_pose_constraints_violates_fewer_frames_than_
     library, base
 ):
     several = mg.Library.build(list(library.clips), "lower_torso_larm_rarm", library.config)
-    constraints = [ball_at_hand(base), mg.AvoidSelf()]
+    constraints = [ball_at_hand(base), mc.AvoidSelf()]
     pieces = stream_pieces(several, base, (11,), constraints=constraints)
     expected = stream_pieces(several, base, constraints=constraints)
     assert_identical(mg.join_pieces(pieces), mg.join_pieces(expected))
@@ -265,7 +266,7 @@ def test_stream_seams_equal_those_of_transplanted_segment_pairs(library, base, s
 def test_stream_pieces_with_pose_constraints_have_the_seam_treatment_inertial(
     library, base, choice
 ):
-    far = mg.Avoid(mg.Sphere((1e5, 0.0, 0.0), 1.0))
+    far = mc.Avoid(mc.Sphere((1e5, 0.0, 0.0), 1.0))
     gradient, inertial = (
         stream_pieces(with_choice(library, choice, seam=seam), base, constraints=[far])
         for seam in ("gradient", "inertial")
@@ -378,7 +379,7 @@ def test_stream_constraint_that_all_candidates_satisfy_changes_nothing(
 ):
     """With a pose constraint all candidates are placed, without one only the chosen donor."""
     configured = with_choice(library, choice, seam=seam)
-    far = mg.Avoid(mg.Sphere((1e5, 0.0, 0.0), 1.0))
+    far = mc.Avoid(mc.Sphere((1e5, 0.0, 0.0), 1.0))
     expected = stream_pieces(configured, base, horizon=horizon)
     pieces = stream_pieces(configured, base, horizon=horizon, constraints=[far])
     assert list_donors(pieces) == list_donors(expected)
@@ -391,9 +392,9 @@ def test_stream_changed_constraints_apply_to_segments_that_are_not_committed(lib
     stream = mg.Stream(library, horizon=2)
     stream.push(base)
     unconstrained = [stream.advance() for _ in range(10)]
-    stream.constraints = [mg.OnlyFrom("clip1")]
+    stream.constraints = [mc.OnlyFrom("clip1")]
     from_one_clip = [stream.advance() for _ in range(5)]
-    stream.constraints = [mg.KeepOriginal()]
+    stream.constraints = [mc.KeepOriginal()]
     kept = stream.pieces()
     stream.close()
     kept += stream.pieces()
@@ -412,7 +413,7 @@ def test_stream_max_angle_set_after_a_donor_lists_the_violated_seam(library, bas
     while stream.advance().substitutions[0].is_own:
         pass
     # The seam from the committed donor to the base cannot satisfy the limit.
-    stream.constraints = [mg.MaxAngle(limit), mg.KeepOriginal()]
+    stream.constraints = [mc.MaxAngle(limit), mc.KeepOriginal()]
     pieces = stream.pieces()
     for piece in pieces:
         wide = [s for s in piece.substitutions if s.gap_before > limit]
@@ -431,15 +432,15 @@ def test_stream_target_before_the_first_free_frame_raises_error_that_names_it(
 ):
     stream = mg.Stream(library, horizon=horizon)
     stream.push(base[:200])
-    old = mg.Reach(HAND, (0.0, 0.0, 0.0), 3)
+    old = mc.Reach(HAND, (0.0, 0.0, 0.0), 3)
     stream.constraints = [old]
     pieces = stream.pieces()
     free = stream.first_free_frame
     assert free == (pieces[-1].stop + 1 if pieces else 0)
-    target, last = mg.Reach(HAND, (0.0, 0.0, 0.0), frame, tolerance=0.5), frame
+    target, last = mc.Reach(HAND, (0.0, 0.0, 0.0), frame, tolerance=0.5), frame
     if has_span:
         last = frame + length
-        target = mg.Face((0.0, 0.0, 0.0), frames=(frame, last))
+        target = mc.Face((0.0, 0.0, 0.0), frames=(frame, last))
     if last >= free:
         stream.constraints = [old, target]
         return
@@ -532,7 +533,7 @@ def test_stream_excluded_clips_are_not_read(library, base):
             return library.clips[index]
 
     recorded = replace(library, clips=Clips())
-    pieces = stream_pieces(recorded, base, constraints=[mg.OnlyFrom("clip1")])
+    pieces = stream_pieces(recorded, base, constraints=[mc.OnlyFrom("clip1")])
     assert any(not s.is_own for p in pieces for s in p.substitutions)
     assert read == {1}
 
@@ -567,9 +568,17 @@ def test_stream_long_base_holds_limited_frames(library):
             TypeError,
             "`constraints` must contain only constraints, got 'n",
         ),
-        ({"constraints": [mg.NotFrom("waltz")]}, ValueError, "must match at least one of clip0, "),
-        ({"constraints": [mg.Ban(3)]}, ValueError, "of a stream must not contain Ban"),
-        ({"constraints": [mg.Reach("Wing", (0, 0, 0), 5)]}, ValueError, "no joint is named 'Wing'"),
+        (
+            {"constraints": [mc.NotFrom("waltz")]},
+            ValueError,
+            "must match at least one of clip0, ",
+        ),
+        ({"constraints": [mc.Ban(3)]}, ValueError, "of a stream must not contain Ban"),
+        (
+            {"constraints": [mc.Reach("Wing", (0, 0, 0), 5)]},
+            ValueError,
+            "no joint is named 'Wing'",
+        ),
     ],
 )
 def test_stream_invalid_argument_raises_error_that_names_it(library, options, error, message):

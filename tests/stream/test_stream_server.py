@@ -17,6 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mograft as mg
+import mograft.constraints as mc
 from mograft.stream.protocol import MAX_BODY_BYTES, MAX_HEADER_BYTES
 from mograft.stream.server import ServerLimits, StreamServer, is_loopback
 from mograft.stream.session import StreamSession
@@ -136,7 +137,10 @@ def test_socket_constraints_apply_as_in_a_stream(server, two_dances, short_base)
     center = [float(value) for value in hand + np.array([0.0, 6.0, 0.0])]
     ball = {"kind": "Sphere", "center": center, "radius": 8.0}
     records = [{"kind": "Avoid", "obstacle": ball}, {"kind": "OnlyFrom", "clips": ["clip1"]}]
-    constraints = [mg.Avoid(mg.Sphere(tuple(center), 8.0)), mg.OnlyFrom("clip1")]
+    constraints = [
+        mc.Avoid(mc.Sphere(tuple(center), 8.0)),
+        mc.OnlyFrom("clip1"),
+    ]
     rotations, positions = short_base.rotations, short_base.positions
     with connect(server) as client:
         client.request({**HELLO, "dtype": "float64"})

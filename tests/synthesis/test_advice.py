@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mograft import Config, KeepOriginal, Library, advise, graft, graft_many
+from mograft import Config, Library, advise, graft, graft_many
+from mograft.constraints import KeepOriginal
 from mograft.dancer import dance
 from mograft.solve.self_repair import RepairedWindow
 

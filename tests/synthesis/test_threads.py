@@ -49,7 +49,7 @@ def graft_plainly(seed, library):
 
 
 def graft_with_constraint(seed, library):
-    return bytes_of(mg.graft(library, seed=seed, constraints=[mg.MaxStretch(1.3)]))
+    return bytes_of(mg.graft(library, seed=seed, constraints=[mg.constraints.MaxStretch(1.3)]))
 
 
 def graft_scenario(seed, library):

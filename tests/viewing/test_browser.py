@@ -11,24 +11,9 @@ import pytest
 
 import mograft
 import mograft as mg
-from mograft import (
-    Avoid,
-    Box,
-    Capsule,
-    Character,
-    Face,
-    HalfSpace,
-    JointGroups,
-    Library,
-    Reach,
-    Sphere,
-    graft,
-    graft_many,
-    replay,
-    view,
-    write_bvh,
-)
+from mograft import JointGroups, Library, graft, graft_many, replay, view, write_bvh
 from mograft.cli import main
+from mograft.constraints import Avoid, Box, Capsule, Character, Face, HalfSpace, Reach, Sphere
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.viewing.objects import ShownConstraint

@@ -270,7 +270,7 @@ def test_plot_command_wrong_usage_returns_2(arguments, capsys):
 
 
 def test_import_without_matplotlib_succeeds():
-    code = "import sys, mograft, mograft.plot, mograft.cli; print('matplotlib' in sys.modules)"
+    code = "import sys, mograft.viewing.plot, mograft.cli; print('matplotlib' in sys.modules)"
     completed = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mograft import Library, Reach, Sphere, graft, read_bvh, view, write_bvh, write_graft
+from mograft import Library, graft, read_bvh, view, write_bvh, write_graft
 from mograft.cli import main
+from mograft.constraints import Reach, Sphere
 from mograft.dancer import dance
 from mograft.search.pose_constraints import Avoid
 from mograft.viewing.page import Page

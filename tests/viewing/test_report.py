@@ -8,19 +8,10 @@ import numpy as np
 import pytest
 
 import mograft as mg
-from mograft import (
-    Config,
-    Library,
-    Motion,
-    OnlyFrom,
-    Skeleton,
-    graft,
-    graft_many,
-    read_bvh,
-    write_bvh,
-)
+from mograft import Config, Library, Motion, Skeleton, graft, graft_many, read_bvh, write_bvh
 from mograft.body.mass import center_of_mass, mass_model
 from mograft.cli import main
+from mograft.constraints import OnlyFrom
 from mograft.dancer import dance
 from mograft.viewing.report import report_page
 from tests.browser import chromium, open_page

@@ -13,20 +13,10 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft import (
-    Avoid,
-    AvoidSelf,
-    Box,
-    Capsule,
-    Character,
     EndSite,
-    Face,
-    HalfSpace,
     JointGroups,
-    KeepOut,
     Motion,
-    Reach,
     Skeleton,
-    Sphere,
     graft,
     graft_many,
     kinetic_energy,
@@ -35,6 +25,18 @@ from mograft import (
     write_bvh,
 )
 from mograft.cli import main
+from mograft.constraints import (
+    Avoid,
+    AvoidSelf,
+    Box,
+    Capsule,
+    Character,
+    Face,
+    HalfSpace,
+    KeepOut,
+    Reach,
+    Sphere,
+)
 from mograft.motion import rotations
 from mograft.viewing.encoding import encode_scene, quantize
 from mograft.viewing.geometry import DrawnSkeleton

@@ -76,7 +76,7 @@ def edit(
     >>> import mograft as mg
     >>> from mograft.dancer import dance
     >>> new = mg.graft(mg.Library.build(dance(strides=1).motion), seed=7)
-    >>> edited = mg.edit(new, mg.KeepOriginal(frames=(60, 90)), reroll=[40])
+    >>> edited = mg.edit(new, mg.constraints.KeepOriginal(frames=(60, 90)), reroll=[40])
     >>> (edited.motion.rotations[400:] == new.motion.rotations[400:]).all()
     np.True_
     """

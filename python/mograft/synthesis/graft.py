@@ -74,7 +74,7 @@ def graft(
         library is segmented and embedded with the library's parameters. Default: the first
         clip.
     constraints : sequence of Constraint, optional
-        Hard and soft constraints: see `mograft.search.constraints`.
+        Hard and soft constraints: see `mograft.constraints`.
     swap : sequence of str, optional
         The joint groups to replace. Default: all but the base group.
     seed : int

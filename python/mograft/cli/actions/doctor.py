@@ -22,7 +22,7 @@ _USES_OF_PACKAGES = {
     "mograft-fbx": "FBX files",
     "pyarrow": "mograft lib export --parquet",
     "shtab": "mograft completion",
-    "pybvh": "mograft.to_pybvh, mograft.from_pybvh",
+    "pybvh": "mograft.formats.to_pybvh, mograft.formats.from_pybvh",
     "scikit-learn": "mograft evaluate",
     "scipy": "mograft evaluate",
 }

@@ -77,7 +77,7 @@ function commands({ clip: figure, row }, part, clip, from, to) {
   if (figure.command === null) {
     const group = isGroup ? `, group=${JSON.stringify(row.group)}` : "";
     const edit = `(${part}, (${JSON.stringify(clip)}, ${from}, ${to})${group})`;
-    return { take: `mg.Use${edit}`, ban: `mg.Ban${edit}` };
+    return { take: `mg.constraints.Use${edit}`, ban: `mg.constraints.Ban${edit}` };
   }
   const edit = quote(`${isGroup ? `${row.group}:` : ""}${part}=${clip}:${from}-${to}`);
   return { take: `${figure.command} --take ${edit}`, ban: `${figure.command} --ban ${edit}` };
