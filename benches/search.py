@@ -29,7 +29,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import mograft as mg
 import mograft.constraints as mc
 from benches._common import run, tiny_motion
-from benches.feet import upper_body_library
 from mograft import _core
 from mograft.body.capsules import clearance
 from mograft.dancer import dance
@@ -45,6 +44,13 @@ from tests.oracles import search as search_oracle
 
 CONFIG = mg.Config()
 HANDS = ("LeftHand", "Hand_L", "LeftWrist", "lHand")
+
+
+def upper_body_library(motion):
+    """A library whose base group is the upper body."""
+    parts = mg.JointGroups.preset("lower_upper", motion.skeleton).resolve(motion.skeleton)
+    members = {group: [int(joint) for joint in joints] for group, joints in parts.items()}
+    return mg.Library.build(motion, mg.JointGroups(members, base="upper"))
 
 
 def median_seconds(function, repeats):

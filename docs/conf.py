@@ -6,7 +6,6 @@ the API from the code.
 
 import importlib
 import inspect
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
@@ -25,9 +24,6 @@ from mograft.stream.stream import join_pieces
 from mograft.viewing import plot
 
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE.parent / "benches"))
-from collision import Trial  # noqa: E402 - the experiment is a script beside the package
-
 MADE = HERE / "_made"
 
 project = "mograft"
@@ -73,12 +69,6 @@ def make_pictures() -> None:
     for name, draw in drawings.items():
         draw().get_figure(root=True).savefig(MADE / f"{name}.png", dpi=110)
         pyplot.close("all")
-    # With `-t tiny`, as in the tests, a short clip is enough.
-    is_tiny = tags.has("tiny")  # noqa: F821 - from Sphinx
-    clip = dance(seed=1, strides=1).motion[:150] if is_tiny else dance(seed=3, strides=1).motion
-    collides = Trial.run(clip, step=3 if is_tiny else 1)
-    assert collides is not None
-    collides.draw(MADE / "collision.png")
     mg.view(new, title="A graft", show=False).save(MADE / "pages" / "graft.html", force=True)
     mg.report_page([new]).save(MADE / "pages" / "report.html", force=True)
 
@@ -106,7 +96,6 @@ GALLERY = {
     "groups": ("Linkage tree of the joints, and the discovered groups", "plot.groups(discovery)"),
     "minute": ("A base of a minute from a random walk", "mg.graft(library, scenario=walk(...))"),
     "live": ("Graft of a stream that receives ten frames at a time", "mg.Stream(library)"),
-    "collision": ("Colliding arms, and the same frames after repair", "mg.repair(graft)"),
     "threshold": ("Error of exchanged parts by the scale of clusters", "plot.threshold(library)"),
 }
 """Title and code of each picture, in the order of the gallery."""

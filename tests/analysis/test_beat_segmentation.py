@@ -8,16 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
+from lab.studies.behaviours import metronome
 from mograft import Motion
 from mograft.analysis.segmentations import beats
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.analysis.behaviours import behaviours
-from tests.project.test_benches import import_bench
 from tests.strategies import SEEDS, few_examples, quaternions, star_skeleton
 
 DEFAULT = beats.BeatParameters()
-metronome = import_bench("behaviours").metronome
 
 
 @few_examples(25)

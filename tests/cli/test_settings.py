@@ -126,15 +126,12 @@ def test_settings_groups_path_is_relative_to_config_file(run, clip, working_fold
     assert groups == {"torso", "arms"}
 
 
-def test_settings_skeleton_and_labels_paths_are_relative_to_config_file(
-    run, working_folder, monkeypatch
-):
-    Path(CONFIG_FILE).write_text('skeleton = "rest.json"\n[evaluate]\nlabels = "labels.csv"\n')
+def test_settings_skeleton_path_is_relative_to_config_file(run, working_folder, monkeypatch):
+    Path(CONFIG_FILE).write_text('skeleton = "rest.json"\n')
     (working_folder / "below").mkdir()
     monkeypatch.chdir(working_folder / "below")
-    for command, name in (("info", "rest.json"), ("evaluate", "labels.csv")):
-        _, out, _ = run("config", "show", command)
-        assert f'= "{working_folder / name}"' in out
+    _, out, _ = run("config", "show", "info")
+    assert f'= "{working_folder / "rest.json"}"' in out
 
 
 def test_settings_unused_option_is_not_refused(run, usage_error, clip):

@@ -91,7 +91,7 @@ def test_main_number_out_of_range_names_option_and_range(capsys, command, option
             "view {} --groups wings",
             "--groups must be a TOML file, auto, auto:N or one of lower_upper",
         ),
-        ("evaluate {} enrichmen", "expected a file or one of enrichment, balance, naturalness"),
+        ("evaluate {} balanc", "expected a file or one of quality, world, detectability, balance"),
     ],
 )
 def test_main_option_without_effect_is_usage_error(capsys, folder, tmp_path, words, message):

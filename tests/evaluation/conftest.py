@@ -4,15 +4,8 @@ import pytest
 
 from mograft import Library
 from mograft.dancer import dance
-from mograft.evaluation import Analogy, ByCost, ContactPattern, Random, classifier, evaluate
-
-
-@pytest.fixture(autouse=True, scope="package")
-def small_parameter_grid():
-    """Replace the parameter grid, whose search takes most of the time."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(classifier, "PARAMETER_GRID", {"C": (10.0,), "gamma": (0.03,)})
-        yield
+from mograft.evaluation import RandomLength, evaluate
+from tests.evaluation.planted import ByCost
 
 
 @pytest.fixture(scope="package")
@@ -35,7 +28,7 @@ def small_library():
 
 @pytest.fixture(scope="package")
 def evaluation(small_library):
-    """Return an evaluation of all topics with four methods."""
+    """Return an evaluation of all topics with two methods."""
     pytest.importorskip("sklearn", reason="scikit-learn is not installed")
-    methods = (Random(), ContactPattern(), Analogy(), ByCost())
+    methods = (RandomLength(), ByCost())
     return evaluate(small_library, methods=methods, runs=2, bases=1, seed=1)

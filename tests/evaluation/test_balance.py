@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from mograft import InsufficientDataError, Motion, Segments, Skeleton, segment
+from mograft import InsufficientDataError, Motion, Segments, Skeleton, rotations, segment
 from mograft.body.mass import center_of_mass, mass_model
 from mograft.body.support_polygon import signed_distance, support_polygons
 from mograft.dancer import dance
@@ -20,7 +20,6 @@ from mograft.evaluation.balance import (
     dynamic_balance,
     static_balance,
 )
-from mograft.motion import rotations
 from tests.hierarchies import recording
 from tests.strategies import SEEDS, transform_motion
 

@@ -10,13 +10,12 @@ from hypothesis import strategies as st
 
 from mograft import InsufficientDataError, Library, graft
 from mograft.dancer import dance
-from mograft.evaluation import two_sample
-from mograft.evaluation.baselines import Captured, RandomLength, grafts_by
+from mograft.evaluation import RandomLength, grafts_by, two_sample
 from mograft.evaluation.body_tracks import landmarks
 from mograft.evaluation.detectability import detectability, pair_other_moments
-from mograft.evaluation.two_sample import weighted_auc
+from mograft.evaluation.two_sample import assign_folds, weighted_auc
 from mograft.evaluation.windows import GraftWindows
-from tests.evaluation.planted import add_jitter, copy_base
+from tests.evaluation.planted import Captured, add_jitter, copy_base
 from tests.strategies import SEEDS
 
 metrics = pytest.importorskip("sklearn.metrics", reason="scikit-learn is not installed")
@@ -197,3 +196,16 @@ def test_detectability_scenario_base_raises_value_error(grafts):
     walk = graft(grafts[0][0].library, scenario=[0, 1])
     with pytest.raises(ValueError, match="`grafts` must have clips of the library as bases"):
         detectability("x", [[walk]])
+
+
+@given(st.lists(st.integers(1, 30), min_size=1, max_size=30), st.integers(1, 6), SEEDS)
+def test_assign_folds_keeps_groups_together_and_sizes_similar(sizes, n_folds, seed):
+    groups = np.repeat(np.arange(len(sizes)), sizes)
+    folds = assign_folds(groups, n_folds, seed)
+    for group in range(len(sizes)):
+        assert len(set(folds[groups == group].tolist())) == 1
+    counts = np.bincount(folds)
+    assert len(counts) == min(n_folds, len(sizes))
+    assert counts.min() > 0
+    assert counts.max() - counts.min() <= max(sizes)
+    np.testing.assert_array_equal(folds, assign_folds(groups, n_folds, seed))

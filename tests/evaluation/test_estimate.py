@@ -1,4 +1,4 @@
-"""Estimates and intervals: Wilson, block bootstrap, Rogan-Gladen correction."""
+"""Estimates and intervals: block bootstrap."""
 
 import math
 
@@ -13,43 +13,9 @@ from mograft.evaluation.estimate import (
     Estimate,
     block_bootstrap,
     block_mean,
-    proportion,
-    rogan_gladen,
     segment_blocks,
 )
 from tests.strategies import SEEDS
-
-ACCURACIES = st.floats(0.55, 1.0)
-
-
-@given(st.integers(1, 300), st.data())
-def test_proportion_interval_equals_wilson_formula(n, data):
-    hits = data.draw(st.integers(0, n))
-    found = proportion(hits, n, "x")
-    p, z = hits / n, 1.959963984540054
-    center = (p + z * z / (2 * n)) / (1 + z * z / n)
-    half_width = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    assert found.low == pytest.approx(center - half_width, abs=1e-12)
-    assert found.high == pytest.approx(center + half_width, abs=1e-12)
-    assert found.low <= found.value <= found.high
-    assert found.n == n
-
-
-def test_proportion_no_trials_has_no_value():
-    found = proportion(0, 0, "labels")
-    assert math.isnan(found.value)
-    assert (found.n, found.unit) == (0, "labels")
-
-
-@given(st.floats(0, 1), ACCURACIES, ACCURACIES)
-def test_rogan_gladen_expected_share_returns_true_share(truth, sensitivity, specificity):
-    positive = truth * sensitivity + (1 - truth) * (1 - specificity)
-    assert rogan_gladen(positive, sensitivity, specificity) == pytest.approx(truth, abs=1e-9)
-
-
-@pytest.mark.parametrize("rates", [(0.5, 0.5), (0.3, 0.4)])
-def test_rogan_gladen_classifier_without_gain_returns_nan(rates):
-    assert math.isnan(rogan_gladen(0.7, *rates))
 
 
 @given(st.lists(st.integers(1, 60), min_size=1, max_size=14), st.integers(1, 20))

@@ -9,7 +9,7 @@ from hypothesis import given
 
 from mograft import InsufficientDataError, Library
 from mograft.body.mass import mass_model
-from mograft.evaluation.baselines import ByCost, Captured, RandomLength, grafts_by
+from mograft.evaluation import RandomLength, grafts_by
 from mograft.evaluation.body_tracks import BodyTracks
 from mograft.evaluation.novelty import (
     body_windows,
@@ -17,7 +17,7 @@ from mograft.evaluation.novelty import (
     nearest_distances,
     novelty,
 )
-from tests.evaluation.planted import copy_base
+from tests.evaluation.planted import ByCost, Captured, copy_base
 from tests.strategies import SEEDS
 
 

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from mograft import InsufficientDataError, Library
+from mograft import InsufficientDataError, Library, rotations
 from mograft.body.anatomy import feature_joints
 from mograft.dancer import dance
-from mograft.evaluation.baselines import ByCost, Captured, RandomLength, grafts_by
+from mograft.evaluation import RandomLength, grafts_by
 from mograft.evaluation.limb_coordination import coordination
 from mograft.evaluation.quality import angular_derivatives, diversity, nearest_windows, quality
-from mograft.motion import rotations
+from tests.evaluation.planted import ByCost, Captured
 from tests.strategies import SEEDS, transform_motion
 
 

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from mograft import read_bvh
-from mograft.evaluation.baselines import ByCost, RandomLength, grafts_by
+from mograft.evaluation import RandomLength, grafts_by
 from mograft.evaluation.detectability import detectability
 from mograft.evaluation.novelty import novelty
 from mograft.evaluation.world_measures import WorldReference
+from tests.evaluation.planted import ByCost
 
 pytest.importorskip("sklearn", reason="scikit-learn is not installed")
 pytest.importorskip("scipy", reason="SciPy is not installed")

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from mograft import InsufficientDataError, JointGroups, Library, Motion, graft
 from mograft.body.contacts import Ground
+from mograft.evaluation import grafts_by
 from mograft.evaluation.balance import dynamic_balance
-from mograft.evaluation.baselines import ByCost, Captured, grafts_by
 from mograft.evaluation.body_tracks import (
     BodyTracks,
     FrameBlocks,
@@ -23,7 +23,7 @@ from mograft.evaluation.body_tracks import (
 )
 from mograft.evaluation.world_measures import UNDER_FLOOR, has_base_legs, world_measures
 from mograft.evaluation.world_quality import world_quality
-from tests.evaluation.planted import add_jitter
+from tests.evaluation.planted import ByCost, Captured, add_jitter
 from tests.hierarchies import human
 from tests.strategies import SEEDS, few_examples, smooth_rotations, transform_motion
 

@@ -128,7 +128,7 @@ def _names_file(argument: Argument, text: str) -> bool:
     suffix = {"groups": ".toml", "segmentation": ".json"}.get(argument.name)
     if suffix is not None:
         return text.lower().endswith(suffix)
-    return argument.name in ("labels", "skeleton")
+    return argument.name == "skeleton"
 
 
 def _convert_text(argument: Argument, text: str, place: str) -> Any:  # noqa: ANN401 - as argparse

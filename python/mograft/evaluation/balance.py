@@ -26,13 +26,6 @@ from mograft.evaluation.estimate import Estimate, Record
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 
-PAPER_TABLE: Mapping[str, tuple[float, int]] = {
-    "contact pattern": (85.8, 478),
-    "analogy": (81.7, 478),
-    "original": (64.0, 478),
-}
-"""Table 3 of the paper: unbalanced segments (mean of 10 runs) and all segments, by method."""
-
 Rule = Literal["all", "majority", "any"]
 RULES: tuple[Rule, ...] = ("all", "majority", "any")
 

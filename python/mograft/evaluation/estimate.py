@@ -13,7 +13,6 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.evaluation._extra import import_extra
 from mograft.motion.segments import Segments
 
 BLOCK_SEGMENTS = 10  # neighbouring segments in one block: a few seconds of motion
@@ -110,22 +109,6 @@ class Estimate(Record):
         }
 
 
-def proportion(hits: int, n: int, unit: str) -> Estimate:
-    """Return the share of `hits` among `n` independent trials, with Wilson's interval.
-
-    `unit` names the trials. If `n` is 0, the share and the interval are NaN. SciPy is required.
-    Source: Wilson, Journal of the American Statistical Association 22 (1927).
-
-    >>> print(proportion(9, 10, "labels"))
-    0.900 (0.596 to 0.982)
-    """
-    if n == 0:
-        return Estimate.without_value(0, unit, "Wilson")
-    interval = import_extra("scipy.stats").binomtest(hits, n).proportion_ci(method="wilson")
-    low, high = float(interval.low), float(interval.high)
-    return Estimate(value=hits / n, low=low, high=high, n=n, unit=unit, interval_method="Wilson")
-
-
 def segment_blocks(cut: Segments, size: int = BLOCK_SEGMENTS) -> IntArray:
     """Return the block of each segment; the bootstrap resamples whole blocks.
 
@@ -214,18 +197,3 @@ def block_sums(values: FloatArray, blocks: npt.NDArray[Any]) -> tuple[FloatArray
     _, index = np.unique(blocks[is_finite], return_inverse=True)
     sums, counts = np.bincount(index, values[is_finite]), np.bincount(index)
     return sums.astype(np.float64), counts.astype(np.float64)
-
-
-def rogan_gladen(positive: float, sensitivity: float, specificity: float) -> float:
-    """Estimate the true share of positives from the share that an imperfect test reports.
-
-    A result outside of 0 to 1 means that the sensitivity or the specificity is wrong. The result is
-    NaN if the test is no better than chance. Source: Rogan and Gladen, American Journal of
-    Epidemiology 107 (1978). The paper reports 823 of 906; with a sensitivity and a specificity of
-    0.77, the result is above 1:
-
-    >>> round(rogan_gladen(823 / 906, 0.77, 0.77), 2)
-    1.26
-    """
-    gain = sensitivity + specificity - 1.0
-    return (positive + specificity - 1.0) / gain if gain > 0 else math.nan

@@ -1,4 +1,4 @@
-"""All measures of one library, as numbers and as a JSON document."""
+"""All measures of the grafts of one library, as numbers and as a JSON document."""
 
 import platform
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,29 +23,20 @@ from mograft.evaluation.balance import (
     dynamic_balance,
     static_balance,
 )
-from mograft.evaluation.baselines import Method, default_methods, grafts_by
 from mograft.evaluation.detectability import Detectability, detectability
-from mograft.evaluation.enrichment import (
-    Enrichment,
-    Law,
-    cluster_numbers,
-    enrichment,
-    moment_laws,
-    sweep,
-)
+from mograft.evaluation.donor_methods import Method, grafts_by
 from mograft.evaluation.estimate import as_json
-from mograft.evaluation.label_judgement import Judgement, judgement
-from mograft.evaluation.label_table import Labels
-from mograft.evaluation.naturalness import Compatibility, compatibility
 from mograft.evaluation.quality import Quality, quality
 from mograft.evaluation.world_measures import has_base_legs
 from mograft.evaluation.world_quality import WorldQuality, world_quality
 from mograft.library.clusters import Progress
 from mograft.library.library import Library
 from mograft.motion.segments import Segments
+from mograft.synthesis.graft import graft_many
 from mograft.synthesis.graft_result import Graft
 
-TOPICS = ("enrichment", "balance", "naturalness", "quality", "world", "detectability")
+TOPICS = ("quality", "world", "detectability", "balance")
+GRAFTS = "grafts"  # name of the grafts that `mograft.graft_many` makes
 BALANCE_MARGIN = 0.01  # margin of the second row of static balance, in skeleton heights
 
 _MEASURES = {"static": static_balance, "dynamic": dynamic_balance}
@@ -53,34 +44,22 @@ _MEASURES = {"static": static_balance, "dynamic": dynamic_balance}
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Measures of a library and of its grafts.
+    """Measures of the grafts of a library.
 
     Attributes
     ----------
     library : Library
-        The library that was measured.
+        The library whose clips were the bases.
     topics : tuple of str
         Requested topics, a selection of `TOPICS`.
-    enrichment : Enrichment or None
-        Numbers of combinations with the configuration of the library.
-    sweep : tuple of Enrichment
-        Numbers of combinations for each interpretation of eq. 14 and each scale.
-    clusters : dict of int to dict of str to int
-        Number of clusters of each joint group, by number of groups; see `cluster_numbers`.
-    laws : tuple of Law
-        Results of `moment_laws` for the counts of `enrichment`.
-    balance : tuple of BalanceRow
-        Balance for each method and rule, and for the recording.
-    naturalness : tuple of Compatibility
-        Compatibility for each grafted group.
-    judgement : Judgement or None
-        Results of the classifier that was trained on labels.
     quality : tuple of Quality
         Quality for each method.
     world : tuple of WorldQuality
-        World-space measures for each method.
+        World-space measures for each method, with novelty and variety.
     detectability : tuple of Detectability
         Detectability for each method, with null comparisons.
+    balance : tuple of BalanceRow
+        Balance for each method and rule, and for the recording.
     refusals : dict of str to str
         Reasons why a topic, a part of a topic or a method could not be measured, by its name.
     parameters : dict
@@ -89,16 +68,10 @@ class Evaluation:
 
     library: Library
     topics: tuple[str, ...]
-    enrichment: Enrichment | None
-    sweep: tuple[Enrichment, ...]
-    clusters: Mapping[int, Mapping[str, int]]
-    laws: tuple[Law, ...]
-    balance: tuple[BalanceRow, ...]
-    naturalness: tuple[Compatibility, ...]
-    judgement: Judgement | None
     quality: tuple[Quality, ...]
     world: tuple[WorldQuality, ...]
     detectability: tuple[Detectability, ...]
+    balance: tuple[BalanceRow, ...]
     refusals: Mapping[str, str]
     parameters: Mapping[str, Any]
 
@@ -115,21 +88,7 @@ class Evaluation:
             **_library_dict(self.library),
             "refused": dict(self.refusals),
         }
-        if self.enrichment is not None:
-            document["enrichment"] = {
-                **self.enrichment.as_dict(),
-                "clusters": {str(k): dict(numbers) for k, numbers in self.clusters.items()},
-                "sweep": as_json(self.sweep),
-                "laws": as_json(self.laws),
-            }
-        results = {
-            "balance": self.balance,
-            "naturalness": self.naturalness,
-            "people": self.judgement,
-            "quality": self.quality,
-            "world": self.world,
-            "detectability": self.detectability,
-        }
+        results = {topic: getattr(self, topic) for topic in TOPICS}
         return document | {name: as_json(result) for name, result in results.items() if result}
 
 
@@ -161,30 +120,27 @@ def evaluate(
     library: Library,
     topics: Sequence[str] = TOPICS,
     *,
-    methods: Sequence[Method] | None = None,
-    runs: int = 10,
+    methods: Sequence[Method] = (),
+    runs: int = 4,
     bases: int = 4,
-    labels: Labels | None = None,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Evaluation:
-    """Measure a library and its grafts, and compare methods of donor selection.
+    """Make grafts of clips of a library, and measure them.
 
     Parameters
     ----------
     library : Library
-        Library to measure.
+        Library whose clips are bases and donors.
     topics : sequence of str
-        Topics to measure. Default: "enrichment", "balance", "naturalness", "quality", "world" and
-        "detectability".
-    methods : sequence of Method, optional
-        Methods that select donors. Default: `default_methods` of the library.
+        Topics to measure. Default: "quality", "world", "detectability" and "balance".
+    methods : sequence of Method
+        Methods of donor selection to measure instead of the grafts that `mograft.graft_many` makes
+        with the configuration of the library, for comparisons.
     runs : int
         Number of grafts for each base and method.
     bases : int
         Maximum number of clips that serve as base. They are evenly spaced in the library.
-    labels : Labels, optional
-        Labels given by a person. The topic "naturalness" then includes `judgement`.
     seed : int
         Seed of all random choices.
     progress : callable, optional
@@ -206,8 +162,9 @@ def evaluate(
     --------
     >>> from mograft import Library
     >>> from mograft.dancer import dance
-    >>> found = evaluate(Library.build(dance(strides=1).motion), ["enrichment"])
-    >>> found.enrichment.segments == len(found.library.segments)
+    >>> library = Library.build(dance(strides=1).motion)
+    >>> found = evaluate(library, ["balance"], runs=1)
+    >>> {row.method for row in found.balance} == {"recording", "grafts"}
     True
     """
     unknown = [topic for topic in topics if topic not in TOPICS]
@@ -215,52 +172,23 @@ def evaluate(
         given = ", ".join(unknown) or "none"
         raise ValueError(f"`topics` must be among {', '.join(TOPICS)}, got {given}")
     runs, bases = as_integer("runs", runs, 1), as_integer("bases", bases, 1)
-    methods = default_methods(library) if methods is None else tuple(methods)
     refusals: dict[str, str] = {}
-    counts: Enrichment | None = None
-    swept: tuple[Enrichment, ...] = ()
-    clusters: dict[int, dict[str, int]] = {}
-    laws: tuple[Law, ...] = ()
-    if "enrichment" in topics:
-        counts, swept, clusters = enrichment(library), sweep(library), cluster_numbers(library)
-        laws = moment_laws(counts.segments, {c.groups: c.unfiltered for c in counts.counts})
     base_names = _select_bases(library, bases)
-    measured = _Measured()
-    if {"balance", "quality", "world", "detectability"} & set(topics):
-        grafting = _Grafting(library, methods, base_names, runs, seed)
-        measured = grafting.measure(topics, refusals, progress)
-    compatibilities: list[Compatibility] = []
-    people = None
-    if "naturalness" in topics:
-        # Changes of the configuration alter the motions, but not the pairs of parts.
-        selecting = [method for method in methods if not method.config_changes]
-        for group in library.groups.names:
-            if group != library.groups.base:
-                with _recorded_refusal(refusals, f"naturalness of {group}"):
-                    found = compatibility(library, group, selecting, seed=seed, progress=progress)
-                    compatibilities.append(found)
-        if labels is not None:
-            with _recorded_refusal(refusals, "labels"):
-                people = judgement(library, labels, selecting, seed=seed)
+    making = _Grafting(library, tuple(methods) or (None,), base_names, runs, seed)
+    measured = making.measure(topics, refusals, progress)
     return Evaluation(
         library=library,
         topics=tuple(topics),
-        enrichment=counts,
-        sweep=swept,
-        clusters=clusters,
-        laws=laws,
-        balance=tuple(measured.balance),
-        naturalness=tuple(compatibilities),
-        judgement=people,
         quality=tuple(measured.quality),
         world=tuple(measured.world),
         detectability=tuple(measured.detectability),
+        balance=tuple(measured.balance),
         refusals=refusals,
         parameters={
             "seed": seed,
             "runs": runs,
             "bases": base_names,
-            "ways": [method.name for method in methods],
+            "ways": [method.name for method in methods] or [GRAFTS],
             "confidence": 0.95,
             "config": library.config.as_dict(),
             "python": platform.python_version(),
@@ -287,10 +215,13 @@ def _select_bases(library: Library, max_count: int) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class _Grafting:
-    """The parameters of grafts: their methods, bases, number per base and method, and seed."""
+    """The parameters of grafts: their methods, bases, number per base and method, and seed.
+
+    None in `methods` stands for `mograft.graft_many`.
+    """
 
     library: Library
-    methods: Sequence[Method]
+    methods: Sequence[Method | None]
     base_names: list[str]
     runs: int
     seed: int
@@ -311,30 +242,45 @@ class _Grafting:
                 found.balance.extend(
                     _balance_rows("recording", bases.recording_samples(), refusals)
                 )
-        for position, method in enumerate(self.methods):
-            if progress is not None:
-                progress("grafting", position, len(self.methods))
-            name = method.name
+        for method in self.methods:
+            name = GRAFTS if method is None else method.name
             with _recorded_refusal(refusals, name):
-                grafts = [
-                    list(grafts_by(method, self.library, base, self.runs, seed=self.seed))
-                    for base in self.base_names
-                ]
+                grafts = self._grafts(method, progress)
+                for position, topic in enumerate(topics):
+                    if progress is not None:
+                        progress(f"measuring {topic}", position, len(topics))
+                    place = topic if method is None else f"{topic} of {name}"
+                    with _recorded_refusal(refusals, place):
+                        self._measure_topic(found, topic, name, grafts)
                 if bases is not None:
-                    samples = bases.graft_samples(grafts)
-                    found.balance.extend(_balance_rows(name, samples, refusals))
-                if "quality" in topics:
-                    with _recorded_refusal(refusals, "quality"):
-                        found.quality.append(quality(name, grafts, self.seed))
-                if "world" in topics:
-                    with _recorded_refusal(refusals, "world"):
-                        found.world.append(world_quality(name, grafts, self.seed))
-                if "detectability" in topics:
-                    with _recorded_refusal(refusals, f"detectability of {name}"):
-                        found.detectability.append(detectability(name, grafts, self.seed))
+                    found.balance.extend(bases.rows(name, grafts, refusals))
         if progress is not None:
-            progress("grafting", len(self.methods), len(self.methods))
+            progress("measuring", 1, 1)
         return found
+
+    def _measure_topic(
+        self, found: "_Measured", topic: str, name: str, grafts: Sequence[Sequence[Graft]]
+    ) -> None:
+        """Add the measures of the grafts of one method to `found`; those of balance are apart."""
+        if topic == "quality":
+            found.quality.append(quality(name, grafts, self.seed))
+        elif topic == "world":
+            found.world.append(world_quality(name, grafts, self.seed))
+        elif topic == "detectability":
+            found.detectability.append(detectability(name, grafts, self.seed))
+
+    def _grafts(self, method: Method | None, progress: Progress | None) -> list[list[Graft]]:
+        """Return the grafts of each base."""
+        grafts: list[list[Graft]] = []
+        for position, base in enumerate(self.base_names):
+            if progress is not None:
+                progress("grafting", position, len(self.base_names))
+            if method is None:
+                made: Sequence[Graft] = graft_many(self.library, base, self.runs, seed=self.seed)
+            else:
+                made = grafts_by(method, self.library, base, self.runs, seed=self.seed)
+            grafts.append(list(made))
+        return grafts
 
 
 @dataclass(frozen=True)
@@ -376,6 +322,12 @@ class _Bases:
             kind: BalanceSample(original, [[balance] for balance in original], changed, self.cuts)
             for kind, original in self.balances.items()
         }
+
+    def rows(
+        self, method: str, grafts: Sequence[Sequence[Graft]], refusals: dict[str, str]
+    ) -> list[BalanceRow]:
+        """Return the balance of the grafts of one method, by kind, rule and margin."""
+        return _balance_rows(method, self.graft_samples(grafts), refusals)
 
     def graft_samples(self, grafts: Sequence[Sequence[Graft]]) -> dict[str, BalanceSample]:
         """Return the static and dynamic balance of the bases and their grafts."""

@@ -10,7 +10,6 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft.evaluation import estimate
 from mograft.evaluation._extra import import_extra
 from mograft.evaluation.body_tracks import FrameBlocks
-from mograft.evaluation.classifier import assign_folds
 from mograft.evaluation.estimate import Estimate, Record
 from mograft.evaluation.windows import Pairs, Windows
 
@@ -35,6 +34,23 @@ class Detection(Record):
 
     gross: Estimate
     fine: Estimate
+
+
+def assign_folds(groups: IntArray, n_folds: int, seed: int | tuple[int, ...]) -> IntArray:
+    """Assign groups of samples at random to folds of similar size; return each sample's fold.
+
+    `groups` has the group of each sample; all samples of a group are in one fold. The number of
+    folds is `n_folds`, or the number of groups if that is smaller.
+    """
+    sizes = np.bincount(groups)
+    shuffled = np.random.default_rng(seed).permutation(len(sizes))
+    descending = shuffled[np.argsort(-sizes[shuffled], kind="stable")]
+    load = np.zeros(min(n_folds, int((sizes > 0).sum())))
+    folds = np.zeros(len(sizes), np.int64)
+    for group in descending.tolist():
+        folds[group] = int(load.argmin())
+        load[folds[group]] += sizes[group]
+    return folds[groups]
 
 
 def block_folds(frames: FrameBlocks, seed: tuple[int, ...]) -> IntArray:

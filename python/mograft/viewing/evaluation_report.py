@@ -1,4 +1,4 @@
-"""The page of an evaluation: tables, figures, intervals and limitations."""
+"""The page of an evaluation: sentences, tables, intervals and limitations."""
 
 import html
 import json
@@ -7,103 +7,56 @@ from collections.abc import Sequence
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft.body.mass import mass_model
 from mograft.evaluation.balance import BalanceRow
-from mograft.evaluation.enrichment import PAPER_TABLES, Enrichment
-from mograft.evaluation.label_judgement import Judgement
-from mograft.evaluation.naturalness import Compatibility
+from mograft.evaluation.detectability import Detectability
+from mograft.evaluation.estimate import Estimate
+from mograft.evaluation.quality import Quality
 from mograft.evaluation.suite import Evaluation
+from mograft.evaluation.world_quality import WorldQuality
 from mograft.viewing.page import Page, assemble_page
-from mograft.viewing.plot import evaluation_plots as plots
-from mograft.viewing.quality_report import (
-    detectability_section,
-    note,
-    quality_section,
-    world_section,
-    world_sentences,
-)
-from mograft.viewing.report import REPORT_STYLE, format_number, html_table
+from mograft.viewing.report import REPORT_STYLE, html_table
 
-_COMPARED = (
-    ("analogy", "contact pattern"),
-    ("contact pattern", "random"),
-    ("analogy", "nearest neighbours"),
-)
 _EXTRA_STYLE = """
-.report img { max-width: 100%; height: auto; zoom: 1.25; display: block; margin: 10px 0; }
 .report li { max-width: 75ch; margin: 4px 0; }
 .report .refused { border-left: 3px solid var(--accent); padding-left: 12px; }
 """
 
 
-def compare_methods(found: Compatibility) -> list[str]:
-    """Return one sentence for each of three differences of κ between two methods.
-
-    They are analogy minus contact patterns, contact patterns minus random donors, and analogy minus
-    equally many nearest neighbours.
-    """
-    sentences = []
-    for first, second in _COMPARED:
-        try:
-            difference = found.difference(first, second)
-        except KeyError:
-            sentences.append(f"{first} and {second} were not both compared.")
+def summarize(evaluation: Evaluation) -> list[str]:
+    """Return sentences on the findings, and one for each measure without sufficient data."""
+    sentences: list[str] = []
+    for measures in evaluation.quality:
+        share = measures.new_segments
+        sentences.append(
+            f"{share.text(0, 100, ' %')} of the parts of {measures.method} are exchanged. The mean "
+            f"seam gap is {measures.seam_gap.text(1, 1, '°')}. The acceleration is "
+            f"{measures.acceleration.text(2)} times that of the recording."
+        )
+    for row in evaluation.world:
+        sentences.append(
+            f"The jerk of the head of {row.method} is {row.head_jerk.text(2)} times that of base "
+            f"and donors. {row.novelty.changed.text(0, 100, ' %')} of the half-second windows "
+            f"differ from the base. Grafts of one base are {row.novelty.between.text(2)} of the "
+            "distance of random captured windows apart."
+        )
+    for found in evaluation.detectability:
+        gross, null = found.seams.gross, found.other_moments.gross
+        sentences.append(
+            f"A classifier distinguishes windows at seams of {found.method} from captured windows "
+            f"with an AUC of {gross.text(2)}; one that also has magnitudes up to jerk, with an AUC "
+            f"of {found.seams.fine.text(2)}; both in {gross.n} test windows. For captured windows "
+            f"of other moments, the AUC of the first classifier is {null.text(2)}."
+        )
+    for balance in evaluation.balance:
+        if (balance.kind, balance.rule, balance.margin) != ("static", "all", 0.0):
             continue
-        kappa = difference.kappa
-        step = f"κ of {first} minus {second}, on the same segments: {kappa.text(2)}"
-        if difference.verdict == "undecided":
+        if balance.method == "recording":
             sentences.append(
-                f"{step}: undecided. The interval contains 0 with {kappa.n} segments with "
-                f"donors, {kappa.interval_method}."
+                f"{balance.rate.text(1, 100, ' %')} of the segments of the recording are "
+                "statically unbalanced in all grounded frames."
             )
         else:
-            sentences.append(f"{step}: the interval is {difference.verdict} 0.")
-    return sentences
-
-
-def summarize(evaluation: Evaluation) -> list[str]:
-    """Return one sentence for each finding, and one for each measure without sufficient data."""
-    sentences: list[str] = []
-    if evaluation.enrichment is not None:
-        counts = evaluation.enrichment
-        pair = counts.counts[0]
-        sentences.append(
-            f"{counts.segments} segments in {counts.clusters} clusters of the base group combine "
-            f"to {pair.filtered} segments with two groups and the length limit, {pair.new} of "
-            "them new."
-        )
-    for found in evaluation.naturalness:
-        scores = {score.method: score for score in found.scores}
-        if "analogy" in scores:
-            kappa = scores["analogy"].kappa
-            sentences.append(
-                f"Compatibility κ of {found.group} by analogy is {kappa.text(2)}; "
-                "random parts have 0, captured parts have 1. The classifier scores a captured part "
-                f"higher than a random one in {found.auc.text(0, 100, ' %')} of the pairs."
-            )
-        sentences += [f"{found.group}: {sentence}" for sentence in compare_methods(found)]
-    for row in _static_rows(evaluation):
-        if row.method == "recording":
-            sentences.append(
-                f"{row.rate.text(1, 100, ' %')} of the segments of the recording are statically "
-                "unbalanced in all grounded frames."
-            )
-        if row.method == "analogy":
-            change = row.difference.text(1, 100, " points")
-            sentences.append(f"Exchanges by analogy change this by {change} on the same segments.")
-    for measures in evaluation.quality:
-        if measures.method == "analogy, by cost":
-            share = measures.new_segments
-            sentences.append(
-                f"Choice by cost exchanges {share.text(0, 100, ' %')} of the parts. "
-                f"The mean seam gap is {measures.seam_gap.text(1, 1, '°')}. The acceleration is "
-                f"{measures.acceleration.text(2)} times that of the recording."
-            )
-    sentences += world_sentences(evaluation.world, evaluation.detectability)
-    if evaluation.judgement is not None:
-        people = evaluation.judgement
-        sentences.append(
-            f"A classifier that was trained on {people.learned} labels predicts "
-            f"{people.accuracy.text(0, 100, ' %')} of {people.tested} test labels correctly."
-        )
+            change = balance.difference.text(1, 100, " points")
+            sentences.append(f"In {balance.method} this changes by {change} on the same segments.")
     return [*sentences, *(f"Not measured, {refusal}" for refusal in _refusals(evaluation))]
 
 
@@ -111,13 +64,9 @@ def _refusals(evaluation: Evaluation) -> list[str]:
     return [f"{topic}: {reason}" for topic, reason in evaluation.refusals.items()]
 
 
-def _static_rows(evaluation: Evaluation) -> list[BalanceRow]:
-    """Return the rows whose kind is "static", whose rule is "all" and whose margin is 0."""
-    return [
-        row
-        for row in evaluation.balance
-        if (row.kind, row.rule, row.margin) == ("static", "all", 0.0)
-    ]
+def _note(text: str) -> str:
+    """Return a paragraph of explanation."""
+    return f'<p class="note">{html.escape(text)}</p>'
 
 
 def evaluation_page(evaluation: Evaluation, title: str | None = None) -> Page:
@@ -134,11 +83,6 @@ def evaluation_page(evaluation: Evaluation, title: str | None = None) -> Page:
     -------
     Page
         Self-contained page without scripts.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed.
     """
     library = evaluation.library
     names = library.names
@@ -160,20 +104,14 @@ def evaluation_page(evaluation: Evaluation, title: str | None = None) -> Page:
     if evaluation.refusals:
         refusals = _list(_refusals(evaluation))
         parts += ["<h2>Not measured</h2>", f'<div class="refused">{refusals}</div>']
-    if evaluation.naturalness:
-        parts += _compatibility_section(evaluation.naturalness)
-    if evaluation.judgement is not None:
-        parts += _label_section(evaluation.judgement)
+    if evaluation.quality:
+        parts += _quality_section(evaluation.quality)
+    if evaluation.world:
+        parts += _world_section(evaluation.world)
+    if evaluation.detectability:
+        parts += _detectability_section(evaluation.detectability)
     if evaluation.balance:
         parts += _balance_section(evaluation)
-    if evaluation.quality:
-        parts += quality_section(evaluation.quality)
-    if evaluation.world:
-        parts += world_section(evaluation.world)
-    if evaluation.detectability:
-        parts += detectability_section(evaluation.detectability)
-    if evaluation.enrichment is not None:
-        parts += _enrichment_section(evaluation, evaluation.enrichment)
     parts += [
         "<h2>Parameters</h2>",
         "<details><summary>All parameters</summary>",
@@ -187,73 +125,120 @@ def _list(sentences: Sequence[str]) -> str:
     return f"<ul>{''.join(f'<li>{html.escape(sentence)}</li>' for sentence in sentences)}</ul>"
 
 
-def _compatibility_section(compatibilities: Sequence[Compatibility]) -> list[str]:
-    figure = plots.draw_kappa({found.group: found for found in compatibilities})
-    parts = ["<h2>Compatibility</h2>", plots.as_image(figure, "Compatibility of each method")]
-    for found in compatibilities:
-        rows = [
-            [
-                html.escape(score.method),
-                score.kappa.text(2),
-                score.matched.text(2),
-                score.accepted.text(0, 100, " %"),
-                f"{100 * score.exchangeable:.0f} %",
-                str(score.kappa.n),
-            ]
-            for score in found.scores
-        ]
-        head = [found.group, "κ", "κ, same segments", "accepted", "with a donor", "n"]
-        parts.append(html_table(head, rows))
-        parts.append(
-            note(
-                f"{found.segments} segments in {found.fold_groups} clips or blocks, which were "
-                f"assigned {found.splits} times to {found.folds} folds. The classifier accepts "
-                f"{found.captured.text(0, 100, ' %')} of the captured and "
-                f"{found.random.text(0, 100, ' %')} of the random parts. It scores a captured "
-                f"part higher than a random one in {found.auc.text(0, 100, ' %')} of the pairs."
-            )
-        )
-    parts.append(
-        note(
-            "κ measures whether such combinations occur in these recordings: random parts have 0, "
-            "captured parts have 1. It is not the share of natural motions. It does not measure "
-            "seams or physics, and a plausible combination that was never captured scores low. A "
-            "method that exchanges only common segments has a higher κ. The second column "
-            "has the rates of random and captured parts of the same segments; the differences in "
-            "the summary compare two methods on the segments for which both have a donor."
-        )
+def _quality_section(qualities: Sequence[Quality]) -> list[str]:
+    measures = (
+        ("new parts", "new_segments", 0, 100, " %"),
+        ("seam gap", "seam_gap", 1, 1, "°"),
+        ("seam gap, 90th percentile", "seam_gap_p90", 1, 1, "°"),
+        ("acceleration", "acceleration", 2, 1, ""),
+        ("jerk", "jerk", 2, 1, ""),
+        ("foot skate, points", "foot_skate", 1, 100, ""),
+        ("coverage", "coverage", 2, 1, ""),
+        ("local diversity", "local_diversity", 3, 1, ""),
+        ("diversity", "diversity", 1, 1, "°"),
+        ("arms and legs", "coordination", 2, 1, ""),
+        ("arms and legs, lag", "lag", 2, 1, " s"),
     )
-    return parts
+    return [
+        "<h2>Quality</h2>",
+        _measure_table([row.method for row in qualities], qualities, measures),
+        _note(
+            "Acceleration and jerk: those of the grafted joints divided by those of the recording. "
+            "Foot skate: minus that of the recording. Coverage: share of the one-second windows of "
+            "the library that are near a window of the graft. Local diversity: distance from the "
+            "nearest captured half-second window. Diversity: between grafts of one base. Arms and "
+            "legs: change in the correlation of arm swing and opposite leg swing, and of its lag. "
+            "All measures are relative to these recordings."
+        ),
+    ]
 
 
-def _label_section(people: Judgement) -> list[str]:
-    rows = [
+def _measure_table(
+    methods: Sequence[str],
+    records: Sequence[object],
+    measures: Sequence[tuple[str, str, int, float, str]],
+) -> str:
+    """Return an HTML table with a row for each measure and a column for each method.
+
+    A measure is (title, field of `records`, digits, scale, suffix); see `Estimate.text`.
+    """
+    rows = []
+    for title, name, digits, scale, suffix in measures:
+        estimates: list[Estimate] = [getattr(record, name) for record in records]
+        cells = [found.text(digits, scale, suffix) for found in estimates]
+        n = max(found.n for found in estimates)
+        rows.append([title, *cells, f"{n} {estimates[0].unit}"])
+    return html_table(["measure", *methods, "n"], rows)
+
+
+def _world_section(qualities: Sequence[WorldQuality]) -> list[str]:
+    methods = [row.method for row in qualities]
+    measures = (
+        ("jerk of the head", "head_jerk", 2, 1.0, ""),
+        ("jerk of the chest", "chest_jerk", 2, 1.0, ""),
+        ("jerk of the hands", "hands_jerk", 2, 1.0, ""),
+        ("floor depth, % of height", "floor_depth", 2, 100.0, ""),
+        ("feet under the floor, points", "under_floor", 1, 100.0, ""),
+        ("foot skate, points", "skate", 1, 100.0, ""),
+        ("out of balance, points", "balance", 1, 100.0, ""),
+    )
+    variety = (
+        ("changed windows", "changed", 0, 100.0, " %"),
+        ("novelty", "novelty", 2, 1.0, ""),
+        ("coverage", "coverage", 0, 100.0, " %"),
+        ("between grafts", "between", 2, 1.0, ""),
+    )
+    return [
+        "<h2>World space</h2>",
+        _measure_table(methods, qualities, measures),
+        _measure_table(methods, [row.novelty for row in qualities], variety),
+        _note(
+            "Jerk: median over exchanged frames, divided by that of base and donors. The other "
+            "rows of the first table are differences from the base: largest depth of a heel or "
+            "toe under the floor, share of them more than 1.2 % of the height under it, sliding "
+            "feet, and frames with the zero-moment point outside of the support. Novelty: "
+            "distance from the nearest captured half-second window; 1 is the median distance of "
+            "a captured window from the nearest other one. Coverage: share of the captured "
+            "windows within this median distance of a changed window. Between grafts: distance "
+            "of two grafts of one base; 1 is that of random captured windows."
+        ),
+    ]
+
+
+def _detectability_section(rows: Sequence[Detectability]) -> list[str]:
+    titles = {
+        "seams": "at seams",
+        "between_seams": "between seams",
+        "other_moments": "null: captured, other moments",
+        "donor_windows": "null: captured windows of the donors",
+    }
+    cells = [
         [
-            html.escape(verdict.method),
-            verdict.called.text(0, 100, " %"),
-            verdict.corrected.text(0, 100, " %"),
-            str(verdict.called.n),
+            html.escape(row.method),
+            title,
+            found.gross.text(2),
+            found.fine.text(2),
+            str(found.gross.n),
         ]
-        for verdict in people.verdicts
+        for row in rows
+        for name, title in titles.items()
+        for found in [getattr(row, name)]
     ]
     return [
-        "<h2>Labels</h2>",
-        html_table(["method", "called natural", "corrected", "n"], rows),
-        note(
-            f"{people.learned} training labels, {people.tested} test labels. Of the test labels, "
-            f"the classifier predicts {people.accuracy.text(0, 100, ' %')} correctly: of the "
-            f"natural ones {people.sensitivity.text(2)}, of the unnatural ones "
-            f"{people.specificity.text(2)}. The person labelled "
-            f"{people.natural.text(0, 100, ' %')} of the pieces with an exchanged part natural, "
-            f"and {people.captured.text(0, 100, ' %')} of the captured pieces. Corrected shares "
-            "allow for the errors of the classifier. The labels describe the judgement of one "
-            "person."
+        "<h2>Detectability</h2>",
+        html_table(["method", "windows", "gross", "fine", "n"], cells),
+        _note(
+            "Area under the ROC curve of a classifier that distinguishes windows of grafts from "
+            "captured windows at the same frames: 0.5 is chance. Gross: boosted trees on "
+            "positions, velocities and accelerations of bone ends. Fine: logistic regression, "
+            "also on the magnitudes of velocity, acceleration and jerk. The training windows do "
+            "not come from the five-second blocks of the base and donors of a test window. The "
+            "null rows compare captured windows with captured windows. n: test windows of grafts."
         ),
     ]
 
 
 def _balance_section(evaluation: Evaluation) -> list[str]:
-    figure = plots.draw_balance({"static, all grounded frames": _static_rows(evaluation)})
     head = ["method", "rule", "unbalanced", "of changed", "change, points", "flight", "runs", "n"]
     order = {
         (row.kind, row.rule, row.margin): place for place, row in enumerate(evaluation.balance)
@@ -270,9 +255,8 @@ def _balance_section(evaluation: Evaluation) -> list[str]:
     unknown = f" Joints with unknown names: {unmatched}." if unmatched else ""
     return [
         "<h2>Balance</h2>",
-        plots.as_image(figure, "Unbalanced segments of each method"),
         html_table(head, [_balance_cells(row) for row in rows]),
-        note(
+        _note(
             f"The body model {masses}.{unknown} The rule states in which frames with a foot on the "
             "floor the reference point must be outside of the hull of the soles for a segment to "
             "be unbalanced: in all, in the majority or in any of them. The reference point of "
@@ -296,45 +280,3 @@ def _balance_cells(row: BalanceRow) -> list[str]:
         str(row.runs),
         str(row.rate.n if is_recording else row.difference.n),
     ]
-
-
-def _enrichment_section(evaluation: Evaluation, found: Enrichment) -> list[str]:
-    head = ["groups", "clusters", "combinations", "per segment", "length limit", "new"]
-    rows = [
-        [
-            str(count.groups),
-            html.escape(
-                ", ".join(f"{g} {n}" for g, n in evaluation.clusters.get(count.groups, {}).items())
-                or "no preset"
-            ),
-            format_number(count.unfiltered),
-            f"{count.unfiltered / found.segments:.1f}",
-            format_number(count.filtered),
-            format_number(count.new),
-        ]
-        for count in found.counts
-    ]
-    parts = ["<h2>Enrichment</h2>", html_table(head, rows)]
-    if evaluation.sweep:
-        paper = {
-            k: [counts[k] / segments for _, segments, counts in PAPER_TABLES.values()]
-            for k in (2, 3, 4, 5)
-        }
-        figure = plots.draw_counts({"scales": evaluation.sweep}, paper)
-        parts.append(plots.as_image(figure, "Combinations by scale of the threshold"))
-    failed = ", ".join(law.name for law in evaluation.laws if not law.holds)
-    laws = (
-        f"The counts violate laws of moments: {failed}."
-        if failed
-        else "The counts satisfy all laws of moments, as the counts of one clustering must."
-    )
-    parts.append(
-        note(
-            f"Threshold {found.sigma} times {found.sigma_scale:g}: {found.clusters} clusters of "
-            f"the base group, the largest with {found.largest} segments. {laws} In the figure, "
-            "dotted lines have the length limit. Triangles are tables 1 and 2 of the paper; their "
-            "counts for five groups cannot come from a single clustering. Counts do not measure "
-            "the quality of the combinations."
-        )
-    )
-    return parts

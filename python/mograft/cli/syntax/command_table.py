@@ -52,16 +52,7 @@ from mograft.cli.syntax.values import (
     preset_or_automatic,
 )
 
-EVALUATION_TOPICS = (
-    "enrichment",
-    "balance",
-    "naturalness",
-    "quality",
-    "world",
-    "detectability",
-)
-LABEL = "label"
-"""Word after ``mograft evaluate`` that writes the page for labelling."""
+EVALUATION_TOPICS = ("quality", "world", "detectability", "balance")
 
 
 def _table_format(name: str, description: str) -> Argument:
@@ -228,7 +219,7 @@ _GRAFT = command(
 )
 _EVALUATE = command(
     "evaluate",
-    "count the possible combinations, and measure the quality and compatibility of grafts",
+    "measure the quality, novelty, variety, detectability and balance of grafts",
     files_argument(
         "motion files, or one library; additional words such as balance select what to measure",
         "LIB|FILE",
@@ -237,8 +228,7 @@ _EVALUATE = command(
     MATCH,
     SKELETON,
     output_option(
-        f"folder for evaluation.json and index.html; with {LABEL} the .html file to write "
-        "(default: no files)",
+        "folder for evaluation.json and index.html (default: no files)",
         metavar="DIR",
     ),
     GROUPS,
@@ -251,33 +241,15 @@ _EVALUATE = command(
         "that most frames of the files have)",
         positive_number,
     ),
-    setting(
-        "--runs",
-        "number of motions created from each base with each method of donor choice (default: 10)",
-        positive_integer,
-        10,
-    ),
+    setting("--runs", "number of motions created from each base (default: 4)", positive_integer, 4),
     setting(
         "--bases", "maximum number of clips that are used as base (default: 4)", positive_integer, 4
-    ),
-    setting(
-        "--labels CSV",
-        f"labels that a person gave on the page that {LABEL} writes (default: none)",
-        Path,
-    ),
-    option(
-        "-n --count",
-        f"with {LABEL}, number of pieces on the page (default: 500, as in the paper)",
-        positive_integer,
-        500,
     ),
     JSON,
     SEED,
     FORCE,
-    description="Measure grafts, and for comparison grafts with random donors and with donors that "
-    "other methods select. Words among FILE that are not files select what to measure: "
-    f"{', '.join(EVALUATION_TOPICS)} (default: all). The word {LABEL} writes a page instead, on "
-    "which a person labels pieces as natural or not.",
+    description="Make grafts of some of the clips, and measure them. Words among FILE that are not "
+    f"files select what to measure: {', '.join(EVALUATION_TOPICS)} (default: all).",
 )
 
 COMMANDS = (

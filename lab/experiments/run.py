@@ -1,0 +1,237 @@
+"""Run the experiments on recordings, and write their tables.
+
+The recordings are in the folder ``--data`` (default: ``../shared/data`` beside the checkout). Each
+result is stored in the folder ``--cache`` under the version of the code and of the recordings, so
+that an interrupted run continues where it stopped. ``--stored`` computes nothing and writes the
+tables of the newest stored results. ``--quick`` measures a few seconds of each source.
+"""
+
+import argparse
+import csv
+import importlib
+import multiprocessing
+import os
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+
+import mograft as mg
+from lab.common import tiny_motion
+from lab.experiments.cache import Cache, code_version, input_version
+from lab.experiments.constants import CONSTANTS
+from lab.experiments.sources import SOURCES, Recordings, find_files, read_recordings
+from lab.experiments.tables import write_csv
+
+ROOT = Path(__file__).resolve().parents[2]
+RESULTS = ROOT / "lab" / "results"
+EXPERIMENTS = (
+    "retrieval",
+    "matched",
+    "ablation",
+    "new_motions",
+    "collisions",
+    "counts",
+    "balance",
+    "seam_tests",
+    "generators",
+    "learning",
+)
+FACTS = "facts"  # name under which the numbers of clips, frames and segments are stored
+
+
+def experiments():
+    """Return the modules of all experiments."""
+    return [importlib.import_module(f"lab.experiments.{name}") for name in EXPERIMENTS]
+
+
+def measure_facts(recordings):
+    """Return the numbers of clips, frames and segments of a source."""
+    library = recordings.library
+    n_frames = sum(clip.n_frames for clip in library.clips)
+    return [len(library.clips), n_frames, len(library.segments)]
+
+
+class Run:
+    """Measures sources, or reads the stored results."""
+
+    def __init__(self, options):
+        self.options = options
+        self.cache = Cache(options.cache)
+        self.files = {
+            name: find_files(SOURCES[name], options.data, options.cache) for name in SOURCES
+        }
+        self._inputs = {}
+        self._recordings = Recordings("", ())
+
+    def recordings(self, name):
+        """Return the recordings of a source; those of the last source stay in memory."""
+        if self._recordings.name != name:
+            is_quick = self.options.quick
+            self._recordings = read_recordings(name, self.files[name], is_quick=is_quick)
+        return self._recordings
+
+    def result(self, experiment, modules, name, measure):
+        """Return the stored result of an experiment on a source; compute it if it is missing.
+
+        The result depends on the package and on the code in `modules`.
+        """
+        if name not in self._inputs:
+            self._inputs[name] = input_version(self.files[name])
+        code = code_version(modules)
+        size = "quick" if self.options.quick else "full"
+        version = f"{code}-{self._inputs[name]}-{size}"
+        stored = self.cache.read(experiment, name, version, is_any_version=self.options.stored)
+        if stored is None and not self.options.stored:
+            start = time.process_time()
+            try:
+                stored = {"value": measure(self.recordings(name))}
+            except mg.InsufficientDataError as error:
+                stored = {"refused": str(error)}
+            stored |= {"processor_seconds": time.process_time() - start, "code": code}
+            self.cache.write(experiment, name, version, stored)
+            print(
+                f"{experiment}, {name}: {stored['processor_seconds']:.0f} s",
+                file=sys.stderr,
+                flush=True,
+            )
+        return stored
+
+    def experiment(self, experiment, name):
+        """Return the stored or computed result of a module of experiments on a source."""
+        return self.result(
+            experiment.NAME,
+            (experiment, *getattr(experiment, "HELPERS", ())),
+            name,
+            partial(experiment.measure, is_quick=self.options.quick),
+        )
+
+    def pairs(self):
+        """Return the chosen pairs of experiment and source for which there are recordings."""
+        return [
+            (experiment, name)
+            for name in self.sources()
+            for experiment in experiments()
+            if name in experiment.SOURCES
+            and (not self.options.only or experiment.NAME in self.options.only)
+        ]
+
+    def sources(self):
+        """Return the chosen sources for which there are recordings."""
+        return [name for name in self.options.sources or SOURCES if self.files[name]]
+
+
+def start_process(options):
+    """Prepare a process that computes results; it keeps the recordings of the last source."""
+    global _run
+    _run = Run(options)
+
+
+def compute_pair(pair):
+    """Compute and store the result of the experiment of a name on a source."""
+    by_name = {own.NAME: own for own in experiments()}
+    _run.experiment(by_name[pair[0]], pair[1])
+
+
+def compute(options):
+    """Compute and store the missing results, several at a time."""
+    pairs = [(experiment.NAME, name) for experiment, name in Run(options).pairs()]
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(options.processes, context, start_process, (options,)) as pool:
+        list(pool.map(compute_pair, pairs))
+
+
+def write_tables(results, facts, folder):
+    """Write the tables of all results to a folder; return what was not measured, with reasons.
+
+    `results` maps the name of an experiment to the stored values by source, `facts` the name of a
+    source to its numbers of clips, frames and segments.
+    """
+    refusals = []
+    for experiment in experiments():
+        stored = results.get(experiment.NAME, {})
+        measured = {name: own["value"] for name, own in stored.items() if "value" in own}
+        refusals += [
+            (experiment.NAME, name, own["refused"])
+            for name, own in stored.items()
+            if "refused" in own
+        ]
+        if measured:
+            for title, table in experiment.tables(measured).items():
+                write_csv(table, folder / f"{experiment.NAME}-{title}.csv")
+    sources = [
+        (name, "test" if SOURCES[name].is_test else "development", SOURCES[name].description, *own)
+        for name, own in facts.items()
+    ]
+    constants = [
+        (
+            own.name,
+            f"{own.value:.4g}" if isinstance(own.value, float) else own.value,
+            own.paper,
+            own.chosen_on,
+        )
+        for own in CONSTANTS
+    ]
+    for name, head, rows in (
+        ("sources", ("source", "use", "recordings", "clips", "frames", "segments"), sources),
+        ("constants", ("constant", "value", "in the paper", "chosen on"), constants),
+        ("refused", ("experiment", "source", "reason"), refusals),
+    ):
+        if rows:
+            folder.mkdir(parents=True, exist_ok=True)
+            with (folder / f"{name}.csv").open("w", encoding="utf-8", newline="") as file:
+                csv.writer(file, lineterminator="\n").writerows([head, *rows])
+    return refusals
+
+
+def collect(options):
+    """Return the results by experiment and source, and the facts by source."""
+    if options.processes > 1 and not options.stored:
+        compute(options)
+    current = Run(options)
+    facts, results = {}, {}
+    for name in current.sources():
+        stored = current.result(FACTS, (), name, measure_facts)
+        if stored is not None and "value" in stored:
+            facts[name] = stored["value"]
+    for experiment, name in current.pairs():
+        stored = current.experiment(experiment, name)
+        if stored is not None:
+            results.setdefault(experiment.NAME, {})[name] = stored
+    return results, facts
+
+
+def measure_tiny(names=None):
+    """Return the results of all experiments on a few seconds of the dancer, for tests."""
+    recordings = Recordings("tiny", (tiny_motion(), tiny_motion(2)))
+    results = {}
+    for experiment in experiments():
+        if names is not None and experiment.NAME not in names:
+            continue
+        try:
+            value = {"value": experiment.measure(recordings, is_quick=True)}
+        except mg.InsufficientDataError as error:
+            value = {"refused": str(error)}
+        results[experiment.NAME] = {experiment.SOURCES[0]: value}
+    return results
+
+
+def main(argv=None):
+    """Run the experiments that are not stored, and write the tables."""
+    parser = argparse.ArgumentParser(prog="lab experiments", description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data")
+    parser.add_argument("--cache", type=Path, default=ROOT / ".evidence")
+    parser.add_argument("-o", "--output", type=Path, help="folder of the tables")
+    parser.add_argument("--only", nargs="+", choices=[own.NAME for own in experiments()])
+    parser.add_argument("--sources", nargs="+", choices=SOURCES)
+    parser.add_argument("--processes", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--quick", action="store_true", help="a few seconds of each source")
+    parser.add_argument("--stored", action="store_true", help="compute nothing")
+    options = parser.parse_args(argv)
+    if options.quick and options.output is None:
+        parser.error("--quick needs -o FOLDER: its tables are no results")
+    start = time.perf_counter()
+    for row in write_tables(*collect(options), options.output or RESULTS):
+        print("not measured:", *row, file=sys.stderr)
+    print(f"{(time.perf_counter() - start) / 60:.1f} minutes in all", file=sys.stderr)

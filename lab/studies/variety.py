@@ -1,0 +1,261 @@
+"""Measure how settings trade variety against the traces that grafts leave.
+
+``python -m lab variety FOLDER... [--count 3]`` takes every folder as one source: the largest
+set of BVH files with one skeleton below it, at 30 frames per second. It prints
+
+- ``radius``: for each source the radius, in cluster diameter thresholds, at which balls have as
+  many members on average as clusters, from which `BALL_RADIUS` is chosen;
+- ``share``: the share of exchanged segments and the mean seam gap by variety, which need no
+  motions and take seconds;
+- ``neighbourhood``: measures of grafts with clusters and with balls, by `sigma_scale`;
+- ``temperature``, ``diversity``: the same by `temperature` and by `diversity`;
+- ``seeds``: by `temperature`, the share of positions at which donors of two seeds differ, and the
+  mean seam gap, which need no motions;
+- ``dial``: the same by the variety of `Config.with_variety`;
+- ``auto``: for each source the scale that `sigma_scale` "auto" chooses for the legs and for the
+  upper body, and the error of repetitions, as a share of that of random segments;
+- ``tolerance``: for each source, by the error within clusters that "auto" permits, as a multiple of
+  that of repetitions: the scale of the legs, the share of exchanged segments and the mean seam gap
+  at that scale, and the compatibility of the donors, which the choice of the scale does not use: κ,
+  and how many percentage points more parts than of random donors of similar length a classifier
+  accepts.
+
+``--only NAME`` prints one of these. Novelty, the difference between
+grafts and the detectability at seams are those of `mograft.evaluation`: 0.5 means that
+a classifier cannot distinguish grafts from recordings. Needs scikit-learn.
+"""
+
+import argparse
+from collections import defaultdict
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+import mograft as mg
+from lab.common import run, tiny_motion
+from lab.studies.segmentations import compatibility_of
+from mograft import evaluation
+from mograft.analysis.scale_choice import scale_curve
+from mograft.evaluation.detectability import MIN_WINDOWS
+from mograft.evaluation.two_sample import block_folds, detect
+from mograft.evaluation.windows import GraftWindows
+from mograft.synthesis.graft_plan import GraftPlan
+
+RATE = 30.0
+SIGMA_SCALES = (0.3, 0.5, 0.75, 1.0, 1.5, 2.5)
+COLUMNS = (
+    "exchanged",
+    "novelty",
+    "between grafts",
+    "seam gap",
+    "seams, gross",
+    "seams, fine",
+)
+TEMPERATURES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
+N_SEEDS = 4
+DIVERSITIES = (0.0, 1.0, 2.0, 4.0)
+VARIETIES = (0.0, 0.25, 0.5, 0.75, 1.0)
+TOLERANCES = (1.0, 1.05, 1.1, 1.2, 1.5)  # of the error within clusters; 1.1 is the default
+N_SPLITS = 3  # of the folds of compatibility
+PARTS = (
+    "radius",
+    "share",
+    "seeds",
+    "neighbourhood",
+    "temperature",
+    "diversity",
+    "dial",
+    "auto",
+    "tolerance",
+)
+MAX_BASES = 3  # clips of a source that are bases
+MAX_WINDOWS = 600
+
+
+def read_source(folder):
+    """The library of the largest set of files with one skeleton, by duration."""
+    sets = defaultdict(list)
+    for path in sorted(Path(folder).rglob("*.bvh")):
+        motion = mg.read_bvh(path)
+        sets[motion.skeleton.names, tuple(motion.skeleton.parents)].append(motion)
+    largest = max(sets.values(), key=lambda motions: sum(own.duration for own in motions))
+    return mg.Library.build(largest, rate=RATE)
+
+
+def equal_radius(library, scale):
+    """The radius of balls with as many members as clusters, in thresholds; mean members."""
+    labelled = library.relabelled(mg.Config(sigma_scale=scale))
+    base = labelled.groups.base
+    points, labels = labelled.embedding[base].points, labelled.labels[base]
+    chosen = np.arange(0, len(points), max(1, len(points) // 1000))
+    n_members = np.bincount(labels)[labels[chosen]].sum()
+    distances = np.concatenate([np.linalg.norm(points - points[k], axis=1) for k in chosen])
+    radius = np.partition(distances, n_members - 1)[n_members - 1]
+    return radius / labelled.sigma[base], n_members / len(chosen)
+
+
+def print_radius(sources):
+    print("| source | segments |" + "".join(f" {scale:g} |" for scale in SIGMA_SCALES[:-1]))
+    print("|---|---|" + "---|" * len(SIGMA_SCALES[:-1]))
+    rows = []
+    for name, library in sources.items():
+        found = [equal_radius(library, scale) for scale in SIGMA_SCALES[:-1]]
+        rows.append([radius for radius, _ in found])
+        cells = "".join(f" {radius:.2f}, {members:.1f} |" for radius, members in found)
+        print(f"| {name} | {len(library.segments)} |{cells}")
+    print("| mean | |" + "".join(f" {radius:.2f} |" for radius in np.mean(rows, axis=0)))
+
+
+def donor_shares(library, config, count):
+    """The share of exchanged segments in donor sequences on all clips, and the mean seam gap."""
+    library = library.relabelled(config)
+    is_new, gaps = [], []
+    for entry in library.entries:
+        plan = GraftPlan.build(library, entry.name, None, ())
+        for donors in plan.choose_donors(count, 0):
+            for group, sequence in donors.items():
+                is_new.append(sequence != plan.problem.scenario)
+                gaps.append(plan.pools[group].seam_angles_along(sequence))
+    gaps = np.concatenate(gaps)
+    return np.concatenate(is_new).mean(), np.degrees(gaps[gaps > 1e-9].mean())
+
+
+def print_shares(sources, count):
+    print("| source |" + "".join(f" {variety:g} |" for variety in VARIETIES))
+    print("|---|" + "---|" * len(VARIETIES))
+    rows = []
+    for name, library in sources.items():
+        configs = map(mg.Config.with_variety, VARIETIES)
+        rows.append([donor_shares(library, config, count) for config in configs])
+        cells = "".join(f" {100 * share:.0f} %, {gap:.1f}° |" for share, gap in rows[-1])
+        print(f"| {name} |{cells}", flush=True)
+    means = np.mean(rows, axis=0)
+    print("| mean |" + "".join(f" {100 * share:.0f} %, {gap:.1f}° |" for share, gap in means))
+
+
+def seed_difference(library, config):
+    """The share of positions at which donors of two seeds differ, and the mean seam gap."""
+    library = library.relabelled(config)
+    differs, gaps = [], []
+    for entry in library.entries:
+        plan = GraftPlan.build(library, entry.name, None, ())
+        for group, pool in plan.pools.items():
+            drawn = [plan.choose_donors(1, seed)[0][group] for seed in range(N_SEEDS)]
+            differs += [own != other for own, other in combinations(drawn, 2)]
+            gaps += [pool.seam_angles_along(own) for own in drawn]
+    gaps = np.concatenate(gaps)
+    return np.concatenate(differs).mean(), np.degrees(gaps[gaps > 1e-9].mean())
+
+
+def print_seeds(sources):
+    print("| source |" + "".join(f" {temperature:g} |" for temperature in TEMPERATURES))
+    print("|---|" + "---|" * len(TEMPERATURES))
+    for name, library in sources.items():
+        configs = [mg.Config(temperature=temperature) for temperature in TEMPERATURES]
+        found = [seed_difference(library, config) for config in configs]
+        cells = "".join(f" {100 * share:.0f} %, {gap:.1f}° |" for share, gap in found)
+        print(f"| {name} |{cells}", flush=True)
+
+
+def print_automatic(sources):
+    print("| source | segments | lower | its repetition error | upper | its repetition error |")
+    print("|---|---|---|---|---|---|")
+    for name, library in sources.items():
+        curves = [scale_curve(library.embedding, group, library.config) for group in library.labels]
+        cells = "".join(
+            " - | - |" if curve is None else f" {curve.scale:.2f} | {curve.repetition_error:.2f} |"
+            for curve in curves
+        )
+        print(f"| {name} | {len(library.segments)} |{cells}")
+
+
+def print_tolerances(sources, count):
+    titles = ("scale", "exchanged", "seam gap", "κ", "accepted, points above random")
+    print("| source | tolerance |" + "".join(f" {title} |" for title in titles))
+    print("|---|---|" + "---|" * len(titles))
+    for name, library in sources.items():
+        curve = scale_curve(library.embedding, library.groups.base, library.config)
+        measured = {}
+        for tolerance in TOLERANCES:
+            scale = curve.scale_at(tolerance - 1.0)
+            if scale not in measured:
+                config = mg.Config(sigma_scale=scale)
+                share, gap = donor_shares(library, config, count)
+                compatible = compatibility_of(library.relabelled(config), N_SPLITS)
+                measured[scale] = [f"{100 * share:.0f} %", f"{gap:.1f}°", *compatible]
+            cells = " | ".join([f"{tolerance:g}", f"{scale:.2f}", *measured[scale]])
+            print(f"| {name} | {cells} |", flush=True)
+
+
+def measure(library, config, count):
+    """The values of `COLUMNS`, of some grafts on up to `MAX_BASES` clips of a library."""
+    library = library.relabelled(config)
+    names = [own.name for own in library.entries if own.n_frames >= 2 * RATE][:MAX_BASES]
+    grafts = [list(mg.graft_many(library, name, count)) for name in names]
+    flat = [graft for several in grafts for graft in several]
+    exchanged = [not own.is_own for graft in flat for own in graft.substitutions]
+    gaps = [seam.gap for graft in flat for seam in graft.seams]
+    new = evaluation.novelty(grafts)
+    values = [np.mean(exchanged), new.novelty.value, new.between.value]
+    values.append(np.degrees(np.mean(gaps)) if gaps else np.nan)
+    windows = GraftWindows.of(flat, "seams", MAX_WINDOWS, np.random.default_rng(0))
+    if len(windows) < MIN_WINDOWS:
+        return [*values, np.nan, np.nan]
+    found = detect([windows.pairs()], [block_folds(windows.frames, (0, 0))], 0)
+    return [*values, found.gross.value, found.fine.value]
+
+
+def print_settings(sources, configs, count):
+    """Print `COLUMNS` for each source and configuration, given with its label."""
+    print("| source | |" + "".join(f" {title} |" for title in COLUMNS))
+    print("|---|---|" + "---|" * len(COLUMNS))
+    for name, library in sources.items():
+        for label, config in configs:
+            exchanged, new, between, gap, *areas = measure(library, config, count)
+            cells = "".join(f" {area:.2f} |" for area in areas)
+            print(
+                f"| {name} | {label} | {exchanged:.2f} | {new:.2f} | {between:.2f} | {gap:.1f}° |"
+                + cells,
+                flush=True,
+            )
+
+
+def report(options):
+    """Print the tables."""
+    if options.tiny:
+        sources = {"tiny": mg.Library.build([tiny_motion(), tiny_motion(2)])}
+    else:
+        sources = {Path(folder).name: read_source(folder) for folder in options.folders}
+    if options.only in (None, "radius"):
+        print_radius(sources)
+    if options.only in (None, "share"):
+        print_shares(sources, options.count)
+    if options.only in (None, "seeds"):
+        print_seeds(sources)
+    if options.only in (None, "auto"):
+        print_automatic(sources)
+    if options.only in (None, "tolerance"):
+        print_tolerances(sources, options.count)
+    settings = {
+        "neighbourhood": [
+            (f"{name}, {scale:g}", mg.Config(neighbourhood=name, sigma_scale=scale))
+            for name in ("cluster", "ball")
+            for scale in (0.5, 0.75, 1.0)
+        ],
+        "temperature": [(f"{own:g}", mg.Config(temperature=own)) for own in (0.1, 0.25, 1.0)],
+        "diversity": [(f"{own:g}", mg.Config(diversity=own)) for own in DIVERSITIES],
+        "dial": [(f"{own:g}", mg.Config.with_variety(own)) for own in VARIETIES],
+    }
+    for part, configs in settings.items():
+        if options.only in (None, part):
+            print_settings(sources, configs[:1] if options.tiny else configs, options.count)
+
+
+def main(argv=None):
+    """Run the bench."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folders", nargs="*", help="folders of BVH files, each one source")
+    parser.add_argument("--count", type=int, default=3, help="grafts per clip")
+    parser.add_argument("--only", choices=PARTS)
+    return run(parser, report, argv)

@@ -1,0 +1,139 @@
+"""Retrieval on parts whose dependence on the base part is planted or destroyed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+from lab.donors.retrieval import retrieval
+from lab.donors.retrieval_trials import RULES, PartErrors, first_weights, middle_ranks
+from mograft import InsufficientDataError, Library, rotations
+from tests.strategies import SEEDS, few_examples
+
+
+def move_arms_like_legs(motion):
+    """Return the motion with the rotations of the thighs in the upper arms."""
+    index = {name: joint for joint, name in enumerate(motion.skeleton.names)}
+    quats = motion.rotations.copy()
+    for side in ("Left", "Right"):
+        quats[:, index[f"{side}Arm"]] = quats[:, index[f"{side}UpLeg"]]
+    return replace(motion, rotations=quats, channel_values=None)
+
+
+def move_upper_body_at_random(motion, joints, rng):
+    """Return the motion with smooth noise in the rotations of joints."""
+    noise = rng.normal(size=(motion.n_frames + 12, len(joints), 3)).cumsum(axis=0)
+    smooth = (noise[12:] - noise[:-12]) / 12
+    quats = motion.rotations.copy()
+    quats[:, joints] = rotations.exp(smooth)
+    return replace(motion, rotations=quats, channel_values=None)
+
+
+@pytest.fixture(scope="module")
+def coupled(library):
+    """Return the result for arms that move like the legs of the same frame."""
+    return retrieval(Library.build([move_arms_like_legs(clip) for clip in library.clips]))
+
+
+@pytest.fixture(scope="module")
+def uncoupled(library):
+    """Return the result for upper bodies that move at random."""
+    rng, joints = np.random.default_rng(1), library.joints("upper")
+    clips = [move_upper_body_at_random(clip, joints, rng) for clip in library.clips]
+    return retrieval(Library.build(clips))
+
+
+def test_retrieval_planted_coupling_is_found(coupled):
+    for rule in ("random", "contact pattern"):
+        advantage = coupled.advantage(rule)
+        assert advantage.angle.low > 0
+        assert advantage.angle.low > advantage.angle_null.high
+        assert advantage.distance.low > advantage.distance_null.high
+
+
+def test_retrieval_independent_parts_have_no_advantage(uncoupled):
+    for advantage in uncoupled.advantages:
+        assert advantage.angle.low <= 0 <= advantage.angle.high, advantage.rule
+
+
+@pytest.mark.parametrize("name", ["coupled", "uncoupled"])
+def test_retrieval_shuffled_parts_have_no_advantage(name, request):
+    found = request.getfixturevalue(name)
+    for advantage in found.advantages:
+        for null in (advantage.angle_null, advantage.distance_null):
+            assert null.low <= 0 <= null.high, advantage.rule
+    for score in found.scores:
+        if score.rule in RULES:
+            assert score.angle_null.low <= 0 <= score.angle_null.high, score.rule
+
+
+def test_retrieval_scores_are_bounded_by_best_possible(coupled):
+    scores = {score.rule: score for score in coupled.scores}
+    best = scores.pop("best possible")
+    assert set(scores) == set(RULES)
+    for rule, score in scores.items():
+        if rule != "ball":
+            assert score.distance.value >= best.distance.value
+            assert score.donors.value == best.donors.value
+    assert scores["random"].rank.value == pytest.approx(0.5)
+    assert 0 < coupled.segments <= coupled.held_out
+
+
+def test_retrieval_same_seed_gives_same_numbers(library):
+    first, second = (retrieval(library, seed=3).as_dict() for _ in range(2))
+    assert first == second
+    assert first["scores"][-1]["angle_null"]["value"] is None
+
+
+def test_retrieval_unknown_rule_raises_key_error(coupled):
+    with pytest.raises(KeyError, match="wings"):
+        coupled.advantage("wings")
+
+
+def test_retrieval_few_segments_raises_insufficient_data_error(library):
+    with pytest.raises(InsufficientDataError, match="60 segments"):
+        retrieval(Library.build(library.clips[0][:200]))
+
+
+def test_retrieval_base_group_raises_value_error(library):
+    with pytest.raises(ValueError, match="`group` must be one of upper"):
+        retrieval(library, "lower")
+
+
+def test_part_errors_equal_definition(library):
+    errors = PartErrors.of(library, "upper")
+    i, j = 3, 40
+    joints = [
+        joint
+        for joint in library.joints("upper").tolist()
+        if joint in library.embedding["upper"].joints
+    ]
+    quats = library.samples.rotations[:, ::2][:, :, joints].astype(np.float64)
+    expected = rotations.angle(quats[i], quats[j]).mean()
+    assert errors.angle[i, j] == pytest.approx(expected, abs=1e-3)
+    is_other = library.is_donor & (np.arange(len(library.segments)) != j)
+    assert errors.mean_angle[j] == pytest.approx(errors.angle[is_other, j].mean(), rel=1e-3)
+    assert np.diag(errors.distance) == pytest.approx(0, abs=1e-3)
+
+
+@few_examples(50)
+@given(SEEDS)
+def test_first_weights_equal_mean_over_random_tie_breaks(seed):
+    rng = np.random.default_rng(seed)
+    order = rng.integers(0, 4, rng.integers(1, 9)).astype(float)
+    n = int(rng.integers(0, len(order) + 1))
+    chosen = np.zeros(len(order))
+    for _ in range(2000):
+        chosen[np.lexsort((rng.random(len(order)), order))[:n]] += 1
+    np.testing.assert_allclose(first_weights(order, n), chosen / 2000 / max(n, 1), atol=0.06)
+
+
+@few_examples(50)
+@given(SEEDS)
+def test_middle_ranks_equal_scipy(seed):
+    stats = pytest.importorskip("scipy.stats", reason="SciPy is not installed")
+    rng = np.random.default_rng(seed)
+    order = rng.integers(0, 5, rng.integers(1, 12)).astype(float)
+    expected = (stats.rankdata(order) - 0.5) / len(order)
+    np.testing.assert_allclose(middle_ranks(order), expected)
