@@ -197,7 +197,7 @@ class Config:
     inertia: Literal["own", "subtree", "unit"] = setting("segmentation", "own")
     samples: int = setting("embedding", 10, 2)
     components: int = setting("embedding", 10, 1)
-    keep_heading: bool = setting("embedding", False)
+    keep_heading: bool = setting("embedding", default=False)
     rotation_floor: float = setting("embedding", math.radians(0.5), 0)
     position_floor: float = setting("embedding", 0.001, 0)
     length_floor: float = setting("embedding", 0.5, 0)
@@ -223,7 +223,7 @@ class Config:
     seam_blend: float = setting("blend", 0.3)
     alignment: Literal["uniform", "dtw"] = setting("blend", "uniform")
     torso: Literal["pelvis", "world", "balanced"] = setting("blend", "balanced")
-    self_repair: bool = setting("search", True)
+    self_repair: bool = setting("search", default=True)
     feet: Literal["auto", "never"] = setting("blend", "auto")
     reach_ik: float = setting("blend", 0.25, 0)
 

@@ -27,8 +27,7 @@ from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 
 BUILD_STAGES = ("segmentation", "embedding")
-"""Stages that run when a library is built: fields of `Config` of these stages cannot change later.
-"""
+"""Stages that run only when a library is built: their fields of `Config` cannot change later."""
 
 
 class DerivableLibrary(LibraryData):
