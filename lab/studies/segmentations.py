@@ -37,7 +37,7 @@ from mograft.evaluation import RandomLength
 from mograft.evaluation.detectability import MIN_WINDOWS
 from mograft.evaluation.two_sample import block_folds, detect
 from mograft.evaluation.windows import GraftWindows
-from mograft.synthesis.graft_plan import GraftPlan
+from mograft.solve.plan import GraftPlan
 
 METHODS = ("energy", "com", "contacts", "pca", "ppca", "gmm", "beats")
 CHOSEN = ("salsa A", "perfume", "basketball", "actions and styles", "everyday")

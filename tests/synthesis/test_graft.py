@@ -247,7 +247,7 @@ def test_graft_moves_descendants_of_grafted_joints_only(library, motion):
 
 @pytest.mark.parametrize(
     "changes",
-    [{}, {"choice": "viterbi"}, {"seam": "paper"}, {"seam": "dead"}, {"alignment": "dtw"}],
+    [{}, {"choice": "viterbi"}, {"seam": "paper"}, {"seam": "inertial"}, {"alignment": "dtw"}],
     ids=lambda own: next(iter(own.values()), "default"),
 )
 def test_graft_quaternion_signs_change_no_choice_and_no_pose(motion, changes):
