@@ -34,20 +34,6 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 html_theme = "furo"
 html_title = f"mograft {release}"
 html_extra_path = ["_made/pages"]
-html_static_path = ["_static"]
-templates_path = ["_templates"]
-html_js_files = [("versions.js", {"defer": "defer"})]
-# Those of the theme, and the menu of versions, which is visible on the site only.
-html_sidebars = {
-    "**": [
-        "sidebar/brand.html",
-        "sidebar/versions.html",
-        "sidebar/search.html",
-        "sidebar/scroll-start.html",
-        "sidebar/navigation.html",
-        "sidebar/scroll-end.html",
-    ]
-}
 exclude_patterns = ["_build", "_made/pages"]
 # Sphinx resolves the n_joints of a shape as a name, which is ambiguous.
 suppress_warnings = ["config.cache", "ref.python"]

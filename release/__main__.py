@@ -25,7 +25,6 @@ from release.distributions import DIST, DISTRIBUTIONS, ROOT, WORK
 from release.emulation import try_aarch64
 from release.notices import find_stale_notices
 from release.pythons import VERSIONS, try_pythons
-from release.site import place
 from release.trials import try_sdists, try_tests, try_types, try_wheels
 
 
@@ -58,8 +57,6 @@ def _audit(_options: argparse.Namespace) -> list[str]:
 def _build_documentation(_options: argparse.Namespace) -> None:
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "docs", str(WORK / "docs")]
     subprocess.run(command, cwd=ROOT, check=True)
-    versions = place(WORK / "docs", WORK / "site", DISTRIBUTIONS[0].version)
-    print(f"{WORK / 'site'}: versions {' '.join(versions)}", flush=True)
 
 
 def _remove_old_artifacts() -> None:

@@ -76,7 +76,8 @@ def main(arguments):
 
 def _pytest_arguments(arguments):
     is_parallel = "--thorough" not in arguments and importlib.util.find_spec("xdist") is not None
-    return [*(_PARALLEL if is_parallel else ()), *arguments]
+    folders = ["tests", "python", "tests/weekly"] if "--thorough" in arguments else []
+    return [*(_PARALLEL if is_parallel else ()), *arguments, *folders]
 
 
 sys.exit(main(sys.argv[1:]))

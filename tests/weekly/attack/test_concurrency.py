@@ -7,7 +7,7 @@ import pytest
 import mograft as mg
 from mograft import Library, write_bvh
 from mograft.dancer import dance
-from tests.attack.concurrency import CALLS, EXEMPT, compare_threads
+from tests.weekly.attack.concurrency import CALLS, EXEMPT, compare_threads
 
 
 @pytest.fixture(scope="module")

@@ -1,13 +1,13 @@
 """Law of every command that writes: after any fault the state is old or new, and nothing remains.
 
 Faults are failed and interrupted calls, losses of what was not synced, full disks and kills. The
-thorough run of all commands is `python -m tests.attack`.
+thorough run of all commands is `python -m tests.weekly.attack`.
 """
 
 import pytest
 
-from tests.attack import crash
-from tests.attack.write_paths import WRITE_PATHS
+from tests.weekly.attack import crash
+from tests.weekly.attack.write_paths import WRITE_PATHS
 
 _SMALL = [path for path in WRITE_PATHS if path.name == "groups"]
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from mograft import LibraryError, write_bvh
 from mograft.dancer import dance
-from tests.attack.faults import FaultServer
-from tests.attack.lost_writes import Disk
-from tests.attack.outcome import Outcome
-from tests.attack.write_paths import (
+from tests.weekly.attack.faults import FaultServer
+from tests.weekly.attack.lost_writes import Disk
+from tests.weekly.attack.outcome import Outcome
+from tests.weekly.attack.write_paths import (
     WRITE_PATHS,
     hash_tree,
     list_debris,

@@ -1,4 +1,4 @@
-"""Run commands of mograft in forked processes whose writes fail or end; see `tests.attack.faults`.
+"""Run commands of mograft in forked processes whose writes fail or end; see `faults`.
 
 Reads one JSON request per line from stdin and answers with one JSON line each.
 """

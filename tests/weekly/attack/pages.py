@@ -5,9 +5,9 @@ from dataclasses import replace
 import mograft as mg
 from mograft import Library
 from mograft.dancer import dance
-from tests.attack.outcome import Outcome
 from tests.browser import chromium, open_page
 from tests.strategies import HOSTILE_NAMES
+from tests.weekly.attack.outcome import Outcome
 
 
 def hostile_pages(folder, count):

@@ -1,4 +1,4 @@
-"""Experiments with damaged files, hostile libraries and several processes; see `tests.attack`."""
+"""Experiments with damaged files, hostile libraries and several processes; see its package."""
 
 import concurrent.futures
 import ctypes
@@ -20,11 +20,11 @@ from mograft import Library, LibraryError, clustering, write_bvh
 from mograft.dancer import dance
 from mograft.library.files import storage
 from tests import fuzz_bvh
-from tests.attack.concurrency import compare_threads, fingerprint
-from tests.attack.outcome import Outcome
 from tests.library.checks import list_files
 from tests.library.test_hostile import find_paths, seal, use
 from tests.linkage.test_adversarial import assert_is_complete_linkage
+from tests.weekly.attack.concurrency import compare_threads, fingerprint
+from tests.weekly.attack.outcome import Outcome
 
 MOTION = dance(seed=5, strides=1).motion
 

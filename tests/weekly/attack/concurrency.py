@@ -15,7 +15,7 @@ from scipy.spatial.distance import pdist
 import mograft as mg
 import mograft.constraints as mc
 from mograft import clustering, formats
-from tests.attack.outcome import Outcome
+from tests.weekly.attack.outcome import Outcome
 
 EXEMPT = {
     "from_pybvh": "needs an optional package",

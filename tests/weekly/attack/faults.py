@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 _SOURCE = Path(__file__).with_name("io_faults.c")
-_ROOT = Path(__file__).resolve().parents[2]
+_ROOT = Path(__file__).resolve().parents[3]
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class FaultServer:
         environment = {**os.environ, "LD_PRELOAD": str(build_shim(folder)), "PYTHONPATH": ""}
         environment["PYTHONPATH"] = os.pathsep.join([str(_ROOT), *sys.path])
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "tests.attack.fault_server", json.dumps(warm)],
+            [sys.executable, "-m", "tests.weekly.attack.fault_server", json.dumps(warm)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

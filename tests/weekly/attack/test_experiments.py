@@ -1,11 +1,11 @@
-"""The experiments of `python -m tests.attack`, with few trials; and the table of their results."""
+"""The experiments of `tests.weekly.attack` with few trials, and the table of their results."""
 
 import re
 from pathlib import Path
 
 import pytest
 
-from tests.attack.__main__ import COMMANDS, MARKS, OTHERS, PAGE
+from tests.weekly.attack.__main__ import COMMANDS, MARKS, OTHERS, PAGE
 
 _QUICK = (
     *("damaged_texts", "cut_texts", "damaged_libraries", "hostile_libraries"),

@@ -18,7 +18,7 @@ yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
 
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 SET_UP = ("rustup toolchain install", "rustup target add", "python -m pip install")
-MODULES = ("tests", "release", "release.site", "release.tag")
+MODULES = ("tests", "release", "release.tag")
 
 
 def read(name):

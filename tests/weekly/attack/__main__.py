@@ -1,4 +1,4 @@
-"""Attack mograft in many ways, and print the results: ``python -m tests.attack``.
+"""Attack mograft in many ways, and print the results: ``python -m tests.weekly.attack``.
 
 All experiments together take about half an hour. ``--only`` selects some, ``--scale`` repeats them
 less often, and ``--results FILE`` keeps results, so that several runs give one table. ``--write``
@@ -14,8 +14,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from tests.attack.crash import failed_calls, full_disks, lost_writes, random_kills, try_all
-from tests.attack.experiments import (
+from tests.weekly.attack.crash import failed_calls, full_disks, lost_writes, random_kills, try_all
+from tests.weekly.attack.experiments import (
     cut_texts,
     damaged_libraries,
     damaged_texts,
@@ -26,9 +26,9 @@ from tests.attack.experiments import (
     repeated_calls,
     small_linkages,
 )
-from tests.attack.pages import hostile_pages
+from tests.weekly.attack.pages import hostile_pages
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "reliability.md"
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "reliability.md"
 MARKS = ("<!-- attack: begin -->", "<!-- attack: end -->")
 
 COMMANDS = {
@@ -102,7 +102,7 @@ def write_page(table):
 
 
 def main(arguments):
-    parser = argparse.ArgumentParser(prog="python -m tests.attack", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.weekly.attack", description=__doc__)
     parser.add_argument("--only", nargs="+", choices=[*COMMANDS, *OTHERS], metavar="NAME")
     parser.add_argument("--scale", type=float, default=1.0)
     parser.add_argument("--results", type=Path)
