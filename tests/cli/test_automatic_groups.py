@@ -6,7 +6,7 @@ import pytest
 
 import mograft as mg
 from mograft import JointGroups, Library
-from mograft.cli.syntax.command_table import COMMANDS
+from mograft.cli.syntax.commands import COMMANDS
 
 
 def test_automatic_groups_of_every_command_are_those_of_discover(run, folder, tmp_path):

@@ -1,4 +1,4 @@
-"""``--sigma-scale auto`` and ``mograft plot threshold``."""
+"""``--set sigma_scale=auto`` and ``mograft plot threshold``."""
 
 import json
 
@@ -9,7 +9,7 @@ from mograft import Config, Library
 
 def test_automatic_scale_of_commands_is_that_of_python(run, folder, tmp_path):
     expected = Library.build(folder / "a.bvh", config=Config(sigma_scale="auto"))
-    options = ["--sigma-scale", "auto"]
+    options = ["--set", "sigma_scale=auto"]
     code, out, _ = run("index", folder / "a.bvh", "-o", tmp_path / "lib", "--json", *options)
     assert code == 0
     groups = json.loads(out)["groups"]
@@ -21,14 +21,16 @@ def test_automatic_scale_of_commands_is_that_of_python(run, folder, tmp_path):
 
 def test_graft_with_automatic_scale_is_created_again_from_its_record(run, folder, tmp_path):
     first, second = tmp_path / "x.bvh", tmp_path / "y.bvh"
-    assert run("graft", folder / "a.bvh", "--sigma-scale", "auto", "-o", first)[0] == 0
+    assert run("graft", folder / "a.bvh", "--set", "sigma_scale=auto", "-o", first)[0] == 0
     assert run("graft", "--from", tmp_path / "x.json", "-o", second)[0] == 0
     assert first.read_bytes() == second.read_bytes()
 
 
 def test_automatic_scale_other_word_is_usage_error(usage_error, folder, tmp_path):
-    message = usage_error("graft", folder / "a.bvh", "--sigma-scale", "big", "-o", tmp_path / "x")
-    assert "--sigma-scale: must be a number above 0, or auto, got big" in message
+    message = usage_error(
+        "graft", folder / "a.bvh", "--set", "sigma_scale=big", "-o", tmp_path / "x"
+    )
+    assert "--set: `sigma_scale` must be a number above 0 or 'auto', got 'big'" in message
 
 
 def test_plot_threshold_draws_curve_and_both_scales(run, folder, tmp_path):

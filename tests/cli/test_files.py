@@ -9,7 +9,7 @@ import pytest
 
 from mograft import read_bvh, write_bvh
 from mograft.body import groups as joint_groups
-from mograft.cli.syntax.options import PRESETS
+from mograft.cli.syntax.shared import PRESETS
 from mograft.formats import write_npz
 
 
@@ -49,7 +49,7 @@ def test_info_invalid_files_are_reported_and_all_others_described(run, folder, t
 
 def test_info_large_file_is_scanned(run, folder, monkeypatch):
     whole = json.loads(run("info", "--json", folder / "a.bvh")[1])["files"][0]
-    monkeypatch.setattr("mograft.cli.actions.info.MAX_BYTES_IN_MEMORY", 1000)
+    monkeypatch.setattr("mograft.cli.actions.motions.MAX_BYTES_IN_MEMORY", 1000)
     streamed = json.loads(run("info", "--json", folder / "a.bvh")[1])["files"][0]
     assert streamed.pop("faults") is None
     assert whole.pop("faults") == []

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft import read_bvh
-from mograft.cli.syntax.frame_times import (
+from mograft.cli.syntax.frames import (
     Seconds,
     frame,
     frame_count,
@@ -70,11 +70,11 @@ def test_frame_count_below_two_is_refused(text):
 
 
 def test_avoid_and_reach_accept_ranges():
-    assert obstacle("sphere:0,90,0,20") == ("sphere", [0.0, 90.0, 0.0, 20.0], None)
-    assert obstacle("sphere:0,90,0,20@5-9") == ("sphere", [0.0, 90.0, 0.0, 20.0], (5, 9))
-    assert obstacle("b.bvh@1s-2s") == ("b.bvh", [0.0] * 4, (Seconds(1.0), Seconds(2.0)))
-    assert obstacle("b.bvh@1,2,3@4-5") == ("b.bvh", [1.0, 2.0, 3.0, 0.0], (4, 5))
-    assert obstacle("b@2.bvh@1,2,3") == ("b@2.bvh", [1.0, 2.0, 3.0, 0.0], None)
+    assert obstacle("sphere:0,90,0,20") == ("sphere", (0.0, 90.0, 0.0, 20.0), None)
+    assert obstacle("sphere:0,90,0,20@5-9") == ("sphere", (0.0, 90.0, 0.0, 20.0), (5, 9))
+    assert obstacle("b.bvh@1s-2s") == ("b.bvh", (0.0,) * 4, (Seconds(1.0), Seconds(2.0)))
+    assert obstacle("b.bvh@1,2,3@4-5") == ("b.bvh", (1.0, 2.0, 3.0, 0.0), (4, 5))
+    assert obstacle("b@2.bvh@1,2,3") == ("b@2.bvh", (1.0, 2.0, 3.0, 0.0), None)
     assert frame_or_frames("7") == (7, 7)
     assert reach("5-9:Hand:1,2,3") == ((5, 9), "Hand", (1.0, 2.0, 3.0), 0.03)
     assert reach("1.5s:a:b:1,2,3~0.1") == (

@@ -202,7 +202,7 @@ def test_graft_of_amass_files_keeps_poses_of_the_base_group(run, tmp_path):
     arrays = dance_arrays(0)
     walk = write_arrays(tmp_path / "walk.npz", arrays)
     wave = write_arrays(tmp_path / "wave.npz", dance_arrays(1))
-    words = ["graft", walk, wave, "--feet", "never", "--seed", "4", "-o"]
+    words = ["graft", walk, wave, "--set", "feet=never", "--seed", "4", "-o"]
     for target in ("g.bvh", "direct.npz"):
         code, _, err = run(*words, tmp_path / target)
         assert code == 0, err

@@ -15,7 +15,7 @@ from mograft.cli import main
         ["graft", "a.bvh", "-o", "out", "-n", "0"],
         ["graft", "a.bvh", "-o", "out", "--seed", "-1"],
         ["graft", "a.bvh", "-o", "out", "--groups", "wings"],
-        ["graft", "a.bvh", "-o", "out", "--choice", "whim"],
+        ["graft", "a.bvh", "-o", "out", "--set", "choice=whim"],
         ["graft", "a.bvh", "-o", "out", "--reach", "5:Hand:1,2"],
         ["graft", "a.bvh", "-o", "out", "--reach", "Hand:1,2,3"],
         ["graft", "a.bvh", "-o", "out", "--avoid", "sphere:1,2,3"],
@@ -46,12 +46,9 @@ def test_main_wrong_usage_returns_2(arguments, capsys):
     [
         ("graft", "--seed", "x", "an integer of at least 0"),
         ("graft", "--count", "1.5", "an integer of at least 1"),
-        ("graft", "--sigma-scale", "nan", "a number above 0, or auto"),
-        ("graft", "--temperature", "-1", "a number above 0"),
         ("graft", "--max-stretch", "nan", "a number of at least 0"),
         ("graft", "--max-angle", "-4", "a number above 0"),
         ("graft", "--radius", "0", "a number above 0"),
-        ("index", "--sigma-scale", "-1", "a number above 0, or auto"),
         ("graft", "--variety", "1.5", "a number from 0 to 1"),
         ("index", "--rate", "0", "a number above 0"),
         ("evaluate", "--rate", "inf", "a number above 0"),
@@ -69,18 +66,28 @@ def test_main_number_out_of_range_names_option_and_range(capsys, command, option
 
 
 @pytest.mark.parametrize(
+    ("assignment", "message"),
+    [
+        ("sigma_scale=nan", "`sigma_scale` must be above 0, got nan"),
+        ("temperature=-1", "`temperature` must be above 0, got -1.0"),
+        ("temperature=hot", "`temperature` must be a number, got 'hot'"),
+        ("components=1.5", "`components` must be a whole number of at least 1, got '1.5'"),
+        ("self_repair=maybe", "`self_repair` must be True or False, got 'maybe'"),
+        ("choice=whim", "`choice` must be one of 'viterbi', 'best', 'sample', 'nearest', 'random'"),
+        ("smoothing.x=1", "'smoothing.x' is no field of Config"),
+    ],
+)
+def test_main_invalid_field_names_it_and_what_is_expected(capsys, folder, assignment, message):
+    for command in ("graft", "index"):
+        with pytest.raises(SystemExit) as stop:
+            main([command, str(folder), "-o", "out", "--set", assignment])
+        assert stop.value.code == 2
+        assert f"error: --set: {message}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
     ("words", "message"),
     [
-        (
-            "graft {} --temperature 1 --choice best",
-            "--temperature requires --choice sample, got best",
-        ),
-        ("graft {} --diversity 2", "--diversity requires -n above 1"),
-        ("graft {} --diversity 0", "--diversity requires -n above 1"),
-        (
-            "graft {} --diversity 0 -n 2 --choice best",
-            "--diversity requires --choice sample, viterbi or nearest, got best",
-        ),
         ("graft {} --avoid sphere:0,0,0,-1", "--avoid sphere: `radius` must not be negative"),
         ("plot pca {} --frames 1-5", "--frames requires strip, timeline, energy; got pca"),
         (
@@ -91,7 +98,7 @@ def test_main_number_out_of_range_names_option_and_range(capsys, command, option
             "view {} --groups wings",
             "--groups must be a TOML file, auto, auto:N or one of lower_upper",
         ),
-        ("evaluate {} balanc", "expected a file or one of quality, world, detectability, balance"),
+        ("evaluate {} qualiti", "expected a file or one of quality, world, detectability"),
     ],
 )
 def test_main_option_without_effect_is_usage_error(capsys, folder, tmp_path, words, message):

@@ -1,12 +1,13 @@
 """The constraints that the options of a command describe."""
 
-import argparse
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
 
 import numpy as np
 
-from mograft.cli.syntax.frame_times import Range, resolve_frames
+from mograft.cli.syntax.arguments import UsageError
+from mograft.cli.syntax.frames import Range, resolve_frames
+from mograft.cli.syntax.shared import ConstraintOptions
 from mograft.cli.syntax.values import SHAPE_NUMBERS
 from mograft.errors import join_names, suggest_name
 from mograft.io.addresses import read_clip
@@ -17,13 +18,13 @@ from mograft.search.donor_constraints import Ban, KeepOriginal, Use
 from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Obstacle, Sphere
 
 
-def read_obstacles(options: argparse.Namespace) -> list[Obstacle]:
-    """Return the obstacles of ``--avoid``; end with a usage error if one is invalid."""
+def read_obstacles(options: ConstraintOptions) -> list[Obstacle]:
+    """Return the obstacles of ``--avoid``; raise a UsageError if one is invalid."""
     return [_read_obstacle(kind, numbers, options) for kind, numbers, _ in options.avoid]
 
 
 def read_constraints(
-    options: argparse.Namespace, library: Library, obstacles: Sequence[Obstacle]
+    options: ConstraintOptions, library: Library, obstacles: Sequence[Obstacle]
 ) -> list[Constraint]:
     """Return the constraints that the options describe; `obstacles` are those of ``--avoid``.
 
@@ -40,8 +41,8 @@ def read_constraints(
     ]
     if options.avoid_self:
         found.append(pose_constraints.AvoidSelf())
-    for given, joint, target, tolerance in options.reach:
-        reach = pose_constraints.Reach(joint, target, tolerance=tolerance, frames=span(given))
+    for frames, joint, target, tolerance in options.reach:
+        reach = pose_constraints.Reach(joint, target, tolerance=tolerance, frames=span(frames))
         found.append(reach)
     for target, given in options.face:
         found.append(pose_constraints.Face(target, frames=span(given)))
@@ -51,7 +52,7 @@ def read_constraints(
         (options.not_from, options.not_tagged, donor_constraints.NotFrom),
     ):
         if clips is not None or tags is not None:
-            found.append(kind(_words(clips), tags=_words(tags)))
+            found.append(kind(clips or (), tags=tags or ()))
     if options.max_stretch is not None:
         found.append(donor_constraints.MaxStretch(options.max_stretch))
     if options.max_angle is not None:
@@ -59,18 +60,18 @@ def read_constraints(
     return found
 
 
-def _check_names(options: argparse.Namespace, library: Library) -> None:
+def _check_names(options: ConstraintOptions, library: Library) -> None:
     """Raise ValueError if a clip or tag in the options for donors is not in the library."""
     tags = sorted({tag for entry in library.entries for tag in entry.tags})
     for option, names in (("only_from", library.names), ("not_from", library.names)):
-        for word in _words(getattr(options, option)):
+        for word in getattr(options, option) or ():
             if not any(fnmatchcase(name, word) for name in names):
                 raise ValueError(
                     f"--{option.replace('_', '-')} must match one of {join_names(names)}; "
                     f"got {word!r}{suggest_name(word, names)}"
                 )
     for option in ("only_tagged", "not_tagged"):
-        for word in _words(getattr(options, option)):
+        for word in getattr(options, option) or ():
             if word not in tags:
                 expected = f"one of {join_names(tags)}" if tags else "omitted: no clip has a tag"
                 raise ValueError(
@@ -79,7 +80,7 @@ def _check_names(options: argparse.Namespace, library: Library) -> None:
                 )
 
 
-def check_frames(options: argparse.Namespace, rate: float, n_frames: int) -> None:
+def check_frames(options: ConstraintOptions, rate: float, n_frames: int) -> None:
     """Raise ValueError if a range of frames starts after the end of a base motion.
 
     `rate` is in frames per second, `n_frames` the length of the base motion.
@@ -98,7 +99,7 @@ def check_frames(options: argparse.Namespace, rate: float, n_frames: int) -> Non
 
 
 def read_segment_constraints(
-    options: argparse.Namespace, rate: float
+    options: ConstraintOptions, rate: float
 ) -> list[KeepOriginal | Use | Ban]:
     """Return the constraints of ``--keep``, ``--take`` and ``--ban``; `rate` is in frames/s."""
     found: list[KeepOriginal | Use | Ban] = [
@@ -114,7 +115,7 @@ def read_segment_constraints(
     return found
 
 
-def _read_obstacle(kind: str, numbers: list[float], options: argparse.Namespace) -> Obstacle:
+def _read_obstacle(kind: str, numbers: Sequence[float], options: ConstraintOptions) -> Obstacle:
     """Return the obstacle that a value of ``--avoid`` describes.
 
     `kind` is the name of a shape, such as ``"sphere"``, or the address of a character's motion.
@@ -132,9 +133,4 @@ def _read_obstacle(kind: str, numbers: list[float], options: argparse.Namespace)
             return Capsule((x, y, z), vector, rest[3])
         return Box((x, y, z), vector) if kind == "box" else HalfSpace((x, y, z), vector)
     except ValueError as error:
-        options.usage_error(f"--avoid {kind}: {error}")
-        raise
-
-
-def _words(text: str | None) -> list[str]:
-    return [] if text is None else text.split(",")
+        raise UsageError(f"--avoid {kind}: {error}") from None

@@ -1,6 +1,5 @@
 """Results on stdout; progress, remarks and errors on stderr."""
 
-import argparse
 import json
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -8,11 +7,12 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
 
+from mograft.cli.syntax.shared import ResultOptions
 from mograft.cli.terminal import write_control
 
 
 def print_result(
-    options: argparse.Namespace,
+    options: ResultOptions,
     schema: str,
     document: dict[str, Any],
     lines: Iterable[object],

@@ -1,7 +1,7 @@
 """``mograft plot``: pictures of motions and of their clusters."""
 
-import argparse
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,6 @@ from mograft.cli.configuration import (
     figure_groups,
     flags_in_errors,
     load_library,
-    options_given,
     refuse_fixed_options,
     refuse_useless_options,
     selected_config,
@@ -28,7 +27,9 @@ from mograft.cli.files import (
     select_clips,
 )
 from mograft.cli.output import print_result
-from mograft.cli.syntax.frame_times import resolve_frames
+from mograft.cli.syntax.arguments import UsageError
+from mograft.cli.syntax.commands import PlotOptions
+from mograft.cli.syntax.frames import resolve_frames
 from mograft.config import Config
 from mograft.io.addresses import read_clip, split_address
 from mograft.library.discover import has_provenance
@@ -52,16 +53,15 @@ _KINDS_OF_OPTION: Mapping[str, tuple[str, ...]] = {
     "frames": ("strip", "timeline", "energy"),
     "groups": ("strip", "timeline", *_CLUSTER_KINDS, "groups"),
     "match": ("timeline", *_CLUSTER_KINDS, "groups"),
-    "segmentation": ("timeline", "energy", *_CLUSTER_KINDS, "groups"),
     "group": tuple(_CLUSTER_KINDS),
 }
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: PlotOptions) -> int:
     """Run the command."""
-    target: Path = options.output
+    target = options.output
     if target.suffix.lower() not in _ENDINGS:
-        options.usage_error(f"-o must end in {', '.join(_ENDINGS)}, got {target.name}")
+        raise UsageError(f"-o must end in {', '.join(_ENDINGS)}, got {target.name}")
     check_writable([target], force=options.force, inputs=options.files)
     try:
         import matplotlib as mpl
@@ -86,13 +86,13 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _draw(options: argparse.Namespace) -> "Axes":
-    folder = library_folder(options)
+def _draw(options: PlotOptions) -> "Axes":
+    folder = library_folder(options.files)
     if folder is not None:
         fixed = () if options.kind == "groups" else ("groups",)
-        refuse_fixed_options(options, *fixed, "segmentation", "match", "skeleton")
+        refuse_fixed_options(options, *fixed, "match", "skeleton")
     if options.clip and (folder is None or options.kind not in _KINDS_OF_OPTION["frames"]):
-        options.usage_error(
+        raise UsageError(
             "--clip requires a library, and one of the kinds strip, timeline and energy"
         )
     refuse_useless_options(options, _KINDS_OF_OPTION, options.kind, options.kind)
@@ -115,31 +115,30 @@ def _draw(options: argparse.Namespace) -> "Axes":
         return _CLUSTER_KINDS[options.kind](library, options.group)
 
 
-def _discovery(options: argparse.Namespace, folder: Path | None) -> GroupDiscovery:
+def _discovery(options: PlotOptions, folder: Path | None) -> GroupDiscovery:
     """Return the groups that ``--groups auto`` or ``auto:N`` discovers in a library or in files.
 
     `folder` is that of a library, or None for motion files. Any other value of ``--groups`` is a
     usage error on the command line, and is ignored in the configuration file and the environment.
     """
-    name: str = options.groups or AUTOMATIC
+    name = options.groups or AUTOMATIC
     if not is_automatic(name):
-        if options_given(options, "groups"):
-            options.usage_error(f"the picture groups needs --groups auto or auto:N, got {name}")
+        if options.given("groups"):
+            raise UsageError(f"the picture groups needs --groups auto or auto:N, got {name}")
         name = AUTOMATIC
-    options.groups = name
-    selected_groups(options)  # checks the number
+    selected_groups(name)  # checks the number
     if folder is not None:
         return discover_in_library(Library.open(folder), automatic_number(name))
     return discover_groups(
         expand_folders(options.files, include_grafts=options.include_grafts),
         automatic_number(name),
         config=selected_config(options),
-        match=options.match or "names",
-        skeleton=selected_skeleton(options),
+        match="anatomy" if options.match == "anatomy" else "names",
+        skeleton=selected_skeleton(options.skeleton),
     )
 
 
-def _timeline_scene(options: argparse.Namespace, folder: Path | None) -> Scene:
+def _timeline_scene(options: PlotOptions, folder: Path | None) -> Scene:
     """Return a scene of the selected clips of a library, or of motion files.
 
     `folder` is that of a library, or None for motion files. Grafts that have a .json file are shown
@@ -150,13 +149,13 @@ def _timeline_scene(options: argparse.Namespace, folder: Path | None) -> Scene:
         return Scene.of_clips(library, select_clips(library, options.clip))
     files = expand_folders(options.files)
     grafts = [file for file in files if has_provenance(Path(split_address(file)[0]))]
-    options.files = [file for file in files if file not in grafts]
-    libraries = [load_library(options)] if options.files else []
-    return Scene.of([*libraries, *grafts], skeleton=selected_skeleton(options))
+    others = tuple(file for file in files if file not in grafts)
+    libraries = [load_library(replace(options, files=others))] if others else []
+    return Scene.of([*libraries, *grafts], skeleton=selected_skeleton(options.skeleton))
 
 
 def _single_motion(
-    options: argparse.Namespace, folder: Path | None
+    options: PlotOptions, folder: Path | None
 ) -> tuple[Motion, JointGroups | str | None, Config]:
     """Return the only motion that the options select, its joint groups and its configuration.
 
@@ -170,9 +169,9 @@ def _single_motion(
         groups, config = library.groups, library.config
     else:
         files = expand_folders(options.files)
-        groups = figure_groups(options, files)
-        motions = [read_clip(file, skeleton=selected_skeleton(options)) for file in files]
-        config = selected_config(options)
+        config, skeleton = selected_config(options), selected_skeleton(options.skeleton)
+        groups = figure_groups(options.groups, files, config, skeleton)
+        motions = [read_clip(file, skeleton=skeleton) for file in files]
     if len(motions) != 1:
         raise ValueError(f"{options.kind} shows exactly one motion, got {len(motions)}")
     return motions[0], groups, config

@@ -1,6 +1,6 @@
-"""``mograft doctor``: whether the installation works, and which extras are absent."""
+"""``mograft doctor``, ``config`` and ``completion``: the installed program and its settings."""
 
-import argparse
+import json
 import os
 import platform
 import sys
@@ -8,9 +8,16 @@ import tempfile
 import webbrowser
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 from mograft import __version__
 from mograft.cli.output import print_result
+from mograft.cli.settings import Setting, find_config_file, find_settings
+from mograft.cli.syntax.arguments import UsageError
+from mograft.cli.syntax.commands import COMMANDS, CompletionOptions, ShowOptions
+from mograft.cli.syntax.parser import build_parsers
+from mograft.cli.syntax.shared import ResultOptions
+from mograft.errors import suggest_name
 
 _REQUIRED = "numpy"
 _USES_OF_PACKAGES = {
@@ -20,7 +27,7 @@ _USES_OF_PACKAGES = {
     "imageio-ffmpeg": "films, mograft export -o x.mp4, unless ffmpeg is installed",
     "usd-core": "mograft export -o x.usd",
     "mograft-fbx": "FBX files",
-    "pyarrow": "mograft lib export --parquet",
+    "pyarrow": "mograft lib export --format parquet",
     "shtab": "mograft completion",
     "pybvh": "mograft.formats.to_pybvh, mograft.formats.from_pybvh",
     "scikit-learn": "mograft evaluate",
@@ -28,7 +35,7 @@ _USES_OF_PACKAGES = {
 }
 
 
-def run(options: argparse.Namespace) -> int:
+def run_doctor(options: ResultOptions) -> int:
     """Print the result of each check; return exit code 1 if a check found a defect, else 0."""
     checks = [
         *_check_packages(),
@@ -96,3 +103,68 @@ def _check_browser() -> dict[str, str]:
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     )
     return _result("browser", "ok", f"{name}{', but no display' if is_headless else ''}")
+
+
+def run_config(options: ShowOptions) -> int:
+    """Print the settings of the commands."""
+    path = find_config_file(Path.cwd())
+    rows = _collect(options)
+    lines = [f"# {path}" if path is not None else "# no mograft.toml in this folder or above"]
+    last = None
+    for row in rows:
+        if row["command"] != last:
+            lines.append(f"\n[{row['command']}]")
+        last = row["command"]
+        value, name = row["value"], row["name"]
+        line = f"# {name} =" if value is None else f"{name} = {_as_toml(value)}"
+        lines.append(f"{line:32} # {row['origin']}" if options.origin else line)
+    document = {"file": None if path is None else str(path), "settings": rows}
+    print_result(options, "config", document, lines)
+    return 0
+
+
+def _collect(options: ShowOptions) -> list[dict[str, Any]]:
+    """Return one dict per setting, with the keys command, name, value and origin.
+
+    The origin is the file or environment variable that sets the value, or ``"default"``.
+    `options.only` limits the settings to those of one command.
+    """
+    names = [command.name for command in COMMANDS]
+    if options.only is not None and options.only not in names:
+        hint = suggest_name(options.only, names)
+        raise UsageError(f"COMMAND must be one of {', '.join(names)}; got {options.only}{hint}")
+    rows = []
+    for command in COMMANDS:
+        if options.only not in (None, command.name):
+            continue
+        found = find_settings(command, COMMANDS)
+        for argument in command.settings():
+            default = Setting(argument.default, "default", argument.default)
+            setting = found.get(argument.dest, default)
+            values = {argument.name: setting.plain}
+            if argument.dest == "set" and setting.value:
+                values = {f"set.{name}": text for name, text in setting.value}
+            rows += [
+                {"command": command.name, "name": name, "value": value, "origin": setting.origin}
+                for name, value in values.items()
+            ]
+    return rows
+
+
+def _as_toml(value: object) -> str:
+    """Return a string, number or boolean in the syntax of TOML.
+
+    This is the syntax of JSON, except that TOML also requires an escape for the character DEL.
+    """
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def run_completion(options: CompletionOptions) -> int:
+    """Print the completion script of a shell."""
+    try:
+        import shtab
+    except ImportError as error:
+        raise ImportError("completion needs shtab: pip install 'mograft[completion]'") from error
+    parsers = build_parsers(COMMANDS, is_completion=True)
+    print(shtab.complete(parsers[()], options.shell))
+    return 0

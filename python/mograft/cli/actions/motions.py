@@ -1,20 +1,24 @@
-"""``mograft info``: joints, rate, length, groups and faults of motions, and the clips of files."""
+"""``mograft info``, ``check`` and ``groups``: contents, faults and joint groups of motion files."""
 
-import argparse
 import os
 from collections.abc import Iterable, Iterator
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from mograft._util.atomic import write_text
+from mograft._util.automatic_groups import automatic_number, is_automatic
 from mograft.body.faults import HARMLESS_FAULTS, find_faults
 from mograft.body.groups import JointGroups
 from mograft.cli.configuration import selected_skeleton
-from mograft.cli.files import expand_folders
+from mograft.cli.files import check_suffix, check_writable, expand_folders
 from mograft.cli.output import print_error, print_result
+from mograft.cli.syntax.commands import CheckOptions, GroupsOptions, InfoOptions
 from mograft.errors import FormatError
-from mograft.io.addresses import join_address, open_clips, split_address
-from mograft.io.bvh.reader import BvhSummary, scan_bvh
+from mograft.io.addresses import join_address, open_clips, read_clip, split_address
+from mograft.io.bvh.reader import BvhSummary, read_bvh, scan_bvh
+from mograft.io.formats import find_format
+from mograft.library.group_choice import discover_groups
 from mograft.library.spec import describe_match
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -23,10 +27,10 @@ MAX_BYTES_IN_MEMORY = 1 << 28
 """Larger BVH files are scanned without a check for faults."""
 
 
-def run(options: argparse.Namespace) -> int:
+def run_info(options: InfoOptions) -> int:
     """Describe every file; return exit code 3 if one of them is invalid, else 0."""
     documents: list[dict[str, Any]] = []
-    rest, hierarchy = selected_skeleton(options), None
+    rest, hierarchy = selected_skeleton(options.skeleton), None
     for path, members in groupby(_find_clips(options.files), key=lambda found: found[0]):
         names = [name for _, name in members]
         try:
@@ -180,3 +184,78 @@ def _notes(document: dict[str, Any]) -> list[str]:
     lines = [f"  note: {note}" for note in document["notes"]]
     match = document.get("match")
     return lines if not match else [*lines, f"  joints matched by anatomy: {match}"]
+
+
+def run_check(options: CheckOptions) -> int:
+    """Check every file; return exit code 3 if one of them is not valid, else 0."""
+    documents, skeleton = [], selected_skeleton(options.skeleton)
+    for name in expand_folders(options.files):
+        document = _check_file(name, skeleton, strict=options.strict)
+        documents.append(document)
+        if options.json:
+            continue
+        if document["error"] is not None:
+            print_error(document["error"])
+            continue
+        lines = [f"tolerated: {repair}" for repair in document["repairs"]]
+        lines += [
+            f"{fault['kind']}: {_describe_fault(fault)}"
+            for fault in document["faults"]
+            if options.verbose or fault["kind"] not in HARMLESS_FAULTS
+        ]
+        print("\n  ".join([f"{name}: {'' if lines else 'good'}".rstrip(), *lines]))
+    print_result(options, "check", {"files": documents}, [])
+    return 3 if any(document["error"] for document in documents) else 0
+
+
+def _check_file(name: str, skeleton: Skeleton | None, *, strict: bool) -> dict[str, Any]:
+    try:
+        is_bvh = find_format(Path(split_address(name)[0])).name == "BVH"
+        motion = read_bvh(name, strict=strict) if is_bvh else read_clip(name, skeleton=skeleton)
+    except FormatError as error:
+        return {"file": name, "error": str(error), "repairs": [], "faults": []}
+    names = motion.skeleton.names
+    faults = [
+        {
+            "kind": fault.kind,
+            "frames": list(fault.frames),
+            "joint": None if fault.joint is None else names[fault.joint],
+            "message": fault.message,
+        }
+        for fault in find_faults(motion)
+    ]
+    return {"file": name, "error": None, "repairs": list(motion.repairs), "faults": faults}
+
+
+def _describe_fault(fault: dict[str, Any]) -> str:
+    first, last = fault["frames"]
+    frames = f"frame {first}" if first == last else f"frames {first} to {last}"
+    joint = "" if fault["joint"] is None else f", {fault['joint']}"
+    return f"{frames}{joint}: {fault['message']}"
+
+
+def run_groups(options: GroupsOptions) -> int:
+    """Print or write the joint groups of a file."""
+    target = options.output
+    if target is not None:
+        check_suffix(target, ".toml")
+    files = expand_folders(options.files)
+    rest = selected_skeleton(options.skeleton)
+    skeleton = read_clip(files[0], skeleton=rest).skeleton
+    if is_automatic(options.preset):
+        number = automatic_number(options.preset)
+        groups = discover_groups(files, number, skeleton=rest).groups
+    else:
+        groups = JointGroups.preset(options.preset, skeleton)
+    if target is not None:
+        check_writable([target], force=options.force)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_text(target, groups.to_toml())
+    members = groups.resolve(skeleton).items()
+    document = {
+        "file": None if target is None else str(target),
+        "base": groups.base,
+        "groups": {name: [skeleton.names[j] for j in joints] for name, joints in members},
+    }
+    print_result(options, "groups", document, [target or groups.to_toml().removesuffix("\n")])
+    return 0

@@ -1,16 +1,22 @@
-"""The option ``--segmentation`` of all commands that segment motions."""
+"""The option ``--set`` of all commands, and the table of the fields in docs/settings.md."""
 
 import json
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import mograft as mg
 from mograft._util.registry import CONFIG_OPTIONS
 from mograft.cli import main
+from mograft.config_text import parse_fields
+from tests.cli.field_table import field_table
 
 NAMES = CONFIG_OPTIONS["segmentation"].names
+FIELD_VALUES = {float: st.floats(0, 1e9), int: st.integers(2, 99), bool: st.booleans()}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -33,7 +39,7 @@ def test_every_entry_point_takes_every_method_and_libraries_remember_it(name, cl
         with pytest.raises(ValueError, match="segmentation` must be 'energy' in a stream"):
             mg.Stream(library)
 
-    option = ("--segmentation", name)
+    option = ("--set", f"segmentation={name}")
     assert run("index", clip, "-o", "lib", *option)[0] == 0
     assert run("graft", clip, "-o", "new", *option)[0] == 0
     (record,) = [json.loads(path.read_text()) for path in Path("new").glob("*.json")]
@@ -50,24 +56,15 @@ def test_every_entry_point_takes_every_method_and_libraries_remember_it(name, cl
         np.testing.assert_array_equal(opened.segments.start, expected.start)
 
 
-def test_unknown_method_names_the_methods_and_the_file(clip, usage_error):
-    message = usage_error("graft", clip, "-o", "x", "--segmentation", "nope")
-    assert (
-        f"--segmentation: must be one of {', '.join(NAMES)} or the name of a .json file with cut "
-        "frames; got 'nope'"
-    ) in message
-    assert "did you mean 'beats'?" in usage_error("view", clip, "-o", "x", "--segmentation", "beat")
-
-
 @pytest.mark.parametrize(
     "words",
     [
-        "graft {folder} -o x --segmentation beats",
-        "candidates {folder} --segment 1 --segmentation beats",
-        "view {folder} -o x.html --segmentation beats",
-        "plot energy {folder}/a.bvh -o x.png --segmentation beats",
-        "plot timeline {folder} -o x.png --segmentation beats",
-        "index {folder} -o x --segmentation beats",
+        "graft {folder} -o x --set segmentation=beats",
+        "candidates {folder} --segment 1 --set segmentation=beats",
+        "view {folder} -o x.html --set segmentation=beats",
+        "plot energy {folder}/a.bvh -o x.png --set segmentation=beats",
+        "plot timeline {folder} -o x.png --set segmentation=beats",
+        "index {folder} -o x --set segmentation=beats",
     ],
 )
 def test_commands_segment_by_the_given_method(words, folder, monkeypatch):
@@ -88,9 +85,8 @@ def test_commands_segment_by_the_given_method(words, folder, monkeypatch):
 
 
 def test_index_stores_the_method_with_its_parameters_for_add(folder, capsys):
-    assert (
-        main(["index", f"{folder}/a.bvh", "-o", "lib", "--segmentation", "beats:longest=1.2"]) == 0
-    )
+    fields = ["--set", "segmentation=beats", "--set", "segmentation_parameters.longest=1.2"]
+    assert main(["index", f"{folder}/a.bvh", "-o", "lib", *fields]) == 0
     assert main(["index", f"{folder}/b.bvh", "-o", "lib", "--add"]) == 0
     capsys.readouterr()
     assert main(["lib", "info", "lib"]) == 0
@@ -103,7 +99,7 @@ def test_index_stores_the_method_with_its_parameters_for_add(folder, capsys):
 
 def test_cut_frames_are_read_from_a_json_file(folder, working_folder, capsys):
     (working_folder / "cuts.json").write_text(json.dumps({"a": [20, 50], "b": [7]}))
-    assert main(["index", str(folder), "-o", "lib", "--segmentation", "cuts.json"]) == 0
+    assert main(["index", str(folder), "-o", "lib", "--set", "segmentation=cuts.json"]) == 0
     assert mg.Library.open("lib").segments.start.tolist() == [0, 20, 50, 0, 7]
     capsys.readouterr()
     assert main(["lib", "info", "lib"]) == 0
@@ -114,13 +110,16 @@ def test_cut_frames_are_read_from_a_json_file(folder, working_folder, capsys):
         ('{"a": [2, 1]}', "for the clip 'a' must be ascending"),
     ]:
         (working_folder / "cuts.json").write_text(text)
-        assert main(["graft", str(folder), "-o", "x", "--segmentation", "cuts.json"]) == 1
+        with pytest.raises(SystemExit):
+            main(["graft", str(folder), "-o", "x", "--set", "segmentation=cuts.json"])
         assert message in capsys.readouterr().err
 
 
 def test_setting_selects_the_method_of_new_libraries_only(folder, working_folder):
     assert main(["index", str(folder), "-o", "lib"]) == 0
-    (working_folder / "mograft.toml").write_text('segmentation = "beats:longest=1.2"\n')
+    (working_folder / "mograft.toml").write_text(
+        '[set]\nsegmentation = "contacts"\nsegmentation_parameters.events = "touchdown"\n'
+    )
     assert main(["graft", "lib", "-o", "x"]) == 0
     assert main(["index", str(folder), "-o", "other"]) == 0
     config = mg.Library.open("other").config
@@ -128,3 +127,25 @@ def test_setting_selects_the_method_of_new_libraries_only(folder, working_folder
         "beats",
         {"longest": 1.2},
     )
+
+
+@given(st.data())
+def test_parse_fields_returns_the_values_of_any_configuration(data):
+    changes = {
+        field.name: data.draw(FIELD_VALUES[field.type], label=field.name)
+        for field in fields(mg.Config)
+        if field.type in FIELD_VALUES and data.draw(st.booleans())
+    }
+    changes |= {
+        name: data.draw(st.sampled_from(registry.names))
+        for name, registry in CONFIG_OPTIONS.items()
+        if name != "segmentation" and data.draw(st.booleans())
+    }
+    texts = [(name, str(value)) for name, value in changes.items()]
+    assert parse_fields(texts) == changes
+    assert all(type(value) is type(changes[k]) for k, value in parse_fields(texts).items())
+
+
+def test_settings_page_lists_all_fields():
+    page = Path(__file__).parents[2] / "docs" / "settings.md"
+    assert field_table() in page.read_text(encoding="utf-8"), "python -m tests.cli.field_table"

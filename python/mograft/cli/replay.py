@@ -1,18 +1,17 @@
 """``mograft graft --from``: a graft made again from its provenance, and edited."""
 
-import argparse
 import shlex
 from dataclasses import replace
 from pathlib import Path
 
 from mograft._util.runs import find_runs
-from mograft.cli.configuration import options_given
 from mograft.cli.constraints import read_segment_constraints
 from mograft.cli.files import check_writable, library_folder
-from mograft.cli.graft_outputs import graft_files
+from mograft.cli.graft_files import graft_files
 from mograft.cli.output import print_remark
-from mograft.cli.syntax.arguments import Argument
-from mograft.cli.syntax.segment_values import SegmentValue
+from mograft.cli.syntax.arguments import UsageError, arguments_of
+from mograft.cli.syntax.frames import SegmentValue
+from mograft.cli.syntax.graft_options import GraftOptions
 from mograft.errors import join_names
 from mograft.io.bvh.decimals import check_digits
 from mograft.library.library import Library
@@ -24,7 +23,8 @@ from mograft.provenance.replay import replay
 from mograft.synthesis.graft_result import Graft
 
 _EDITS = ("take", "ban", "keep", "reroll")
-_ALLOWED = (*_EDITS, "files", "from", "output", "report", "measure", "digits", "json", "force")
+_OUTPUTS = ("output", "report", "measure", "digits", "json", "force", "quiet", "verbose")
+_ALLOWED = (*_EDITS, *_OUTPUTS, "files", "from_")
 """Arguments that may be given with ``--from``; the provenance sets all others."""
 
 _MAX_CHANGES = 20
@@ -33,41 +33,39 @@ _MAX_CHANGES = 20
 _ALLOWED_WITH_EDITS = (*_ALLOWED, "seed", "best_effort")
 
 
-def is_edit(options: argparse.Namespace) -> bool:
+def is_edit(options: GraftOptions) -> bool:
     """Return whether options change segments of the graft of ``--from``."""
     return any(getattr(options, name) for name in _EDITS)
 
 
-def check_replay_options(options: argparse.Namespace) -> None:
-    """End with a usage error if the command line has an option that ``--from`` determines."""
+def check_replay_options(options: GraftOptions) -> None:
+    """Raise a UsageError if the command line has an option that ``--from`` determines."""
     allowed = _ALLOWED_WITH_EDITS if is_edit(options) else _ALLOWED
-    for item in options.command.arguments:
-        for argument in (item,) if isinstance(item, Argument) else item.arguments:
-            name = argument.dest
-            is_set = getattr(options, name) not in (argument.default, None)
-            if is_set and name not in options.origins and name not in allowed:
-                options.usage_error(f"{argument.flags[-1]} cannot be combined with --from")
+    for argument in arguments_of(options):
+        name = argument.dest
+        is_set = getattr(options, name) not in (argument.default, None)
+        if is_set and name not in options.origins and name not in allowed:
+            raise UsageError(f"--{argument.name} cannot be combined with --from")
 
 
-def replay_graft(options: argparse.Namespace) -> tuple[Graft, Path]:
-    """Return the graft of ``--from`` with the edits, and the path to write it to."""
+def replay_graft(options: GraftOptions) -> tuple[Graft, Path, int | None]:
+    """Return the graft of ``--from`` with the edits, the path to write it to, and ``digits``."""
     check_replay_options(options)
-    source = Path(getattr(options, "from"))
+    source = Path(options.from_ or "")
     record = read_record(source)
-    path: Path = options.output
+    path = options.output
     if path.suffix.lower() not in MOTION_SUFFIXES:
         path = path / f"{record.name}.bvh"
     check_writable(graft_files([path]), force=options.force)
-    if not options_given(options, "digits"):
-        options.digits = _recorded_digits(record)
-    folder = library_folder(options)
+    digits = options.digits if options.given("digits") else _recorded_digits(record)
+    folder = library_folder(options.files)
     library = None if folder is None else Library.open(folder)
     sources = options.files if library is None else ()
     if not is_edit(options):
-        return replay(source, library, sources=sources), path
+        return replay(source, library, sources=sources), path, digits
     if library is None:
         library = find_whole_library(record, sources)
-    return _edit(replay(source, library, sources=sources), options), path
+    return _edit(replay(source, library, sources=sources), options), path, digits
 
 
 def _recorded_digits(record: GraftRecord) -> int | None:
@@ -79,7 +77,7 @@ def _recorded_digits(record: GraftRecord) -> int | None:
         raise record.error(f"damaged: {error}") from None
 
 
-def _edit(graft: Graft, options: argparse.Namespace) -> Graft:
+def _edit(graft: Graft, options: GraftOptions) -> Graft:
     """Return a graft with the edits that the options describe."""
     rate = graft.base.rate
     edited = edit(
