@@ -118,7 +118,7 @@ def test_cut_frames_are_read_from_a_json_file(folder, working_folder, capsys):
 def test_setting_selects_the_method_of_new_libraries_only(folder, working_folder):
     assert main(["index", str(folder), "-o", "lib"]) == 0
     (working_folder / "mograft.toml").write_text(
-        '[set]\nsegmentation = "contacts"\nsegmentation_parameters.events = "touchdown"\n'
+        '[set]\nsegmentation = "beats"\nsegmentation_parameters.longest = 1.2\n'
     )
     assert main(["graft", "lib", "-o", "x"]) == 0
     assert main(["index", str(folder), "-o", "other"]) == 0

@@ -39,7 +39,6 @@ PLOT_KINDS = (
     "pca",
     "dendrogram",
     "clusters",
-    "threshold",
     "groups",
 )
 EVALUATION_TOPICS = ("quality", "world", "detectability", "balance")
@@ -223,8 +222,8 @@ class PlotOptions(LibraryOptions, WriterOptions):
 
     kind: str = positional(
         "strip (poses of one motion), timeline (segments along time), energy (kinetic energy), pca "
-        "(segments in principal components), dendrogram (linkage tree), clusters (cluster sizes), "
-        "threshold (how sigma_scale auto is chosen) or groups (which joints move together)",
+        "(segments in principal components), dendrogram (linkage tree), clusters (cluster sizes) "
+        "or groups (which joints move together)",
         choices=PLOT_KINDS,
         metavar="KIND",
     )
@@ -238,7 +237,7 @@ class PlotOptions(LibraryOptions, WriterOptions):
         default="lower_upper; for strip trunk, arms and legs; for groups auto"
     )
     group: str | None = option(
-        "joint group for pca, dendrogram, clusters or threshold (default: the base group)",
+        "joint group for pca, dendrogram or clusters (default: the base group)",
         metavar="NAME",
     )
     poses: int = setting("number of poses of strip (default: 12)", values.positive_integer, 12)
