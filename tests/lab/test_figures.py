@@ -29,6 +29,6 @@ def test_page_shows_every_figure_and_names_every_experiment():
     unnamed = {
         name
         for name in stored - studies - {"refused"}
-        if not any(map(lambda n: fnmatch.fnmatch(name, n), named))
+        if not any(fnmatch.fnmatch(name, pattern) for pattern in named)
     }
     assert not unnamed
