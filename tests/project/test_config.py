@@ -27,7 +27,7 @@ from mograft.library.origin import hash_library
         ({"max_angle": float("nan")}, "`max_angle` must be above 0, got nan"),
         ({"seam": "glue"}, "`seam` must be one of"),
         ({"smoothing": "a"}, "`smoothing` must be a number, got 'a'"),
-        ({"segmentation": "comm"}, "`segmentation` must be one of .*; did you mean 'com'"),
+        ({"segmentation": "beat"}, "`segmentation` must be one of .*; did you mean 'beats'"),
         ({"segmentation": [4, 5]}, "`segmentation` must be a name, a mapping .*, or a function"),
         ({"segmentation": {3: [4, 5]}}, "`segmentation` must map names of clips to frames, got 3"),
         ({"segmentation": {"a": [5, 4]}}, "for the clip 'a' must be ascending whole numbers"),
@@ -54,7 +54,7 @@ def test_config_from_dict_inverts_as_dict():
 
 def test_config_leaves_out_the_default_segmentation_as_earlier_versions_did():
     assert not {"segmentation", "segmentation_parameters"} & Config().as_dict().keys()
-    assert Config(segmentation="com").as_dict()["segmentation"] == "com"
+    assert Config(segmentation="beats").as_dict()["segmentation"] == "beats"
 
 
 @given(

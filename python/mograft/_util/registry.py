@@ -57,11 +57,6 @@ class Registry(Generic[T]):
 _DESCRIPTIONS = {
     "segmentation": {
         "energy": "extrema of the kinetic energy, as in the paper",
-        "com": "steps and flights: lowest points of the centre of mass, take-offs and landings",
-        "contacts": "frames in which a foot starts or stops touching the floor",
-        "pca": "behaviours: poses that leave the hyperplane of the poses before",
-        "ppca": "behaviours: changes of the distribution of poses",
-        "gmm": "behaviours: clusters of poses",
         "beats": "beats of a rhythmic motion",
     },
     "omega": {
