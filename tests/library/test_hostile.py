@@ -14,7 +14,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mograft import Library, LibraryError
-from mograft.cli import main
 from mograft.library.files import storage
 from mograft.motion import limits
 from tests.library.checks import list_files
@@ -284,18 +283,6 @@ def test_verify_hostile_path_reads_no_other_file(copied_library, tmp_path):
     seal(copied_library, document)
     with pytest.raises(LibraryError, match="no file of its generation"):
         storage.verify(copied_library)
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the platform has no pipes in folders")
-@pytest.mark.parametrize("source", ["/dev/zero", "pipe"])
-def test_verify_sources_reads_regular_files_only(copied_library, tmp_path, source, capsys):
-    os.mkfifo(tmp_path / "pipe")
-    document = json.loads((copied_library / "manifest.json").read_text())
-    path = source if source.startswith("/") else str(tmp_path / source)
-    sql(f"UPDATE clip SET path = '{path}';")(copied_library, document)
-    seal(copied_library, document)
-    assert main(["lib", "verify", str(copied_library), "--sources"]) == 3
-    assert f"{path}: is not a regular file" in capsys.readouterr().out
 
 
 def test_write_lock_that_is_a_link_raises_library_error(copied_library, tmp_path):
