@@ -35,6 +35,7 @@ import numpy as np
 import mograft as mg
 from lab.common import run
 from lab.experiments.sources import ARCHIVE, SOURCES, find_files
+from lab.segmentations import METHODS
 from lab.studies.behaviour_pieces import (
     animated_actions,
     captured_actions,
@@ -45,7 +46,7 @@ from lab.studies.behaviour_pieces import (
     recorded_pieces,
 )
 from mograft import rotations
-from mograft.analysis.segmentations import METHODS, beats
+from mograft.analysis.beats import BeatParameters, beat_interval
 
 NAMES = ("pca", "ppca", "gmm")
 TOLERANCES = (0.5, 1.0)  # seconds
@@ -84,8 +85,8 @@ def print_behaviours(sets, seeds):
     for title, make in sets.items():
         motions = [make(seed) for seed in range(seeds)]
         for name in NAMES:
-            method = METHODS.get(name)
-            found = [method.cut_frames(motion, method.parameters()) for motion, _ in motions]
+            module, kind = METHODS[name]
+            found = [module.cut_frames(motion, kind()) for motion, _ in motions]
             n_cuts = sum(len(cuts) for cuts in found)
             n_changes = sum(len(changes) for _, changes in motions)
             cells = [str(n_cuts), str(n_changes)]
@@ -99,20 +100,20 @@ def print_behaviours(sets, seeds):
 
 
 def print_tempo(seeds):
-    parameters = beats.BeatParameters()
+    parameters = BeatParameters()
     errors = {"pose to pose": [], "walks of the dancer": []}
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
         interval, rate = rng.uniform(0.35, 1.3), float(rng.choice([30, 60, 120]))
         motion = metronome(seed, interval, rate, rng.uniform(6, 20))
-        errors["pose to pose"].append(beats.beat_interval(motion, parameters) / interval - 1)
+        errors["pose to pose"].append(beat_interval(motion, parameters) / interval - 1)
         made = dance_of(seed, 8)
         is_walk = made.legs == "walk"
         start = int(np.argmax(is_walk))
         stop = start + int(np.argmin(is_walk[start:])) if not is_walk[start:].all() else len(made)
         strides = np.flatnonzero(np.diff(made.phase[start:stop]) < -0.5)
         step = 0.5 * np.mean(np.diff(strides)) * made.motion.frame_time
-        found = beats.beat_interval(made.motion[start:stop], parameters)
+        found = beat_interval(made.motion[start:stop], parameters)
         errors["walks of the dancer"].append(found / step - 1)
     print("| motions | within 2 % | median error | largest error |")
     print("|---|---|---|---|")

@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as npst
 
 from lab.studies.behaviours import metronome
 from mograft import Motion
-from mograft.analysis.segmentations import beats
+from mograft.analysis import beats
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.analysis.behaviours import behaviours

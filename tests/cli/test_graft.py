@@ -459,7 +459,7 @@ def test_graft_grafts_of_earlier_run_are_no_donors(run, folder, tmp_path):
 def test_commands_exclude_grafts_in_folders(run, folder, tmp_path, words):
     clips = copy_clips(folder, tmp_path / "clips")
     write_bvh(read_bvh(clips / "a.bvh"), clips / "c.bvh")
-    (clips / "c.json").write_text('{"schema": "mograft.graft/1"}')
+    (clips / "c.json").write_text('{"schema": "mograft.graft/2"}')
     position = 2 if words[0] == "plot" else 1
     command = [*words[:position], clips, *words[position:]]
     code, _, err = run(*command)

@@ -226,10 +226,6 @@ VARIETY_CASES = [
     ("variety = 1", ("--variety", 0), 0.3),
     ("[set]\nsigma_scale = 2", ("--variety", 1), 1.875),
     ("variety = 1\n[set]\nsigma_scale = 2", (), None),
-    ("", ("--set", "sigma_scale=auto"), "auto"),
-    ('[set]\nsigma_scale = "auto"', (), "auto"),
-    ('[set]\nsigma_scale = "auto"', ("--variety", 1), 1.875),
-    ("", ("--variety", 1, "--set", "sigma_scale=auto"), None),
 ]
 
 

@@ -90,7 +90,7 @@ def test_main_invalid_field_names_it_and_what_is_expected(capsys, folder, assign
         ("plot pca {} --frames 1-5", "--frames requires strip, timeline, energy; got pca"),
         (
             "plot strip {} --group lower",
-            "--group requires pca, dendrogram, clusters, threshold; got strip",
+            "--group requires pca, dendrogram, clusters; got strip",
         ),
         (
             "view {} --groups wings",

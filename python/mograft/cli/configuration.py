@@ -15,12 +15,12 @@ from mograft.cli.files import expand_folders, library_folder
 from mograft.cli.output import show_progress
 from mograft.cli.syntax.arguments import Options, UsageError
 from mograft.cli.syntax.shared import PRESETS, ConstraintOptions, FieldOptions, LibraryOptions
-from mograft.config import Config, variety_fields
+from mograft.config import Config, scale_of_variety
 from mograft.config_text import parse_fields
 from mograft.errors import suggest_name
 from mograft.io.addresses import open_clips, read_clip, split_address
 from mograft.io.smpl.rest import read_offsets
-from mograft.library.derive import BUILD_FIELDS
+from mograft.library.derive import BUILD_STAGES
 from mograft.library.group_choice import discover_groups
 from mograft.library.library import Library
 from mograft.library.spec import Match
@@ -29,6 +29,9 @@ from mograft.motion.skeleton import Skeleton
 
 FIXED_OPTIONS = ("groups", "preset", "match", "skeleton")
 """Options that can only be set when a library is created."""
+
+_FIXED_FIELDS = Config.fields_of(*BUILD_STAGES)
+"""Fields of `Config` that can only be set when a library is created."""
 
 
 @contextmanager
@@ -74,7 +77,7 @@ def refuse_fixed_options(options: Options, *names: str) -> None:
     fixed = [f"--{name.replace('_', '-')}" for name in options.given(*names)]
     if isinstance(options, FieldOptions):
         fields = (name.partition(".")[0] for name, _ in options.set)
-        fixed += [f"--set {name}" for name in fields if name in BUILD_FIELDS]
+        fixed += [f"--set {name}" for name in fields if name in _FIXED_FIELDS]
     if fixed:
         raise UsageError(
             f"{fixed[0]} is fixed when a library is created: use it with mograft index, not --add"
@@ -195,7 +198,7 @@ def _with_options(config: Config, options: FieldOptions, *, is_stored: bool = Fa
         if "segmentation" in given:
             configured.pop("segmentation_parameters", None)
         if is_stored:
-            configured = {k: value for k, value in configured.items() if k not in BUILD_FIELDS}
+            configured = {k: value for k, value in configured.items() if k not in _FIXED_FIELDS}
         fields = _with_variety(configured, given, options)
         if isinstance(fields.get("segmentation"), str) and fields["segmentation"].endswith(".json"):
             fields["segmentation"] = _read_cut_frames(Path(fields["segmentation"]))
@@ -216,7 +219,7 @@ def _with_variety(
     variety = getattr(options, "variety", None)
     if variety is None:
         return configured | given
-    by_variety = variety_fields(variety)
+    by_variety = {"sigma_scale": scale_of_variety(variety)}
     is_setting = "variety" in options.origins
     if by_variety.keys() & (configured if is_setting else given).keys():
         raise ValueError("--variety sets sigma_scale: give one of them, not both")

@@ -4,11 +4,10 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from mograft._standalone.mograft_linkage import cut
+from mograft._standalone.mograft_linkage import cut, threshold
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.channel_groups import RestrictedSamples
 from mograft.analysis.embedding import Embedding, Source, embed, mean_rotations
-from mograft.analysis.scale_choice import cluster_thresholds
 from mograft.body.anatomy import feature_joints
 from mograft.body.groups import JointGroups
 from mograft.config import Config
@@ -92,12 +91,13 @@ def cluster_groups(
 
     Without an embedding each segment forms a separate cluster, and the threshold is 0.
     """
-    sigma = cluster_thresholds(embedding, config)
     labels: dict[str, IntArray] = {}
+    sigma: dict[str, float] = {}
     for group, embedded in embedding.items():
         if embedded is None:
-            labels[group] = np.arange(n_segments)
+            labels[group], sigma[group] = np.arange(n_segments), 0.0
         else:
+            sigma[group] = threshold(embedded.points, config.sigma, config.sigma_scale)
             labels[group] = cut(embedded.points, sigma[group])
     return labels, sigma
 

@@ -15,7 +15,7 @@ from mograft.errors import MograftError
 from mograft.io.addresses import join_address, read_clip
 from mograft.library.clip_table import skeleton_to_json
 from mograft.library.data import LibraryData
-from mograft.library.derive import BUILD_FIELDS
+from mograft.library.derive import BUILD_STAGES
 from mograft.library.discover import SourceFile
 from mograft.library.files.stored_clips import ExtendedClips, StoredClips
 from mograft.library.spec import LibrarySpec, Match, rates_match
@@ -145,14 +145,14 @@ def hash_library(library: LibraryData) -> str:
             else join_address(file.sha256, file.clip)
         )
         clips.append([info.name, content, info.rate_override, info.n_frames])
-    config = library.config.as_dict()
+    config, build_fields = library.config.as_dict(), library.config.fields_of(*BUILD_STAGES)
     document = {
         "clips": clips,
         "groups": library.groups.to_toml(),
         "rate": library.rate,
         "root": int(library.root),
         "up": int(library.up),
-        "config": {name: config[name] for name in BUILD_FIELDS if name in config},
+        "config": {name: config[name] for name in build_fields if name in config},
     }
     # Other libraries keep the hash that earlier versions computed.
     if library.spec.match != "names":

@@ -17,7 +17,6 @@ from mograft.motion.skeleton import Skeleton
 from mograft.provenance.document import SCHEMA, SEVERAL_SCHEMA
 from mograft.search.constraints import Span
 
-SCHEMA_1 = "mograft.graft/1"
 DAMAGE = (
     ArithmeticError,
     AttributeError,
@@ -51,7 +50,7 @@ class ClipRecord:
         return cls(
             name=str(record["name"]),
             file=_optional_str(record["file"]),
-            clip=_optional_str(record.get("clip")),
+            clip=_optional_str(record["clip"]),
             sha256=_optional_str(record["sha256"]),
             is_base="base" in record["roles"],
             is_mirrored=bool(record["is_mirrored"]),
@@ -66,7 +65,7 @@ class ClipRecord:
         return cls(
             name=str(record["name"]),
             file=_optional_str(record["file"]),
-            clip=_optional_str(record.get("clip")),
+            clip=_optional_str(record["clip"]),
             sha256=_optional_str(record["sha256"]),
             is_base=False,
             is_mirrored=False,
@@ -97,19 +96,18 @@ class DonorRecord:
     donor: SegmentRecord
     is_own: bool  # whether the donor is the base segment itself
     cost: float
-    alternatives: int | None  # number of other candidates; None in documents of version 1
+    alternatives: int  # number of other candidates
 
     @classmethod
     def from_json(cls, record: Mapping[str, Any]) -> Self:
         """Read an item of ``substitutions``, or of ``replaced`` in ``edits``."""
-        n = record.get("alternatives")
         return cls(
             str(record["group"]),
             _span(record["frames"]),
             SegmentRecord.from_json(record),
             not record["exchanged"],
             float(record.get("cost", 0.0)),
-            None if n is None else int(n),
+            int(record.get("alternatives", 0)),
         )
 
 
@@ -118,17 +116,15 @@ class ScenarioRecord:
     """The segments that compose a base."""
 
     segments: tuple[SegmentRecord, ...]
-    lengths: tuple[int, ...] | None = None
-    place: tuple[float, ...] | None = None
-    turn: float = 0.0
+    lengths: tuple[int, ...] | None
+    place: tuple[float, ...] | None
+    turn: float
 
     @classmethod
-    def from_json(cls, record: Any) -> "ScenarioRecord | None":  # noqa: ANN401 - of JSON
-        """Read ``scenario``: null, a JSON object, or in version 1 a list of segments."""
-        if not record:
+    def from_json(cls, record: Mapping[str, Any] | None) -> "ScenarioRecord | None":
+        """Read ``scenario``: null or a JSON object."""
+        if record is None:
             return None
-        if isinstance(record, list):
-            return cls(tuple(SegmentRecord.from_json(own) for own in record))
         segments = tuple(SegmentRecord.from_json(own) for own in record["segments"])
         lengths, place = record["lengths"], record["place"]
         return cls(
@@ -150,10 +146,10 @@ class GraftRecord:
     base: str
     seed: int
     index: int
-    poses_sha256: str | None  # None in documents of version 1
+    poses_sha256: str
     config: Config
     groups: JointGroups
-    library: LibraryOrigin | None  # None in documents of version 1
+    library: LibraryOrigin
     clips: tuple[ClipRecord, ...]
     sources: tuple[str, ...]  # files and folders, as typed on the command line
     scenario: ScenarioRecord | None
@@ -217,68 +213,42 @@ def _read_documents(path: Path) -> list[Mapping[str, Any]]:
 
 def _parse(document: Any, label: str, folder: Path) -> GraftRecord:  # noqa: ANN401 - of JSON
     schema = document.get("schema") if isinstance(document, Mapping) else None
-    if schema not in (SCHEMA, SCHEMA_1):
+    if schema != SCHEMA:
         raise ProvenanceError(
-            f"{label}: not the provenance of a graft: `schema` must be {SCHEMA} or {SCHEMA_1}, "
-            f"got {schema!r}"
+            f"{label}: not the provenance of a graft: `schema` must be {SCHEMA}, got {schema!r}"
         )
     try:
-        return _record(document, label, folder, is_first=schema == SCHEMA_1)
+        return _record(document, label, folder)
     except DAMAGE as error:
         reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise ProvenanceError(f"{label}: damaged: {reason}") from error
 
 
-def _record(
-    document: Mapping[str, Any], label: str, folder: Path, *, is_first: bool
-) -> GraftRecord:
+def _record(document: Mapping[str, Any], label: str, folder: Path) -> GraftRecord:
     donors = tuple(DonorRecord.from_json(own) for own in document["substitutions"])
     if not donors:
         raise ValueError("`substitutions` is empty")
-    request = {} if is_first else document["request"]
-    base = str(document["base"])
     return GraftRecord(
         label=label,
         folder=folder,
         document=document,
         name=str(document["name"]),
-        base=base,
+        base=str(document["base"]),
         seed=int(document["seed"]),
         index=int(document["index"]),
-        poses_sha256=None if is_first else str(document["poses_sha256"]),
+        poses_sha256=str(document["poses_sha256"]),
         config=Config.from_dict(document["config"]),
-        groups=_read_groups(document, is_first=is_first),
-        library=None if is_first else _read_library(document["library"], folder),
-        clips=tuple(
-            ClipRecord.from_json(_as_version_2(own, base) if is_first else own)
-            for own in document["clips"]
-        ),
-        sources=tuple(str(own) for own in request.get("sources", ())),
+        groups=JointGroups.from_toml(str(document["groups_toml"]) + "\n"),
+        library=_read_library(document["library"], folder),
+        clips=tuple(ClipRecord.from_json(own) for own in document["clips"]),
+        sources=tuple(str(own) for own in document["request"]["sources"]),
         scenario=ScenarioRecord.from_json(document["scenario"]),
         donors=donors,
         edits=tuple(
             tuple(DonorRecord.from_json(own) for own in edit["replaced"])
-            for edit in document.get("edits", ())
+            for edit in document["edits"]
         ),
     )
-
-
-def _as_version_2(record: Mapping[str, Any], base: str) -> Mapping[str, Any]:
-    """Return an item of ``clips`` of version 1 with the keys of version 2."""
-    return {
-        **record,
-        "roles": ["base"] if record["name"] == base else [],
-        "is_mirrored": False,
-        "is_in_library": True,
-        "true_rate": None,
-        "licence": None,
-    }
-
-
-def _read_groups(document: Mapping[str, Any], *, is_first: bool) -> JointGroups:
-    if is_first:
-        return JointGroups(document["groups"], base=document["base_group"])
-    return JointGroups.from_toml(str(document["groups_toml"]) + "\n")
 
 
 def _read_library(record: Mapping[str, Any], folder: Path) -> LibraryOrigin:
@@ -291,9 +261,9 @@ def _read_library(record: Mapping[str, Any], folder: Path) -> LibraryOrigin:
         rate=float(record["rate"]),
         root=int(record["root"]),
         up=int(record["up"]),
-        match=record.get("match", "names"),  # earlier versions did not write the last three
-        hierarchy=_optional_skeleton(record.get("hierarchy")),
-        rest=_optional_skeleton(record.get("rest")),
+        match=record["match"],
+        hierarchy=_optional_skeleton(record["hierarchy"]),
+        rest=_optional_skeleton(record["rest"]),
     )
 
 

@@ -97,7 +97,7 @@ def _replay(record: GraftRecord, library: Library | None, sources: Sequence[str]
     versions = _find_versions(record, recorded, plan, donors)
     graft = _finish_versions(record, plan, versions, request.constraints)
     found = hash_poses(graft.motion)
-    if record.poses_sha256 not in (None, found):
+    if record.poses_sha256 != found:
         raise record.error(
             f"the motion differs from that of the provenance: SHA-256 of its poses {found}, "
             f"expected {record.poses_sha256}; another version of mograft made it"
@@ -172,7 +172,7 @@ def _finish_versions(
     In each version, inverse kinematics moves only the limbs that it moved according to `record`.
     """
     document = record.document
-    completions = [_read_completions(own, constraints) for own in document.get("edits", ())]
+    completions = [_read_completions(own, constraints) for own in document["edits"]]
     completions.append(_read_completions(document, constraints))
     graft: Graft | None = None
     for index, (donors, found) in enumerate(zip(versions, completions, strict=True)):
@@ -200,10 +200,8 @@ def _finish_versions(
 
 
 def _read_request(record: GraftRecord, sources: Sequence[str]) -> GraftRequest:
-    """Return the recorded request without its scenario; the default for documents of version 1."""
-    request = record.document.get("request")
-    if request is None:
-        return GraftRequest()
+    """Return the recorded request without its scenario."""
+    request = record.document["request"]
 
     def decode_motion(motion: Mapping[str, Any]) -> Motion:
         clip = ClipRecord.of_file(motion)
@@ -218,7 +216,7 @@ def _read_request(record: GraftRecord, sources: Sequence[str]) -> GraftRequest:
         constraints=tuple(constraints),
         command=request["command"],
         sources=record.sources,
-        edit_commands=tuple(edit["command"] for edit in record.document.get("edits", ())),
+        edit_commands=tuple(edit["command"] for edit in record.document["edits"]),
     )
 
 
@@ -228,8 +226,7 @@ def _with_recorded(graft: Graft, record: GraftRecord, request: GraftRequest) -> 
     alternatives = dict(graft.alternatives)
     for group in alternatives:
         counts = [own.alternatives for own in record.donors if own.group == group]
-        if None not in counts:
-            alternatives[group] = np.array(counts)
+        alternatives[group] = np.array(counts)
     document = record.document
     violations = [_read_violation(own, request.constraints) for own in document["violations"]]
     return replace(
@@ -240,13 +237,13 @@ def _with_recorded(graft: Graft, record: GraftRecord, request: GraftRequest) -> 
         ),
         alternatives=alternatives,
         violations=tuple(violations),
-        repairs=tuple(_read_repair(own) for own in document.get("self_repair", ())),
+        repairs=tuple(_read_repair(own) for own in document["self_repair"]),
         request=request,
     )
 
 
 def _read_violation(record: Mapping[str, Any], constraints: Sequence[Constraint]) -> Violation:
-    number = record.get("number")
+    number = record["number"]
     first, last = record["frames"]
     return Violation(
         constraint=UnrestoredConstraint(str(record["constraint"]))
@@ -263,12 +260,9 @@ def _read_violation(record: Mapping[str, Any], constraints: Sequence[Constraint]
 def _read_completions(
     document: Mapping[str, Any], constraints: Sequence[Constraint]
 ) -> tuple[ReachCompletion, ...]:
-    """Return what inverse kinematics did according to a document, or to one of its ``edits``.
-
-    The result is empty if the document was written before mograft had inverse kinematics.
-    """
+    """Return what inverse kinematics did according to a document, or to one of its ``edits``."""
     found = []
-    for own in document.get("reach_ik", ()):
+    for own in document["reach_ik"]:
         reach = constraints[own["number"]]
         if not isinstance(reach, Reach):
             raise ValueError("each `number` in `reach_ik` must be that of a Reach constraint")

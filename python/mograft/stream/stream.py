@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray
 from mograft._util.validate import as_integer, check_type
-from mograft.analysis.online_segmentation import OnlineSegmenter, WindowSegmenter
+from mograft.analysis.online_segmentation import OnlineSegmenter
 from mograft.blend.recombine import Part, recombine
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -159,9 +159,7 @@ class Stream:
         self._library, self._horizon = library, horizon
         self._rng = np.random.default_rng(seed)
         self._donors = StreamDonors.build(library, groups)
-        is_energy = library.config.segmentation == "energy"
-        segmenter_type = OnlineSegmenter if is_energy else WindowSegmenter
-        self._segmenter = segmenter_type(library.rate, library.config)
+        self._segmenter = OnlineSegmenter(library.rate, library.config)
         self._base: BaseBuffer | None = None
         self._search: StreamSearch | None = None
         self._pending: list[PendingSegment] = []
@@ -261,9 +259,6 @@ class Stream:
             self._search = StreamSearch(self._donors, self._base.first_frame)
         else:
             self._base.push(frames)
-        if isinstance(self._segmenter, WindowSegmenter):
-            self._segmenter.push(frames)
-            return
         # The energy of the last frame is not final before the next frame.
         n_known, n_final = self._segmenter.n_frames, self._base.n_frames - 1
         if n_final > n_known:
@@ -287,8 +282,7 @@ class Stream:
             return
         if self._base is None or self._base.n_frames < 2:
             raise ValueError(f"a stream needs at least 2 frames, got {self.n_known}")
-        if isinstance(self._segmenter, OnlineSegmenter):
-            self._segmenter.push(self._base.next_energies(self._rules.config))
+        self._segmenter.push(self._base.next_energies(self._rules.config))
         self._segmenter.close()
         self._is_closed = True
 

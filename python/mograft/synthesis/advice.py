@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mograft._util.arrays import IntArray
-from mograft.config import variety_fields
+from mograft.config import scale_of_variety
 from mograft.library.library import Library
 from mograft.search.costs import length_fits
 from mograft.synthesis.graft_result import Graft
@@ -91,8 +91,7 @@ def _describe_missing(graft: Graft, group: str) -> str:
     causes = Counter(_find_causes(library, group, segments[counts == 0]))
     numbers = ", ".join(f"{n} {cause}" for cause, n in causes.most_common())
     config = library.config
-    scale = library.sigma_scales[library.groups.base]
-    is_widest = scale >= variety_fields(1.0)["sigma_scale"]
+    is_widest = config.sigma_scale >= scale_of_variety(1.0)
     similar = "raise `sigma_scale`" if is_widest else "raise `variety`"
     remedies = ", ".join(
         _REMEDIES[cause].format(similar=similar, max_stretch=config.max_stretch)

@@ -140,8 +140,7 @@ def graft_many(
         Greatest number of motions.
     widen : bool
         Whether `Config.sigma_scale` is multiplied by 4/3 until the donors allow `count` different
-        motions or it would exceed 4. `Grafts.notes` describes each step. If `Config.sigma` is a
-        number, the clusters are not enlarged.
+        motions or it would exceed 4. `Grafts.notes` describes each step.
 
     Returns
     -------
@@ -177,7 +176,7 @@ def graft_many(
         wider = _widened(library, MAX_SIGMA_SCALE) if widen and len(donors) < count else None
         if wider is None:
             return Grafts(plan, donors, seed, tuple(notes))
-        scales = [own.sigma_scales[own.groups.base] for own in (library, wider)]
+        scales = [own.config.sigma_scale for own in (library, wider)]
         notes.append(
             f"only {len(donors)} different motions with sigma_scale {scales[0]:.3g}; trying "
             f"{scales[1]:.3g}, which allows less similar donors"
@@ -202,8 +201,7 @@ def repair(
     widest : float
         Largest `Config.sigma_scale` to try. The clusters are enlarged step by step as long as
         violations remain that donors can remove. The scale that was used is
-        ``library.config.sigma_scale`` of the returned graft. If `Config.sigma` is a number, the
-        clusters are not enlarged.
+        ``library.config.sigma_scale`` of the returned graft.
 
     Returns
     -------
@@ -277,8 +275,8 @@ def kept_violations(
 
 def _widened(library: Library, widest: float) -> Library | None:
     """Return a library with larger clusters, or None if `sigma_scale` would exceed `widest`."""
-    sigma_scale = library.sigma_scales[library.groups.base] * 4 / 3
-    if sigma_scale > widest or not isinstance(library.config.sigma, str):
+    sigma_scale = library.config.sigma_scale * 4 / 3
+    if sigma_scale > widest:
         return None
     return library.relabelled(replace(library.config, sigma_scale=sigma_scale))
 

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from mograft._util.registry import AUTOMATIC_SCALE
 from mograft._util.workers import worker_processes
 from mograft.cli.configuration import (
     FIXED_OPTIONS,
@@ -139,12 +138,9 @@ def run_info(options: LibInfoOptions) -> int:
         f"  {document['clips']} clips, {document['frames']} frames at {document['rate']:.6g} fps",
         f"  {document['segments']} segments{_describe_segmentation(library.config)}",
     ]
-    is_chosen = library.config.sigma_scale == AUTOMATIC_SCALE
     for name, group in document["groups"].items():
-        chosen = f" (sigma_scale auto: {group['sigma_scale']:.3g})" if is_chosen else ""
         lines.append(
             f"  {name}: {group['clusters']} clusters of diameter {group['sigma']:.4g} at most"
-            f"{chosen}"
         )
     if document["tags"]:
         lines.append(f"  tags: {' '.join(document['tags'])}")
@@ -179,7 +175,7 @@ def _describe_library(library: Library) -> dict[str, Any]:
             group: {
                 "clusters": int(labels.max(initial=-1)) + 1,
                 "sigma": library.sigma[group],
-                "sigma_scale": library.sigma_scales[group],
+                "sigma_scale": library.config.sigma_scale,
                 "joints": [library.skeleton.names[joint] for joint in library.joints(group)],
             }
             for group, labels in library.labels.items()

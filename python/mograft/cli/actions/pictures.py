@@ -49,7 +49,6 @@ _CLUSTER_KINDS = {
     "pca": plot.pca,
     "dendrogram": plot.dendrogram,
     "clusters": plot.clusters,
-    "threshold": plot.threshold,
 }
 _KINDS_OF_OPTION: Mapping[str, tuple[str, ...]] = {
     "frames": ("strip", "timeline", "energy"),

@@ -29,7 +29,7 @@ from mograft.cli.syntax.shared import (
     output_option,
 )
 
-PLOT_KINDS = ("strip", "timeline", "energy", "pca", "dendrogram", "clusters", "threshold", "groups")
+PLOT_KINDS = ("strip", "timeline", "energy", "pca", "dendrogram", "clusters", "groups")
 EVALUATION_TOPICS = ("quality", "world", "detectability", "balance")
 _FIGURE_COLOURS = "joint groups that set the colours"
 _SHELLS = ("bash", "zsh", "fish", "tcsh", "powershell")
@@ -191,8 +191,8 @@ class PlotOptions(LibraryOptions, WriterOptions):
 
     kind: str = positional(
         "strip (poses of one motion), timeline (segments along time), energy (kinetic energy), pca "
-        "(segments in principal components), dendrogram (linkage tree), clusters (cluster sizes), "
-        "threshold (how sigma_scale auto is chosen) or groups (which joints move together)",
+        "(segments in principal components), dendrogram (linkage tree), clusters (cluster sizes) "
+        "or groups (which joints move together)",
         values.choice(*PLOT_KINDS, placeholder="KIND"),
     )
     clip: tuple[str, ...] = repeated(
@@ -204,7 +204,7 @@ class PlotOptions(LibraryOptions, WriterOptions):
         default="lower_upper; for strip trunk, arms and legs; for groups auto"
     )
     group: str | None = option(
-        "joint group for pca, dendrogram, clusters or threshold (default: the base group)",
+        "joint group for pca, dendrogram or clusters (default: the base group)",
         values.NAME,
     )
     poses: int = setting("number of poses of strip (default: 12)", values.COUNT, 12)

@@ -22,15 +22,18 @@ from mograft.errors import LibraryError
 from mograft.library.clip_table import ClipLocation, ClipTable, skeleton_to_json, write_clip_table
 from mograft.library.data import LibraryData
 from mograft.library.files.array_files import ArrayWriter
-from mograft.library.files.integrity import DATABASE, MANIFEST
+from mograft.library.files.integrity import (
+    DATABASE,
+    MANIFEST,
+    hash_files,
+    manifest_checksum,
+)
 from mograft.library.files.packing import PackedMotion
 from mograft.library.files.storage import (
     FORMAT,
     FORMAT_VERSION,
     LOCK,
     StoredLibrary,
-    hash_files,
-    manifest_checksum,
     read,
     read_manifest,
 )
@@ -393,12 +396,9 @@ def _remove_partial_libraries(final: Path) -> None:
 @contextlib.contextmanager
 def _lock(folder: Path) -> Iterator[None]:
     """Hold the exclusive lock of writers of a library; raise LibraryError if it is taken."""
-    path = folder / LOCK
-    if path.is_symlink() or (path.exists() and not path.is_file()):
-        raise LibraryError(f"{path} is not a regular file; remove it")
     with contextlib.ExitStack() as stack:
         try:
-            stack.enter_context(exclusive_lock(path))
+            stack.enter_context(exclusive_lock(folder / LOCK))
         except BlockingIOError as error:
             message = f"another process is writing to {folder}; try again later"
             raise LibraryError(message) from error

@@ -1,19 +1,20 @@
 """Cuts between clusters of poses (Barbič et al. 2004, Gaussian mixture model)."""
 
-from dataclasses import dataclass, fields
+import warnings
+from dataclasses import dataclass
 
 import numpy as np
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.mixture import GaussianMixture
 
-from mograft._util.arrays import FloatArray, IntArray
-from mograft._util.validate import as_integer, check_positive
-from mograft.analysis.segmentation_method import SegmentationMethod
-from mograft.analysis.segmentations.gaussian_mixture import GaussianMixture, fit_mixture
-from mograft.analysis.segmentations.pose_features import (
+from lab.segmentations.poses import (
     frames_of,
     pose_features,
     principal_scores,
 )
-from mograft.motion.motion import Motion
+
+_MIN_VARIANCE_SHARE = 1e-3
+"""Least variance of a component along any axis, as a share of the mean variance of all points."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +37,6 @@ class GmmParameters:
         belong to two clusters.
     step : float
         Seconds between the poses to which the clusters are fitted.
-
-    Raises
-    ------
-    ValueError
-        If a value is not above 0, `energy` is not below 1, or `max_clusters` is not a whole number.
     """
 
     energy: float = 0.95
@@ -49,15 +45,8 @@ class GmmParameters:
     cycle: float = 1.0
     step: float = 0.1
 
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            check_positive(self, field.name)
-        as_integer("max_clusters", self.max_clusters, 1)
-        if self.energy >= 1:
-            raise ValueError(f"`energy` must be below 1, got {self.energy}")
 
-
-def cut_frames(motion: Motion, parameters: GmmParameters) -> IntArray:
+def cut_frames(motion, parameters):
     """Return the frames at which the most probable cluster of poses changes.
 
     Parameters
@@ -84,47 +73,65 @@ def cut_frames(motion: Motion, parameters: GmmParameters) -> IntArray:
     probability, averaged over one `cycle`, changes; clusters that last less than a `cycle` are
     merged with a neighbour. The average, the merging and the start are not in the source. The cost
     is O(n k D²) for each of at most 60 steps of a fit to n poses.
-
-    Examples
-    --------
-    >>> from mograft.dancer import dance
-    >>> cut_frames(dance(strides=1).motion[:60], GmmParameters())
-    array([], dtype=int64)
     """
     cycle = frames_of(parameters.cycle, motion.rate)
     scores = principal_scores(pose_features(motion), parameters.energy)
     if motion.n_frames <= 2 * cycle or not scores.shape[1]:
         return np.zeros(0, np.int64)
     mixture = _fit(scores[:: frames_of(parameters.step, motion.rate)], parameters)
-    probabilities, _ = mixture.posteriors(scores)
+    probabilities = mixture.predict_proba(scores)
     labels = _centred_means(probabilities, cycle).argmax(axis=1)
     return np.flatnonzero(np.diff(merge_short_runs(labels, cycle))) + 1
 
 
-def _fit(points: FloatArray, parameters: GmmParameters) -> GaussianMixture:
+def _fit(points, parameters):
     """Return the mixture with the number of clusters that `ratio` selects."""
-    mixture = fit_mixture(points, 1)
-    errors = [mixture.error(points)]
+    mixture = _fit_mixture(points, 1)
+    errors = [_error(mixture, points)]
     for n_clusters in range(2, min(parameters.max_clusters, len(points)) + 1):
-        further = fit_mixture(points, n_clusters)
-        errors.append(further.error(points))
+        further = _fit_mixture(points, n_clusters)
+        errors.append(_error(further, points))
         if errors[-2] - errors[-1] < parameters.ratio * (errors[0] - errors[1]):
             break
         mixture = further
     return mixture
 
 
-def _centred_means(values: FloatArray, width: int) -> FloatArray:
+def _fit_mixture(points, n_components):
+    """Fit a mixture, starting from components that are consecutive parts of equal length."""
+    labels = np.arange(len(points)) * n_components // len(points)
+    floor = _MIN_VARIANCE_SHARE * float(points.var(axis=0).mean())
+    parts = [points[labels == k] for k in range(n_components)]
+    spreads = [np.atleast_2d(np.cov(part, rowvar=False, bias=True)) for part in parts]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        return GaussianMixture(
+            n_components,
+            weights_init=[len(part) / len(points) for part in parts],
+            means_init=[part.mean(axis=0) for part in parts],
+            precisions_init=[np.linalg.inv(own + floor * np.eye(len(own))) for own in spreads],
+            reg_covar=floor,
+            tol=1e-4,
+            max_iter=60,
+        ).fit(points)
+
+
+def _error(mixture, points):
+    """Return the clustering error: Σ_i Σ_j p(j | x_i) |x_i - mean_j|²."""
+    squares = ((points[:, None] - mixture.means_) ** 2).sum(axis=2)
+    return float((mixture.predict_proba(points) * squares).sum())
+
+
+def _centred_means(values, width):
     """Return the mean of the `width` rows around each row; at the ends there are fewer rows."""
     sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
     rows = np.arange(len(values))
     first = np.maximum(rows - width // 2, 0)
     stop = np.minimum(rows - width // 2 + width, len(values))
-    means: FloatArray = (sums[stop] - sums[first]) / (stop - first)[:, None]
-    return means
+    return (sums[stop] - sums[first]) / (stop - first)[:, None]
 
 
-def merge_short_runs(labels: IntArray, min_length: int) -> IntArray:
+def merge_short_runs(labels, min_length):
     """Return labels without runs of equal labels that are shorter than `min_length`.
 
     The shortest run is merged first: it takes the label of the longer neighbour. Of equal runs or
@@ -140,6 +147,3 @@ def merge_short_runs(labels: IntArray, min_length: int) -> IntArray:
         beside = [k for k in (run - 1, run + 1) if 0 <= k < len(lengths)]
         longer = max(beside, key=lambda k: lengths[k])
         values[bounds[run] : bounds[run + 1]] = values[bounds[longer]]
-
-
-METHOD = SegmentationMethod(GmmParameters, cut_frames, has_long_segments=True)

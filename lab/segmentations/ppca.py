@@ -1,25 +1,20 @@
 """Cuts where the distribution of poses changes (Barbič et al. 2004, PPCA)."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from mograft._util.arrays import FloatArray, IntArray
-from mograft._util.linalg import principal_axes
-from mograft._util.validate import check_positive
-from mograft.analysis.segmentation_method import SegmentationMethod
-from mograft.analysis.segmentations.growing_scatter import GrowingScatter
-from mograft.analysis.segmentations.pose_features import (
+from lab.segmentations.growing_scatter import GrowingScatter
+from lab.segmentations.poses import (
     MIN_VARIANCE,
     dimensions_of_each,
     frames_of,
     pose_features,
+    principal_axes,
     principal_scores,
 )
-from mograft.motion.motion import Motion
 
 _KEPT_ENERGY = 0.999
 """Share of the variance of the whole motion that the features keep, which speeds up the rest."""
@@ -53,12 +48,6 @@ class PpcaParameters:
     directions : {"both", "forward"}
         "both" also reads the motion backwards, and unites the cuts of both directions. "forward"
         does not find a behaviour whose poses all occur in the behaviour before it.
-
-    Raises
-    ------
-    ValueError
-        If a duration or threshold is not above 0, `energy` is not below 1, or `directions` is
-        another word.
     """
 
     window: float = 1.25
@@ -68,16 +57,8 @@ class PpcaParameters:
     min_rise: float = 1.0
     directions: str = "both"
 
-    def __post_init__(self) -> None:
-        for name in ("window", "step", "energy", "rise", "min_rise"):
-            check_positive(self, name)
-        if self.energy >= 1:
-            raise ValueError(f"`energy` must be below 1, got {self.energy}")
-        if self.directions not in ("both", "forward"):
-            raise ValueError(f"`directions` must be both or forward, got {self.directions!r}")
 
-
-def cut_frames(motion: Motion, parameters: PpcaParameters) -> IntArray:
+def cut_frames(motion, parameters):
     """Return the frames at which the distribution of poses changes.
 
     Parameters
@@ -107,12 +88,6 @@ def cut_frames(motion: Motion, parameters: PpcaParameters) -> IntArray:
 
     Backward cuts that are closer than half a window to forward ones are united with them: the cut
     is placed at their mean. The cost is O(n D² + n D³ / step) for n frames.
-
-    Examples
-    --------
-    >>> from mograft.dancer import dance
-    >>> cut_frames(dance(strides=1).motion[:60], PpcaParameters())
-    array([], dtype=int64)
     """
     scores = principal_scores(pose_features(motion), _KEPT_ENERGY)
     window = frames_of(parameters.window, motion.rate)
@@ -124,11 +99,9 @@ def cut_frames(motion: Motion, parameters: PpcaParameters) -> IntArray:
     return unite_near_cuts(np.array(cuts, np.int64), window / 2)
 
 
-def _cuts_of_direction(
-    scores: FloatArray, window: int, step: int, parameters: PpcaParameters
-) -> list[int]:
+def _cuts_of_direction(scores, window, step, parameters):
     """Return the cuts that are found by reading the poses in the given order, ascending."""
-    cuts: list[int] = []
+    cuts = []
     coarse = max(window // 4, step)
     distances = np.array([*_window_distances(scores, window, coarse, parameters.energy)])
     if not len(distances):
@@ -145,7 +118,7 @@ def _cuts_of_direction(
         cuts.append(start)
 
 
-def _window_distances(scores: FloatArray, window: int, step: int, energy: float) -> Iterator[float]:
+def _window_distances(scores, window, step, energy):
     """Yield H(K) for K = window, window + step, ... while a whole window follows, in frames."""
     counts = np.arange(window, len(scores) - window + 1, step)
     if not (len(counts) and scores.shape[1]):
@@ -158,7 +131,7 @@ def _window_distances(scores: FloatArray, window: int, step: int, energy: float)
         yield from _mean_distances(covariances, windows[chunk] - means[:, None], energy).tolist()
 
 
-def _mean_distances(covariances: FloatArray, offsets: FloatArray, energy: float) -> FloatArray:
+def _mean_distances(covariances, offsets, energy):
     """Return the mean Mahalanobis distance of poses from each of several models, shape (n,).
 
     `covariances`, shape (n, D, D), are those of the poses from which each model is made. `offsets`,
@@ -172,11 +145,10 @@ def _mean_distances(covariances: FloatArray, offsets: FloatArray, energy: float)
     projected = offsets @ axes
     squares = np.einsum("kij,kij->kj", projected, projected) / offsets.shape[1]
     model = np.maximum(np.where(is_noise, noise, variances), noise)
-    distances: FloatArray = (squares / model).sum(axis=1)
-    return distances
+    return (squares / model).sum(axis=1)
 
 
-def _first_peak(distances: Iterator[float], rise: float, n_following: int) -> int | None:
+def _first_peak(distances, rise, n_following):
     """Return the index of the first peak that is `rise` above a valley before it, or None.
 
     The peak is the greatest one of the first distance above this limit and of the `n_following`
@@ -194,13 +166,10 @@ def _first_peak(distances: Iterator[float], rise: float, n_following: int) -> in
     return None
 
 
-def unite_near_cuts(cuts: IntArray, min_gap: float) -> IntArray:
+def unite_near_cuts(cuts, min_gap):
     """Replace each run of cuts, each closer than `min_gap` to the previous one, by its mean."""
     cuts = np.sort(cuts)
     if not len(cuts):
         return cuts
     runs = np.split(cuts, np.flatnonzero(np.diff(cuts) >= min_gap) + 1)
     return np.array([int(np.mean(run)) for run in runs], np.int64)
-
-
-METHOD = SegmentationMethod(PpcaParameters, cut_frames, has_long_segments=True)

@@ -1,21 +1,16 @@
 """Cuts where the poses leave the hyperplane of the poses before (Barbič et al. 2004, PCA)."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, IntArray
-from mograft._util.linalg import eigenvalues
-from mograft._util.validate import check_positive
-from mograft.analysis.segmentation_method import SegmentationMethod
-from mograft.analysis.segmentations.growing_scatter import GrowingScatter
-from mograft.analysis.segmentations.pose_features import (
+from lab.segmentations.growing_scatter import GrowingScatter
+from lab.segmentations.poses import (
     MIN_VARIANCE,
     dimensions_of,
     frames_of,
     pose_features,
 )
-from mograft.motion.motion import Motion
 
 
 @dataclass(frozen=True)
@@ -40,11 +35,6 @@ class PcaParameters:
     step : float
         Seconds between two frames at which the error is computed. The source computes it at
         every frame.
-
-    Raises
-    ------
-    ValueError
-        If a value is not above 0, or `energy` is not below 1.
     """
 
     window: float = 2.0
@@ -54,14 +44,8 @@ class PcaParameters:
     settling: float = 1.0
     step: float = 0.1
 
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            check_positive(self, field.name)
-        if self.energy >= 1:
-            raise ValueError(f"`energy` must be below 1, got {self.energy}")
 
-
-def cut_frames(motion: Motion, parameters: PcaParameters) -> IntArray:
+def cut_frames(motion, parameters):
     """Return the frames at which new poses leave the hyperplane of the segment's first poses.
 
     Parameters
@@ -92,15 +76,9 @@ def cut_frames(motion: Motion, parameters: PcaParameters) -> IntArray:
     The cuts of the first frames do not depend on the frames that follow: the method is causal.
     A cut follows the change of behaviour by at most about `lag`. For n frames of D features the
     cost is O(n D² + n D³ / step).
-
-    Examples
-    --------
-    >>> from mograft.dancer import dance
-    >>> cut_frames(dance(strides=1).motion[:60], PcaParameters())
-    array([], dtype=int64)
     """
     features = pose_features(motion)
-    cuts: list[int] = []
+    cuts = []
     while True:
         start = cuts[-1] if cuts else 0
         length = _length_of_first_segment(features[start:], parameters, motion.rate)
@@ -109,21 +87,19 @@ def cut_frames(motion: Motion, parameters: PcaParameters) -> IntArray:
         cuts.append(start + length)
 
 
-def _length_of_first_segment(
-    features: FloatArray, parameters: PcaParameters, rate: float
-) -> int | None:
+def _length_of_first_segment(features, parameters, rate):
     """Return the number of frame intervals up to the first cut, or None if there is no cut."""
     step = frames_of(parameters.step, rate)
     lag = max(round(parameters.lag * rate / step), 1)
     n_settling = max(round(parameters.settling * rate / step), 2)
     window = frames_of(parameters.window, rate)
     poses = GrowingScatter(features)
-    errors: list[float] = []
-    increases: list[float] = []
+    errors = []
+    increases = []
     n_dimensions = 0
     for end in range(window, len(features) + 1, step):
         _, scatters = poses.grow_through(np.array([end]))
-        values = eigenvalues(scatters[0])
+        values = np.maximum(np.linalg.eigvalsh(scatters[0])[::-1], 0.0)
         if not errors:
             n_dimensions = dimensions_of(values, parameters.energy)
         errors.append(float(values[n_dimensions:].sum()))
@@ -136,8 +112,3 @@ def _length_of_first_segment(
                 return end - 1
         increases.append(increase)
     return None
-
-
-METHOD = SegmentationMethod(
-    PcaParameters, cut_frames, has_long_segments=True, look_ahead=0.0, restarts=True
-)

@@ -8,7 +8,6 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.gaussian import gaussian_filter
 from mograft._util.validate import check_positive
 from mograft.analysis.segmentation_method import SegmentationMethod
-from mograft.analysis.segmentations.pose_features import joints_below_root
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
@@ -141,7 +140,9 @@ def candidate_beats(motion: Motion, parameters: BeatParameters) -> tuple[FloatAr
     The times are not in order. The weight of a zero is the difference between the angular velocity
     there and its mean at the zeros before and after, in radians per second.
     """
-    quats = motion.rotations[:, joints_below_root(motion)]
+    root = motion.locomotion_root()
+    kept = np.setdiff1d(np.arange(motion.n_joints), [root, *motion.skeleton.ancestors(root)])
+    quats = motion.rotations[:, kept]
     if not quats.shape[1] or len(quats) < 4:
         return np.zeros(0), np.zeros(0)
     turns = rotations.log(rotations.multiply(rotations.inverse(quats[:-1]), quats[1:]))

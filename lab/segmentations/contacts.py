@@ -4,12 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mograft._util.arrays import IntArray
-from mograft.analysis.segmentation_method import SegmentationMethod
 from mograft.body.contacts import detect_contacts
-from mograft.motion.motion import Motion
-
-_EVENTS = ("both", "touchdown", "liftoff")
 
 
 @dataclass(frozen=True)
@@ -21,21 +16,12 @@ class ContactParameters:
     events : {"both", "touchdown", "liftoff"}
         Which events of a foot are cut frames. A touchdown is the first frame of a contact, a
         lift-off the first frame after it.
-
-    Raises
-    ------
-    ValueError
-        If `events` has another value.
     """
 
     events: str = "both"
 
-    def __post_init__(self) -> None:
-        if self.events not in _EVENTS:
-            raise ValueError(f"`events` must be one of {', '.join(_EVENTS)}, got {self.events!r}")
 
-
-def cut_frames(motion: Motion, parameters: ContactParameters) -> IntArray:
+def cut_frames(motion, parameters):
     """Return the frames in which a foot starts or stops touching the floor.
 
     A foot touches the floor if its heel or toe does, as `detect_contacts` defines. Raises
@@ -50,7 +36,3 @@ def cut_frames(motion: Motion, parameters: ContactParameters) -> IntArray:
     changes = np.diff(contacts.astype(np.int8), axis=0)
     wanted = {"both": changes != 0, "touchdown": changes > 0, "liftoff": changes < 0}
     return np.flatnonzero(wanted[parameters.events].any(axis=1)) + 1
-
-
-# Contacts of less than 0.1 s and gaps of up to 0.07 s are ignored.
-METHOD = SegmentationMethod(ContactParameters, cut_frames, look_ahead=0.25)

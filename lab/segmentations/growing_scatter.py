@@ -2,8 +2,6 @@
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, IntArray
-
 
 class GrowingScatter:
     """Mean and scatter matrix of the first `n` rows of a matrix; `n` grows from 0.
@@ -11,14 +9,14 @@ class GrowingScatter:
     Every row is used once, so all scatter matrices together cost one product of the whole matrix.
     """
 
-    def __init__(self, rows: FloatArray) -> None:
+    def __init__(self, rows):
         self.n = 0
         self._rows = rows - rows[:1]  # small numbers, whose squares cancel less
         self._first = rows[:1].sum(axis=0)
         self._products = np.zeros((rows.shape[1],) * 2)
         self._sum = np.zeros(rows.shape[1])
 
-    def grow_through(self, counts: IntArray) -> tuple[FloatArray, FloatArray]:
+    def grow_through(self, counts):
         """Return means and scatter matrices of the first n rows, for each n of `counts`.
 
         `counts` are ascending, above 0, and not below those of the last call. The shapes are
