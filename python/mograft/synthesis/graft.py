@@ -19,6 +19,7 @@ from mograft.solve.base import grafted_groups
 from mograft.solve.donor_repair import restrict_to_violations
 from mograft.solve.kept_joints import find_kept_violations
 from mograft.solve.plan import GraftPlan
+from mograft.solve.search_problem import check_frames
 from mograft.synthesis.graft_building import build_graft
 from mograft.synthesis.graft_request import GraftRequest
 from mograft.synthesis.graft_result import Graft
@@ -287,6 +288,7 @@ def kept_violations(
         return []
     groups = grafted_groups(library, swap)
     library, clip = library.resolve_base(base)
+    check_frames(constraints, library.clips[clip])
     return find_kept_violations(library, library.clips[clip], groups, constraints)
 
 
