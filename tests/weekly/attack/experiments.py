@@ -27,7 +27,6 @@ from tests.weekly.attack.outcome import Outcome
 MOTION = dance(seed=5, strides=1).motion
 
 
-
 def damaged_texts(folder, count):  # noqa: ARG001 - all experiments have these arguments
     """Read damaged BVH texts: a motion or `BvhError`, whole and in chunks."""
     outcome = Outcome()
