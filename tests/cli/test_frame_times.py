@@ -128,11 +128,11 @@ def test_commands_accept_seconds_for_frames(run, folder):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--keep", "9000-9100"], "frames of --keep must be within 0-599"),
-        (["--keep", "300s-310s"], "frames of --keep must be within 0-599"),
-        (["--reach", "9000:LeftHand:0,0,0"], "frames of --reach must be within 0-599"),
-        (["--face", "0,0,0@9000-9100"], "frames of --face must be within 0-599"),
-        (["--avoid", "sphere:0,0,0,1@9000-9100"], "frames of --avoid must be within 0-599"),
+        (["--keep", "9000-9100"], "frames of --keep must be within 0 to 599"),
+        (["--keep", "300s-310s"], "frames of --keep must be within 0 to 599"),
+        (["--reach", "9000:LeftHand:0,0,0"], "frames of --reach must be within 0 to 599"),
+        (["--face", "0,0,0@9000-9100"], "frames of --face must be within 0 to 599"),
+        (["--avoid", "sphere:0,0,0,1@9000-9100"], "frames of --avoid must be within 0 to 599"),
     ],
 )
 def test_range_after_the_base_names_the_option(run, folder, tmp_path, words, message):

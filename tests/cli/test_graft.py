@@ -241,7 +241,7 @@ def test_candidates_and_graft_agree_on_segments_frames_and_gaps(run, folder, tmp
 
 def test_graft_constraint_options_restrict_donors(run, folder, tmp_path):
     other = f"{folder / 'b.bvh'}@300,0,0,90"
-    options = ["--avoid", other, "--radius", "1.2", "--avoid-self", "--keep", "0-60"]
+    options = ["--avoid", other, "--avoid-self", "--keep", "0-60"]
     options += ["--avoid", "wall:0,-50,0,0,1,0", "--avoid", "box:900,0,0,5,5,5"]
     options += ["--avoid", "capsule:900,0,0,900,90,0,5", "--face", "0,150,900@20-30"]
     options += ["--only-from", "a,b", "--not-from", "b", "--max-stretch", "0.1"]

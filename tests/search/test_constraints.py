@@ -844,7 +844,7 @@ def test_max_stretch_errors_are_above_1_for_greater_stretches_only(base, donor, 
         (
             mc.Reach(HAND, (0, 0, 0), 99_999),
             ValueError,
-            "frames of Reach must be within 0 to",
+            "frames of `Reach` must be within 0 to",
         ),
         (mc.NotFrom("waltz*"), ValueError, r"`clips` must match .*; got 'waltz\*'"),
         (

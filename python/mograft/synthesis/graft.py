@@ -16,6 +16,7 @@ from mograft.search.constraints import Constraint, Violation
 from mograft.search.trellis import DonorSequences
 from mograft.solve.donor_repair import restrict_to_violations
 from mograft.solve.kept_joints import find_kept_violations
+from mograft.solve.search_problem import check_frames
 from mograft.synthesis.graft_plan import GraftPlan, grafted_groups
 from mograft.synthesis.graft_result import Graft
 
@@ -268,6 +269,7 @@ def kept_violations(
         return []
     groups = grafted_groups(library, swap)
     library, clip = library.resolve_base(base)
+    check_frames(constraints, library.clips[clip])
     return find_kept_violations(library, library.clips[clip], groups, constraints)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mograft.cli.configuration import flags_in_errors, load_library, with_flags
-from mograft.cli.constraints import check_frames, read_constraints, read_obstacles
+from mograft.cli.constraints import FLAGS, read_constraints
 from mograft.cli.files import check_writable, expand_folders, library_folder
 from mograft.cli.graft_files import (
     check_graft_suffix,
@@ -68,23 +68,21 @@ def run(options: GraftOptions) -> int:
     check_writable(written, force=options.force, inputs=files)
     if options.measure and find_spec("scipy") is None:
         raise ValueError("--measure needs SciPy: pip install 'mograft[evaluate]'")
-    obstacles = read_obstacles(options)
     if library is None:
         library = load_library(replace(options, files=files))
-    constraints = read_constraints(options, library, obstacles)
+    constraints = read_constraints(options, library)
     if options.mirror:
         library = library.with_mirror_images()
     base = _find_base(library, options.base, folder)
-    with flags_in_errors(swap="--swap"):
+    with flags_in_errors(swap="--swap", scenario="--scenario", **FLAGS):
         grafted_groups(library, options.swap)
-    if options.scenario == "original":  # the base motion of a scenario does not exist yet
-        check_frames(options, library.rate, _count_frames(library, base))
-        if not options.best_effort:
+        # The base motion of a scenario does not exist yet.
+        if options.scenario == "original" and not options.best_effort:
             kept = kept_violations(library, base, constraints=constraints, swap=options.swap)
             if kept:
                 print_error(_KEPT_VIOLATIONS, [violation.message for violation in kept])
                 return 4
-    grafts = _make_grafts(library, base, constraints, options)
+        grafts = _make_grafts(library, base, constraints, options)
     if constraints:
         grafts = list(grafts)
         if _are_refused(grafts, options):
@@ -157,13 +155,6 @@ def _find_entry(library: Library, address: str) -> str | None:
     return None
 
 
-def _count_frames(library: Library, base: Motion | str | None) -> int:
-    """Return the number of frames of a base motion at the rate of the library."""
-    if isinstance(base, Motion):
-        return round(base.duration * library.rate) + 1
-    return library.entries[0 if base is None else library.names.index(base)].n_frames
-
-
 def _make_grafts(
     library: Library,
     base: Motion | str | None,
@@ -177,17 +168,16 @@ def _make_grafts(
     is_fixed = options.variety is not None or any(
         name == "sigma_scale" for name, _ in (*options.set, *options.configured)
     )
-    with flags_in_errors(scenario="--scenario"):
-        grafts = graft_many(
-            library,
-            base,
-            options.count,
-            constraints=constraints,
-            swap=options.swap,
-            seed=options.seed or 0,
-            scenario=scenario,
-            widen=not is_fixed,
-        )
+    grafts = graft_many(
+        library,
+        base,
+        options.count,
+        constraints=constraints,
+        swap=options.swap,
+        seed=options.seed or 0,
+        scenario=scenario,
+        widen=not is_fixed,
+    )
     for note in grafts.notes:
         print_remark(note)
     # The candidates of all segments need not stay in memory for a single graft.

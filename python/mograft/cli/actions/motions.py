@@ -1,6 +1,5 @@
 """``mograft info``, ``check`` and ``groups``: contents, faults and joint groups of motion files."""
 
-import os
 from collections.abc import Iterable, Iterator
 from itertools import groupby
 from pathlib import Path
@@ -16,15 +15,11 @@ from mograft.cli.output import print_error, print_result
 from mograft.cli.syntax.commands import CheckOptions, GroupsOptions, InfoOptions
 from mograft.errors import FormatError
 from mograft.io.addresses import join_address, open_clips, read_clip, split_address
-from mograft.io.bvh.reader import BvhSummary, read_bvh, scan_bvh
+from mograft.io.bvh.reader import read_bvh
 from mograft.io.formats import find_format
 from mograft.library.group_choice import discover_groups
 from mograft.library.spec import describe_match
-from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
-
-MAX_BYTES_IN_MEMORY = 1 << 28
-"""Larger BVH files are scanned without a check for faults."""
 
 
 def run_info(options: InfoOptions) -> int:
@@ -100,19 +95,9 @@ def _read(
     path: str, clip: str | None, rest: Skeleton | None, *, all_faults: bool
 ) -> dict[str, Any]:
     """Return the contents of a clip; without `all_faults`, harmless faults are omitted."""
-    faults: list[str] | None = None
-    summary: BvhSummary | Motion
     clips = open_clips(path, skeleton=rest)
-    if clips.format == "BVH" and os.path.getsize(path) > MAX_BYTES_IN_MEMORY:
-        summary = scan_bvh(path)
-    else:
-        summary = motion = clips[0 if clip is None else clip]
-        faults = [
-            fault.message
-            for fault in find_faults(motion)
-            if all_faults or fault.kind not in HARMLESS_FAULTS
-        ]
-    skeleton = summary.skeleton
+    motion = clips[0 if clip is None else clip]
+    skeleton = motion.skeleton
     try:
         members = JointGroups.preset("lower_torso_arms", skeleton).resolve(skeleton)
         groups = {g: [skeleton.names[j] for j in joints] for g, joints in members.items()}
@@ -125,14 +110,18 @@ def _read(
         "clip": clip,
         "joints": skeleton.n_joints,
         "channels": skeleton.n_channels,
-        "frames": summary.n_frames,
-        "frame_time": summary.frame_time,
-        "rate": summary.rate,
-        "seconds": summary.duration,
+        "frames": motion.n_frames,
+        "frame_time": motion.frame_time,
+        "rate": motion.rate,
+        "seconds": motion.duration,
         "groups": groups,
         "notes": list(clips.notes),
-        "repairs": list(summary.repairs),
-        "faults": faults,
+        "repairs": list(motion.repairs),
+        "faults": [
+            fault.message
+            for fault in find_faults(motion)
+            if all_faults or fault.kind not in HARMLESS_FAULTS
+        ],
     }
 
 
@@ -145,10 +134,7 @@ def _describe(document: dict[str, Any]) -> str:
         *_notes(document),
     ]
     lines += [f"  repaired: {repair}" for repair in document["repairs"]]
-    faults = document["faults"]
-    if faults is None:
-        faults = ["faults were not checked as the file is large: see mograft check"]
-    lines += [f"  warning: {fault}" for fault in faults]
+    lines += [f"  warning: {fault}" for fault in document["faults"]]
     return "\n".join(lines)
 
 
