@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf
 from numbers import Real
-from typing import overload
 
 from mograft._util.arrays import IntArray
+from mograft._util.lazy_sequence import LazySequence
 from mograft._util.memory import check_memory
 from mograft._util.validate import as_integer, check_type
 from mograft.library.library import Library
@@ -28,7 +28,7 @@ MEMORY_FACTOR = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Grafts(Sequence[Graft]):
+class Grafts(LazySequence[Graft]):
     """Several grafts of one base motion; each access builds the graft anew."""
 
     _plan: GraftPlan
@@ -43,16 +43,10 @@ class Grafts(Sequence[Graft]):
     def __repr__(self) -> str:
         return f"Grafts({len(self)} on {self._plan.problem.base.name}, seed {self._seed})"
 
-    @overload
-    def __getitem__(self, index: int) -> Graft: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[Graft]: ...
-    def __getitem__(self, index: int | slice) -> Graft | list[Graft]:
-        if isinstance(index, slice):
-            return [self[i] for i in range(*index.indices(len(self)))]
-        i = range(len(self))[index]
+    def item(self, index: int) -> Graft:
+        """Build a graft."""
         is_last = len(self) == 1  # usually the only access
-        return self._plan.build_graft(self._donors[i], self._seed, i, is_last=is_last)
+        return self._plan.build_graft(self._donors[index], self._seed, index, is_last=is_last)
 
 
 def graft(
