@@ -12,11 +12,9 @@ from mograft.body.mirroring import mirror
 from mograft.config import Config
 from mograft.io.addresses import read_clip
 from mograft.library.build import join_segments
-from mograft.library.clip_table import ClipInfo
 from mograft.library.clusters import cluster_groups, join_boundary_states
 from mograft.library.data import LibraryData
 from mograft.library.ingest import IngestedClip, IngestTask, boundary_states, ingest
-from mograft.library.ingest_run import ClipOrder, PendingClip
 from mograft.library.origin import ClipOrigin, LibraryOrigin, PartialClips
 from mograft.library.spec import LibrarySpec
 from mograft.motion.motion import Motion
@@ -59,13 +57,9 @@ def build_partial_library(
         rest=origin.rest,
     )
     ingested = [_ingest(clip, config, spec) for clip in clips]
-    infos = [
-        PendingClip(ClipOrder(0), None, clip.rate_override).updated_info(own, None)
+    entries = [
+        own.info(clip.tags)._replace(name=clip.name)
         for clip, own in zip(clips, ingested, strict=True)
-    ]
-    entries: list[ClipInfo] = [
-        info._replace(name=clip.name, tags=clip.tags)
-        for info, clip in zip(infos, clips, strict=True)
     ]
     segments = join_segments([(own.segments.start, own.segments.stop) for own in ingested])
     labels, sigma = cluster_groups(dict.fromkeys(groups.names), len(segments), config)

@@ -24,9 +24,10 @@ from mograft.search.constraint_records import UnrestoredConstraint
 from mograft.search.constraints import Constraint, Span
 from mograft.search.donor_constraints import Ban, DonorReference
 from mograft.search.trellis import DonorSequences
+from mograft.solve.plan import GraftPlan
 from mograft.solve.search_problem import SearchProblem, check_constraints
 from mograft.solve.segment_references import check_groups, resolve_segments
-from mograft.synthesis.graft_plan import GraftPlan
+from mograft.synthesis.graft_building import finish_graft
 from mograft.synthesis.graft_result import Graft
 
 _MAX_CHANGES = 20
@@ -221,14 +222,14 @@ def _choose(graft: Graft, plan: GraftPlan, is_open: GroupPositions, seed: int) -
     def adjust(motion: Motion) -> Motion:
         return splice_versions(plan.problem, graft.motion, motion, *steps)
 
-    edited = plan.finish(assembly, seed, graft.index, adjust)
+    edited = finish_graft(plan.problem, assembly, seed, graft.index, adjust)
     cut, changed = plan.problem.base_segments, changed_positions(*steps)
     frames = [(int(cut.start[p]), int(cut.stop[p])) for p in np.flatnonzero(changed).tolist()]
-    old = [own for own in graft.repairs if not _touches(own.start, own.stop, frames)]
+    old = [own for own in graft.self_repairs if not _touches(own.start, own.stop, frames)]
     new = [own for own in repairs if _touches(own.start, own.stop, frames)]
     return replace(
         edited,
-        repairs=tuple(sorted([*old, *new], key=lambda own: (own.group, own.start))),
+        self_repairs=tuple(sorted([*old, *new], key=lambda own: (own.group, own.start))),
         request=replace(
             graft.request,
             constraints=plan.problem.constraints,

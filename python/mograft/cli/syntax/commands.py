@@ -279,7 +279,7 @@ class EvaluateOptions(SeedOptions, LibraryOptions, WriterOptions):
         "frame rate to which all files are resampled (default: the rate of most frames)",
         values.RATE,
     )
-    runs: int = setting("number of motions created from each base (default: 4)", values.COUNT, 4)
+    runs: int = setting("number of motions created from each base (default: 6)", values.COUNT, 6)
     bases: int = setting(
         "maximum number of clips that are used as base (default: 4)", values.COUNT, 4
     )
