@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from mograft.solve.donor_violations import find_donor_violations
 
 import mograft as mg
 import mograft.constraints as mc
@@ -21,6 +20,7 @@ from mograft.solve.donor_poses import candidate_poses
 from mograft.solve.donor_repair import repair_donors
 from mograft.solve.donor_trellis import build_trellis, candidate_violations
 from mograft.solve.search_problem import SearchProblem
+from mograft.solve.violations import find_donor_violations
 from tests.oracles.capsules import capsule_distances
 from tests.strategies import SEEDS, SEGMENT_LENGTHS, few_examples, vectors
 
