@@ -38,7 +38,7 @@ _HOMES = {
     "search.candidates": "Candidate Candidates",
     "solve.candidate_verdicts": "candidates",
     "solve.self_repair": "RepairedWindow",
-    "stream.stream": "Piece Stream join_pieces",
+    "stream.stream": "StreamPiece Stream join_pieces",
     "synthesis.advice": "advise",
     "synthesis.graft": "Grafts graft graft_many repair",
     "synthesis.graft_request": "GraftRequest",

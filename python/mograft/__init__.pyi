@@ -48,8 +48,8 @@ from mograft.search.candidates import Candidate as Candidate
 from mograft.search.candidates import Candidates as Candidates
 from mograft.solve.candidate_verdicts import candidates as candidates
 from mograft.solve.self_repair import RepairedWindow as RepairedWindow
-from mograft.stream.stream import Piece as Piece
 from mograft.stream.stream import Stream as Stream
+from mograft.stream.stream import StreamPiece as StreamPiece
 from mograft.stream.stream import join_pieces as join_pieces
 from mograft.synthesis.advice import advise as advise
 from mograft.synthesis.graft import Grafts as Grafts

@@ -140,8 +140,7 @@ class Config:
         nearest to the donors'. "offset" adds a decaying offset on both sides, so that pose and
         velocity are continuous. "displacement" spreads the pose gap over both segments. "paper"
         does the same and replaces the frames near the seam by a cubic, which removes detail.
-        "inertial" and "dead" change frames after the seam only: "inertial" adds a decaying offset,
-        "dead" cross-fades from the extrapolated motion before the seam.
+        "inertial" adds a decaying offset after the seam only.
     seam_window : float
         Duration, in seconds, on each side of a seam that the cubic of "paper" replaces.
     seam_blend : float

@@ -29,7 +29,7 @@ from tests.strategies import (
 )
 
 CONFIGS = st.sampled_from([Config(seam=seam) for seam in SEAM_TREATMENTS.names])
-ORACLE_SEAMS = ("offset", "paper", "displacement", "inertial", "dead")
+ORACLE_SEAMS = ("offset", "paper", "displacement", "inertial")
 BLENDING = [
     name
     for name in SEAM_TREATMENTS

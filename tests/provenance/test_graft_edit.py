@@ -18,7 +18,7 @@ from mograft.blend.transplant import seam_reach
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.provenance.graft_edit import changed_positions
-from mograft.synthesis.graft_plan import GraftPlan
+from mograft.solve.plan import GraftPlan
 from tests.strategies import SEEDS, few_examples
 
 

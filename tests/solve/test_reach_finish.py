@@ -166,16 +166,6 @@ def test_graft_edited_reach_is_completed_and_replayed(library):
         assert mg.graft_record(replayed) == mg.graft_record(edited)
 
 
-def test_replay_document_without_completions_makes_none(library):
-    reach = mc.Reach(HAND, aside(library, 0.05), FRAME)
-    graft = mg.graft(with_config(library, reach_ik=0.0), constraints=[reach], seed=3)
-    document = mg.graft_record(graft)
-    # As versions before `Config.reach_ik` wrote it.
-    assert document.pop("reach_ik") == []
-    del document["config"]["reach_ik"]
-    assert (mg.replay(document, library).motion.rotations == graft.motion.rotations).all()
-
-
 def test_replay_completion_of_another_constraint_raises_provenance_error(library):
     reach = mc.Reach(HAND, aside(library, 0.05), FRAME)
     document = mg.graft_record(mg.graft(library, constraints=[mc.MaxAngle(0.7), reach], seed=3))

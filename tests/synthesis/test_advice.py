@@ -68,7 +68,7 @@ def test_advice_names_self_repair_if_it_restored_all_segments(library):
     )
     (line,) = [
         line
-        for line in advice([replace(kept, substitutions=own, repairs=(window,))])
+        for line in advice([replace(kept, substitutions=own, self_repairs=(window,))])
         if line.startswith("warning")
     ]
     assert "no segment was exchanged: self-repair restored the captured parts" in line

@@ -1,9 +1,12 @@
 """Properties of grafts: kept and exchanged parts, provenance and errors."""
 
+import gc
 import json
 import os
+import pickle
 import subprocess
 import sys
+import weakref
 from dataclasses import replace
 from itertools import pairwise
 
@@ -76,6 +79,7 @@ def test_graft_same_seed_gives_identical_files(library, motion, tmp_path):
 
 SCRIPT = """
 import sys
+import weakref
 from mograft import Library, graft, write_bvh
 from mograft.dancer import dance
 library = Library.build(dance(seed=1, strides=2).motion)
@@ -247,7 +251,7 @@ def test_graft_moves_descendants_of_grafted_joints_only(library, motion):
 
 @pytest.mark.parametrize(
     "changes",
-    [{}, {"choice": "viterbi"}, {"seam": "paper"}, {"seam": "dead"}, {"alignment": "dtw"}],
+    [{}, {"choice": "viterbi"}, {"seam": "paper"}, {"seam": "inertial"}, {"alignment": "dtw"}],
     ids=lambda own: next(iter(own.values()), "default"),
 )
 def test_graft_quaternion_signs_change_no_choice_and_no_pose(motion, changes):
@@ -409,3 +413,15 @@ def test_graft_feet_report_is_none_if_feet_are_kept_or_disabled(library, motion)
     assert graft(library, seed=1).feet is None
     loose = Library.build(motion, upper_based(motion), Config(feet="never"))
     assert graft(loose, seed=1).feet is None
+
+
+def test_grafts_item_is_one_object_while_it_is_held(library):
+    grafts = mg.graft_many(library, count=2, seed=1)
+    first = grafts[0]
+    assert grafts[0] is first is grafts[-2]
+    copy = pickle.loads(pickle.dumps(grafts))
+    np.testing.assert_array_equal(copy[0].motion.rotations, first.motion.rotations)
+    held = weakref.ref(first)
+    del first
+    gc.collect()
+    assert held() is None

@@ -23,8 +23,9 @@ from mograft.search.constraints import Constraint, Violation
 from mograft.search.pose_constraints import Reach
 from mograft.search.trellis import DonorSequences
 from mograft.solve.assembly import Assembly
+from mograft.solve.plan import GraftPlan
 from mograft.solve.self_repair import RepairedWindow
-from mograft.synthesis.graft_plan import GraftPlan
+from mograft.synthesis.graft_building import finish_graft
 from mograft.synthesis.graft_request import GraftRequest
 from mograft.synthesis.graft_result import Graft
 
@@ -102,7 +103,7 @@ def _replay(record: GraftRecord, library: Library | None, sources: Sequence[str]
             f"the motion differs from that of the provenance: SHA-256 of its poses {found}, "
             f"expected {record.poses_sha256}; another version of mograft made it"
         )
-    return _with_recorded(graft, record, replace(request, scenario=plan.request.scenario))
+    return _with_recorded(graft, record, replace(request, scenario=plan.scenario))
 
 
 def _groups(record: GraftRecord) -> list[str]:
@@ -176,7 +177,7 @@ def _finish_versions(
     completions.append(_read_completions(document, constraints))
     graft: Graft | None = None
     for index, (donors, found) in enumerate(zip(versions, completions, strict=True)):
-        assembly = Assembly(plan.problem, donors, record.name)
+        assembly = Assembly.build(plan.problem, donors, record.name)
 
         def adjust(
             motion: Motion, before: Graft | None = graft, donors: DonorSequences = donors
@@ -188,7 +189,7 @@ def _finish_versions(
             )
 
         moved = [own.reach for own in found if own.is_moved]
-        graft = plan.finish(assembly, record.seed, index, adjust, moved)
+        graft = finish_graft(plan.problem, assembly, record.seed, index, adjust, moved)
     assert graft is not None
     return replace(
         graft,
@@ -237,7 +238,7 @@ def _with_recorded(graft: Graft, record: GraftRecord, request: GraftRequest) -> 
         ),
         alternatives=alternatives,
         violations=tuple(violations),
-        repairs=tuple(_read_repair(own) for own in document["self_repair"]),
+        self_repairs=tuple(_read_repair(own) for own in document["self_repair"]),
         request=request,
     )
 

@@ -29,9 +29,9 @@ from mograft.motion.motion import Motion
 from mograft.provenance.document import graft_record
 from mograft.provenance.graft_files import write_graft
 from mograft.search.constraints import Constraint
+from mograft.solve.base import grafted_groups
 from mograft.synthesis.advice import advise
 from mograft.synthesis.graft import graft_many, kept_violations, repair
-from mograft.synthesis.graft_plan import grafted_groups
 from mograft.synthesis.graft_result import Graft
 from mograft.synthesis.substitution import Substitution
 
