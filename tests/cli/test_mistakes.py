@@ -84,7 +84,7 @@ MISTAKES = [
     ("graft a.bvh -o x --variety 1 --set sigma_scale=2", USAGE, "--variety sets sigma_scale"),
     ("graft a.bvh -o x --scenario 1,9999", RUNTIME, "--scenario must contain only segments 0 to"),
     ("graft a.bvh -o x --scenario graph --beats 60 --duration 0.5", RUNTIME,
-     "--duration must be at least 1 s, the time between two beats, got 0.5"),
+     "--beats must contain at least two times in seconds, got 1"),
     ("graft a.bvh -o x --scenario graph --beats 1e300", RUNTIME,
      "--beats must be at most 1800 beats per minute, one per frame, got 1e+300"),
     ("graft a.bvh -o x --scenario graph --path 0,0:0,0", RUNTIME, "--path must have at least two"),
