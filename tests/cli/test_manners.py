@@ -46,7 +46,7 @@ def test_option_with_doubled_letter_is_suggested(leaf, data):
 @pytest.mark.parametrize(
     ("words", "command"),
     LEAVES,
-    ids=lambda leaf: " ".join(leaf[:2]) if isinstance(leaf, tuple) else "",
+    ids=["-".join(words) for words, _ in LEAVES],
 )
 def test_help_has_at_most_45_lines_and_help_all_has_all_options(
     capsys, monkeypatch, words, command
