@@ -172,33 +172,6 @@ def test_candidates_and_graft_agree_on_segments_frames_and_gaps(run, folder, tmp
     assert made["gaps_degrees"] == donor["gaps_degrees"]
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (
-            ["--scenario", "waltz"],
-            "--scenario must be original, graph or segment numbers; got waltz",
-        ),
-        (["--scenario", "graph", "--base", "b.bvh"], "--base cannot be combined with --scenario"),
-        (["--duration", "5"], "--duration requires --scenario graph"),
-        (["--scenario", "graph", "--duration", "0"], "--duration: must be a number above 0, got 0"),
-        (["--frames", "9"], "--frames requires --scenario graph"),
-        (["--scenario", "graph", "--frames", "1"], "--frames: must be at least 2 frames or a time"),
-        (
-            ["--scenario", "graph", "--frames", "9", "--beats", "90"],
-            "--frames cannot be combined with --beats",
-        ),
-        (["--scenario", "graph", "--beats", "0"], "--beats: must be a number above 0, got 0"),
-        (["--scenario", "graph", "--path", "1,2"], "--path: must be at least two corners"),
-    ],
-)
-def test_graft_contradictory_scenario_is_usage_error(capsys, folder, tmp_path, options, message):
-    with pytest.raises(SystemExit) as stopped:
-        main(["graft", str(folder), *options, "-o", str(tmp_path / "x.bvh")])
-    assert stopped.value.code == 2
-    assert message in capsys.readouterr().err
-
-
 def test_graft_few_donors_give_fewer_motions_and_a_warning(run, folder, tmp_path):
     motion = read_bvh(folder / "a.bvh")
     write_bvh(motion[:40], tmp_path / "short.bvh")
@@ -394,20 +367,6 @@ def test_graft_from_provenance_of_stored_library_writes_same_bytes(run, folder, 
         assert (tmp_path / "second.bvh").read_bytes() == path.read_bytes()
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (["--seed", "3"], "--seed cannot be combined with --from"),
-        (["--seed", "0"], "--seed cannot be combined with --from"),
-        (["-n", "2"], "--count cannot be combined with --from"),
-        (["--avoid-self"], "--avoid-self cannot be combined with --from"),
-        (["--base", "b"], "--base cannot be combined with --from"),
-    ],
-)
-def test_graft_from_with_options_of_the_provenance_is_usage_error(usage_error, options, message):
-    assert message in usage_error("graft", "--from", "new.json", "-o", "new.bvh", *options)
-
-
 def test_graft_from_missing_or_damaged_file_writes_nothing(run, tmp_path):
     words = ["graft", "--from", tmp_path / "new.json", "-o", tmp_path / "out"]
     code, out, err = run(*words)
@@ -418,10 +377,6 @@ def test_graft_from_missing_or_damaged_file_writes_nothing(run, tmp_path):
     assert (code, out) == (3, "")
     assert "not the provenance of a graft" in err
     assert not (tmp_path / "out").exists()
-
-
-def test_graft_without_files_is_usage_error(usage_error):
-    assert "expected LIB or FILE" in usage_error("graft", "-o", "out")
 
 
 @pytest.fixture(scope="module")
@@ -494,20 +449,6 @@ def test_graft_from_with_bad_edit_writes_nothing(
     assert (found, out) == (code, "")
     assert message in err
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (["--reroll", "x"], "expected a segment such as 24, or frames such as"),
-        (["--reroll", "12s-10s"], "expected a segment such as 24, or frames such as"),
-        (["--keep", "10s-"], "expected FIRST-LAST"),
-        (["--take", ":3=b:0-9"], "expected SEGMENT=CLIP:FIRST-LAST"),
-        (["--reroll", "3", "--swap", "upper"], "--swap cannot be combined with --from"),
-    ],
-)
-def test_graft_from_with_unreadable_edit_is_usage_error(usage_error, options, message):
-    assert message in usage_error("graft", "--from", "new.json", "-o", "new.bvh", *options)
 
 
 def test_candidates_mark_forced_and_banned_donors(run, folder):
