@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 import mograft as mg
 import mograft.constraints as mc
-from mograft import clustering
 from mograft.body.mass import mass_model
 from mograft.dancer import dance
 
@@ -198,13 +197,6 @@ def test_constraint_frame_must_be_integer(frame):
 def test_segments_ragged_rows_raise_value_error():
     with pytest.raises(ValueError, match="`stop` must be an array, got rows of different lengths"):
         mg.Segments([0, 8], [[8], [15, 21]])
-
-
-def test_linkage_ragged_rows_raise_value_error():
-    with pytest.raises(
-        ValueError, match="`points` must be an array, got rows of different lengths"
-    ):
-        clustering.linkage([[1.0, 2.0], [3.0]])
 
 
 @pytest.mark.parametrize("rate", [1e9, 1e18, 1e300])

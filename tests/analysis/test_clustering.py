@@ -304,32 +304,6 @@ def test_cut_up_to_two_points(n):
     np.testing.assert_array_equal(clustering.cut(points, 9.0), np.zeros(n))
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_linkage_non_finite_coordinate_raises_value_error(bad):
-    points = np.zeros((4, 3))
-    points[2, 1] = bad
-    for refuse in (clustering.linkage, lambda points: clustering.cut(points, 1.0)):
-        with pytest.raises(
-            ValueError, match=r"`points` must be finite, got -?(NaN|inf) at \[2, 1\]"
-        ):
-            refuse(points)
-
-
-@pytest.mark.parametrize("diameter", [-1.0, np.nan])
-def test_cut_negative_or_nan_diameter_raises_value_error(diameter):
-    with pytest.raises(ValueError, match="`max_diameter` must be 0 or more, got"):
-        clustering.cut([[0.0]], diameter)
-
-
-def test_linkage_condensed_invalid_distances_raises_value_error():
-    with pytest.raises(ValueError, match=r"`distances` must have n\(n - 1\)/2 elements.*, got 4"):
-        clustering.linkage_condensed(np.ones(4))
-    with pytest.raises(
-        ValueError, match=r"`distances` must be finite and not negative, got -1 at \[1\]"
-    ):
-        clustering.linkage_condensed([1.0, -1.0, 1.0])
-
-
 def test_threshold_equals_deviation_from_mean_point():
     rng = np.random.default_rng(14)
     points = rng.normal(size=(50, 3))
@@ -341,18 +315,3 @@ def test_threshold_equals_deviation_from_mean_point():
     assert clustering.threshold(points, 2.5, scale=3.0) == 2.5
     with pytest.raises(ValueError, match="`kind` must be 'rms', 'literal' or a number, got 'std'"):
         clustering.threshold(points, "std")
-
-
-@pytest.mark.parametrize(("name", "value"), [("n_threads", 0), ("memory_limit", -1)])
-def test_linkage_threads_or_memory_out_of_range_raises_value_error(name, value):
-    for cluster in (
-        clustering.linkage,
-        lambda points, **options: clustering.cut(points, 1.0, **options),
-    ):
-        with pytest.raises(ValueError, match=f"`{name}` must be . or more, got {value}"):
-            cluster([[0.0], [1.0]], **{name: value})
-
-
-def test_linkage_condensed_distances_name_linkage_condensed():
-    with pytest.raises(ValueError, match="linkage_condensed takes the distances"):
-        clustering.linkage([1.0, 2.0, 3.0])

@@ -123,22 +123,3 @@ def test_commands_accept_seconds_for_frames(run, folder):
         code, out, _ = run(*words, f"{length}.bvh", "--frames", length)
         assert code == 0
         assert json.loads(out)["grafts"][0]["frames"] == n_frames
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--keep", "9000-9100"], "frames of --keep must be within 0 to 599"),
-        (["--keep", "300s-310s"], "frames of --keep must be within 0 to 599"),
-        (["--reach", "9000:LeftHand:0,0,0"], "frames of --reach must be within 0 to 599"),
-        (["--face", "0,0,0@9000-9100"], "frames of --face must be within 0 to 599"),
-        (["--avoid", "sphere:0,0,0,1@9000-9100"], "frames of --avoid must be within 0 to 599"),
-    ],
-)
-def test_range_after_the_base_names_the_option(run, folder, tmp_path, words, message):
-    for command in (["graft", folder, "-o", "x.bvh"], ["candidates", folder, "--segment", "3"]):
-        code, _, err = run(*command, *words)
-        assert code == 1
-        assert message in err
-        assert err.count("\n") == 1
-    assert not (tmp_path / "x.bvh").exists()

@@ -42,7 +42,9 @@ def read_scenario(
         return None
     if options.scenario != "graph":
         return [int(word) for word in options.scenario.split(",")]
-    with flags_in_errors(clips="--among", frames="--frames", path="--path", duration="--duration"):
+    with flags_in_errors(
+        clips="--among", frames="--frames", path="--path", duration="--duration", beats="--beats"
+    ):
         return _draw_scenario(library, options)
 
 
@@ -58,17 +60,11 @@ def _draw_scenario(library: Library, options: GraftOptions) -> Sequence[int] | I
     if options.path is not None:
         return follow(library, options.path, graph=graph)
     if options.beats is not None:
-        period = 60.0 / options.beats
-        if period < 1.0 / library.rate:
+        if options.beats > 60.0 * library.rate:
             raise ValueError(
-                f"--beats must be at most {60.0 * library.rate:.6g} beats per minute, "
-                f"one per frame, got {options.beats:g}"
+                f"--beats must be at most {60.0 * library.rate:.6g} beats per minute, one per "
+                f"frame, got {options.beats:g}"
             )
-        n_beats = int(duration * options.beats / 60.0) + 1
-        if n_beats < 2:
-            raise ValueError(
-                f"--duration must be at least {period:.6g} s, the time between two beats, "
-                f"got {duration:g}"
-            )
-        return to_beats(library, np.arange(n_beats) * period, seed, graph=graph)
+        beats = np.arange(int(duration * options.beats / 60.0) + 1) * (60.0 / options.beats)
+        return to_beats(library, beats, seed, graph=graph)
     return walk(library, duration, seed, graph=graph)

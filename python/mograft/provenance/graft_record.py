@@ -11,6 +11,7 @@ from typing import Any, Self
 from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.errors import ProvenanceError, join_names
+from mograft.io.bvh.decimals import check_digits
 from mograft.library.clip_table import skeleton_from_json
 from mograft.library.origin import LibraryOrigin
 from mograft.motion.skeleton import Skeleton
@@ -155,6 +156,15 @@ class GraftRecord:
     scenario: ScenarioRecord | None
     donors: tuple[DonorRecord, ...]
     edits: tuple[tuple[DonorRecord, ...], ...]  # the donors that each edit replaced
+
+    @property
+    def digits(self) -> int | None:
+        """Decimals of the computed angles of its .bvh file; None are those of the base's file."""
+        digits = self.document.get("digits")
+        try:
+            return None if digits is None else check_digits(digits)
+        except ValueError as error:
+            raise self.error(f"damaged: {error}") from None
 
     def error(self, message: str) -> ProvenanceError:
         """Return an error that names the document."""
