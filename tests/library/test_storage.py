@@ -17,12 +17,11 @@ from hypothesis import strategies as st
 from mograft import Config, JointGroups, Library, LibraryError
 from mograft.analysis import embedding
 from mograft.analysis.embedding import Samples
-from mograft.cli import main
 from mograft.library.files import integrity, storage, stored_clips
 from mograft.library.files.packing import pack, unpack
 from mograft.library.files.stored_clips import RowRange
 from mograft.motion import limits
-from tests.library.checks import assert_same_libraries, copy_clips, list_files
+from tests.library.checks import assert_same_libraries, list_files
 from tests.strategies import motions
 
 
@@ -222,16 +221,6 @@ def test_manifest_with_a_file_outside_the_generations_raises_library_error(
     for read in (storage.verify, Library.open):
         with pytest.raises(LibraryError, match="no file of a generation"):
             read(tmp_path / "l")
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the platform has no pipes in folders")
-def test_verify_sources_reads_regular_files_only(clip_folder, tmp_path, capsys):
-    path = copy_clips(clip_folder, tmp_path, ["c"]) / "c.bvh"
-    Library.index(path, tmp_path / "l")
-    path.unlink()
-    os.mkfifo(path)
-    assert main(["lib", "verify", str(tmp_path / "l"), "--sources"]) == 3
-    assert f"{path}: is not a regular file" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
