@@ -131,7 +131,7 @@ def test_close_any_number_of_frames_at_a_time_gives_same_bits(lengths, seed, sea
         SEAM_TREATMENTS.get(seam).close(
             values[layout.timeline.kept_rows],
             layout._piece_times(layout.timeline.frame_times())[layout.timeline.kept_rows],
-            layout._boundaries(space),
+            layout._boundaries[space is TRANSLATIONS],
         )
         for space, values in zip((ROTATIONS, TRANSLATIONS), layout._rows, strict=True)
     ]
@@ -147,10 +147,10 @@ def test_restrict_to_pieces_keeps_those_of_the_times_and_one_on_each_side(
     lengths, seed, seam, data
 ):
     layout = random_layout(lengths, seed, seam)
-    times, boundaries = layout._piece_times(layout.timeline.frame_times()), layout._boundaries
+    times = layout._piece_times(layout.timeline.frame_times())
     start = data.draw(st.integers(0, len(times.piece) - 1))
     own = times[start : start + data.draw(st.integers(1, 20))]
-    near, seams = restrict_to_pieces(own, boundaries(ROTATIONS))
+    near, seams = restrict_to_pieces(own, layout._boundaries[0])
     assert len(seams.before) == len(near.durations) - 1
     assert len(near.durations) <= len(np.unique(own.piece)) + 2
     np.testing.assert_array_equal(near.durations[near.piece], own.durations[own.piece])
@@ -249,7 +249,8 @@ def test_offset_is_smooth_at_every_seam_of_grafts_of_recordings(name):
     track = np.ascontiguousarray(motion.rotations[:, library.joints("upper")])
     seams = timeline.find_seams([track])
     assert seams.sum() > 10
-    value, velocity = jumps(DonorLayout(timeline, [track], [], seams, library.config), ROTATIONS)
+    layout = DonorLayout(timeline, [track], [motion.positions[:, :0]], seams, library.config)
+    value, velocity = jumps(layout, ROTATIONS)
     assert value < 1e-9
     assert velocity < 1e-4
 

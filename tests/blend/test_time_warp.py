@@ -127,7 +127,7 @@ def test_close_warped_pieces_are_continuous(lengths, seed, seam):
         cut, donors, 30.0, warp=TimeWarp.by_dtw(base, cut, donors, [base], BASE_JOINTS)
     )
     seams = timeline.find_seams([track])
-    layout = DonorLayout(timeline, [track], [], seams, Config(seam=seam))
+    layout = DonorLayout(timeline, [track], [track[:, :0, :3]], seams, Config(seam=seam))
     value, velocity = jumps(layout, ROTATIONS)
     assert value < 1e-9
     assert velocity < 1e-4

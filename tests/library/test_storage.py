@@ -64,12 +64,13 @@ SAVE_SCRIPT = """
 import sys
 from mograft import Library
 from mograft.dancer import dance
-Library.build([dance(seed=seed, strides=2).motion for seed in range(3)]).save(sys.argv[1])
+library = Library.build([dance(seed=seed, strides=2).motion for seed in range(3)])
+library.with_mirror_images().save(sys.argv[1])
 """
 
 
 def test_save_any_number_of_blas_threads_writes_the_same_files(tmp_path):
-    """The matrices are large enough that the BLAS uses several threads."""
+    """The BLAS uses several threads for these matrices; mirrored axes have equal entries."""
     files = []
     for threads in ("1", "2", "3"):
         folder = tmp_path / threads
@@ -119,7 +120,7 @@ def test_arrays_are_valid_npy_files(small_library):
         assert loaded.tobytes() == array.tobytes()
 
 
-@settings(max_examples=150)
+@settings(max_examples=75)
 @given(st.data())
 def test_verify_flipped_byte_is_reported_or_harmless(small_library, data):
     path = data.draw(st.sampled_from(list_files(small_library)), label="file")
@@ -144,7 +145,7 @@ def test_verify_flipped_byte_is_reported_or_harmless(small_library, data):
         path.write_bytes(content)
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(st.data())
 def test_read_changed_array_header_stays_within_the_file(small_library, data):
     """`read` compares sizes, not hashes; a damaged header must not map bytes beyond the file."""
