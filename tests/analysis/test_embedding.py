@@ -305,7 +305,7 @@ def test_embed_cached_features_do_not_change_result(monkeypatch):
     assert len(samples) % 3
     expected = None
     for room in (0, 8 * 700, 8 * 1500, 1 << 30):
-        monkeypatch.setattr(embedding, "_CACHE_BYTES", room)
+        monkeypatch.setattr(embedding, "CACHE_BYTES", room)
         result = embed(
             samples,
             np.arange(4),

@@ -120,7 +120,7 @@ def test_arrays_are_valid_npy_files(small_library):
         assert loaded.tobytes() == array.tobytes()
 
 
-@settings(max_examples=150)
+@settings(max_examples=75)
 @given(st.data())
 def test_verify_flipped_byte_is_reported_or_harmless(small_library, data):
     path = data.draw(st.sampled_from(list_files(small_library)), label="file")
@@ -145,7 +145,7 @@ def test_verify_flipped_byte_is_reported_or_harmless(small_library, data):
         path.write_bytes(content)
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(st.data())
 def test_read_changed_array_header_stays_within_the_file(small_library, data):
     """`read` compares sizes, not hashes; a damaged header must not map bytes beyond the file."""

@@ -36,7 +36,7 @@ DISQUALIFYING_FAULTS = ("first_frame", "teleport", "glitch", "flip")
 INGEST_ERRORS = (MograftError, OSError, ValueError)
 """Errors by which a clip is refused."""
 
-_BATCH_CLIPS = 8
+BATCH_CLIPS = 8
 """Clips per call of a worker, so that the cost of the call is small compared with the ingest."""
 
 _MAX_PENDING_BATCHES = 16
@@ -263,7 +263,7 @@ def ingest_all(
             yield ingest(task, spec, config, is_packed=is_packed)
         return
     remaining = iter(tasks)
-    batches = iter(lambda: list(islice(remaining, _BATCH_CLIPS)), [])
+    batches = iter(lambda: list(islice(remaining, BATCH_CLIPS)), [])
     pending: deque[Future[list[IngestedClip | RefusedClip]]] = deque()
     try:
         for batch in batches:
