@@ -1,7 +1,7 @@
 """Candidate donors: their generation by neighbourhood and length, and their listing with costs."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -360,27 +360,35 @@ def list_candidates(
     listed: list[Candidate] = []
     for i in np.lexsort((members, distances, members != segment)).tolist():
         member = int(members[i])
-        candidate = Candidate(
-            segment=member,
-            clip=int(segments.clip[member]),
-            start=int(segments.start[member]),
-            stop=int(segments.stop[member]),
-            stretch=abs(length - int(segments.lengths[member])) / length,
-            gap_before=float(before[i]),
-            gap_after=float(after[i]),
-            distance=float(distances[i]),
-            refused="",
-            cost=float(costs[i]),
-        )
+        stretch = abs(length - int(segments.lengths[member])) / length
         reasons: list[str] = []
         is_forced = verdicts is not None and bool(verdicts.is_forced[i])
         if member != segment and not is_forced:
+            if not pool.is_donor[member]:
+                reasons.append("excluded donor: a recording fault overlaps it")
             slack = config.length_slack * pool.rate / length
-            fault = not pool.is_donor[member]
-            reasons += _refusals(candidate, config, None if fits[i] else slack, has_fault=fault)
+            reasons += [] if fits[i] else [_describe_length(stretch, slack, config)]
+            angle = max(float(before[i]), float(after[i]))
+            if angle > config.max_angle:
+                limit = np.degrees(config.max_angle)
+                reasons.append(f"seam: {np.degrees(angle):.1f}° is above {limit:.1f}°")
         if verdicts is not None:
             reasons += verdicts.reasons[i]
-        listed.append(replace(candidate, refused="; ".join(reasons), is_forced=is_forced))
+        listed.append(
+            Candidate(
+                segment=member,
+                clip=int(segments.clip[member]),
+                start=int(segments.start[member]),
+                stop=int(segments.stop[member]),
+                stretch=stretch,
+                gap_before=float(before[i]),
+                gap_after=float(after[i]),
+                distance=float(distances[i]),
+                refused="; ".join(reasons),
+                cost=float(costs[i]),
+                is_forced=is_forced,
+            )
+        )
     return Candidates(
         allowed=tuple(candidate for candidate in listed if not candidate.refused),
         refused=tuple(candidate for candidate in listed if candidate.refused),
@@ -388,27 +396,13 @@ def list_candidates(
     )
 
 
-def _refusals(
-    candidate: Candidate, config: Config, missed_slack: float | None, *, has_fault: bool
-) -> list[str]:
-    """Return the limits that a candidate exceeds, each with the value and the limit.
-
-    `missed_slack` is None if the candidate's length fits; otherwise it is `Config.length_slack` as
-    a fraction of the base segment's length. `has_fault` is true if a recording fault overlaps the
-    segment.
-    """
-    reasons = []
-    if has_fault:
-        reasons.append("excluded donor: a recording fault overlaps it")
-    if missed_slack is not None:
-        limit = max(config.max_stretch, missed_slack)
-        relation = "above" if config.length_slack > 0 else "not below"
-        reasons.append(f"length: {candidate.stretch:.2f} is {relation} {limit:.2f}")
-    angle = max(candidate.gap_before, candidate.gap_after)
-    if angle > config.max_angle:
-        limit = config.max_angle
-        reasons.append(f"seam: {np.degrees(angle):.1f}° is above {np.degrees(limit):.1f}°")
-    return reasons
+def _describe_length(stretch: float, slack: float, config: Config) -> str:
+    """Return why a length does not fit; `slack` is `Config.length_slack`, relative as `stretch`."""
+    limit, relation = (
+        max(config.max_stretch, slack),
+        "above" if config.length_slack > 0 else "not below",
+    )
+    return f"length: {stretch:.2f} is {relation} {limit:.2f}"
 
 
 def count_combinations(labels: IntArray, n_groups: int) -> int:

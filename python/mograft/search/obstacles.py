@@ -59,8 +59,7 @@ class Sphere:
 
     def distances(self, poses: Poses, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
         """As `Obstacle.distances`."""
-        ends = np.array([[[self.center, self.center]]], float)
-        return _nearest(poses, capsule_indices, ends, np.array([self.radius], float), None)
+        return Capsule(self.center, self.center, self.radius).distances(poses, capsule_indices)
 
 
 @dataclass(frozen=True)

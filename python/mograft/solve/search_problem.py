@@ -18,18 +18,14 @@ from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.motion.skeleton import Skeleton
 from mograft.scenario.realize import joints_of_donors
-from mograft.search.candidate_lists import ComputedLists
-from mograft.search.candidates import POSITIONS_PER_BATCH, SegmentPool
+from mograft.search.candidates import SegmentPool
 from mograft.search.constraints import Constraint
-from mograft.search.costs import PRESELECTION, ConstraintViolations, CostModel, origin_violations
+from mograft.search.costs import ConstraintViolations, CostModel, origin_violations
 from mograft.search.donor_choice import DONOR_CHOICES, cost_model
 from mograft.search.donor_constraints import limit_config
 from mograft.search.pose_constraints import with_captured_depth
 from mograft.search.trellis import DonorSequences
 from mograft.solve.segment_references import check_groups, resolve_segments, used_donors
-
-_MAX_STORED_CANDIDATES = 1 << 24
-"""Greatest number of candidates that are stored: 128 MiB. More are computed when they are read."""
 
 
 def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
@@ -84,21 +80,6 @@ def _with_used_donors(
         np.union1d(own, more) if len(more) else own
         for own, more in zip(candidates, used, strict=True)
     ]
-
-
-def _find_candidates(
-    pool: SegmentPool, scenario: IntArray, config: Config, model: CostModel | None
-) -> Sequence[IntArray]:
-    """Return the candidates of each position, computed when they are read if they are many."""
-    limit = PRESELECTION * config.max_candidates
-    is_limited = model is not None and limit < len(pool.segments)
-    if not is_limited or len(scenario) * limit <= _MAX_STORED_CANDIDATES:
-        return pool.candidate_lists(scenario, config, model)
-
-    def compute(block: slice) -> list[IntArray]:
-        return pool.candidate_lists(scenario[block], config, model)
-
-    return ComputedLists(compute, len(scenario), POSITIONS_PER_BATCH)
 
 
 def driven_joints(skeleton: Skeleton, members: Mapping[str, IntArray]) -> dict[str, BoolArray]:
@@ -158,7 +139,7 @@ class SearchProblem:
         }
         lists = {
             group: _with_used_donors(
-                _find_candidates(pool, scenario, config, models[group]),
+                pool.candidate_lists(scenario, config, models[group]),
                 [own for own in constraints if own.applies_to_group(group)],
                 base_segments,
                 library,
@@ -281,10 +262,7 @@ class SearchProblem:
 
     def count_alternatives(self, group: str) -> IntArray:
         """Return how many candidates other than the base segment each position has."""
-        lists = self.candidates[group]
-        if isinstance(lists, ComputedLists):
-            return lists.lengths() - 1  # all contain the base segment
-        pairs = zip(lists, self.scenario, strict=True)
+        pairs = zip(self.candidates[group], self.scenario, strict=True)
         return np.array([np.count_nonzero(own != base) for own, base in pairs], np.int64)
 
     def positions_with(self, excess: FloatArray) -> BoolArray:
