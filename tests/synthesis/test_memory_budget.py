@@ -3,7 +3,6 @@
 import platform
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -93,36 +92,20 @@ def measure_faults(n_arrays):
             before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
     return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
 
-def resident():
-    "MiB of pages; the counters of statm are exact only to some pages for each processor."
-    with open("/proc/self/smaps_rollup") as file:
-        sizes = {line.split()[0]: line.split()[1] for line in list(file)[1:]}
-    return (int(sizes["Anonymous:"]) + int(sizes["Swap:"])) / 1024
-
 print(faults(1), measure_faults(4))
 import mograft
-from mograft._util.memory import return_free_memory
 print(measure_faults(4))
 from mograft.dancer import dance
 mograft.graft(mograft.Library.build(dance(strides=1).motion[:300]))
 print(faults(4))
-arrays = [np.ones(1 << 17) for _ in range(200)]
-kept = arrays[::2] + arrays[-2:]
-del arrays
-before = resident()
-return_free_memory(1 << 20)
-unchanged = resident()
-return_free_memory(1 << 30)
-print(before - unchanged, before - resident())
 """
 
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="the C library is not glibc")
-@pytest.mark.skipif(not Path("/proc/self/smaps_rollup").exists(), reason="needs smaps_rollup")
-def test_freed_arrays_are_reused_and_returned_on_request():
+def test_freed_arrays_are_reused():
     """After a graft four arrays of 8 MiB need no new pages; an import does not change this.
 
-    99 free arrays of 1 MiB between others are returned. If even single arrays need new pages before
+    If even single arrays need new pages before
     mograft is imported, the environment has fixed the thresholds of malloc, for example by
     MALLOC_TOP_PAD_, and mograft leaves them as they are.
     """
@@ -130,10 +113,8 @@ def test_freed_arrays_are_reused_and_returned_on_request():
         [sys.executable, "-c", FREED_MEMORY], capture_output=True, text=True, check=True
     )
     found = [float(word) for word in child.stdout.split()]
-    n_faults_alone, n_faults_before, n_faults_imported, n_faults, unchanged, returned = found
+    n_faults_alone, n_faults_before, n_faults_imported, n_faults = found
     if n_faults_alone >= 50:
         pytest.skip("the environment has fixed the thresholds of malloc")
     assert (n_faults_imported < 50) == (n_faults_before < 50)
     assert n_faults < 50
-    assert abs(unchanged) < 1
-    assert returned > 90

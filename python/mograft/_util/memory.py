@@ -1,7 +1,4 @@
-"""System memory: errors if work needs more than is available; reuse or return of freed memory."""
-
-import ctypes
-import sys
+"""System memory: errors if work needs more than is available, and reuse of freed memory."""
 
 import numpy as np
 
@@ -9,7 +6,7 @@ from mograft import _core  # noqa: TID251 - the kernels know the memory of the s
 from mograft.errors import MemoryBudgetError
 
 _MAX_UNCHECKED_BYTES = 1 << 28
-"""For work that needs at most 256 MiB, memory is neither checked nor returned."""
+"""For work that needs at most 256 MiB, memory is not checked."""
 
 
 def check_memory(work: str, n_bytes: int, remedy: str) -> None:
@@ -41,15 +38,3 @@ def reuse_freed_arrays() -> None:
     array, so it takes no physical memory.
     """
     np.empty(_MAX_REUSED_BYTES, np.uint8)
-
-
-def return_free_memory(n_bytes: int) -> None:
-    """Return free memory that the C library keeps for reuse to the system.
-
-    `n_bytes` is the size of the arrays that were freed. The call has an effect only on Linux with
-    glibc, and only if `n_bytes` exceeds 256 MiB.
-    """
-    if n_bytes > _MAX_UNCHECKED_BYTES and sys.platform == "linux":
-        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # of glibc
-        if trim is not None:
-            trim(0)
