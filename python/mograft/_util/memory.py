@@ -1,6 +1,4 @@
-"""System memory: errors if work needs more than is available, and reuse of freed memory."""
-
-import numpy as np
+"""System memory: errors if work needs more than is available."""
 
 from mograft import _core  # noqa: TID251 - the kernels know the memory of the system
 from mograft.errors import MemoryBudgetError
@@ -23,18 +21,3 @@ def check_memory(work: str, n_bytes: int, remedy: str) -> None:
             f"{work} needs about {n_bytes / 1e9:.1f} GB of memory, and {available / 1e9:.1f} GB "
             f"are available: {remedy}"
         )
-
-
-_MAX_REUSED_BYTES = (1 << 25) - (1 << 16)
-"""Largest arrays that glibc keeps for reuse: 32 MiB with what it adds."""
-
-
-def reuse_freed_arrays() -> None:
-    """Let the C library keep freed arrays of up to 32 MiB for reuse.
-
-    glibc returns freed large arrays to the system. Requesting new pages for the next array takes as
-    much time as the computations on it. If an array is freed, glibc keeps all later arrays that are
-    not larger. This function therefore allocates and frees one array. Nothing is written to that
-    array, so it takes no physical memory.
-    """
-    np.empty(_MAX_REUSED_BYTES, np.uint8)
