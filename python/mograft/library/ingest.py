@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, Packed
-from mograft._util.memory import reuse_freed_arrays
 from mograft.analysis.embedding import Samples, normalise
 from mograft.analysis.segmentation import segment_clip
 from mograft.body.faults import find_faults
@@ -190,7 +189,6 @@ def _read(task: IngestTask, rest: Skeleton | None) -> tuple[IngestTask, Motion]:
 
     Raise one of `INGEST_ERRORS` if the clip cannot be read or has a single frame.
     """
-    reuse_freed_arrays()
     label, source = task.label, task.source
     if isinstance(source, str):
         try:
