@@ -10,7 +10,7 @@ import mograft as mg
 from mograft import constraints as c
 from mograft.cli import main
 from mograft.cli.syntax.arguments import arguments_of
-from mograft.cli.syntax.graft_options import GraftOptions
+from mograft.cli.syntax.options import GraftOptions
 
 HAND = (10.0, 100.0, 20.0)
 

@@ -74,7 +74,6 @@ def _contents(clips: Clips, index: int, options: InfoOptions) -> dict[str, Any]:
         "error": None,
         "format": clips.format,
         "clip": clips.names[index] if len(clips) > 1 else None,
-        "notes": list(clips.notes),
         "joints": skeleton.n_joints,
         "channels": skeleton.n_channels,
         "frames": motion.n_frames,
@@ -82,6 +81,7 @@ def _contents(clips: Clips, index: int, options: InfoOptions) -> dict[str, Any]:
         "rate": motion.rate,
         "seconds": motion.duration,
         "groups": {g: [skeleton.names[j] for j in joints] for g, joints in members.items()},
+        "notes": list(clips.notes),
         "repairs": list(motion.repairs),
         "faults": [
             fault.message
