@@ -13,7 +13,7 @@ from mograft.cli.syntax.arguments import Options, UsageError
 from mograft.cli.syntax.options import GraftOptions
 from mograft.io.addresses import split_address
 from mograft.io.formats import SUFFIXES
-from mograft.provenance.graft_files import MOTION_SUFFIXES
+from mograft.provenance.writing import MOTION_SUFFIXES
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.page import open_file
 from mograft.viewing.report import report_page

@@ -30,7 +30,7 @@ from mograft.io.addresses import find_addresses, read_clip, split_address
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.provenance.document import graft_record
-from mograft.provenance.graft_files import write_graft
+from mograft.provenance.writing import write_graft
 from mograft.scenario import Scenario, fill, follow, to_beats, transitions, walk
 from mograft.scenario.walks import check_duration
 from mograft.search.constraints import Constraint
