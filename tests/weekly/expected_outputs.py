@@ -1,0 +1,16 @@
+"""The differences between two versions that are intended, each with its reason."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A changed rule, and the files in which it shows."""
+
+    case: str  # glob of cases
+    file: str  # glob of files
+    reason: str
+    keys: tuple[str, ...] = ()  # of JSON files: globs of the values that may differ
+
+
+EXPECTED: tuple[Rule, ...] = ()
