@@ -246,7 +246,7 @@ GRAFT_OPTIONS = """
     --repair --avoid-self --best-effort
     --repair --reach 120:LeftHand:30,140,20 --best-effort
     --take 24=take1:667-679 --ban 31
-    --ban 24=take0 --ban 190-220
+    --ban 24=take0 --ban 190-220 --best-effort
     --only-from take1
     --not-from take1
     --max-stretch 0.3
@@ -312,7 +312,8 @@ def options() -> Iterator[Case]:
     """Yield a graft of two clips for each set of options."""
     for words in lines(GRAFT_OPTIONS):
         name = re.sub(r"[^\w=.,-]+", "_", words.replace("clips/", "")).strip("_-")
-        step = f"mograft graft clips/ --base take0 -o out/ {words}"
+        base = "" if "--scenario" in words else "--base take0 "
+        step = f"mograft graft clips/ {base}-o out/ {words}"
         yield Case(f"graft/{name}", (step,), ("clips",))
     mixed = "mograft graft clips/ data/synthetic_names --match anatomy -n 2 -o out/"
     yield Case("graft/match-anatomy", (mixed,), ("clips", "synthetic_names"))
@@ -373,7 +374,7 @@ def libraries() -> Iterator[Case]:
 
 def edits() -> Iterator[Case]:
     """Yield replays with and without edits, of several bases."""
-    edited = ("--reroll 24", "--reroll 0-60 --seed 9", "--ban 12", "--keep 0-100", "--seed 4")
+    edited = ("--reroll 24", "--reroll 0-60 --seed 9", "--ban 12", "--keep 0-100")
     for folder in ("bandai_ds2", "dance_cmu94_indian_30fps", "dance_perfume_test"):
         first = f"mograft graft data/{folder} -n 2 -o one.bvh".replace("-n 2 ", "")
         replays = [f"mograft graft --from one.json {e} -o {i}.bvh" for i, e in enumerate(edited)]
@@ -384,7 +385,7 @@ def edits() -> Iterator[Case]:
         mograft graft data/{glb} -n 2 -o new.glb
         mograft info new.glb
         mograft info new.glb --json
-        mograft export new.glb -o new.usda
+        mograft export "new.glb#*_graft1" -o new.usda
         mograft view new.glb -o new.html
     """
     yield Case("from/glb", lines(steps), (glb,))
@@ -422,7 +423,10 @@ def exports() -> Iterator[Case]:
         """
         yield Case(f"export/{name}", lines(steps), (source,))
     for suffix in ("svg", "png"):
-        plots = tuple(f"mograft plot {kind} clips/ -o {kind}.{suffix}" for kind in PLOTS)
+        files = {"strip": "clips/take0.bvh", "energy": "clips/take0.bvh"}
+        plots = tuple(
+            f"mograft plot {kind} {files.get(kind, 'clips/')} -o {kind}.{suffix}" for kind in PLOTS
+        )
         yield Case(f"plot/{suffix}", plots, ("clips",))
     pages = """
         mograft view clips/take0.bvh clips/take1.bvh -o two.html
@@ -496,7 +500,7 @@ mg.write_graft(again, "reach.bvh")
 changed = edit(again, C.Use(24, ("take1", 667, 679)), C.KeepOriginal(frames=(300, 375)))
 mg.write_graft(changed, "changed.bvh")
 mg.write_graft(edit(changed, C.Ban(31), reroll=[(900, 960)]), "rerolled.bvh")
-mended = mg.repair(library, constraints=[C.AvoidSelf()], seed=2)
+mended = mg.repair(library, constraints=[C.AvoidSelf()])
 np.save("mended.npy", mended.motion.rotations)
 print(rows(mended.substitutions), len(mended.violations))
 for c in candidates(library, 18, "upper").allowed:

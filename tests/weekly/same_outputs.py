@@ -52,7 +52,7 @@ motions = [dance(seed=seed, strides=1).motion for seed in range(2)]
 for seed, motion in enumerate(motions):
     write(motion, f"clips/take{seed}.bvh")
 Path("clips/tags.csv").write_text("take0,licence:CC BY 4.0\\n")
-cuts = {f"take{seed}": list(range(15, 1500, 12 + seed)) for seed in range(2)}
+cuts = {f"take{seed}": list(range(15, 1480, 12 + seed)) for seed in range(2)}
 Path("clips/cuts.json").write_text(json.dumps(cuts))
 groups = mg.JointGroups.preset("lower_upper", motions[0].skeleton).to_toml()
 Path("clips/upper_base.toml").write_text(groups.replace('base = "lower"', 'base = "upper"'))
