@@ -13,4 +13,11 @@ class Rule:
     keys: tuple[str, ...] = ()  # of JSON files: globs of the values that may differ
 
 
-EXPECTED: tuple[Rule, ...] = ()
+EXPECTED: tuple[Rule, ...] = (
+    Rule(
+        "*",
+        "*.json",
+        "the provenance records the command, and fields of the configuration are set by --set",
+        ("request.command", "motions.*.request.command"),
+    ),
+)

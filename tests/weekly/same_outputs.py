@@ -36,6 +36,7 @@ PLACE = Path(tempfile.gettempdir()) / f"mograft-outputs-{os.getuid()}"  # paths 
 MAX_TEXT = 4 * 2**20
 STEP_SECONDS = 300
 MESSAGES = "messages"  # stderr: warnings and progress, compared for information
+CODE = re.compile(r"<script.*?</script>|<style>.*?</style>|<meta http-equiv[^>]*>", re.S)
 SCRIPT = re.compile(r"<script(?: type=\"application/json\" id=\"([\w-]+)\")?>(.*?)</script>", re.S)
 
 FIXTURES = """
@@ -196,10 +197,16 @@ def add_file(outcome: Outcome, name: str, path: Path) -> None:
         with sqlite3.connect(f"file:{path}?mode=ro", uri=True) as connection:
             content = "\n".join(connection.iterdump()).encode()
     outcome.add(name, content)
-    if path.suffix == ".html":
-        for number, (label, text) in enumerate(SCRIPT.findall(content.decode())):
+
+
+def split_pages(outcome: Outcome) -> None:
+    """Add the data and the body of each page, which must stay when its code changes."""
+    for name in [name for name in outcome.texts if name.endswith(".html")]:
+        page = outcome.texts[name]
+        for number, (label, text) in enumerate(SCRIPT.findall(page)):
             if label:
                 outcome.add(f"{name}#{number}-{label}.json", text.encode())
+        outcome.add(f"{name}#body", CODE.sub("", page).encode())
 
 
 @dataclass(frozen=True)
@@ -233,6 +240,8 @@ class Difference:
 def compare(case: Case, old: Outcome, new: Outcome) -> list[Difference]:
     """Return the differences of a case."""
     found = []
+    for outcome in (old, new):
+        split_pages(outcome)
     for number, (a, b) in enumerate(zip(old.codes, new.codes, strict=True)):
         if a != b:
             failed = "failed in new" if a == 0 else "failed in old" if b == 0 else "exit code"
@@ -288,7 +297,12 @@ def first_difference(old: str | None, new: str | None, keys: tuple[str, ...]) ->
     pairs = zip([*old.splitlines(), "<end>"], [*new.splitlines(), "<end>"], strict=False)
     for number, (a, b) in enumerate(pairs):
         if a != b:
-            return f"line {number + 1}: {a[:120]!r} became {b[:120]!r}"
+            same = next(
+                (i for i, pair in enumerate(zip(a, b, strict=False)) if len({*pair}) > 1), 0
+            )
+            start = max(0, same - 30)
+            parts = [line[start : same + 90] for line in (a, b)]
+            return f"line {number + 1}: {parts[0]!r} became {parts[1]!r}"
     return "layout"
 
 
