@@ -43,7 +43,7 @@ def aside(library, distance, joint=HAND, frame=FRAME):
 
 
 @given(st.floats(0.0, 0.3), st.sampled_from([0.01, 0.03, 0.1]))
-@few_examples(10)
+@few_examples(5)
 def test_graft_reach_is_violated_only_beyond_its_tolerance_after_completion(
     library, distance, tolerance
 ):

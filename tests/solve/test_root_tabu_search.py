@@ -39,7 +39,7 @@ def keep_motion(motion, donors):
     return motion
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(SEEDS)
 def test_rank_substitutions_predicted_violation_matches_each_moved_motion(
     root_library, make_problem, seed
@@ -72,7 +72,7 @@ def test_rank_substitutions_predicted_violation_matches_each_moved_motion(
         assert predicted[i] == pytest.approx(expected + pose_excess(problem, moved).sum())
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(SEEDS)
 def test_donor_excess_is_that_of_the_graft(root_library, make_problem, seed):
     library = replace(root_library, config=replace(root_library.config, self_repair=False))

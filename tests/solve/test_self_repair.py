@@ -125,7 +125,7 @@ def test_self_repair_never_increases_the_greatest_seam_ratio(library, seed, choi
     assert after.max(initial=0.0) <= 1.01 * worst
 
 
-@few_examples(8)
+@few_examples(4)
 @given(st.integers(0, 1000))
 def test_self_repair_changes_only_windows_that_it_reports(library, seed):
     before, after = graft_pair(library, seed=seed)
@@ -349,13 +349,6 @@ def test_self_repair_is_off_in_paper_preset_and_in_random_draws(library):
         before, after = graft_pair(with_config(library, choice=choice), seed=1)
         np.testing.assert_array_equal(donors_of(before), donors_of(after))
         assert not after.self_repairs
-
-
-def test_self_repair_of_donors_that_drive_the_root_reduces_the_worst_ratio(root_library):
-    repaired = [own for seed in range(3) for own in mg.graft(root_library, seed=seed).self_repairs]
-    assert repaired
-    assert all(own.after <= own.before for own in repaired)
-    assert any(own.after <= 1.0 for own in repaired)
 
 
 def depths_below_floor(motion, floor_reference):

@@ -20,7 +20,7 @@ from tests.oracles import search as oracle
 from tests.strategies import assert_same_rotations
 
 HAND = "LeftHand"
-FEW_EXAMPLES = settings(max_examples=12)
+FEW_EXAMPLES = settings(max_examples=6)
 
 
 @pytest.fixture(scope="module")
@@ -300,21 +300,6 @@ def test_stream_gradient_seams_are_as_smooth_as_those_of_all_segments_together(
     assert len(part.seams) > 5
     assert np.median(streamed / offline) < 1.1
     assert streamed.max() < 1.25 * offline.max()
-
-
-def test_stream_frames_beside_seams_are_as_smooth_as_those_of_graft(library, base):
-    configured = with_choice(library, "viterbi", seam="inertial")
-    graft = mg.graft(configured, base)
-    motion = mg.join_pieces(stream_pieces(configured, base, horizon=1000))
-
-    def velocity_changes(quats):
-        steps = rotations.log(rotations.multiply(rotations.inverse(quats[:-1]), quats[1:]))
-        return np.linalg.norm(np.diff(steps, axis=0), axis=-1)
-
-    expected = velocity_changes(graft.motion.rotations)
-    changes = velocity_changes(motion.rotations)
-    assert changes.max() < 1.25 * expected.max()
-    assert np.percentile(changes, 99) < 1.25 * np.percentile(expected, 99)
 
 
 def test_stream_quaternions_of_opposite_signs_continue_between_pieces(library, base):

@@ -52,20 +52,10 @@ def _watch(read_end: int, handled: frozenset[int]) -> None:
     while True:
         number = next((byte for byte in os.read(read_end, 64) if byte in handled), None)
         if number is not None:
-            _sleep(_HANDLER_SECONDS)
+            time.sleep(_HANDLER_SECONDS)
             end_process(number)
-            _sleep(_CLEANUP_SECONDS)
+            time.sleep(_CLEANUP_SECONDS)
             os._exit(128 + number)
-
-
-def _sleep(seconds: float) -> None:
-    """Sleep in 20 short steps.
-
-    If the process is suspended meanwhile, only the current step elapses, so that the main thread
-    still gets nearly all of `seconds` afterwards.
-    """
-    for _ in range(20):
-        time.sleep(seconds / 20)
 
 
 def end_process(number: int) -> None:

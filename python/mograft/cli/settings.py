@@ -121,9 +121,8 @@ def _convert_toml(argument: Argument, value: Any, path: Path) -> Any:  # noqa: A
     if is_bool:
         return value
     text = str(value)
-    if (
-        argument.value is not None and argument.value.is_path and Path(text).suffix
-    ):  # relative to the configuration file
+    assert argument.value is not None
+    if argument.value.is_path and Path(text).suffix:  # relative to the configuration file
         text = str(path.parent / text)
     return _convert_text(argument, text, place)
 

@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, Packed
-from mograft._util.memory import reuse_freed_arrays
 from mograft.analysis.embedding import Samples, normalise
 from mograft.analysis.segmentation import segment_clip
 from mograft.body.faults import find_faults
@@ -37,7 +36,7 @@ DISQUALIFYING_FAULTS = ("first_frame", "teleport", "glitch", "flip")
 INGEST_ERRORS = (MograftError, OSError, ValueError)
 """Errors by which a clip is refused."""
 
-_BATCH_CLIPS = 8
+BATCH_CLIPS = 8
 """Clips per call of a worker, so that the cost of the call is small compared with the ingest."""
 
 _MAX_PENDING_BATCHES = 16
@@ -190,7 +189,6 @@ def _read(task: IngestTask, rest: Skeleton | None) -> tuple[IngestTask, Motion]:
 
     Raise one of `INGEST_ERRORS` if the clip cannot be read or has a single frame.
     """
-    reuse_freed_arrays()
     label, source = task.label, task.source
     if isinstance(source, str):
         try:
@@ -265,7 +263,7 @@ def ingest_all(
             yield ingest(task, spec, config, is_packed=is_packed)
         return
     remaining = iter(tasks)
-    batches = iter(lambda: list(islice(remaining, _BATCH_CLIPS)), [])
+    batches = iter(lambda: list(islice(remaining, BATCH_CLIPS)), [])
     pending: deque[Future[list[IngestedClip | RefusedClip]]] = deque()
     try:
         for batch in batches:

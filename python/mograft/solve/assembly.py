@@ -11,6 +11,7 @@ from mograft.blend.transplant import seam_reach, transplant
 from mograft.body.world_poses import Poses
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
+from mograft.search.costs import excess
 from mograft.search.trellis import DonorSequences
 from mograft.solve.search_problem import SearchProblem
 
@@ -102,10 +103,10 @@ def pose_excess(problem: SearchProblem, poses: Poses) -> FloatArray:
 
     It is the sum over the grafted groups of max(0, greatest violation amount - 1).
     """
-    excess = np.zeros(len(poses))
+    total = np.zeros(len(poses))
     for joints in problem.driven_joints.values():
-        excess += _joint_excess(problem, poses, joints)
-    return excess
+        total += _joint_excess(problem, poses, joints)
+    return total
 
 
 def donor_excess(problem: SearchProblem, donors: DonorSequences) -> dict[str, FloatArray]:
@@ -138,18 +139,17 @@ def donor_excesses(
     wanted = slice(int(segments.start[first]) - begin, int(segments.stop[stop - 1]) - begin + 1)
     found = {}
     for group in problem.pools:
-        excess = _joint_excess(problem, poses, problem.driven_joints[group])
-        found[group] = excess.reshape(len(alternatives), -1)[:, wanted]
+        own = _joint_excess(problem, poses, problem.driven_joints[group])
+        found[group] = own.reshape(len(alternatives), -1)[:, wanted]
     return found
 
 
 def _joint_excess(problem: SearchProblem, poses: Poses, joints: BoolArray) -> FloatArray:
-    excess = np.zeros(len(poses))
+    greatest = np.zeros(len(poses))
     for constraint in problem.constraints:
         if constraint.is_hard:
-            error, _ = constraint.errors(poses, joints)
-            excess = np.maximum(excess, error - 1.0)
-    return excess
+            greatest = np.maximum(greatest, constraint.errors(poses, joints)[0])
+    return excess(greatest)
 
 
 def assemble_excerpts(problem: SearchProblem, excerpts: Sequence[Excerpt]) -> Motion:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray
+from mograft._util.arrays import BoolArray
 from mograft.blend.foot_planting import FeetReport, plant_feet
 from mograft.blend.reach_completion import ReachCompletion, ReachLimits, complete_reaches
 from mograft.body.contacts import detect_contacts, find_legs
@@ -14,6 +14,7 @@ from mograft.body.limbs import find_limb
 from mograft.motion.motion import Motion
 from mograft.scenario.realize import donor_contacts
 from mograft.search.constraints import Constraint, overlaps
+from mograft.search.costs import excess
 from mograft.search.donor_constraints import KeepOriginal
 from mograft.search.pose_constraints import Reach
 from mograft.search.trellis import DonorSequences
@@ -176,13 +177,7 @@ def _broken_constraint(
         for motion in (before, after)
     ]
     for constraint in _other_constraints(problem):
-        old, new = (_excess(constraint.errors(own, joints)[0]) for own in poses)
+        old, new = (excess(constraint.errors(own, joints)[0]) for own in poses)
         if (new > old + _MAX_INCREASE).any():
             return type(constraint).__name__
     return ""
-
-
-def _excess(errors: FloatArray) -> FloatArray:
-    """Return by how much errors, in tolerances, exceed 1; 0 if they do not."""
-    excess: FloatArray = np.maximum(errors - 1.0, 0.0)
-    return excess

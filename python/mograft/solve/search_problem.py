@@ -261,7 +261,7 @@ class SearchProblem:
     @property
     def pose_constraints(self) -> list[Constraint]:
         """The constraints that depend on poses."""
-        return [own for own in self.constraints if type(own).errors is not Constraint.errors]
+        return [own for own in self.constraints if own.is_on_poses]
 
     @cached_property
     def is_constrained_position(self) -> BoolArray:

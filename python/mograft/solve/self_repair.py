@@ -14,6 +14,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.runs import dilate, find_runs
 from mograft.search.constraints import Span, Violation
+from mograft.search.costs import excess
 from mograft.search.trellis import DonorTrellis
 from mograft.solve.assembly import Assembly, Excerpt, assemble_excerpts
 from mograft.solve.defects import MEASURES, DefectMeasure
@@ -215,7 +216,7 @@ def _search(limits: _Limits, trellis: DonorTrellis) -> IntArray:
     """
     defects = limits.defects
     problem, first = defects.assembly.problem, defects.donors
-    best, excess = first.copy(), np.maximum(defects.amounts.max(axis=1) - 1.0, 0.0)
+    best, above = first.copy(), excess(defects.amounts.max(axis=1))
     least = dict.fromkeys(defects.windows, np.inf)
     current = replace_unlisted(first, trellis)
     captured = replace_unlisted(problem.scenario, trellis)
@@ -232,13 +233,13 @@ def _search(limits: _Limits, trellis: DonorTrellis) -> IntArray:
         else:
             # A search also changes the positions before and after those that it penalises.
             is_inner = ~dilate(~is_open)
-            inner = np.where(is_inner, excess, 0.0)
+            inner = np.where(is_inner, above, 0.0)
             current = search_again(trellis, penalties, current, inner, _LIMIT_FACTOR)
         donors = np.where(is_open, current, first)
         found = _measure(defects, donors, windows)
         for (start, stop), own in zip(windows, found, strict=True):
             inside = own[min(start, 1) :][: stop - start]
-            excess[start:stop] = np.maximum(inside.max(axis=1) - 1.0, 0.0)
+            above[start:stop] = excess(inside.max(axis=1))
             total = _total_excess(own)
             if (
                 total < least[start, stop]
@@ -326,4 +327,4 @@ def _around(amounts: FloatArray, window: _Window) -> FloatArray:
 
 
 def _total_excess(amounts: FloatArray) -> float:
-    return float(np.maximum(amounts.max(axis=1) - 1.0, 0.0).sum())
+    return float(excess(amounts.max(axis=1)).sum())

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import inf
 from numbers import Real
-from typing import overload
 from weakref import WeakValueDictionary
 
 from mograft._util.arrays import IntArray
+from mograft._util.lazy_sequence import LazySequence
 from mograft._util.memory import check_memory
 from mograft._util.validate import as_integer, check_type
 from mograft.library.library import Library
@@ -32,7 +32,7 @@ MEMORY_FACTOR = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Grafts(Sequence[Graft]):
+class Grafts(LazySequence[Graft]):
     """Several grafts of one base motion.
 
     A graft is built when it is first accessed, and kept only as long as something else refers to
@@ -58,18 +58,12 @@ class Grafts(Sequence[Graft]):
     def __repr__(self) -> str:
         return f"Grafts({len(self)} on {self._plan.problem.base.name}, seed {self._seed})"
 
-    @overload
-    def __getitem__(self, index: int) -> Graft: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[Graft]: ...
-    def __getitem__(self, index: int | slice) -> Graft | list[Graft]:
-        if isinstance(index, slice):
-            return [self[i] for i in range(*index.indices(len(self)))]
-        i = range(len(self))[index]
-        graft = self._built.get(i)
+    def item(self, index: int) -> Graft:
+        """Build a graft, or return the one that was built and is still referred to."""
+        graft = self._built.get(index)
         if graft is None:
-            graft = build_graft(self._plan, self._donors[i], self._seed, i, self._request)
-            self._built[i] = graft
+            graft = build_graft(self._plan, self._donors[index], self._seed, index, self._request)
+            self._built[index] = graft
         return graft
 
 

@@ -99,7 +99,7 @@ def recorded_constraints(record: GraftRecord) -> list[Constraint]:
     """Return the constraints of a graft, except those whose files are missing or damaged."""
 
     def decode_motion(values: dict[str, object]) -> Motion:
-        return read_clip(find_clip(record, ClipRecord.of_file(values), ()))
+        return read_clip(find_clip(record, ClipRecord.from_json(values), ()))
 
     found: list[Constraint] = []
     for values in (record.document.get("request") or {}).get("constraints", ()):

@@ -346,25 +346,13 @@ def _is_replaceable(path: Path) -> bool:
     Only these may be removed. A generation is a folder that is named by its number and holds only
     arrays, folders of arrays and the database.
     """
-    if path.is_symlink():
-        return False
-    if not path.is_dir():
+    if path.is_symlink() or not path.is_dir():
         return re.fullmatch(rf"{re.escape(MANIFEST)}\.\d{{4,}}", path.name) is not None
     return re.fullmatch(r"\d{4,}", path.name) is not None and all(
-        _is_generation_file(entry)
-        or (
-            entry.is_dir()
-            and not entry.is_symlink()
-            and entry.name.isdigit()
-            and all(map(_is_generation_file, entry.iterdir()))
-        )
-        for entry in path.iterdir()
+        not entry.is_symlink()
+        and (entry.is_dir() or entry.suffix == ".npy" or entry.name.startswith(DATABASE))
+        for entry in path.rglob("*")
     )
-
-
-def _is_generation_file(path: Path) -> bool:
-    is_file = path.is_file() and not path.is_symlink()
-    return is_file and (path.suffix == ".npy" or path.name.startswith(DATABASE))
 
 
 def _remove(path: Path) -> None:
