@@ -18,6 +18,6 @@ EXPECTED: tuple[Rule, ...] = (
         "*",
         "*.json",
         "the provenance records the command, and fields of the configuration are set by --set",
-        ("request.command", "motions.*.request.command"),
+        ("request.command*", "motions.*.request.command*"),
     ),
 )
