@@ -10,24 +10,13 @@ from typing import Any, Self
 
 from mograft.body.groups import JointGroups
 from mograft.config import Config
-from mograft.errors import ProvenanceError, join_names
+from mograft.errors import DAMAGE, ProvenanceError, join_names
 from mograft.io.bvh.decimals import check_digits
 from mograft.library.clip_table import skeleton_from_json
 from mograft.library.origin import LibraryOrigin
 from mograft.motion.skeleton import Skeleton
 from mograft.provenance.document import SCHEMA, SEVERAL_SCHEMA
 from mograft.search.constraints import Span
-
-DAMAGE = (
-    ArithmeticError,
-    AttributeError,
-    IndexError,
-    KeyError,
-    RecursionError,
-    TypeError,
-    ValueError,
-)
-"""What reading a damaged document raises."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,14 +9,13 @@ import numpy as np
 
 from mograft._util.validate import check_type
 from mograft.blend.reach_completion import ReachCompletion
-from mograft.errors import ProvenanceError
+from mograft.errors import DAMAGE, ProvenanceError
 from mograft.io.addresses import read_clip
 from mograft.library.library import Library
 from mograft.library.origin import hash_poses
 from mograft.motion.motion import Motion
 from mograft.provenance.graft_edit import splice_versions
 from mograft.provenance.graft_record import (
-    DAMAGE,
     ClipRecord,
     GraftRecord,
     SegmentRecord,

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from mograft._util.arrays import IntArray
-from mograft.errors import MograftError, ProvenanceError
+from mograft.errors import DAMAGE, MograftError, ProvenanceError
 from mograft.io.addresses import read_clip
 from mograft.library.discover import has_provenance
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
-from mograft.provenance.graft_record import DAMAGE, ClipRecord, GraftRecord, read_clip_record
+from mograft.provenance.graft_record import ClipRecord, GraftRecord, read_clip_record
 from mograft.provenance.record_library import find_clip
 from mograft.search.constraint_records import decode_constraint
 from mograft.search.constraints import Constraint
