@@ -6,8 +6,8 @@ from dataclasses import Field, dataclass, field, fields, replace
 from numbers import Real
 from typing import Any, Literal, TypeVar
 
+from mograft._util.containers import FrozenMapping
 from mograft._util.cut_frames import freeze_cut_frames
-from mograft._util.frozen_mapping import FrozenMapping
 from mograft._util.registry import CONFIG_OPTIONS
 from mograft._util.validate import is_integer, python_scalar
 from mograft.errors import suggest_name

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from mograft._util.atomic import write_text
-from mograft._util.automatic_groups import automatic_number, is_automatic
+from mograft._util.names import automatic_number, is_automatic
 from mograft.body.faults import HARMLESS_FAULTS, find_faults
 from mograft.body.groups import JointGroups
 from mograft.cli.configuration import selected_skeleton
