@@ -32,7 +32,6 @@ from pathlib import Path
 
 import numpy as np
 
-import mograft as mg
 from lab.common import run
 from lab.experiments.sources import ARCHIVE, SOURCES, find_files
 from lab.segmentations import METHODS
@@ -42,10 +41,10 @@ from lab.studies.behaviour_pieces import (
     dance_of,
     dancer_pieces,
     dancer_who_jumps,
+    metronome,
     read_clips,
     recorded_pieces,
 )
-from mograft import rotations
 from mograft.analysis.beats import BeatParameters, beat_interval
 
 NAMES = ("pca", "ppca", "gmm")
@@ -62,20 +61,6 @@ def count_correct(cuts, changes, tolerance):
         if near:
             free.remove(min(near, key=lambda cut: abs(cut - change)))
     return len(cuts) - len(free)
-
-
-def metronome(seed, interval, rate, seconds=16.0, n_joints=6):
-    """A motion from one random pose to the next, one per `interval`, at rest in each pose."""
-    rng = np.random.default_rng(seed)
-    phase = np.arange(round(seconds * rate)) / rate / interval
-    poses = rng.uniform(-0.8, 0.8, size=(int(phase[-1]) + 2, n_joints, 3))
-    pose = phase.astype(int)
-    share = (phase - pose)[:, None, None]
-    share = share**3 * (10 - 15 * share + 6 * share**2)
-    offsets = np.arange(3.0 * n_joints).reshape(n_joints, 3)
-    skeleton = mg.Skeleton([f"j{i}" for i in range(n_joints)], [-1] + [0] * (n_joints - 1), offsets)
-    quats = rotations.exp(poses[pose] * (1 - share) + poses[pose + 1] * share)
-    return mg.Motion(skeleton, 1 / rate, quats, np.tile(offsets, (len(quats), 1, 1)))
 
 
 def print_behaviours(sets, seeds):

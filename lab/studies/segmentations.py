@@ -39,7 +39,7 @@ from mograft.evaluation import RandomLength
 from mograft.evaluation.detectability import MIN_WINDOWS
 from mograft.evaluation.two_sample import block_folds, detect
 from mograft.evaluation.windows import GraftWindows
-from mograft.synthesis.graft_plan import GraftPlan
+from mograft.solve.plan import GraftPlan
 
 METHODS = {"energy": "energy", **{name: function_of(name) for name in OTHERS}, "beats": "beats"}
 CHOSEN = ("salsa A", "perfume", "basketball", "actions and styles", "everyday")

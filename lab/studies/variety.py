@@ -31,7 +31,7 @@ from mograft import evaluation
 from mograft.evaluation.detectability import MIN_WINDOWS
 from mograft.evaluation.two_sample import block_folds, detect
 from mograft.evaluation.windows import GraftWindows
-from mograft.synthesis.graft_plan import GraftPlan
+from mograft.solve.plan import GraftPlan
 
 RATE = 30.0
 SIGMA_SCALES = (0.3, 0.5, 0.75, 1.0, 1.5, 2.5)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from lab.studies.behaviours import metronome
+from lab.studies.behaviour_pieces import metronome
 from mograft import Motion
 from mograft.analysis import beats
 from mograft.dancer import dance

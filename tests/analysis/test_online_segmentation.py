@@ -78,13 +78,3 @@ def test_online_segmenter_max_length_below_one_interval_cuts_at_all_frames():
     segmenter.push(np.linspace(1.0, 2.0, 20))
     segmenter.close()
     assert segmenter.bounds == list(range(20))
-
-
-def test_online_segmenter_long_dance_holds_limited_history():
-    motion = dance(seed=3, strides=1).motion
-    segmenter = OnlineSegmenter(motion.rate, mg.Config())
-    n_held = 0
-    for energy in mg.kinetic_energy(motion):
-        segmenter.push(np.array([energy]))
-        n_held = max(n_held, len(segmenter._energies))
-    assert n_held < 400 < motion.n_frames

@@ -85,32 +85,6 @@ def test_avoid_and_reach_accept_ranges():
     )
 
 
-def graft_constraints(run, folder, *words):
-    code, _, err = run("graft", folder, "-o", "x.bvh", "--force", "--best-effort", *words)
-    assert code == 0, err
-    with open("x.json") as file:
-        return json.load(file)
-
-
-@pytest.mark.parametrize(
-    ("in_frames", "in_seconds"),
-    [
-        (["--keep", "60-90"], ["--keep", "2s-3s"]),
-        (["--reach", "60-63:LeftHand:0,100,0"], ["--reach", "2s-2.1s:LeftHand:0,100,0"]),
-        (["--face", "0,150,300@60-90"], ["--face", "0,150,300@2s-3s"]),
-        (["--avoid", "sphere:0,90,0,9@60-90"], ["--avoid", "sphere:0,90,0,9@2s-3s"]),
-    ],
-    ids=lambda words: words[0],
-)
-def test_graft_seconds_equal_frames(run, folder, in_frames, in_seconds):
-    documents = [graft_constraints(run, folder, *words) for words in (in_frames, in_seconds)]
-    for document in documents:
-        document["request"].pop("command")
-    assert documents[0] == documents[1]
-    first = documents[0]["request"]["constraints"][0]
-    assert first["frames"] == ([60, 63] if "--reach" in in_frames else [60, 90])
-
-
 def test_commands_accept_seconds_for_frames(run, folder):
     clip = folder / "a.bvh"
     for command, target in (("export", "a.npz"), ("export", "a.bvh")):
@@ -123,22 +97,3 @@ def test_commands_accept_seconds_for_frames(run, folder):
         code, out, _ = run(*words, f"{length}.bvh", "--frames", length)
         assert code == 0
         assert json.loads(out)["grafts"][0]["frames"] == n_frames
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--keep", "9000-9100"], "frames of --keep must be within 0-599"),
-        (["--keep", "300s-310s"], "frames of --keep must be within 0-599"),
-        (["--reach", "9000:LeftHand:0,0,0"], "frames of --reach must be within 0-599"),
-        (["--face", "0,0,0@9000-9100"], "frames of --face must be within 0-599"),
-        (["--avoid", "sphere:0,0,0,1@9000-9100"], "frames of --avoid must be within 0-599"),
-    ],
-)
-def test_range_after_the_base_names_the_option(run, folder, tmp_path, words, message):
-    for command in (["graft", folder, "-o", "x.bvh"], ["candidates", folder, "--segment", "3"]):
-        code, _, err = run(*command, *words)
-        assert code == 1
-        assert message in err
-        assert err.count("\n") == 1
-    assert not (tmp_path / "x.bvh").exists()

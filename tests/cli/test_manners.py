@@ -44,17 +44,22 @@ def test_option_with_doubled_letter_is_suggested(leaf, data):
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("grapht a.bvh -o x", "got 'grapht'; did you mean 'graft'?"),
-        ("lib verfy x", "ACTION must be one of info, verify, export; got 'verfy'; did you mean"),
-        ("graft a.bvh -o x --set seam=ofset", "got 'ofset'; did you mean 'offset'?"),
-        ("plot stripp a.bvh -o x.png", "got 'stripp'; did you mean 'strip'?"),
-        ("groups a.bvh --preset lower_uper", "did you mean 'lower_upper'?"),
-    ],
+    ("words", "command"),
+    LEAVES,
+    ids=["-".join(words) for words, _ in LEAVES],
 )
-def test_misspelt_word_is_suggested(usage_error, words, message):
-    assert message in usage_error(*words.split()).splitlines()[-1]
+def test_help_has_at_most_45_lines_and_help_all_has_all_options(
+    capsys, monkeypatch, words, command
+):
+    monkeypatch.setenv("COLUMNS", "80")
+    texts = []
+    for flag in ("--help", "--help-all"):
+        with contextlib.suppress(SystemExit):
+            main([*words, flag])
+        texts.append(capsys.readouterr().out)
+    assert 0 < len(texts[0].splitlines()) <= 45
+    shown = texts[1] if "--help-all" in texts[0] else texts[0]
+    assert all(flag in shown for flag in option_flags(command))
 
 
 @pytest.mark.parametrize(

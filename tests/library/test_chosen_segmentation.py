@@ -114,12 +114,6 @@ def test_invalid_parameter_raises_before_clips_are_read(tmp_path):
             build()
 
 
-def test_relabelled_with_another_segmentation_raises_value_error(folder):
-    library = mg.Library.build(folder)
-    with pytest.raises(ValueError, match="`segmentation` must be 'energy', the value with which"):
-        library.relabelled(mg.Config(segmentation="beats"))
-
-
 def test_stream_refuses_segmentations_that_need_later_frames(folder):
     for chosen in ("beats", {"a": [9], "b": [9]}, every_eighth):
         library = mg.Library.build(folder, config=mg.Config(segmentation=chosen))

@@ -93,7 +93,7 @@ def test_config_with_variety_has_a_threshold_that_grows_with_it(one, other):
 
 def test_config_with_variety_in_the_middle_is_the_default():
     assert Config.with_variety(0.5) == Config()
-    assert Config.with_variety(0.5, seam="dead") == Config(seam="dead")
+    assert Config.with_variety(0.5, seam="paper") == Config(seam="paper")
 
 
 @pytest.mark.parametrize("variety", [-0.1, 1.1, float("nan"), True, "bold", None])

@@ -89,7 +89,6 @@ _DESCRIPTIONS = {
         "paper": "displacement over the segments, then a cubic through the seam window",
         "displacement": "the pose gap spread over both segments",
         "inertial": "a decaying offset after the seam only",
-        "dead": "a cross-fade after the seam from the extrapolated motion before it",
     },
     "alignment": {
         "uniform": "donors stretched at a constant rate",

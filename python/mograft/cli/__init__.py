@@ -11,11 +11,10 @@ import sys
 import warnings
 from collections.abc import Sequence
 
-from mograft.cli.output import print_error, print_remark, set_quiet
+from mograft.cli.output import escape_output, print_error, print_remark, set_quiet
 from mograft.cli.syntax.arguments import Command, Options, UsageError
 from mograft.cli.syntax.commands import COMMANDS
 from mograft.cli.syntax.parser import parse
-from mograft.cli.terminal import escape_output
 from mograft.errors import FormatError, MograftError, ProvenanceError
 
 __all__ = ["COMMANDS", "main"]

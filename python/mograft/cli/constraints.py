@@ -7,7 +7,7 @@ import numpy as np
 
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.frames import Range, resolve_frames
-from mograft.cli.syntax.shared import ConstraintOptions
+from mograft.cli.syntax.options import ConstraintOptions
 from mograft.cli.syntax.values import SHAPE_NUMBERS
 from mograft.errors import join_names, suggest_name
 from mograft.io.addresses import read_clip
@@ -17,18 +17,15 @@ from mograft.search.constraints import Constraint, Span
 from mograft.search.donor_constraints import Ban, KeepOriginal, Use
 from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Obstacle, Sphere
 
-
-def read_obstacles(options: ConstraintOptions) -> list[Obstacle]:
-    """Return the obstacles of ``--avoid``; raise a UsageError if one is invalid."""
-    return [_read_obstacle(kind, numbers, options) for kind, numbers, _ in options.avoid]
+FLAGS = {"KeepOriginal": "--keep", "Reach": "--reach", "Face": "--face", "Avoid": "--avoid"}
+"""The options of constraints that errors name."""
 
 
-def read_constraints(
-    options: ConstraintOptions, library: Library, obstacles: Sequence[Obstacle]
-) -> list[Constraint]:
-    """Return the constraints that the options describe; `obstacles` are those of ``--avoid``.
+def read_constraints(options: ConstraintOptions, library: Library) -> list[Constraint]:
+    """Return the constraints that the options describe.
 
-    Raise ValueError if an option names a clip or tag that `library` does not have.
+    Raise ValueError if an option names a clip or tag that `library` does not have, and UsageError
+    if an obstacle is invalid.
     """
     _check_names(options, library)
 
@@ -36,8 +33,8 @@ def read_constraints(
         return None if given is None else resolve_frames(given, library.rate)
 
     found: list[Constraint] = [
-        pose_constraints.Avoid(obstacle, frames=span(given))
-        for obstacle, (*_, given) in zip(obstacles, options.avoid, strict=True)
+        pose_constraints.Avoid(_read_obstacle(kind, numbers), frames=span(given))
+        for kind, numbers, given in options.avoid
     ]
     if options.avoid_self:
         found.append(pose_constraints.AvoidSelf())
@@ -80,24 +77,6 @@ def _check_names(options: ConstraintOptions, library: Library) -> None:
                 )
 
 
-def check_frames(options: ConstraintOptions, rate: float, n_frames: int) -> None:
-    """Raise ValueError if a range of frames starts after the end of a base motion.
-
-    `rate` is in frames per second, `n_frames` the length of the base motion.
-    """
-    ranges = [("avoid", given) for *_, given in options.avoid]
-    ranges += [("reach", given) for given, *_ in options.reach]
-    ranges += [("face", given) for _, given in options.face]
-    ranges += [("keep", given) for given in options.keep]
-    for name, given in ranges:
-        if given is not None and resolve_frames(given, rate)[0] >= n_frames:
-            first, last = resolve_frames(given, rate)
-            raise ValueError(
-                f"frames of --{name} must be within 0-{n_frames - 1}, the frames of the base "
-                f"motion ({(n_frames - 1) / rate:.6g} s), got {first}-{last}"
-            )
-
-
 def read_segment_constraints(
     options: ConstraintOptions, rate: float
 ) -> list[KeepOriginal | Use | Ban]:
@@ -115,7 +94,7 @@ def read_segment_constraints(
     return found
 
 
-def _read_obstacle(kind: str, numbers: Sequence[float], options: ConstraintOptions) -> Obstacle:
+def _read_obstacle(kind: str, numbers: Sequence[float]) -> Obstacle:
     """Return the obstacle that a value of ``--avoid`` describes.
 
     `kind` is the name of a shape, such as ``"sphere"``, or the address of a character's motion.
@@ -124,7 +103,7 @@ def _read_obstacle(kind: str, numbers: Sequence[float], options: ConstraintOptio
     x, y, z, *rest = numbers
     if kind not in SHAPE_NUMBERS:
         yaw = float(np.radians(rest[0]))
-        return Character(read_clip(kind), (x, y, z), yaw, radius=options.radius)
+        return Character(read_clip(kind), (x, y, z), yaw)
     try:
         if kind == "sphere":
             return Sphere((x, y, z), rest[0])

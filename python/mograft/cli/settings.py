@@ -115,13 +115,14 @@ def _dest(name: str) -> str:
 def _convert_toml(argument: Argument, value: Any, path: Path) -> Any:  # noqa: ANN401 - of TOML
     place = f"{path}: {argument.name}"
     is_bool = isinstance(value, bool)
-    if is_bool != argument.is_switch or not isinstance(value, str | int | float):
-        expected = "true or false" if argument.is_switch else "a string or a number"
+    if is_bool != (argument.value is None) or not isinstance(value, str | int | float):
+        expected = "true or false" if argument.value is None else "a string or a number"
         raise ValueError(f"{place} must be {expected}, got {json.dumps(value, default=str)}")
     if is_bool:
         return value
     text = str(value)
-    if argument.is_path and Path(text).suffix:  # relative to the configuration file
+    assert argument.value is not None
+    if argument.value.is_path and Path(text).suffix:  # relative to the configuration file
         text = str(path.parent / text)
     return _convert_text(argument, text, place)
 
@@ -142,12 +143,12 @@ def _convert_table(argument: Argument, table: Any, path: Path) -> tuple[tuple[st
 
 
 def _convert_text(argument: Argument, text: str, place: str) -> Any:  # noqa: ANN401 - as argparse
-    if argument.is_switch:
+    if argument.value is None:
         words = {"1": True, "true": True, "0": False, "false": False, "": False}
         if text.lower() not in words:
             raise ValueError(f"{place} must be 1, true, 0 or false, got {text!r}")
         return words[text.lower()]
-    convert: Any = argument.keywords.get("type", str)
+    convert = argument.value.convert
     try:
         value = tuple(map(convert, text.split())) if argument.is_repeated else convert(text)
     except argparse.ArgumentTypeError as error:

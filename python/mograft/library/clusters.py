@@ -51,6 +51,17 @@ def join_boundary_states(
     }
 
 
+def compare_segments(
+    samples: Source, groups: JointGroups, spec: LibrarySpec, config: Config, report: Progress
+) -> tuple[dict[str, Embedding | None], dict[str, IntArray], dict[str, float]]:
+    """Return the results of `embed_groups` and of `cluster_groups` for all segments."""
+    embedding = embed_groups(samples, groups, spec, config, report)
+    report("clustering", 0, 1)
+    labels, sigma = cluster_groups(embedding, len(samples), config)
+    report("clustering", 1, 1)
+    return embedding, labels, sigma
+
+
 def embed_groups(
     samples: Source, groups: JointGroups, spec: LibrarySpec, config: Config, report: Progress
 ) -> dict[str, Embedding | None]:

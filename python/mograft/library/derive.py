@@ -16,7 +16,7 @@ from mograft.errors import SkeletonMismatchError, join_names, suggest_name
 from mograft.library.clip_table import ClipInfo
 from mograft.library.clusters import (
     cluster_groups,
-    embed_groups,
+    compare_segments,
     join_boundary_states,
     nearest_clusters,
 )
@@ -98,8 +98,9 @@ class DerivableLibrary(LibraryData):
             rows.append(sample_segments(image, cut, self.spec, self.config).pack())
             states.append(boundary_states(image, cut))
         samples = Samples(np.concatenate(rows), self.config.samples, self.skeleton.n_joints)
-        embedding = embed_groups(samples, self.groups, self.spec, self.config, _ignore)
-        labels, sigma = cluster_groups(embedding, 2 * len(self.segments), self.config)
+        embedding, labels, sigma = compare_segments(
+            samples, self.groups, self.spec, self.config, _ignore
+        )
         images = replace(self.segments, clip=self.segments.clip + n)
         infos = zip(self.entries + self.entries, names, strict=True)
         return replace(

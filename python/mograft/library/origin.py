@@ -6,10 +6,10 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import overload
 
 import numpy as np
 
+from mograft._util.containers import LazySequence
 from mograft.body.mirroring import MirroredClips
 from mograft.errors import MograftError
 from mograft.io.addresses import join_address, read_clip
@@ -52,7 +52,7 @@ class ClipOrigin:
 
 
 @dataclass(frozen=True, eq=False)
-class PartialClips(Sequence[Motion]):
+class PartialClips(LazySequence[Motion]):
     """Some clips of a library, with the origins of these clips and of the library."""
 
     motions: tuple[Motion, ...]
@@ -62,11 +62,8 @@ class PartialClips(Sequence[Motion]):
     def __len__(self) -> int:
         return len(self.motions)
 
-    @overload
-    def __getitem__(self, index: int) -> Motion: ...
-    @overload
-    def __getitem__(self, index: slice) -> tuple[Motion, ...]: ...
-    def __getitem__(self, index: int | slice) -> Motion | tuple[Motion, ...]:
+    def item(self, index: int) -> Motion:
+        """Return a clip."""
         return self.motions[index]
 
 

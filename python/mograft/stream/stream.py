@@ -17,6 +17,7 @@ from mograft.motion.skeleton import Skeleton
 from mograft.search.boundary_states import pose_gaps
 from mograft.search.constraints import Constraint, Violation, find_violations
 from mograft.search.donor_constraints import find_seam_violations
+from mograft.solve.base import grafted_groups
 from mograft.stream.base_buffer import BOUNDARY_MARGIN, BaseBuffer
 from mograft.stream.checks import (
     check_free_frames,
@@ -30,12 +31,11 @@ from mograft.stream.donors import StreamDonors, StreamRules
 from mograft.stream.pending_segment import PendingSegment
 from mograft.stream.placed_donors import CommittedEnd
 from mograft.stream.search import ChosenDonors, StreamSearch
-from mograft.synthesis.graft_plan import grafted_groups
 from mograft.synthesis.substitution import Substitution
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class StreamPiece:
     """A committed segment of a stream, as `Stream.advance` and `Stream.pieces` return it.
 
     All frames are numbered from the first pushed frame. Successive pieces have successive frames:
@@ -63,7 +63,7 @@ class Piece:
     violations: tuple[Violation, ...]
 
 
-def join_pieces(pieces: Sequence[Piece], name: str = "stream") -> Motion:
+def join_pieces(pieces: Sequence[StreamPiece], name: str = "stream") -> Motion:
     """Join one or more successive pieces to one motion."""
     motions = [piece.motion for piece in pieces]
     values = [motion.channel_values for motion in motions]
@@ -116,10 +116,9 @@ class Stream:
     With `Config.seam` "gradient" and a `horizon` of at least 2, the donor of the next segment is
     chosen together with that of the committed one, and the committed frames are fitted to both.
     This does not apply to segments with constraints on poses, because these are evaluated before
-    the next donor is known, nor to the last one; they have the treatment "inertial". "inertial" and
-    "dead" change only frames after a seam. A stream replaces the other treatments by "inertial",
-    and `Config.torso` by "pelvis": the other values smooth the motion of the base over later
-    frames.
+    the next donor is known, nor to the last one; they have the treatment "inertial", which changes
+    only frames after a seam. A stream replaces the other treatments by "inertial", and
+    `Config.torso` by "pelvis": the other values smooth the motion of the base over later frames.
     Translations are those of the base.
 
     ``Config(choice="random")`` draws uniformly from the donor sequences within the limits, among
@@ -286,19 +285,19 @@ class Stream:
         self._segmenter.close()
         self._is_closed = True
 
-    def pieces(self) -> list[Piece]:
+    def pieces(self) -> list[StreamPiece]:
         """Commit segments with `advance` until it returns None; return their pieces."""
         pieces = []
         while (piece := self.advance()) is not None:
             pieces.append(piece)
         return pieces
 
-    def advance(self) -> Piece | None:
+    def advance(self) -> StreamPiece | None:
         """Commit the next segment.
 
         Returns
         -------
-        Piece or None
+        StreamPiece or None
             The segment; None if fewer than `horizon` segments are known and the stream is not
             closed, or if all segments are committed.
         """
@@ -325,7 +324,7 @@ class Stream:
         self._base.discard_before(bounds[0] - BOUNDARY_MARGIN)
         return piece
 
-    def _commit(self, segment: PendingSegment, chosen: ChosenDonors) -> Piece:
+    def _commit(self, segment: PendingSegment, chosen: ChosenDonors) -> StreamPiece:
         """Return the piece for a segment and its chosen donors; store its end for the next seam."""
         # The first frame belongs to the previous piece.
         new = slice(1 if self._n_committed else 0, None)
@@ -356,7 +355,7 @@ class Stream:
                 poses.frames[new], poses.rotations[new], poses.positions[new]
             )
             violations += find_violations(segment.pose_constraints, new_poses)
-        return Piece(
+        return StreamPiece(
             motion=motion,
             start=segment.start + new.start,
             stop=segment.stop,

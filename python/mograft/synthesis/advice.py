@@ -76,7 +76,7 @@ def _cause_of_no_exchange(graft: Graft) -> str:
         return "the base satisfies the constraints, or no candidate satisfies them better"
     if all((counts == 0).all() for counts in graft.alternatives.values()):
         return "no segment has a candidate"
-    if graft.repairs:
+    if graft.self_repairs:
         return (
             "self-repair restored the captured parts, because all donors exceed the acceleration, "
             "jerk or floor depth of the base; `self_repair=False` keeps the exchanges"

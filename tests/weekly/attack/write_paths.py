@@ -81,7 +81,7 @@ WRITE_PATHS = (
         ordered=("g.bvh", "g.json"),
     ),
     WritePath("lib export --format csv", CSV, (*CSV, *FORCE)),
-    WritePath("lib export --npz", NPZ, (*NPZ, *FORCE)),
+    WritePath("lib export --format npz", NPZ, (*NPZ, *FORCE)),
     WritePath("groups", GROUPS, (*GROUPS, *FORCE)),
     WritePath("view", PAGE, (*PAGE, *FORCE)),
     WritePath("export", GLB, (*GLB, *FORCE)),

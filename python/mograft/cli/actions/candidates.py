@@ -4,11 +4,11 @@ import math
 from typing import Any
 
 from mograft.cli.configuration import flags_in_errors, load_library
-from mograft.cli.constraints import check_frames, read_constraints, read_obstacles
+from mograft.cli.constraints import FLAGS, read_constraints
 from mograft.cli.output import print_result
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.frames import resolve_frame
-from mograft.cli.syntax.graft_options import CandidatesOptions
+from mograft.cli.syntax.options import CandidatesOptions
 from mograft.errors import join_names, suggest_name
 from mograft.library.library import Library
 from mograft.search.candidates import Candidate, Candidates
@@ -21,14 +21,12 @@ def run(options: CandidatesOptions) -> int:
     """Run the command."""
     if (options.segment is None) == (options.frame is None):
         raise UsageError("one of --segment and --frame is required")
-    obstacles = read_obstacles(options)
     library = load_library(options)
-    constraints = read_constraints(options, library, obstacles)
+    constraints = read_constraints(options, library)
     clip, number, segment = _find_segment(library, options)
-    check_frames(options, library.rate, library.entries[clip].n_frames)
     others = [name for name in library.groups.names if name != library.groups.base]
     group = options.group or others[0]
-    with flags_in_errors(group="--group"):
+    with flags_in_errors(group="--group", **FLAGS):
         found = candidates(library, segment, group, constraints)
     name = library.entries[clip].name
     frames = [int(library.segments.start[segment]), int(library.segments.stop[segment])]

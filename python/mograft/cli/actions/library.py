@@ -19,7 +19,7 @@ from mograft.config import Config
 from mograft.errors import join_names
 from mograft.io.addresses import split_address
 from mograft.library.clip_table import ClipInfo
-from mograft.library.discover import SourceFile, find_clips, matching_values, read_tags
+from mograft.library.discover import find_clips, matching_values, read_tags
 from mograft.library.export import export_tables
 from mograft.library.files import storage
 from mograft.library.library import Library
@@ -205,31 +205,11 @@ def _describe_clip(entry: ClipInfo) -> dict[str, Any]:
 def run_verify(options: VerifyOptions) -> int:
     """Run ``lib verify``."""
     differences = storage.verify(options.library)
-    if options.sources and not differences:
-        differences = _verify_sources(options.library)
     for name in storage.list_leftovers(options.library):
         print_remark(f"{name} remains from an interrupted write; the next write removes it")
     document = {"library": str(options.library), "wrong": differences}
     print_result(options, "verify", document, differences or [f"{options.library}: unchanged"])
     return 3 if differences else 0
-
-
-def _verify_sources(folder: Path) -> list[str]:
-    """Return one message for each source file that is missing or has changed.
-
-    Source files are the files from which the library in `folder` was built.
-    """
-    differences: dict[str, None] = {}  # one for all clips of a file
-    for entry in Library.open(folder).entries:
-        source = entry.source_file
-        if source is None:
-            continue
-        try:
-            if SourceFile.from_path(source.path).sha256 != source.sha256:
-                differences[f"{source.path} has changed since the library read it"] = None
-        except OSError as error:
-            differences[f"{source.path}: {error.strerror}"] = None
-    return list(differences)
 
 
 def run_export(options: TablesOptions) -> int:

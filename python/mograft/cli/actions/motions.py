@@ -1,13 +1,11 @@
 """``mograft info``, ``check`` and ``groups``: contents, faults and joint groups of motion files."""
 
-import os
-from collections.abc import Iterable, Iterator
-from itertools import groupby
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from mograft._util.atomic import write_text
-from mograft._util.automatic_groups import automatic_number, is_automatic
+from mograft._util.names import automatic_number, is_automatic
 from mograft.body.faults import HARMLESS_FAULTS, find_faults
 from mograft.body.groups import JointGroups
 from mograft.cli.configuration import selected_skeleton
@@ -16,174 +14,109 @@ from mograft.cli.output import print_error, print_result
 from mograft.cli.syntax.commands import CheckOptions, GroupsOptions, InfoOptions
 from mograft.errors import FormatError
 from mograft.io.addresses import join_address, open_clips, read_clip, split_address
-from mograft.io.bvh.reader import BvhSummary, read_bvh, scan_bvh
+from mograft.io.bvh.reader import read_bvh
+from mograft.io.clips import Clips
 from mograft.io.formats import find_format
 from mograft.library.group_choice import discover_groups
 from mograft.library.spec import describe_match
-from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
-
-MAX_BYTES_IN_MEMORY = 1 << 28
-"""Larger BVH files are scanned without a check for faults."""
 
 
 def run_info(options: InfoOptions) -> int:
     """Describe every file; return exit code 3 if one of them is invalid, else 0."""
     documents: list[dict[str, Any]] = []
     rest, hierarchy = selected_skeleton(options.skeleton), None
-    for path, members in groupby(_find_clips(options.files), key=lambda found: found[0]):
-        names = [name for _, name in members]
+    for address in _find_files(options.files):
+        path, pattern = split_address(address)
         try:
-            clips = _read_clips(path, names, rest, all_faults=options.verbose or options.json)
+            clips = open_clips(path, skeleton=rest)
+            if not len(clips):
+                raise ValueError(f"{path} holds no motion: {'; '.join(clips.notes)}")
+            chosen = range(len(clips)) if pattern is None else clips.find(pattern)
+            found = [_contents(clips, index, options) for index in chosen]
         except FormatError as error:
             documents.append({"file": path, "error": str(error)})
             print_error(str(error))
             continue
         if options.match == "anatomy":
-            own = open_clips(path, skeleton=rest)[clips[0]["clip"] or 0].skeleton
+            own = clips[chosen[0]].skeleton
             hierarchy = hierarchy or own
-            for document in clips:
-                document["match"] = describe_match(hierarchy, own, path)
-        documents += clips
+            found = [
+                {**document, "match": describe_match(hierarchy, own, path)} for document in found
+            ]
+        documents += found
         if not options.json:
-            print(_describe(clips[0]) if len(clips) == 1 else _describe_several(clips))
+            print("\n".join(_describe(found)))
     print_result(options, "info", {"files": documents}, [])
     return 3 if any(document["error"] for document in documents) else 0
 
 
-def _find_clips(names: Iterable[str]) -> Iterator[tuple[str, str | FormatError | None]]:
-    """Yield the path and the clip name of each clip of the given files and folders.
-
-    Clips of a single pose are included if their file is given by name; those in folders are left
-    out as in `find_addresses`. The name is None if a file has only one clip, and the error if the
-    clips of a file cannot be listed.
-    """
+def _find_files(names: Iterable[str]) -> list[str]:
+    """Return the addresses of the files that are given, or that are in the given folders."""
+    found: list[str] = []
     for name in names:
-        try:
-            yield from _find_in(name)
-        except FormatError as error:
-            yield split_address(name)[0], error
+        addresses = expand_folders([name]) if Path(name).is_dir() else []
+        paths = dict.fromkeys(split_address(address)[0] for address in addresses)
+        found += paths or [name]
+    return found
 
 
-def _find_in(name: str) -> list[tuple[str, str | None]]:
-    """Return the path and the clip name of each clip of a file or folder.
-
-    The name is None if the file has only one clip.
-    """
-    if Path(name).is_dir():
-        return list(map(split_address, expand_folders([name])))
-    path, pattern = split_address(name)
-    clips = open_clips(path)
-    chosen = range(len(clips)) if pattern is None else clips.find(pattern)
-    if not len(clips):
-        raise ValueError(f"{path} holds no motion: {'; '.join(clips.notes)}")
-    return [(path, clips.names[index] if len(clips) > 1 else None) for index in chosen]
-
-
-def _read_clips(
-    path: str,
-    names: Iterable[str | FormatError | None],
-    rest: Skeleton | None,
-    *,
-    all_faults: bool,
-) -> list[dict[str, Any]]:
-    """Return the contents of clips of one file; raise the error among `names`, if there is one."""
-    documents = []
-    for name in names:
-        if isinstance(name, FormatError):
-            raise name
-        documents.append(_read(path, name, rest, all_faults=all_faults))
-    return documents
-
-
-def _read(
-    path: str, clip: str | None, rest: Skeleton | None, *, all_faults: bool
-) -> dict[str, Any]:
-    """Return the contents of a clip; without `all_faults`, harmless faults are omitted."""
-    faults: list[str] | None = None
-    summary: BvhSummary | Motion
-    clips = open_clips(path, skeleton=rest)
-    if clips.format == "BVH" and os.path.getsize(path) > MAX_BYTES_IN_MEMORY:
-        summary = scan_bvh(path)
-    else:
-        summary = motion = clips[0 if clip is None else clip]
-        faults = [
-            fault.message
-            for fault in find_faults(motion)
-            if all_faults or fault.kind not in HARMLESS_FAULTS
-        ]
-    skeleton = summary.skeleton
+def _contents(clips: Clips, index: int, options: InfoOptions) -> dict[str, Any]:
+    """Return the contents of a clip; harmless faults only with ``--verbose`` or ``--json``."""
+    motion = clips[index]
+    skeleton = motion.skeleton
     try:
         members = JointGroups.preset("lower_torso_arms", skeleton).resolve(skeleton)
-        groups = {g: [skeleton.names[j] for j in joints] for g, joints in members.items()}
     except ValueError:
-        groups = {}
+        members = {}
     return {
-        "file": path,
+        "file": str(clips.path),
         "error": None,
         "format": clips.format,
-        "clip": clip,
+        "clip": clips.names[index] if len(clips) > 1 else None,
         "joints": skeleton.n_joints,
         "channels": skeleton.n_channels,
-        "frames": summary.n_frames,
-        "frame_time": summary.frame_time,
-        "rate": summary.rate,
-        "seconds": summary.duration,
-        "groups": groups,
+        "frames": motion.n_frames,
+        "frame_time": motion.frame_time,
+        "rate": motion.rate,
+        "seconds": motion.duration,
+        "groups": {g: [skeleton.names[j] for j in joints] for g, joints in members.items()},
         "notes": list(clips.notes),
-        "repairs": list(summary.repairs),
-        "faults": faults,
+        "repairs": list(motion.repairs),
+        "faults": [
+            fault.message
+            for fault in find_faults(motion)
+            if options.verbose or options.json or fault.kind not in HARMLESS_FAULTS
+        ],
     }
 
 
-def _describe(document: dict[str, Any]) -> str:
-    lines = [
-        join_address(document["file"], document["clip"]),
-        f"  {document['joints']} joints, {document['channels']} channels (DoF)",
-        f"  {_length(document)}",
-        *_groups(document),
-        *_notes(document),
-    ]
-    lines += [f"  repaired: {repair}" for repair in document["repairs"]]
-    faults = document["faults"]
-    if faults is None:
-        faults = ["faults were not checked as the file is large: see mograft check"]
-    lines += [f"  warning: {fault}" for fault in faults]
-    return "\n".join(lines)
-
-
-def _describe_several(documents: list[dict[str, Any]]) -> str:
-    """Return the text for several clips of one file."""
-    first = documents[0]
-    lines = [
-        f"{first['file']}",
-        f"  {first['format']}, {len(documents)} clips, {first['joints']} joints",
-        *_groups(first),
-        *_notes(first),
-    ]
-    for document in documents:
+def _describe(clips: Sequence[dict[str, Any]]) -> list[str]:
+    """Return the lines that describe clips of one file."""
+    first = clips[0]
+    lines = [f"  {group}: {' '.join(names)}" for group, names in first["groups"].items()]
+    if not lines:
+        lines = ["  no joint groups recognized: pass your own as a TOML file with --groups"]
+    lines += [f"  note: {note}" for note in first["notes"]]
+    if first.get("match"):
+        lines.append(f"  joints matched by anatomy: {first['match']}")
+    if len(clips) == 1:
+        size = f"  {first['joints']} joints, {first['channels']} channels (DoF)"
+        lines = [join_address(first["file"], first["clip"]), size, f"  {_length(first)}", *lines]
+        lines += [f"  repaired: {repair}" for repair in first["repairs"]]
+        return [*lines, *(f"  warning: {fault}" for fault in first["faults"])]
+    size = f"  {first['format']}, {len(clips)} clips, {first['joints']} joints"
+    lines = [first["file"], size, *lines]
+    for document in clips:
         lines.append(f"  #{document['clip']}: {_length(document)}")
         lines += [f"    warning: {fault}" for fault in document["faults"]]
-    return "\n".join(lines)
+    return lines
 
 
 def _length(document: dict[str, Any]) -> str:
     if document["frames"] == 1:
         return "1 frame"
     return f"{document['frames']} frames at {document['rate']:.6g} fps, {document['seconds']:.2f} s"
-
-
-def _groups(document: dict[str, Any]) -> list[str]:
-    groups = document["groups"]
-    if not groups:
-        return ["  no joint groups recognized: pass your own as a TOML file with --groups"]
-    return [f"  {group}: {' '.join(names)}" for group, names in groups.items()]
-
-
-def _notes(document: dict[str, Any]) -> list[str]:
-    lines = [f"  note: {note}" for note in document["notes"]]
-    match = document.get("match")
-    return lines if not match else [*lines, f"  joints matched by anatomy: {match}"]
 
 
 def run_check(options: CheckOptions) -> int:

@@ -3,9 +3,6 @@
 import json
 import os
 import platform
-import sys
-import tempfile
-import webbrowser
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -14,9 +11,8 @@ from mograft import __version__
 from mograft.cli.output import print_result
 from mograft.cli.settings import Setting, find_config_file, find_settings
 from mograft.cli.syntax.arguments import UsageError
-from mograft.cli.syntax.commands import COMMANDS, CompletionOptions, ShowOptions
+from mograft.cli.syntax.commands import COMMANDS, CompletionOptions, DoctorOptions, ShowOptions
 from mograft.cli.syntax.parser import build_parsers
-from mograft.cli.syntax.shared import ResultOptions
 from mograft.errors import suggest_name
 
 _REQUIRED = "numpy"
@@ -35,14 +31,11 @@ _USES_OF_PACKAGES = {
 }
 
 
-def run_doctor(options: ResultOptions) -> int:
+def run_doctor(options: DoctorOptions) -> int:
     """Print the result of each check; return exit code 1 if a check found a defect, else 0."""
     checks = [
         *_check_packages(),
         _check_graft(),
-        _check_folder("temporary files", Path(tempfile.gettempdir())),
-        _check_folder("this folder", Path.cwd()),
-        _check_browser(),
     ]
     is_ok = all(check["state"] != "broken" for check in checks)
     lines = [f"{check['state']:7} {check['what']}: {check['detail']}" for check in checks]
@@ -81,28 +74,6 @@ def _check_graft() -> dict[str, str]:
         # Any failure, whatever its type, is the finding of this check.
         return _result("a graft", "broken", f"{type(error).__name__}: {error}")
     return _result("a graft", "ok", f"{new.motion.n_frames} frames created")
-
-
-def _check_folder(what: str, path: Path) -> dict[str, str]:
-    try:
-        with tempfile.TemporaryFile(dir=path):
-            return _result(what, "ok", f"{path} is writable")
-    except OSError as error:
-        return _result(what, "broken", f"{path} is not writable: {error.strerror}")
-
-
-def _check_browser() -> dict[str, str]:
-    try:
-        browser = webbrowser.get()
-    except webbrowser.Error:
-        return _result(
-            "browser", "absent", "none found: open the pages that mograft writes yourself"
-        )
-    name = getattr(browser, "name", browser.__class__.__name__)
-    is_headless = sys.platform.startswith("linux") and not (
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    )
-    return _result("browser", "ok", f"{name}{', but no display' if is_headless else ''}")
 
 
 def run_config(options: ShowOptions) -> int:

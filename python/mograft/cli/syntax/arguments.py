@@ -4,11 +4,11 @@ The parser, the settings that the configuration file and the environment may hol
 completion are derived from these declarations. A command receives an instance of its dataclass.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
-from typing import Any
+from typing import Any, ClassVar
 
-from mograft.cli.syntax.values import one_of
+from mograft.cli.syntax.values import TEXT, Value
 
 SECTIONS = (
     "input",
@@ -23,8 +23,7 @@ SECTIONS = (
     "general",
 )
 """Headings of ``--help``, in their order."""
-INPUT, KEEP, CHANGE, DIFFERENT, PLACE, DONORS, SCENARIO, OPTIONS, OUTPUT, GENERAL = SECTIONS
-EXPERT_SECTIONS = (DONORS, SCENARIO)
+EXPERT_SECTIONS = ("donors", "scenario")
 """Headings of options that only ``--help-all`` shows."""
 
 
@@ -36,16 +35,19 @@ class UsageError(Exception):
 class Argument:
     """How the command line, the configuration file and the environment give a field a value."""
 
-    keywords: Mapping[str, Any]  # Keyword arguments of `argparse.ArgumentParser.add_argument`.
-    dest: str = ""  # The name of the field.
-    short: str | None = None  # A second flag, such as ``-n``.
-    section: str = OPTIONS  # Heading in ``--help``.
+    help: str
+    value: Value | None  # None for an option that takes no value.
+    default: Any
     details: str = ""  # Continues the help text in ``--help-all``.
-    is_expert: bool = False  # Whether only ``--help-all`` shows it, as all of `EXPERT_SECTIONS`.
+    short: str | None = None  # A second flag, such as ``-n``.
+    count: str | None = None  # ``nargs`` of a positional argument.
     is_positional: bool = False
+    is_required: bool = False
+    is_repeated: bool = False  # Whether the value is a tuple of all values that are given.
+    is_expert: bool = False  # Whether only ``--help-all`` shows it, as all of `EXPERT_SECTIONS`.
     is_setting: bool = False  # Whether the configuration file and the environment may set it.
-    is_path: bool = False  # Whether the shell completes the value as a file name.
-    default: Any = None
+    dest: str = ""  # The name of the field.
+    section: str = "options"  # Heading in ``--help``.
 
     @property
     def name(self) -> str:
@@ -60,101 +62,63 @@ class Argument:
         return (*((self.short,) if self.short else ()), f"--{self.name}")
 
     @property
-    def is_switch(self) -> bool:
-        """Whether the option takes no value."""
-        return self.keywords.get("action") == "store_true"
-
-    @property
-    def is_repeated(self) -> bool:
-        """Whether the value is a tuple of all values that are given."""
-        return self.keywords.get("action") == "append" or self.keywords.get("nargs") not in (
-            None,
-            "?",
-        )
-
-    @property
-    def placeholder(self) -> str:
-        """What stands for the value in help texts."""
-        return str(self.keywords.get("metavar") or self.name.upper())
+    def usage(self) -> str:
+        """How the usage line shows a positional argument or a required option."""
+        assert self.value is not None
+        forms = {"+": "{} ...", "*": "[{} ...]", "?": "[{}]", None: "{}"}
+        shown = forms[self.count].format(self.value.placeholder)
+        return shown if self.is_positional else f"{self.flags[0]} {shown}"
 
 
 def option(
     help: str,  # noqa: A002 - as add_argument
-    convert: Callable[[str], Any] = str,
+    value: Value | None = TEXT,
     default: object = None,
-    *,
-    details: str = "",
-    section: str = OPTIONS,
-    short: str | None = None,
-    is_expert: bool = False,
-    is_setting: bool = False,
-    is_path: bool = False,
-    **keywords: Any,  # noqa: ANN401 - as add_argument
+    **more: Any,  # noqa: ANN401 - fields of `Argument`
 ) -> Any:  # noqa: ANN401 - the type of the field
-    """Return a field for an option with one value, or for several with ``action="append"``.
-
-    `convert` parses the text of a value. `details` continues the text `help` in ``--help-all``.
-    The other arguments are fields of `Argument` and `keywords` of ``add_argument``.
-    """
-    if "choices" in keywords:
-        convert = one_of(keywords["choices"])
-    keywords |= {"help": help, "type": convert}
-    if keywords.get("action") == "append":
-        default = ()
-    return _field(
-        default=default,
-        keywords=keywords,
-        details=details,
-        section=section,
-        short=short,
-        is_expert=is_expert,
-        is_setting=is_setting,
-        is_path=is_path,
-    )
-
-
-def setting(*values: Any, **keywords: Any) -> Any:  # noqa: ANN401 - those of `option`
-    """Return an option that the configuration file and the environment may also set."""
-    return option(*values, is_setting=True, **keywords)
-
-
-def repeated(*values: Any, **keywords: Any) -> Any:  # noqa: ANN401 - those of `option`
-    """Return an option that may be given several times; its value is the tuple of all values."""
-    return option(*values, action="append", **keywords)
-
-
-def switch(help: str, *, is_setting: bool = False, **more: Any) -> Any:  # noqa: A002, ANN401
-    """Return a field for an option that takes no value; `more` has fields of `Argument`."""
-    keywords = {"action": "store_true", "help": help}
-    return _field(default=False, keywords=keywords, is_setting=is_setting, **more)
-
-
-def positional(help: str, *, is_path: bool = False, **keywords: Any) -> Any:  # noqa: A002, ANN401
-    """Return a field for a positional argument; `keywords` are those of ``add_argument``."""
-    if "choices" in keywords:
-        keywords["type"] = one_of(keywords["choices"])
-    keywords["help"] = help
-    return _field(default=MISSING, keywords=keywords, is_path=is_path, is_positional=True)
-
-
-def _field(*, default: Any, **values: Any) -> Any:  # noqa: ANN401
-    argument = Argument(default=None if default is MISSING else default, **values)
+    """Return a field for an option; `more` has fields of `Argument`."""
+    argument = Argument(help=help, value=value, default=default, **more)
     return field(default=default, metadata={"argument": argument})
+
+
+def setting(*values: Any, **more: Any) -> Any:  # noqa: ANN401 - those of `option`
+    """Return an option that the configuration file and the environment may also set."""
+    return option(*values, is_setting=True, **more)
+
+
+def repeated(help: str, value: Value, **more: Any) -> Any:  # noqa: A002, ANN401 - those of `option`
+    """Return an option that may be given several times; its value is the tuple of all values."""
+    return option(help, value, (), is_repeated=True, **more)
+
+
+def switch(help: str, **more: Any) -> Any:  # noqa: A002, ANN401 - those of `option`
+    """Return an option that takes no value."""
+    return option(help, None, default=False, **more)
+
+
+def positional(help: str, value: Value, count: str | None = None) -> Any:  # noqa: A002, ANN401
+    """Return a field for a positional argument; `count` is ``nargs`` of ``add_argument``."""
+    is_repeated = count in ("+", "*")
+    own = {"count": count, "is_positional": True, "is_repeated": is_repeated}
+    argument = Argument(help=help, value=value, default=None, **own)  # type: ignore[arg-type]
+    return field(default=MISSING, metadata={"argument": argument})
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """The options of a command, and how they were given; base class of all options."""
+    """The options of a command, and how they were given; base class of all options.
 
-    quiet: bool = switch(
-        "print only results and errors", short="-q", section=GENERAL, is_expert=True
-    )
-    verbose: bool = switch(
-        "also print details that require no action",
-        short="-v",
-        section=GENERAL,
-        is_expert=True,
-    )
+    The argument `section` of a subclass is the heading in ``--help`` of the options that it
+    declares.
+    """
+
+    section: ClassVar[str] = "general"
+
+    def __init_subclass__(cls, section: str = "options") -> None:
+        cls.section = section
+
+    quiet: bool = switch("print only results and errors", short="-q", is_expert=True)
+    verbose: bool = switch("also print details that require no action", short="-v", is_expert=True)
     words: tuple[str, ...] = ()  # The command line.
     origins: Mapping[str, str] = field(default_factory=dict)
     """The file or the environment variable of each field that a setting gives a value."""
@@ -169,14 +133,22 @@ class Options:
 
 @dataclass(frozen=True)
 class Command:
-    """A command such as ``mograft graft``, or a subcommand such as ``mograft lib verify``."""
+    """A command such as ``mograft graft``, or a subcommand such as ``mograft lib verify``.
+
+    The docstring of its options is its description.
+    """
 
     name: str
-    help: str  # One line for the list of commands.
     options: type[Options] = Options
     run: str = ""  # ``MODULE:FUNCTION`` in `mograft.cli.actions`; it returns the exit code.
-    description: str | None = None  # Paragraph above the arguments in ``--help``.
+    summary: str | None = None  # Its line in the list of commands, if it has subcommands.
     actions: tuple["Command", ...] = ()  # Its subcommands, such as ``mograft lib verify``.
+
+    @property
+    def help(self) -> str:
+        """Its line in the list of commands."""
+        first = (self.options.__doc__ or "").partition("\n")[0].rstrip(".")
+        return self.summary or first[:1].lower() + first[1:]
 
     def arguments(self) -> Iterator[Argument]:
         """Iterate over the arguments of the command."""
@@ -188,7 +160,16 @@ class Command:
 
 
 def arguments_of(options: Options | type[Options]) -> Iterator[Argument]:
-    """Iterate over the arguments that the fields of options declare."""
+    """Iterate over the arguments that the fields of options declare, positional ones first."""
+    classes: Any = (options if isinstance(options, type) else type(options)).__mro__
+    found = []
     for own in fields(options):
         if "argument" in own.metadata:
-            yield replace(own.metadata["argument"], dest=own.name)
+            argument, section = own.metadata["argument"], "input"
+            if not argument.is_positional:  # The class that declares the field has its default.
+                section = next(c.section for c in classes if own.name in vars(c))
+            found.append(replace(argument, dest=own.name, section=section))
+    # An argument of several words takes all that follow.
+    return iter(
+        sorted(found, key=lambda a: (not a.is_positional, a.is_positional and a.is_repeated))
+    )

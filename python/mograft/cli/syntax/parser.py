@@ -9,7 +9,6 @@ from mograft import __version__
 from mograft.cli.settings import Setting, find_settings
 from mograft.cli.syntax.arguments import (
     EXPERT_SECTIONS,
-    INPUT,
     SECTIONS,
     Argument,
     Command,
@@ -80,7 +79,7 @@ def build_parsers(
                 prog=f"mograft {' '.join(words)}",
                 usage=f"mograft {' '.join(words)} {_summarize(command)}",
                 help=command.help,
-                description=command.description,
+                description=None if command.actions else command.options.__doc__,
                 add_help=bool(command.actions),
                 formatter_class=_formatter,
             )
@@ -97,29 +96,18 @@ def build_parsers(
 
 def _add_arguments(parser: Any, command: Command, *, is_completion: bool) -> None:  # noqa: ANN401 - argparse or shtab
     arguments = list(command.arguments())
-    # An argument of several words takes all that follow.
-    positionals = sorted((a for a in arguments if a.is_positional), key=lambda a: a.is_repeated)
     short_texts: dict[argparse.Action, str] = {}
     for section in SECTIONS:
-        members = [a for a in arguments if a.section == section and not a.is_positional]
-        if section == INPUT:
-            members = [*positionals, *members]
+        members = [argument for argument in arguments if argument.section == section]
         if members:
             group = parser.add_argument_group(section)
         for argument in members:
-            keywords = dict(argument.keywords)
-            if argument.details:
-                keywords["help"] = f"{keywords['help']}; {argument.details}"
-            if not argument.is_positional:
-                keywords |= {"default": argument.default, "dest": argument.dest}
-            if argument.is_repeated and not argument.is_positional:
-                keywords["default"] = None  # argparse appends to a list
-            action = group.add_argument(*argument.flags, **keywords)
+            action = group.add_argument(*argument.flags, **_keywords(argument))
             if argument.is_expert or section in EXPERT_SECTIONS:
                 short_texts[action] = argparse.SUPPRESS
             elif argument.details:
-                short_texts[action] = argument.keywords["help"]
-            if is_completion:
+                short_texts[action] = argument.help
+            if is_completion and argument.value is not None:
                 _add_completion(action, argument)
     if all(action.dest in _GENERAL for action in short_texts):
         short_texts.clear()
@@ -130,11 +118,29 @@ def _add_arguments(parser: Any, command: Command, *, is_completion: bool) -> Non
         group.add_argument("--help-all", action="help", help="show all options, with details")
 
 
+def _keywords(argument: Argument) -> dict[str, Any]:
+    """Return the keyword arguments of ``add_argument``."""
+    text = f"{argument.help}; {argument.details}" if argument.details else argument.help
+    keywords: dict[str, Any] = {"help": text.replace("%", "%%")}
+    if argument.value is None:
+        return keywords | {"action": "store_true", "dest": argument.dest}
+    keywords |= {"type": argument.value.convert, "metavar": argument.value.placeholder}
+    if argument.is_positional:
+        return keywords | {"nargs": argument.count}
+    if argument.is_repeated:
+        return keywords | {"action": "append", "dest": argument.dest}
+    default, required = argument.default, argument.is_required
+    return keywords | {"default": default, "required": required, "dest": argument.dest}
+
+
 def _add_completion(action: Any, argument: Argument) -> None:  # noqa: ANN401 - shtab adds attributes
-    if argument.is_path:
+    assert argument.value is not None
+    if argument.value.is_path:
         import shtab
 
         action.complete = shtab.FILE
+    if argument.value.choices:
+        action.choices = argument.value.choices
     if argument.dest == "set":
         from mograft.config_text import field_choices
 
@@ -145,19 +151,8 @@ def _summarize(command: Command) -> str:
     """Return the positional arguments and the required options of a command, as one line."""
     if command.actions:
         return "ACTION [options]"
-    forms = {"+": "{} ...", "*": "[{} ...]", "?": "[{}]"}
-    arguments = list(command.arguments())
-    positionals = sorted((a for a in arguments if a.is_positional), key=lambda a: a.is_repeated)
-    words = [
-        forms.get(argument.keywords.get("nargs", ""), "{}").format(argument.placeholder)
-        for argument in positionals
-    ]
-    words += [
-        f"{argument.flags[0]} {argument.placeholder}"
-        for argument in arguments
-        if argument.keywords.get("required")
-    ]
-    return " ".join([*words, "[options]"])
+    shown = (a.usage for a in command.arguments() if a.is_positional or a.is_required)
+    return " ".join([*shown, "[options]"])
 
 
 def _check_names(

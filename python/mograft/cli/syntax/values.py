@@ -3,11 +3,33 @@
 import math
 from argparse import ArgumentTypeError
 from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from mograft._util.automatic_groups import AUTOMATIC, automatic_number, is_automatic
-from mograft.cli.syntax.frames import Range, frame_or_frames, frames
+from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
+from mograft.cli.syntax.frames import (
+    Range,
+    ban,
+    frame,
+    frame_count,
+    frame_or_frames,
+    frames,
+    segment_value,
+    take,
+)
 from mograft.errors import suggest_name
+
+
+@dataclass(frozen=True)
+class Value:
+    """How the text of an option is parsed, and what stands for it in help texts."""
+
+    placeholder: str
+    convert: Callable[[str], Any] = str
+    is_path: bool = False  # Whether the shell completes it as a file name.
+    choices: tuple[str, ...] = ()
+
 
 SHAPE_NUMBERS = {"sphere": 4, "capsule": 7, "box": 6, "wall": 6}
 """How many numbers describe each shape of ``--avoid``."""
@@ -194,3 +216,31 @@ def face(text: str) -> tuple[Point, Range | None]:
     """Parse ``X,Y,Z[@FIRST-LAST]`` into a position, and a range of frames or None."""
     place, separator, range_text = text.partition("@")
     return _point(place), frames(range_text) if separator else None
+
+
+def choice(*words: str, placeholder: str | None = None) -> Value:
+    """Return a value that is one of `words`."""
+    return Value(placeholder or "|".join(words), one_of(words), choices=words)
+
+
+TEXT = Value("TEXT")
+NAME = Value("NAME")
+COUNT = Value("N", positive_integer)
+INDEX = Value("N", non_negative_integer)
+NUMBER = Value("X", positive_number)
+RATE = Value("FPS", positive_number)
+SECONDS = Value("S", positive_number)
+FILES = Value("FILE", is_path=True)
+LIBRARY_OR_FILES = Value("LIB|FILE", is_path=True)
+PATH = Value("PATH", Path, is_path=True)
+DIR = Value("DIR", Path, is_path=True)
+FILE = Value("FILE", Path, is_path=True)
+SOURCE = Value("FILE", is_path=True)
+CLIPS = Value("CLIP,...", names)
+TAGS = Value("TAG,...", names)
+FRAME = Value("N|S", frame)
+FRAMES = Value("FIRST-LAST", frames)
+LENGTH = Value("N|S", frame_count)
+SEGMENT = Value("SEGMENT", segment_value)
+TAKE = Value("SEGMENT=CLIP:FIRST-LAST", take)
+BAN = Value("SEGMENT[=CLIP[:FIRST-LAST]]", ban)

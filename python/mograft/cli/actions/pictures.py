@@ -1,4 +1,4 @@
-"""``mograft plot``: pictures of motions and of their clusters."""
+"""``mograft view`` and ``mograft plot``: motions and their clusters as pages and pictures."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mograft._util.atomic import atomic_path
-from mograft._util.automatic_groups import AUTOMATIC, automatic_number, is_automatic
+from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
 from mograft.analysis.group_discovery import GroupDiscovery
 from mograft.body.groups import JointGroups
 from mograft.cli.configuration import (
@@ -20,15 +20,17 @@ from mograft.cli.configuration import (
     selected_skeleton,
 )
 from mograft.cli.files import (
+    check_suffix,
     check_writable,
     expand_folders,
     frame_range,
     library_folder,
     select_clips,
 )
+from mograft.cli.graft_files import open_page
 from mograft.cli.output import print_result
 from mograft.cli.syntax.arguments import UsageError
-from mograft.cli.syntax.commands import PlotOptions
+from mograft.cli.syntax.commands import PlotOptions, ViewOptions
 from mograft.cli.syntax.frames import resolve_frames
 from mograft.config import Config
 from mograft.io.addresses import read_clip, split_address
@@ -37,12 +39,12 @@ from mograft.library.group_choice import discover_groups, discover_in_library
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.viewing import plot
+from mograft.viewing.page import temporary_path, view
 from mograft.viewing.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_ENDINGS = (".png", ".svg", ".pdf")
 _CLUSTER_KINDS = {
     "pca": plot.pca,
     "dendrogram": plot.dendrogram,
@@ -56,11 +58,37 @@ _KINDS_OF_OPTION: Mapping[str, tuple[str, ...]] = {
 }
 
 
-def run(options: PlotOptions) -> int:
+def run_view(options: ViewOptions) -> int:
+    """Run the command."""
+    if options.output is not None:
+        check_suffix(options.output, ".html", ".htm")
+        check_writable([options.output], force=options.force, inputs=options.files)
+    folder = library_folder(options.files)
+    if options.clip and folder is None:
+        raise UsageError("--clip requires a library")
+    if folder is None:
+        files = expand_folders(options.files)
+        config, skeleton = selected_config(options), selected_skeleton(options.skeleton)
+        groups = figure_groups(options.groups, files, config, skeleton)
+        page = view(*files, groups=groups, config=config, show=False, skeleton=skeleton)
+    else:
+        refuse_fixed_options(options, "groups", "skeleton")
+        library = Library.open(folder)
+        clips = Scene.of_clips(library, select_clips(library, options.clip))
+        page = view(clips, show=False)
+    target = options.output or temporary_path()
+    target.parent.mkdir(parents=True, exist_ok=True)
+    path = page.save(target, force=True)
+    print_result(options, "view", {"file": str(path), "title": page.title}, [path])
+    if options.output is None or options.open:
+        open_page(path)
+    return 0
+
+
+def run_plot(options: PlotOptions) -> int:
     """Run the command."""
     target = options.output
-    if target.suffix.lower() not in _ENDINGS:
-        raise UsageError(f"-o must end in {', '.join(_ENDINGS)}, got {target.name}")
+    check_suffix(target, ".png", ".svg", ".pdf")
     check_writable([target], force=options.force, inputs=options.files)
     try:
         import matplotlib as mpl
@@ -78,7 +106,7 @@ def run(options: PlotOptions) -> int:
         target.parent.mkdir(parents=True, exist_ok=True)
         try:
             with atomic_path(target) as draft:
-                figure.savefig(draft, dpi=options.dpi, metadata=metadata)
+                figure.savefig(draft, dpi=150, metadata=metadata)
         finally:
             pyplot.close("all")
     print_result(options, "plot", {"file": str(target), "kind": options.kind}, [target])

@@ -1,32 +1,95 @@
-"""Completion of each `Reach` of a graft by inverse kinematics, unless it breaks a constraint."""
+"""The last steps of a graft: feet are planted, and limbs brought to the targets of `Reach`."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray
+from mograft._util.arrays import BoolArray
+from mograft.blend.foot_planting import FeetReport, plant_feet
 from mograft.blend.reach_completion import ReachCompletion, ReachLimits, complete_reaches
+from mograft.body.contacts import detect_contacts, find_legs
 from mograft.body.hierarchy import subtree_mask
 from mograft.body.limbs import find_limb
 from mograft.motion.motion import Motion
+from mograft.scenario.realize import donor_contacts
 from mograft.search.constraints import Constraint, overlaps
+from mograft.search.costs import excess
 from mograft.search.donor_constraints import KeepOriginal
 from mograft.search.pose_constraints import Reach
+from mograft.search.trellis import DonorSequences
 from mograft.solve.search_problem import SearchProblem
 
 _MAX_INCREASE = 1e-6  # tolerances; a smaller increase of a violation is rounding
 
 
-def active_reaches(constraints: Sequence[Constraint]) -> list[Reach]:
-    """Return each `Reach` among constraints that has an effect: all except those of weight 0.
+@dataclass(frozen=True, eq=False)
+class FinishedMotion:
+    """A motion with planted feet and completed reaches, and what was changed."""
 
-    Instances of subclasses of `Reach` are left out, because provenance cannot restore them.
+    motion: Motion
+    feet: FeetReport | None  # None if no foot was planted
+    completions: tuple[ReachCompletion, ...]
+
+
+def finish_motion(
+    problem: SearchProblem,
+    motion: Motion,
+    donors: DonorSequences,
+    reaches: Sequence[Reach] | None = None,
+) -> FinishedMotion:
+    """Plant the feet of an assembled motion, and bring limbs to the targets of `reaches`.
+
+    By default `reaches` are those among the constraints, except those of weight 0 and instances of
+    subclasses, which provenance cannot restore.
     """
-    return [own for own in constraints if type(own) is Reach and own.weight != 0]
+    planted, feet = _plant_feet(problem, motion, donors)
+    if reaches is None:
+        reaches = [own for own in problem.constraints if type(own) is Reach and own.weight != 0]
+    finished, completions = _finish_reaches(problem, planted, reaches)
+    return FinishedMotion(finished, feet, completions)
 
 
-def finish_reaches(
+def _plant_feet(
+    problem: SearchProblem, motion: Motion, donors: DonorSequences
+) -> tuple[Motion, FeetReport | None]:
+    """Plant each foot in its contacts of the new motion and in those of its donors' clips.
+
+    A foot is planted in every frame in which it touches the floor in the new motion or touched it
+    in its donor's clip. The motion is not changed if `Config.feet` is "never" or if no exchanged
+    group drives the feet.
+    """
+    library, skeleton = problem.library, motion.skeleton
+    if library.config.feet == "never":
+        return motion, None
+    legs = find_legs(skeleton)
+    donors_of = {
+        int(joint): sequence
+        for group, sequence in donors.items()
+        for joint in library.joints(group)
+        if joint not in problem.divided_channels[group]
+    }
+    exchanged = {
+        joint for joint, sequence in donors_of.items() if (sequence != problem.scenario).any()
+    }
+    above_root = set(skeleton.ancestors(library.root))
+    driving = {joint for leg in legs for joint in (leg.ankle, *skeleton.ancestors(leg.ankle))}
+    if exchanged.isdisjoint(driving - above_root):
+        return motion, None
+    sources = [donors_of.get(leg.ankle, problem.scenario) for leg in legs]
+    contacts, heights = donor_contacts(library, problem.base_segments, sources)
+    return plant_feet(
+        motion,
+        # Contacts of the donors' feet, and contacts detected in the new motion.
+        contacts | detect_contacts(motion),
+        movable_legs=problem.movable_legs,
+        move_root=library.root in donors_of,
+        floor_reference=problem.base,
+        min_heights=heights,
+    )
+
+
+def _finish_reaches(
     problem: SearchProblem, motion: Motion, reaches: Sequence[Reach]
 ) -> tuple[Motion, tuple[ReachCompletion, ...]]:
     """Move limbs to the targets of `reaches` within `Config.reach_ik`; return motion and results.
@@ -114,13 +177,7 @@ def _broken_constraint(
         for motion in (before, after)
     ]
     for constraint in _other_constraints(problem):
-        old, new = (_excess(constraint.errors(own, joints)[0]) for own in poses)
+        old, new = (excess(constraint.errors(own, joints)[0]) for own in poses)
         if (new > old + _MAX_INCREASE).any():
             return type(constraint).__name__
     return ""
-
-
-def _excess(errors: FloatArray) -> FloatArray:
-    """Return by how much errors, in tolerances, exceed 1; 0 if they do not."""
-    excess: FloatArray = np.maximum(errors - 1.0, 0.0)
-    return excess

@@ -1,13 +1,30 @@
-"""Violations of hard constraints on clips, frames and lengths of donors."""
+"""Violations of hard constraints by a finished motion, its donors and its seams."""
 
 import numpy as np
 
 from mograft._util.arrays import IntArray
-from mograft.search.constraints import Constraint, Violation, overlaps
+from mograft.motion.motion import Motion
+from mograft.search.constraints import Constraint, Violation, find_violations, overlaps
 from mograft.search.costs import origin_violations
-from mograft.search.donor_constraints import OnlyFrom
+from mograft.search.donor_constraints import OnlyFrom, find_seam_violations
 from mograft.search.trellis import DonorSequences
 from mograft.solve.search_problem import SearchProblem
+
+
+def find_motion_violations(
+    problem: SearchProblem, motion: Motion, donors: DonorSequences
+) -> list[Violation]:
+    """Return the violations of hard constraints by a finished motion and its donors."""
+    if not problem.constraints:
+        return []
+    found = find_violations(problem.constraints, problem.poses_of(motion))
+    found += find_donor_violations(problem, donors)
+    seam_frames = problem.base_segments.stop[:-1].tolist()
+    for constraint in problem.constraints:
+        for group, sequence in donors.items():
+            angles = problem.pools[group].seam_angles_along(sequence).tolist()
+            found += find_seam_violations([constraint], group, seam_frames, angles)
+    return found
 
 
 def find_donor_violations(problem: SearchProblem, donors: DonorSequences) -> list[Violation]:
