@@ -13,9 +13,6 @@ from mograft.errors import suggest_name
 T = TypeVar("T")
 S = TypeVar("S")
 
-AUTOMATIC_SCALE = "auto"
-"""Value of `Config.sigma_scale` that chooses the scale of each group from the data."""
-
 
 @dataclass(frozen=True, eq=False)
 class Registry(Generic[T]):
@@ -59,11 +56,6 @@ class Registry(Generic[T]):
 _DESCRIPTIONS = {
     "segmentation": {
         "energy": "extrema of the kinetic energy, as in the paper",
-        "com": "steps and flights: lowest points of the centre of mass, take-offs and landings",
-        "contacts": "frames in which a foot starts or stops touching the floor",
-        "pca": "behaviours: poses that leave the hyperplane of the poses before",
-        "ppca": "behaviours: changes of the distribution of poses",
-        "gmm": "behaviours: clusters of poses",
         "beats": "beats of a rhythmic motion",
     },
     "omega": {
@@ -74,6 +66,10 @@ _DESCRIPTIONS = {
         "own": "moment of inertia of the link alone",
         "subtree": "moment of inertia of the link and of all links below it",
         "unit": "moment of inertia 1 for every link",
+    },
+    "sigma": {
+        "rms": "root mean square distance of the segments from their mean",
+        "literal": "square root of the mean distance, as the paper prints it",
     },
     "neighbourhood": {
         "cluster": "the base segment's cluster, as in the paper",
@@ -92,7 +88,6 @@ _DESCRIPTIONS = {
         "paper": "displacement over the segments, then a cubic through the seam window",
         "displacement": "the pose gap spread over both segments",
         "inertial": "a decaying offset after the seam only",
-        "dead": "a cross-fade after the seam from the extrapolated motion before it",
     },
     "alignment": {
         "uniform": "donors stretched at a constant rate",
