@@ -6,10 +6,11 @@ from dataclasses import Field, dataclass, field, fields, replace
 from numbers import Real
 from typing import Any, Literal, TypeVar
 
+from mograft._util.containers import FrozenMapping
 from mograft._util.cut_frames import freeze_cut_frames
-from mograft._util.frozen_mapping import FrozenMapping
 from mograft._util.registry import CONFIG_OPTIONS
 from mograft._util.validate import is_integer, python_scalar
+from mograft.errors import suggest_name
 
 FRAME = 1.0 / 30.0
 """Seconds per frame of the paper's recordings: its segment lengths show 30 frames per second."""
@@ -373,9 +374,11 @@ class Config:
         Raises ValueError if a name is not a field, a value is out of range, or `segmentation` was a
         function.
         """
-        unknown = set(values) - {own.name for own in fields(cls)}
+        names = [own.name for own in fields(cls)]
+        unknown = sorted(set(values) - set(names))
         if unknown:
-            raise ValueError(f"unknown fields of Config: {', '.join(sorted(unknown))}")
+            hint = suggest_name(unknown[0], names)
+            raise ValueError(f"unknown fields of Config: {', '.join(unknown)}{hint}")
         given: dict[str, Any] = {k: math.inf if v is None else v for k, v in values.items()}
         chosen = given.get("segmentation")
         if isinstance(chosen, str) and chosen.startswith(_FUNCTION):

@@ -69,8 +69,8 @@ block = clean_up_by(lambda: print("action", flush=True))
 block.__enter__()
 child = os.fork()
 if child == 0:
-    import atexit
-    atexit._run_exitfuncs()
+    from mograft._util.cleanup import clean_up
+    clean_up()
     os._exit(0)
 os.waitpid(child, 0)
 print("parent", flush=True)

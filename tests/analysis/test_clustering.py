@@ -140,16 +140,6 @@ def test_linkage_condensed_equals_linkage_of_points(points):
     np.testing.assert_array_equal(clustering.linkage_condensed(distances, memory_limit=0), tree)
 
 
-@pytest.mark.parametrize("n_axes", [1, 2, 30, 300])
-def test_linkage_any_number_of_axes_equals_scipy(n_axes):
-    points = np.random.default_rng(n_axes).standard_normal((700, n_axes))
-    expected = hierarchy.complete(pdist(points))
-    for memory_limit in (0, None):
-        np.testing.assert_array_equal(
-            clustering.linkage(points, memory_limit=memory_limit), expected
-        )
-
-
 def test_linkage_recorded_embedding_equals_scipy():
     if not REAL.exists():
         pytest.skip(f"needs the embedded motions of {REAL.name}")

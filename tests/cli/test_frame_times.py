@@ -85,32 +85,6 @@ def test_avoid_and_reach_accept_ranges():
     )
 
 
-def graft_constraints(run, folder, *words):
-    code, _, err = run("graft", folder, "-o", "x.bvh", "--force", "--best-effort", *words)
-    assert code == 0, err
-    with open("x.json") as file:
-        return json.load(file)
-
-
-@pytest.mark.parametrize(
-    ("in_frames", "in_seconds"),
-    [
-        (["--keep", "60-90"], ["--keep", "2s-3s"]),
-        (["--reach", "60-63:LeftHand:0,100,0"], ["--reach", "2s-2.1s:LeftHand:0,100,0"]),
-        (["--face", "0,150,300@60-90"], ["--face", "0,150,300@2s-3s"]),
-        (["--avoid", "sphere:0,90,0,9@60-90"], ["--avoid", "sphere:0,90,0,9@2s-3s"]),
-    ],
-    ids=lambda words: words[0],
-)
-def test_graft_seconds_equal_frames(run, folder, in_frames, in_seconds):
-    documents = [graft_constraints(run, folder, *words) for words in (in_frames, in_seconds)]
-    for document in documents:
-        document["request"].pop("command")
-    assert documents[0] == documents[1]
-    first = documents[0]["request"]["constraints"][0]
-    assert first["frames"] == ([60, 63] if "--reach" in in_frames else [60, 90])
-
-
 def test_commands_accept_seconds_for_frames(run, folder):
     clip = folder / "a.bvh"
     for command, target in (("export", "a.npz"), ("export", "a.bvh")):

@@ -10,7 +10,7 @@ import mograft as mg
 from mograft import constraints as c
 from mograft.cli import main
 from mograft.cli.syntax.arguments import arguments_of
-from mograft.cli.syntax.graft_options import GraftOptions
+from mograft.cli.syntax.options import GraftOptions
 
 HAND = (10.0, 100.0, 20.0)
 
@@ -72,15 +72,15 @@ CASES = {
     "mirror": Case("--mirror", make=lambda library: mg.graft_many(library.with_mirror_images())),
     "keep": Case("--keep 2s-4s", constraints=[c.KeepOriginal(frames=(60, 120))]),
     "reach": Case(
-        "--reach 90-95:LeftHand:10,100,20~.4 --best-effort",
-        constraints=[c.Reach("LeftHand", HAND, tolerance=0.4, frames=(90, 95))],
+        "--reach 3s-3.2s:LeftHand:10,100,20~.4 --best-effort",
+        constraints=[c.Reach("LeftHand", HAND, tolerance=0.4, frames=(90, 96))],
     ),
     "avoid": Case(
-        "--avoid sphere:10,100,20,15@0-200 --avoid capsule:900,0,0,900,90,0,5 --best-effort "
+        "--avoid sphere:10,100,20,15@0-200 --avoid capsule:900,0,0,900,90,0,5@0s-9s --best-effort "
         "--avoid box:900,0,0,5,5,5 --avoid wall:0,-50,0,0,1,0 --avoid {folder}/b.bvh@300,0,0,90",
         constraints=lambda library: [
             c.Avoid(c.Sphere(HAND, 15.0), frames=(0, 200)),
-            c.Avoid(c.Capsule((900.0, 0.0, 0.0), (900.0, 90.0, 0.0), 5.0)),
+            c.Avoid(c.Capsule((900.0, 0.0, 0.0), (900.0, 90.0, 0.0), 5.0), frames=(0, 270)),
             c.Avoid(c.Box((900.0, 0.0, 0.0), (5.0, 5.0, 5.0))),
             c.Avoid(c.HalfSpace((0.0, -50.0, 0.0), (0.0, 1.0, 0.0))),
             c.Avoid(c.Character(library.clips[1], (300.0, 0.0, 0.0), np.pi / 2)),
@@ -88,7 +88,7 @@ CASES = {
     ),
     "avoid_self": Case("--avoid-self --best-effort", constraints=[c.AvoidSelf()]),
     "face": Case(
-        "--face 10,100,20@20-30 --best-effort", constraints=[c.Face(HAND, frames=(20, 30))]
+        "--face 10,100,20@1s-2s --best-effort", constraints=[c.Face(HAND, frames=(30, 60))]
     ),
     "take": Case(
         "--groups lower_torso_larm_rarm --take larm:5=b:{b4} --best-effort",

@@ -69,14 +69,3 @@ def test_to_dataframe_columns_agree_with_library(stored_library):
     np.testing.assert_array_equal(np.stack(axes, axis=1), library.embedding["lower"].points)
     with pytest.raises(ValueError, match="`table` must be one of clips, segments, points, got 'x'"):
         library.to_dataframe("x")
-
-
-@pytest.mark.parametrize("table", ["clips", "segments", "points"])
-def test_to_dataframe_becomes_a_data_frame(stored_library, table):
-    """Of pyarrow, the one data frame library that the tests require."""
-    pyarrow = pytest.importorskip("pyarrow", reason="needs the extra parquet")
-    columns = stored_library.to_dataframe(table)
-    frame = pyarrow.table(columns)
-    assert frame.column_names == list(columns)
-    for name, column in columns.items():
-        np.testing.assert_array_equal(frame[name].to_pylist(), np.asarray(column).tolist())

@@ -8,6 +8,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
+from mograft.errors import suggest_name
+
 T = TypeVar("T")
 S = TypeVar("S")
 
@@ -34,11 +36,8 @@ class Registry(Generic[T]):
         """Return the object for the value `name`; raise ValueError if the value is not accepted."""
         if isinstance(name, str) and name in self.entries:
             return self.entries[name]
-        from difflib import get_close_matches  # only for the message: 20 ms
-
-        close = get_close_matches(name, self.entries, n=1) if isinstance(name, str) else []
-        hint = f"; did you mean {close[0]!r}?" if close else ""
         accepted = ", ".join(map(repr, self.entries))
+        hint = suggest_name(name, self.entries)
         raise ValueError(f"`{self.parameter}` must be one of {accepted}, got {name!r}{hint}")
 
     def implemented_by(self, implementations: Mapping[str, S]) -> "Registry[S]":

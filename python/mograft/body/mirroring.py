@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft._util.lazy_sequence import LazySequence
+from mograft._util.containers import LazySequence
 from mograft._util.validate import check_type
 from mograft.body.anatomy import anatomy
 from mograft.body.joint_names import OPPOSITE_SIDE

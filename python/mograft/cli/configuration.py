@@ -7,14 +7,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from mograft._util.automatic_groups import automatic_number, is_automatic
 from mograft._util.cut_frames import freeze_cut_frames
+from mograft._util.names import automatic_number, is_automatic
 from mograft.analysis.segmentation import check_segmentation
 from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders, library_folder
 from mograft.cli.output import show_progress
 from mograft.cli.syntax.arguments import Options, UsageError
-from mograft.cli.syntax.shared import PRESETS, ConstraintOptions, FieldOptions, LibraryOptions
+from mograft.cli.syntax.options import PRESETS, ConstraintOptions, FieldOptions, LibraryOptions
 from mograft.config import Config, scale_of_variety
 from mograft.config_text import parse_fields
 from mograft.errors import suggest_name

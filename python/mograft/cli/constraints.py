@@ -7,7 +7,7 @@ import numpy as np
 
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.frames import Range, resolve_frames
-from mograft.cli.syntax.shared import ConstraintOptions
+from mograft.cli.syntax.options import ConstraintOptions
 from mograft.cli.syntax.values import SHAPE_NUMBERS
 from mograft.errors import join_names, suggest_name
 from mograft.io.addresses import read_clip

@@ -10,10 +10,10 @@ from mograft._util.names import portable_stem
 from mograft.cli.files import check_suffix
 from mograft.cli.output import print_remark
 from mograft.cli.syntax.arguments import Options, UsageError
-from mograft.cli.syntax.graft_options import GraftOptions
+from mograft.cli.syntax.options import GraftOptions
 from mograft.io.addresses import split_address
 from mograft.io.formats import SUFFIXES
-from mograft.provenance.graft_files import MOTION_SUFFIXES
+from mograft.provenance.writing import MOTION_SUFFIXES
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.page import open_file
 from mograft.viewing.report import report_page

@@ -10,7 +10,7 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from contextvars import ContextVar
 from typing import IO, Any
 
-from mograft.cli.syntax.shared import ResultOptions
+from mograft.cli.syntax.options import ResultOptions
 
 
 def print_result(

@@ -9,13 +9,13 @@ from mograft.cli.files import check_writable, library_folder
 from mograft.cli.graft_files import graft_files
 from mograft.cli.output import print_remark
 from mograft.cli.syntax.arguments import UsageError, arguments_of
-from mograft.cli.syntax.graft_options import GraftOptions
+from mograft.cli.syntax.options import GraftOptions
 from mograft.library.library import Library
 from mograft.provenance.graft_edit import describe_changes, edit
-from mograft.provenance.graft_files import MOTION_SUFFIXES
 from mograft.provenance.graft_record import read_record
 from mograft.provenance.record_library import find_whole_library
 from mograft.provenance.replay import replay
+from mograft.provenance.writing import MOTION_SUFFIXES
 from mograft.synthesis.graft_result import Graft
 
 _EDITS = ("take", "ban", "keep", "reroll")

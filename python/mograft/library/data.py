@@ -9,7 +9,7 @@ from typing import Any, Literal, Self, SupportsIndex
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft._util.html_table import html_table
+from mograft._util.html_table import notebook_table
 from mograft.analysis.channel_groups import restrict_ends
 from mograft.analysis.embedding import Embedding, Samples
 from mograft.body.contacts import find_legs
@@ -293,6 +293,6 @@ def library_html(library: LibraryData) -> str:
     ]
     columns = ("clip", "frames", "seconds", "segments", "tags")
     caption = f"{library!r}, {library.rate:.6g} fps"
-    return html_table(caption, columns, clips, len(library.entries)) + html_table(
+    return notebook_table(caption, columns, clips, len(library.entries)) + notebook_table(
         "Joint groups", ("group", "joints", "clusters"), groups, len(groups)
     )

@@ -5,7 +5,7 @@ from typing import TypeVar, Unpack
 
 import numpy as np
 
-from mograft._util.automatic_groups import automatic_number, is_automatic
+from mograft._util.names import automatic_number, is_automatic
 from mograft.analysis.group_discovery import MAX_CLIPS, GroupDiscovery, discover_in_segments
 from mograft.body.groups import JointGroups
 from mograft.config import Config

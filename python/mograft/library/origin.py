@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mograft._util.lazy_sequence import LazySequence
+from mograft._util.containers import LazySequence
 from mograft.body.mirroring import MirroredClips
 from mograft.errors import MograftError
 from mograft.io.addresses import join_address, read_clip

@@ -10,24 +10,13 @@ from typing import Any, Self
 
 from mograft.body.groups import JointGroups
 from mograft.config import Config
-from mograft.errors import ProvenanceError, join_names
+from mograft.errors import DAMAGE, ProvenanceError, join_names
 from mograft.io.bvh.decimals import check_digits
 from mograft.library.clip_table import skeleton_from_json
 from mograft.library.origin import LibraryOrigin
 from mograft.motion.skeleton import Skeleton
 from mograft.provenance.document import SCHEMA, SEVERAL_SCHEMA
 from mograft.search.constraints import Span
-
-DAMAGE = (
-    ArithmeticError,
-    AttributeError,
-    IndexError,
-    KeyError,
-    RecursionError,
-    TypeError,
-    ValueError,
-)
-"""What reading a damaged document raises."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,36 +31,22 @@ class ClipRecord:
     is_mirrored: bool
     is_in_library: bool
     true_rate: float | None
-    licence: str | None = None
+    licence: str | None
 
     @classmethod
     def from_json(cls, record: Mapping[str, Any]) -> Self:
-        """Read an item of ``clips``."""
-        rate = record["true_rate"]
+        """Read an item of ``clips``, or the file of the motion of a `Character`."""
+        rate = record.get("true_rate")
         return cls(
             name=str(record["name"]),
             file=_optional_str(record["file"]),
             clip=_optional_str(record["clip"]),
             sha256=_optional_str(record["sha256"]),
-            is_base="base" in record["roles"],
-            is_mirrored=bool(record["is_mirrored"]),
-            is_in_library=bool(record["is_in_library"]),
+            is_base="base" in record.get("roles", ()),
+            is_mirrored=bool(record.get("is_mirrored")),
+            is_in_library=bool(record.get("is_in_library")),
             true_rate=None if rate is None else float(rate),
-            licence=_optional_str(record["licence"]),
-        )
-
-    @classmethod
-    def of_file(cls, record: Mapping[str, Any]) -> Self:
-        """Read an object with ``name``, ``file`` and ``sha256``: the motion of a `Character`."""
-        return cls(
-            name=str(record["name"]),
-            file=_optional_str(record["file"]),
-            clip=_optional_str(record["clip"]),
-            sha256=_optional_str(record["sha256"]),
-            is_base=False,
-            is_mirrored=False,
-            is_in_library=False,
-            true_rate=None,
+            licence=_optional_str(record.get("licence")),
         )
 
 
@@ -112,30 +87,6 @@ class DonorRecord:
         )
 
 
-@dataclass(frozen=True)
-class ScenarioRecord:
-    """The segments that compose a base."""
-
-    segments: tuple[SegmentRecord, ...]
-    lengths: tuple[int, ...] | None
-    place: tuple[float, ...] | None
-    turn: float
-
-    @classmethod
-    def from_json(cls, record: Mapping[str, Any] | None) -> "ScenarioRecord | None":
-        """Read ``scenario``: null or a JSON object."""
-        if record is None:
-            return None
-        segments = tuple(SegmentRecord.from_json(own) for own in record["segments"])
-        lengths, place = record["lengths"], record["place"]
-        return cls(
-            segments,
-            None if lengths is None else tuple(int(own) for own in lengths),
-            None if place is None else tuple(float(own) for own in place),
-            float(record["turn"]),
-        )
-
-
 @dataclass(frozen=True, kw_only=True)
 class GraftRecord:
     """The provenance of a graft. Made by `read_record`."""
@@ -153,7 +104,6 @@ class GraftRecord:
     library: LibraryOrigin
     clips: tuple[ClipRecord, ...]
     sources: tuple[str, ...]  # files and folders, as typed on the command line
-    scenario: ScenarioRecord | None
     donors: tuple[DonorRecord, ...]
     edits: tuple[tuple[DonorRecord, ...], ...]  # the donors that each edit replaced
 
@@ -165,6 +115,12 @@ class GraftRecord:
             return None if digits is None else check_digits(digits)
         except ValueError as error:
             raise self.error(f"damaged: {error}") from None
+
+    @property
+    def scenario(self) -> Mapping[str, Any] | None:
+        """The segments that compose the base, as JSON; None if the base is a clip."""
+        scenario: Mapping[str, Any] | None = self.document["scenario"]
+        return scenario
 
     def error(self, message: str) -> ProvenanceError:
         """Return an error that names the document."""
@@ -252,7 +208,6 @@ def _record(document: Mapping[str, Any], label: str, folder: Path) -> GraftRecor
         library=_read_library(document["library"], folder),
         clips=tuple(ClipRecord.from_json(own) for own in document["clips"]),
         sources=tuple(str(own) for own in document["request"]["sources"]),
-        scenario=ScenarioRecord.from_json(document["scenario"]),
         donors=donors,
         edits=tuple(
             tuple(DonorRecord.from_json(own) for own in edit["replaced"])

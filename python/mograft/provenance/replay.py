@@ -9,13 +9,18 @@ import numpy as np
 
 from mograft._util.validate import check_type
 from mograft.blend.reach_completion import ReachCompletion
-from mograft.errors import ProvenanceError
+from mograft.errors import DAMAGE, ProvenanceError
 from mograft.io.addresses import read_clip
 from mograft.library.library import Library
 from mograft.library.origin import hash_poses
 from mograft.motion.motion import Motion
 from mograft.provenance.graft_edit import splice_versions
-from mograft.provenance.graft_record import DAMAGE, ClipRecord, GraftRecord, read_record
+from mograft.provenance.graft_record import (
+    ClipRecord,
+    GraftRecord,
+    SegmentRecord,
+    read_record,
+)
 from mograft.provenance.record_library import RecordedLibrary, find_clip, find_library
 from mograft.scenario import Scenario
 from mograft.search.constraint_records import UnrestoredConstraint, decode_constraint
@@ -114,12 +119,15 @@ def _read_scenario(record: GraftRecord, recorded: RecordedLibrary) -> Scenario |
     own = record.scenario
     if own is None:
         return None
-    segments = [recorded.find_segment(record, segment) for segment in own.segments]
+    segments = [
+        recorded.find_segment(record, SegmentRecord.from_json(segment))
+        for segment in own["segments"]
+    ]
     return Scenario(
         np.array(segments),
-        None if own.lengths is None else np.array(own.lengths),
-        None if own.place is None else np.array(own.place),
-        own.turn,
+        None if own["lengths"] is None else np.array(own["lengths"], np.int64),
+        None if own["place"] is None else np.array(own["place"], float),
+        float(own["turn"]),
     )
 
 
@@ -205,7 +213,7 @@ def _read_request(record: GraftRecord, sources: Sequence[str]) -> GraftRequest:
     request = record.document["request"]
 
     def decode_motion(motion: Mapping[str, Any]) -> Motion:
-        clip = ClipRecord.of_file(motion)
+        clip = ClipRecord.from_json(motion)
         return replace(read_clip(find_clip(record, clip, sources)), name=clip.name)
 
     swap = request["swap"]

@@ -7,7 +7,7 @@ from numbers import Real
 from weakref import WeakValueDictionary
 
 from mograft._util.arrays import IntArray
-from mograft._util.lazy_sequence import LazySequence
+from mograft._util.containers import LazySequence
 from mograft._util.memory import check_memory
 from mograft._util.validate import as_integer, check_type
 from mograft.library.library import Library

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mograft._util.arrays import IntArray
-from mograft._util.html_table import html_table
+from mograft._util.html_table import notebook_table
 from mograft._util.notebooks import notebook_html
 from mograft.blend.foot_planting import FeetReport
 from mograft.blend.reach_completion import ReachCompletion
@@ -111,7 +111,7 @@ class Graft:
             for s in exchanged
         )
         columns = ("group", "frames", "donor clip", "donor frames", "cost", "seam before (°)")
-        return html_table(repr(self), columns, rows, len(exchanged))
+        return notebook_table(repr(self), columns, rows, len(exchanged))
 
     def report(self, *, each: bool = False) -> str:
         """Return a text summary: segments, seams, violations, foot planting and targets.

@@ -8,7 +8,7 @@ from mograft.cli.constraints import FLAGS, read_constraints
 from mograft.cli.output import print_result
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.frames import resolve_frame
-from mograft.cli.syntax.graft_options import CandidatesOptions
+from mograft.cli.syntax.options import CandidatesOptions
 from mograft.errors import join_names, suggest_name
 from mograft.library.library import Library
 from mograft.search.candidates import Candidate, Candidates

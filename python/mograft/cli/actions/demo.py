@@ -7,7 +7,7 @@ from mograft.cli.syntax.commands import DemoOptions
 from mograft.dancer import dance
 from mograft.io.bvh.writer import write_bvh
 from mograft.library.library import Library
-from mograft.provenance.graft_files import write_graft
+from mograft.provenance.writing import write_graft
 from mograft.search.candidates import count_combinations
 from mograft.synthesis.graft import graft_many
 

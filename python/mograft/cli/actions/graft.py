@@ -7,6 +7,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from mograft._util.arrays import IntArray
 from mograft.cli.configuration import flags_in_errors, load_library, with_flags
 from mograft.cli.constraints import FLAGS, read_constraints
 from mograft.cli.files import check_writable, expand_folders, library_folder
@@ -19,15 +22,17 @@ from mograft.cli.graft_files import (
 )
 from mograft.cli.output import print_error, print_remark, print_result
 from mograft.cli.replay import is_edit, replay_graft
-from mograft.cli.scenario import check_scenario, read_scenario
 from mograft.cli.syntax.arguments import UsageError
-from mograft.cli.syntax.graft_options import GraftOptions
+from mograft.cli.syntax.frames import Seconds, resolve_frame
+from mograft.cli.syntax.options import DEFAULT_DURATION, GraftOptions
 from mograft.errors import join_names, suggest_name
 from mograft.io.addresses import find_addresses, read_clip, split_address
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.provenance.document import graft_record
-from mograft.provenance.graft_files import write_graft
+from mograft.provenance.writing import write_graft
+from mograft.scenario import Scenario, fill, follow, to_beats, transitions, walk
+from mograft.scenario.walks import check_duration
 from mograft.search.constraints import Constraint
 from mograft.solve.base import grafted_groups
 from mograft.synthesis.advice import advise
@@ -37,6 +42,8 @@ from mograft.synthesis.substitution import Substitution
 
 _MAX_REPORTED = 20
 """Maximum number of grafts on a report page: all of them are in memory at the same time."""
+
+_GRAPH_OPTIONS = ("duration", "frames", "path", "beats", "among")
 
 _KEPT_VIOLATIONS = (
     "joints that are not exchanged violate constraints, and no donor can remove these violations; "
@@ -101,7 +108,7 @@ def _check_options(options: GraftOptions) -> None:
         raise UsageError(f"-o must be a folder if -n is above 1, got {options.output}")
     if options.repair and options.count != 1:
         raise UsageError(f"-n must be 1 with --repair, got {options.count}")
-    check_scenario(options)
+    _check_scenario(options)
 
 
 def _run_replay(options: GraftOptions) -> int:
@@ -155,6 +162,60 @@ def _find_entry(library: Library, address: str) -> str | None:
     return None
 
 
+def _check_scenario(options: GraftOptions) -> None:
+    """Raise a UsageError if the options of the scenario contradict each other."""
+    scenario = options.scenario
+    numbers = [word.strip() for word in scenario.split(",")]
+    if scenario not in ("original", "graph") and not all(word.isdecimal() for word in numbers):
+        raise UsageError(f"--scenario must be original, graph or segment numbers; got {scenario}")
+    if scenario != "original" and options.base is not None:
+        raise UsageError("--base cannot be combined with --scenario, which creates the base")
+    given = [name for name in _GRAPH_OPTIONS if getattr(options, name) is not None]
+    if scenario != "graph" and given:
+        raise UsageError(f"--{given[0]} requires --scenario graph")
+    lengths = [name for name in given if name in ("duration", "frames", "path")]
+    if len(lengths) > 1:
+        raise UsageError(f"--{lengths[1]} cannot be combined with --{lengths[0]}")
+    if "beats" in given and lengths not in ([], ["duration"]):
+        raise UsageError(f"--{lengths[0]} cannot be combined with --beats")
+
+
+def _read_scenario(
+    library: Library, options: GraftOptions
+) -> Sequence[int] | IntArray | Scenario | None:
+    """Return the base segments that ``--scenario`` selects, or None for a captured clip."""
+    if options.scenario == "original":
+        return None
+    if options.scenario != "graph":
+        return [int(word) for word in options.scenario.split(",")]
+    with flags_in_errors(
+        clips="--among", frames="--frames", path="--path", duration="--duration", beats="--beats"
+    ):
+        return _draw_scenario(library, options)
+
+
+def _draw_scenario(library: Library, options: GraftOptions) -> Sequence[int] | IntArray | Scenario:
+    """Return the base segments of ``--scenario graph``."""
+    seed, duration = options.seed or 0, options.duration or DEFAULT_DURATION
+    check_duration(duration)
+    graph = transitions(library, options.among)
+    if options.frames is not None:
+        is_time = isinstance(options.frames, Seconds)
+        n_frames = resolve_frame(options.frames, library.rate) + is_time
+        return fill(library, n_frames, seed, graph=graph)
+    if options.path is not None:
+        return follow(library, options.path, graph=graph)
+    if options.beats is not None:
+        if options.beats > 60.0 * library.rate:
+            raise ValueError(
+                f"--beats must be at most {60.0 * library.rate:.6g} beats per minute, one per "
+                f"frame, got {options.beats:g}"
+            )
+        beats = np.arange(int(duration * options.beats / 60.0) + 1) * (60.0 / options.beats)
+        return to_beats(library, beats, seed, graph=graph)
+    return walk(library, duration, seed, graph=graph)
+
+
 def _make_grafts(
     library: Library,
     base: Motion | str | None,
@@ -162,7 +223,7 @@ def _make_grafts(
     options: GraftOptions,
 ) -> Sequence[Graft]:
     """Return the requested grafts."""
-    scenario = read_scenario(library, options)
+    scenario = _read_scenario(library, options)
     if options.repair:
         return [repair(library, base, constraints=constraints, swap=options.swap)]
     is_fixed = options.variety is not None or any(

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from mograft._util.atomic import write_text
-from mograft._util.automatic_groups import automatic_number, is_automatic
+from mograft._util.names import automatic_number, is_automatic
 from mograft.body.faults import HARMLESS_FAULTS, find_faults
 from mograft.body.groups import JointGroups
 from mograft.cli.configuration import selected_skeleton
@@ -74,7 +74,6 @@ def _contents(clips: Clips, index: int, options: InfoOptions) -> dict[str, Any]:
         "error": None,
         "format": clips.format,
         "clip": clips.names[index] if len(clips) > 1 else None,
-        "notes": list(clips.notes),
         "joints": skeleton.n_joints,
         "channels": skeleton.n_channels,
         "frames": motion.n_frames,
@@ -82,6 +81,7 @@ def _contents(clips: Clips, index: int, options: InfoOptions) -> dict[str, Any]:
         "rate": motion.rate,
         "seconds": motion.duration,
         "groups": {g: [skeleton.names[j] for j in joints] for g, joints in members.items()},
+        "notes": list(clips.notes),
         "repairs": list(motion.repairs),
         "faults": [
             fault.message

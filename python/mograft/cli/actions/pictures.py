@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mograft._util.atomic import atomic_path
-from mograft._util.automatic_groups import AUTOMATIC, automatic_number, is_automatic
+from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
 from mograft.analysis.group_discovery import GroupDiscovery
 from mograft.body.groups import JointGroups
 from mograft.cli.configuration import (

@@ -15,11 +15,12 @@ from mograft.cli.syntax.arguments import (
     switch,
 )
 from mograft.cli.syntax.frames import Range
-from mograft.cli.syntax.graft_options import CandidatesOptions, GraftOptions
-from mograft.cli.syntax.shared import (
+from mograft.cli.syntax.options import (
     PRESETS,
+    CandidatesOptions,
     DigitsOptions,
     FieldOptions,
+    GraftOptions,
     LibraryOptions,
     ResultOptions,
     SeedOptions,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mograft._util.automatic_groups import AUTOMATIC, automatic_number, is_automatic
+from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
 from mograft.cli.syntax.frames import (
     Range,
     ban,

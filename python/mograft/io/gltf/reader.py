@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mograft._util.arrays import FloatArray
-from mograft._util.lazy_sequence import LazySequence
+from mograft._util.containers import LazySequence
 from mograft.io.clips import ClipLength, Clips
 from mograft.io.gltf.animation import Channels, read_channels, read_tracks
 from mograft.io.gltf.document import GltfFile, NoFigureError, read_gltf_file

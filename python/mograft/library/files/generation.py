@@ -327,17 +327,11 @@ def _check_is_library(folder: Path) -> None:
 
 def _has_library_manifest(folder: Path) -> bool:
     """Return whether the folder has the manifest of a library, even a truncated one."""
-    if not (folder / MANIFEST).is_file():
-        return False
     try:
         text = (folder / MANIFEST).read_text(encoding="utf-8", errors="replace")
     except OSError:
         return False
-    try:
-        document = json.loads(text)
-    except (ValueError, RecursionError):
-        return re.match(rf'\s*{{\s*"format":\s*"{re.escape(FORMAT)}"', text) is not None
-    return isinstance(document, dict) and document.get("format") == FORMAT
+    return re.match(rf'\s*{{\s*"format":\s*"{re.escape(FORMAT)}"', text) is not None
 
 
 def _is_replaceable(path: Path) -> bool:

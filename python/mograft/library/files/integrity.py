@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from mograft.errors import LibraryError
+from mograft.errors import DAMAGE, LibraryError
 
 MANIFEST, DATABASE = "manifest.json", "catalog.sqlite"
 
@@ -31,15 +31,7 @@ def damage_raises_library_error(folder: Path, name: str) -> Iterator[None]:
     """Convert errors that invalid content of the file `name` causes to LibraryError."""
     try:
         yield
-    except (
-        ArithmeticError,
-        AttributeError,
-        LookupError,
-        RecursionError,
-        TypeError,
-        ValueError,
-        sqlite3.Error,
-    ) as error:
+    except (*DAMAGE, sqlite3.Error) as error:
         raise damage(folder, f"{name}: {error or type(error).__name__}") from error
 
 

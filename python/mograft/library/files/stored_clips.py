@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray, Packed
-from mograft._util.lazy_sequence import LazySequence
+from mograft._util.containers import LazySequence
 from mograft.analysis.embedding import CHUNK, Samples
 from mograft.library.clip_table import ClipTable
 from mograft.library.files.array_files import RowFile

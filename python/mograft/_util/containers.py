@@ -1,10 +1,12 @@
-"""An immutable mapping, for fields of frozen values."""
+"""Containers: an immutable mapping, and sequences whose items are computed when accessed."""
 
-from collections.abc import Iterator, Mapping
-from typing import Any, TypeVar
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, TypeVar, overload
 
 K = TypeVar("K")
 V = TypeVar("V")
+T = TypeVar("T", covariant=True)
 
 
 class FrozenMapping(Mapping[K, V]):
@@ -39,3 +41,19 @@ class FrozenMapping(Mapping[K, V]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self._items,)
+
+
+class LazySequence(Sequence[T]):
+    """A sequence that calls `item` for each item that is accessed; slices are tuples."""
+
+    @abstractmethod
+    def item(self, index: int) -> T:
+        """Return the item with an index that is not negative."""
+
+    @overload
+    def __getitem__(self, index: int) -> T: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[T, ...]: ...
+    def __getitem__(self, index: int | slice) -> T | tuple[T, ...]:
+        chosen = range(len(self))[index]
+        return tuple(map(self.item, chosen)) if isinstance(chosen, range) else self.item(chosen)
