@@ -63,7 +63,6 @@ def make_pictures() -> None:
         "pca": lambda: plot.pca(library),
         "dendrogram": lambda: plot.dendrogram(library),
         "clusters": lambda: plot.clusters(library),
-        "threshold": lambda: plot.threshold(library),
         "groups": lambda: plot.groups(mg.discover_groups(motion, 3))[0],
     }
     for name, draw in drawings.items():
@@ -96,7 +95,6 @@ GALLERY = {
     "groups": ("Linkage tree of the joints, and the discovered groups", "plot.groups(discovery)"),
     "minute": ("A base of a minute from a random walk", "mg.graft(library, scenario=walk(...))"),
     "live": ("Graft of a stream that receives ten frames at a time", "mg.Stream(library)"),
-    "threshold": ("Error of exchanged parts by the scale of clusters", "plot.threshold(library)"),
 }
 """Title and code of each picture, in the order of the gallery."""
 

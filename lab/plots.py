@@ -3,12 +3,11 @@
 import io
 import math
 import re
-from base64 import b64encode
 
 import matplotlib
 from matplotlib.figure import Figure
 
-_INK, _FAINT, _MARK = "#7d838b", "#b9bec5", "#4a86cf"  # legible on light and dark backgrounds
+INK, FAINT, MARK = "#7d838b", "#b9bec5", "#4a86cf"  # legible on light and dark backgrounds
 _LINES = ("#4a86cf", "#d9596b", "#2f9e68", "#b08a00")
 
 
@@ -107,7 +106,7 @@ def draw_counts(by_name, paper=None):
     readings = sorted({str(row.sigma) for rows in by_name.values() for row in rows})
     panels = [(name, reading) for name in by_name for reading in readings]
     columns = max(len(readings), 1)
-    figure, axes = _create_panels(len(panels), columns, 2.1, has_labels=False)
+    figure, axes = create_panels(len(panels), columns, 2.1, has_labels=False)
     for position, (name, reading) in enumerate(panels):
         ax = axes[position]
         rows = [row for row in by_name[name] if row.sigma == reading]
@@ -121,11 +120,11 @@ def draw_counts(by_name, paper=None):
             for factor in (paper or {}).get(count.groups, ()):
                 ax.plot([scales[-1] * 1.04], [factor], "<", color=colour, markersize=5)
         ax.set_yscale("log")
-        ax.set_title(f"{name}, {reading}", fontsize=8, color=_INK, loc="left")
-        ax.set_xlabel("scale", fontsize=7.5, color=_INK)
+        ax.set_title(f"{name}, {reading}", fontsize=8, color=INK, loc="left")
+        ax.set_xlabel("scale", fontsize=7.5, color=INK)
         if position % columns == 0:
-            ax.set_ylabel("combinations per segment", fontsize=7.5, color=_INK)
-    axes[0].legend(fontsize=7, frameon=False, labelcolor=_INK)
+            ax.set_ylabel("combinations per segment", fontsize=7.5, color=INK)
+    axes[0].legend(fontsize=7, frameon=False, labelcolor=INK)
     return figure
 
 
@@ -143,40 +142,40 @@ def _draw_dots(
     """
     longest = max((len(rows) for rows in panels.values()), default=1)
     columns = min(columns, max(len(panels), 1))
-    figure, axes = _create_panels(len(panels), columns, 0.42 + 0.2 * longest, has_labels=True)
+    figure, axes = create_panels(len(panels), columns, 0.42 + 0.2 * longest, has_labels=True)
     for position, (title, rows) in enumerate(panels.items()):
         ax = axes[position]
         for value in lines[title]:
-            ax.axvline(value, color=_FAINT, linewidth=1, zorder=0)
+            ax.axvline(value, color=FAINT, linewidth=1, zorder=0)
         for height, (_, found) in enumerate(rows):
             if not math.isfinite(found.value):
                 continue
             if math.isfinite(found.low):
                 interval = [found.low * scale, found.high * scale]
-                ax.plot(interval, [height, height], color=_MARK, linewidth=1.6)
-            ax.plot([found.value * scale], [height], "o", color=_MARK, markersize=4.5)
+                ax.plot(interval, [height, height], color=MARK, linewidth=1.6)
+            ax.plot([found.value * scale], [height], "o", color=MARK, markersize=4.5)
         ax.set_yticks(range(len(rows)), [name for name, _ in rows])
         if position % columns:
             ax.tick_params(labelleft=False)
         ax.set_ylim(len(rows) - 0.4, -0.6)
-        ax.set_title(title, fontsize=8, color=_INK, loc="left")
-        ax.set_xlabel(label, fontsize=7.5, color=_INK)
+        ax.set_title(title, fontsize=8, color=INK, loc="left")
+        ax.set_xlabel(label, fontsize=7.5, color=INK)
     return figure
 
 
-def _create_panels(count, columns, height, *, has_labels):
+def create_panels(count, columns, height, *, has_labels, width=3.0):
     """Return a figure and its axes, with space for the names of methods on the left."""
     rows = max(math.ceil(count / columns), 1)
     figure = Figure(
-        figsize=(1.2 * has_labels + 3.0 * columns, height * rows + 0.25), layout="constrained"
+        figsize=(1.2 * has_labels + width * columns, height * rows + 0.25), layout="constrained"
     )
     grid = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
     for ax in grid:
         ax.set_facecolor("none")
-        ax.tick_params(labelsize=7.5, colors=_INK, length=2)
+        ax.tick_params(labelsize=7.5, colors=INK, length=2)
         for name, side in ax.spines.items():
             side.set_visible(name in ("left", "bottom"))
-            side.set_color(_FAINT)
+            side.set_color(FAINT)
     for ax in grid[count:]:
         ax.set_axis_off()
     return figure, grid
@@ -195,12 +194,3 @@ def as_svg(figure):
     # Numbers rounded to hundredths of a pixel halve the size.
     text = re.sub(r"(\d+\.\d\d)\d+", r"\1", target.getvalue())
     return re.sub(r"[ \t]+$", "", text, flags=re.MULTILINE)
-
-
-def as_image(figure, description):
-    """Return a figure as an HTML element.
-
-    `description` is the text for screen readers: plain text without quotation marks.
-    """
-    text = b64encode(as_svg(figure).encode()).decode("ascii")
-    return f'<img alt="{description}" src="data:image/svg+xml;base64,{text}">'

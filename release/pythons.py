@@ -19,7 +19,7 @@ mount --bind "$2" "$1/source" && mount --bind "$3" "$1/site" &&
 cd "$1" && shift 3 && exec chroot . /usr/bin/env -i "$@"
 """
 _FILES = ("pyproject.toml", "CHANGELOG.md")
-_FOLDERS = ("benches", "docs", "examples", "tests")
+_FOLDERS = ("benches", "docs", "examples", "lab", "tests")
 
 
 def try_pythons() -> list[str]:

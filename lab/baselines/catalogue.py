@@ -13,6 +13,7 @@ from lab.baselines.motion_arrays import MotionArrays
 from mograft.evaluation import RandomLength, grafts_by
 from mograft.evaluation.donor_methods import draw_donors
 from mograft.scenario import transitions, walk
+from mograft.synthesis.graft_building import build_graft
 
 NOISE_DEGREES = 2.0
 OWN_FRAMES = 30  # motion around the replaced frames that methods without a novelty term may not use
@@ -110,7 +111,7 @@ class Studio:
         plan, drawn = draw_donors(method, self.library, name, n_runs, seed=self.seed)
         grafts = mg.graft_many(self.library, name, n_runs, seed=self.seed)
         return [
-            plan.build_graft(keep_own(graft.substitutions, drawn[run]), self.seed, run).motion
+            build_graft(plan, keep_own(graft.substitutions, drawn[run]), self.seed, run).motion
             for run, graft in enumerate(grafts)
         ]
 

@@ -54,8 +54,8 @@ class Enrichment(Record):
     segments, clusters, largest : int
         Numbers of captured segments (A in the paper), of clusters of the base group, and of
         segments in the largest cluster.
-    sigma : str or float
-        Interpretation of eq. 14, or a number; see `sigma` of `mograft.Config`.
+    sigma : str
+        Interpretation of eq. 14; see `sigma` of `mograft.Config`.
     sigma_scale : float
         Factor on `sigma`.
     diameter : float
@@ -140,10 +140,8 @@ def enrichment(library, groups=_GROUPS):
     """
     _check_groups(groups)
     base, config = library.groups.base, library.config
-    scale = library.sigma_scales[base]
-    return _count_combinations(
-        library, library.labels[base], config.sigma, scale, library.sigma[base], groups
-    )
+    labels, diameter = library.labels[base], library.sigma[base]
+    return _count_combinations(library, labels, config.sigma, config.sigma_scale, diameter, groups)
 
 
 def _check_groups(groups):

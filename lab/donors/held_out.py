@@ -7,8 +7,7 @@ import numpy as np
 
 from mograft.analysis.channel_groups import restrict_samples
 from mograft.analysis.embedding import features
-from mograft.analysis.scale_choice import cluster_thresholds
-from mograft.clustering import cut
+from mograft.clustering import cut, threshold
 from mograft.evaluation import estimate
 from mograft.library.clusters import embed_groups, nearest_clusters
 
@@ -44,7 +43,7 @@ def fit_on(library, is_fitted):
     embedding = {}
     labels = {}
     sigma = {}
-    thresholds = cluster_thresholds(embeddings, library.config)
+    config = library.config
     for group, known in embeddings.items():
         if known is None:
             embedding[group], sigma[group] = None, 0.0
@@ -52,7 +51,7 @@ def fit_on(library, is_fitted):
             continue
         added = _project(known, restrict_samples(rest, library.skeleton, held[group]))
         joined = replace(known, points=np.concatenate([known.points, added]))
-        sigma[group] = thresholds[group]
+        sigma[group] = threshold(known.points, config.sigma, config.sigma_scale)
         clusters = cut(known.points, sigma[group])
         new = nearest_clusters(joined, clusters, len(others), sigma[group])
         labels[group] = np.concatenate([clusters, new])[order]

@@ -110,7 +110,7 @@ def _whole_body_library(clip):
     kept = next((joint for joint in ends if joint in feet), ends[-1])
     others = [joint for joint in range(clip.n_joints) if joint != kept]
     groups = mg.JointGroups({"end": [kept], "body": others}, base="end")
-    config = mg.Config(sigma=np.finfo(float).max, distance_weight=0.0)
+    config = mg.Config(sigma_scale=1e6, distance_weight=0.0)
     return mg.Library.build(clip, groups, config)
 
 

@@ -19,7 +19,8 @@ from mograft import Config, InsufficientDataError
 from mograft.evaluation.detectability import MIN_WINDOWS, pair_other_moments
 from mograft.evaluation.two_sample import block_folds, detect
 from mograft.evaluation.windows import GraftWindows
-from mograft.synthesis.graft_plan import GraftPlan
+from mograft.solve.plan import GraftPlan
+from mograft.synthesis.graft_building import build_graft
 
 NAME = "seams"
 SOURCES = (
@@ -53,7 +54,7 @@ def treat(library, chosen, treatment):
     grafts = []
     for clip, sequences in enumerate(chosen):
         plan = GraftPlan.build(treated, clip, None, ())
-        grafts += [plan.build_graft(own, 0, run) for run, own in enumerate(sequences)]
+        grafts += [build_graft(plan, own, 0, run) for run, own in enumerate(sequences)]
     return grafts
 
 

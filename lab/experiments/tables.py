@@ -38,7 +38,7 @@ def spread(table):
     """Return the head and the rows with the parts of each estimate in columns of their own.
 
     A column of estimates becomes up to five: value, `low` and `high` of its interval, `n`, and
-    `share` for a share in brackets behind them. A dash becomes empty.
+    `share` for a share in brackets behind them. A dash becomes empty, and a unit goes to the title.
     """
     columns = []
     for title, cells in zip(table.head, zip(*table.rows, strict=True), strict=True):
@@ -48,6 +48,8 @@ def spread(table):
             columns.append((title, list(cells)))
             continue
         parts = [own.groups() if own else (None,) * 6 for own in found]
+        units = {own[1] for own in parts if own[1]}
+        title = ", ".join([title, *units])
         for index, suffix in ((0, ""), (2, " low"), (3, " high"), (4, " n"), (5, " share")):
             values = [own[index] or "" for own in parts]
             if any(values):

@@ -169,3 +169,17 @@ def cross_fade(before, after, n_frames):
     gaps = rotations.multiply(rotations.inverse(before[-n_frames:]), after[:n_frames])
     mixed = rotations.multiply(before[-n_frames:], rotations.exp(rotations.log(gaps) * share))
     return np.concatenate([before[:-n_frames], mixed, after[n_frames:]])
+
+
+def metronome(seed, interval, rate, seconds=16.0, n_joints=6):
+    """A motion from one random pose to the next, one per `interval`, at rest in each pose."""
+    rng = np.random.default_rng(seed)
+    phase = np.arange(round(seconds * rate)) / rate / interval
+    poses = rng.uniform(-0.8, 0.8, size=(int(phase[-1]) + 2, n_joints, 3))
+    pose = phase.astype(int)
+    share = (phase - pose)[:, None, None]
+    share = share**3 * (10 - 15 * share + 6 * share**2)
+    offsets = np.arange(3.0 * n_joints).reshape(n_joints, 3)
+    skeleton = mg.Skeleton([f"j{i}" for i in range(n_joints)], [-1] + [0] * (n_joints - 1), offsets)
+    quats = rotations.exp(poses[pose] * (1 - share) + poses[pose + 1] * share)
+    return mg.Motion(skeleton, 1 / rate, quats, np.tile(offsets, (len(quats), 1, 1)))

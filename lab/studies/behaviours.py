@@ -32,20 +32,20 @@ from pathlib import Path
 
 import numpy as np
 
-import mograft as mg
 from lab.common import run
 from lab.experiments.sources import ARCHIVE, SOURCES, find_files
+from lab.segmentations import METHODS
 from lab.studies.behaviour_pieces import (
     animated_actions,
     captured_actions,
     dance_of,
     dancer_pieces,
     dancer_who_jumps,
+    metronome,
     read_clips,
     recorded_pieces,
 )
-from mograft import rotations
-from mograft.analysis.segmentations import METHODS, beats
+from mograft.analysis.beats import BeatParameters, beat_interval
 
 NAMES = ("pca", "ppca", "gmm")
 TOLERANCES = (0.5, 1.0)  # seconds
@@ -63,20 +63,6 @@ def count_correct(cuts, changes, tolerance):
     return len(cuts) - len(free)
 
 
-def metronome(seed, interval, rate, seconds=16.0, n_joints=6):
-    """A motion from one random pose to the next, one per `interval`, at rest in each pose."""
-    rng = np.random.default_rng(seed)
-    phase = np.arange(round(seconds * rate)) / rate / interval
-    poses = rng.uniform(-0.8, 0.8, size=(int(phase[-1]) + 2, n_joints, 3))
-    pose = phase.astype(int)
-    share = (phase - pose)[:, None, None]
-    share = share**3 * (10 - 15 * share + 6 * share**2)
-    offsets = np.arange(3.0 * n_joints).reshape(n_joints, 3)
-    skeleton = mg.Skeleton([f"j{i}" for i in range(n_joints)], [-1] + [0] * (n_joints - 1), offsets)
-    quats = rotations.exp(poses[pose] * (1 - share) + poses[pose + 1] * share)
-    return mg.Motion(skeleton, 1 / rate, quats, np.tile(offsets, (len(quats), 1, 1)))
-
-
 def print_behaviours(sets, seeds):
     print("| motions | method | cuts | changes |", end="")
     print("".join(f" precision ±{t:g} s | recall ±{t:g} s |" for t in TOLERANCES))
@@ -84,8 +70,8 @@ def print_behaviours(sets, seeds):
     for title, make in sets.items():
         motions = [make(seed) for seed in range(seeds)]
         for name in NAMES:
-            method = METHODS.get(name)
-            found = [method.cut_frames(motion, method.parameters()) for motion, _ in motions]
+            module, kind = METHODS[name]
+            found = [module.cut_frames(motion, kind()) for motion, _ in motions]
             n_cuts = sum(len(cuts) for cuts in found)
             n_changes = sum(len(changes) for _, changes in motions)
             cells = [str(n_cuts), str(n_changes)]
@@ -99,20 +85,20 @@ def print_behaviours(sets, seeds):
 
 
 def print_tempo(seeds):
-    parameters = beats.BeatParameters()
+    parameters = BeatParameters()
     errors = {"pose to pose": [], "walks of the dancer": []}
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
         interval, rate = rng.uniform(0.35, 1.3), float(rng.choice([30, 60, 120]))
         motion = metronome(seed, interval, rate, rng.uniform(6, 20))
-        errors["pose to pose"].append(beats.beat_interval(motion, parameters) / interval - 1)
+        errors["pose to pose"].append(beat_interval(motion, parameters) / interval - 1)
         made = dance_of(seed, 8)
         is_walk = made.legs == "walk"
         start = int(np.argmax(is_walk))
         stop = start + int(np.argmin(is_walk[start:])) if not is_walk[start:].all() else len(made)
         strides = np.flatnonzero(np.diff(made.phase[start:stop]) < -0.5)
         step = 0.5 * np.mean(np.diff(strides)) * made.motion.frame_time
-        found = beats.beat_interval(made.motion[start:stop], parameters)
+        found = beat_interval(made.motion[start:stop], parameters)
         errors["walks of the dancer"].append(found / step - 1)
     print("| motions | within 2 % | median error | largest error |")
     print("|---|---|---|---|")

@@ -32,14 +32,16 @@ from lab.common import run, tiny_motion
 from lab.donors.compatibility import compatibility
 from lab.donors.methods import Analogy
 from lab.experiments.sources import MIN_FRAMES, RATE, SOURCES, find_files
+from lab.segmentations import METHODS as OTHERS
+from lab.segmentations import method as function_of
 from mograft.dancer import dance
 from mograft.evaluation import RandomLength
 from mograft.evaluation.detectability import MIN_WINDOWS
 from mograft.evaluation.two_sample import block_folds, detect
 from mograft.evaluation.windows import GraftWindows
-from mograft.synthesis.graft_plan import GraftPlan
+from mograft.solve.plan import GraftPlan
 
-METHODS = ("energy", "com", "contacts", "pca", "ppca", "gmm", "beats")
+METHODS = {"energy": "energy", **{name: function_of(name) for name in OTHERS}, "beats": "beats"}
 CHOSEN = ("salsa A", "perfume", "basketball", "actions and styles", "everyday")
 CMU = "dance_cmu60_salsa/60_0*.bvh"
 PARTS = ("speed", "planted", "agreement", "segments", "grafts")
@@ -77,7 +79,7 @@ def hash_of(name):
 
 def inner_cuts(motion, method):
     """The cuts of a motion, without its ends."""
-    return mg.segment(motion, method=method).start[1:]
+    return mg.segment(motion, method=METHODS[method]).start[1:]
 
 
 def count_pairs(found, truth, tolerance):
@@ -157,8 +159,8 @@ def print_speed(dancer, minute):
     print("|---|---|---|")
     for method in METHODS:
         # Copies, because results of forward kinematics are kept with a motion.
-        speed = dancer.duration / time_of(lambda m=method: mg.segment(dancer[:], method=m))
-        seconds = time_of(lambda m=method: mg.segment(minute[:], method=m))
+        speed = dancer.duration / time_of(lambda m=method: mg.segment(dancer[:], method=METHODS[m]))
+        seconds = time_of(lambda m=method: mg.segment(minute[:], method=METHODS[m]))
         print(f"| `{method}` | {speed:.0f} | {seconds:.3f} s |", flush=True)
 
 
@@ -196,7 +198,7 @@ def print_event_offsets(dances):
             planted = (
                 np.flatnonzero((np.diff(made.stance.astype(int), axis=0) == change).any(1)) + 1
             )
-            found = mg.segment(made.motion, method="contacts", events=events).start[1:]
+            found = mg.segment(made.motion, method=function_of("contacts", events=events)).start[1:]
             gaps = found[:, None] - planted
             nearest = np.abs(gaps).argmin(axis=0)
             offsets += (gaps[nearest, np.arange(len(planted))] / made.motion.rate).tolist()
@@ -286,7 +288,7 @@ def print_segments(sources, count):
     print("|---|---|" + "---|" * len(titles))
     for name, motions in sources.items():
         for method in METHODS:
-            library = mg.Library.build(motions, config=mg.Config(segmentation=method))
+            library = mg.Library.build(motions, config=mg.Config(segmentation=METHODS[method]))
             seconds = library.segments.lengths / library.rate
             low, high = np.percentile(seconds, (10, 90))
             minutes = sum(motion.duration for motion in motions) / 60
@@ -308,7 +310,7 @@ def print_grafts(sources, count, methods, splits):
     print("|---|---|" + "---|" * len(titles))
     for name, motions in sources.items():
         for method in methods:
-            library = mg.Library.build(motions, config=mg.Config(segmentation=method))
+            library = mg.Library.build(motions, config=mg.Config(segmentation=METHODS[method]))
             grafts = [
                 graft
                 for base in choose_bases(library)
@@ -354,7 +356,7 @@ def report(options):
     if options.only in (None, "segments"):
         print_segments(sources, options.count)
     if options.only in (None, "grafts"):
-        methods, splits = (METHODS[:1], 1) if is_tiny else (METHODS, N_SPLITS)
+        methods, splits = (["energy"], 1) if is_tiny else (METHODS, N_SPLITS)
         print_grafts(sources, options.count, methods, splits)
 
 

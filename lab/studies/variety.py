@@ -11,14 +11,7 @@ set of BVH files with one skeleton below it, at 30 frames per second. It prints
 - ``temperature``, ``diversity``: the same by `temperature` and by `diversity`;
 - ``seeds``: by `temperature`, the share of positions at which donors of two seeds differ, and the
   mean seam gap, which need no motions;
-- ``dial``: the same by the variety of `Config.with_variety`;
-- ``auto``: for each source the scale that `sigma_scale` "auto" chooses for the legs and for the
-  upper body, and the error of repetitions, as a share of that of random segments;
-- ``tolerance``: for each source, by the error within clusters that "auto" permits, as a multiple of
-  that of repetitions: the scale of the legs, the share of exchanged segments and the mean seam gap
-  at that scale, and the compatibility of the donors, which the choice of the scale does not use: κ,
-  and how many percentage points more parts than of random donors of similar length a classifier
-  accepts.
+- ``dial``: the same by the variety of `Config.with_variety`.
 
 ``--only NAME`` prints one of these. Novelty, the difference between
 grafts and the detectability at seams are those of `mograft.evaluation`: 0.5 means that
@@ -34,13 +27,11 @@ import numpy as np
 
 import mograft as mg
 from lab.common import run, tiny_motion
-from lab.studies.segmentations import compatibility_of
 from mograft import evaluation
-from mograft.analysis.scale_choice import scale_curve
 from mograft.evaluation.detectability import MIN_WINDOWS
 from mograft.evaluation.two_sample import block_folds, detect
 from mograft.evaluation.windows import GraftWindows
-from mograft.synthesis.graft_plan import GraftPlan
+from mograft.solve.plan import GraftPlan
 
 RATE = 30.0
 SIGMA_SCALES = (0.3, 0.5, 0.75, 1.0, 1.5, 2.5)
@@ -56,8 +47,6 @@ TEMPERATURES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 N_SEEDS = 4
 DIVERSITIES = (0.0, 1.0, 2.0, 4.0)
 VARIETIES = (0.0, 0.25, 0.5, 0.75, 1.0)
-TOLERANCES = (1.0, 1.05, 1.1, 1.2, 1.5)  # of the error within clusters; 1.1 is the default
-N_SPLITS = 3  # of the folds of compatibility
 PARTS = (
     "radius",
     "share",
@@ -66,8 +55,6 @@ PARTS = (
     "temperature",
     "diversity",
     "dial",
-    "auto",
-    "tolerance",
 )
 MAX_BASES = 3  # clips of a source that are bases
 MAX_WINDOWS = 600
@@ -158,36 +145,6 @@ def print_seeds(sources):
         print(f"| {name} |{cells}", flush=True)
 
 
-def print_automatic(sources):
-    print("| source | segments | lower | its repetition error | upper | its repetition error |")
-    print("|---|---|---|---|---|---|")
-    for name, library in sources.items():
-        curves = [scale_curve(library.embedding, group, library.config) for group in library.labels]
-        cells = "".join(
-            " - | - |" if curve is None else f" {curve.scale:.2f} | {curve.repetition_error:.2f} |"
-            for curve in curves
-        )
-        print(f"| {name} | {len(library.segments)} |{cells}")
-
-
-def print_tolerances(sources, count):
-    titles = ("scale", "exchanged", "seam gap", "κ", "accepted, points above random")
-    print("| source | tolerance |" + "".join(f" {title} |" for title in titles))
-    print("|---|---|" + "---|" * len(titles))
-    for name, library in sources.items():
-        curve = scale_curve(library.embedding, library.groups.base, library.config)
-        measured = {}
-        for tolerance in TOLERANCES:
-            scale = curve.scale_at(tolerance - 1.0)
-            if scale not in measured:
-                config = mg.Config(sigma_scale=scale)
-                share, gap = donor_shares(library, config, count)
-                compatible = compatibility_of(library.relabelled(config), N_SPLITS)
-                measured[scale] = [f"{100 * share:.0f} %", f"{gap:.1f}°", *compatible]
-            cells = " | ".join([f"{tolerance:g}", f"{scale:.2f}", *measured[scale]])
-            print(f"| {name} | {cells} |", flush=True)
-
-
 def measure(library, config, count):
     """The values of `COLUMNS`, of some grafts on up to `MAX_BASES` clips of a library."""
     library = library.relabelled(config)
@@ -233,10 +190,6 @@ def report(options):
         print_shares(sources, options.count)
     if options.only in (None, "seeds"):
         print_seeds(sources)
-    if options.only in (None, "auto"):
-        print_automatic(sources)
-    if options.only in (None, "tolerance"):
-        print_tolerances(sources, options.count)
     settings = {
         "neighbourhood": [
             (f"{name}, {scale:g}", mg.Config(neighbourhood=name, sigma_scale=scale))

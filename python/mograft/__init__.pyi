@@ -41,15 +41,15 @@ from mograft.motion.skeleton import EndSite as EndSite
 from mograft.motion.skeleton import Skeleton as Skeleton
 from mograft.provenance.document import graft_record as graft_record
 from mograft.provenance.graft_edit import edit as edit
-from mograft.provenance.graft_files import write_graft as write_graft
 from mograft.provenance.replay import replay as replay
 from mograft.provenance.writing import write as write
+from mograft.provenance.writing import write_graft as write_graft
 from mograft.search.candidates import Candidate as Candidate
 from mograft.search.candidates import Candidates as Candidates
 from mograft.solve.candidate_verdicts import candidates as candidates
 from mograft.solve.self_repair import RepairedWindow as RepairedWindow
-from mograft.stream.stream import Piece as Piece
 from mograft.stream.stream import Stream as Stream
+from mograft.stream.stream import StreamPiece as StreamPiece
 from mograft.stream.stream import join_pieces as join_pieces
 from mograft.synthesis.advice import advise as advise
 from mograft.synthesis.graft import Grafts as Grafts

@@ -2,37 +2,36 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import Field, dataclass, field, fields, replace
 from numbers import Real
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
+from mograft._util.containers import FrozenMapping
 from mograft._util.cut_frames import freeze_cut_frames
-from mograft._util.frozen_mapping import FrozenMapping
-from mograft._util.registry import AUTOMATIC_SCALE, CONFIG_OPTIONS
-from mograft._util.validate import python_scalar
+from mograft._util.registry import CONFIG_OPTIONS
+from mograft._util.validate import is_integer, python_scalar
+from mograft.errors import suggest_name
 
 FRAME = 1.0 / 30.0
 """Seconds per frame of the paper's recordings: its segment lengths show 30 frames per second."""
 
-_NAMED_SIGMAS = ("rms", "literal")
+STAGES = ("segmentation", "embedding", "neighbourhood", "search", "blend")
+"""The stages of the computation, in their order. A field of `Config` carries the first stage whose
+result it changes; all later stages depend on it."""
+
 _FUNCTION = "function "  # marks the name of a function in `Config.as_dict`
-_SEGMENTATION_FIELDS = {"segmentation": "energy", "segmentation_parameters": {}}
-_MINIMUM_OF_INTEGER = {"samples": 2, "components": 1, "max_candidates": 1}
-# The other fields of type float must be above 0.
-_NOT_NEGATIVE = (
-    "smoothing",
-    "rotation_floor",
-    "position_floor",
-    "length_floor",
-    "length_slack",
-    "seam_window",
-    "length_weight",
-    "distance_weight",
-    "balance_weight",
-    "novelty",
-    "diversity",
-    "reach_ik",
-)
+
+T = TypeVar("T")
+
+
+def setting(stage: str, default: T, at_least: float | None = None, *, stored: bool = True) -> T:
+    """Return a field of `Config` that belongs to one of `STAGES`.
+
+    Numbers must be at least `at_least` or, by default, above 0. If `stored` is false, `as_dict`
+    leaves the field out while it has its default.
+    """
+    metadata = {"stage": stage, "at_least": at_least, "stored": stored}
+    return field(default=default, metadata=metadata)
 
 
 @dataclass(frozen=True)
@@ -78,16 +77,13 @@ class Config:
         radians, of root displacements in skeleton heights, and of segment lengths in frames of
         1/30 s. They prevent the jitter of nearly static joints from weighing as much as motion.
         With 0, the correlation matrix is that of the paper (4.2).
-    sigma : {"rms", "literal"} or float
+    sigma : {"rms", "literal"}
         Spread of all segments, of which `sigma_scale` is a multiple (4.3). "rms" is √(mean d²),
         where d is the distance of a segment from the mean of all segments. "literal" is √(mean d),
-        as eq. 14 is printed. A number is the cluster diameter threshold itself.
-    sigma_scale : float or "auto"
-        Cluster diameter threshold as a multiple of `sigma`; without effect if `sigma` is a number.
-        "auto" chooses a multiple between 0.3 and 1.875 for each joint group: the largest at which
-        the motion of the other groups differs between segments of a cluster at most 1.1 times as
-        much as between a segment and its repetition (docs/choice.md).
-        Larger values give more variety, smaller values more similarity.
+        as eq. 14 is printed.
+    sigma_scale : float
+        Cluster diameter threshold as a multiple of `sigma`. Larger values give more variety,
+        smaller values more similarity. `with_variety` sets it from a number between 0 and 1.
     neighbourhood : {"cluster", "ball"}
         Which segments are similar enough to replace a base segment, compared by the motion of the
         base group. "cluster": the segments of its cluster (4.3). "ball": the segments whose
@@ -145,8 +141,7 @@ class Config:
         nearest to the donors'. "offset" adds a decaying offset on both sides, so that pose and
         velocity are continuous. "displacement" spreads the pose gap over both segments. "paper"
         does the same and replaces the frames near the seam by a cubic, which removes detail.
-        "inertial" and "dead" change frames after the seam only: "inertial" adds a decaying offset,
-        "dead" cross-fades from the extrapolated motion before the seam.
+        "inertial" adds a decaying offset after the seam only.
     seam_window : float
         Duration, in seconds, on each side of a seam that the cubic of "paper" replaces.
     seam_blend : float
@@ -189,83 +184,80 @@ class Config:
     ValueError: `sigma_scale` must be above 0, got -1
     """
 
-    segmentation: str | Mapping[str, Sequence[int]] | Callable[[Any], Any] = "energy"
-    segmentation_parameters: Mapping[str, float | str | bool] = FrozenMapping()
-    smoothing: float = 2 * FRAME
-    min_length: float = 3 * FRAME
-    max_length: float = 2.0
-    omega: Literal["world", "local"] = "world"
-    inertia: Literal["own", "subtree", "unit"] = "own"
-    samples: int = 10
-    components: int = 10
-    keep_heading: bool = False
-    rotation_floor: float = math.radians(0.5)
-    position_floor: float = 0.001
-    length_floor: float = 0.5
-    sigma: Literal["rms", "literal"] | float = "rms"
-    sigma_scale: float | Literal["auto"] = 0.75
-    neighbourhood: Literal["cluster", "ball"] = "cluster"
-    max_stretch: float = 0.15
-    length_slack: float = FRAME
-    max_angle: float = math.radians(45.0)
-    choice: Literal["viterbi", "best", "sample", "nearest", "random"] = "sample"
-    length_weight: float = 1.0
-    distance_weight: float = 0.25
-    balance_weight: float = 30.0
-    angle_scale: float = math.radians(20.0)
-    velocity_scale: float = math.radians(200.0)
-    novelty: float = 10.0
-    temperature: float = 0.25
-    diversity: float = 1.0
-    max_candidates: int = 32
-    seam: str = "gradient"
-    seam_window: float = 5 * FRAME
-    seam_blend: float = 0.3
-    alignment: Literal["uniform", "dtw"] = "uniform"
-    torso: Literal["pelvis", "world", "balanced"] = "balanced"
-    self_repair: bool = True
-    feet: Literal["auto", "never"] = "auto"
-    reach_ik: float = 0.25
+    segmentation: str | Mapping[str, Sequence[int]] | Callable[[Any], Any] = setting(
+        "segmentation", "energy", stored=False
+    )
+    segmentation_parameters: Mapping[str, float | str | bool] = setting(
+        "segmentation", FrozenMapping(), stored=False
+    )
+    smoothing: float = setting("segmentation", 2 * FRAME, 0)
+    min_length: float = setting("segmentation", 3 * FRAME)
+    max_length: float = setting("segmentation", 2.0)
+    omega: Literal["world", "local"] = setting("segmentation", "world")
+    inertia: Literal["own", "subtree", "unit"] = setting("segmentation", "own")
+    samples: int = setting("embedding", 10, 2)
+    components: int = setting("embedding", 10, 1)
+    keep_heading: bool = setting("embedding", default=False)
+    rotation_floor: float = setting("embedding", math.radians(0.5), 0)
+    position_floor: float = setting("embedding", 0.001, 0)
+    length_floor: float = setting("embedding", 0.5, 0)
+    sigma: Literal["rms", "literal"] = setting("neighbourhood", "rms")
+    sigma_scale: float = setting("neighbourhood", 0.75)
+    # The candidates are found among the clusters and points when donors are searched.
+    neighbourhood: Literal["cluster", "ball"] = setting("search", "cluster")
+    max_stretch: float = setting("search", 0.15)
+    length_slack: float = setting("search", FRAME, 0)
+    max_angle: float = setting("search", math.radians(45.0))
+    choice: Literal["viterbi", "best", "sample", "nearest", "random"] = setting("search", "sample")
+    length_weight: float = setting("search", 1.0, 0)
+    distance_weight: float = setting("search", 0.25, 0)
+    balance_weight: float = setting("search", 30.0, 0)
+    angle_scale: float = setting("search", math.radians(20.0))
+    velocity_scale: float = setting("search", math.radians(200.0))
+    novelty: float = setting("search", 10.0, 0)
+    temperature: float = setting("search", 0.25)
+    diversity: float = setting("search", 1.0, 0)
+    max_candidates: int = setting("search", 32, 1)
+    seam: str = setting("blend", "gradient")
+    seam_window: float = setting("blend", 5 * FRAME, 0)
+    seam_blend: float = setting("blend", 0.3)
+    alignment: Literal["uniform", "dtw"] = setting("blend", "uniform")
+    torso: Literal["pelvis", "world", "balanced"] = setting("blend", "balanced")
+    self_repair: bool = setting("search", default=True)
+    feet: Literal["auto", "never"] = setting("blend", "auto")
+    reach_ik: float = setting("blend", 0.25, 0)
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            python_scalar(self, field.name)
+        for own in fields(self):
+            python_scalar(self, own.name)
+            self._check(own)
         self._check_segmentation()
         for name, registry in CONFIG_OPTIONS.items():
             value = getattr(self, name)
             if name != "segmentation" or isinstance(value, str):
                 registry.get(value)
-        for name, minimum in _MINIMUM_OF_INTEGER.items():
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < minimum:
-                raise ValueError(
-                    f"`{name}` must be a whole number of at least {minimum}, got {value!r}"
-                )
-        for name in ("keep_heading", "self_repair"):
-            value = getattr(self, name)
-            if not isinstance(value, bool):
-                raise ValueError(f"`{name}` must be True or False, got {value!r}")
-        if self.sigma not in _NAMED_SIGMAS:
-            if isinstance(self.sigma, str):
-                raise ValueError(
-                    f"`sigma` must be one of {_NAMED_SIGMAS} or a number, got {self.sigma!r}"
-                )
-            self._check_number("sigma")
-        if isinstance(self.sigma_scale, str) and self.sigma_scale != AUTOMATIC_SCALE:
-            raise ValueError(
-                f"`sigma_scale` must be a number above 0 or {AUTOMATIC_SCALE!r}, got "
-                f"{self.sigma_scale!r}"
-            )
-        if self.sigma_scale != AUTOMATIC_SCALE:
-            self._check_number("sigma_scale")
-        for field in fields(self):
-            if field.type is float:
-                self._check_number(field.name)
         if self.max_length < 2 * self.min_length:
             raise ValueError(
                 f"`max_length` must be at least {2 * self.min_length:.4g} s, twice `min_length`, "
                 f"got {self.max_length:.4g}"
             )
+
+    def _check(self, own: "Field[Any]") -> None:
+        """Check the value of a field that is a boolean or a number."""
+        value, at_least = getattr(self, own.name), own.metadata["at_least"]
+        if own.type is bool and not isinstance(value, bool):
+            raise ValueError(f"`{own.name}` must be True or False, got {value!r}")
+        if own.type is int and (not is_integer(value) or value < at_least):
+            raise ValueError(
+                f"`{own.name}` must be a whole number of at least {at_least}, got {value!r}"
+            )
+        if own.type is float:
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise ValueError(f"`{own.name}` must be a number, got {value!r}")
+            if at_least is None and not value > 0:
+                raise ValueError(f"`{own.name}` must be above 0, got {value!r}")
+            if not value >= 0:
+                raise ValueError(f"`{own.name}` must not be negative, got {value!r}")
 
     def _check_segmentation(self) -> None:
         """Check the fields of segmentation, and replace mappings by immutable copies."""
@@ -288,15 +280,6 @@ class Config:
                 f"{parameters!r}"
             )
         object.__setattr__(self, "segmentation_parameters", FrozenMapping(parameters))
-
-    def _check_number(self, name: str) -> None:
-        value = getattr(self, name)
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ValueError(f"`{name}` must be a number, got {value!r}")
-        if name not in _NOT_NEGATIVE and not value > 0:
-            raise ValueError(f"`{name}` must be above 0, got {value!r}")
-        if not value >= 0:
-            raise ValueError(f"`{name}` must not be negative, got {value!r}")
 
     @classmethod
     def paper(cls, **changes: Any) -> "Config":  # noqa: ANN401 - any field's value
@@ -332,29 +315,45 @@ class Config:
 
     @classmethod
     def with_variety(cls, variety: float, **changes: Any) -> "Config":  # noqa: ANN401 - any field's value
-        """Return the defaults, except for the fields that `variety` sets and those in `changes`.
+        """Return the defaults, except for `sigma_scale` and the fields in `changes`.
 
         Parameters
         ----------
         variety : float
             From 0, few and similar donors, to 1, many and less similar ones. 0.5 is ``Config()``.
+            See `scale_of_variety`.
         **changes
-            Values of fields that `variety` does not set; see `variety_fields`.
+            Values of other fields.
 
         Raises
         ------
         ValueError
-            If `variety` is not between 0 and 1, or `changes` has a field that `variety` sets.
+            If `variety` is not between 0 and 1, or `changes` has `sigma_scale`.
 
         Examples
         --------
         >>> [round(Config.with_variety(v).sigma_scale, 2) for v in (0, 0.5, 1)]
         [0.3, 0.75, 1.88]
         """
-        values = variety_fields(variety)
-        for name in values.keys() & changes.keys():
-            raise ValueError(f"`{name}` must not be given together with `variety`, which sets it")
-        return cls(**values, **changes)
+        scale = scale_of_variety(variety)
+        if "sigma_scale" in changes:
+            raise ValueError(
+                "`sigma_scale` must not be given together with `variety`, which sets it"
+            )
+        return cls(sigma_scale=scale, **changes)
+
+    @classmethod
+    def fields_of(cls, *stages: str) -> tuple[str, ...]:
+        """Return the names of the fields of some of the `STAGES`."""
+        return tuple(own.name for own in fields(cls) if own.metadata["stage"] in stages)
+
+    def changed_fields(self, other: "Config") -> dict[str, list[str]]:
+        """Return the names of the fields whose values differ from those of `other`, by stage."""
+        changed: dict[str, list[str]] = {}
+        for own in fields(self):
+            if getattr(self, own.name) != getattr(other, own.name):
+                changed.setdefault(own.metadata["stage"], []).append(own.name)
+        return changed
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as a dict of JSON values; infinity becomes None.
@@ -362,11 +361,11 @@ class Config:
         The fields of segmentation are left out if they have their defaults. A function is replaced
         by its name, and `from_dict` refuses it.
         """
-        values = {field.name: _to_json(getattr(self, field.name)) for field in fields(self)}
-        for name, default in _SEGMENTATION_FIELDS.items():
-            if values[name] == default:
-                del values[name]
-        return values
+        return {
+            own.name: _to_json(getattr(self, own.name))
+            for own in fields(self)
+            if own.metadata["stored"] or getattr(self, own.name) != own.default
+        }
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "Config":
@@ -375,9 +374,11 @@ class Config:
         Raises ValueError if a name is not a field, a value is out of range, or `segmentation` was a
         function.
         """
-        unknown = set(values) - {field.name for field in fields(cls)}
+        names = [own.name for own in fields(cls)]
+        unknown = sorted(set(values) - set(names))
         if unknown:
-            raise ValueError(f"unknown fields of Config: {', '.join(sorted(unknown))}")
+            hint = suggest_name(unknown[0], names)
+            raise ValueError(f"unknown fields of Config: {', '.join(unknown)}{hint}")
         given: dict[str, Any] = {k: math.inf if v is None else v for k, v in values.items()}
         chosen = given.get("segmentation")
         if isinstance(chosen, str) and chosen.startswith(_FUNCTION):
@@ -398,14 +399,12 @@ def _to_json(value: object) -> object:
     return None if value == math.inf else value
 
 
-def variety_fields(variety: float) -> dict[str, Any]:
-    """Return the names and values of the fields of `Config` that a variety from 0 to 1 sets.
+def scale_of_variety(variety: float) -> float:
+    """Return the `Config.sigma_scale` of a variety from 0 to 1: 0.75 · 2.5^(2 · variety - 1).
 
-    The only field is ``sigma_scale = 0.75 · 2.5^(2 · variety - 1)``: 0.3 for a variety of 0, 0.75
-    for 0.5 and 1.875 for 1.
-
-    Raises ValueError if `variety` is not a number between 0 and 1.
+    This is 0.3 for a variety of 0, 0.75 for 0.5 and 1.875 for 1. Raises ValueError if `variety` is
+    not a number between 0 and 1.
     """
     if isinstance(variety, bool) or not isinstance(variety, Real) or not 0 <= variety <= 1:
         raise ValueError(f"`variety` must be a number from 0 to 1, got {variety!r}")
-    return {"sigma_scale": 0.75 * 2.5 ** (2.0 * float(variety) - 1.0)}
+    return float(0.75 * 2.5 ** (2.0 * float(variety) - 1.0))

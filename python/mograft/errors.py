@@ -4,6 +4,9 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
+DAMAGE = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
+"""What reading a damaged document raises."""
+
 
 class MograftError(Exception):
     """Base class of all exceptions of mograft."""

@@ -28,7 +28,7 @@ def test_percentile_without_rows_equals_that_of_remaining_rows(
 ):
     columns = data.draw(st.permutations(range(values.shape[1])))[:2]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(high_percentile, "_SLACK", slack)
+        patch.setattr(high_percentile, "SLACK", slack)
         found = HighPercentile(values, percentile)
         for first, stop in ranges:
             rows = np.arange(len(values))

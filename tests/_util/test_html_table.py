@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
-from mograft._util.html_table import MAX_ROWS, html_table
+from mograft._util.html_table import MAX_ROWS, notebook_table
 from mograft.dancer import dance
 from tests.strategies import HOSTILE_NAMES
 
@@ -47,7 +47,7 @@ TEXTS = st.text(st.characters(exclude_characters="\r\0"), min_size=1)
 
 @given(TEXTS, st.lists(st.tuples(TEXTS, st.integers(), st.booleans()), max_size=40))
 def test_html_table_cells_hold_the_texts_and_no_other_tags(text, rows):
-    table = Table(html_table(text, (text, "n", "b"), rows, len(rows)))
+    table = Table(notebook_table(text, (text, "n", "b"), rows, len(rows)))
     assert table.tags <= TAGS
     header, *cells = table.rows
     legible = [text.encode("utf-8", "replace").decode() for text, _, _ in rows]

@@ -1,7 +1,6 @@
-"""The code for Windows, run here: locks, positions in files, links and names of files."""
+"""The code for Windows, run here: positions in files, links and names of files."""
 
 import errno
-import importlib.util
 import os
 import re
 import sys
@@ -14,7 +13,6 @@ import pytest
 
 import mograft as mg
 from mograft._util import atomic
-from mograft._util import lock as lock_module
 from mograft.dancer import dance
 from mograft.library.files import array_files, generation
 from tests._util.test_names import is_portable
@@ -36,51 +34,6 @@ class WindowsOs(types.ModuleType):
 
     def link(self, *paths):
         raise OSError(errno.EPERM, "the file system has no links", *paths)
-
-
-class WindowsLocks(types.ModuleType):
-    """The module ``msvcrt`` with one lock for each file, held until the file is closed."""
-
-    LK_NBLCK = 2
-
-    def __init__(self):
-        super().__init__("msvcrt")
-        self._holders = {}
-
-    def locking(self, handle, mode, n_bytes):
-        assert (mode, n_bytes) == (self.LK_NBLCK, 1)
-        assert os.lseek(handle, 0, os.SEEK_CUR) == 0, "Windows locks bytes from the position"
-        key = os.fstat(handle).st_ino
-        holder = self._holders.get(key)
-        # A handle of the same number is a file that was closed and opened again.
-        if holder not in (None, handle) and self._is_open(holder, key):
-            raise PermissionError(errno.EACCES, "another process has locked the file")
-        self._holders[key] = handle
-
-    @staticmethod
-    def _is_open(handle, key):
-        try:
-            return os.fstat(handle).st_ino == key
-        except OSError:
-            return False
-
-
-@not_on_windows
-def test_windows_lock_excludes_until_the_block_ends(tmp_path, monkeypatch):
-    monkeypatch.setattr(sys, "platform", "win32")
-    monkeypatch.setitem(sys.modules, "msvcrt", WindowsLocks())
-    monkeypatch.setitem(sys.modules, "fcntl", None)  # importing it raises ImportError
-    spec = importlib.util.spec_from_file_location("windows_lock", lock_module.__file__)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    path = tmp_path / ".lock"
-    with module.exclusive_lock(path):
-        with pytest.raises(BlockingIOError), module.exclusive_lock(path):
-            pass
-        with module.exclusive_lock(tmp_path / "other"):
-            pass
-    with module.exclusive_lock(path):
-        pass
 
 
 @not_on_windows

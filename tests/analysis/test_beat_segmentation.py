@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from lab.studies.behaviours import metronome
+from lab.studies.behaviour_pieces import metronome
 from mograft import Motion
-from mograft.analysis.segmentations import beats
+from mograft.analysis import beats
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.analysis.behaviours import behaviours

@@ -1,9 +1,6 @@
 """Complete linkage: the tree against a greedy oracle and SciPy, cuts and thresholds."""
 
-import itertools
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +9,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from scipy.cluster import hierarchy
-from scipy.spatial.distance import pdist, squareform
+from scipy.spatial.distance import pdist
 
 from mograft import clustering
-from tests.memory import PEAK_BYTES
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "embedding_bandai_60k.npy"
 
@@ -134,60 +130,6 @@ def test_cut_at_and_next_to_height_equals_fcluster_of_tree(points, resources, qu
         np.testing.assert_array_equal(clustering.cut(points, diameter, **resources), expected)
 
 
-@given(clouds(kinds=["lattice", "single precision"]), st.floats(0, 1))
-def test_cut_diameters_within_limit_and_merges_exceed_it(points, quantile):
-    distances = squareform(pdist(points))
-    diameter = np.quantile(distances, quantile)
-    labels = clustering.cut(points, diameter)
-    groups = [np.flatnonzero(labels == i) for i in range(labels.max() + 1)]
-    assert all(distances[np.ix_(group, group)].max() <= diameter for group in groups)
-    pairs = itertools.combinations(groups, 2)
-    assert all(distances[np.ix_(a, b)].max() > diameter for a, b in pairs)
-
-
-@given(clouds(kinds=["lattice", "single precision"]))
-def test_linkage_cophenetic_distance_at_least_distance(points):
-    assert (hierarchy.cophenet(clustering.linkage(points)) >= pdist(points)).all()
-
-
-@given(clouds_without_ties(max_points=60), st.randoms(use_true_random=False))
-def test_linkage_permuted_points_same_cophenetic_distances(points, random):
-    order = random.sample(range(len(points)), len(points))
-    original = squareform(hierarchy.cophenet(clustering.linkage(points)))
-    shuffled = squareform(hierarchy.cophenet(clustering.linkage(points[order])))
-    np.testing.assert_array_equal(shuffled, original[np.ix_(order, order)])
-
-
-@given(clouds(kinds=["lattice", "single precision"]), st.integers(-900, 900))
-def test_linkage_points_scaled_by_power_of_two_scales_heights(points, exponent):
-    tree = clustering.linkage(points)
-    scaled = clustering.linkage(np.ldexp(points, exponent))
-    np.testing.assert_array_equal(scaled[:, [0, 1, 3]], tree[:, [0, 1, 3]])
-    np.testing.assert_array_equal(scaled[:, 2], np.ldexp(tree[:, 2], exponent))
-
-
-@given(clouds_without_ties(max_points=60), st.integers(0, 2**32), st.floats(-100, 100))
-def test_cut_rotated_and_translated_points_same_labels(points, seed, shift):
-    axes = np.linalg.qr(np.random.default_rng(seed).normal(size=(points.shape[1],) * 2))[0]
-    heights = np.unique(clustering.linkage(points)[:, 2])
-    between = heights[:-1][np.diff(heights) > 1e-6 * heights[-1]]
-    assume(len(between) and np.abs(points).max() < 1e3)
-    diameter = between[len(between) // 2] + 5e-7 * heights[-1]
-    moved = points @ axes + shift
-    np.testing.assert_array_equal(clustering.cut(moved, diameter), clustering.cut(points, diameter))
-
-
-@given(clouds_without_ties(max_points=40), st.floats(1.5, 100))
-def test_threshold_scaled_points_rms_scales_linearly_literal_by_square_root(points, factor):
-    assume(np.abs(points).max() < 1e3)
-    for kind, power in (("rms", 1.0), ("literal", 0.5)):
-        one, other = (
-            clustering.threshold(points, kind),
-            clustering.threshold(points * factor, kind),
-        )
-        assert other == pytest.approx(one * factor**power)
-
-
 @given(clouds(kinds=["lattice", "single precision"]))
 def test_linkage_condensed_equals_linkage_of_points(points):
     distances = pdist(points)
@@ -196,16 +138,6 @@ def test_linkage_condensed_equals_linkage_of_points(points):
     tree = clustering.linkage(points)
     np.testing.assert_array_equal(clustering.linkage_condensed(distances), tree)
     np.testing.assert_array_equal(clustering.linkage_condensed(distances, memory_limit=0), tree)
-
-
-@pytest.mark.parametrize("n_axes", [1, 2, 30, 300])
-def test_linkage_any_number_of_axes_equals_scipy(n_axes):
-    points = np.random.default_rng(n_axes).standard_normal((700, n_axes))
-    expected = hierarchy.complete(pdist(points))
-    for memory_limit in (0, None):
-        np.testing.assert_array_equal(
-            clustering.linkage(points, memory_limit=memory_limit), expected
-        )
 
 
 def test_linkage_recorded_embedding_equals_scipy():
@@ -252,25 +184,6 @@ def test_linkage_2500_points_does_not_depend_on_resources():
     assert_resources_do_not_matter(2_500)
 
 
-@pytest.mark.thorough
-def test_linkage_100000_points_does_not_depend_on_resources():
-    assert_resources_do_not_matter(100_000)
-
-
-@pytest.mark.thorough
-def test_cut_many_tied_distances_memory_stays_small():
-    """Binary points of many axes: some distances occur in 5 % of all pairs."""
-    script = f"""{PEAK_BYTES}
-import numpy as np, mograft as mg
-points = np.random.default_rng(5).integers(0, 2, (12_000, 64)).astype(float)
-before = peak_bytes()
-clustering.cut(points, np.sqrt(20.0), memory_limit=0)
-print(peak_bytes() - before)
-"""
-    run = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
-    assert int(run.stdout) < 300 << 20  # a matrix would take 1.1 GB
-
-
 def test_linkage_progress_exception_ends_call():
     points = np.random.default_rng(0).standard_normal((20_000, 12))
     reported = []
@@ -304,32 +217,6 @@ def test_cut_up_to_two_points(n):
     np.testing.assert_array_equal(clustering.cut(points, 9.0), np.zeros(n))
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_linkage_non_finite_coordinate_raises_value_error(bad):
-    points = np.zeros((4, 3))
-    points[2, 1] = bad
-    for refuse in (clustering.linkage, lambda points: clustering.cut(points, 1.0)):
-        with pytest.raises(
-            ValueError, match=r"`points` must be finite, got -?(NaN|inf) at \[2, 1\]"
-        ):
-            refuse(points)
-
-
-@pytest.mark.parametrize("diameter", [-1.0, np.nan])
-def test_cut_negative_or_nan_diameter_raises_value_error(diameter):
-    with pytest.raises(ValueError, match="`max_diameter` must be 0 or more, got"):
-        clustering.cut([[0.0]], diameter)
-
-
-def test_linkage_condensed_invalid_distances_raises_value_error():
-    with pytest.raises(ValueError, match=r"`distances` must have n\(n - 1\)/2 elements.*, got 4"):
-        clustering.linkage_condensed(np.ones(4))
-    with pytest.raises(
-        ValueError, match=r"`distances` must be finite and not negative, got -1 at \[1\]"
-    ):
-        clustering.linkage_condensed([1.0, -1.0, 1.0])
-
-
 def test_threshold_equals_deviation_from_mean_point():
     rng = np.random.default_rng(14)
     points = rng.normal(size=(50, 3))
@@ -341,18 +228,3 @@ def test_threshold_equals_deviation_from_mean_point():
     assert clustering.threshold(points, 2.5, scale=3.0) == 2.5
     with pytest.raises(ValueError, match="`kind` must be 'rms', 'literal' or a number, got 'std'"):
         clustering.threshold(points, "std")
-
-
-@pytest.mark.parametrize(("name", "value"), [("n_threads", 0), ("memory_limit", -1)])
-def test_linkage_threads_or_memory_out_of_range_raises_value_error(name, value):
-    for cluster in (
-        clustering.linkage,
-        lambda points, **options: clustering.cut(points, 1.0, **options),
-    ):
-        with pytest.raises(ValueError, match=f"`{name}` must be . or more, got {value}"):
-            cluster([[0.0], [1.0]], **{name: value})
-
-
-def test_linkage_condensed_distances_name_linkage_condensed():
-    with pytest.raises(ValueError, match="linkage_condensed takes the distances"):
-        clustering.linkage([1.0, 2.0, 3.0])

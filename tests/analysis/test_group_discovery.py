@@ -19,8 +19,8 @@ from mograft import (
     write_bvh,
 )
 from mograft._standalone.mograft_linkage.dendrogram import labels_after_merges
-from mograft.analysis import group_discovery
 from mograft.analysis.connected_linkage import connected_linkage
+from mograft.analysis.group_discovery import number_at_largest_gap
 from mograft.analysis.joint_dependence import joint_dependence
 from mograft.body.joint_chains import JointChains, support_shares
 from mograft.body.mirroring import partners
@@ -260,7 +260,7 @@ def test_discover_dependence_of_chains_is_that_of_their_least_dependent_joints()
 )
 def test_discovered_number_of_groups_is_between_the_merges_that_differ_most(heights, diameters):
     tree = np.column_stack([np.zeros((len(heights), 2)), heights, heights]).astype(float)
-    found = group_discovery._number_at_largest_gap(tree, np.array(diameters, float))
+    found = number_at_largest_gap(tree, np.array(diameters, float))
     # The height at which a number of groups is complete, and that of the next merge.
     done = {len(tree) + 1: min(max(diameters), heights[0])}
     done |= {len(tree) - step: heights[step] for step in range(len(tree))}
@@ -278,11 +278,6 @@ def test_discover_chain_that_does_not_move_belongs_to_the_chain_above(still, abo
     expected = CHAINS[above].split() + CHAINS[still].split()
     found = {frozenset(motion.skeleton.names[j] for j in own) for own in groups.values()}
     assert frozenset(expected) in found
-
-
-def test_discover_config_of_wrong_type_raises_type_error():
-    with pytest.raises(TypeError, match="`config` must be a Config, got int"):
-        mg.discover_groups(coupled_motion(0, {}), config=3)
 
 
 def test_discover_two_groups_equal_preset_lower_upper():
@@ -343,14 +338,6 @@ def test_support_shares_do_not_depend_on_the_up_direction(turn, turns_rest_pose)
         positions[:, 0] = rotations.rotate(turn, positions[:, 0])
     turned = Motion(skeleton, motion.frame_time, rotations.continuous_signs(quats), positions)
     np.testing.assert_allclose(support_shares(turned), support_shares(motion), atol=0.01)
-
-
-def test_discover_is_deterministic_and_scale_of_time_does_not_matter():
-    motion = person(5, 300)
-    first, second = discover_groups(motion, 3), discover_groups(motion, 3)
-    np.testing.assert_array_equal(first.dependence, second.dependence)
-    np.testing.assert_array_equal(first.tree, second.tree)
-    assert first.groups == second.groups
 
 
 def test_discover_tree_cut_at_number_gives_labels():

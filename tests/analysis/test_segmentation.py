@@ -66,25 +66,12 @@ def test_kinetic_energy_ignores_position_orientation_size_and_sign(motion, turn,
     np.testing.assert_allclose(kinetic_energy(moved), energy, rtol=1e-8, atol=1e-14)
 
 
-@given(motions(min_joints=2))
-def test_kinetic_energy_reversed_motion_is_reversed(motion):
-    back = replace(motion, rotations=motion.rotations[::-1], positions=motion.positions[::-1])
-    np.testing.assert_allclose(kinetic_energy(back), kinetic_energy(motion)[::-1], atol=1e-12)
-
-
 @given(motions(min_frames=30, max_frames=60, min_joints=2))
 def test_kinetic_energy_other_rate_within_five_percent(motion):
     finer = motion.resample(4 * motion.rate)
     finest = finer.resample(4 * finer.rate)
     coarse, fine = kinetic_energy(finer)[4:-4], kinetic_energy(finest)[::4][4:-4]
     assert np.abs(coarse - fine).max() <= 0.05 * fine.max() + 1e-12
-
-
-def test_kinetic_energy_translation_only_is_zero():
-    skeleton = chain()
-    motion = steady_rotation(skeleton, 0, 0.0)
-    positions = motion.positions + np.arange(20)[:, None, None]
-    np.testing.assert_array_equal(kinetic_energy(replace(motion, positions=positions)), 0.0)
 
 
 @given(CURVES, st.floats(0, 6))
@@ -110,19 +97,6 @@ def test_extrema_scaled_shifted_or_negated_curve_are_equal(levels, power, level)
     curve = np.array(levels, float)
     np.testing.assert_array_equal(extrema(curve), extrema(curve * 2.0**power + level))
     np.testing.assert_array_equal(extrema(curve), extrema(-curve))
-
-
-@given(
-    motions(min_frames=2, max_frames=200, min_joints=2), st.sampled_from((Config(), Config.paper()))
-)
-def test_segment_tiles_motion_within_length_limits(motion, config):
-    segments = segment(motion, config)
-    assert segments.start[0] == 0
-    assert segments.stop[-1] == motion.n_frames - 1
-    np.testing.assert_array_equal(segments.start[1:], segments.stop[:-1])
-    assert (segments.lengths <= config.max_length * motion.rate).all()
-    min_length = round(config.min_length * motion.rate)
-    assert (segments.lengths >= min(min_length, motion.n_frames - 1)).all()
 
 
 @given(
@@ -159,14 +133,6 @@ def test_segmentation_invalid_arguments_raise_value_error():
         for value in ("heavy", ["own"], None):
             with pytest.raises(ValueError, match=f"`{name}` must be one of .*, got "):
                 kinetic_energy(steady_rotation(chain(), 0, 1.0), **{name: value})
-
-
-def test_segments_concatenate_keeps_order_and_clips():
-    first, second = Segments([0, 4], [4, 9]), Segments([2], [7], [3])
-    joined = Segments.concatenate([first, second])
-    assert joined.start.tolist() == [0, 4, 2]
-    assert joined.stop.tolist() == [4, 9, 7]
-    assert joined.clip.tolist() == [0, 0, 3]
 
 
 @given(SEEDS)

@@ -7,20 +7,16 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.signal import find_peaks
 
-from mograft import Config, Motion, Skeleton, segment
+from mograft import Config, Motion, segment
 from mograft._util.registry import CONFIG_OPTIONS
-from mograft._util.runs import find_runs
-from mograft.analysis.segmentations import METHODS
-from mograft.analysis.segmentations.com import find_lowest_points
+from mograft.analysis.segmentation import METHODS
 from mograft.body.mass import mass_model
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.strategies import few_examples, motions
 
 NAMES = CONFIG_OPTIONS["segmentation"].names
-NEEDS_LEGS = {"contacts"}
 WHOLE = Config(max_length=np.inf)
 DANCER = dance(strides=1, seed=3).motion
 
@@ -51,12 +47,10 @@ def test_segments_of_every_method_tile_the_motion_within_the_length_limits(
     np.testing.assert_array_equal(segments.start[1:], segments.stop[:-1])
     if len(segments) > 1:
         assert segments.lengths.min() >= round(config.min_length * rate)
-    method = METHODS.get(name)
-    if method is None or not method.has_long_segments:
-        assert segments.lengths.max() <= config.max_length * rate
+    assert segments.lengths.max() <= config.max_length * rate
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name not in NEEDS_LEGS])
+@pytest.mark.parametrize("name", NAMES)
 @few_examples(15)
 @given(motion=motions())
 def test_every_method_takes_any_skeleton_and_any_number_of_frames(name, motion):
@@ -106,10 +100,9 @@ def test_motion_of_one_frame_raises_value_error(name):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"method": "con"}, "`segmentation` must be one of 'energy', .*; did you mean 'com'"),
-        ({"method": "com", "min_dept": 1}, "among 'smoothing', .*; did you mean 'min_depth'"),
-        ({"method": "com", "min_depth": -1}, "`min_depth` must not be negative, got -1"),
-        ({"method": "contacts", "events": "left"}, "`events` must be one of both, touchdown"),
+        ({"method": "beat"}, "`segmentation` must be one of 'energy', .*; did you mean 'beats'"),
+        ({"method": "beats", "longes": 1}, "among 'shortest', .*; did you mean 'longest'"),
+        ({"method": "beats", "tightness": -1}, "`tightness` must be above 0, got -1"),
         ({"min_depth": 0.1}, "`segmentation_parameters` must be empty for 'energy'"),
         ({"method": [5, 4]}, "cut frames in `method` must be ascending whole numbers"),
         ({"method": [4.5]}, "cut frames in `method` must be ascending whole numbers"),
@@ -124,76 +117,8 @@ def test_invalid_method_or_parameter_raises_value_error(arguments, message):
         segment(DANCER, **arguments)
 
 
-def test_skeleton_without_legs_raises_value_error_with_contacts():
-    arm = Skeleton(["a", "b"], [-1, 0], [[0, 0, 0], [1, 0, 0]])
-    with pytest.raises(ValueError, match="'contacts' needs a skeleton with legs, still has none"):
-        segment(still_motion(30, skeleton=arm), method="contacts")
-
-
-@few_examples(20)
-@given(lengths=st.lists(st.integers(6, 30), min_size=1, max_size=6))
-def test_contacts_finds_the_frames_in_which_a_figure_is_lifted_and_put_down(lengths):
-    # At least one frame in ten stands, so that the 5th percentile is the floor.
-    lengths = [max(sum(lengths), 10), *lengths]
-    is_up = np.repeat(np.arange(len(lengths)) % 2 == 1, lengths)
-    motion = still_motion(len(is_up), 0.2 * is_up)
-    changes = np.flatnonzero(np.diff(is_up)) + 1
-    downs = changes[1::2] if not is_up[0] else changes[::2]
-    found = {
-        events: segment(motion, WHOLE, method="contacts", events=events).start[1:]
-        for events in ("both", "touchdown", "liftoff")
-    }
-    # A foot in the frame beside a change has a high speed, and is not in contact.
-    assert all(np.abs(changes[:, None] - found["both"]).min(axis=0) <= 1)
-    assert len(found["touchdown"]) == len(downs)
-
-
 @given(st.sets(st.integers(0, DANCER.n_frames - 1), max_size=20).map(sorted))
 def test_given_cut_frames_are_neither_merged_nor_split(frames):
     expected = np.unique([0, *frames, DANCER.n_frames - 1])
     for method in (frames, lambda _: np.array(frames), {DANCER.name: frames}):
         np.testing.assert_array_equal(bounds_of(segment(DANCER, method=method)), expected)
-
-
-@given(st.lists(st.floats(0, 1), min_size=2, max_size=40, unique=True), st.floats(0.01, 0.5))
-def test_lowest_points_are_the_minima_of_that_prominence(values, depth):
-    curve = np.array(values)
-    np.testing.assert_array_equal(
-        find_lowest_points(curve, depth), find_peaks(-curve, prominence=depth)[0]
-    )
-
-
-@pytest.mark.parametrize(
-    "seed", [*range(4), *(pytest.param(k, marks=pytest.mark.thorough) for k in range(4, 50))]
-)
-def test_com_finds_jumps_planted_into_a_dance(seed):
-    rng = np.random.default_rng(seed)
-    motion = dance(seed=seed, strides=1).motion[:900]
-    height = mass_model(motion.skeleton).height
-    positions, planted = motion.positions.copy(), []
-    for start in np.arange(100, 800, 120) + rng.integers(60, size=6):
-        n = int(rng.integers(12, 18))  # 0.4 to 0.57 s
-        time = np.arange(n + 1) / 30.0
-        positions[start : start + n + 1, 0, 1] += 0.5 * 5.6 * time * (time[-1] - time) * height
-        planted += [start, start + n]
-    found = segment(replace(motion, positions=positions), WHOLE, method="com").start
-    # Feet pass 0.03 statures within two frames of take-off and landing.
-    assert np.abs(found[:, None] - planted).min(axis=0).max() <= 3
-
-
-@few_examples(20)
-@given(
-    jumps=st.lists(st.floats(0.3, 0.6), min_size=1, max_size=3),
-    rate=st.sampled_from([30.0, 60.0, 120.0]),
-)
-def test_com_finds_planted_jumps(jumps, rate):
-    pieces = [np.zeros(int(rate))]
-    for seconds in jumps:
-        time = np.arange(round(seconds * rate) + 1) / rate
-        pieces += [0.5 * 5.6 * time * (time[-1] - time), np.zeros(int(rate))]
-    heights = np.concatenate(pieces)
-    found = segment(
-        still_motion(len(heights), heights, rate=rate), WHOLE, method="com", min_depth=1
-    )
-    flights = find_runs(heights >= 0.03) - [0, 1]  # feet are in contact below 0.03 statures
-    np.testing.assert_array_equal(found.start[1:], flights.ravel())

@@ -59,26 +59,6 @@ def test_zero_moment_operators_match_the_sum_of_a_line_and_sines(seed, n_samples
     np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
 
 
-@given(SEEDS, st.floats(0.05, 3.0), st.floats(-2.0, 2.0))
-def test_zero_moment_operators_move_the_point_by_a_constant_displacement(seed, seconds, shift):
-    base = np.random.default_rng(seed).normal(size=(1, 10, 2))
-    displacement = np.array([shift, 0.5 * shift])
-    found = zero_moment_shifts(base, base + displacement, np.array([seconds]))
-    np.testing.assert_allclose(found, np.broadcast_to(displacement, found.shape), atol=1e-9)
-
-
-@given(SEEDS, st.floats(0.2, 2.0))
-def test_zero_moment_operators_of_the_same_path_in_less_time_are_not_smaller(seed, seconds):
-    """The smoothing time is short against the duration, so acceleration outweighs smoothing."""
-    path = np.sin(np.pi * np.linspace(0.0, 1.0, 10))[:, None] * [1.0, 0.0]
-    path = np.random.default_rng(seed).uniform(0.1, 1.0) * path[None]
-    still = np.zeros_like(path)
-    slow, fast = zero_moment_shifts(
-        np.repeat(still, 2, 0), np.repeat(path, 2, 0), np.array([1.25 * seconds, seconds])
-    )
-    assert np.linalg.norm(fast) >= np.linalg.norm(slow)
-
-
 def margins_of(motion, config=CAPTURED):
     track = ZeroMomentTrack.of(motion, CUT, Ground.of(motion), config, root=0, up=1)
     return support_margins(motion, CUT, track, config, up=1)

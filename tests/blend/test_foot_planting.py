@@ -143,7 +143,7 @@ def test_detect_contacts_is_independent_of_unit(sample, scale):
     assert foot_skate(other) == pytest.approx(foot_skate(motion))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(SEEDS)
 def test_plant_feet_sliding_motion_fixes_feet_and_keeps_bone_lengths(sample, seed):
     rng = np.random.default_rng(seed)
@@ -174,7 +174,7 @@ def test_plant_feet_root_acceleration_at_most_doubles(sample):
     assert bends[1] < 2 * bends[0]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(SEEDS)
 def test_plant_feet_root_is_no_faster_than_before(sample, seed):
     """For any distance that legs lack; without a shift every position stays."""
@@ -248,7 +248,7 @@ def contact_arrays(draw, n_frames=120):
     return contacts
 
 
-@few_examples(60)
+@few_examples(30)
 @given(
     walkers(),
     st.none() | contact_arrays(),
@@ -266,7 +266,7 @@ def test_plant_feet_any_walk_pushes_no_foot_below_its_depth(
     assert_no_deeper(still, motion, Ground.of(motion))
 
 
-@few_examples(60)
+@few_examples(30)
 @given(SEEDS, contact_arrays(), st.floats(0.06, 0.3), st.floats(0.0, 1.0))
 def test_foot_displacements_standing_points_do_not_move(seed, contacts, length, pitch):
     """A foot that wavers about the floor and rocks: plants are clear of all depths."""
@@ -292,7 +292,7 @@ def test_foot_displacements_standing_points_do_not_move(seed, contacts, length, 
     assert (ends @ up >= lowest - 1e-9 * height).all()
 
 
-@few_examples(30)
+@few_examples(15)
 @given(
     walkers(),
     st.none() | contact_arrays(),
@@ -426,7 +426,7 @@ def test_plant_feet_fast_frames_of_a_contact_are_not_planted(sample):
     assert report.moved_root < 0.1
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(SEEDS, st.floats(0.01, 0.04))
 def test_plant_feet_min_heights_lift_swinging_feet(sample, seed, drop):
     """A figure that sinks into the floor: its feet keep their heights, up to the clearance."""

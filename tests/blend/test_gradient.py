@@ -82,7 +82,7 @@ def objective(layout, space, tracks, solved):
     return total
 
 
-@few_examples(30)
+@few_examples(15)
 @given(SEGMENT_LENGTHS, SEEDS, st.floats(0.1, 1.0), SEEDS)
 def test_gradient_translations_minimise_the_objective(lengths, seed, blend, other):
     """No other values of the frames that may change have a smaller sum."""
@@ -98,7 +98,7 @@ def test_gradient_translations_minimise_the_objective(lengths, seed, blend, othe
         assert objective(layout, TRANSLATIONS, layout.positions, moved) >= at - 1e-9 * (1.0 + at)
 
 
-@few_examples(30)
+@few_examples(15)
 @given(SEGMENT_LENGTHS, SEEDS)
 def test_gradient_rotations_have_smaller_objective_than_offset(lengths, seed):
     """At gaps and speeds of ordinary motion, where one Gauss-Newton step is enough."""
@@ -114,7 +114,7 @@ def test_gradient_rotations_have_smaller_objective_than_offset(lengths, seed):
     assert after <= before * (1.0 + 1e-9) + 1e-12
 
 
-@few_examples(40)
+@few_examples(20)
 @given(SEGMENT_LENGTHS, SEEDS, st.floats(0.0, 0.5))
 def test_gradient_changes_only_moving_joints_near_seams(lengths, seed, blend):
     layout = random_layout(lengths, seed, seam="gradient", seam_blend=max(blend, 1e-3))
@@ -129,7 +129,7 @@ def test_gradient_changes_only_moving_joints_near_seams(lengths, seed, blend):
     np.testing.assert_array_equal(solved[:, 2], closed[:, 2])
 
 
-@few_examples(40)
+@few_examples(20)
 @given(SEGMENT_LENGTHS, SEEDS, st.floats(0.05, 1.0), st.booleans())
 def test_smooth_gradient_agrees_with_numpy(lengths, seed, blend, is_concatenated):
     """Also for motions in which some segments do not share a frame with the next."""

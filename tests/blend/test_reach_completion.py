@@ -81,7 +81,7 @@ def bone_lengths(motion):
 
 
 @given(near_reaches())
-@few_examples(40)
+@few_examples(20)
 def test_complete_reaches_near_target_is_met_with_constant_bones(reach):
     result, (completion,) = complete_reaches(MOTION, [reach], limits(), POSES)
     assert completion.is_moved
@@ -95,7 +95,7 @@ def test_complete_reaches_near_target_is_met_with_constant_bones(reach):
 
 
 @given(near_reaches(), st.integers(1, 20))
-@few_examples(40)
+@few_examples(20)
 def test_complete_reaches_changes_two_joints_within_the_blend_window(reach, n_blend):
     result, _ = complete_reaches(MOTION, [reach], limits(n_blend=n_blend), POSES)
     frames = changed_frames(MOTION, result)
@@ -107,7 +107,7 @@ def test_complete_reaches_changes_two_joints_within_the_blend_window(reach, n_bl
 
 
 @given(near_reaches(), st.floats(0.3, 0.99), st.floats(1.01, 3.0))
-@few_examples(30)
+@few_examples(15)
 def test_complete_reaches_limit_decides_whether_a_limb_moves(reach, smaller, larger):
     _, (found,) = complete_reaches(MOTION, [reach], limits(distance=10.0), POSES)
     limb = find_limb(MOTION.skeleton, MOTION.skeleton.index(reach.joint))
@@ -147,7 +147,7 @@ def waving_reach(motion, joint, hold):
 
 
 @given(SEEDS, st.sampled_from(ENDS), st.sampled_from([0.0, 0.1]))
-@few_examples(30)
+@few_examples(15)
 def test_complete_reaches_hinge_keeps_its_bending_plane(seed, joint, hold):
     motion = waving(30, seed)
     reach, limb = waving_reach(motion, joint, hold)
@@ -168,7 +168,7 @@ def test_complete_reaches_hinge_keeps_its_bending_plane(seed, joint, hold):
 
 @given(SEEDS, st.sampled_from(ENDS), st.sampled_from([0.0, 0.1]))
 @example(0, "LeftHand", 0.1)
-@few_examples(15)
+@few_examples(7)
 def test_complete_reaches_velocity_of_correction_is_continuous(seed, joint, hold):
     coarse, fine = (largest_velocity_jump(rate, seed, joint, hold) for rate in (60, 480))
     # A continuous velocity differs by 1/8 as much between frames that are 8 times denser.
@@ -268,7 +268,7 @@ def test_complete_reaches_names_the_reason_for_every_limb_left_alone():
 
 
 @given(SEEDS, st.floats(1.0, 1.3))
-@few_examples(20)
+@few_examples(10)
 def test_complete_reaches_target_beyond_the_arm_straightens_it(seed, share):
     motion = waving(30, seed)
     limb = find_limb(motion.skeleton, motion.skeleton.index("LeftHand"))

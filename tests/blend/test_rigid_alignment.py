@@ -38,7 +38,7 @@ def test_alignment_gives_place_and_heading_and_keeps_height_and_lean(own, wanted
     np.testing.assert_allclose(off[known], 0.0, atol=1e-6)
 
 
-@few_examples(40)
+@few_examples(20)
 @given(ROOTS, UPS)
 def test_alignment_of_equal_roots_is_exact_identity(root, up):
     same = AlignmentTransform.from_roots(root, root, up).apply(root)
@@ -59,7 +59,7 @@ def test_root_transforms_match_forward_kinematics_and_return_to_local(motion, da
     np.testing.assert_allclose(local.positions, motion.positions[frames, joint], atol=1e-8)
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(SEEDS)
 def test_apply_to_poses_moves_bodies_rigidly(seed):
     rng = np.random.default_rng(seed)

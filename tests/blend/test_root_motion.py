@@ -29,7 +29,7 @@ from tests.strategies import (
 )
 
 CONFIGS = st.sampled_from([Config(seam=seam) for seam in SEAM_TREATMENTS.names])
-ORACLE_SEAMS = ("offset", "paper", "displacement", "inertial", "dead")
+ORACLE_SEAMS = ("offset", "paper", "displacement", "inertial")
 BLENDING = [
     name
     for name in SEAM_TREATMENTS
@@ -102,7 +102,7 @@ def test_root_velocity_weights_fall_with_distance(length, frames, config):
         assert last == 0.0 <= weight <= first
 
 
-@few_examples(20)
+@few_examples(10)
 @given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(sorted({*SEAM_TREATMENTS.names} - {"inertial"})))
 def test_transplant_height_of_an_aligned_root_is_that_without_alignment(lengths, seed, seam):
     """Alignment turns and moves donors over the floor; a seam in height is treated as any other.
@@ -131,7 +131,7 @@ def root_speeds(motion, joint=0):
     return steps, np.abs(yaw_rates(quats, 1))
 
 
-@few_examples(40)
+@few_examples(20)
 @given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(BLENDING))
 def test_transplant_root_speed_is_at_most_that_of_fastest_donor(lengths, seed, seam):
     rng = np.random.default_rng(seed)

@@ -35,6 +35,7 @@ JOINTS = np.array([1, 3])
 GROUP = GraftedGroup(JOINTS)
 
 
+@few_examples(40)
 @given(SEGMENT_LENGTHS, SEEDS, CONFIGS)
 def test_transplant_segments_onto_themselves_change_no_bit(lengths, seed, config):
     rng = np.random.default_rng(seed)
@@ -48,6 +49,7 @@ def test_transplant_segments_onto_themselves_change_no_bit(lengths, seed, config
     assert not len(part.seams)
 
 
+@few_examples(40)
 @given(SEGMENT_LENGTHS, SEEDS, CONFIGS)
 def test_transplant_from_copy_of_base_changes_no_number(lengths, seed, config):
     rng = np.random.default_rng(seed)
@@ -60,6 +62,7 @@ def test_transplant_from_copy_of_base_changes_no_number(lengths, seed, config):
     )
 
 
+@few_examples(40)
 @given(SEGMENT_LENGTHS, SEEDS, CONFIGS)
 def test_recombine_other_joints_keep_every_number(lengths, seed, config):
     rng = np.random.default_rng(seed)
@@ -91,6 +94,7 @@ def test_recombine_other_joints_keep_every_number(lengths, seed, config):
         assert_same_rotations(written, new.rotations[:, joint], 1e-9)
 
 
+@few_examples(40)
 @given(SEGMENT_LENGTHS, SEEDS, CONFIGS)
 def test_recombine_unchanged_frames_of_grafted_joint_keep_channel_values(lengths, seed, config):
     """Files may hold angles beyond a full turn; these are kept."""
@@ -108,6 +112,7 @@ def test_recombine_unchanged_frames_of_grafted_joint_keep_channel_values(lengths
         np.testing.assert_array_equal(numbers[same][:, own], base.channel_values[same][:, own])
 
 
+@few_examples(40)
 @given(SEGMENT_LENGTHS, SEEDS, st.integers(-3, 3))
 def test_recombine_new_angles_continue_kept_ones(lengths, seed, turns):
     """Angles offset by full turns keep the offset: no jump at the start of a graft."""
@@ -126,7 +131,7 @@ def test_recombine_new_angles_continue_kept_ones(lengths, seed, turns):
         assert (np.abs(steps) <= 180.0 + 1e-9).all()
 
 
-@few_examples(40)
+@few_examples(20)
 @given(SEGMENT_LENGTHS, SEEDS, PLAIN)
 def test_transplant_rotations_match_oracle(lengths, seed, config):
     rng = np.random.default_rng(seed)
@@ -140,7 +145,7 @@ def test_transplant_rotations_match_oracle(lengths, seed, config):
     assert_same_rotations(part.rotations, expected, 1e-7 if config.seam == "offset" else 1e-9)
 
 
-@few_examples(40)
+@few_examples(20)
 @given(SEGMENT_LENGTHS, SEEDS)
 def test_displacement_closes_every_gap_half_way(lengths, seed):
     rng = np.random.default_rng(seed)
@@ -173,7 +178,7 @@ def kink(seed, before, after, fine, seam):
     return np.linalg.norm(np.diff(steps, axis=0), axis=-1).max(), part
 
 
-@few_examples(40)
+@few_examples(20)
 @given(st.integers(2, 15), st.integers(2, 15), SEEDS)
 def test_paper_curve_at_seam_has_no_kink(before, after, seed):
     """At four times the rate, second differences fall by 16 on a smooth curve, by 4 at a kink."""
@@ -186,7 +191,7 @@ def test_displacement_leaves_a_kink():
     assert fine > 0.2 * coarse
 
 
-@few_examples(40)
+@few_examples(20)
 @given(st.integers(1, 15), st.integers(1, 15), SEEDS)
 def test_paper_frames_outside_window_equal_displacement(before, after, seed):
     smooth, moved = (kink(seed, before, after, 4, seam)[1] for seam in ("paper", "displacement"))
@@ -232,6 +237,7 @@ def test_transplant_stretched_neighbours_keep_shared_pose():
     np.testing.assert_array_equal(part.rotations[10], base.rotations[28][JOINTS])
 
 
+@few_examples(40)
 @given(SEGMENT_LENGTHS, SEEDS)
 def test_transplant_constant_translations_keep_bone_lengths_of_base(lengths, seed):
     rng = np.random.default_rng(seed)
@@ -269,7 +275,7 @@ def leans(motion, joint):
     return rotations.multiply(rotations.inverse(yaw), turned), yaw
 
 
-@few_examples(40)
+@few_examples(20)
 @given(SEEDS, SEEDS)
 def test_transplant_torso_world_only_turns_donor_trunk_about_up(a, b):
     base, donor = person(a), person(b)
@@ -300,7 +306,7 @@ def with_hip_axes(motion, turn):
     return replace(motion, rotations=turned, channel_values=None)
 
 
-@few_examples(40)
+@few_examples(20)
 @given(SEEDS, SEEDS, st.permutations([0, 1, 2]), st.tuples(*[st.sampled_from([-1.0, 1.0])] * 3))
 def test_transplant_torso_world_is_independent_of_hip_axes(a, b, order, signs):
     """The hips may have any coordinate axis up at rest."""
@@ -326,7 +332,7 @@ def test_transplant_torso_world_is_independent_of_hip_axes(a, b, order, signs):
     )
 
 
-@few_examples(40)
+@few_examples(20)
 @given(SEEDS, SEEDS, st.floats(-3, 3))
 def test_transplant_torso_world_is_independent_of_donor_heading(a, b, yaw):
     base, donor = person(a), person(b)
@@ -340,6 +346,7 @@ def test_transplant_torso_world_is_independent_of_donor_heading(a, b, yaw):
     assert_same_rotations(own.rotations, twin.rotations, 1e-9)
 
 
+@few_examples(40)
 @given(
     SEGMENT_LENGTHS,
     SEEDS,
@@ -379,7 +386,7 @@ def test_transplant_leans_change_only_trunks_on_other_groups():
         Config(torso="hips")
 
 
-@few_examples(40)
+@few_examples(20)
 @given(
     SEGMENT_LENGTHS,
     SEEDS,

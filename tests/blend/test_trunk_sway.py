@@ -65,7 +65,7 @@ def head_sway(motion):
     return path - path.mean(axis=0)
 
 
-@few_examples(15)
+@few_examples(7)
 @given(FREQUENCIES, FREQUENCIES, SHARES, SHARES, st.sampled_from([0, 2]), st.floats(0, 6))
 def test_balanced_trunk_responds_to_pelvis_of_base_as_trunk_of_base(
     own, other, base_share, donor_share, axis, phase
@@ -83,7 +83,7 @@ def test_balanced_trunk_sways_less_than_one_that_keeps_only_its_lean():
     assert balanced.std() < 0.2 * leaning.std()
 
 
-@few_examples(15)
+@few_examples(7)
 @given(SEEDS, SEEDS, FREQUENCIES)
 def test_balanced_equals_world_without_sway(a, b, frequency):
     """Without sway, or without a response to it, there is nothing to balance."""
@@ -97,7 +97,7 @@ def test_balanced_equals_world_without_sway(a, b, frequency):
     )
 
 
-@few_examples(15)
+@few_examples(7)
 @given(SEEDS, SEEDS, st.floats(-3, 3), st.floats(-50, 50))
 def test_balanced_is_independent_of_place_and_heading_of_donor(a, b, yaw, shift):
     base, donor = (with_walk(person(seed), seed) for seed in (a, b))

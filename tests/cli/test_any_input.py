@@ -12,7 +12,7 @@ from mograft.io.smpl.joints import SMPL_H
 from mograft.io.smpl.stand_in import stand_in
 from tests.io.amass_file import dance_arrays, write_arrays
 
-SETTINGS = 'seed = 7\n[graft]\nchoice = "viterbi"\nsigma-scale = 0.5\n'
+SETTINGS = 'seed = 7\n[graft]\nvariety = 0.3\n[set]\nchoice = "viterbi"\n'
 TAGS = "clip,tags\na.bvh,walk,slow\n*.bvh,run\n"
 COMMANDS = {
     "mograft.toml": ["config", "show", "graft"],

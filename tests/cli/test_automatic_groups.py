@@ -6,7 +6,6 @@ import pytest
 
 import mograft as mg
 from mograft import JointGroups, Library
-from mograft.cli.syntax.command_table import COMMANDS
 
 
 def test_automatic_groups_of_every_command_are_those_of_discover(run, folder, tmp_path):
@@ -47,16 +46,6 @@ def test_automatic_groups_colour_figures(run, folder, tmp_path):
     assert ">arms" in (tmp_path / "x.svg").read_text(encoding="utf-8") or "arms -->" in (
         tmp_path / "x.svg"
     ).read_text(encoding="utf-8")
-
-
-def test_every_command_with_groups_describes_auto():
-    described = 0
-    for command in COMMANDS:
-        for setting in command.settings():
-            if setting.name == "groups":
-                assert "auto:N" in setting.keywords["help"]
-                described += 1
-    assert described >= 7
 
 
 @pytest.mark.parametrize("number", ["x", "1", ""])

@@ -21,9 +21,10 @@ SHELLS = {
     ("line", "wanted"),
     [
         ("mograft gr", {"graft", "groups"}),
-        ("mograft graft --choi", {"--choice"}),
+        ("mograft graft --vari", {"--variety"}),
+        ("mograft graft --set tor", {"torso=world", "torso=pelvis"}),
         ("mograft lib ve", {"verify"}),
-        ("mograft graft --choice v", {"viterbi"}),
+        ("mograft graft --preset p", {"paper"}),
     ],
 )
 def test_completion_shells_complete_commands_options_and_choices(

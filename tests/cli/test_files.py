@@ -47,16 +47,6 @@ def test_info_invalid_files_are_reported_and_all_others_described(run, folder, t
             assert out == run("info", clips / "a.bvh", clips / "b.bvh")[1]
 
 
-def test_info_large_file_is_scanned(run, folder, monkeypatch):
-    whole = json.loads(run("info", "--json", folder / "a.bvh")[1])["files"][0]
-    monkeypatch.setattr("mograft.cli.actions.info.MAX_BYTES_IN_MEMORY", 1000)
-    streamed = json.loads(run("info", "--json", folder / "a.bvh")[1])["files"][0]
-    assert streamed.pop("faults") is None
-    assert whole.pop("faults") == []
-    assert streamed == whole
-    assert "see mograft check" in run("info", folder / "a.bvh")[1]
-
-
 def test_check_lists_errors_and_faults_of_every_file(run, folder, tmp_path):
     assert run("check", folder)[0] == 0
     motion = read_bvh(folder / "a.bvh")

@@ -71,7 +71,7 @@ def test_commands_accept_addresses(run, pack):
         ("export", f"{pack}#walk*", "-o", "b.glb"),
         ("candidates", pack, "--clip", "Rig|jump", "--segment", "1"),
         ("index", pack, "-o", "l"),
-        ("lib", "verify", "l", "--sources"),
+        ("lib", "verify", "l"),
     ):
         code, _, err = run(*words)
         assert code == 0, (words, err)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft import read_bvh
-from mograft.cli.syntax.frame_times import (
+from mograft.cli.syntax.frames import (
     Seconds,
     frame,
     frame_count,
@@ -70,11 +70,11 @@ def test_frame_count_below_two_is_refused(text):
 
 
 def test_avoid_and_reach_accept_ranges():
-    assert obstacle("sphere:0,90,0,20") == ("sphere", [0.0, 90.0, 0.0, 20.0], None)
-    assert obstacle("sphere:0,90,0,20@5-9") == ("sphere", [0.0, 90.0, 0.0, 20.0], (5, 9))
-    assert obstacle("b.bvh@1s-2s") == ("b.bvh", [0.0] * 4, (Seconds(1.0), Seconds(2.0)))
-    assert obstacle("b.bvh@1,2,3@4-5") == ("b.bvh", [1.0, 2.0, 3.0, 0.0], (4, 5))
-    assert obstacle("b@2.bvh@1,2,3") == ("b@2.bvh", [1.0, 2.0, 3.0, 0.0], None)
+    assert obstacle("sphere:0,90,0,20") == ("sphere", (0.0, 90.0, 0.0, 20.0), None)
+    assert obstacle("sphere:0,90,0,20@5-9") == ("sphere", (0.0, 90.0, 0.0, 20.0), (5, 9))
+    assert obstacle("b.bvh@1s-2s") == ("b.bvh", (0.0,) * 4, (Seconds(1.0), Seconds(2.0)))
+    assert obstacle("b.bvh@1,2,3@4-5") == ("b.bvh", (1.0, 2.0, 3.0, 0.0), (4, 5))
+    assert obstacle("b@2.bvh@1,2,3") == ("b@2.bvh", (1.0, 2.0, 3.0, 0.0), None)
     assert frame_or_frames("7") == (7, 7)
     assert reach("5-9:Hand:1,2,3") == ((5, 9), "Hand", (1.0, 2.0, 3.0), 0.03)
     assert reach("1.5s:a:b:1,2,3~0.1") == (
@@ -83,32 +83,6 @@ def test_avoid_and_reach_accept_ranges():
         (1.0, 2.0, 3.0),
         0.1,
     )
-
-
-def graft_constraints(run, folder, *words):
-    code, _, err = run("graft", folder, "-o", "x.bvh", "--force", "--best-effort", *words)
-    assert code == 0, err
-    with open("x.json") as file:
-        return json.load(file)
-
-
-@pytest.mark.parametrize(
-    ("in_frames", "in_seconds"),
-    [
-        (["--keep", "60-90"], ["--keep", "2s-3s"]),
-        (["--reach", "60-63:LeftHand:0,100,0"], ["--reach", "2s-2.1s:LeftHand:0,100,0"]),
-        (["--face", "0,150,300@60-90"], ["--face", "0,150,300@2s-3s"]),
-        (["--avoid", "sphere:0,90,0,9@60-90"], ["--avoid", "sphere:0,90,0,9@2s-3s"]),
-    ],
-    ids=lambda words: words[0],
-)
-def test_graft_seconds_equal_frames(run, folder, in_frames, in_seconds):
-    documents = [graft_constraints(run, folder, *words) for words in (in_frames, in_seconds)]
-    for document in documents:
-        document["request"].pop("command")
-    assert documents[0] == documents[1]
-    first = documents[0]["request"]["constraints"][0]
-    assert first["frames"] == ([60, 63] if "--reach" in in_frames else [60, 90])
 
 
 def test_commands_accept_seconds_for_frames(run, folder):
@@ -123,22 +97,3 @@ def test_commands_accept_seconds_for_frames(run, folder):
         code, out, _ = run(*words, f"{length}.bvh", "--frames", length)
         assert code == 0
         assert json.loads(out)["grafts"][0]["frames"] == n_frames
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--keep", "9000-9100"], "frames of --keep must be within 0-599"),
-        (["--keep", "300s-310s"], "frames of --keep must be within 0-599"),
-        (["--reach", "9000:LeftHand:0,0,0"], "frames of --reach must be within 0-599"),
-        (["--face", "0,0,0@9000-9100"], "frames of --face must be within 0-599"),
-        (["--avoid", "sphere:0,0,0,1@9000-9100"], "frames of --avoid must be within 0-599"),
-    ],
-)
-def test_range_after_the_base_names_the_option(run, folder, tmp_path, words, message):
-    for command in (["graft", folder, "-o", "x.bvh"], ["candidates", folder, "--segment", "3"]):
-        code, _, err = run(*command, *words)
-        assert code == 1
-        assert message in err
-        assert err.count("\n") == 1
-    assert not (tmp_path / "x.bvh").exists()

@@ -13,15 +13,11 @@ from hypothesis import strategies as st
 
 from mograft import read_bvh
 from mograft.cli import COMMANDS, main
-from mograft.cli.syntax.arguments import ArgumentGroup
-from mograft.cli.syntax.parser import GENERAL_OPTIONS
 
 
 def option_flags(command):
     """Return the long flags of all options of a command."""
-    items = (*command.arguments, *GENERAL_OPTIONS)
-    arguments = [a for i in items for a in (i.arguments if isinstance(i, ArgumentGroup) else (i,))]
-    return [flag for a in arguments for flag in a.all_flags if flag.startswith("--")]
+    return [flag for own in command.arguments() for flag in own.flags if flag.startswith("--")]
 
 
 LEAVES = [
@@ -48,24 +44,29 @@ def test_option_with_doubled_letter_is_suggested(leaf, data):
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("grapht a.bvh -o x", "got 'grapht'; did you mean 'graft'?"),
-        ("lib verfy x", "ACTION must be one of info, verify, export; got 'verfy'; did you mean"),
-        ("graft a.bvh -o x --seam ofset", "got 'ofset'; did you mean 'offset'?"),
-        ("plot stripp a.bvh -o x.png", "got 'stripp'; did you mean 'strip'?"),
-        ("groups a.bvh --preset lower_uper", "did you mean 'lower_upper'?"),
-    ],
+    ("words", "command"),
+    LEAVES,
+    ids=["-".join(words) for words, _ in LEAVES],
 )
-def test_misspelt_word_is_suggested(usage_error, words, message):
-    assert message in usage_error(*words.split()).splitlines()[-1]
+def test_help_has_at_most_45_lines_and_help_all_has_all_options(
+    capsys, monkeypatch, words, command
+):
+    monkeypatch.setenv("COLUMNS", "80")
+    texts = []
+    for flag in ("--help", "--help-all"):
+        with contextlib.suppress(SystemExit):
+            main([*words, flag])
+        texts.append(capsys.readouterr().out)
+    assert 0 < len(texts[0].splitlines()) <= 45
+    shown = texts[1] if "--help-all" in texts[0] else texts[0]
+    assert all(flag in shown for flag in option_flags(command))
 
 
 @pytest.mark.parametrize(
     ("words", "flag"),
     [
         ("plot strip a.bvh -o x.png --count 11", "--count"),
-        ("demo --seam offset", "--seam"),
+        ("demo --swap arms", "--swap"),
         ("check a.bvh --keep 0-9", "--keep"),
     ],
 )
@@ -75,7 +76,7 @@ def test_option_of_another_command_has_no_suggestion(usage_error, words, flag):
 
 def test_usage_error_is_one_usage_line_and_one_error(usage_error):
     assert usage_error("plot", "pca", "a.bvh").splitlines() == [
-        "usage: mograft plot KIND LIB|FILE ... -o OUTPUT [options] (see mograft plot --help)",
+        "usage: mograft plot KIND LIB|FILE ... -o FILE [options] (see mograft plot --help)",
         "error: the following arguments are required: -o/--output",
     ]
     assert usage_error().splitlines()[0] == "usage: mograft COMMAND [options] (see mograft --help)"
@@ -119,7 +120,7 @@ def test_equal_warnings_are_printed_once(run, clip, monkeypatch):
             warnings.warn(text, stacklevel=1)
         return 0
 
-    monkeypatch.setattr("mograft.cli.actions.info.run", warn)
+    monkeypatch.setattr("mograft.cli.actions.motions.run_info", warn)
     assert run("info", clip)[2] == "warning: first\nwarning: second\n"
     assert run("info", clip)[2] == "warning: first\nwarning: second\n"
 
@@ -139,17 +140,3 @@ def test_angle_wrap_is_listed_only_with_verbose(run, clip, tmp_path):
         assert len(long.splitlines()) == len(short.splitlines()) + 1
     assert run("check", path)[1] == f"{path}: good\n"
     assert "wrap: frame" in run("check", path, "-v")[1]
-
-
-def test_no_self_repair_turns_self_repair_off(run, clip, monkeypatch):
-    def setting(name, *words):
-        assert run("graft", clip, "-o", f"{name}.bvh", *words)[0] == 0
-        return json.loads(Path(f"{name}.json").read_text())["config"]["self_repair"]
-
-    assert setting("a") is True
-    assert setting("b", "--no-self-repair") is False
-    assert setting("c", "--preset", "paper") is False
-    assert setting("d", "--preset", "paper", "--self-repair") is True
-    monkeypatch.setenv("MOGRAFT_SELF_REPAIR", "0")
-    assert setting("e") is False
-    assert setting("f", "--self-repair") is True

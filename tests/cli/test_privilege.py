@@ -65,7 +65,7 @@ def list_state(folder):
         ["index", "a.bvh", "-o", "library", "--add"],
         ["export", "a.bvh", "-o", "a.npz"],
         ["view", "a.bvh", "-o", "page.html"],
-        ["lib", "export", "library", "--csv", "-o", "tables"],
+        ["lib", "export", "library", "--format", "csv", "-o", "tables"],
     ],
     ids="-".join,
 )

@@ -23,7 +23,7 @@ ARGUMENTS = {
     ("index",): ["CLIP", "-o", "new"],
     ("lib", "info"): ["LIB"],
     ("lib", "verify"): ["LIB"],
-    ("lib", "export"): ["LIB", "--csv", "-o", "tables"],
+    ("lib", "export"): ["LIB", "--format", "csv", "-o", "tables"],
     ("candidates",): ["CLIP", "--segment", "3"],
     ("graft",): ["CLIP", "-o", "new.bvh"],
     ("view",): ["CLIP", "-o", "page.html"],

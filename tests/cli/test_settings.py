@@ -27,21 +27,23 @@ def graft_config(run, clip):
     return graft
 
 
-VALUES = {"seed": ["1", "2"], "choice": ["best", "viterbi"], "seam": ["dead", "paper"]}
+VALUES = {"seed": ["1", "2"], "variety": ["0.1", "0.2"], "swap": ["upper", "arms"]}
 SOURCES = ("shared", "table", "MOGRAFT_{}", "MOGRAFT_GRAFT_{}", "flag")
 """Where an option can be set, in ascending order of precedence."""
 
 
 def test_settings_precedence_is_file_environment_command_line(graft_config, monkeypatch):
     assert graft_config() == ("sample", "gradient", 0)
-    Path(CONFIG_FILE).write_text('seed = 3\nchoice = "best"\n[graft]\nchoice = "viterbi"\n')
-    assert graft_config() == ("viterbi", "gradient", 3)
-    monkeypatch.setenv("MOGRAFT_CHOICE", "nearest")
-    monkeypatch.setenv("MOGRAFT_SEAM", "dead")
-    assert graft_config() == ("nearest", "dead", 3)
-    monkeypatch.setenv("MOGRAFT_GRAFT_CHOICE", "random")
-    assert graft_config() == ("random", "dead", 3)
-    assert graft_config("--choice", "sample", "--seed", 5) == ("sample", "dead", 5)
+    Path(CONFIG_FILE).write_text(
+        'seed = 3\n[set]\nchoice = "best"\nseam = "paper"\n[graft.set]\nchoice = "viterbi"\n'
+    )
+    assert graft_config() == ("viterbi", "paper", 3)
+    monkeypatch.setenv("MOGRAFT_SET", "choice=nearest seam=offset")
+    assert graft_config() == ("nearest", "offset", 3)
+    monkeypatch.setenv("MOGRAFT_GRAFT_SET", "choice=random")
+    monkeypatch.setenv("MOGRAFT_SEED", "4")
+    assert graft_config() == ("random", "gradient", 4)
+    assert graft_config("--set", "choice=sample", "--seed", 5) == ("sample", "gradient", 5)
 
 
 @given(
@@ -76,7 +78,7 @@ def test_find_settings_each_option_takes_nearest_source(tmp_path_factory, values
         if not given:
             assert name not in found
             continue
-        assert str(found[name].value) == by_source[given[-1]]
+        assert found[name].text == by_source[given[-1]]
         is_variable = "{" in given[-1]
         file = str(folder.resolve() / CONFIG_FILE)
         assert found[name].origin == (given[-1].format(name.upper()) if is_variable else file)
@@ -137,7 +139,7 @@ def test_settings_skeleton_path_is_relative_to_config_file(run, working_folder, 
 def test_settings_unused_option_is_not_refused(run, usage_error, clip):
     Path(CONFIG_FILE).write_text(
         '[graft]\ngroups = "lower_upper"\n[index]\ngroups = "lower_upper"\n'
-        'sigma-scale = 0.9\n[export]\nscale = "cm"\ndark = true\n'
+        'variety = 0.9\n[export]\nscale = "cm"\ndark = true\n'
     )
     assert run("index", clip, "-o", "lib")[0] == 0
     assert run("index", clip, "-o", "lib", "--add")[0] == 0
@@ -158,6 +160,8 @@ def test_settings_unused_option_is_not_refused(run, usage_error, clip):
         ("[graft]\nseed = -1", "seed: must be an integer of at least 0, got -1"),
         ("[graft]\nseed = [1]", "seed must be a string or a number, got [1]"),
         ("[graft]\nseed = true", "seed must be a string or a number, got true"),
+        ("set = 1", "set must be a table such as [set], got 1"),
+        ("[set]\nseem = 1", "'seem' is no field of Config; did you mean 'seam'?"),
         ("[graft]\nreport = 1", "report must be true or false, got 1"),
         ("[graft]\nsedd = 1", "mograft graft has no setting 'sedd'; did you mean 'seed'?"),
         ("[graf]\nseed = 1", "got [graf]; did you mean 'graft'?"),
@@ -177,7 +181,7 @@ def test_settings_invalid_file_is_usage_error_with_place(usage_error, clip, text
     assert stop.value.code == 0
 
 
-@pytest.mark.parametrize(("name", "value"), [("SEED", "x"), ("CHOICE", "whim"), ("REPORT", "yes")])
+@pytest.mark.parametrize(("name", "value"), [("SEED", "x"), ("SET", "whim"), ("REPORT", "yes")])
 def test_settings_invalid_variable_is_named(usage_error, clip, monkeypatch, name, value):
     monkeypatch.setenv(f"MOGRAFT_{name}", value)
     text = usage_error("graft", clip, "-o", "x.bvh")
@@ -215,17 +219,13 @@ def test_settings_groups_are_ignored_for_libraries(run, clip):
 VARIETY_CASES = [
     # settings, options of the command line, sigma_scale or None for an error
     ("", ("--variety", 1), 1.875),
-    ("", ("--sigma-scale", 2), 2.0),
-    ("", ("--variety", 1, "--sigma-scale", 2), None),
+    ("", ("--set", "sigma_scale=2"), 2.0),
+    ("", ("--variety", 1, "--set", "sigma_scale=2"), None),
     ("variety = 1", (), 1.875),
-    ("variety = 1", ("--sigma-scale", 2), 2.0),
+    ("variety = 1", ("--set", "sigma_scale=2"), 2.0),
     ("variety = 1", ("--variety", 0), 0.3),
-    ("sigma-scale = 2", ("--variety", 1), 1.875),
-    ("variety = 1\nsigma-scale = 2", (), None),
-    ("", ("--sigma-scale", "auto"), "auto"),
-    ('sigma-scale = "auto"', (), "auto"),
-    ('sigma-scale = "auto"', ("--variety", 1), 1.875),
-    ("", ("--variety", 1, "--sigma-scale", "auto"), None),
+    ("[set]\nsigma_scale = 2", ("--variety", 1), 1.875),
+    ("variety = 1\n[set]\nsigma_scale = 2", (), None),
 ]
 
 
@@ -239,7 +239,7 @@ def test_variety_and_sigma_scale_nearest_source_wins_and_both_are_an_error(
         with pytest.raises(SystemExit) as ended:
             run(*options)
         assert ended.value.code == 2
-        assert "--variety sets --sigma-scale: give one of them, not both" in capsys.readouterr().err
+        assert "--variety sets sigma_scale: give one of them, not both" in capsys.readouterr().err
     else:
         found = json.loads(run(*options)[1])["grafts"][0]["config"]["sigma_scale"]
         assert found == pytest.approx(expected)

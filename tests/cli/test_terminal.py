@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft.cli import main
-from mograft.cli.terminal import EscapingStream, escape_output
+from mograft.cli.output import EscapingStream, escape_output
 
 
 @given(st.text())

@@ -63,12 +63,12 @@ def placed_dance(seed=0, strides=4, rate=30.0):
 
 
 def for_every_dance(test):
-    """Run a test on the default dance and on eight shorter ones."""
+    """Run a test on the default dance and on four shorter ones."""
     random_dances = given(
         st.integers(0, 2**32).flatmap(lambda s: st.tuples(st.just(s), st.integers(1, 2)))
     )
     default_dance = example((0, 4))
-    few_examples = settings(max_examples=8, deadline=None)
+    few_examples = settings(max_examples=4, deadline=None)
     return few_examples(default_dance(random_dances(lambda args: test(placed_dance(*args)))))
 
 
@@ -425,77 +425,9 @@ def test_clap_hands_meet_in_front_of_chest():
         assert (np.abs(tip[:, 1] - 27) < 10).all()
 
 
-def test_hips_pattern_hands_on_hips_elbows_out_and_back():
-    sample = placed_dance()
-    frames = inner(sample.dance, arms="hips")
-    for side, out in SIDES.items():
-        wrist, tip, elbow = (
-            sample.to_local("Hips", points)[frames]
-            for points in (
-                sample.position(f"{side}Hand"),
-                sample.tip(f"{side}Hand"),
-                sample.position(f"{side}ForeArm"),
-            )
-        )
-        np.testing.assert_allclose(wrist, np.broadcast_to([out * 19.5, 8, 1], wrist.shape), atol=2)
-        assert np.linalg.norm(tip, axis=-1).max() < 26
-        assert ((elbow - wrist)[:, 0] * out).min() > 8
-        assert (elbow - wrist)[:, 2].max() < -2
-
-
-@pytest.mark.parametrize("pattern", ["swing", "punch", "robot"])
-def test_alternating_patterns_arms_are_in_antiphase(pattern):
-    sample = placed_dance()
-    frames = inner(sample.dance, arms=pattern)
-    left, right = (
-        sample.to_local("Spine", sample.position(f"{side}Hand"))[frames] for side in SIDES
-    )
-    axis = 1 if pattern == "robot" else 2
-    assert np.corrcoef(left[:, axis], right[:, axis])[0, 1] < -0.8
-
-
-def test_swing_arms_follow_opposite_legs():
-    sample = placed_dance()
-    frames = inner(sample.dance, legs="walk", arms="swing")
-    for side, other in (("Left", "Right"), ("Right", "Left")):
-        hand = sample.to_local("Hips", sample.position(f"{side}Hand"))[frames, 2]
-        same, opposite = (
-            sample.to_local("Hips", sample.position(f"{leg}Foot"))[frames, 2]
-            for leg in (side, other)
-        )
-        assert np.corrcoef(hand, opposite)[0, 1] > 0.7
-        assert np.corrcoef(hand, same)[0, 1] < -0.7
-
-
 def yaw(quats):
     ahead = rotations.rotate(quats, np.array([0.0, 0.0, 1.0]))
     return np.degrees(np.arctan2(ahead[:, 0], ahead[:, 2]))
-
-
-@pytest.mark.parametrize("style", ["walk", "march", "bounce", "lunge"])
-def test_chest_counter_rotates_to_pelvis_under_steady_head(style):
-    sample = placed_dance()
-    frames = inner(sample.dance, legs=style)
-    gaze = yaw(sample.rotation("Head"))
-    hips, chest = (yaw(sample.rotation(name))[frames] - gaze[frames] for name in ("Hips", "Spine"))
-    assert np.corrcoef(hips, chest)[0, 1] < -0.7
-    spins = {
-        name: np.abs(np.diff(yaw(sample.rotation(name))))[frames[1:]].mean()
-        for name in ("Hips", "Spine", "Head")
-    }
-    assert spins["Head"] < 0.5 * min(spins["Hips"], spins["Spine"])
-
-
-@pytest.mark.parametrize("style", LEG_STYLES)
-def test_pelvis_shifts_over_standing_foot(style):
-    sample = placed_dance()
-    frames = inner(sample.dance, legs=style)
-    phase = sample.dance.phase
-    middle = 0.5 * (sample.position("LeftFoot") + sample.position("RightFoot"))
-    aside = -sample.to_local("Hips", middle)[:, 0]
-    right_stands = frames & (np.abs(phase - 0.25) < 0.15)
-    left_stands = frames & (np.abs(phase - 0.75) < 0.15)
-    assert aside[left_stands].mean() > aside[right_stands].mean() + 1.5
 
 
 def knee_curve(sample, legs, arms):
@@ -536,16 +468,6 @@ def test_leg_styles_have_expected_root_velocity(style, forward, aside):
     velocities = rotations.rotate(heading, velocities)[frames]
     assert abs(velocities[:, 2].mean() - forward) < 12
     assert (np.abs(velocities[:, 0]).mean() > 26) == aside
-
-
-@pytest.mark.parametrize("style", ["turn", "sidestep"])
-def test_turn_and_sidestep_go_both_ways(style):
-    sample = placed_dance()
-    frames = inner(sample.dance, legs=style)[1:]
-    gaze = sample.rotation("Head")
-    steps = rotations.rotate(rotations.inverse(gaze[1:]), np.diff(sample.position("Hips"), axis=0))
-    left = (np.diff(yaw(gaze)) if style == "turn" else steps[:, 0])[frames] > 0
-    assert 0.25 < left.mean() < 0.75
 
 
 def test_heading_stays_below_80_degrees():

@@ -32,7 +32,7 @@ from mograft.body.contacts import detect_contacts
 from mograft.evaluation import Method, RandomLength, grafts_by
 from mograft.evaluation.donor_methods import draw_donors
 from mograft.search.costs import length_fits
-from mograft.synthesis.graft_plan import GraftPlan
+from mograft.solve.plan import GraftPlan
 from tests.strategies import smooth_rotations
 
 RANDOM_METHODS = (

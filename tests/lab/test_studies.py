@@ -18,7 +18,15 @@ def test_unknown_section_is_refused_with_the_known_ones():
     assert "behaviours" in main(["nothing"])
 
 
-def test_compare_measures_every_topic_and_draws_figures(small_library):
-    found, figures = compare.compare(small_library, runs=3)
-    assert set(compare.TOPICS) <= found.keys()
-    assert {"combinations", "quality", "detectability"} <= figures.keys()
+@pytest.mark.parametrize(
+    "topics",
+    [
+        ("combinations", "quality", "balance"),
+        pytest.param(compare.TOPICS, marks=pytest.mark.thorough),
+    ],
+    ids=len,
+)
+def test_compare_measures_every_topic_and_draws_figures(small_library, topics):
+    found, figures = compare.compare(small_library, topics, runs=1 if len(topics) < 4 else 3)
+    assert found.keys() == {*topics, "refused"}
+    assert set(topics) & {"combinations", "quality", "detectability"} <= figures.keys()

@@ -80,15 +80,15 @@ def test_find_clips_folder_of_hidden_files_holds_no_clip(tmp_path):
     ]
 
 
-GRAFT = json.dumps({"schema": "mograft.graft/1"})
+GRAFT = json.dumps({"schema": "mograft.graft/2"})
 SIDECARS = {
     GRAFT: True,
     json.dumps({"mograft": "1.0", "schema": "mograft.graft/2", "name": "walk"}): True,
     json.dumps({"schema": "mograft.grafts/1"}): True,
     json.dumps({"schema": "mograft.graftings/1"}): False,
     json.dumps({"schema": 1}): False,
-    json.dumps(["mograft.graft/1"]): False,
-    '{"schema": "mograft.graft/1"': False,
+    json.dumps(["mograft.graft/2"]): False,
+    '{"schema": "mograft.graft/2"': False,
     "[" * 9999: False,
     "\xff": False,
 }

@@ -43,15 +43,6 @@ def test_export_tables_hold_library_tables(stored_library, tmp_path, kind):
         export_tables(stored_library, tmp_path / "x", "xlsx")
 
 
-def test_export_npz_with_oldest_numpy_holds_columns_only(stored_library, tmp_path, monkeypatch):
-    """`savez_compressed` of NumPy 1.26 stores every keyword argument as an array."""
-    stored = {}
-    monkeypatch.setattr(np, "savez_compressed", lambda _, **arrays: stored.update(arrays))
-    export_tables(stored_library, tmp_path / "out.npz", "npz")
-    tables = library_tables(stored_library)
-    assert set(stored) == {f"{name}/{column}" for name in tables for column in tables[name]}
-
-
 def test_export_csv_formulas_in_names_are_prefixed(tmp_path):
     motion = replace(dance(strides=1).motion, name="=HYPERLINK(1)")
     files = export_tables(Library.build([motion]), tmp_path / "out", "csv")
@@ -78,14 +69,3 @@ def test_to_dataframe_columns_agree_with_library(stored_library):
     np.testing.assert_array_equal(np.stack(axes, axis=1), library.embedding["lower"].points)
     with pytest.raises(ValueError, match="`table` must be one of clips, segments, points, got 'x'"):
         library.to_dataframe("x")
-
-
-@pytest.mark.parametrize("table", ["clips", "segments", "points"])
-def test_to_dataframe_becomes_a_data_frame(stored_library, table):
-    """Of pyarrow, the one data frame library that the tests require."""
-    pyarrow = pytest.importorskip("pyarrow", reason="needs the extra parquet")
-    columns = stored_library.to_dataframe(table)
-    frame = pyarrow.table(columns)
-    assert frame.column_names == list(columns)
-    for name, column in columns.items():
-        np.testing.assert_array_equal(frame[name].to_pylist(), np.asarray(column).tolist())

@@ -156,25 +156,6 @@ def test_replay_finds_clips_of_a_file_that_moved(several, tmp_path):
     np.testing.assert_array_equal(again.motion.rotations, graft.motion.rotations)
 
 
-def test_library_of_earlier_version_opens_without_file_clips(several, tmp_path):
-    import sqlite3
-
-    library = mg.Library.index(several, tmp_path / "l")
-    names = library.names
-    del library
-    (database,) = (tmp_path / "l").glob("*/catalog.sqlite")
-    database.chmod(0o600)
-    with sqlite3.connect(database) as connection:
-        connection.execute("ALTER TABLE clip DROP COLUMN file_clip")
-        connection.execute("ALTER TABLE clip DROP COLUMN file_format")
-    connection.close()
-    from mograft.library.clip_table import read_clip_table
-
-    table = read_clip_table(database)
-    assert tuple(info.name for info in table.entries) == names
-    assert {info.source_file.clip for info in table.entries} == {None}
-
-
 def test_build_with_warnings_of_single_frame_poses_leaves_them_out(tmp_path):
     clips = [replace(DANCE[:100], name="walk"), replace(DANCE[:1], name="pose")]
     formats.write_glb(clips, tmp_path / "pack.glb")

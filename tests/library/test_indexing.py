@@ -184,7 +184,7 @@ PATIENT_DASK = {
 def test_index_any_executor_gives_the_same_library(
     clip_folder, stored_library, tmp_path, monkeypatch, kind
 ):
-    monkeypatch.setattr(ingest, "_BATCH_CLIPS", 1)  # five clips in several batches
+    monkeypatch.setattr(ingest, "BATCH_CLIPS", 1)  # five clips in several batches
     if kind == "threads":
         with ThreadPoolExecutor(2) as pool:
             assert_same_libraries(

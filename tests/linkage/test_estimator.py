@@ -111,22 +111,6 @@ def test_complete_linkage_invalid_parameter_raises_at_fit(parameters, error, mes
         model.fit(np.arange(10.0).reshape(5, 2))
 
 
-def test_threads_is_an_older_name_of_n_threads():
-    points = np.random.default_rng(3).standard_normal((60, 4))
-    model = clustering.CompleteLinkage(threads=2)
-    assert model.get_params() == clustering.CompleteLinkage(n_threads=2).get_params()
-    assert clone(model).set_params(threads=1).n_threads == 1
-    np.testing.assert_array_equal(clustering.linkage(points, threads=1), clustering.linkage(points))
-    with pytest.raises(ValueError, match="`n_threads` must be 1 or more, got 0"):
-        clustering.cut(points, 1.0, threads=0)
-    for call in (
-        clustering.CompleteLinkage,
-        lambda **names: clustering.linkage(points, **names),
-    ):
-        with pytest.raises(TypeError, match="`n_threads` must be given once, got `threads` too"):
-            call(n_threads=1, threads=1)
-
-
 def test_complete_linkage_sparse_matrix_raises_type_error():
     with pytest.raises(TypeError, match="Sparse data was passed for X, but dense data is required"):
         clustering.CompleteLinkage().fit(csr_array(np.eye(4)))

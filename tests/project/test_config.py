@@ -2,13 +2,17 @@
 
 import json
 import pickle
+from dataclasses import dataclass, fields, replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mograft import Config
-from mograft.config import variety_fields
+from mograft import Config, Library
+from mograft.config import STAGES, setting
+from mograft.dancer import dance
+from mograft.library.derive import BUILD_STAGES
+from mograft.library.origin import hash_library
 
 
 @pytest.mark.parametrize(
@@ -16,12 +20,14 @@ from mograft.config import variety_fields
     [
         ({"samples": 1}, "`samples` must be a whole number of at least 2, got 1"),
         ({"sigma": "big"}, "`sigma` must be one of"),
-        ({"sigma": -1.0}, "`sigma` must be above 0"),
+        ({"sigma": 2.5}, "`sigma` must be one of"),
+        ({"sigma_scale": -1.0}, "`sigma_scale` must be above 0"),
+        ({"sigma_scale": "auto"}, "`sigma_scale` must be a number"),
         ({"min_length": 2.0}, "`max_length` must be at least 4 s, twice `min_length`, got 2"),
         ({"max_angle": float("nan")}, "`max_angle` must be above 0, got nan"),
         ({"seam": "glue"}, "`seam` must be one of"),
         ({"smoothing": "a"}, "`smoothing` must be a number, got 'a'"),
-        ({"segmentation": "comm"}, "`segmentation` must be one of .*; did you mean 'com'"),
+        ({"segmentation": "beat"}, "`segmentation` must be one of .*; did you mean 'beats'"),
         ({"segmentation": [4, 5]}, "`segmentation` must be a name, a mapping .*, or a function"),
         ({"segmentation": {3: [4, 5]}}, "`segmentation` must map names of clips to frames, got 3"),
         ({"segmentation": {"a": [5, 4]}}, "for the clip 'a' must be ascending whole numbers"),
@@ -40,7 +46,7 @@ def test_config_invalid_parameter_raises_value_error(changes, message):
 
 
 def test_config_from_dict_inverts_as_dict():
-    for config in (Config(), Config.paper(sigma=2.5)):
+    for config in (Config(), Config.paper(sigma_scale=2.5)):
         assert Config.from_dict(config.as_dict()) == config
     with pytest.raises(ValueError, match="unknown fields of Config: speed"):
         Config.from_dict({"speed": 1})
@@ -48,7 +54,7 @@ def test_config_from_dict_inverts_as_dict():
 
 def test_config_leaves_out_the_default_segmentation_as_earlier_versions_did():
     assert not {"segmentation", "segmentation_parameters"} & Config().as_dict().keys()
-    assert Config(segmentation="com").as_dict()["segmentation"] == "com"
+    assert Config(segmentation="beats").as_dict()["segmentation"] == "beats"
 
 
 @given(
@@ -87,7 +93,7 @@ def test_config_with_variety_has_a_threshold_that_grows_with_it(one, other):
 
 def test_config_with_variety_in_the_middle_is_the_default():
     assert Config.with_variety(0.5) == Config()
-    assert Config.with_variety(0.5, seam="dead") == Config(seam="dead")
+    assert Config.with_variety(0.5, seam="paper") == Config(seam="paper")
 
 
 @pytest.mark.parametrize("variety", [-0.1, 1.1, float("nan"), True, "bold", None])
@@ -96,8 +102,42 @@ def test_config_invalid_variety_raises_value_error(variety):
         Config.with_variety(variety)
 
 
-@pytest.mark.parametrize("name", list(variety_fields(0.5)))
-def test_config_with_variety_and_a_field_that_it_sets_raises_value_error(name):
-    changes = {name: getattr(Config(), name)}
-    with pytest.raises(ValueError, match=f"`{name}` must not be given together with `variety`"):
-        Config.with_variety(0.5, **changes)
+def test_config_with_variety_and_a_scale_raises_value_error():
+    with pytest.raises(ValueError, match="`sigma_scale` must not be given together with `variety`"):
+        Config.with_variety(0.5, sigma_scale=0.75)
+
+
+@dataclass(frozen=True)
+class Extended(Config):
+    """`Config` with a new field of each stage."""
+
+    new_segmentation: float = setting("segmentation", 1.0)
+    new_embedding: float = setting("embedding", 1.0)
+    new_neighbourhood: float = setting("neighbourhood", 1.0)
+    new_search: float = setting("search", 1.0)
+    new_blend: float = setting("blend", 1.0)
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_new_field_of_a_stage_computes_again_what_depends_on_it(stage):
+    library = Library.build(dance(strides=1).motion[:200], config=Extended())
+    config = replace(library.config, **{f"new_{stage}": 2.0})
+    changed = replace(library, config=config)
+    assert (hash_library(changed) != hash_library(library)) == (stage in BUILD_STAGES)
+    if stage in BUILD_STAGES:
+        with pytest.raises(ValueError, match=f"`new_{stage}` must be 1.0, the value with which"):
+            library.relabelled(config)
+        return
+    found = library.relabelled(config)
+    assert found.embedding is library.embedding
+    assert found.segments is library.segments
+    assert (found.labels is not library.labels) == (stage == "neighbourhood")
+    assert found.config == config
+
+
+def test_every_field_of_config_has_a_stage_in_the_order_of_computation():
+    by_stage = [Config.fields_of(stage) for stage in STAGES]
+    assert sorted(sum(by_stage, ())) == sorted(own.name for own in fields(Config))
+    assert "smoothing" in by_stage[0]
+    assert "components" in by_stage[1]
+    assert by_stage[2] == ("sigma", "sigma_scale")

@@ -18,7 +18,7 @@ from mograft.blend.transplant import seam_reach
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.provenance.graft_edit import changed_positions
-from mograft.synthesis.graft_plan import GraftPlan
+from mograft.solve.plan import GraftPlan
 from tests.strategies import SEEDS, few_examples
 
 
@@ -274,51 +274,23 @@ def test_replace_in_scenario_numbers_segments_of_the_scenario(library):
 
 
 @pytest.mark.parametrize(
-    ("make", "error", "message"),
+    ("edits", "options", "message"),
     [
-        (lambda graft: mg.edit(graft), ValueError, "an edit or `reroll` must be given"),
-        (
-            lambda graft: mg.edit(graft, mc.Use(999, 3)),
-            ValueError,
-            "`segment` of Use must be 0 to",
-        ),
-        (
-            lambda graft: mg.edit(graft, reroll=[999]),
-            ValueError,
-            "`reroll` must be a segment number from 0 to",
-        ),
-        (
-            lambda graft: mg.edit(graft, reroll=[(9000, 9010)]),
-            ValueError,
-            "`reroll` must select a segment in frames 0 to 699, got 9000-9010",
-        ),
-        (
-            lambda graft: mg.edit(graft, mc.KeepOriginal(frames=(9000, 9010))),
-            ValueError,
-            "`frames` must select a segment in frames 0 to 699, got 9000-9010",
-        ),
-        (
-            lambda graft: mg.edit(graft, mc.Use(3, ("secnd", 0, 9))),
-            ValueError,
-            "did you mean 'second'",
-        ),
-        (
-            lambda graft: mg.edit(graft, mc.Ban(3, group="uper")),
-            ValueError,
-            "`group` of Ban must be .* got 'uper'; did you mean 'upper'",
-        ),
-        (
-            lambda graft: mg.edit(graft, mc.AvoidSelf()),
-            TypeError,
-            "edits must be Use, Ban or",
-        ),
-        (lambda graft: mg.edit(graft, mc.Use(3, 4, weight=1.0)), ValueError, "hard"),
-        (lambda graft: mg.edit(graft, mc.Use(3, 4), seed=-1), ValueError, "`seed`"),
+        ([], {}, "an edit or `reroll` must be given"),
+        ([mc.Use(999, 3)], {}, "`segment` of Use must be 0 to"),
+        ([], {"reroll": [999]}, "`reroll` must be a segment number from 0 to"),
+        ([], {"reroll": [(9000, 9010)]}, "`reroll` must select .* frames 0 to 699, got 9000-9010"),
+        ([mc.KeepOriginal(frames=(9000, 9010))], {}, "`frames` must select .* 699, got 9000-9010"),
+        ([mc.Use(3, ("secnd", 0, 9))], {}, "did you mean 'second'"),
+        ([mc.Ban(3, group="uper")], {}, "`group` of Ban must be .*; did you mean 'upper'"),
+        ([mc.AvoidSelf()], {}, "edits must be Use, Ban or"),
+        ([mc.Use(3, 4, weight=1.0)], {}, "hard"),
+        ([mc.Use(3, 4)], {"seed": -1}, "`seed`"),
     ],
 )
-def test_replace_invalid_edit_raises(library, make, error, message):
-    with pytest.raises(error, match=message):
-        make(mg.graft(library, seed=1))
+def test_replace_invalid_edit_raises(library, edits, options, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        mg.edit(mg.graft(library, seed=1), *edits, **options)
 
 
 def test_replace_of_graft_from_files_needs_the_library(motion, tmp_path):

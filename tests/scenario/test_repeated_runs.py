@@ -54,7 +54,7 @@ def test_repeated_runs_lengths_before_add_up_to_appended_length(items, following
         assert runs.append(following, following + 1) == (following in items) * (following + 1)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.lists(st.integers(-1, 7), min_size=8, max_size=8), SEEDS)
 def test_lengths_to_choice_match_walk_along_only_transitions(only_next, seed):
     lengths = np.random.default_rng(seed).integers(1, 20, 8)
@@ -78,14 +78,14 @@ def ring_graph(n):
     return graph_from_costs(costs)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(SEEDS, st.integers(20, 80))
 def test_walk_many_alternatives_never_repeats_six_seconds(library, seed, n):
     graph = ring_graph(n)
     assert repetition(library, walk(library, 60.0, seed, graph=graph)).longest_repeat < 6.0
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(SEEDS)
 def test_walk_without_penalty_repeats_more(library, seed):
     graph = ring_graph(40)
@@ -96,7 +96,7 @@ def test_walk_without_penalty_repeats_more(library, seed):
     assert few.longest_repeat < free.longest_repeat
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(SEEDS, st.integers(3, 12), st.sampled_from([0.0, 3.0, 1e6]))
 def test_walk_any_penalty_and_connected_graph_reaches_duration(library, seed, n, penalty):
     """A ring has one successor each: all repeats are unavoidable."""

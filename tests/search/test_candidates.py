@@ -85,6 +85,7 @@ def test_distances_equal_norms_of_differences(make_pool, seed, n_axes, sigma):
     np.testing.assert_allclose(pool.distances(base, donors), expected, rtol=1e-14)
 
 
+@few_examples(50)
 @given(SEEDS, st.integers(1, 4), st.integers(1, 3), st.integers(1, 20))
 def test_search_keeps_cheapest_of_those_cheapest_without_balance(
     make_pool, seed, most, factor, batch
@@ -178,6 +179,7 @@ def test_typical_seams_join_donors_of_neighbouring_clusters_never_successors(
         assert pair in allowed[seam]
 
 
+@few_examples(25)
 @given(SEEDS, st.integers(1, 12), st.floats(0.01, 3.0))
 def test_typical_gaps_are_means_over_the_typical_seams_and_set_the_scales(
     make_pool, seed, n_labels, size
@@ -222,6 +224,7 @@ def test_seam_angles_along_are_those_of_the_matrix(make_pool, seed):
     assert pool.seam_angles_along(donors[:1]).shape == (0,)
 
 
+@few_examples(40)
 @given(SEEDS)
 def test_list_candidates_refusals_name_the_exceeded_limits(make_pool, seed):
     pool = make_pool(seed)
@@ -244,7 +247,7 @@ def test_list_candidates_refusals_name_the_exceeded_limits(make_pool, seed):
         assert all("is not below 0.15" in refusal for refusal in refusals)
 
 
-@few_examples(40)
+@few_examples(20)
 @pytest.mark.parametrize("choice", CHOICES)
 @given(SEEDS, st.integers(1, 3), st.floats(0.05, 3.0), st.sampled_from(NEIGHBOURHOODS.names))
 def test_listed_cost_is_that_of_the_trellis_beside_the_base_neighbours(

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 import mograft as mg
@@ -19,8 +19,8 @@ from mograft.solve.assembly import assemble, donor_excess, donor_excesses
 from mograft.solve.donor_poses import candidate_poses
 from mograft.solve.donor_repair import repair_donors
 from mograft.solve.donor_trellis import build_trellis, candidate_violations
-from mograft.solve.donor_violations import find_donor_violations
 from mograft.solve.search_problem import SearchProblem
+from mograft.solve.violations import find_donor_violations
 from tests.oracles.capsules import capsule_distances
 from tests.strategies import SEEDS, SEGMENT_LENGTHS, few_examples, vectors
 
@@ -64,7 +64,7 @@ def dense_depth(poses, center, radius):
     return (poses.capsules.radii + radius - distance).max(axis=1)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(vectors((), 100.0), st.floats(1.0, 60.0))
 def test_obstacle_distances_match_dense_points(poses, center, radius):
     center = center + np.array([0, 100, 0])
@@ -187,7 +187,7 @@ def test_avoid_self_depth_is_that_of_deepest_pair(poses, seed):
     )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(SEEDS)
 def test_constraint_errors_are_maximum_over_joints(poses, seed):
     rng = np.random.default_rng(seed)
@@ -344,8 +344,7 @@ def test_only_from_selects_clips_by_name_or_tag(tags, wanted_tags, wanted_clips)
     clips = [SimpleNamespace(name=f"{i}", tags=tuple(names)) for i, names in enumerate(tags)]
     wanted_clips = {i for i in wanted_clips if i < len(clips)}
     wanted_tags &= set().union(*tags)
-    if not wanted_tags and not wanted_clips:
-        return
+    assume(wanted_tags or wanted_clips)
     n = len(clips)
     captured, donors = (
         mg.Segments([0] * n, [9] * n, [n] * n),
@@ -373,7 +372,7 @@ def test_overlaps_frames_of_consecutive_segments_select_exactly_these(lengths, o
     np.testing.assert_array_equal(overlaps(segments, (frame, frame)), contains)
 
 
-@few_examples(15)
+@few_examples(8)
 @given(SEEDS)
 def test_only_from_frames_of_one_segment_restricts_it_alone(library, seed):
     rng = np.random.default_rng(seed)
@@ -406,7 +405,7 @@ def test_only_from_without_candidate_is_violation(library):
     assert not mg.graft(library, constraints=[soft]).violations
 
 
-@few_examples(10)
+@few_examples(5)
 @given(SEEDS, st.sampled_from(["sample", "viterbi", "random", "nearest", "best"]))
 def test_use_and_ban_random_segments_hold(library, seed, choice):
     chosen = replace(library, config=replace(library.config, choice=choice))
@@ -537,17 +536,17 @@ def reachable_target(problem, rng):
 def test_reach_reachable_target_is_met(library):
     problem, rng = build_problem(library, []), np.random.default_rng(5)
     n_met = 0
-    for _ in range(20):
+    for _ in range(10):
         target, frame = reachable_target(problem, rng)
         graft = mg.graft(library, constraints=[mc.Reach(HAND, target, frame)])
         at = graft.motion.world_positions()[frame, graft.motion.skeleton.index(HAND)]
         distance = np.linalg.norm(at - target) / problem.base_poses.height
         assert (distance <= 0.03) == (not graft.violations)
         n_met += distance <= 0.03
-    assert n_met >= 14
+    assert n_met >= 7
 
 
-@few_examples(40)
+@few_examples(8)
 @given(SEEDS)
 @example(448)  # two segments share the frame
 @example(772)  # seams two positions away move the hand
@@ -844,7 +843,7 @@ def test_max_stretch_errors_are_above_1_for_greater_stretches_only(base, donor, 
         (
             mc.Reach(HAND, (0, 0, 0), 99_999),
             ValueError,
-            "frames of Reach must be within 0 to",
+            "frames of `Reach` must be within 0 to",
         ),
         (mc.NotFrom("waltz*"), ValueError, r"`clips` must match .*; got 'waltz\*'"),
         (

@@ -52,7 +52,7 @@ class Source:
         return self.pools[group].candidate_lists(self.scenario, self.config)
 
 
-@few_examples(40)
+@few_examples(20)
 @pytest.mark.parametrize("name", DONOR_CHOICES.names)
 @given(SEEDS, st.integers(1, 6))
 def test_draw_returns_different_sequences_of_candidates(make_pool, name, seed, count):
@@ -91,7 +91,7 @@ class TrellisSource:
         return {"upper": DonorTrellis(np.zeros(len(candidates), int), candidates, self.costs)}
 
 
-@few_examples(40)
+@few_examples(20)
 @pytest.mark.parametrize("name", ["sample", "viterbi", "nearest"])
 @given(SEEDS, st.floats(0.0, 5.0))
 def test_draw_diversity_changes_only_later_motions(make_pool, name, seed, diversity):
@@ -133,7 +133,7 @@ def test_draw_sample_charges_diversity_for_donors_of_earlier_motions(diversity):
     assert chisquare(list(found.values()), frequencies).pvalue > 1e-6
 
 
-@few_examples(20)
+@few_examples(10)
 @given(SEEDS)
 def test_draw_sample_high_diversity_uses_all_candidates_before_repeating_one(seed):
     rng = np.random.default_rng(seed)
@@ -144,7 +144,7 @@ def test_draw_sample_high_diversity_uses_all_candidates_before_repeating_one(see
         assert sorted(column) == [0, 1, 2, 3]
 
 
-@few_examples(40)
+@few_examples(20)
 @pytest.mark.parametrize("name", ["viterbi", "best", "nearest"])
 @given(SEEDS)
 def test_choose_path_deterministic_choices_take_the_cheapest_path(make_pool, name, seed):
@@ -179,7 +179,7 @@ def test_draw_uniform_stays_within_cluster_and_limit(make_pool, seed, limit):
     assert (pool.seam_angles_along(donors) <= limit).all()
 
 
-@few_examples(40)
+@few_examples(20)
 @given(SEEDS)
 def test_draw_uniform_matches_the_oracle(make_pool, seed):
     pool = make_pool(seed, n_labels=2)

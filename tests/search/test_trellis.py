@@ -25,7 +25,7 @@ def build(pool, config):
     return DonorTrellis.build(pool, scenario, lists, cost_model(config, pool))
 
 
-@few_examples(40)
+@few_examples(20)
 @given(SEEDS, st.sampled_from([1, 3, 100]))
 def test_trellis_costs_match_the_formula_and_keep_the_cheapest(make_pool, seed, most):
     pool = make_pool(seed)

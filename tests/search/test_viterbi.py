@@ -75,7 +75,7 @@ def test_charge_adds_the_cost_for_every_position_in_common(seed, cost):
         np.testing.assert_array_equal(own, unchanged)
 
 
-@few_examples(40)
+@few_examples(20)
 @given(SEEDS, st.integers(1, 60), st.booleans(), st.sampled_from([0.0, 0.3]))
 def test_k_best_returns_the_cheapest_paths_in_order(seed, count, is_integer, forbidden):
     trellis = make_trellis(seed, is_integer=is_integer, forbidden=forbidden)
@@ -88,20 +88,6 @@ def test_k_best_returns_the_cheapest_paths_in_order(seed, count, is_integer, for
     assert all(a <= b + 1e-12 for a, b in pairwise(costs))
     if is_integer:
         assert [tuple(path) for path in paths] == expected
-
-
-@given(SEEDS)
-def test_viterbi_long_path_costs_no_more_than_random_and_greedy_paths(seed):
-    trellis = make_trellis(seed, n_positions=40)
-    rng = np.random.default_rng(seed)
-    least = path_cost(trellis, viterbi(trellis)) - 1e-9
-    for _ in range(10):
-        random_path = [rng.integers(len(costs)) for costs in trellis.unary]
-        assert least <= path_cost(trellis, random_path)
-    greedy = [int(trellis.unary[0].argmin())]
-    for unary, seams in zip(trellis.unary[1:], trellis.pairwise, strict=True):
-        greedy.append(int((unary + seams[greedy[-1]]).argmin()))
-    assert least <= path_cost(trellis, greedy)
 
 
 @pytest.mark.parametrize(("seed", "temperature"), [(1, 0.5), (2, 1.0), (4, 4.0)])

@@ -31,7 +31,7 @@ def test_candidate_poses_of_base_segments_are_the_base(root_library, make_proble
     np.testing.assert_array_equal(poses.positions, places[poses.frames])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(SEEDS)
 def test_candidate_poses_with_root_are_the_clip_moved_rigidly_to_the_root_start(
     root_library, make_problem, seed

@@ -83,7 +83,7 @@ def random_problem(libraries, make_problem, rng):
     return problem, group, chosen
 
 
-@settings(few_examples(30), deadline=None)
+@settings(few_examples(15), deadline=None)
 @given(SEEDS)
 def test_candidate_violations_match_poses_of_every_candidate_bit_for_bit(
     libraries, make_problem, seed
@@ -95,7 +95,7 @@ def test_candidate_violations_match_poses_of_every_candidate_bit_for_bit(
         assert own.soft.tobytes() == soft.tobytes()
 
 
-@settings(few_examples(15), deadline=None)
+@settings(few_examples(7), deadline=None)
 @given(SEEDS)
 def test_reachable_balls_contain_the_capsules_of_every_candidate(libraries, make_problem, seed):
     rng = np.random.default_rng(seed)

@@ -18,7 +18,7 @@ def library():
     return mg.Library.build(dance(seed=1, strides=1).motion[:400])
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=7, deadline=None)
 @given(
     joint=st.sampled_from(["LeftFoot", "RightLeg", "LeftHand", "Head", "Hips"]),
     frame=st.integers(0, 399),

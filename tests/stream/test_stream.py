@@ -20,7 +20,7 @@ from tests.oracles import search as oracle
 from tests.strategies import assert_same_rotations
 
 HAND = "LeftHand"
-FEW_EXAMPLES = settings(max_examples=12)
+FEW_EXAMPLES = settings(max_examples=6)
 
 
 @pytest.fixture(scope="module")
@@ -225,14 +225,13 @@ def test_stream_each_donor_is_of_the_cheapest_sequence_in_the_horizon(library, b
 # Seams
 
 
-@pytest.mark.parametrize("seam", ["inertial", "dead"])
-def test_stream_seams_equal_those_of_transplanted_segment_pairs(library, base, seam):
+def test_stream_seams_equal_those_of_transplanted_segment_pairs(library, base):
     """The oracle transplants two donors at a time, from whole clips.
 
     `seam_blend` is the minimum segment length, because a blend that outlasts a segment differs.
     """
     configured = with_choice(
-        library, "sample", seam=seam, seam_blend=library.config.min_length, torso="pelvis"
+        library, "sample", seam="inertial", seam_blend=library.config.min_length, torso="pelvis"
     )
     problem, _ = whole_base_search(configured, base)
     longer, joints = problem.library, problem.library.joints("upper")
@@ -303,22 +302,6 @@ def test_stream_gradient_seams_are_as_smooth_as_those_of_all_segments_together(
     assert streamed.max() < 1.25 * offline.max()
 
 
-@pytest.mark.parametrize("seam", ["inertial", "dead"])
-def test_stream_frames_beside_seams_are_as_smooth_as_those_of_graft(library, base, seam):
-    configured = with_choice(library, "viterbi", seam=seam)
-    graft = mg.graft(configured, base)
-    motion = mg.join_pieces(stream_pieces(configured, base, horizon=1000))
-
-    def velocity_changes(quats):
-        steps = rotations.log(rotations.multiply(rotations.inverse(quats[:-1]), quats[1:]))
-        return np.linalg.norm(np.diff(steps, axis=0), axis=-1)
-
-    expected = velocity_changes(graft.motion.rotations)
-    changes = velocity_changes(motion.rotations)
-    assert changes.max() < 1.25 * expected.max()
-    assert np.percentile(changes, 99) < 1.25 * np.percentile(expected, 99)
-
-
 def test_stream_quaternions_of_opposite_signs_continue_between_pieces(library, base):
     quats = base.rotations.copy()
     quats[:, library.joints("upper")[1::2]] *= -1.0
@@ -371,14 +354,13 @@ def test_stream_horizon_1_violates_a_constraint_only_if_all_candidates_do(
 @FEW_EXAMPLES
 @given(
     st.sampled_from(["viterbi", "sample", "random", "nearest"]),
-    st.sampled_from(["inertial", "dead"]),
     st.integers(1, 8),
 )
 def test_stream_constraint_that_all_candidates_satisfy_changes_nothing(
-    library, base, choice, seam, horizon
+    library, base, choice, horizon
 ):
     """With a pose constraint all candidates are placed, without one only the chosen donor."""
-    configured = with_choice(library, choice, seam=seam)
+    configured = with_choice(library, choice, seam="inertial")
     far = mc.Avoid(mc.Sphere((1e5, 0.0, 0.0), 1.0))
     expected = stream_pieces(configured, base, horizon=horizon)
     pieces = stream_pieces(configured, base, horizon=horizon, constraints=[far])

@@ -27,7 +27,7 @@ PATIENT = ServerLimits(idle_seconds=600.0, message_seconds=600.0, drain_seconds=
 """Limits that no client of the tests exceeds, also on a busy machine."""
 
 HELLO = {"type": "hello", "protocol": "mograft.stream/1"}
-FEW_EXAMPLES = settings(max_examples=12)
+FEW_EXAMPLES = settings(max_examples=6)
 
 
 @pytest.fixture(scope="module")
@@ -376,7 +376,7 @@ HEADERS = st.dictionaries(
 ) | st.lists(JSON_VALUES, max_size=3).map(lambda own: {"type": "constraints", "constraints": own})
 
 
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(st.lists(st.tuples(HEADERS, st.binary(max_size=400)), min_size=1, max_size=4))
 def test_random_requests_get_one_reply_each(server, requests):
     with connect(server) as client:
@@ -390,7 +390,7 @@ def test_random_requests_get_one_reply_each(server, requests):
         assert client.request(HELLO)[0]["type"] == "welcome"
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(st.binary(max_size=300), st.binary(max_size=60))
 def test_random_bytes_get_at_most_errors(server, start, end):
     with connect(server) as client:
@@ -432,7 +432,7 @@ CONSTRAINTS = st.one_of(
 )
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(st.lists(CONSTRAINTS, min_size=1, max_size=2))
 def test_extreme_constraints_get_pieces_or_errors(server, short_base, constraints):
     rotations, positions = short_base.rotations[:120], short_base.positions[:120]

@@ -48,7 +48,7 @@ def test_advice_counts_segments_without_candidate_by_cause(library):
 @pytest.mark.parametrize(
     ("config", "constraints", "cause", "remedy"),
     [
-        ({"sigma": 1e-9}, [], "no similar segment", "raise `variety` or add clips"),
+        ({"sigma_scale": 1e-9}, [], "no similar segment", "raise `variety` or add clips"),
         ({"max_stretch": 1e-6, "sigma_scale": 2.0, "length_slack": 0.0}, [], "similar len", "max_"),
         ({}, [KeepOriginal()], "within the constraints", "relax the constraints"),
     ],
@@ -68,7 +68,7 @@ def test_advice_names_self_repair_if_it_restored_all_segments(library):
     )
     (line,) = [
         line
-        for line in advice([replace(kept, substitutions=own, repairs=(window,))])
+        for line in advice([replace(kept, substitutions=own, self_repairs=(window,))])
         if line.startswith("warning")
     ]
     assert "no segment was exchanged: self-repair restored the captured parts" in line

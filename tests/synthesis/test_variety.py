@@ -12,7 +12,7 @@ import mograft as mg
 import mograft.constraints as mc
 from mograft.dancer import dance
 from mograft.search.neighbourhoods import BALL_RADIUS
-from mograft.synthesis.graft_plan import GraftPlan
+from mograft.solve.plan import GraftPlan
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 SIGMA_SCALES = (0.3, 0.5, 0.75, 1.0, 1.5, 2.5, 5.0)

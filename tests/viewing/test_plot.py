@@ -9,7 +9,7 @@ import pytest
 
 from mograft import Config, Library, discover_groups, graft, kinetic_energy, segment, write_bvh
 from mograft.cli import main
-from mograft.cli.syntax.picture_commands import PLOT_KINDS
+from mograft.cli.syntax.commands import PLOT_KINDS
 from mograft.dancer import dance
 
 matplotlib = pytest.importorskip("matplotlib", reason="matplotlib is not installed")

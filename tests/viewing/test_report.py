@@ -129,7 +129,7 @@ def test_report_clip_table_lists_contributing_clips_only():
 
 
 def test_report_without_exchanges_lists_kept_segments():
-    library = Library.build(dance(strides=1).motion[:80], config=Config(sigma=1e-9))
+    library = Library.build(dance(strides=1).motion[:80], config=Config(sigma_scale=1e-9))
     page = report_page([graft(library)])
     assert cells(page, "Motions")[0][1].startswith("0 of")
     assert "had no candidate and were kept" in page.html

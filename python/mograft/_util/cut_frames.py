@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from mograft._util.frozen_mapping import FrozenMapping
+from mograft._util.containers import FrozenMapping
 
 
 def freeze_cut_frames(clips: Mapping[Any, Any]) -> FrozenMapping[str, tuple[int, ...]]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 
-_SLACK = 1024
+SLACK = 1024
 """Rows that can be left out before all numbers of a column are read again."""
 
 
@@ -53,7 +53,7 @@ class HighPercentile:
     def _rows_of_greatest(self, column: int) -> IntArray:
         if column not in self._greatest:
             values, n = self.values[:, column], len(self.values)
-            n_kept = min(int((1.0 - self.percentile / 100.0) * n) + 3 + _SLACK, n)
+            n_kept = min(int((1.0 - self.percentile / 100.0) * n) + 3 + SLACK, n)
             rows = np.argpartition(values, n - n_kept)[n - n_kept :]
             self._greatest[column] = rows[np.argsort(-values[rows], kind="stable")]
         return self._greatest[column]

@@ -1,4 +1,4 @@
-"""HTML tables for notebooks."""
+"""HTML tables of pages and notebooks."""
 
 import html
 from collections.abc import Iterable, Sequence
@@ -8,7 +8,14 @@ MAX_ROWS = 20
 """Number of rows that a table shows at most."""
 
 
-def html_table(
+def html_table(head: Sequence[str], rows: Iterable[str]) -> str:
+    """Return an HTML table; `head` holds plain texts, `rows` the HTML of the cells of each row."""
+    top = "".join(f'<th scope="col">{_escape(name)}</th>' for name in head)
+    body = "".join(f"<tr>{row}</tr>" for row in rows)
+    return f"<table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def notebook_table(
     caption: str, columns: Sequence[str], rows: Iterable[Sequence[object]], n_rows: int
 ) -> str:
     """Return an HTML table of the first `MAX_ROWS` of `n_rows` rows; all texts are escaped.
@@ -16,15 +23,9 @@ def html_table(
     Numbers are aligned to the right. The result begins with a paragraph that has the caption. If
     there are more than `MAX_ROWS` rows, it ends with the number of rows that are not shown.
     """
-    head = "".join(f"<th>{_escape(name)}</th>" for name in columns)
-    body = "".join(
-        f"<tr>{''.join(map(_cell, row))}</tr>" for row in islice(rows, min(n_rows, MAX_ROWS))
-    )
+    shown = ("".join(map(_cell, row)) for row in islice(rows, min(n_rows, MAX_ROWS)))
     more = f"<p>{n_rows - MAX_ROWS:,} more rows</p>" if n_rows > MAX_ROWS else ""
-    return (
-        f"<p>{_escape(caption)}</p><table><thead><tr>{head}</tr></thead>"
-        f"<tbody>{body}</tbody></table>{more}"
-    )
+    return f"<p>{_escape(caption)}</p>{html_table(columns, shown)}{more}"
 
 
 def _cell(value: object) -> str:

@@ -40,16 +40,6 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
     return found
 
 
-def eigenvalues(matrix: FloatArray) -> FloatArray:
-    """Return the eigenvalues of a positive semidefinite matrix, shape (n,), descending.
-
-    They are at least 0. As in `eigenvectors`, they are rounded to multiples of 2^-32 · p, where p
-    is the smallest power of two above the trace.
-    """
-    values = np.maximum(np.linalg.eigvalsh(matrix)[::-1], 0.0)
-    return round_to_grid(values, _eigenvalue_grid(matrix))
-
-
 def _eigenvalue_grid(matrices: FloatArray) -> FloatArray:
     """Return the spacing of the grid to which the eigenvalues of each matrix are rounded.
 

@@ -1,15 +1,10 @@
-"""System memory: errors if work needs more than is available; reuse or return of freed memory."""
-
-import ctypes
-import sys
-
-import numpy as np
+"""System memory: errors if work needs more than is available."""
 
 from mograft import _core  # noqa: TID251 - the kernels know the memory of the system
 from mograft.errors import MemoryBudgetError
 
 _MAX_UNCHECKED_BYTES = 1 << 28
-"""For work that needs at most 256 MiB, memory is neither checked nor returned."""
+"""For work that needs at most 256 MiB, memory is not checked."""
 
 
 def check_memory(work: str, n_bytes: int, remedy: str) -> None:
@@ -26,30 +21,3 @@ def check_memory(work: str, n_bytes: int, remedy: str) -> None:
             f"{work} needs about {n_bytes / 1e9:.1f} GB of memory, and {available / 1e9:.1f} GB "
             f"are available: {remedy}"
         )
-
-
-_MAX_REUSED_BYTES = (1 << 25) - (1 << 16)
-"""Largest arrays that glibc keeps for reuse: 32 MiB with what it adds."""
-
-
-def reuse_freed_arrays() -> None:
-    """Let the C library keep freed arrays of up to 32 MiB for reuse.
-
-    glibc returns freed large arrays to the system. Requesting new pages for the next array takes as
-    much time as the computations on it. If an array is freed, glibc keeps all later arrays that are
-    not larger. This function therefore allocates and frees one array. Nothing is written to that
-    array, so it takes no physical memory.
-    """
-    np.empty(_MAX_REUSED_BYTES, np.uint8)
-
-
-def return_free_memory(n_bytes: int) -> None:
-    """Return free memory that the C library keeps for reuse to the system.
-
-    `n_bytes` is the size of the arrays that were freed. The call has an effect only on Linux with
-    glibc, and only if `n_bytes` exceeds 256 MiB.
-    """
-    if n_bytes > _MAX_UNCHECKED_BYTES and sys.platform == "linux":
-        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # of glibc
-        if trim is not None:
-            trim(0)

@@ -1,4 +1,4 @@
-"""Unique names for clips, and names of files that every system accepts."""
+"""Names: unique ones of clips, of files on every system, and of discovered joint groups."""
 
 import re
 from collections.abc import Collection, Iterable, Sequence
@@ -67,3 +67,27 @@ def unique_names(names: Sequence[str]) -> list[str]:
         taken.add(name)
         distinct.append(name)
     return distinct
+
+
+AUTOMATIC = "auto"
+"""Name that selects discovered groups; ``auto:3`` also gives their number."""
+
+
+def is_automatic(name: str) -> bool:
+    """Return whether the name of joint groups is ``auto`` or begins with ``auto:``."""
+    return name.partition(":")[0] == AUTOMATIC
+
+
+def automatic_number(name: str) -> int | None:
+    """Return the number of groups in a name such as ``auto:3``; None for ``auto``.
+
+    Raises ValueError if it is not a whole number of at least 2.
+    """
+    _, colon, number = name.partition(":")
+    if not colon:
+        return None
+    if not (number.isascii() and number.isdigit() and int(number) >= 2):
+        raise ValueError(
+            f"`groups` must be auto or auto:N with a whole number N of at least 2, got {name!r}"
+        )
+    return int(number)

@@ -8,11 +8,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
+from mograft.errors import suggest_name
+
 T = TypeVar("T")
 S = TypeVar("S")
-
-AUTOMATIC_SCALE = "auto"
-"""Value of `Config.sigma_scale` that chooses the scale of each group from the data."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +36,8 @@ class Registry(Generic[T]):
         """Return the object for the value `name`; raise ValueError if the value is not accepted."""
         if isinstance(name, str) and name in self.entries:
             return self.entries[name]
-        from difflib import get_close_matches  # only for the message: 20 ms
-
-        close = get_close_matches(name, self.entries, n=1) if isinstance(name, str) else []
-        hint = f"; did you mean {close[0]!r}?" if close else ""
         accepted = ", ".join(map(repr, self.entries))
+        hint = suggest_name(name, self.entries)
         raise ValueError(f"`{self.parameter}` must be one of {accepted}, got {name!r}{hint}")
 
     def implemented_by(self, implementations: Mapping[str, S]) -> "Registry[S]":
@@ -60,11 +56,6 @@ class Registry(Generic[T]):
 _DESCRIPTIONS = {
     "segmentation": {
         "energy": "extrema of the kinetic energy, as in the paper",
-        "com": "steps and flights: lowest points of the centre of mass, take-offs and landings",
-        "contacts": "frames in which a foot starts or stops touching the floor",
-        "pca": "behaviours: poses that leave the hyperplane of the poses before",
-        "ppca": "behaviours: changes of the distribution of poses",
-        "gmm": "behaviours: clusters of poses",
         "beats": "beats of a rhythmic motion",
     },
     "omega": {
@@ -75,6 +66,10 @@ _DESCRIPTIONS = {
         "own": "moment of inertia of the link alone",
         "subtree": "moment of inertia of the link and of all links below it",
         "unit": "moment of inertia 1 for every link",
+    },
+    "sigma": {
+        "rms": "root mean square distance of the segments from their mean",
+        "literal": "square root of the mean distance, as the paper prints it",
     },
     "neighbourhood": {
         "cluster": "the base segment's cluster, as in the paper",
@@ -93,7 +88,6 @@ _DESCRIPTIONS = {
         "paper": "displacement over the segments, then a cubic through the seam window",
         "displacement": "the pose gap spread over both segments",
         "inertial": "a decaying offset after the seam only",
-        "dead": "a cross-fade after the seam from the extrapolated motion before it",
     },
     "alignment": {
         "uniform": "donors stretched at a constant rate",

@@ -5,7 +5,6 @@ The module imports little, because a signal before `end_on_signals` prints a tra
 """
 
 import _thread
-import atexit
 import os
 import signal
 import sys
@@ -13,6 +12,8 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
+
+from mograft._util.cleanup import clean_up
 
 _MESSAGES = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "the terminal was closed"}
 _SIGNALS = {getattr(signal, name): _MESSAGES[name] for name in _MESSAGES if hasattr(signal, name)}
@@ -52,26 +53,16 @@ def _watch(read_end: int, handled: frozenset[int]) -> None:
     while True:
         number = next((byte for byte in os.read(read_end, 64) if byte in handled), None)
         if number is not None:
-            _sleep(_HANDLER_SECONDS)
+            time.sleep(_HANDLER_SECONDS)
             end_process(number)
-            _sleep(_CLEANUP_SECONDS)
+            time.sleep(_CLEANUP_SECONDS)
             os._exit(128 + number)
 
 
-def _sleep(seconds: float) -> None:
-    """Sleep in 20 short steps.
-
-    If the process is suspended meanwhile, only the current step elapses, so that the main thread
-    still gets nearly all of `seconds` afterwards.
-    """
-    for _ in range(20):
-        time.sleep(seconds / 20)
-
-
 def end_process(number: int) -> None:
-    """Print the reason, kill the worker processes, call the exit handlers, and end the process.
+    """Print the reason, kill the worker processes, clean up, and end the process.
 
-    `number` is that of the signal; the exit code is 128 + `number`. The exit handlers remove
+    `number` is that of the signal; the exit code is 128 + `number`. Cleanup removes
     drafts; see `mograft._util.cleanup`. The function returns only if another call is already ending
     the process.
     """
@@ -84,7 +75,7 @@ def end_process(number: int) -> None:
     with suppress(Exception):
         _kill_workers()
     with suppress(Exception):
-        atexit._run_exitfuncs()
+        clean_up()
     with suppress(Exception):
         stdout.flush()
     os._exit(128 + number)

@@ -23,7 +23,7 @@ CHUNK = 1024
 """Number of segments in memory at a time. Sums run chunk by chunk in the order of segments, so
 their last bits depend on this number only."""
 
-_CACHE_BYTES = 1 << 27
+CACHE_BYTES = 1 << 27
 """Bytes of features that are kept between the two passes."""
 
 
@@ -247,7 +247,7 @@ def embed(
         for number, part in enumerate(islice(samples.chunks(), n_cached, None), n_cached):
             matrix = features(part, joints, reference, has_root=has_root)
             # The first chunks that fit are kept; the second pass recomputes the others.
-            if number == len(cache) and 8 * matrix.size * (number + 1) <= _CACHE_BYTES:
+            if number == len(cache) and 8 * matrix.size * (number + 1) <= CACHE_BYTES:
                 cache.append(matrix)
             yield matrix
 

@@ -143,7 +143,7 @@ def _units(chains: JointChains, is_base: BoolArray, is_static: BoolArray) -> Int
 def _divide(
     chains: JointChains, unit_of_node: IntArray, dependence: FloatArray, n: int | None, pose: Motion
 ) -> GroupDiscovery:
-    """Merge units to `n` groups; None means the number of `_number_at_largest_gap`.
+    """Merge units to `n` groups; None means the number of `number_at_largest_gap`.
 
     `pose` is stored in the result.
     """
@@ -167,7 +167,7 @@ def _divide(
     inner = connected_linkage(1.0 - smallest[1:, 1:], _neighbours(chains, unit_of_node)[1:, 1:])
     tree = _with_base(inner)
     if n is None:
-        n = _number_at_largest_gap(tree, 1.0 - np.diag(smallest)[1:])
+        n = number_at_largest_gap(tree, 1.0 - np.diag(smallest)[1:])
     labels = labels_after_merges(tree, n_units - n)
     units = tuple(np.flatnonzero(unit_of_node[chains.node_of_joint] == u) for u in range(n_units))
     names = _group_names(chains.skeleton, units, labels)
@@ -207,7 +207,7 @@ def _with_base(inner: FloatArray) -> FloatArray:
     return np.vstack([tree, last])
 
 
-def _number_at_largest_gap(tree: FloatArray, diameters: FloatArray) -> int:
+def number_at_largest_gap(tree: FloatArray, diameters: FloatArray) -> int:
     """Return the number of groups between the two successive merges of largest height difference.
 
     `diameters` has for each unit of `GroupDiscovery` the largest distance within it. The largest of

@@ -1,19 +1,11 @@
 """Segmentation of a motion whose frames arrive one after the other."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from mograft._util.arrays import FloatArray
 from mograft._util.gaussian import gaussian_filter, gaussian_kernel
 from mograft.analysis.segmentation import merge_short_segments, split_long_segments
-from mograft.analysis.segmentations import METHODS
 from mograft.config import Config
-from mograft.motion.motion import Motion
-
-_WINDOW_SECONDS, _STEP_SECONDS = 8.0, 0.1
-# Of methods that start again at each cut: the longest segment, and the time between two searches.
-_MAX_SEGMENT_SECONDS, _LONG_STEP_SECONDS = 30.0, 0.5
 
 
 class OnlineSegmenter:
@@ -121,100 +113,3 @@ class OnlineSegmenter:
         bounds = merge_short_segments(bounds, np.array(self._curve), self._min_length)
         bounds = split_long_segments(bounds, self._max_length)
         return [int(bound) + self._first_frame for bound in bounds]
-
-
-class WindowSegmenter:
-    """Segments a motion whose frames arrive one by one, by a method that has a `look_ahead`.
-
-    Every 0.1 s the method finds the cut frames of the last 8 s. Frames older than its
-    `look_ahead` become final. The result may differ from that of `segment` in three respects. The
-    floor and other properties of the motion are those of the last 8 s. A cut frame closer than
-    `Config.min_length` to the one before is left out, and a segment ends as soon as it has the
-    length `Config.max_length`.
-
-    A method that starts again at each cut frame receives all frames from the last cut on, every
-    0.5 s. Its cuts are those of `segment`, except that a segment ends after 30 s.
-    """
-
-    def __init__(self, rate: float, config: Config) -> None:
-        name = config.segmentation
-        assert isinstance(name, str)
-        method = METHODS.get(name)
-        assert method is not None
-        assert method.look_ahead is not None
-        # As in `OnlineSegmenter`: the caller may remove entries from the front.
-        self.bounds: list[int] = [0]
-        self.n_frames = 0
-        self._method = method
-        self._parameters = method.make_parameters(name, config.segmentation_parameters)
-        self._min_length = max(round(config.min_length * rate), 1)
-        max_seconds = _MAX_SEGMENT_SECONDS if method.has_long_segments else config.max_length
-        self._max_length = max_seconds * rate
-        self._n_ahead = max(round(method.look_ahead * rate), self._min_length)
-        step = _LONG_STEP_SECONDS if method.restarts else _STEP_SECONDS
-        self._step = max(round(step * rate), 1)
-        self._n_window = round(_WINDOW_SECONDS * rate)
-        self._window: Motion | None = None
-        self._final_bound = 0
-
-    def push(self, frames: Motion) -> None:
-        """Add the next frames of the motion."""
-        first = 0
-        while first < frames.n_frames:
-            # Cut frames are searched for at the same frames, however many are pushed at once.
-            stop = min(first + self._step - self.n_frames % self._step, frames.n_frames)
-            self._append(frames[first:stop])
-            first = stop
-            if self.n_frames % self._step == 0:
-                self._finalize(self.n_frames - 1 - self._n_ahead)
-
-    def close(self) -> None:
-        """End the motion: add all remaining bounds to `bounds`."""
-        last = self.n_frames - 1
-        self._finalize(last - self._min_length)
-        while last - self._final_bound > self._max_length:
-            # The last two segments are of equal length if the last one would be too short.
-            middle = (self._final_bound + last) // 2
-            end = self._final_bound + int(self._max_length)
-            self._add(end if last - end >= self._min_length else middle)
-        self._add(last)
-
-    def _append(self, frames: Motion) -> None:
-        frames = replace(frames, channel_values=None)
-        if self._window is not None:
-            n_kept = self._n_window
-            if self._method.restarts:
-                n_kept = self.n_frames - self._final_bound
-            kept = self._window[-min(n_kept, self._window.n_frames) :]
-            frames = replace(
-                frames,
-                rotations=np.concatenate([kept.rotations, frames.rotations]),
-                positions=np.concatenate([kept.positions, frames.positions]),
-            )
-        self.n_frames += frames.n_frames - (0 if self._window is None else kept.n_frames)
-        self._window = frames
-
-    def _finalize(self, latest: int) -> None:
-        """Add all bounds up to the frame `latest`; further frames do not change them."""
-        if self._window is None or latest <= self._final_bound:
-            return
-        cuts = self._method.cut_frames(self._window, self._parameters)
-        first = self.n_frames - self._window.n_frames
-        # The frames before the window could change cut frames at its start.
-        if first > 0 and not self._method.restarts:
-            cuts = cuts[cuts >= self._n_ahead]
-        for cut in (cuts + first).tolist():
-            if cut <= latest:
-                self._split_before(cut)
-                if cut - self._final_bound >= self._min_length:
-                    self._add(cut)
-        self._split_before(latest)
-
-    def _split_before(self, frame: int) -> None:
-        """Add bounds until the segment that ends at `frame` is not too long."""
-        while frame - self._final_bound > self._max_length:
-            self._add(self._final_bound + max(int(self._max_length), 1))
-
-    def _add(self, bound: int) -> None:
-        self.bounds.append(bound)
-        self._final_bound = bound

@@ -13,15 +13,22 @@ from mograft._util.arrays import (
 )
 from mograft._util.cut_frames import as_cut_frames
 from mograft._util.gaussian import gaussian_filter
-from mograft._util.registry import CONFIG_OPTIONS
+from mograft._util.registry import CONFIG_OPTIONS, Registry
 from mograft._util.validate import check_type
-from mograft.analysis.segmentations import METHODS
+from mograft.analysis import beats
+from mograft.analysis.segmentation_method import SegmentationMethod
 from mograft.body.mass import mass_model, moments_of_inertia
 from mograft.config import Config
 from mograft.errors import suggest_name
 from mograft.motion.limits import MAX_CLIP_FRAME_TIME, MIN_CLIP_FRAME_TIME
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
+
+# The extrema of the kinetic energy are computed by `segment_clip` itself, because their parameters
+# are fields of `Config`.
+METHODS: Registry[SegmentationMethod | None] = CONFIG_OPTIONS["segmentation"].implemented_by(
+    {"energy": None, "beats": beats.METHOD}
+)
 
 
 def kinetic_energy(
@@ -131,8 +138,8 @@ def segment(
     Notes
     -----
     Segments shorter than `min_length` are merged as `merge_short_segments` describes; segments
-    longer than `max_length` are split into equal parts of at least one frame interval, except with
-    methods that find whole behaviours. Segments between cut frames that the user gives are neither
+    longer than `max_length` are split into equal parts of at least one frame interval. Segments
+    between cut frames that the user gives are neither
     merged nor split.
 
     Examples
@@ -199,8 +206,7 @@ def segment_clip(motion: Motion, config: Config, own_rate: float) -> Segments:
         cuts = method.cut_frames(motion, given)
     bounds = np.concatenate([[0], cuts, [motion.n_frames - 1]])
     bounds = merge_short_segments(bounds, curve, max(round(config.min_length * motion.rate), 1))
-    if method is None or not method.has_long_segments:
-        bounds = split_long_segments(bounds, config.max_length * motion.rate)
+    bounds = split_long_segments(bounds, config.max_length * motion.rate)
     return Segments(bounds[:-1], bounds[1:])
 
 

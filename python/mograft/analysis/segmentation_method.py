@@ -11,20 +11,12 @@ from mograft.motion.motion import Motion
 
 @dataclass(frozen=True)
 class SegmentationMethod:
-    """A method of segmentation; each module of `mograft.analysis.segmentations` defines one."""
+    """A method of segmentation; `METHODS` of `segmentation` has them."""
 
     parameters: type[Any]  # a frozen dataclass, all of whose fields have defaults
     cut_frames: Callable[[Motion, Any], IntArray]
     """Returns the inner cut frames of a motion of at least two frames, ascending, given the
     parameters. The caller adds both ends, and merges segments shorter than `Config.min_length`."""
-    has_long_segments: bool = False
-    """Whether segments may be longer than `Config.max_length`: whole behaviours are not split."""
-    look_ahead: float | None = None
-    """Seconds after a cut frame that decide whether it is one; None if all frames do, so that a
-    stream cannot use the method."""
-    restarts: bool = False
-    """Whether the method starts again at each cut frame, so that the next cut depends only on the
-    frames from this cut on. Otherwise a stream gives the method the latest frames."""
 
     def make_parameters(self, name: str, given: Mapping[str, Any]) -> Any:  # noqa: ANN401 - of any method
         """Return the parameters with the values in `given`, and the defaults for all others.

@@ -260,11 +260,8 @@ class DonorLayout:
         return self.timeline.piece_times(self._closed_seams, times, self.config.seam_blend)
 
     def _close(self, space: ValueSpace, times: PieceTimes, values: FloatArray) -> FloatArray:
-        near = restrict_to_pieces(times, self._boundaries(space))
+        near = restrict_to_pieces(times, self._boundaries[space is TRANSLATIONS])
         return SEAM_TREATMENTS.get(self.config.seam).close(values, *near)
-
-    def _boundaries(self, space: ValueSpace) -> SeamBoundaries:
-        return self._rotation_boundaries if space is ROTATIONS else self._translation_boundaries
 
     @cached_property
     def _closed_seams(self) -> IntArray:
@@ -274,12 +271,12 @@ class DonorLayout:
         return np.flatnonzero(self.seams)
 
     @cached_property
-    def _rotation_boundaries(self) -> SeamBoundaries:
-        return self.timeline.boundaries(ROTATIONS, self.rotations, self._closed_seams)
-
-    @cached_property
-    def _translation_boundaries(self) -> SeamBoundaries:
-        return self.timeline.boundaries(TRANSLATIONS, self.positions, self._closed_seams)
+    def _boundaries(self) -> tuple[SeamBoundaries, SeamBoundaries]:
+        """The boundaries of rotations and of translations."""
+        return (
+            self.timeline.boundaries(ROTATIONS, self.rotations, self._closed_seams),
+            self.timeline.boundaries(TRANSLATIONS, self.positions, self._closed_seams),
+        )
 
     def smooth(self, quats: FloatArray, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Apply `SeamTreatment.smooth` to the rotations and translations of all frames."""
@@ -298,7 +295,7 @@ class DonorLayout:
             blend=config.seam_blend * timeline.rate,
             rate=timeline.rate,
             donor_rows=self._rows[space is TRANSLATIONS],
-            seam_accelerations=self._boundaries(space).accelerations,
+            seam_accelerations=self._boundaries[space is TRANSLATIONS].accelerations,
         )
         return SEAM_TREATMENTS.get(config.seam).smooth(closed)
 

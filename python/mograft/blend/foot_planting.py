@@ -50,9 +50,9 @@ class FeetReport:
     plants: int
     skate_before: float
     skate_after: float
-    moved_root: float
-    unreached: float
-    unreached_frames: int
+    moved_root: float = 0.0
+    unreached: float = 0.0
+    unreached_frames: int = 0
 
 
 def plant_feet(
@@ -132,7 +132,7 @@ def plant_feet(
     skate_before = skating_share(motion, ground)
     has_task = contacts.any() or min_heights is not None or floor_reference is not None
     if not has_task or not movable.any():
-        return motion, _without_changes(skate_before)
+        return motion, FeetReport(plants=0, skate_before=skate_before, skate_after=skate_before)
     points = ground.points(motion)
     planted = remove_sliding_frames(contacts, points, ground, motion.rate)
     heights = np.where(contacts & ~planted, CLEARANCE, heights)
@@ -190,18 +190,6 @@ def _limit_shift(motion: Motion, shift: FloatArray, room: FloatArray, ground: Gr
     shift = limit_floor_speed(shift, path, ground.up)
     room = np.maximum(room.min(axis=(1, 2), initial=np.inf), 0.0)
     return limit_descent(shift, room, ground.up)
-
-
-def _without_changes(skate: float) -> FeetReport:
-    """Return the report for a motion that `plant_feet` does not change."""
-    return FeetReport(
-        plants=0,
-        skate_before=skate,
-        skate_after=skate,
-        moved_root=0.0,
-        unreached=0.0,
-        unreached_frames=0,
-    )
 
 
 def _checked_arguments(

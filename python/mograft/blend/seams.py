@@ -93,6 +93,17 @@ def restrict_to_pieces(
     return near, boundaries[first : stop - 1]
 
 
+def crossfade_both_sides(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return root velocity weights that rise to ½ at the seam, with a continuous slope."""
+    half = 0.25 * remaining * remaining * (3.0 - remaining)
+    return half, half
+
+
+def crossfade_after(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return root velocity weights: 0 before the seam, and after it a cubic from 1 to 0."""
+    return np.zeros_like(remaining), remaining * remaining * (3.0 - 2.0 * remaining)
+
+
 class SeamTreatment(ABC):
     """A method that changes the motion near a seam so that two pieces meet without a gap.
 
@@ -125,7 +136,6 @@ class SeamTreatment(ABC):
         of its piece only. A value that needs no change is returned bit for bit.
         """
 
-    @abstractmethod
     def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return two weights of the other donor's root velocity: before a seam and after it.
 
@@ -133,8 +143,9 @@ class SeamTreatment(ABC):
         velocity that the donor on the other side has at the seam. `remaining` is 1 at the seam and
         falls to 0 at the end of the blend time. Both weights have the shape of `remaining` and are
         0 where `remaining` is 0. Their sum at the seam is 1, or 0 if the treatment does not blend
-        root velocities. See `crossfade_both_sides`, `crossfade_after` and `no_crossfade`.
+        root velocities, as here. See `crossfade_both_sides` and `crossfade_after`.
         """
+        return np.zeros_like(remaining), np.zeros_like(remaining)
 
     def smooth(self, closed: "ClosedFrames") -> FloatArray:
         """Return the values after a final pass over all frames; the base class changes nothing.
@@ -157,22 +168,6 @@ class ClosedFrames:
     rate: float  # frames per second
     donor_rows: FloatArray  # (n_rows, n_joints, 4 or 3), by segment; a shared frame occurs twice
     seam_accelerations: FloatArray  # (n_seams, n_joints, 3): mean of both donors, per frame²
-
-
-def crossfade_both_sides(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return root velocity weights that rise to ½ at the seam, with a continuous slope."""
-    half = 0.25 * remaining * remaining * (3.0 - remaining)
-    return half, half
-
-
-def crossfade_after(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return root velocity weights: 0 before the seam, and after it a cubic from 1 to 0."""
-    return np.zeros_like(remaining), remaining * remaining * (3.0 - 2.0 * remaining)
-
-
-def no_crossfade(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return zero weights: root velocities stay as captured and jump at the seam."""
-    return np.zeros_like(remaining), np.zeros_like(remaining)
 
 
 def at_piece_ends(per_seam: FloatArray, piece: IntArray) -> tuple[FloatArray, FloatArray]:

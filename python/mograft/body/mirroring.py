@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import overload
 
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.containers import LazySequence
 from mograft._util.validate import check_type
 from mograft.body.anatomy import anatomy
 from mograft.body.joint_names import OPPOSITE_SIDE
@@ -235,7 +235,7 @@ def _cube_rotations() -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class MirroredClips(Sequence[Motion]):
+class MirroredClips(LazySequence[Motion]):
     """Clips followed by their mirror images, which are computed on access."""
 
     clips: Sequence[Motion]
@@ -244,14 +244,8 @@ class MirroredClips(Sequence[Motion]):
     def __len__(self) -> int:
         return 2 * len(self.clips)
 
-    @overload
-    def __getitem__(self, index: int) -> Motion: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[Motion]: ...
-    def __getitem__(self, index: int | slice) -> Motion | list[Motion]:
-        if isinstance(index, slice):
-            return [self[at] for at in range(*index.indices(len(self)))]
-        at = range(len(self))[index]
-        if at < len(self.clips):
-            return self.clips[at]
-        return replace(mirror(self.clips[at - len(self.clips)]), name=self.names[at])
+    def item(self, index: int) -> Motion:
+        """Return a clip or a mirror image."""
+        if index < len(self.clips):
+            return self.clips[index]
+        return replace(mirror(self.clips[index - len(self.clips)]), name=self.names[index])

@@ -1,55 +1,37 @@
 """The library, joint groups and configuration that the options of a command select."""
 
-import argparse
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from mograft._util.automatic_groups import automatic_number, is_automatic
 from mograft._util.cut_frames import freeze_cut_frames
+from mograft._util.names import automatic_number, is_automatic
 from mograft.analysis.segmentation import check_segmentation
 from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders, library_folder
 from mograft.cli.output import show_progress
-from mograft.cli.syntax.options import PRESETS
-from mograft.config import Config, variety_fields
+from mograft.cli.syntax.arguments import Options, UsageError
+from mograft.cli.syntax.options import PRESETS, ConstraintOptions, FieldOptions, LibraryOptions
+from mograft.config import Config, scale_of_variety
+from mograft.config_text import parse_fields
 from mograft.errors import suggest_name
 from mograft.io.addresses import open_clips, read_clip, split_address
 from mograft.io.smpl.rest import read_offsets
+from mograft.library.derive import BUILD_STAGES
 from mograft.library.group_choice import discover_groups
 from mograft.library.library import Library
 from mograft.library.spec import Match
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-_CONFIG_OPTIONS = (
-    "sigma_scale",
-    "neighbourhood",
-    "choice",
-    "temperature",
-    "diversity",
-    "seam",
-    "alignment",
-    "torso",
-    "feet",
-    "reach_ik",
-    "self_repair",
-)
-"""Options that set the configuration field of the same name."""
+FIXED_OPTIONS = ("groups", "preset", "match", "skeleton")
+"""Options that can only be set when a library is created."""
 
-
-def options_given(options: argparse.Namespace, *names: str) -> list[str]:
-    """Return those of `names` that are options given on the command line.
-
-    Values from the configuration file or the environment do not count. The default of each option
-    in `names` must be None or False.
-    """
-    given = [name for name in names if name not in options.origins]
-    values = {name: getattr(options, name, None) for name in given}
-    return [name for name, value in values.items() if value is not None and value is not False]
+_FIXED_FIELDS = Config.fields_of(*BUILD_STAGES)
+"""Fields of `Config` that can only be set when a library is created."""
 
 
 @contextmanager
@@ -74,50 +56,51 @@ def with_flags(text: str, flags: Mapping[str, str]) -> str:
 
 
 def refuse_useless_options(
-    options: argparse.Namespace, uses: Mapping[str, Sequence[str]], value: str, shown: str
+    options: Options, uses: Mapping[str, Sequence[str]], value: str, shown: str
 ) -> None:
-    """End with a usage error if an option on the command line has no effect.
+    """Raise a UsageError if an option on the command line has no effect.
 
     `value` is the choice on which the effect depends, such as a kind of picture. `uses` maps the
     name of each option to the choices with which it has an effect. The message contains
     `shown` instead of `value`.
     """
-    for name in options_given(options, *uses):
+    for name in options.given(*uses):
         if value not in uses[name]:
-            options.usage_error(f"--{name} requires {', '.join(uses[name])}; got {shown}")
+            raise UsageError(f"--{name} requires {', '.join(uses[name])}; got {shown}")
 
 
-def refuse_fixed_options(options: argparse.Namespace, *names: str) -> None:
-    """End with a usage error if the command line sets one of the options `names`.
+def refuse_fixed_options(options: Options, *names: str) -> None:
+    """Raise a UsageError if the command line sets what is fixed when a library is created.
 
-    These options can only be set when a library is created.
+    `names` are options. Fields of ``--set`` on which segments depend are fixed, too.
     """
-    for name in options_given(options, *names):
-        options.usage_error(
-            f"--{name} is fixed when a library is created: use it with mograft index"
+    fixed = [f"--{name.replace('_', '-')}" for name in options.given(*names)]
+    if isinstance(options, FieldOptions):
+        fields = (name.partition(".")[0] for name, _ in options.set)
+        fixed += [f"--set {name}" for name in fields if name in _FIXED_FIELDS]
+    if fixed:
+        raise UsageError(
+            f"{fixed[0]} is fixed when a library is created: use it with mograft index, not --add"
         )
 
 
-def load_library(options: argparse.Namespace) -> Library:
+def load_library(options: LibraryOptions, *, rate: float | None = None) -> Library:
     """Open the library that is given to a command; without one, build it from the motion files.
 
-    If ``--rate`` is given, the motions of the motion files are resampled to this frame rate.
+    The motions of motion files are resampled to `rate` frames per second, if it is given.
     """
-    rate = getattr(options, "rate", None)
-    folder = library_folder(options)
+    folder = library_folder(options.files)
     if folder is not None:
         if rate is not None:
-            options.usage_error(
-                "--rate is fixed when a library is created: use it with mograft index"
-            )
-        refuse_fixed_options(options, "groups", "preset", "segmentation", "match", "skeleton")
+            refuse_fixed_options(options, "rate")
+        refuse_fixed_options(options, *FIXED_OPTIONS)
         library = Library.open(folder)
-        config = _with_options(library.config, options)
+        config = _with_options(library.config, options, is_stored=True)
         return library if config == library.config else library.relabelled(config)
     files = expand_folders(options.files, include_grafts=options.include_grafts)
-    groups, config = selected_groups(options), selected_config(options)
-    skeleton, hierarchy = selected_skeleton(options), None
-    match: Match = getattr(options, "match", None) or "names"
+    groups, config = selected_groups(options.groups), selected_config(options)
+    skeleton, hierarchy = selected_skeleton(options.skeleton), None
+    match: Match = "anatomy" if options.match == "anatomy" else "names"
     if match == "anatomy":
         base = _base_address(getattr(options, "base", None), files)
         hierarchy = read_clip(base, skeleton=skeleton).skeleton
@@ -152,81 +135,109 @@ def _base_address(base: str | None, files: Sequence[str]) -> str:
     return files[0]  # the command reports the unknown name
 
 
-def selected_skeleton(options: argparse.Namespace) -> Skeleton | None:
+def selected_skeleton(name: str | None) -> Skeleton | None:
     """Return the rest pose that ``--skeleton`` names, or None."""
-    given = getattr(options, "skeleton", None)
-    if given is None:
+    if name is None:
         return None
-    path = Path(given)
-    if path.suffix.lower() == ".json":
-        return read_offsets(path)
-    return open_clips(str(path))[0].skeleton
+    if Path(name).suffix.lower() == ".json":
+        return read_offsets(Path(name))
+    return open_clips(name)[0].skeleton
 
 
-def selected_groups(options: argparse.Namespace) -> JointGroups | str:
+def selected_groups(given: str | None) -> JointGroups | str:
     """Return what ``--groups`` selects: a preset, automatic groups, or the groups of a TOML file.
 
     A preset is returned as its name, automatic groups as ``auto`` or ``auto:N``.
     """
-    name: str = options.groups or "lower_upper"
+    name = given or "lower_upper"
     if name in PRESETS:
         return name
     if is_automatic(name):
         try:
-            with flags_in_errors(groups="--groups"):
-                automatic_number(name)
+            automatic_number(name)
         except ValueError as error:
-            options.usage_error(str(error))
+            raise UsageError(with_flags(str(error), {"groups": "--groups"})) from None
         return name
     if Path(name).suffix.lower() != ".toml" and not Path(name).exists():
-        options.usage_error(
+        raise UsageError(
             f"--groups must be a TOML file, auto, auto:N or one of {', '.join(PRESETS)}; got {name}"
             f"{suggest_name(name, PRESETS)}"
         )
     return JointGroups.from_toml(Path(name))
 
 
-def figure_groups(options: argparse.Namespace, files: Sequence[str]) -> JointGroups | str | None:
+def figure_groups(
+    given: str | None, files: Sequence[str], config: Config, skeleton: Skeleton | None
+) -> JointGroups | str | None:
     """Return the groups of ``--groups`` for the colours of figures; None if it is not given.
 
     Automatic groups are discovered in `files`.
     """
-    if options.groups is None:
-        return None
-    groups = selected_groups(options)
+    groups = None if given is None else selected_groups(given)
     if isinstance(groups, str) and is_automatic(groups):
-        found = discover_groups(
-            files,
-            automatic_number(groups),
-            config=selected_config(options),
-            include_grafts=True,
-            skeleton=selected_skeleton(options),
-        )
-        return found.groups
+        number = automatic_number(groups)
+        return discover_groups(
+            files, number, config=config, include_grafts=True, skeleton=skeleton
+        ).groups
     return groups
 
 
-def selected_config(options: argparse.Namespace) -> Config:
+def selected_config(options: FieldOptions) -> Config:
     """Return the configuration that ``--preset`` selects, with the values of other options."""
     is_paper = getattr(options, "preset", None) == "paper"
-    config = _with_options(Config.paper() if is_paper else Config(), options)
-    return _with_segmentation(config, options)
+    return _with_options(Config.paper() if is_paper else Config(), options)
 
 
-def _with_segmentation(config: Config, options: argparse.Namespace) -> Config:
-    """Return a configuration with the method of segmentation that ``--segmentation`` selects."""
-    chosen = getattr(options, "segmentation", None)
-    if chosen is None:
-        return config
-    if isinstance(chosen, Path):
-        return replace(config, segmentation=_read_cut_frames(chosen), segmentation_parameters={})
-    name, parameters = chosen
-    config = replace(config, segmentation=name, segmentation_parameters=parameters)
+def _with_options(config: Config, options: FieldOptions, *, is_stored: bool = False) -> Config:
+    """Return a configuration with the values of the options.
+
+    For a stored library, fields of the configuration file on which segments depend are ignored.
+    """
     try:
-        check_segmentation(config)
+        given, configured = parse_fields(options.set), parse_fields(options.configured)
+        if "segmentation" in given:
+            configured.pop("segmentation_parameters", None)
+        if is_stored:
+            configured = {k: value for k, value in configured.items() if k not in _FIXED_FIELDS}
+        fields = _with_variety(configured, given, options)
+        if isinstance(fields.get("segmentation"), str) and fields["segmentation"].endswith(".json"):
+            fields["segmentation"] = _read_cut_frames(Path(fields["segmentation"]))
+        if isinstance(options, ConstraintOptions):
+            fields = _with_limits(config, fields, options)
+        changed = Config.from_dict(config.as_dict() | fields)
+        if isinstance(changed.segmentation, str):
+            check_segmentation(changed)
     except (TypeError, ValueError) as error:
-        options.usage_error(f"--segmentation: {error}")
-    return config
+        raise UsageError(f"--set: {error}") from None
+    return changed
+
+
+def _with_variety(
+    configured: dict[str, Any], given: dict[str, Any], options: FieldOptions
+) -> dict[str, Any]:
+    """Return the fields of ``--set`` and ``--variety``; the command line replaces settings."""
+    variety = getattr(options, "variety", None)
+    if variety is None:
+        return configured | given
+    by_variety = {"sigma_scale": scale_of_variety(variety)}
+    is_setting = "variety" in options.origins
+    if by_variety.keys() & (configured if is_setting else given).keys():
+        raise ValueError("--variety sets sigma_scale: give one of them, not both")
+    return configured | by_variety | given
+
+
+def _with_limits(
+    config: Config, fields: dict[str, Any], options: ConstraintOptions
+) -> dict[str, Any]:
+    """Return fields of which ``--max-stretch`` and ``--max-angle`` raise the limits.
+
+    A value below such a limit is a constraint instead; see `read_constraints`.
+    """
+    limits = {"max_stretch": options.max_stretch}
+    limits["max_angle"] = None if options.max_angle is None else math.radians(options.max_angle)
+    present = {name: fields.get(name, getattr(config, name)) for name in limits}
+    raised = {k: max(present[k], limit) for k, limit in limits.items() if limit is not None}
+    return fields | raised
 
 
 def _read_cut_frames(path: Path) -> Mapping[str, tuple[int, ...]]:
@@ -238,30 +249,3 @@ def _read_cut_frames(path: Path) -> Mapping[str, tuple[int, ...]]:
         return freeze_cut_frames(document)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-
-
-def _with_options(config: Config, options: argparse.Namespace) -> Config:
-    """Return a configuration with the values of the options.
-
-    ``--max-stretch`` and ``--max-angle`` raise the limits of the configuration here. A value
-    below such a limit is a constraint instead; see `read_constraints`.
-    """
-    stretch, angle = (getattr(options, name, None) for name in ("max_stretch", "max_angle"))
-    if stretch is not None:
-        config = replace(config, max_stretch=max(config.max_stretch, stretch))
-    if angle is not None:
-        config = replace(config, max_angle=max(config.max_angle, math.radians(angle)))
-    values = {name: getattr(options, name, None) for name in _CONFIG_OPTIONS}
-    given = {name: value for name, value in values.items() if value is not None}
-    variety = getattr(options, "variety", None)
-    if variety is None:
-        return replace(config, **given)
-    by_variety = variety_fields(variety)
-    for name in by_variety.keys() & given.keys():
-        sources = [options.origins.get(own, "the command line") for own in ("variety", name)]
-        # An option of the command line replaces both kinds of setting.
-        if "the command line" not in sources or sources[0] == sources[1]:
-            option = name.replace("_", "-")
-            options.usage_error(f"--variety sets --{option}: give one of them, not both")
-    is_setting = "variety" in options.origins
-    return replace(config, **(by_variety | given if is_setting else given | by_variety))

@@ -1,12 +1,13 @@
 """The constraints that the options of a command describe."""
 
-import argparse
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
 
 import numpy as np
 
-from mograft.cli.syntax.frame_times import Range, resolve_frames
+from mograft.cli.syntax.arguments import UsageError
+from mograft.cli.syntax.frames import Range, resolve_frames
+from mograft.cli.syntax.options import ConstraintOptions
 from mograft.cli.syntax.values import SHAPE_NUMBERS
 from mograft.errors import join_names, suggest_name
 from mograft.io.addresses import read_clip
@@ -16,18 +17,15 @@ from mograft.search.constraints import Constraint, Span
 from mograft.search.donor_constraints import Ban, KeepOriginal, Use
 from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Obstacle, Sphere
 
-
-def read_obstacles(options: argparse.Namespace) -> list[Obstacle]:
-    """Return the obstacles of ``--avoid``; end with a usage error if one is invalid."""
-    return [_read_obstacle(kind, numbers, options) for kind, numbers, _ in options.avoid]
+FLAGS = {"KeepOriginal": "--keep", "Reach": "--reach", "Face": "--face", "Avoid": "--avoid"}
+"""The options of constraints that errors name."""
 
 
-def read_constraints(
-    options: argparse.Namespace, library: Library, obstacles: Sequence[Obstacle]
-) -> list[Constraint]:
-    """Return the constraints that the options describe; `obstacles` are those of ``--avoid``.
+def read_constraints(options: ConstraintOptions, library: Library) -> list[Constraint]:
+    """Return the constraints that the options describe.
 
-    Raise ValueError if an option names a clip or tag that `library` does not have.
+    Raise ValueError if an option names a clip or tag that `library` does not have, and UsageError
+    if an obstacle is invalid.
     """
     _check_names(options, library)
 
@@ -35,13 +33,13 @@ def read_constraints(
         return None if given is None else resolve_frames(given, library.rate)
 
     found: list[Constraint] = [
-        pose_constraints.Avoid(obstacle, frames=span(given))
-        for obstacle, (*_, given) in zip(obstacles, options.avoid, strict=True)
+        pose_constraints.Avoid(_read_obstacle(kind, numbers), frames=span(given))
+        for kind, numbers, given in options.avoid
     ]
     if options.avoid_self:
         found.append(pose_constraints.AvoidSelf())
-    for given, joint, target, tolerance in options.reach:
-        reach = pose_constraints.Reach(joint, target, tolerance=tolerance, frames=span(given))
+    for frames, joint, target, tolerance in options.reach:
+        reach = pose_constraints.Reach(joint, target, tolerance=tolerance, frames=span(frames))
         found.append(reach)
     for target, given in options.face:
         found.append(pose_constraints.Face(target, frames=span(given)))
@@ -51,7 +49,7 @@ def read_constraints(
         (options.not_from, options.not_tagged, donor_constraints.NotFrom),
     ):
         if clips is not None or tags is not None:
-            found.append(kind(_words(clips), tags=_words(tags)))
+            found.append(kind(clips or (), tags=tags or ()))
     if options.max_stretch is not None:
         found.append(donor_constraints.MaxStretch(options.max_stretch))
     if options.max_angle is not None:
@@ -59,18 +57,18 @@ def read_constraints(
     return found
 
 
-def _check_names(options: argparse.Namespace, library: Library) -> None:
+def _check_names(options: ConstraintOptions, library: Library) -> None:
     """Raise ValueError if a clip or tag in the options for donors is not in the library."""
     tags = sorted({tag for entry in library.entries for tag in entry.tags})
     for option, names in (("only_from", library.names), ("not_from", library.names)):
-        for word in _words(getattr(options, option)):
+        for word in getattr(options, option) or ():
             if not any(fnmatchcase(name, word) for name in names):
                 raise ValueError(
                     f"--{option.replace('_', '-')} must match one of {join_names(names)}; "
                     f"got {word!r}{suggest_name(word, names)}"
                 )
     for option in ("only_tagged", "not_tagged"):
-        for word in _words(getattr(options, option)):
+        for word in getattr(options, option) or ():
             if word not in tags:
                 expected = f"one of {join_names(tags)}" if tags else "omitted: no clip has a tag"
                 raise ValueError(
@@ -79,26 +77,8 @@ def _check_names(options: argparse.Namespace, library: Library) -> None:
                 )
 
 
-def check_frames(options: argparse.Namespace, rate: float, n_frames: int) -> None:
-    """Raise ValueError if a range of frames starts after the end of a base motion.
-
-    `rate` is in frames per second, `n_frames` the length of the base motion.
-    """
-    ranges = [("avoid", given) for *_, given in options.avoid]
-    ranges += [("reach", given) for given, *_ in options.reach]
-    ranges += [("face", given) for _, given in options.face]
-    ranges += [("keep", given) for given in options.keep]
-    for name, given in ranges:
-        if given is not None and resolve_frames(given, rate)[0] >= n_frames:
-            first, last = resolve_frames(given, rate)
-            raise ValueError(
-                f"frames of --{name} must be within 0-{n_frames - 1}, the frames of the base "
-                f"motion ({(n_frames - 1) / rate:.6g} s), got {first}-{last}"
-            )
-
-
 def read_segment_constraints(
-    options: argparse.Namespace, rate: float
+    options: ConstraintOptions, rate: float
 ) -> list[KeepOriginal | Use | Ban]:
     """Return the constraints of ``--keep``, ``--take`` and ``--ban``; `rate` is in frames/s."""
     found: list[KeepOriginal | Use | Ban] = [
@@ -114,7 +94,7 @@ def read_segment_constraints(
     return found
 
 
-def _read_obstacle(kind: str, numbers: list[float], options: argparse.Namespace) -> Obstacle:
+def _read_obstacle(kind: str, numbers: Sequence[float]) -> Obstacle:
     """Return the obstacle that a value of ``--avoid`` describes.
 
     `kind` is the name of a shape, such as ``"sphere"``, or the address of a character's motion.
@@ -123,7 +103,7 @@ def _read_obstacle(kind: str, numbers: list[float], options: argparse.Namespace)
     x, y, z, *rest = numbers
     if kind not in SHAPE_NUMBERS:
         yaw = float(np.radians(rest[0]))
-        return Character(read_clip(kind), (x, y, z), yaw, radius=options.radius)
+        return Character(read_clip(kind), (x, y, z), yaw)
     try:
         if kind == "sphere":
             return Sphere((x, y, z), rest[0])
@@ -132,9 +112,4 @@ def _read_obstacle(kind: str, numbers: list[float], options: argparse.Namespace)
             return Capsule((x, y, z), vector, rest[3])
         return Box((x, y, z), vector) if kind == "box" else HalfSpace((x, y, z), vector)
     except ValueError as error:
-        options.usage_error(f"--avoid {kind}: {error}")
-        raise
-
-
-def _words(text: str | None) -> list[str]:
-    return [] if text is None else text.split(",")
+        raise UsageError(f"--avoid {kind}: {error}") from None

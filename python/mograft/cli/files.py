@@ -1,13 +1,13 @@
 """The files, libraries and clips that commands read, and the files that they may write."""
 
-import argparse
 import glob
 import os
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from mograft.cli.syntax.frame_times import Range, resolve_frames
+from mograft.cli.syntax.arguments import UsageError
+from mograft.cli.syntax.frames import Range, resolve_frames
 from mograft.errors import join_names, suggest_name
 from mograft.io.addresses import split_address
 from mograft.library.discover import FoundClip, exclude_grafts, find_clips
@@ -45,19 +45,19 @@ def expand_folders(names: Iterable[str], *, include_grafts: bool = True) -> list
     return [str(clip.source) for clip in kept]
 
 
-def library_folder(options: argparse.Namespace) -> Path | None:
+def library_folder(files: Sequence[str]) -> Path | None:
     """Return the library folder among the files of a command, or None if there is none.
 
-    End with a usage error if there is a library and any other file.
+    Raise a UsageError if there is a library and any other file.
     """
-    if not any(_is_library(name) for name in options.files):
+    if not any(_is_library(name) for name in files):
         return None
-    if len(options.files) > 1:
-        options.usage_error(
+    if len(files) > 1:
+        raise UsageError(
             "expected one library or motion files, got both or several libraries; "
             "mograft index --add adds files to a library"
         )
-    return Path(options.files[0])
+    return Path(files[0])
 
 
 def _is_library(name: str) -> bool:
@@ -102,20 +102,19 @@ def frame_range(motion: Motion, given: Range | None) -> tuple[int, int]:
     return first, last
 
 
-def check_suffix(options: argparse.Namespace, *suffixes: str, is_folder: bool = False) -> None:
-    """End with a usage error if the suffix of ``-o`` is not one of `suffixes`.
+def check_suffix(target: Path, *suffixes: str, is_folder: bool = False) -> None:
+    """Raise a UsageError if the suffix of ``-o``, the path `target`, is not one of `suffixes`.
 
     If `is_folder` is true, ``-o`` may also be a folder: one that exists, or a new one whose name
     does not have the suffix of a known file format.
     """
-    target: Path = options.output
     suffix = target.suffix.lower()
     if suffix in suffixes or (is_folder and (suffix not in _FILE_SUFFIXES or target.is_dir())):
         return
     file = f"a file that ends in {', '.join(suffixes)}"
     expected = " or ".join(["a folder"] * is_folder + [file] * bool(suffixes))
     hint = "" if suffix not in _EXPORTED else f"; mograft export writes {suffix} from a .bvh file"
-    options.usage_error(f"-o must be {expected}, got {target.name}{hint}")
+    raise UsageError(f"-o must be {expected}, got {target.name}{hint}")
 
 
 def check_writable(paths: Sequence[Path], *, force: bool, inputs: Iterable[str] = ()) -> None:

@@ -31,7 +31,7 @@ class Setting:
         """The value as TOML and JSON represent it."""
         if isinstance(self.value, Path):
             return str(self.value)
-        return self.value if isinstance(self.value, str | int | float) else self.text
+        return self.value if isinstance(self.value, str | int | float) else self.text or None
 
 
 def find_settings(command: Command, commands: Sequence[Command]) -> dict[str, Setting]:
@@ -48,8 +48,8 @@ def find_settings(command: Command, commands: Sequence[Command]) -> dict[str, Se
     for argument in command.settings():
         if argument.dest in table and path is not None:
             text = table[argument.dest]
-            value = _convert_toml(argument, text, path)
-            settings[argument.dest] = Setting(value, str(path), text)
+            convert = _convert_table if argument.is_repeated else _convert_toml
+            settings[argument.dest] = Setting(convert(argument, text, path), str(path), text)
         for name in (argument.dest, f"{command.name}_{argument.dest}"):
             variable = _VARIABLE_PREFIX + name.upper()
             if variable in os.environ:
@@ -80,7 +80,9 @@ def _read_file(path: Path, command: Command, commands: Sequence[Command]) -> dic
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: {error}") from None
-    tables = {name: value for name, value in document.items() if isinstance(value, dict)}
+    tables = {
+        name: value for name, value in document.items() if isinstance(value, dict) and name != "set"
+    }
     known = {each.name: {argument.dest for argument in each.settings()} for each in commands}
     for name in tables:
         if name not in known:
@@ -101,7 +103,8 @@ def _read_file(path: Path, command: Command, commands: Sequence[Command]) -> dic
         if _dest(name) not in known[command.name]:
             hint = suggest_name(_dest(name), known[command.name])
             raise ValueError(f"{path}: mograft {command.name} has no setting {name!r}{hint}")
-        merged[_dest(name)] = value
+        is_table = isinstance(value, dict) and isinstance(merged.get(name), dict)
+        merged[_dest(name)] = merged[name] | value if is_table else value
     return merged
 
 
@@ -112,34 +115,42 @@ def _dest(name: str) -> str:
 def _convert_toml(argument: Argument, value: Any, path: Path) -> Any:  # noqa: ANN401 - of TOML
     place = f"{path}: {argument.name}"
     is_bool = isinstance(value, bool)
-    if is_bool != argument.is_switch or not isinstance(value, str | int | float):
-        expected = "true or false" if argument.is_switch else "a string or a number"
+    if is_bool != (argument.value is None) or not isinstance(value, str | int | float):
+        expected = "true or false" if argument.value is None else "a string or a number"
         raise ValueError(f"{place} must be {expected}, got {json.dumps(value, default=str)}")
     if is_bool:
         return value
     text = str(value)
-    if _names_file(argument, text):  # relative to the configuration file
+    assert argument.value is not None
+    if argument.value.is_path and Path(text).suffix:  # relative to the configuration file
         text = str(path.parent / text)
     return _convert_text(argument, text, place)
 
 
-def _names_file(argument: Argument, text: str) -> bool:
-    """Return whether a setting is the path of a file, not another value such as a preset."""
-    suffix = {"groups": ".toml", "segmentation": ".json"}.get(argument.name)
-    if suffix is not None:
-        return text.lower().endswith(suffix)
-    return argument.name == "skeleton"
+def _convert_table(argument: Argument, table: Any, path: Path) -> tuple[tuple[str, str], ...]:  # noqa: ANN401
+    """Return the pairs of a name and a text that a table contains, as ``--set`` returns them."""
+    if not isinstance(table, dict):
+        raise ValueError(f"{path}: {argument.name} must be a table such as [set], got {table!r}")
+    pairs = []
+    for name, value in table.items():
+        if isinstance(value, dict):  # such as segmentation_parameters
+            pairs += [(f"{name}.{key}", str(own)) for key, own in value.items()]
+        elif name == "segmentation" and str(value).lower().endswith(".json"):
+            pairs.append((name, str(path.parent / str(value))))
+        else:
+            pairs.append((name, str(value)))
+    return tuple(pairs)
 
 
 def _convert_text(argument: Argument, text: str, place: str) -> Any:  # noqa: ANN401 - as argparse
-    if argument.is_switch:
+    if argument.value is None:
         words = {"1": True, "true": True, "0": False, "false": False, "": False}
         if text.lower() not in words:
             raise ValueError(f"{place} must be 1, true, 0 or false, got {text!r}")
         return words[text.lower()]
-    convert: Any = argument.keywords.get("type", str)
+    convert = argument.value.convert
     try:
-        value = convert(text)
+        value = tuple(map(convert, text.split())) if argument.is_repeated else convert(text)
     except argparse.ArgumentTypeError as error:
         raise ValueError(f"{place}: {error}") from None
     except (ValueError, TypeError):

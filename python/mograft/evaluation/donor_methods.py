@@ -19,8 +19,8 @@ from mograft.search.candidates import SegmentPool
 from mograft.search.costs import length_fits
 from mograft.search.donor_choice import draw_uniform, prune_dead_ends
 from mograft.search.trellis import DonorSequences
+from mograft.solve.plan import GraftPlan
 from mograft.synthesis.graft import Grafts
-from mograft.synthesis.graft_plan import GraftPlan
 from mograft.synthesis.graft_result import Graft
 
 _MAX_DRAWN = 100  # candidates of a position among which seams are compared, at most

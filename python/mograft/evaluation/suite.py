@@ -121,7 +121,7 @@ def evaluate(
     topics: Sequence[str] = TOPICS,
     *,
     methods: Sequence[Method] = (),
-    runs: int = 4,
+    runs: int = 6,
     bases: int = 4,
     seed: int = 0,
     progress: Progress | None = None,
@@ -138,7 +138,7 @@ def evaluate(
         Methods of donor selection to measure instead of the grafts that `mograft.graft_many` makes
         with the configuration of the library, for comparisons.
     runs : int
-        Number of grafts for each base and method.
+        Number of grafts for each base and method; intervals need five or more in all.
     bases : int
         Maximum number of clips that serve as base. They are evenly spaced in the library.
     seed : int

@@ -8,15 +8,23 @@ import numpy as np
 
 from mograft._util.arrays import IntArray
 from mograft._util.names import unique_names
-from mograft.analysis.embedding import Samples
+from mograft.analysis.embedding import Embedding, Samples
 from mograft.body.groups import JointGroups
+from mograft.config import Config
 from mograft.library.clip_table import ClipInfo
-from mograft.library.clusters import cluster_groups, embed_groups, join_boundary_states
+from mograft.library.clusters import (
+    Progress,
+    cluster_groups,
+    compare_segments,
+    join_boundary_states,
+)
 from mograft.library.data import LibraryData
 from mograft.library.discover import ClipSource
 from mograft.library.group_choice import choose_groups, spread_evenly
-from mograft.library.ingest import IngestedClip
-from mograft.library.ingest_run import ClipOrder, IngestRun, PendingClip, warn_of_clips
+from mograft.library.ingest import ClipOrder, IngestedClip
+from mograft.library.ingest_run import ingest_fitting, warn_of_clips
+from mograft.library.plan import IngestPlan
+from mograft.library.spec import LibrarySpec
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 
@@ -24,30 +32,43 @@ L = TypeVar("L", bound=LibraryData)
 
 
 def build_library(
-    library_type: type[L],
-    sources: ClipSource | Iterable[ClipSource],
-    groups: JointGroups | str,
-    run: IngestRun,
+    library_type: type[L], sources: ClipSource | Iterable[ClipSource], plan: IngestPlan
 ) -> L:
     """Build a library in memory; see `Library.build`."""
-    found = run.find_clips(sources)
-    pending = [run.pending(ClipOrder(index), clip) for index, clip in enumerate(found)]
-    ingested: list[tuple[PendingClip, IngestedClip]] = []
-    spec = run.ingest_and_choose_spec(pending, ingested)
-    clips = [clip for _, clip in ingested]
-    skeleton, config = spec.skeleton, run.config
-    groups = choose_groups(groups, skeleton, config, spread_evenly(clips))
-    entries = name_clips([source.updated_info(clip, run.tags) for source, clip in ingested])
-    warn_of_clips(entries, spec.rate, run.match_notes, stacklevel=3)
-    segments = join_segments([(clip.segments.start, clip.segments.stop) for clip in clips])
+    found = enumerate(plan.find_clips(sources))
+    pending = [plan.pending(ClipOrder(index), clip) for index, clip in found]
+    result = ingest_fitting(pending, plan, lambda own, clip: (own.info(clip), clip), lambda: None)
+    clips = [clip for _, clip in result.clips]
+    groups = choose_groups(plan, result.spec.skeleton, spread_evenly(clips))
+    entries = name_clips([info for info, _ in result.clips])
+    warn_of_clips(entries, result.spec.rate, result.match_notes, stacklevel=3)
+    return assemble(library_type, clips, entries, groups, result.spec, plan.config, plan.report)
+
+
+def assemble(
+    library_type: type[L],
+    clips: Sequence[IngestedClip],
+    entries: Sequence[ClipInfo],
+    groups: JointGroups,
+    spec: LibrarySpec,
+    config: Config,
+    report: Progress | None,
+) -> L:
+    """Return a library of ingested clips that hold motions, with the metadata `entries`.
+
+    If `report` is None, the segments are not compared: each forms a cluster by itself.
+    """
     rows = np.concatenate([clip.samples for clip in clips])
-    samples = Samples(rows, config.samples, skeleton.n_joints)
-    embedding = embed_groups(samples, groups, spec, config, run.report)
-    labels, sigma = cluster_groups(embedding, len(segments), config)
+    samples = Samples(rows, config.samples, spec.skeleton.n_joints)
+    if report is None:
+        embedding: dict[str, Embedding | None] = dict.fromkeys(groups.names)
+        labels, sigma = cluster_groups(embedding, len(samples), config)
+    else:
+        embedding, labels, sigma = compare_segments(samples, groups, spec, config, report)
     return library_type(
         clips=_named_motions(clips, entries),
-        entries=entries,
-        segments=segments,
+        entries=tuple(entries),
+        segments=join_segments([(clip.segments.start, clip.segments.stop) for clip in clips]),
         is_donor=np.concatenate([clip.is_donor for clip in clips]),
         groups=groups,
         config=config,
@@ -56,7 +77,7 @@ def build_library(
         labels=labels,
         sigma=sigma,
         boundary_states=join_boundary_states(
-            [clip.boundary_states for clip in clips], groups, skeleton
+            [clip.boundary_states for clip in clips], groups, spec.skeleton
         ),
         samples=samples,
         refused={},

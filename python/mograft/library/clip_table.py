@@ -115,12 +115,6 @@ _COLUMN_OF_FIELD = {
 }
 """Columns whose names differ from the fields that they hold."""
 
-_ADDED_COLUMNS = ("file_format", "file_clip")
-"""Columns that libraries of earlier versions lack."""
-
-_OPERATIONS_PER_STEP = 10_000
-"""Operations of SQLite between two checks of the limit of operations."""
-
 
 def write_clip_table(
     path: Path,
@@ -193,7 +187,6 @@ def read_clip_table(path: Path) -> ClipTable:
     uri = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
     folder = str(path.absolute().parent.parent)
     with contextlib.closing(sqlite3.connect(uri, uri=True)) as database:
-        _restrict(database, path.stat().st_size)
         return ClipTable(
             entries=tuple(_read_entries(database, folder)),
             locations=tuple(_read_locations(database)),
@@ -203,29 +196,6 @@ def read_clip_table(path: Path) -> ClipTable:
             ),
             refused=dict(database.execute("SELECT path, reason FROM refused")),
         )
-
-
-def _restrict(database: sqlite3.Connection, n_bytes: int) -> None:
-    """Limit what a database of `n_bytes` from an untrusted source can do when it is read.
-
-    Views and triggers could run without end, and virtual tables and generated columns could call
-    functions: the tables must be ordinary ones. The length of values is limited to that of the
-    file. A table with a cycle of pages could have more rows than fit into the file. The number of
-    operations is therefore limited to about one per byte: a row has at least 100 bytes, and reading
-    it takes fewer than 100 operations.
-    """
-    database.execute("PRAGMA trusted_schema=OFF")
-    database.execute("PRAGMA query_only=ON")
-    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, n_bytes)
-    steps = iter(range(10 + 10 * n_bytes // _OPERATIONS_PER_STEP))
-    database.set_progress_handler(lambda: next(steps, None) is None, _OPERATIONS_PER_STEP)
-    kinds = dict(database.execute("SELECT name, type FROM sqlite_master"))
-    for table, columns in (("skeleton", ["json"]), ("refused", ["path", "reason"]), ("clip", [])):
-        # Hidden and generated columns are not listed.
-        names = {row[1] for row in database.execute(f"PRAGMA table_info({table})")}
-        missing = [column for column in columns if column not in names]
-        if kinds.get(table) != "table" or missing:
-            raise ValueError(f"{table} is not a table with the expected columns")
 
 
 def _read_entries(database: sqlite3.Connection, folder: str) -> Iterator[ClipInfo]:
@@ -252,18 +222,8 @@ def _read_locations(database: sqlite3.Connection) -> Iterator[ClipLocation]:
 
 
 def _select(database: sqlite3.Connection, names: Iterable[str]) -> sqlite3.Cursor:
-    """Return a cursor over the clips, in the order of their indices, with the fields `names`.
-
-    A field that a later version added is None if the library is older. Raise ValueError if the
-    column of any other field is missing.
-    """
-    known = {row[1] for row in database.execute("PRAGMA table_info(clip)")}
-    added = set(_ADDED_COLUMNS) - known  # by a later version than the one that wrote the library
-    wanted = [_COLUMN_OF_FIELD.get(name, name) for name in names]
-    missing = sorted(set(wanted) - known - added)
-    if missing:
-        raise ValueError(f"the table of clips has no column {missing[0]}")
-    columns = ", ".join("NULL" if column in added else column for column in wanted)
+    """Return a cursor over the clips, in the order of their indices, with the fields `names`."""
+    columns = ", ".join(_COLUMN_OF_FIELD.get(name, name) for name in names)
     return database.execute(f"SELECT {columns} FROM clip ORDER BY id")
 
 

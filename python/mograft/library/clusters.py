@@ -4,11 +4,10 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from mograft._standalone.mograft_linkage import cut
+from mograft._standalone.mograft_linkage import cut, threshold
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.channel_groups import RestrictedSamples
 from mograft.analysis.embedding import Embedding, Source, embed, mean_rotations
-from mograft.analysis.scale_choice import cluster_thresholds
 from mograft.body.anatomy import feature_joints
 from mograft.body.groups import JointGroups
 from mograft.config import Config
@@ -52,6 +51,17 @@ def join_boundary_states(
     }
 
 
+def compare_segments(
+    samples: Source, groups: JointGroups, spec: LibrarySpec, config: Config, report: Progress
+) -> tuple[dict[str, Embedding | None], dict[str, IntArray], dict[str, float]]:
+    """Return the results of `embed_groups` and of `cluster_groups` for all segments."""
+    embedding = embed_groups(samples, groups, spec, config, report)
+    report("clustering", 0, 1)
+    labels, sigma = cluster_groups(embedding, len(samples), config)
+    report("clustering", 1, 1)
+    return embedding, labels, sigma
+
+
 def embed_groups(
     samples: Source, groups: JointGroups, spec: LibrarySpec, config: Config, report: Progress
 ) -> dict[str, Embedding | None]:
@@ -92,12 +102,13 @@ def cluster_groups(
 
     Without an embedding each segment forms a separate cluster, and the threshold is 0.
     """
-    sigma = cluster_thresholds(embedding, config)
     labels: dict[str, IntArray] = {}
+    sigma: dict[str, float] = {}
     for group, embedded in embedding.items():
         if embedded is None:
-            labels[group] = np.arange(n_segments)
+            labels[group], sigma[group] = np.arange(n_segments), 0.0
         else:
+            sigma[group] = threshold(embedded.points, config.sigma, config.sigma_scale)
             labels[group] = cut(embedded.points, sigma[group])
     return labels, sigma
 

@@ -9,10 +9,9 @@ from typing import Any, Literal, Self, SupportsIndex
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft._util.html_table import html_table
+from mograft._util.html_table import notebook_table
 from mograft.analysis.channel_groups import restrict_ends
 from mograft.analysis.embedding import Embedding, Samples
-from mograft.analysis.scale_choice import scale_of_threshold
 from mograft.body.contacts import find_legs
 from mograft.body.groups import JointGroups
 from mograft.config import Config
@@ -101,18 +100,6 @@ class LibraryData:
     def up(self) -> int:
         """The axis that points up: 0, 1 or 2."""
         return self.spec.up
-
-    @property
-    def sigma_scales(self) -> dict[str, float]:
-        """Cluster diameter threshold of each group as a multiple of `Config.sigma`.
-
-        If `Config.sigma_scale` is "auto", these are the chosen multiples. They have no meaning if
-        `Config.sigma` is a number.
-        """
-        return {
-            group: scale_of_threshold(self.embedding[group], sigma, self.config)
-            for group, sigma in self.sigma.items()
-        }
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -306,6 +293,6 @@ def library_html(library: LibraryData) -> str:
     ]
     columns = ("clip", "frames", "seconds", "segments", "tags")
     caption = f"{library!r}, {library.rate:.6g} fps"
-    return html_table(caption, columns, clips, len(library.entries)) + html_table(
+    return notebook_table(caption, columns, clips, len(library.entries)) + notebook_table(
         "Joint groups", ("group", "joints", "clusters"), groups, len(groups)
     )

@@ -16,7 +16,7 @@ from mograft.errors import SkeletonMismatchError, join_names, suggest_name
 from mograft.library.clip_table import ClipInfo
 from mograft.library.clusters import (
     cluster_groups,
-    embed_groups,
+    compare_segments,
     join_boundary_states,
     nearest_clusters,
 )
@@ -26,22 +26,8 @@ from mograft.library.spec import ClipProperties, rates_match
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 
-BUILD_FIELDS = (
-    "segmentation",
-    "segmentation_parameters",
-    "smoothing",
-    "min_length",
-    "max_length",
-    "omega",
-    "inertia",
-    "samples",
-    "components",
-    "keep_heading",
-    "rotation_floor",
-    "position_floor",
-    "length_floor",
-)
-"""Fields of `Config` on which segments and embeddings depend."""
+BUILD_STAGES = ("segmentation", "embedding")
+"""Stages that run only when a library is built: their fields of `Config` cannot change later."""
 
 
 class DerivableLibrary(LibraryData):
@@ -67,17 +53,16 @@ class DerivableLibrary(LibraryData):
             If an option of segmentation or embedding differs; the message names it.
         """
         current = self.config
-        for name in BUILD_FIELDS:
-            if getattr(config, name) != getattr(current, name):
-                raise ValueError(
-                    f"`{name}` must be {getattr(current, name)!r}, the value with which the "
-                    f"library was built; got {getattr(config, name)!r}"
-                )
-        if (config.sigma, config.sigma_scale) == (current.sigma, current.sigma_scale):
-            relabelled = replace(self, config=config)
-        else:
+        changed = config.changed_fields(current)
+        for name in [name for stage in BUILD_STAGES for name in changed.get(stage, ())]:
+            raise ValueError(
+                f"`{name}` must be {getattr(current, name)!r}, the value with which the "
+                f"library was built; got {getattr(config, name)!r}"
+            )
+        relabelled = replace(self, config=config)
+        if "neighbourhood" in changed:
             labels, sigma = cluster_groups(self.embedding, len(self.segments), config)
-            relabelled = replace(self, config=config, labels=labels, sigma=sigma)
+            relabelled = replace(relabelled, labels=labels, sigma=sigma)
         if self.has_recipe:
             relabelled.set_recipe(type(self).relabelled, self, config)
         return relabelled
@@ -113,8 +98,9 @@ class DerivableLibrary(LibraryData):
             rows.append(sample_segments(image, cut, self.spec, self.config).pack())
             states.append(boundary_states(image, cut))
         samples = Samples(np.concatenate(rows), self.config.samples, self.skeleton.n_joints)
-        embedding = embed_groups(samples, self.groups, self.spec, self.config, _ignore)
-        labels, sigma = cluster_groups(embedding, 2 * len(self.segments), self.config)
+        embedding, labels, sigma = compare_segments(
+            samples, self.groups, self.spec, self.config, _ignore
+        )
         images = replace(self.segments, clip=self.segments.clip + n)
         infos = zip(self.entries + self.entries, names, strict=True)
         return replace(

@@ -39,7 +39,7 @@ class SourceFile(NamedTuple):
     size: int  # bytes
     mtime_ns: int  # time of the last modification
     sha256: str
-    format: str | None = None  # name of the `Format`; None in libraries of earlier versions
+    format: str  # name of the `Format`
     clip: str | None = None  # name of the clip in the file, if the file holds several
 
     @classmethod

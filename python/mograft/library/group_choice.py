@@ -1,23 +1,21 @@
 """Joint groups of a library: given, of a preset, or discovered in the clips."""
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, TypeVar, Unpack
+from typing import TypeVar, Unpack
 
 import numpy as np
 
-from mograft._util.automatic_groups import automatic_number, is_automatic
+from mograft._util.names import automatic_number, is_automatic
 from mograft.analysis.group_discovery import MAX_CLIPS, GroupDiscovery, discover_in_segments
 from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.library.data import LibraryData
 from mograft.library.discover import ClipSource
-from mograft.library.ingest import IngestedClip
-from mograft.library.ingest_run import ClipOrder, IngestRun, PendingClip
+from mograft.library.ingest import ClipOrder, IngestedClip
+from mograft.library.ingest_run import ingest_fitting
+from mograft.library.plan import IngestOptions, IngestPlan
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
-
-if TYPE_CHECKING:
-    from mograft.library.ingest_run import IngestOptions
 
 T = TypeVar("T")
 
@@ -28,7 +26,7 @@ def discover_groups(
     *,
     config: Config | None = None,
     seed: int = 0,
-    **options: "Unpack[IngestOptions]",
+    **options: Unpack[IngestOptions],
 ) -> GroupDiscovery:
     """Discover groups of joints that move together, with the measures behind them.
 
@@ -78,14 +76,11 @@ def discover_groups(
     >>> [len(unit) for unit in discovery.units]
     [7, 1, 2, 8]
     """
-    config = Config() if config is None else config
-    run = IngestRun.from_options(options, config=config, strict=True, is_packed=False)
-    ingested: list[tuple[PendingClip, IngestedClip]] = []
-    found = spread_evenly(run.find_clips(clips))
-    run.ingest_and_choose_spec(
-        [run.pending(ClipOrder(index), clip) for index, clip in enumerate(found)], ingested
-    )
-    return _discover([clip for _, clip in ingested], n, config, seed)
+    plan = IngestPlan(config=Config() if config is None else config, **options)
+    found = enumerate(spread_evenly(plan.find_clips(clips)))
+    pending = [plan.pending(ClipOrder(index), clip) for index, clip in found]
+    result = ingest_fitting(pending, plan, lambda _, clip: clip, lambda: None)
+    return _discover(result.clips, n, plan.config, seed)
 
 
 def discover_in_library(library: LibraryData, n: int | None = None) -> GroupDiscovery:
@@ -100,18 +95,19 @@ def discover_in_library(library: LibraryData, n: int | None = None) -> GroupDisc
 
 
 def choose_groups(
-    groups: JointGroups | str, skeleton: Skeleton, config: Config, clips: Iterable[IngestedClip]
+    plan: IngestPlan, skeleton: Skeleton, clips: Iterable[IngestedClip]
 ) -> JointGroups:
-    """Return the given groups, those of a preset, or groups discovered in some clips.
+    """Return the groups of the plan: given, of a preset, or discovered in some clips.
 
-    `clips` is used only if `groups` is a name such as ``auto:3``. Clips must hold motions: packed
-    motions are ignored.
+    `clips` is used only if the plan names automatic groups, such as ``auto:3``. Clips must hold
+    motions: packed motions are ignored.
     """
+    groups = plan.groups
     if not isinstance(groups, str):
         return groups
     if not is_automatic(groups):
         return JointGroups.preset(groups, skeleton)
-    return _discover(clips, automatic_number(groups), config, 0).groups
+    return _discover(clips, automatic_number(groups), plan.config, 0).groups
 
 
 def spread_evenly(items: Sequence[T]) -> list[T]:

@@ -2,7 +2,7 @@
 
 import os
 import warnings
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import chain
 from pathlib import Path
@@ -11,12 +11,11 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.embedding import CHUNK
-from mograft.body.groups import JointGroups
 from mograft.errors import MograftError, join_names
 from mograft.io.addresses import find_addresses, open_clips, split_address
 from mograft.library.build import join_segments, name_clips
 from mograft.library.clip_table import ClipInfo, ClipLocation
-from mograft.library.clusters import cluster_groups, embed_groups, feature_joints_by_group
+from mograft.library.clusters import compare_segments, feature_joints_by_group
 from mograft.library.data import LibraryData
 from mograft.library.discover import (
     ClipSource,
@@ -31,9 +30,15 @@ from mograft.library.files.saving import BoundaryParts, commit_library
 from mograft.library.files.storage import StoredLibrary
 from mograft.library.files.stored_clips import RowRange, StoredClips, merge_ranges
 from mograft.library.group_choice import choose_groups, spread_evenly
-from mograft.library.ingest import IngestedClip, IngestTask, ingest_all
-from mograft.library.ingest_run import ClipOrder, IngestRun, PendingClip, warn_of_clips
-from mograft.library.spec import LibrarySpec
+from mograft.library.ingest import ClipOrder, IngestedClip, IngestTask, PendingClip, ingest_all
+from mograft.library.ingest_run import (
+    IngestResult,
+    choose_library_spec,
+    ingest_fitting,
+    ingest_pending,
+    warn_of_clips,
+)
+from mograft.library.plan import IngestPlan
 from mograft.motion.motion import Motion
 from mograft.search.boundary_states import BoundaryStates
 
@@ -55,59 +60,20 @@ class _IndexedClip:
         return len(self.start)
 
 
-class _ClipWriter:
-    """Receiver of ingested clips, which writes them to a generation."""
-
-    def __init__(self, writer: GenerationWriter, run: IngestRun) -> None:
-        self.clips: list[_IndexedClip] = []
-        self._writer, self._tags = writer, run.tags
-
-    def append(self, ingested: tuple[PendingClip, IngestedClip], /) -> None:
-        pending, clip = ingested
-        location = self._writer.write_clip(clip)
-        self.clips.append(
-            _IndexedClip(
-                order=pending.order,
-                info=pending.updated_info(clip, self._tags),
-                location=location,
-                start=clip.segments.start,
-                stop=clip.segments.stop,
-                is_donor=clip.is_donor,
-                is_new=True,
-                first_row=location.first_row,
-            )
-        )
-
-    def clear(self) -> None:
-        self.clips.clear()
-        self._writer.restart()
+_Ingested = IngestResult[_IndexedClip]
 
 
 def index_folder(
-    path: Path,
-    sources: ClipSource | Iterable[ClipSource],
-    groups: JointGroups | str,
-    run: IngestRun,
-    *,
-    force: bool,
+    path: Path, sources: ClipSource | Iterable[ClipSource], plan: IngestPlan, *, force: bool
 ) -> None:
     """Build a library in a folder; see `Library.index`."""
     with write_generation(path, force=force) as writer:
-        pending = _pending_files(run, sources, writer.final)
-        receiver = _ClipWriter(writer, run)
-        spec = run.ingest_and_choose_spec(pending, receiver)
-        accepted = {clip.order for clip in receiver.clips}
-        sample = spread_evenly([clip for clip in pending if clip.order in accepted])
-        # Read only if groups are discovered.
-        motions = ingest_all(
-            (clip.task() for clip in sample), spec, run.config, run.executor, is_packed=False
-        )
-        again = (clip for clip in motions if isinstance(clip, IngestedClip))
-        groups = choose_groups(groups, spec.skeleton, run.config, again)
-        _complete(writer, run, spec, groups, receiver.clips, base=None)
+        pending = _pending_files(plan, sources, writer.final)
+        result = ingest_fitting(pending, plan, _store(writer), writer.restart)
+        _complete(writer, plan, result, base=None, pending=pending)
 
 
-def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], run: IngestRun) -> None:
+def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], plan: IngestPlan) -> None:
     """Add clips to a library in a folder; see `Library.add`."""
     with write_generation(path, add=True) as writer:
         if writer.base is None:
@@ -115,44 +81,58 @@ def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], run: I
         # Another process may have added clips since the library was opened.
         base = load_library(LibraryData, writer.base)
         files = {info.source_file.address: info for info in base.entries if info.source_file}
-        run = replace(
-            run,
+        plan = replace(
+            plan,
             config=base.config,
+            groups=base.groups,
             rate=writer.base.manifest["given_rate"],
             match=base.spec.match,
             skeleton=base.spec.rest,
         )
-        pending = [
-            clip
-            for clip in _pending_files(run, sources, writer.final)
-            if _is_new_or_changed(clip, files)
-        ]
-        if not pending and not run.tags:
+        found = _pending_files(plan, sources, writer.final)
+        pending = [clip for clip in found if _is_new_or_changed(clip, files)]
+        if not pending and not plan.tags:
             return
-        stale = _stale_addresses(files, pending, run)
-        kept = _kept_clips(base, writer.base, pending, run, stale)
-        receiver = _ClipWriter(writer, run)
-        spec, clips = _ingest_additions(writer, run, base, kept, pending, receiver)
-        # Without new files, and unless all clips were ingested again, only tags have changed.
-        is_same = not pending and not receiver.clips
-        _complete(writer, run, spec, base.groups, clips, base=base, is_same=is_same)
+        stale = _stale_addresses(files, pending, plan)
+        kept = _kept_clips(base, writer.base, pending, plan, stale)
+        result = _ingest_additions(writer, plan, base, kept, pending)
+        _complete(writer, plan, result, base=base, pending=pending)
+
+
+def _store(writer: GenerationWriter) -> Callable[[PendingClip, IngestedClip], _IndexedClip]:
+    """Return the function that writes an ingested clip to a generation."""
+
+    def store(pending: PendingClip, clip: IngestedClip) -> _IndexedClip:
+        location = writer.write_clip(clip)
+        return _IndexedClip(
+            order=pending.order,
+            info=pending.info(clip),
+            location=location,
+            start=clip.segments.start,
+            stop=clip.segments.stop,
+            is_donor=clip.is_donor,
+            is_new=True,
+            first_row=location.first_row,
+        )
+
+    return store
 
 
 def _pending_files(
-    run: IngestRun, sources: ClipSource | Iterable[ClipSource], folder: Path
+    plan: IngestPlan, sources: ClipSource | Iterable[ClipSource], folder: Path
 ) -> list[PendingClip]:
     """Return the clips of files that `sources` stand for, each once, in the order of the library.
 
     Raise TypeError if a source is a motion.
     """
     by_path = {}
-    for found in run.find_clips(sources):
+    for found in plan.find_clips(sources):
         if isinstance(found.source, Motion):
             raise TypeError(
                 "`sources` must be files, got a Motion; store motions by Library.build and save"
             )
         by_path[_path_key(found.source, folder)] = found
-    return [run.pending(ClipOrder(0, path), by_path[path]) for path in sorted(by_path)]
+    return [plan.pending(ClipOrder(0, path), by_path[path]) for path in sorted(by_path)]
 
 
 def _path_key(address: str, folder: Path) -> tuple[str, ...]:
@@ -170,11 +150,11 @@ def _is_new_or_changed(clip: PendingClip, files: Mapping[str, ClipInfo]) -> bool
 
     `files` holds the metadata of the library's clips by address.
     """
-    address = clip.task().source
-    info = files.get(address) if isinstance(address, str) else None
+    task = clip.task()
+    info = files.get(task.label)
     if info is None or info.source_file is None:
         return True
-    if clip.rate_override is not None and clip.rate_override != info.rate_override:
+    if task.rate_override is not None and task.rate_override != info.rate_override:
         return True
     known = info.source_file
     try:
@@ -187,7 +167,7 @@ def _is_new_or_changed(clip: PendingClip, files: Mapping[str, ClipInfo]) -> bool
 
 
 def _stale_addresses(
-    files: Mapping[str, ClipInfo], pending: Sequence[PendingClip], run: IngestRun
+    files: Mapping[str, ClipInfo], pending: Sequence[PendingClip], plan: IngestPlan
 ) -> frozenset[str]:
     """Return the addresses of the library's clips that are no longer valid.
 
@@ -203,8 +183,8 @@ def _stale_addresses(
     stale: set[str] = set()
     for path, sources in known.items():
         try:
-            found = set(find_addresses(path, skeleton=run.skeleton))
-            names = {*open_clips(path, skeleton=run.skeleton).names}
+            found = set(find_addresses(path, skeleton=plan.skeleton))
+            names = {*open_clips(path, skeleton=plan.skeleton).names}
         except (OSError, MograftError):
             continue  # the ingest reports the error
         old = [source for source in sources if source.address not in found]
@@ -223,12 +203,12 @@ def _kept_clips(
     base: LibraryData,
     stored: StoredLibrary,
     pending: Sequence[PendingClip],
-    run: IngestRun,
+    plan: IngestPlan,
     stale: Collection[str],
 ) -> list[_IndexedClip]:
     """Return the clips of the previous generation that no pending clip replaces.
 
-    Clips whose addresses are in `stale` are left out. The tags of the run whose keys match the
+    Clips whose addresses are in `stale` are left out. The tags of the plan whose keys match the
     address of a clip are added to its metadata.
     """
     replaced = {clip.order for clip in pending}
@@ -243,7 +223,7 @@ def _kept_clips(
             if address in stale:
                 continue
             order = ClipOrder(0, _path_key(address, stored.folder))
-            tags = dict.fromkeys(chain(info.tags, *matching_values(run.tags, FoundClip(address))))
+            tags = dict.fromkeys(chain(info.tags, *matching_values(plan.tags, FoundClip(address))))
             if len(tags) > len(info.tags):
                 info = info._replace(tags=tuple(tags))
         if order in replaced:
@@ -266,100 +246,112 @@ def _kept_clips(
 
 def _ingest_additions(
     writer: GenerationWriter,
-    run: IngestRun,
+    plan: IngestPlan,
     base: LibraryData,
     kept: Sequence[_IndexedClip],
     pending: Sequence[PendingClip],
-    receiver: _ClipWriter,
-) -> tuple[LibrarySpec, list[_IndexedClip]]:
-    """Ingest pending clips; return the library specification, and the kept and the new clips.
+) -> _Ingested:
+    """Ingest pending clips; return the result for the kept and the new clips.
 
     If the specification changes, or the files are fragmented, the kept clips are ingested again.
     """
     writer.link_base_shards()
+    result = ingest_pending(pending, base.spec, plan, _store(writer))
     properties = [(clip.order, clip.info.properties(base.skeleton)) for clip in kept]
-    tasks = map(PendingClip.task, pending)
     properties += [
         (order, clip)
-        for order, clip in run.ingest_with_spec(pending, tasks, receiver, base.spec)
+        for order, clip in result.properties
         # A changed file that no longer fits is left out, unless no clip would remain.
         if clip.skeleton.has_same_hierarchy(base.skeleton)
     ]
     # Clips matched by anatomy keep the specification: their properties are those of other joints.
-    is_chosen = bool(properties) and run.match == "names"
-    spec = run.choose_spec(properties) if is_chosen else base.spec
+    is_chosen = bool(properties) and plan.match == "names"
+    spec = choose_library_spec(properties, plan) if is_chosen else base.spec
     if spec.is_equivalent(base.spec) and not writer.is_fragmented([c.location for c in kept]):
-        run.raise_if_strict()
-        return base.spec, [*kept, *receiver.clips]
-    receiver.clear()
-    again = [PendingClip(clip.order, None, clip.info.rate_override, clip.info) for clip in kept]
-    all_tasks = chain(_stored_tasks(base, kept), map(PendingClip.task, pending))
-    run.ingest_with_spec([*again, *pending], all_tasks, receiver, spec)
-    run.raise_if_strict()
-    return spec, receiver.clips
+        result = replace(result, clips=[*kept, *result.clips])
+    else:
+        writer.restart()
+        again = list(_pending_again(base, kept))
+        result = ingest_pending([*again, *pending], spec, plan, _store(writer))
+    if plan.strict:
+        result.raise_first_error()
+    return result
 
 
-def _stored_tasks(base: LibraryData, kept: Sequence[_IndexedClip]) -> Iterator[IngestTask]:
-    """Yield the tasks that ingest the `kept` clips again; a clip is read when its task is taken."""
+def _pending_again(base: LibraryData, kept: Sequence[_IndexedClip]) -> Iterator[PendingClip]:
+    """Yield the `kept` clips as clips to ingest; a clip is read when its task is called."""
     clips = base.clips
     if not isinstance(clips, StoredClips):
         raise TypeError("the library must be stored in a folder")
     index_of = {location: index for index, location in enumerate(clips.table.locations)}
     for clip in kept:
-        motion = clips.original(index_of[clip.location], as_read=True)
-        yield IngestTask(motion, clip.info.rate_override, clip.info.source_file)
+
+        def task(clip: _IndexedClip = clip) -> IngestTask:
+            motion = clips.original(index_of[clip.location], as_read=True)
+            return IngestTask(motion, clip.info.rate_override, clip.info.source_file)
+
+        yield PendingClip(clip.order, task, known=clip.info)
 
 
 def _complete(
     writer: GenerationWriter,
-    run: IngestRun,
-    spec: LibrarySpec,
-    groups: JointGroups,
-    clips: Sequence[_IndexedClip],
+    plan: IngestPlan,
+    result: _Ingested,
     *,
     base: LibraryData | None,
-    is_same: bool = False,
+    pending: Sequence[PendingClip],
 ) -> None:
     """Embed and cluster the segments of all clips, and commit the generation.
 
-    If `is_same`, the segments are those of `base`, whose embeddings and clusters are used again.
-    Raise ValueError if there is no clip.
+    If no clip is new, the segments are those of `base`, whose embeddings and clusters are used
+    again. Raise ValueError if there is no clip.
     """
-    if not clips:
-        raise ValueError(f"no clip can be used: {next(iter(run.reasons().values()))}")
-    clips = sorted(clips, key=lambda clip: clip.order)
+    reasons = {label: str(error) for label, error in result.errors.items()}
+    if not result.clips:
+        raise ValueError(f"no clip can be used: {next(iter(reasons.values()))}")
+    spec, config = result.spec, plan.config
+    groups = choose_groups(plan, spec.skeleton, _sample_motions(pending, plan, result))
+    clips = sorted(result.clips, key=lambda clip: clip.order)
     entries = name_clips([clip.info for clip in clips])
-    segments = join_segments([(clip.start, clip.stop) for clip in clips])
     ranges = [RowRange(clip.location.shard, clip.location.first_row, len(clip)) for clip in clips]
-    samples = writer.samples(ranges, run.config.samples, spec.skeleton.n_joints)
-    warn_of_clips(entries, spec.rate, run.match_notes, stacklevel=4)
-    if base is not None and is_same:
+    samples = writer.samples(ranges, config.samples, spec.skeleton.n_joints)
+    warn_of_clips(entries, spec.rate, result.match_notes, stacklevel=4)
+    if base is not None and not pending and not any(clip.is_new for clip in clips):
         embedding, labels, sigma = base.embedding, base.labels, base.sigma
     else:
-        embedding = embed_groups(samples, groups, spec, run.config, run.report)
-        run.report("clustering", 0, 1)
-        labels, sigma = cluster_groups(embedding, len(segments), run.config)
-        run.report("clustering", 1, 1)
+        embedding, labels, sigma = compare_segments(samples, groups, spec, config, plan.report)
     library = LibraryData(
         clips=(),
         entries=entries,
-        segments=segments,
+        segments=join_segments([(clip.start, clip.stop) for clip in clips]),
         is_donor=np.concatenate([clip.is_donor for clip in clips]),
         groups=groups,
-        config=run.config,
+        config=config,
         spec=spec,
         embedding=embedding,
         labels=labels,
         sigma=sigma,
         boundary_states={},
         samples=samples,
-        refused={**({} if base is None else base.refused), **run.reasons()},
+        refused=reasons if base is None else {**base.refused, **reasons},
         folder=None,
     )
-    run.report("writing", 0, 1)
+    plan.report("writing", 0, 1)
     states = _boundary_parts(writer, base, clips, library)
-    commit_library(writer, library, [clip.location for clip in clips], states, run.rate)
-    run.report("writing", 1, 1)
+    commit_library(writer, library, [clip.location for clip in clips], states, plan.rate)
+    plan.report("writing", 1, 1)
+
+
+def _sample_motions(
+    pending: Sequence[PendingClip], plan: IngestPlan, result: _Ingested
+) -> Iterator[IngestedClip]:
+    """Ingest some of the clips that were not refused, as motions; read only when they are used."""
+    accepted = {clip.order for clip in result.clips}
+    sample = spread_evenly([clip for clip in pending if clip.order in accepted])
+    tasks = (clip.task() for clip in sample)
+    for clip in ingest_all(tasks, result.spec, plan.config, plan.executor, is_packed=False):
+        if isinstance(clip, IngestedClip):
+            yield clip
 
 
 def _boundary_parts(

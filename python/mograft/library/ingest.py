@@ -5,15 +5,15 @@ Clips can therefore be ingested in any order, in any process, on any machine.
 """
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, Packed
-from mograft._util.memory import reuse_freed_arrays
 from mograft.analysis.embedding import Samples, normalise
 from mograft.analysis.segmentation import segment_clip
 from mograft.body.faults import find_faults
@@ -21,6 +21,7 @@ from mograft.body.mass import mass_model
 from mograft.config import Config
 from mograft.errors import MograftError
 from mograft.io.addresses import read_clip, split_address
+from mograft.library.clip_table import ClipInfo
 from mograft.library.discover import SourceFile
 from mograft.library.files.packing import PackedMotion, pack
 from mograft.library.spec import ClipProperties, LibrarySpec, describe_match, rates_match
@@ -35,7 +36,7 @@ DISQUALIFYING_FAULTS = ("first_frame", "teleport", "glitch", "flip")
 INGEST_ERRORS = (MograftError, OSError, ValueError)
 """Errors by which a clip is refused."""
 
-_BATCH_CLIPS = 8
+BATCH_CLIPS = 8
 """Clips per call of a worker, so that the cost of the call is small compared with the ingest."""
 
 _MAX_PENDING_BATCHES = 16
@@ -66,6 +67,7 @@ class IngestedClip:
     clip: Motion | PackedMotion  # a motion at the library's rate, or packed as it was read
     name: str  # of the motion; may be empty
     source_file: SourceFile | None
+    rate_override: float | None  # as in `IngestTask`
     properties: ClipProperties
     n_frames: int  # at the library's rate
     segments: Segments
@@ -75,6 +77,22 @@ class IngestedClip:
     boundary_states: Mapping[str, FloatArray]  # result of `boundary_states`, all joints
     match_note: str = ""  # joints without a counterpart, if the clip has another hierarchy
 
+    def info(self, tags: tuple[str, ...]) -> ClipInfo:
+        """Return the metadata of the clip, whose name need not be unique."""
+        return ClipInfo(
+            name=self.name,
+            source_name=self.name,
+            source_file=self.source_file,
+            source_rate=self.properties.rate,
+            rate_override=self.rate_override,
+            source_frames=self.properties.n_frames,
+            n_frames=self.n_frames,
+            root=self.properties.root,
+            up=self.properties.up,
+            faults=self.faults,
+            tags=tags,
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class RefusedClip:
@@ -83,6 +101,34 @@ class RefusedClip:
     label: str  # its address or name
     error: Exception
     properties: ClipProperties | None  # None if the clip could not be read
+
+
+class ClipOrder(NamedTuple):
+    """Sort key of clips in a library.
+
+    In a library in memory, `rank` is the index of the clip, and `path` is empty. In a folder,
+    `rank` is 0 for clips of files and 1 for others; `path` has the parts of the file's path
+    relative to the library and the name of the clip, or the index of a clip without a file.
+    """
+
+    rank: int
+    path: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class PendingClip:
+    """A clip to ingest."""
+
+    order: ClipOrder
+    task: Callable[[], IngestTask]  # called when the clip is ingested; it may read the motion
+    tags: tuple[str, ...] = ()
+    known: ClipInfo | None = None  # the metadata of a clip of the previous generation
+
+    def info(self, clip: IngestedClip) -> ClipInfo:
+        """Return the metadata of the clip, given the result of its ingest."""
+        if self.known is None:
+            return clip.info(self.tags)
+        return self.known._replace(n_frames=clip.n_frames, faults=clip.faults)
 
 
 def boundary_states(motion: Motion, segments: Segments) -> dict[str, FloatArray]:
@@ -143,7 +189,6 @@ def _read(task: IngestTask, rest: Skeleton | None) -> tuple[IngestTask, Motion]:
 
     Raise one of `INGEST_ERRORS` if the clip cannot be read or has a single frame.
     """
-    reuse_freed_arrays()
     label, source = task.label, task.source
     if isinstance(source, str):
         try:
@@ -188,6 +233,7 @@ def ingest(
         clip=clip,
         name=motion.name,
         source_file=task.source_file,
+        rate_override=task.rate_override,
         properties=properties,
         n_frames=resampled.n_frames,
         segments=segments,
@@ -217,7 +263,7 @@ def ingest_all(
             yield ingest(task, spec, config, is_packed=is_packed)
         return
     remaining = iter(tasks)
-    batches = iter(lambda: list(islice(remaining, _BATCH_CLIPS)), [])
+    batches = iter(lambda: list(islice(remaining, BATCH_CLIPS)), [])
     pending: deque[Future[list[IngestedClip | RefusedClip]]] = deque()
     try:
         for batch in batches:

@@ -15,7 +15,7 @@ from mograft.library.files.loading import load_library
 
 # Imported where they are used: opening a library needs neither readers nor writers.
 if TYPE_CHECKING:
-    from mograft.library.ingest_run import AddOptions, IngestOptions
+    from mograft.library.plan import AddOptions, IngestOptions
 
 Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
 
@@ -148,12 +148,11 @@ class Library(DerivableLibrary):
         ['lower', 'upper']
         """
         from mograft.library.build import build_library
-        from mograft.library.ingest_run import IngestRun
+        from mograft.library.plan import IngestPlan
 
-        run = IngestRun.from_options(
-            options, config=Config() if config is None else config, strict=True, is_packed=False
-        )
-        library = build_library(cls, sources, groups, run)
+        config = Config() if config is None else config
+        plan = IngestPlan(config=config, groups=groups, strict=True, **options)
+        library = build_library(cls, sources, plan)
         return library.with_mirror_images() if mirrored else library
 
     @classmethod
@@ -217,12 +216,11 @@ executor, progress
         ('dance', 1)
         """
         from mograft.library.indexing import index_folder
-        from mograft.library.ingest_run import IngestRun
+        from mograft.library.plan import IngestPlan
 
-        run = IngestRun.from_options(
-            options, config=Config() if config is None else config, strict=strict, is_packed=True
-        )
-        index_folder(Path(path), sources, groups, run, force=force)
+        config = Config() if config is None else config
+        plan = IngestPlan(config=config, groups=groups, strict=strict, is_packed=True, **options)
+        index_folder(Path(path), sources, plan, force=force)
         return cls.open(path)
 
     def add(
@@ -266,15 +264,15 @@ executor, progress
         contains are removed, with a warning.
         """
         from mograft.library.indexing import add_to_folder
-        from mograft.library.ingest_run import IngestRun
+        from mograft.library.plan import IngestPlan
 
         if self.folder is None:
             raise ValueError("the library is in memory: save it first, or build it from all clips")
         for name in ("rate", "match", "hierarchy", "skeleton"):
             if name in options:
                 raise TypeError(f"`{name}` is fixed when a library is created")
-        run = IngestRun.from_options(options, config=self.config, strict=strict, is_packed=True)
-        add_to_folder(self.folder, sources, run)
+        plan = IngestPlan(config=self.config, strict=strict, is_packed=True, **options)
+        add_to_folder(self.folder, sources, plan)
         return Library.open(self.folder)
 
     def save(self, path: str | PathLike[str], *, force: bool = False) -> None:

@@ -6,16 +6,16 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import overload
 
 import numpy as np
 
+from mograft._util.containers import LazySequence
 from mograft.body.mirroring import MirroredClips
 from mograft.errors import MograftError
 from mograft.io.addresses import join_address, read_clip
 from mograft.library.clip_table import skeleton_to_json
 from mograft.library.data import LibraryData
-from mograft.library.derive import BUILD_FIELDS
+from mograft.library.derive import BUILD_STAGES
 from mograft.library.discover import SourceFile
 from mograft.library.files.stored_clips import ExtendedClips, StoredClips
 from mograft.library.spec import LibrarySpec, Match, rates_match
@@ -52,7 +52,7 @@ class ClipOrigin:
 
 
 @dataclass(frozen=True, eq=False)
-class PartialClips(Sequence[Motion]):
+class PartialClips(LazySequence[Motion]):
     """Some clips of a library, with the origins of these clips and of the library."""
 
     motions: tuple[Motion, ...]
@@ -62,11 +62,8 @@ class PartialClips(Sequence[Motion]):
     def __len__(self) -> int:
         return len(self.motions)
 
-    @overload
-    def __getitem__(self, index: int) -> Motion: ...
-    @overload
-    def __getitem__(self, index: slice) -> tuple[Motion, ...]: ...
-    def __getitem__(self, index: int | slice) -> Motion | tuple[Motion, ...]:
+    def item(self, index: int) -> Motion:
+        """Return a clip."""
         return self.motions[index]
 
 
@@ -145,14 +142,14 @@ def hash_library(library: LibraryData) -> str:
             else join_address(file.sha256, file.clip)
         )
         clips.append([info.name, content, info.rate_override, info.n_frames])
-    config = library.config.as_dict()
+    config, build_fields = library.config.as_dict(), library.config.fields_of(*BUILD_STAGES)
     document = {
         "clips": clips,
         "groups": library.groups.to_toml(),
         "rate": library.rate,
         "root": int(library.root),
         "up": int(library.up),
-        "config": {name: config[name] for name in BUILD_FIELDS if name in config},
+        "config": {name: config[name] for name in build_fields if name in config},
     }
     # Other libraries keep the hash that earlier versions computed.
     if library.spec.match != "names":

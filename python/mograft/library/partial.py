@@ -4,19 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-import numpy as np
-
-from mograft.analysis.embedding import Samples
 from mograft.body.groups import JointGroups
 from mograft.body.mirroring import mirror
 from mograft.config import Config
 from mograft.io.addresses import read_clip
-from mograft.library.build import join_segments
-from mograft.library.clip_table import ClipInfo
-from mograft.library.clusters import cluster_groups, join_boundary_states
+from mograft.library.build import assemble
 from mograft.library.data import LibraryData
 from mograft.library.ingest import IngestedClip, IngestTask, boundary_states, ingest
-from mograft.library.ingest_run import ClipOrder, PendingClip
 from mograft.library.origin import ClipOrigin, LibraryOrigin, PartialClips
 from mograft.library.spec import LibrarySpec
 from mograft.motion.motion import Motion
@@ -59,46 +53,20 @@ def build_partial_library(
         rest=origin.rest,
     )
     ingested = [_ingest(clip, config, spec) for clip in clips]
-    infos = [
-        PendingClip(ClipOrder(0), None, clip.rate_override).updated_info(own, None)
+    entries = [
+        own.info(clip.tags)._replace(name=clip.name)
         for clip, own in zip(clips, ingested, strict=True)
     ]
-    entries: list[ClipInfo] = [
-        info._replace(name=clip.name, tags=clip.tags)
-        for info, clip in zip(infos, clips, strict=True)
-    ]
-    segments = join_segments([(own.segments.start, own.segments.stop) for own in ingested])
-    labels, sigma = cluster_groups(dict.fromkeys(groups.names), len(segments), config)
-    rows = np.concatenate([own.samples for own in ingested])
-    return library_type(
-        clips=PartialClips(
-            tuple(own.clip for own in ingested if isinstance(own.clip, Motion)),
-            tuple(
-                ClipOrigin(
-                    source_file=own.source_file,
-                    is_mirrored=clip.is_mirrored,
-                    is_in_library=clip.is_in_library,
-                )
-                for clip, own in zip(clips, ingested, strict=True)
-            ),
-            origin,
-        ),
-        entries=tuple(entries),
-        segments=segments,
-        is_donor=np.concatenate([own.is_donor for own in ingested]),
-        groups=groups,
-        config=config,
-        spec=spec,
-        embedding=dict.fromkeys(groups.names),
-        labels=labels,
-        sigma=sigma,
-        boundary_states=join_boundary_states(
-            [own.boundary_states for own in ingested], groups, spec.skeleton
-        ),
-        samples=Samples(rows, config.samples, spec.skeleton.n_joints),
-        refused={},
-        folder=None,
+    origins = tuple(
+        ClipOrigin(
+            source_file=own.source_file,
+            is_mirrored=clip.is_mirrored,
+            is_in_library=clip.is_in_library,
+        )
+        for clip, own in zip(clips, ingested, strict=True)
     )
+    library = assemble(library_type, ingested, entries, groups, spec, config, None)
+    return replace(library, clips=PartialClips(tuple(library.clips), origins, origin))
 
 
 def _ingest(clip: PartialClip, config: Config, spec: LibrarySpec) -> IngestedClip:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy.typing as npt
 
-from mograft._util.html_table import html_table
+from mograft._util.html_table import notebook_table
 
 Column = npt.NDArray[Any] | list[str]
 
@@ -26,7 +26,7 @@ class Columns(dict[str, Column]):
 
     def _repr_html_(self) -> str:
         rows = zip(*map(_items, self.values()), strict=True)
-        return html_table(f"{self.n_rows} rows", tuple(self), rows, self.n_rows)
+        return notebook_table(f"{self.n_rows} rows", tuple(self), rows, self.n_rows)
 
 
 def _items(column: Column) -> list[Any]:

@@ -96,7 +96,7 @@ def graft_record(graft: Graft, folder: str | PathLike[str] = ".") -> Record:
         "violations": [
             violation_record(own, graft.request.constraints) for own in graft.violations
         ],
-        "self_repair": [_repair_record(own) for own in graft.repairs],
+        "self_repair": [_repair_record(own) for own in graft.self_repairs],
         "feet": None if graft.feet is None else asdict(graft.feet),
         "reach_ik": _completion_records(graft, graft.reach_completions),
         "kept_without_candidate": {

@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from mograft._util.arrays import BoolArray
+from mograft._util.runs import find_runs
 from mograft._util.validate import as_integer
 from mograft.blend.splice import splice
+from mograft.errors import join_names
 from mograft.library.origin import is_partial
 from mograft.motion.motion import Motion
 from mograft.provenance.edit_positions import (
@@ -22,10 +24,14 @@ from mograft.search.constraint_records import UnrestoredConstraint
 from mograft.search.constraints import Constraint, Span
 from mograft.search.donor_constraints import Ban, DonorReference
 from mograft.search.trellis import DonorSequences
+from mograft.solve.plan import GraftPlan
 from mograft.solve.search_problem import SearchProblem, check_constraints
 from mograft.solve.segment_references import check_groups, resolve_segments
-from mograft.synthesis.graft_plan import GraftPlan
+from mograft.synthesis.graft_building import finish_graft
 from mograft.synthesis.graft_result import Graft
+
+_MAX_CHANGES = 20
+"""Replaced donors that `describe_changes` lists."""
 
 
 def edit(
@@ -119,6 +125,27 @@ def edit(
     return _choose(graft, plan, is_open, seed)
 
 
+def describe_changes(graft: Graft, edited: Graft) -> list[str]:
+    """Return a line for each donor that `edit` replaced, and one with the changed frames."""
+    lines = []
+    for group in graft.alternatives:
+        pairs = zip(graft.substitutions, edited.substitutions, strict=True)
+        numbered = enumerate(pair for pair in pairs if pair[0].group == group)
+        lines += [
+            f"segment {number}, frames {old.start}-{old.stop}, {group}: "
+            f"{new.clip} {new.donor_start}-{new.donor_stop} instead of "
+            f"{old.clip} {old.donor_start}-{old.donor_stop}"
+            for number, (old, new) in numbered
+            if old.donor != new.donor
+        ]
+    if len(lines) > _MAX_CHANGES:
+        lines = [*lines[:_MAX_CHANGES], f"and {len(lines) - _MAX_CHANGES} more segments"]
+    is_new = (graft.motion.rotations != edited.motion.rotations).any(axis=(1, 2))
+    is_new |= (graft.motion.positions != edited.motion.positions).any(axis=(1, 2))
+    ranges = [f"{start}-{stop - 1}" for start, stop in find_runs(is_new).tolist()]
+    return [*lines, f"new frames: {join_names(ranges) or 'none'}; all others are unchanged"]
+
+
 def _plan(graft: Graft, constraints: Sequence[Constraint]) -> GraftPlan:
     """Return the plan of a graft with other constraints."""
     library, scenario = graft.library, graft.request.scenario
@@ -195,14 +222,14 @@ def _choose(graft: Graft, plan: GraftPlan, is_open: GroupPositions, seed: int) -
     def adjust(motion: Motion) -> Motion:
         return splice_versions(plan.problem, graft.motion, motion, *steps)
 
-    edited = plan.finish(assembly, seed, graft.index, adjust)
+    edited = finish_graft(plan.problem, assembly, seed, graft.index, adjust)
     cut, changed = plan.problem.base_segments, changed_positions(*steps)
     frames = [(int(cut.start[p]), int(cut.stop[p])) for p in np.flatnonzero(changed).tolist()]
-    old = [own for own in graft.repairs if not _touches(own.start, own.stop, frames)]
+    old = [own for own in graft.self_repairs if not _touches(own.start, own.stop, frames)]
     new = [own for own in repairs if _touches(own.start, own.stop, frames)]
     return replace(
         edited,
-        repairs=tuple(sorted([*old, *new], key=lambda own: (own.group, own.start))),
+        self_repairs=tuple(sorted([*old, *new], key=lambda own: (own.group, own.start))),
         request=replace(
             graft.request,
             constraints=plan.problem.constraints,

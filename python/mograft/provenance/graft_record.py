@@ -10,24 +10,13 @@ from typing import Any, Self
 
 from mograft.body.groups import JointGroups
 from mograft.config import Config
-from mograft.errors import ProvenanceError, join_names
+from mograft.errors import DAMAGE, ProvenanceError, join_names
+from mograft.io.bvh.decimals import check_digits
 from mograft.library.clip_table import skeleton_from_json
 from mograft.library.origin import LibraryOrigin
 from mograft.motion.skeleton import Skeleton
 from mograft.provenance.document import SCHEMA, SEVERAL_SCHEMA
 from mograft.search.constraints import Span
-
-SCHEMA_1 = "mograft.graft/1"
-DAMAGE = (
-    ArithmeticError,
-    AttributeError,
-    IndexError,
-    KeyError,
-    RecursionError,
-    TypeError,
-    ValueError,
-)
-"""What reading a damaged document raises."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,36 +31,22 @@ class ClipRecord:
     is_mirrored: bool
     is_in_library: bool
     true_rate: float | None
-    licence: str | None = None
+    licence: str | None
 
     @classmethod
     def from_json(cls, record: Mapping[str, Any]) -> Self:
-        """Read an item of ``clips``."""
-        rate = record["true_rate"]
+        """Read an item of ``clips``, or the file of the motion of a `Character`."""
+        rate = record.get("true_rate")
         return cls(
             name=str(record["name"]),
             file=_optional_str(record["file"]),
-            clip=_optional_str(record.get("clip")),
+            clip=_optional_str(record["clip"]),
             sha256=_optional_str(record["sha256"]),
-            is_base="base" in record["roles"],
-            is_mirrored=bool(record["is_mirrored"]),
-            is_in_library=bool(record["is_in_library"]),
+            is_base="base" in record.get("roles", ()),
+            is_mirrored=bool(record.get("is_mirrored")),
+            is_in_library=bool(record.get("is_in_library")),
             true_rate=None if rate is None else float(rate),
-            licence=_optional_str(record["licence"]),
-        )
-
-    @classmethod
-    def of_file(cls, record: Mapping[str, Any]) -> Self:
-        """Read an object with ``name``, ``file`` and ``sha256``: the motion of a `Character`."""
-        return cls(
-            name=str(record["name"]),
-            file=_optional_str(record["file"]),
-            clip=_optional_str(record.get("clip")),
-            sha256=_optional_str(record["sha256"]),
-            is_base=False,
-            is_mirrored=False,
-            is_in_library=False,
-            true_rate=None,
+            licence=_optional_str(record.get("licence")),
         )
 
 
@@ -97,45 +72,18 @@ class DonorRecord:
     donor: SegmentRecord
     is_own: bool  # whether the donor is the base segment itself
     cost: float
-    alternatives: int | None  # number of other candidates; None in documents of version 1
+    alternatives: int  # number of other candidates
 
     @classmethod
     def from_json(cls, record: Mapping[str, Any]) -> Self:
         """Read an item of ``substitutions``, or of ``replaced`` in ``edits``."""
-        n = record.get("alternatives")
         return cls(
             str(record["group"]),
             _span(record["frames"]),
             SegmentRecord.from_json(record),
             not record["exchanged"],
             float(record.get("cost", 0.0)),
-            None if n is None else int(n),
-        )
-
-
-@dataclass(frozen=True)
-class ScenarioRecord:
-    """The segments that compose a base."""
-
-    segments: tuple[SegmentRecord, ...]
-    lengths: tuple[int, ...] | None = None
-    place: tuple[float, ...] | None = None
-    turn: float = 0.0
-
-    @classmethod
-    def from_json(cls, record: Any) -> "ScenarioRecord | None":  # noqa: ANN401 - of JSON
-        """Read ``scenario``: null, a JSON object, or in version 1 a list of segments."""
-        if not record:
-            return None
-        if isinstance(record, list):
-            return cls(tuple(SegmentRecord.from_json(own) for own in record))
-        segments = tuple(SegmentRecord.from_json(own) for own in record["segments"])
-        lengths, place = record["lengths"], record["place"]
-        return cls(
-            segments,
-            None if lengths is None else tuple(int(own) for own in lengths),
-            None if place is None else tuple(float(own) for own in place),
-            float(record["turn"]),
+            int(record.get("alternatives", 0)),
         )
 
 
@@ -150,15 +98,29 @@ class GraftRecord:
     base: str
     seed: int
     index: int
-    poses_sha256: str | None  # None in documents of version 1
+    poses_sha256: str
     config: Config
     groups: JointGroups
-    library: LibraryOrigin | None  # None in documents of version 1
+    library: LibraryOrigin
     clips: tuple[ClipRecord, ...]
     sources: tuple[str, ...]  # files and folders, as typed on the command line
-    scenario: ScenarioRecord | None
     donors: tuple[DonorRecord, ...]
     edits: tuple[tuple[DonorRecord, ...], ...]  # the donors that each edit replaced
+
+    @property
+    def digits(self) -> int | None:
+        """Decimals of the computed angles of its .bvh file; None are those of the base's file."""
+        digits = self.document.get("digits")
+        try:
+            return None if digits is None else check_digits(digits)
+        except ValueError as error:
+            raise self.error(f"damaged: {error}") from None
+
+    @property
+    def scenario(self) -> Mapping[str, Any] | None:
+        """The segments that compose the base, as JSON; None if the base is a clip."""
+        scenario: Mapping[str, Any] | None = self.document["scenario"]
+        return scenario
 
     def error(self, message: str) -> ProvenanceError:
         """Return an error that names the document."""
@@ -217,68 +179,41 @@ def _read_documents(path: Path) -> list[Mapping[str, Any]]:
 
 def _parse(document: Any, label: str, folder: Path) -> GraftRecord:  # noqa: ANN401 - of JSON
     schema = document.get("schema") if isinstance(document, Mapping) else None
-    if schema not in (SCHEMA, SCHEMA_1):
+    if schema != SCHEMA:
         raise ProvenanceError(
-            f"{label}: not the provenance of a graft: `schema` must be {SCHEMA} or {SCHEMA_1}, "
-            f"got {schema!r}"
+            f"{label}: not the provenance of a graft: `schema` must be {SCHEMA}, got {schema!r}"
         )
     try:
-        return _record(document, label, folder, is_first=schema == SCHEMA_1)
+        return _record(document, label, folder)
     except DAMAGE as error:
         reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise ProvenanceError(f"{label}: damaged: {reason}") from error
 
 
-def _record(
-    document: Mapping[str, Any], label: str, folder: Path, *, is_first: bool
-) -> GraftRecord:
+def _record(document: Mapping[str, Any], label: str, folder: Path) -> GraftRecord:
     donors = tuple(DonorRecord.from_json(own) for own in document["substitutions"])
     if not donors:
         raise ValueError("`substitutions` is empty")
-    request = {} if is_first else document["request"]
-    base = str(document["base"])
     return GraftRecord(
         label=label,
         folder=folder,
         document=document,
         name=str(document["name"]),
-        base=base,
+        base=str(document["base"]),
         seed=int(document["seed"]),
         index=int(document["index"]),
-        poses_sha256=None if is_first else str(document["poses_sha256"]),
+        poses_sha256=str(document["poses_sha256"]),
         config=Config.from_dict(document["config"]),
-        groups=_read_groups(document, is_first=is_first),
-        library=None if is_first else _read_library(document["library"], folder),
-        clips=tuple(
-            ClipRecord.from_json(_as_version_2(own, base) if is_first else own)
-            for own in document["clips"]
-        ),
-        sources=tuple(str(own) for own in request.get("sources", ())),
-        scenario=ScenarioRecord.from_json(document["scenario"]),
+        groups=JointGroups.from_toml(str(document["groups_toml"]) + "\n"),
+        library=_read_library(document["library"], folder),
+        clips=tuple(ClipRecord.from_json(own) for own in document["clips"]),
+        sources=tuple(str(own) for own in document["request"]["sources"]),
         donors=donors,
         edits=tuple(
             tuple(DonorRecord.from_json(own) for own in edit["replaced"])
-            for edit in document.get("edits", ())
+            for edit in document["edits"]
         ),
     )
-
-
-def _as_version_2(record: Mapping[str, Any], base: str) -> Mapping[str, Any]:
-    """Return an item of ``clips`` of version 1 with the keys of version 2."""
-    return {
-        **record,
-        "roles": ["base"] if record["name"] == base else [],
-        "is_mirrored": False,
-        "is_in_library": True,
-        "true_rate": None,
-        "licence": None,
-    }
-
-
-def _read_groups(document: Mapping[str, Any], *, is_first: bool) -> JointGroups:
-    if is_first:
-        return JointGroups(document["groups"], base=document["base_group"])
-    return JointGroups.from_toml(str(document["groups_toml"]) + "\n")
 
 
 def _read_library(record: Mapping[str, Any], folder: Path) -> LibraryOrigin:
@@ -291,9 +226,9 @@ def _read_library(record: Mapping[str, Any], folder: Path) -> LibraryOrigin:
         rate=float(record["rate"]),
         root=int(record["root"]),
         up=int(record["up"]),
-        match=record.get("match", "names"),  # earlier versions did not write the last three
-        hierarchy=_optional_skeleton(record.get("hierarchy")),
-        rest=_optional_skeleton(record.get("rest")),
+        match=record["match"],
+        hierarchy=_optional_skeleton(record["hierarchy"]),
+        rest=_optional_skeleton(record["rest"]),
     )
 
 

@@ -10,16 +10,15 @@ import numpy as np
 from mograft.errors import LibraryError, ProvenanceError, join_names
 from mograft.io.addresses import join_address, read_clip, split_address
 from mograft.library.discover import SourceFile, scan_folder
-from mograft.library.ingest_run import IngestOptions
 from mograft.library.library import Library
 from mograft.library.origin import (
-    LibraryOrigin,
     hash_library,
     is_mirrored,
     n_library_clips,
 )
 from mograft.library.partial import PartialClip, build_partial_library
-from mograft.provenance.graft_record import SCHEMA_1, ClipRecord, GraftRecord, SegmentRecord
+from mograft.library.plan import IngestOptions
+from mograft.provenance.graft_record import ClipRecord, GraftRecord, SegmentRecord
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +55,6 @@ def find_library(
     """
     if library is not None:
         return _with_base(record, prepare_library(record, library, "`library`"), sources)
-    if record.library is None:
-        raise record.error(
-            f"documents of schema {SCHEMA_1} do not name the library: give the library"
-        )
     problem = ""
     if record.library.folder is not None:
         folder = record.library.folder
@@ -75,7 +70,7 @@ def find_library(
     except ProvenanceError as error:
         reason = str(error).removeprefix(f"{record.label}: ")
         raise record.error(problem + reason) from error
-    return _partial_library(record, record.library, addresses)
+    return _partial_library(record, addresses)
 
 
 def find_whole_library(record: GraftRecord, sources: Sequence[str]) -> Library:
@@ -86,10 +81,6 @@ def find_whole_library(record: GraftRecord, sources: Sequence[str]) -> Library:
     if the stored library cannot be opened.
     """
     origin = record.library
-    if origin is None:
-        raise record.error(
-            f"documents of schema {SCHEMA_1} do not name the library: give the library"
-        )
     if origin.folder is not None and not sources:
         return prepare_library(record, Library.open(origin.folder), str(origin.folder))
     names = [_present_source(record, own) for own in sources or record.sources]
@@ -130,8 +121,8 @@ def _with_base(record: GraftRecord, library: Library, sources: Sequence[str]) ->
     elif outside:
         base = n_clips
         if n_clips == len(library.entries):
-            rest = None if record.library is None else record.library.rest
-            motion = read_clip(find_clip(record, outside[0], sources), skeleton=rest)
+            address = find_clip(record, outside[0], sources)
+            motion = read_clip(address, skeleton=record.library.rest)
             library = library.with_clip(replace(motion, name=outside[0].name))
     elif record.base in clips:
         base = clips[record.base]
@@ -146,14 +137,13 @@ def prepare_library(record: GraftRecord, library: Library, label: str) -> Librar
     Raise ProvenanceError if `library` has another SHA-256 than the library of the graft.
     """
     expected = record.library
-    if expected is not None:
-        found = hash_library(library)
-        if found != expected.sha256:
-            raise record.error(
-                f"{label} is another library: its SHA-256 is {found}, expected {expected.sha256}"
-            )
-        if expected.is_mirrored and not is_mirrored(library):
-            library = library.with_mirror_images()
+    found = hash_library(library)
+    if found != expected.sha256:
+        raise record.error(
+            f"{label} is another library: its SHA-256 is {found}, expected {expected.sha256}"
+        )
+    if expected.is_mirrored and not is_mirrored(library):
+        library = library.with_mirror_images()
     return library if library.config == record.config else library.relabelled(record.config)
 
 
@@ -193,9 +183,7 @@ def _possible_paths(record: GraftRecord, file: str, sources: Iterable[str]) -> I
             yield Path(source)
 
 
-def _partial_library(
-    record: GraftRecord, origin: LibraryOrigin, addresses: Sequence[str]
-) -> RecordedLibrary:
+def _partial_library(record: GraftRecord, addresses: Sequence[str]) -> RecordedLibrary:
     """Return a library of only the clips of a graft, read from `addresses`."""
     clips = [
         PartialClip(
@@ -208,7 +196,7 @@ def _partial_library(
         )
         for clip, address in zip(record.clips, addresses, strict=True)
     ]
-    library = build_partial_library(Library, clips, record.groups, record.config, origin)
+    library = build_partial_library(Library, clips, record.groups, record.config, record.library)
     numbered = list(enumerate(record.clips))
     base = next((index for index, clip in numbered if clip.is_base), None)
     return RecordedLibrary(

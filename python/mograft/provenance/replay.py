@@ -9,13 +9,18 @@ import numpy as np
 
 from mograft._util.validate import check_type
 from mograft.blend.reach_completion import ReachCompletion
-from mograft.errors import ProvenanceError
+from mograft.errors import DAMAGE, ProvenanceError
 from mograft.io.addresses import read_clip
 from mograft.library.library import Library
 from mograft.library.origin import hash_poses
 from mograft.motion.motion import Motion
 from mograft.provenance.graft_edit import splice_versions
-from mograft.provenance.graft_record import DAMAGE, ClipRecord, GraftRecord, read_record
+from mograft.provenance.graft_record import (
+    ClipRecord,
+    GraftRecord,
+    SegmentRecord,
+    read_record,
+)
 from mograft.provenance.record_library import RecordedLibrary, find_clip, find_library
 from mograft.scenario import Scenario
 from mograft.search.constraint_records import UnrestoredConstraint, decode_constraint
@@ -23,8 +28,9 @@ from mograft.search.constraints import Constraint, Violation
 from mograft.search.pose_constraints import Reach
 from mograft.search.trellis import DonorSequences
 from mograft.solve.assembly import Assembly
+from mograft.solve.plan import GraftPlan
 from mograft.solve.self_repair import RepairedWindow
-from mograft.synthesis.graft_plan import GraftPlan
+from mograft.synthesis.graft_building import finish_graft
 from mograft.synthesis.graft_request import GraftRequest
 from mograft.synthesis.graft_result import Graft
 
@@ -97,12 +103,12 @@ def _replay(record: GraftRecord, library: Library | None, sources: Sequence[str]
     versions = _find_versions(record, recorded, plan, donors)
     graft = _finish_versions(record, plan, versions, request.constraints)
     found = hash_poses(graft.motion)
-    if record.poses_sha256 not in (None, found):
+    if record.poses_sha256 != found:
         raise record.error(
             f"the motion differs from that of the provenance: SHA-256 of its poses {found}, "
             f"expected {record.poses_sha256}; another version of mograft made it"
         )
-    return _with_recorded(graft, record, replace(request, scenario=plan.request.scenario))
+    return _with_recorded(graft, record, replace(request, scenario=plan.scenario))
 
 
 def _groups(record: GraftRecord) -> list[str]:
@@ -113,12 +119,15 @@ def _read_scenario(record: GraftRecord, recorded: RecordedLibrary) -> Scenario |
     own = record.scenario
     if own is None:
         return None
-    segments = [recorded.find_segment(record, segment) for segment in own.segments]
+    segments = [
+        recorded.find_segment(record, SegmentRecord.from_json(segment))
+        for segment in own["segments"]
+    ]
     return Scenario(
         np.array(segments),
-        None if own.lengths is None else np.array(own.lengths),
-        None if own.place is None else np.array(own.place),
-        own.turn,
+        None if own["lengths"] is None else np.array(own["lengths"], np.int64),
+        None if own["place"] is None else np.array(own["place"], float),
+        float(own["turn"]),
     )
 
 
@@ -172,11 +181,11 @@ def _finish_versions(
     In each version, inverse kinematics moves only the limbs that it moved according to `record`.
     """
     document = record.document
-    completions = [_read_completions(own, constraints) for own in document.get("edits", ())]
+    completions = [_read_completions(own, constraints) for own in document["edits"]]
     completions.append(_read_completions(document, constraints))
     graft: Graft | None = None
     for index, (donors, found) in enumerate(zip(versions, completions, strict=True)):
-        assembly = Assembly(plan.problem, donors, record.name)
+        assembly = Assembly.build(plan.problem, donors, record.name)
 
         def adjust(
             motion: Motion, before: Graft | None = graft, donors: DonorSequences = donors
@@ -188,7 +197,7 @@ def _finish_versions(
             )
 
         moved = [own.reach for own in found if own.is_moved]
-        graft = plan.finish(assembly, record.seed, index, adjust, moved)
+        graft = finish_graft(plan.problem, assembly, record.seed, index, adjust, moved)
     assert graft is not None
     return replace(
         graft,
@@ -200,13 +209,11 @@ def _finish_versions(
 
 
 def _read_request(record: GraftRecord, sources: Sequence[str]) -> GraftRequest:
-    """Return the recorded request without its scenario; the default for documents of version 1."""
-    request = record.document.get("request")
-    if request is None:
-        return GraftRequest()
+    """Return the recorded request without its scenario."""
+    request = record.document["request"]
 
     def decode_motion(motion: Mapping[str, Any]) -> Motion:
-        clip = ClipRecord.of_file(motion)
+        clip = ClipRecord.from_json(motion)
         return replace(read_clip(find_clip(record, clip, sources)), name=clip.name)
 
     swap = request["swap"]
@@ -218,7 +225,7 @@ def _read_request(record: GraftRecord, sources: Sequence[str]) -> GraftRequest:
         constraints=tuple(constraints),
         command=request["command"],
         sources=record.sources,
-        edit_commands=tuple(edit["command"] for edit in record.document.get("edits", ())),
+        edit_commands=tuple(edit["command"] for edit in record.document["edits"]),
     )
 
 
@@ -228,8 +235,7 @@ def _with_recorded(graft: Graft, record: GraftRecord, request: GraftRequest) -> 
     alternatives = dict(graft.alternatives)
     for group in alternatives:
         counts = [own.alternatives for own in record.donors if own.group == group]
-        if None not in counts:
-            alternatives[group] = np.array(counts)
+        alternatives[group] = np.array(counts)
     document = record.document
     violations = [_read_violation(own, request.constraints) for own in document["violations"]]
     return replace(
@@ -240,13 +246,13 @@ def _with_recorded(graft: Graft, record: GraftRecord, request: GraftRequest) -> 
         ),
         alternatives=alternatives,
         violations=tuple(violations),
-        repairs=tuple(_read_repair(own) for own in document.get("self_repair", ())),
+        self_repairs=tuple(_read_repair(own) for own in document["self_repair"]),
         request=request,
     )
 
 
 def _read_violation(record: Mapping[str, Any], constraints: Sequence[Constraint]) -> Violation:
-    number = record.get("number")
+    number = record["number"]
     first, last = record["frames"]
     return Violation(
         constraint=UnrestoredConstraint(str(record["constraint"]))
@@ -263,12 +269,9 @@ def _read_violation(record: Mapping[str, Any], constraints: Sequence[Constraint]
 def _read_completions(
     document: Mapping[str, Any], constraints: Sequence[Constraint]
 ) -> tuple[ReachCompletion, ...]:
-    """Return what inverse kinematics did according to a document, or to one of its ``edits``.
-
-    The result is empty if the document was written before mograft had inverse kinematics.
-    """
+    """Return what inverse kinematics did according to a document, or to one of its ``edits``."""
     found = []
-    for own in document.get("reach_ik", ()):
+    for own in document["reach_ik"]:
         reach = constraints[own["number"]]
         if not isinstance(reach, Reach):
             raise ValueError("each `number` in `reach_ik` must be that of a Reach constraint")

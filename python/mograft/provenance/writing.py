@@ -1,18 +1,28 @@
-"""`write`: a motion or graft as a file, in the format that the file name tells."""
+"""Write motions and grafts to files, and beside grafts their provenance."""
 
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
+from typing import Any
 
-from mograft.errors import suggest_name
+from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
+from mograft._util.atomic import write_bytes, write_json
+from mograft._util.validate import check_type
+from mograft.errors import join_names, suggest_name
+from mograft.io.bvh.decimals import check_digits
 from mograft.io.bvh.writer import write_bvh
 from mograft.io.csv import write_csv
 from mograft.io.glb import write_glb
+from mograft.io.gltf.document import GltfFile, read_gltf_file
+from mograft.io.gltf.writer import Addition, append_animations, has_duration
 from mograft.io.npz import write_npz
+from mograft.io.smpl.writer import write_amass
 from mograft.io.usd import write_usd
+from mograft.library.discover import SourceFile
+from mograft.library.origin import ClipOrigin, find_clip_origin
 from mograft.motion.motion import Motion
-from mograft.provenance.graft_animations import find_base_file
-from mograft.provenance.graft_files import write_graft
+from mograft.provenance.document import SEVERAL_SCHEMA, graft_record
 from mograft.synthesis.graft_result import Graft
 
 WRITERS: dict[str, Callable[[Motion, Path], object]] = {
@@ -93,3 +103,161 @@ def _has_provenance(graft: Graft, ending: str) -> bool:
     return ending == ".bvh" or (
         ending in formats and find_base_file(graft, formats[ending]) is not None
     )
+
+
+Sections = Mapping[str, Any]
+
+MOTION_SUFFIXES = (".bvh", ".glb", ".npz")
+"""Endings of the names of files that hold the motions of grafts."""
+
+
+def write_graft(
+    graft: Graft | Sequence[Graft],
+    path: str | PathLike[str],
+    sections: Sections | Sequence[Sections] | None = None,
+    *,
+    digits: int | None = None,
+) -> None:
+    """Write the motion of a graft, and a file with the provenance from which `replay` remakes it.
+
+    A ``.glb`` file is a copy of the glTF file of the base to which the motion is added; see
+    `write_glb_animations`. An ``.npz`` file is a copy of the AMASS file of the base with
+    this motion in place of the base's; see `write_amass`.
+
+    Parameters
+    ----------
+    graft : Graft or sequence of Graft
+        The graft; for a ``.glb`` file also several grafts with bases from one file.
+    path : path
+        The ``.bvh``, ``.glb`` or ``.npz`` file. The provenance has the same name with the ending
+        ``.json``. Existing files are overwritten.
+    sections : mapping of str to JSON values, or a sequence of them, optional
+        Further keys of the provenance of each graft, such as measures of the motion.
+    digits : int, optional
+        Decimals of computed angles in a ``.bvh`` file; see `write_bvh`. The provenance contains it.
+
+    Raises
+    ------
+    ValueError
+        If `path` has another ending; if `digits` is not an integer from 1 to 12; if there is no
+        graft, or several and `path` is not a ``.glb`` file; or if `path` is a ``.glb`` or ``.npz``
+        file, and the bases are not from one glTF or AMASS file.
+    OSError
+        If a file cannot be written, or the glTF file cannot be read.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> import mograft as mg
+    >>> from mograft.dancer import dance
+    >>> library = mg.Library.build(dance(strides=1).motion)
+    >>> with TemporaryDirectory() as folder:
+    ...     mg.write_graft(mg.graft(library, seed=7), f"{folder}/new.bvh")
+    ...     mg.replay(f"{folder}/new.json", library)
+    Graft(dance_graft0: 151 of 197 parts exchanged)
+    """
+    target = Path(fspath(path))
+    digits = None if digits is None else check_digits(digits)
+    grafts = [graft] if isinstance(graft, Graft) else list(graft)
+    for own in grafts:
+        check_type("graft", own, Graft)
+    suffix = target.suffix.lower()
+    if suffix not in MOTION_SUFFIXES:
+        raise ValueError(f"`path` must end with {', '.join(MOTION_SUFFIXES)}, got {target.name}")
+    is_glb = suffix == ".glb"
+    if len(grafts) != 1 and not (is_glb and grafts):
+        raise ValueError(
+            f"`graft` must be one graft, for a .glb file one or more, got {len(grafts)}"
+        )
+    if sections is None or isinstance(sections, Mapping):
+        sections = [sections or {}] * len(grafts)
+    documents = [
+        {"mograft": VERSION, **graft_record(own, target.parent), "digits": digits, **extra}
+        for own, extra in zip(grafts, sections, strict=True)
+    ]
+    data, source = b"", None
+    if suffix == ".npz":
+        source = _amass_source(grafts[0], target)
+    if is_glb:
+        names, data = add_graft_animations(grafts, target)
+        documents = [{**own, "animation": name} for own, name in zip(documents, names, strict=True)]
+    several = {"schema": SEVERAL_SCHEMA, "mograft": VERSION, "grafts": documents}
+    document = documents[0] if len(documents) == 1 else several
+    # The provenance comes first: an interruption then leaves no motion without it.
+    write_json(target.with_suffix(".json"), document)
+    if is_glb:
+        write_bytes(target, data)
+    elif source is not None:
+        omitted = write_amass(grafts[0].motion, target, like=source)
+        if omitted:
+            warnings.warn(
+                f"{target} lacks {join_names(omitted)}, which have one row per frame of {source}",
+                stacklevel=2,
+            )
+    else:
+        write_bvh(grafts[0].motion, target, digits=digits)
+
+
+def _amass_source(graft: Graft, target: Path) -> str:
+    """Return the AMASS file of the base of a graft; raise ValueError if there is none."""
+    file = find_base_file(graft, "AMASS")
+    if file is None:
+        raise ValueError(
+            f"{target.name} must be a .bvh file: {graft.base.name}, the base of "
+            f"{graft.motion.name}, is not from an AMASS file; to write a new .npz file, "
+            "use mograft export"
+        )
+    return file.path
+
+
+def add_graft_animations(grafts: Sequence[Graft], path: Path) -> tuple[tuple[str, ...], bytes]:
+    """Return the names of the animations of grafts, and the copy of a file that has them.
+
+    The file is the glTF file of the bases; `path` is the one to write. Joints that a graft does not
+    change keep the tracks of its base, if the base is a clip of the file. Raises ValueError if the
+    bases are not from one glTF file.
+    """
+    files = [find_base_file(graft, "glTF") for graft in grafts]
+    for graft, file in zip(grafts, files, strict=True):
+        if file is None:
+            raise ValueError(
+                f"{path.name} must be a .bvh file: {graft.base.name}, the base of "
+                f"{graft.motion.name}, is not from a glTF file; to write a new .glb file, "
+                "use mograft export"
+            )
+    paths = list(dict.fromkeys(file.path for file in files if file is not None))
+    if len(paths) > 1:
+        raise ValueError(
+            f"the bases of all grafts must be from one glTF file to be written to {path.name}, got "
+            f"{', '.join(paths)}"
+        )
+    source = read_gltf_file(Path(paths[0]))
+    return append_animations(source, [_addition(source, graft) for graft in grafts])
+
+
+def find_base_file(graft: Graft, form: str) -> SourceFile | None:
+    """Return the first file of a format from which a base was read; None without one."""
+    for clip in _base_clips(graft):
+        file = find_clip_origin(graft.library, clip).source_file
+        if file is not None and file.format == form:
+            return file
+    return None
+
+
+def _base_clips(graft: Graft) -> list[int]:
+    """Return the clips of the base segments in the order of the motion, each once."""
+    clips = graft.library.segments.clip[[own.segment for own in graft.substitutions]]
+    return list(dict.fromkeys(clips.tolist()))
+
+
+def _addition(file: GltfFile, graft: Graft) -> Addition:
+    """Return the motion of a graft, with its base if this is the motion of a clip of the file."""
+    origin: ClipOrigin = find_clip_origin(graft.library, _base_clips(graft)[0])
+    source = origin.source_file
+    if graft.scenario or origin.is_mirrored or source is None:
+        return Addition(graft.motion)
+    clip = 0 if source.clip is None else file.clip_names.index(source.clip)
+    # A base whose frame rate was corrected has another duration than the clip.
+    if not has_duration(file, clip, graft.base):
+        return Addition(graft.motion)
+    return Addition(graft.motion, graft.base, clip)

@@ -14,7 +14,7 @@ from mograft._util.arrays import (
     IntArray,
     split_by_counts,
 )
-from mograft._util.html_table import html_table
+from mograft._util.html_table import notebook_table
 from mograft.config import Config
 from mograft.motion import rotations
 from mograft.motion.segments import Segments
@@ -112,7 +112,7 @@ class Candidates:
         )
         columns = ("segment", "clip", "frames", "cost", "distance", "stretch")
         seams = ("seam before (°)", "seam after (°)", "refused because")
-        return html_table(repr(self), columns + seams, rows, len(listed))
+        return notebook_table(repr(self), columns + seams, rows, len(listed))
 
 
 @dataclass(frozen=True, eq=False)

@@ -66,6 +66,11 @@ class Constraint:
         """Whether the constraint is hard."""
         return self.weight is None
 
+    @property
+    def is_on_poses(self) -> bool:
+        """Whether the constraint depends on poses."""
+        return type(self).errors is not Constraint.errors
+
     def applies_to_group(self, group: str) -> bool:
         """Return whether the constraint restricts the donors of a joint group."""
         return True

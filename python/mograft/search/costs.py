@@ -19,8 +19,9 @@ from mograft.search.constraints import Clip, Constraint, overlaps
 
 _ROUNDED_GAP = 1e-9  # radians or radians per second, of equal poses or velocities
 INFEASIBLE_PENALTY = 1e5
-# Two such costs stay below half a penalty, so that a violated limit is recognised by its cost.
-_MAX_SEAM_COST = INFEASIBLE_PENALTY / 8
+"""Cost of a violated limit; `is_infeasible` recognises costs that contain it."""
+
+_MAX_SEAM_COST = INFEASIBLE_PENALTY / 8  # two such costs are not infeasible
 ANGLE_FACTOR, VELOCITY_FACTOR = 0.5, 2.0  # largest seam scales, as multiples of the typical gaps
 # Of the candidates of a position, this multiple of `max_candidates` is compared by all costs; which
 # ones is decided without the cost of balance, so that time is linear in the number of positions.
@@ -169,6 +170,18 @@ class SimilarityCostModel(CostModel):
     def pairwise(self, angles: FloatArray, velocities: FloatArray) -> FloatArray:
         """As `CostModel.pairwise`."""
         return self._angle_penalties(angles)
+
+
+def is_infeasible(costs: FloatArray) -> BoolArray:
+    """Return which costs contain an `INFEASIBLE_PENALTY`, from which novelty may be subtracted."""
+    infeasible: BoolArray = costs >= INFEASIBLE_PENALTY / 2
+    return infeasible
+
+
+def excess(amounts: FloatArray) -> FloatArray:
+    """Return by how many tolerances violation amounts exceed 1; 0 if they do not."""
+    beyond: FloatArray = np.maximum(amounts - 1.0, 0.0)
+    return beyond
 
 
 def infeasible_costs(amounts: FloatArray) -> FloatArray:

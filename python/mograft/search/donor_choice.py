@@ -11,7 +11,12 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.registry import CONFIG_OPTIONS, Registry
 from mograft.config import Config
 from mograft.search.candidates import SegmentPool
-from mograft.search.costs import INFEASIBLE_PENALTY, CostModel, SimilarityCostModel
+from mograft.search.costs import (
+    INFEASIBLE_PENALTY,
+    CostModel,
+    SimilarityCostModel,
+    is_infeasible,
+)
 from mograft.search.trellis import DonorSequences, DonorTrellis
 from mograft.search.viterbi import Trellis, diverse, k_best, sample, viterbi
 
@@ -162,9 +167,9 @@ class Random(DonorChoice):
 
     def choose_path(self, trellis: Trellis, config: Config, rng: np.random.Generator) -> IntArray:
         """As `DonorChoice.choose_path`: uniform over the paths without infeasible penalty."""
-        unary = tuple(np.where(own >= INFEASIBLE_PENALTY, own, 0.0) for own in trellis.unary)
+        unary = tuple(np.where(is_infeasible(own), own, 0.0) for own in trellis.unary)
         pairwise = tuple(
-            np.where(own >= INFEASIBLE_PENALTY, INFEASIBLE_PENALTY, 0.0) for own in trellis.pairwise
+            np.where(is_infeasible(own), INFEASIBLE_PENALTY, 0.0) for own in trellis.pairwise
         )
         return sample(Trellis(unary, pairwise), 1.0, rng)
 

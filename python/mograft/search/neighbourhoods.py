@@ -13,7 +13,7 @@ BALL_RADIUS = 0.65
 """Radius of a ball, as a multiple of the cluster diameter threshold.
 
 The radius at which balls and clusters have equally many members on average, at the default
-`Config.sigma_scale`: the mean over the development recordings (`benches/variety.py`).
+`Config.sigma_scale`: the mean over the development recordings (`python -m lab variety`).
 """
 
 

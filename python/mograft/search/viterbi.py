@@ -102,13 +102,9 @@ class Trellis:
             costs[index] += cost
         return replace(self, unary=tuple(unary))
 
-    def scale_above(self, limit: float, factor: float) -> "Trellis":
-        """Return the trellis with all unary and pairwise costs from `limit` on times `factor`."""
-        unary, pairwise = (
-            tuple(np.where(own >= limit, factor * own, own) for own in costs)
-            for costs in (self.unary, self.pairwise)
-        )
-        return replace(self, unary=unary, pairwise=pairwise)
+    def map_costs(self, function: Callable[[FloatArray], FloatArray]) -> "Trellis":
+        """Return the trellis with `function` applied to all unary and pairwise costs."""
+        return Trellis(tuple(map(function, self.unary)), tuple(map(function, self.pairwise)))
 
     def slice(self, start: int, stop: int) -> "Trellis":
         """Return the trellis of the positions from `start` up to, not including, `stop`."""

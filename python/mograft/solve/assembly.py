@@ -1,8 +1,7 @@
 """Motions assembled from donor sequences, and how far they violate hard constraints."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from mograft.blend.transplant import seam_reach, transplant
 from mograft.body.world_poses import Poses
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
+from mograft.search.costs import excess
 from mograft.search.trellis import DonorSequences
 from mograft.solve.search_problem import SearchProblem
 
@@ -42,68 +42,60 @@ def transplant_group(
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class Excerpt:
     """The positions `first` to `stop` - 1 of donor sequences."""
 
     donors: DonorSequences
     first: int
     stop: int
 
+    def donors_of(self, group: str) -> IntArray:
+        """Return the donors of a group at these positions."""
+        return self.donors[group][self.first : self.stop]
+
 
 @dataclass(frozen=True, eq=False)
 class Assembly:
-    """The motion that results from donor sequences, before feet are planted.
-
-    It is computed when it is first used.
-    """
+    """The motion that results from donor sequences, before feet are planted."""
 
     problem: SearchProblem
     donors: DonorSequences
-    name: str
-    _kept_parts: Mapping[str, Part] = field(default_factory=dict)  # of groups known already
+    motion: Motion
+    parts: Mapping[str, Part]  # of each grafted group
 
-    @property
-    def motion(self) -> Motion:
-        """The motion of all joints."""
-        return self._built[0]
-
-    @property
-    def seams(self) -> Mapping[str, IntArray]:
-        """The frames of the seams of each grafted group."""
-        return self._built[1]
-
-    @cached_property
-    def _built(self) -> tuple[Motion, dict[str, IntArray], dict[str, Part]]:
-        """The motion, the seams, and the parts that another assembly can use."""
-        problem, parts = self.problem, dict(self._kept_parts)
-        base, segments = problem.base, problem.base_segments
-        for group, sequence in self.donors.items():
+    @classmethod
+    def build(
+        cls,
+        problem: SearchProblem,
+        donors: DonorSequences,
+        name: str,
+        known: Mapping[str, Part] | None = None,
+    ) -> "Assembly":
+        """Assemble donor sequences; `known` has the parts of groups that are known already."""
+        parts = dict(known or {})
+        for group, sequence in donors.items():
             if group not in parts:
-                parts[group] = transplant_group(problem, group, base, segments, sequence)
-        seams = {group: parts[group].seams for group in self.donors}
-        ordered = [parts[group] for group in self.donors]
-        kept = parts if len(parts) > 1 else {}
-        # The part of a single group is not kept, and is released before channel values are copied.
-        del parts
-        ordered.reverse()
-        motion = recombine(base, (ordered.pop() for _ in seams), self.name)
-        return motion, seams, kept
+                parts[group] = transplant_group(
+                    problem, group, problem.base, problem.base_segments, sequence
+                )
+        motion = recombine(problem.base, [parts[group] for group in donors], name)
+        return cls(problem, donors, motion, parts)
+
+    @property
+    def seams(self) -> dict[str, IntArray]:
+        """The frames of the seams of each grafted group."""
+        return {group: self.parts[group].seams for group in self.donors}
 
     def replace_donors(self, group: str, donors: IntArray) -> "Assembly":
-        """Return a new assembly in which one group has the donor sequence `donors`.
-
-        This assembly forgets its motion, which is large; the next use computes it again.
-        """
-        kept: dict[str, Part] = {}
-        if len(self.donors) > 1:  # otherwise no part remains
-            kept = {name: part for name, part in self._built[2].items() if name != group}
-        self.__dict__.pop("_built", None)
-        return Assembly(self.problem, {**self.donors, group: donors}, self.name, kept)
+        """Return a new assembly in which one group has the donor sequence `donors`."""
+        known = {name: part for name, part in self.parts.items() if name != group}
+        chosen = {**self.donors, group: donors}
+        return Assembly.build(self.problem, chosen, self.motion.name, known)
 
 
 def assemble(problem: SearchProblem, donors: DonorSequences) -> Motion:
     """Return the motion of donor sequences; groups without one keep the motion of the base."""
-    return assemble_pieces(problem, [Piece(donors, 0, len(problem.base_segments))])
+    return assemble_excerpts(problem, [Excerpt(donors, 0, len(problem.base_segments))])
 
 
 def pose_excess(problem: SearchProblem, poses: Poses) -> FloatArray:
@@ -111,10 +103,10 @@ def pose_excess(problem: SearchProblem, poses: Poses) -> FloatArray:
 
     It is the sum over the grafted groups of max(0, greatest violation amount - 1).
     """
-    excess = np.zeros(len(poses))
+    total = np.zeros(len(poses))
     for joints in problem.driven_joints.values():
-        excess += _joint_excess(problem, poses, joints)
-    return excess
+        total += _joint_excess(problem, poses, joints)
+    return total
 
 
 def donor_excess(problem: SearchProblem, donors: DonorSequences) -> dict[str, FloatArray]:
@@ -140,33 +132,32 @@ def donor_excesses(
         return {group: np.concatenate([own[group] for own in each]) for group in problem.pools}
     segments = problem.base_segments
     low, high = _seam_range(problem, first, stop)
-    motion = assemble_pieces(problem, [Piece(donors, low, high) for donors in alternatives])
+    motion = assemble_excerpts(problem, [Excerpt(donors, low, high) for donors in alternatives])
     begin, end = int(segments.start[low]), int(segments.stop[high - 1])
     frames = np.tile(np.arange(begin, end + 1), len(alternatives))
     poses = problem.base_poses.with_poses(frames, *motion.world_transforms())
     wanted = slice(int(segments.start[first]) - begin, int(segments.stop[stop - 1]) - begin + 1)
     found = {}
     for group in problem.pools:
-        excess = _joint_excess(problem, poses, problem.driven_joints[group])
-        found[group] = excess.reshape(len(alternatives), -1)[:, wanted]
+        own = _joint_excess(problem, poses, problem.driven_joints[group])
+        found[group] = own.reshape(len(alternatives), -1)[:, wanted]
     return found
 
 
 def _joint_excess(problem: SearchProblem, poses: Poses, joints: BoolArray) -> FloatArray:
-    excess = np.zeros(len(poses))
+    greatest = np.zeros(len(poses))
     for constraint in problem.constraints:
         if constraint.is_hard:
-            error, _ = constraint.errors(poses, joints)
-            excess = np.maximum(excess, error - 1.0)
-    return excess
+            greatest = np.maximum(greatest, constraint.errors(poses, joints)[0])
+    return excess(greatest)
 
 
-def assemble_pieces(problem: SearchProblem, pieces: Sequence[Piece]) -> Motion:
-    """Assemble pieces of donor sequences, and return their motions one after the other."""
+def assemble_excerpts(problem: SearchProblem, excerpts: Sequence[Excerpt]) -> Motion:
+    """Assemble excerpts of donor sequences, and return their motions one after the other."""
     segments, base = problem.base_segments, problem.base
     frames, starts, stops, n_frames = [], [], [], 0
-    for piece in pieces:
-        own = segments[piece.first : piece.stop]
+    for excerpt in excerpts:
+        own = segments[excerpt.first : excerpt.stop]
         shift = n_frames - int(own.start[0])
         starts.append(own.start + shift)
         stops.append(own.stop + shift)
@@ -182,7 +173,7 @@ def assemble_pieces(problem: SearchProblem, pieces: Sequence[Piece]) -> Motion:
     )
     parts = []
     for group in problem.pools:
-        chosen = [own.donors[group][own.first : own.stop] for own in pieces if group in own.donors]
+        chosen = [own.donors_of(group) for own in excerpts if group in own.donors]
         if chosen:
             donors = np.concatenate(chosen)
             parts.append(transplant_group(problem, group, motion, joined, donors, kept))

@@ -17,6 +17,7 @@ from mograft.search.costs import (
 from mograft.search.donor_choice import cost_model
 from mograft.search.donor_constraints import limit_config
 from mograft.solve.donor_poses import candidate_poses
+from mograft.solve.donor_trellis import pose_amounts
 from mograft.solve.search_problem import SearchProblem
 from mograft.solve.segment_references import used_donors
 
@@ -92,14 +93,8 @@ def judge_candidates(
         base_segments[positions],
         library.entries,
     )
-    counts = base_segments.lengths[positions] + 1
-    starts = np.cumsum(counts) - counts
     poses = candidate_poses(problem, group, positions, members)
-    joints = problem.driven_joints[group]
-    pose = [
-        np.maximum.reduceat(constraint.errors(poses, joints)[0], starts)
-        for constraint in problem.constraints
-    ]
+    pose = pose_amounts(problem, group, positions, poses, problem.constraints)
     by_origin, by_pose = (
         ConstraintViolations.from_amounts(problem.constraints, amounts, len(members))
         for amounts in (origin, pose)

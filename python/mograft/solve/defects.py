@@ -17,7 +17,7 @@ from mograft.body.anatomy import feature_joints
 from mograft.body.derivatives import greatest_derivatives, world_jerk
 from mograft.body.mass import mass_model
 from mograft.motion.motion import Motion
-from mograft.solve.assembly import Piece
+from mograft.solve.assembly import Excerpt
 from mograft.solve.floor_points import FloorPoints
 from mograft.solve.search_problem import SearchProblem
 
@@ -65,62 +65,62 @@ class DefectMeasure:
     problem: SearchProblem
     group: str
 
-    def amounts(self, motion: Motion, pieces: Sequence[Piece]) -> list[FloatArray]:
-        """Return the amounts at each position of each piece, shape (n_positions, 4).
+    def amounts(self, motion: Motion, excerpts: Sequence[Excerpt]) -> list[FloatArray]:
+        """Return the amounts at each position of each excerpt, shape (n_positions, 4).
 
-        `motion` is the result of `assemble_pieces`; the columns are `MEASURES`. The amounts at a
+        `motion` is the result of `assemble_excerpts`; the columns are `MEASURES`. The amounts at a
         seam count for the positions on both sides.
         """
         segments = self.problem.base_segments
-        begins = [int(segments.start[own.first]) for own in pieces]
+        begins = [int(segments.start[own.first]) for own in excerpts]
         lengths = [
             int(segments.stop[own.stop - 1]) + 1 - begin
-            for own, begin in zip(pieces, begins, strict=True)
+            for own, begin in zip(excerpts, begins, strict=True)
         ]
         shifts = np.cumsum([0, *lengths[:-1]]) - begins
-        seams = self._seam_amounts(motion, pieces, shifts.tolist())
-        jerks = self._jerk_amounts(motion, pieces, shifts.tolist())
-        depths = self._depth_amounts(motion, pieces, shifts.tolist())
+        seams = self._seam_amounts(motion, excerpts, shifts.tolist())
+        jerks = self._jerk_amounts(motion, excerpts, shifts.tolist())
+        depths = self._depth_amounts(motion, excerpts, shifts.tolist())
         return [
             np.column_stack([*own[0], *own[1:]]) for own in zip(seams, jerks, depths, strict=True)
         ]
 
     def _seam_amounts(
-        self, motion: Motion, pieces: Sequence[Piece], shifts: Sequence[int]
+        self, motion: Motion, excerpts: Sequence[Excerpt], shifts: Sequence[int]
     ) -> list[FloatArray]:
-        """Return the measures at seams, divided by their limits, (2, n_positions) for each piece.
+        """Return the measures at seams, divided by their limits, (2, n_positions) for each excerpt.
 
         The rows are acceleration and jerk. Each seam counts for the positions on both sides.
-        `shifts` has one entry for each piece: frame f of the base is frame f + shift of `motion`.
+        `shifts` has one entry for each excerpt: frame f of the base is frame f + shift of `motion`.
         """
         cut, base = self.problem.base_segments, self.problem.base
         peaks = greatest_derivatives(motion, self._joints, self._step)
         amounts = []
-        for piece, shift in zip(pieces, shifts, strict=True):
-            positions = self._seams(piece)
+        for excerpt, shift in zip(excerpts, shifts, strict=True):
+            positions = self._seams(excerpt)
             frames = cut.stop[positions]
-            first, last = int(cut.start[piece.first]), int(cut.stop[piece.stop - 1])
+            first, last = int(cut.start[excerpt.first]), int(cut.stop[excerpt.stop - 1])
             peak = self._peaks_about(frames + shift, peaks, first + shift, last + shift)
             reference = self._clip_peaks(base, frames)
             # Most seams are within the limit by the base alone.
             above = (peak > MAX_SEAM_RATIO * reference).any(axis=0)
-            known = self._donor_peaks(piece.donors[self.group], positions[above])
+            known = self._donor_peaks(excerpt.donors[self.group], positions[above])
             reference[:, above] = np.maximum(reference[:, above], known)
             ratios = peak / np.maximum(reference, _LEAST) / MAX_SEAM_RATIO
-            own, before = np.zeros((2, piece.stop - piece.first)), positions - piece.first
+            own, before = np.zeros((2, excerpt.stop - excerpt.first)), positions - excerpt.first
             own[:, before] = ratios
             own[:, before + 1] = np.maximum(own[:, before + 1], ratios)
             amounts.append(own)
         return amounts
 
-    def _seams(self, piece: Piece) -> IntArray:
+    def _seams(self, excerpt: Excerpt) -> IntArray:
         """Return the positions before seams: at p or p + 1 the donor is not the base segment."""
-        is_changed = self._is_changed(piece)
-        return piece.first + np.flatnonzero(is_changed[:-1] | is_changed[1:])
+        is_changed = self._is_changed(excerpt)
+        return excerpt.first + np.flatnonzero(is_changed[:-1] | is_changed[1:])
 
-    def _is_changed(self, piece: Piece) -> BoolArray:
-        positions = slice(piece.first, piece.stop)
-        changed: BoolArray = piece.donors[self.group][positions] != self.problem.scenario[positions]
+    def _is_changed(self, excerpt: Excerpt) -> BoolArray:
+        captured = self.problem.scenario[excerpt.first : excerpt.stop]
+        changed: BoolArray = excerpt.donors_of(self.group) != captured
         return changed
 
     def _peaks_about(
@@ -168,18 +168,18 @@ class DefectMeasure:
         return np.maximum(*np.split(peaks, 2, axis=1))
 
     def _jerk_amounts(
-        self, motion: Motion, pieces: Sequence[Piece], shifts: Sequence[int]
+        self, motion: Motion, excerpts: Sequence[Excerpt], shifts: Sequence[int]
     ) -> list[FloatArray]:
-        """Return, for each piece, the greatest ratio of world jerk to its limit in each segment.
+        """Return, for each excerpt, the greatest ratio of world jerk to its limit in each segment.
 
         The ratio is 0 in segments that are neither exchanged nor next to an exchanged segment.
         """
         cut, step = self.problem.base_segments, self._step
         found = []
-        for piece, shift in zip(pieces, shifts, strict=True):
-            begin, stop = int(cut.start[piece.first]), int(cut.stop[piece.stop - 1]) + 1
-            bounds = np.append(cut.start[piece.first : piece.stop], stop)
-            is_near = dilate(self._is_changed(piece))
+        for excerpt, shift in zip(excerpts, shifts, strict=True):
+            begin, stop = int(cut.start[excerpt.first]), int(cut.stop[excerpt.stop - 1]) + 1
+            bounds = np.append(cut.start[excerpt.first : excerpt.stop], stop)
+            is_near = dilate(self._is_changed(excerpt))
             amounts = np.zeros(len(is_near))
             # In blocks, because the jerk and the limits of all frames take much memory.
             for first in range(0, len(is_near), _POSITIONS_PER_BLOCK):
@@ -189,7 +189,7 @@ class DefectMeasure:
                 # A third difference reaches from one step before to two behind.
                 jerk[: max(begin + step - int(own[0]), 0)] = 0.0
                 jerk[max(max(stop - 2 * step, begin + step) - int(own[0]), 0) :] = 0.0
-                amounts[block] = self._jerk_ratios(jerk, own, is_near[block], piece)
+                amounts[block] = self._jerk_ratios(jerk, own, is_near[block], excerpt)
             found.append(amounts)
         return found
 
@@ -200,9 +200,9 @@ class DefectMeasure:
         return world_jerk(near, self._driven_joints, self._step)[start - first : stop - first]
 
     def _jerk_ratios(
-        self, jerk: FloatArray, bounds: IntArray, is_near: BoolArray, piece: Piece
+        self, jerk: FloatArray, bounds: IntArray, is_near: BoolArray, excerpt: Excerpt
     ) -> FloatArray:
-        """Return the greatest ratio of world jerk to its limit at successive positions of a piece.
+        """Return the greatest ratio of world jerk to its limit at successive positions.
 
         `bounds` has the first frames of the positions in the base, and the frame after the last
         position; `jerk` is the world jerk in these frames. The result is 0 unless `is_near`.
@@ -219,20 +219,20 @@ class DefectMeasure:
             position = int(np.searchsorted(cut.start, start))
             frames = slice(start - begin, int(cut.stop[position]) - begin)
             joints = np.flatnonzero((jerk[frames] > limits[frames]).any(axis=0))
-            known = self._donor_jerk_limits(piece, position, joints)
+            known = self._donor_jerk_limits(excerpt, position, joints)
             limits[frames, joints] = np.maximum(limits[frames, joints], known)
         return greatest()
 
-    def _donor_jerk_limits(self, piece: Piece, position: int, joints: IntArray) -> FloatArray:
+    def _donor_jerk_limits(self, excerpt: Excerpt, position: int, joints: IntArray) -> FloatArray:
         """Return the limits of world jerk that follow from the donors at and next to a position.
 
         They are those of the donors' clips. `joints` are indices into the joints whose jerk is
         measured; the result has one limit for each.
         """
         library, step = self.problem.library, self._step
-        about = slice(max(position - 1, piece.first), min(position + 2, piece.stop))
+        about = slice(max(position - 1, excerpt.first), min(position + 2, excerpt.stop))
         limits = np.zeros(len(joints))
-        for donor in np.unique(piece.donors[self.group][about]).tolist():
+        for donor in np.unique(excerpt.donors[self.group][about]).tolist():
             segment = library.segments[donor : donor + 1]
             percentile = self._jerk_percentile(library.clips[int(segment.clip[0])])
             # A third difference reaches from one step before to two behind.
@@ -254,28 +254,28 @@ class DefectMeasure:
         return remember(clip, key, lambda: HighPercentile(self._clip_jerk(clip), _PERCENTILE))
 
     def _depth_amounts(
-        self, motion: Motion, pieces: Sequence[Piece], shifts: Sequence[int]
+        self, motion: Motion, excerpts: Sequence[Excerpt], shifts: Sequence[int]
     ) -> list[FloatArray]:
-        """Return the amounts of floor depth by piece; 0 unless at or next to a substitution."""
+        """Return the amounts of floor depth by excerpt; 0 unless at or next to a substitution."""
         if not len(self._floor_points.joints):
-            return [np.zeros(own.stop - own.first) for own in pieces]
+            return [np.zeros(own.stop - own.first) for own in excerpts]
         cut, depths = self.problem.base_segments, self._floor_points.depths(motion)
         found = []
-        for piece, shift in zip(pieces, shifts, strict=True):
-            begin, end = int(cut.start[piece.first]), int(cut.stop[piece.stop - 1]) + 1
+        for excerpt, shift in zip(excerpts, shifts, strict=True):
+            begin, end = int(cut.start[excerpt.first]), int(cut.stop[excerpt.stop - 1]) + 1
             ratios = depths[begin + shift : end + shift] / self._depth_limits(slice(begin, end))
             amounts = ratios.max(axis=1).clip(min=0.0)
-            found.append(self._greatest_at_positions(amounts, piece))
+            found.append(self._greatest_at_positions(amounts, excerpt))
         return found
 
-    def _greatest_at_positions(self, amounts: FloatArray, piece: Piece) -> FloatArray:
-        """Return for each position the greatest of `amounts`, which has one per frame of the piece.
+    def _greatest_at_positions(self, amounts: FloatArray, excerpt: Excerpt) -> FloatArray:
+        """Return for each position the greatest of `amounts`, one per frame of the excerpt.
 
         The result is 0 unless the position or one next to it has a substitution.
         """
-        starts = self.problem.base_segments.start[piece.first : piece.stop]
+        starts = self.problem.base_segments.start[excerpt.first : excerpt.stop]
         greatest = np.maximum.reduceat(amounts, starts - starts[0])
-        return np.where(dilate(self._is_changed(piece)), greatest, 0.0)
+        return np.where(dilate(self._is_changed(excerpt)), greatest, 0.0)
 
     @cached_property
     def _step(self) -> int:

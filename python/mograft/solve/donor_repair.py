@@ -12,7 +12,7 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.runs import dilate, find_runs
-from mograft.search.costs import INFEASIBLE_PENALTY
+from mograft.search.costs import INFEASIBLE_PENALTY, is_infeasible
 from mograft.search.trellis import DonorSequences, DonorTrellis
 from mograft.search.viterbi import Trellis, k_best, viterbi
 from mograft.solve.assembly import donor_excess, donor_excesses
@@ -116,7 +116,9 @@ def search_again(
     for start, stop in find_runs(dilate(violated)).tolist():
         costs = trellis.costs.slice_within(path, start, stop)
         if limit_factor != 1.0:
-            costs = costs.scale_above(INFEASIBLE_PENALTY / 2, limit_factor)  # novelty lowers costs
+            costs = costs.map_costs(
+                lambda own: np.where(is_infeasible(own), limit_factor * own, own)
+            )
         path[start:stop] = viterbi(costs.add_unary(penalties[start:stop]))
     return trellis.donor_sequence(path)
 

@@ -5,6 +5,7 @@ the root drives it with its donors, one after the other: each of its candidates 
 the root transform to which the cheapest path that ends in the candidate leads.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.blend.rigid_alignment import RootTransforms
 from mograft.body.world_poses import Poses
+from mograft.search.constraints import Constraint
 from mograft.search.costs import ConstraintViolations
 from mograft.search.trellis import DonorSequences, DonorTrellis
 from mograft.solve.assembly import assemble
@@ -67,15 +69,26 @@ def candidate_violations(
 def candidate_pose_violations(
     problem: SearchProblem, group: str, positions: IntArray, poses: Poses
 ) -> ConstraintViolations:
-    """Return how far candidates violate pose constraints.
+    """Return how far candidates violate pose constraints; arguments as for `pose_amounts`."""
+    constraints = problem.pose_constraints
+    amounts = pose_amounts(problem, group, positions, poses, constraints)
+    return ConstraintViolations.from_amounts(constraints, amounts, len(positions))
+
+
+def pose_amounts(
+    problem: SearchProblem,
+    group: str,
+    positions: IntArray,
+    poses: Poses,
+    constraints: Sequence[Constraint],
+) -> list[FloatArray]:
+    """Return for each constraint the greatest error of every candidate of a group, in tolerances.
 
     `positions` has the position of each candidate; `poses` is the result of `candidate_poses`.
     """
     counts = problem.base_segments.lengths[positions] + 1
-    starts = np.cumsum(counts) - counts
-    constraints, joints = problem.pose_constraints, problem.driven_joints[group]
-    amounts = [np.maximum.reduceat(own.errors(poses, joints)[0], starts) for own in constraints]
-    return ConstraintViolations.from_amounts(constraints, amounts, len(positions))
+    starts, joints = np.cumsum(counts) - counts, problem.driven_joints[group]
+    return [np.maximum.reduceat(own.errors(poses, joints)[0], starts) for own in constraints]
 
 
 def _build_root_trellis(problem: SearchProblem, group: str, chosen: DonorSequences) -> DonorTrellis:

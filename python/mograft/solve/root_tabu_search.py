@@ -14,7 +14,7 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
 from mograft.body.world_poses import Poses
 from mograft.motion.motion import Motion
-from mograft.search.costs import INFEASIBLE_PENALTY
+from mograft.search.costs import is_infeasible
 from mograft.search.trellis import DonorSequences, DonorTrellis
 from mograft.solve.assembly import assemble, pose_excess
 from mograft.solve.donor_poses import advance_root, candidate_poses, split_by_count
@@ -179,5 +179,5 @@ def _feasible_changes(
     positions = np.repeat(np.arange(len(added)), [len(own) for own in added])
     indices = np.concatenate([np.arange(len(own)) for own in added])
     cost = np.concatenate(added)
-    feasible = (indices != path[positions]) & (cost < INFEASIBLE_PENALTY / 2)
+    feasible = (indices != path[positions]) & ~is_infeasible(cost)
     return positions[feasible], indices[feasible], cost[feasible]

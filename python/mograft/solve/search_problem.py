@@ -49,6 +49,16 @@ def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
         constraint.errors(first)
 
 
+def check_frames(constraints: Sequence[Constraint], base: Motion) -> None:
+    """Raise ValueError if the frames of a constraint start after the end of a base motion."""
+    for constraint in constraints:
+        if constraint.frames is not None and constraint.frames[0] >= base.n_frames:
+            raise ValueError(
+                f"frames of `{type(constraint).__name__}` must be within 0 to {base.n_frames - 1} "
+                f"({base.duration:.6g} s), got {constraint.frames[0]}"
+            )
+
+
 def _checked_constraints(constraints: Sequence[Constraint], base: Motion) -> list[Constraint]:
     """Check constraints on a base motion, and return them.
 
@@ -56,12 +66,7 @@ def _checked_constraints(constraints: Sequence[Constraint], base: Motion) -> lis
     """
     poses = Poses.from_motion(base)
     check_constraints(constraints, poses)
-    for constraint in constraints:
-        if constraint.frames is not None and constraint.frames[0] >= base.n_frames:
-            raise ValueError(
-                f"frames of {type(constraint).__name__} must be within 0 to "
-                f"{base.n_frames - 1}, got {constraint.frames[0]}"
-            )
+    check_frames(constraints, base)
     return with_captured_depth(constraints, poses)
 
 
@@ -256,7 +261,7 @@ class SearchProblem:
     @property
     def pose_constraints(self) -> list[Constraint]:
         """The constraints that depend on poses."""
-        return [own for own in self.constraints if type(own).errors is not Constraint.errors]
+        return [own for own in self.constraints if own.is_on_poses]
 
     @cached_property
     def is_constrained_position(self) -> BoolArray:

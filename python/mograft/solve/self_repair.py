@@ -14,8 +14,9 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.runs import dilate, find_runs
 from mograft.search.constraints import Span, Violation
+from mograft.search.costs import excess
 from mograft.search.trellis import DonorTrellis
-from mograft.solve.assembly import Assembly, Piece, assemble_pieces
+from mograft.solve.assembly import Assembly, Excerpt, assemble_excerpts
 from mograft.solve.defects import MEASURES, DefectMeasure
 from mograft.solve.donor_repair import replace_unlisted, search_again
 from mograft.solve.search_problem import SearchProblem
@@ -58,7 +59,7 @@ class RepairedWindow:
 
 def self_repair(
     assembly: Assembly,
-    trellises: Callable[[], Mapping[str, DonorTrellis]],
+    trellises: Mapping[str, DonorTrellis],
     violations: Callable[[Assembly], Sequence[Violation]],
 ) -> tuple[Assembly, list[RepairedWindow]]:
     """Replace donors where a measure exceeds its limit; see `DefectMeasure`.
@@ -66,8 +67,7 @@ def self_repair(
     Return the new assembly and the frame ranges searched, including those without better donors. If
     no donor is replaced, the assembly is returned unchanged. No seam exceeds `max_angle` by more
     than before, no constraint has more or greater `violations`, and neither the greatest amount of
-    the repaired group nor that of all groups grows. `trellises` returns the trellis of each group;
-    it is called only if there is a defect.
+    the repaired group nor that of all groups grows.
     """
     reports: list[RepairedWindow] = []
     defects = {
@@ -79,7 +79,7 @@ def self_repair(
         if not before.windows:
             continue
         limits = _Limits(before, violations)
-        after = _keep_better(limits, _search(limits, trellises()[group]))
+        after = _keep_better(limits, _search(limits, trellises[group]))
         if after is not before:
             # The donors of a group also move joints of other groups.
             measured = {
@@ -108,7 +108,7 @@ class _Defects:
     @classmethod
     def build(cls, assembly: Assembly, measure: DefectMeasure) -> "_Defects":
         """Measure a group of an assembly."""
-        whole = Piece(assembly.donors, 0, len(assembly.problem.base_segments))
+        whole = Excerpt(assembly.donors, 0, len(assembly.problem.base_segments))
         return cls(assembly, measure, measure.amounts(assembly.motion, [whole])[0])
 
     @property
@@ -216,7 +216,7 @@ def _search(limits: _Limits, trellis: DonorTrellis) -> IntArray:
     """
     defects = limits.defects
     problem, first = defects.assembly.problem, defects.donors
-    best, excess = first.copy(), np.maximum(defects.amounts.max(axis=1) - 1.0, 0.0)
+    best, above = first.copy(), excess(defects.amounts.max(axis=1))
     least = dict.fromkeys(defects.windows, np.inf)
     current = replace_unlisted(first, trellis)
     captured = replace_unlisted(problem.scenario, trellis)
@@ -233,13 +233,13 @@ def _search(limits: _Limits, trellis: DonorTrellis) -> IntArray:
         else:
             # A search also changes the positions before and after those that it penalises.
             is_inner = ~dilate(~is_open)
-            inner = np.where(is_inner, excess, 0.0)
+            inner = np.where(is_inner, above, 0.0)
             current = search_again(trellis, penalties, current, inner, _LIMIT_FACTOR)
         donors = np.where(is_open, current, first)
         found = _measure(defects, donors, windows)
         for (start, stop), own in zip(windows, found, strict=True):
             inside = own[min(start, 1) :][: stop - start]
-            excess[start:stop] = np.maximum(inside.max(axis=1) - 1.0, 0.0)
+            above[start:stop] = excess(inside.max(axis=1))
             total = _total_excess(own)
             if (
                 total < least[start, stop]
@@ -261,29 +261,30 @@ def _measure(defects: _Defects, donors: IntArray, windows: Sequence[_Window]) ->
     chosen = {**assembly.donors, group: donors}
     if problem.root_group is not None:
         # A root's transform accumulates from the start.
-        whole = [Piece(chosen, 0, n)]
-        (amounts,) = defects.measure.amounts(assemble_pieces(problem, whole), whole)
+        whole = [Excerpt(chosen, 0, n)]
+        (amounts,) = defects.measure.amounts(assemble_excerpts(problem, whole), whole)
         return [_around(amounts, window) for window in windows]
-    pieces = [
-        Piece(chosen, max(start - _MARGIN, 0), min(stop + _MARGIN, n)) for start, stop in windows
+    excerpts = [
+        Excerpt(chosen, max(start - _MARGIN, 0), min(stop + _MARGIN, n)) for start, stop in windows
     ]
     found: list[FloatArray] = []
-    for batch in _batches(problem, pieces):
-        # With the pieces beside the batch: the treatment of a seam reaches into the next piece.
+    for batch in _batches(problem, excerpts):
+        # With the excerpts beside the batch: the treatment of a seam reaches into the next one.
         near = slice(max(batch.start - 1, 0), batch.stop + 1)
-        measured = defects.measure.amounts(assemble_pieces(problem, pieces[near]), pieces[near])
+        motion = assemble_excerpts(problem, excerpts[near])
+        measured = defects.measure.amounts(motion, excerpts[near])
         for index in batch:
-            (start, stop), first = windows[index], pieces[index].first
+            (start, stop), first = windows[index], excerpts[index].first
             found.append(_around(measured[index - near.start], (start - first, stop - first)))
     return found
 
 
-def _batches(problem: SearchProblem, pieces: Sequence[Piece]) -> Iterator[range]:
-    """Yield ranges of pieces that are assembled together, to bound the memory."""
+def _batches(problem: SearchProblem, excerpts: Sequence[Excerpt]) -> Iterator[range]:
+    """Yield ranges of excerpts that are assembled together, to bound the memory."""
     cut = problem.base_segments
-    lengths = [int(cut.stop[piece.stop - 1] - cut.start[piece.first]) for piece in pieces]
+    lengths = [int(cut.stop[excerpt.stop - 1] - cut.start[excerpt.first]) for excerpt in excerpts]
     numbers = np.cumsum([0, *lengths[:-1]]) // _FRAMES_PER_ASSEMBLY
-    bounds = [0, *(np.flatnonzero(np.diff(numbers)) + 1).tolist(), len(pieces)]
+    bounds = [0, *(np.flatnonzero(np.diff(numbers)) + 1).tolist(), len(excerpts)]
     return map(range, bounds[:-1], bounds[1:])
 
 
@@ -299,7 +300,6 @@ def _keep_better(limits: _Limits, donors: IntArray) -> _Defects:
         changed = [own for own in before.windows if is_changed[slice(*own)].any()]
         if not changed:
             break
-        limits.first_violations  # noqa: B018 - computed while the first motion is in memory
         assembly = before.assembly.replace_donors(before.measure.group, donors)
         after = _Defects.build(assembly, before.measure)
         reverted = [
@@ -310,7 +310,6 @@ def _keep_better(limits: _Limits, donors: IntArray) -> _Defects:
             if not broken:
                 return after
             reverted = [own for own in changed if before.overlaps(own, broken)] or changed
-        del assembly, after  # their motion is large
         donors = donors.copy()
         for start, stop in reverted:
             donors[start:stop] = before.donors[start:stop]
@@ -328,4 +327,4 @@ def _around(amounts: FloatArray, window: _Window) -> FloatArray:
 
 
 def _total_excess(amounts: FloatArray) -> float:
-    return float(np.maximum(amounts.max(axis=1) - 1.0, 0.0).sum())
+    return float(excess(amounts.max(axis=1)).sum())

@@ -6,7 +6,6 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import as_floats, as_quaternions
-from mograft.analysis.segmentations import METHODS
 from mograft.body.contacts import find_legs
 from mograft.body.world_poses import Poses
 from mograft.config import Config
@@ -23,12 +22,10 @@ from mograft.solve.search_problem import check_constraints
 
 def check_stream_config(config: Config) -> None:
     """Raise ValueError for settings that a stream does not support."""
-    chosen = config.segmentation
-    causal = [n for n, own in METHODS.entries.items() if own is None or own.look_ahead is not None]
-    if chosen not in causal:
+    if config.segmentation != "energy":
         raise ValueError(
-            f"`Config.segmentation` must be one of {', '.join(map(repr, causal))} in a stream, "
-            f"because other methods need all later frames, got {chosen!r}"
+            "`Config.segmentation` must be 'energy' in a stream, because other methods need all "
+            f"later frames, got {config.segmentation!r}"
         )
     if config.alignment != "uniform":
         raise ValueError(

@@ -227,8 +227,7 @@ class StreamSearch:
         constraints = [
             constraint
             for constraint in rules.constraints
-            if type(constraint).errors is not Constraint.errors
-            and constraint.applies(segment.frames).any()
+            if constraint.is_on_poses and constraint.applies(segment.frames).any()
         ]
         if any(isinstance(constraint, AvoidSelf) for constraint in constraints):
             captured = self._poses(segment, segment.rotations)

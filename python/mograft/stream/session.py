@@ -14,7 +14,7 @@ from mograft.provenance.document import substitution_record, violation_record
 from mograft.search.constraint_records import Record, decode_constraint
 from mograft.search.constraints import Constraint
 from mograft.stream.protocol import DTYPES, PROTOCOL, Array, Message, RequestError
-from mograft.stream.stream import Piece, Stream
+from mograft.stream.stream import Stream, StreamPiece
 
 MAX_NORM_ERROR = 1e-3
 """Largest difference from 1 of the norm of a float32 quaternion, which is then normalised."""
@@ -192,7 +192,7 @@ def _refuse_motion(record: Record) -> Motion:
     )
 
 
-def _piece_record(piece: Piece, constraints: tuple[Constraint, ...]) -> dict[str, Any]:
+def _piece_record(piece: StreamPiece, constraints: tuple[Constraint, ...]) -> dict[str, Any]:
     """Return a piece as JSON; NaN and infinity become null, because JSON has neither."""
     substitutions = [substitution_record(own) for own in piece.substitutions]
     for record in substitutions:

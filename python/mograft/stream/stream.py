@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray
 from mograft._util.validate import as_integer, check_type
-from mograft.analysis.online_segmentation import OnlineSegmenter, WindowSegmenter
+from mograft.analysis.online_segmentation import OnlineSegmenter
 from mograft.blend.recombine import Part, recombine
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -17,6 +17,7 @@ from mograft.motion.skeleton import Skeleton
 from mograft.search.boundary_states import pose_gaps
 from mograft.search.constraints import Constraint, Violation, find_violations
 from mograft.search.donor_constraints import find_seam_violations
+from mograft.solve.base import grafted_groups
 from mograft.stream.base_buffer import BOUNDARY_MARGIN, BaseBuffer
 from mograft.stream.checks import (
     check_free_frames,
@@ -30,12 +31,11 @@ from mograft.stream.donors import StreamDonors, StreamRules
 from mograft.stream.pending_segment import PendingSegment
 from mograft.stream.placed_donors import CommittedEnd
 from mograft.stream.search import ChosenDonors, StreamSearch
-from mograft.synthesis.graft_plan import grafted_groups
 from mograft.synthesis.substitution import Substitution
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class StreamPiece:
     """A committed segment of a stream, as `Stream.advance` and `Stream.pieces` return it.
 
     All frames are numbered from the first pushed frame. Successive pieces have successive frames:
@@ -63,7 +63,7 @@ class Piece:
     violations: tuple[Violation, ...]
 
 
-def join_pieces(pieces: Sequence[Piece], name: str = "stream") -> Motion:
+def join_pieces(pieces: Sequence[StreamPiece], name: str = "stream") -> Motion:
     """Join one or more successive pieces to one motion."""
     motions = [piece.motion for piece in pieces]
     values = [motion.channel_values for motion in motions]
@@ -116,10 +116,9 @@ class Stream:
     With `Config.seam` "gradient" and a `horizon` of at least 2, the donor of the next segment is
     chosen together with that of the committed one, and the committed frames are fitted to both.
     This does not apply to segments with constraints on poses, because these are evaluated before
-    the next donor is known, nor to the last one; they have the treatment "inertial". "inertial" and
-    "dead" change only frames after a seam. A stream replaces the other treatments by "inertial",
-    and `Config.torso` by "pelvis": the other values smooth the motion of the base over later
-    frames.
+    the next donor is known, nor to the last one; they have the treatment "inertial", which changes
+    only frames after a seam. A stream replaces the other treatments by "inertial", and
+    `Config.torso` by "pelvis": the other values smooth the motion of the base over later frames.
     Translations are those of the base.
 
     ``Config(choice="random")`` draws uniformly from the donor sequences within the limits, among
@@ -159,9 +158,7 @@ class Stream:
         self._library, self._horizon = library, horizon
         self._rng = np.random.default_rng(seed)
         self._donors = StreamDonors.build(library, groups)
-        is_energy = library.config.segmentation == "energy"
-        segmenter_type = OnlineSegmenter if is_energy else WindowSegmenter
-        self._segmenter = segmenter_type(library.rate, library.config)
+        self._segmenter = OnlineSegmenter(library.rate, library.config)
         self._base: BaseBuffer | None = None
         self._search: StreamSearch | None = None
         self._pending: list[PendingSegment] = []
@@ -261,9 +258,6 @@ class Stream:
             self._search = StreamSearch(self._donors, self._base.first_frame)
         else:
             self._base.push(frames)
-        if isinstance(self._segmenter, WindowSegmenter):
-            self._segmenter.push(frames)
-            return
         # The energy of the last frame is not final before the next frame.
         n_known, n_final = self._segmenter.n_frames, self._base.n_frames - 1
         if n_final > n_known:
@@ -287,24 +281,23 @@ class Stream:
             return
         if self._base is None or self._base.n_frames < 2:
             raise ValueError(f"a stream needs at least 2 frames, got {self.n_known}")
-        if isinstance(self._segmenter, OnlineSegmenter):
-            self._segmenter.push(self._base.next_energies(self._rules.config))
+        self._segmenter.push(self._base.next_energies(self._rules.config))
         self._segmenter.close()
         self._is_closed = True
 
-    def pieces(self) -> list[Piece]:
+    def pieces(self) -> list[StreamPiece]:
         """Commit segments with `advance` until it returns None; return their pieces."""
         pieces = []
         while (piece := self.advance()) is not None:
             pieces.append(piece)
         return pieces
 
-    def advance(self) -> Piece | None:
+    def advance(self) -> StreamPiece | None:
         """Commit the next segment.
 
         Returns
         -------
-        Piece or None
+        StreamPiece or None
             The segment; None if fewer than `horizon` segments are known and the stream is not
             closed, or if all segments are committed.
         """
@@ -331,7 +324,7 @@ class Stream:
         self._base.discard_before(bounds[0] - BOUNDARY_MARGIN)
         return piece
 
-    def _commit(self, segment: PendingSegment, chosen: ChosenDonors) -> Piece:
+    def _commit(self, segment: PendingSegment, chosen: ChosenDonors) -> StreamPiece:
         """Return the piece for a segment and its chosen donors; store its end for the next seam."""
         # The first frame belongs to the previous piece.
         new = slice(1 if self._n_committed else 0, None)
@@ -362,7 +355,7 @@ class Stream:
                 poses.frames[new], poses.rotations[new], poses.positions[new]
             )
             violations += find_violations(segment.pose_constraints, new_poses)
-        return Piece(
+        return StreamPiece(
             motion=motion,
             start=segment.start + new.start,
             stop=segment.stop,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mograft._util.arrays import IntArray
-from mograft.config import variety_fields
+from mograft.config import scale_of_variety
 from mograft.library.library import Library
 from mograft.search.costs import length_fits
 from mograft.synthesis.graft_result import Graft
@@ -76,7 +76,7 @@ def _cause_of_no_exchange(graft: Graft) -> str:
         return "the base satisfies the constraints, or no candidate satisfies them better"
     if all((counts == 0).all() for counts in graft.alternatives.values()):
         return "no segment has a candidate"
-    if graft.repairs:
+    if graft.self_repairs:
         return (
             "self-repair restored the captured parts, because all donors exceed the acceleration, "
             "jerk or floor depth of the base; `self_repair=False` keeps the exchanges"
@@ -91,8 +91,7 @@ def _describe_missing(graft: Graft, group: str) -> str:
     causes = Counter(_find_causes(library, group, segments[counts == 0]))
     numbers = ", ".join(f"{n} {cause}" for cause, n in causes.most_common())
     config = library.config
-    scale = library.sigma_scales[library.groups.base]
-    is_widest = scale >= variety_fields(1.0)["sigma_scale"]
+    is_widest = config.sigma_scale >= scale_of_variety(1.0)
     similar = "raise `sigma_scale`" if is_widest else "raise `variety`"
     remedies = ", ".join(
         _REMEDIES[cause].format(similar=similar, max_stretch=config.max_stretch)

@@ -1,12 +1,13 @@
 """Grafting: new motions from a library and a base motion."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import inf
 from numbers import Real
-from typing import overload
+from weakref import WeakValueDictionary
 
 from mograft._util.arrays import IntArray
+from mograft._util.containers import LazySequence
 from mograft._util.memory import check_memory
 from mograft._util.validate import as_integer, check_type
 from mograft.library.library import Library
@@ -14,9 +15,13 @@ from mograft.motion.motion import Motion
 from mograft.scenario import Scenario
 from mograft.search.constraints import Constraint, Violation
 from mograft.search.trellis import DonorSequences
+from mograft.solve.base import grafted_groups
 from mograft.solve.donor_repair import restrict_to_violations
 from mograft.solve.kept_joints import find_kept_violations
-from mograft.synthesis.graft_plan import GraftPlan, grafted_groups
+from mograft.solve.plan import GraftPlan
+from mograft.solve.search_problem import check_frames
+from mograft.synthesis.graft_building import build_graft
+from mograft.synthesis.graft_request import GraftRequest
 from mograft.synthesis.graft_result import Graft
 
 MAX_SIGMA_SCALE = 4.0
@@ -27,14 +32,25 @@ MEMORY_FACTOR = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Grafts(Sequence[Graft]):
-    """Several grafts of one base motion; each access builds the graft anew."""
+class Grafts(LazySequence[Graft]):
+    """Several grafts of one base motion.
+
+    A graft is built when it is first accessed, and kept only as long as something else refers to
+    it, because a motion is large: then every access returns the same object.
+    """
 
     _plan: GraftPlan
     _donors: tuple[DonorSequences, ...]
     _seed: int
     notes: tuple[str, ...] = ()
     """How often the clusters were enlarged, one sentence each."""
+    _request: GraftRequest = field(default_factory=GraftRequest)
+    _built: WeakValueDictionary[int, Graft] = field(
+        default_factory=WeakValueDictionary, init=False, repr=False
+    )
+
+    def __reduce__(self) -> tuple[type["Grafts"], tuple[object, ...]]:
+        return Grafts, (self._plan, self._donors, self._seed, self.notes, self._request)
 
     def __len__(self) -> int:
         return len(self._donors)
@@ -42,16 +58,13 @@ class Grafts(Sequence[Graft]):
     def __repr__(self) -> str:
         return f"Grafts({len(self)} on {self._plan.problem.base.name}, seed {self._seed})"
 
-    @overload
-    def __getitem__(self, index: int) -> Graft: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[Graft]: ...
-    def __getitem__(self, index: int | slice) -> Graft | list[Graft]:
-        if isinstance(index, slice):
-            return [self[i] for i in range(*index.indices(len(self)))]
-        i = range(len(self))[index]
-        is_last = len(self) == 1  # usually the only access
-        return self._plan.build_graft(self._donors[i], self._seed, i, is_last=is_last)
+    def item(self, index: int) -> Graft:
+        """Build a graft, or return the one that was built and is still referred to."""
+        graft = self._built.get(index)
+        if graft is None:
+            graft = build_graft(self._plan, self._donors[index], self._seed, index, self._request)
+            self._built[index] = graft
+        return graft
 
 
 def graft(
@@ -139,8 +152,7 @@ def graft_many(
         Greatest number of motions.
     widen : bool
         Whether `Config.sigma_scale` is multiplied by 4/3 until the donors allow `count` different
-        motions or it would exceed 4. `Grafts.notes` describes each step. If `Config.sigma` is a
-        number, the clusters are not enlarged.
+        motions or it would exceed 4. `Grafts.notes` describes each step.
 
     Returns
     -------
@@ -175,8 +187,9 @@ def graft_many(
         donors = tuple(plan.choose_donors(count, seed))
         wider = _widened(library, MAX_SIGMA_SCALE) if widen and len(donors) < count else None
         if wider is None:
-            return Grafts(plan, donors, seed, tuple(notes))
-        scales = [own.sigma_scales[own.groups.base] for own in (library, wider)]
+            request = _request(plan, base, swap)
+            return Grafts(plan, donors, seed, tuple(notes), request)
+        scales = [own.config.sigma_scale for own in (library, wider)]
         notes.append(
             f"only {len(donors)} different motions with sigma_scale {scales[0]:.3g}; trying "
             f"{scales[1]:.3g}, which allows less similar donors"
@@ -201,8 +214,7 @@ def repair(
     widest : float
         Largest `Config.sigma_scale` to try. The clusters are enlarged step by step as long as
         violations remain that donors can remove. The scale that was used is
-        ``library.config.sigma_scale`` of the returned graft. If `Config.sigma` is a number, the
-        clusters are not enlarged.
+        ``library.config.sigma_scale`` of the returned graft.
 
     Returns
     -------
@@ -244,8 +256,8 @@ def repair(
         donors = plan.problem.captured_donors if donors is None else donors
         plan = replace(plan, problem=restrict_to_violations(plan.problem, donors))
         donors = plan.repair(donors)
-        graft = plan.build_graft(donors, 0, 0)
-        graft = replace(graft, request=replace(graft.request, method="repair"))
+        request = replace(_request(plan, base, swap), method="repair")
+        graft = build_graft(plan, donors, 0, 0, request)
         if best is None or _total_excess(graft) < _total_excess(best):
             best = graft
         wider = None if _are_kept(best, plan) else _widened(library, widest)
@@ -270,13 +282,25 @@ def kept_violations(
         return []
     groups = grafted_groups(library, swap)
     library, clip = library.resolve_base(base)
+    check_frames(constraints, library.clips[clip])
     return find_kept_violations(library, library.clips[clip], groups, constraints)
+
+
+def _request(
+    plan: GraftPlan, base: Motion | str | None, swap: Sequence[str] | None
+) -> GraftRequest:
+    return GraftRequest(
+        base=None if base is None else plan.problem.base.name,
+        swap=None if swap is None else tuple(swap),
+        constraints=plan.problem.constraints,
+        scenario=plan.scenario,
+    )
 
 
 def _widened(library: Library, widest: float) -> Library | None:
     """Return a library with larger clusters, or None if `sigma_scale` would exceed `widest`."""
-    sigma_scale = library.sigma_scales[library.groups.base] * 4 / 3
-    if sigma_scale > widest or not isinstance(library.config.sigma, str):
+    sigma_scale = library.config.sigma_scale * 4 / 3
+    if sigma_scale > widest:
         return None
     return library.relabelled(replace(library.config, sigma_scale=sigma_scale))
 

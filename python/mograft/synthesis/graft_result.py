@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mograft._util.arrays import IntArray
-from mograft._util.html_table import html_table
+from mograft._util.html_table import notebook_table
 from mograft._util.notebooks import notebook_html
 from mograft.blend.foot_planting import FeetReport
 from mograft.blend.reach_completion import ReachCompletion
@@ -51,7 +51,7 @@ class Graft:
         the feet.
     reach_completions : tuple of ReachCompletion
         The result of inverse kinematics for each `Reach`; empty with ``Config(reach_ik=0)``.
-    repairs : tuple of RepairedWindow
+    self_repairs : tuple of RepairedWindow
         The frames in which `Config.self_repair` searched for other donors.
     request : GraftRequest
         The arguments with which the graft was made.
@@ -72,7 +72,7 @@ class Graft:
     violations: tuple[Violation, ...] = ()
     feet: FeetReport | None = None
     reach_completions: tuple[ReachCompletion, ...] = ()
-    repairs: tuple[RepairedWindow, ...] = ()
+    self_repairs: tuple[RepairedWindow, ...] = ()
     request: GraftRequest = field(default_factory=GraftRequest)
     history: tuple[DonorSequences, ...] = ()
     completion_history: tuple[tuple[ReachCompletion, ...], ...] = ()
@@ -111,7 +111,7 @@ class Graft:
             for s in exchanged
         )
         columns = ("group", "frames", "donor clip", "donor frames", "cost", "seam before (°)")
-        return html_table(repr(self), columns, rows, len(exchanged))
+        return notebook_table(repr(self), columns, rows, len(exchanged))
 
     def report(self, *, each: bool = False) -> str:
         """Return a text summary: segments, seams, violations, foot planting and targets.
@@ -136,7 +136,7 @@ def _report(graft: Graft, *, each: bool = False) -> str:
     for group in graft.alternatives:
         lines += _group_lines(graft, group, each=each)
     lines += [f"  {violation.message}" for violation in graft.violations]
-    lines += [_repair_line(own) for own in graft.repairs]
+    lines += [_repair_line(own) for own in graft.self_repairs]
     feet = graft.feet
     if feet is not None:
         lines.append(

@@ -13,7 +13,7 @@ from mograft.evaluation.quality import Quality
 from mograft.evaluation.suite import Evaluation
 from mograft.evaluation.world_quality import WorldQuality
 from mograft.viewing.page import Page, assemble_page
-from mograft.viewing.report import REPORT_STYLE, html_table
+from mograft.viewing.report import REPORT_STYLE, wide_table
 
 _EXTRA_STYLE = """
 .report li { max-width: 75ch; margin: 4px 0; }
@@ -168,7 +168,7 @@ def _measure_table(
         cells = [found.text(digits, scale, suffix) for found in estimates]
         n = max(found.n for found in estimates)
         rows.append([title, *cells, f"{n} {estimates[0].unit}"])
-    return html_table(["measure", *methods, "n"], rows)
+    return wide_table(["measure", *methods, "n"], rows)
 
 
 def _world_section(qualities: Sequence[WorldQuality]) -> list[str]:
@@ -226,7 +226,7 @@ def _detectability_section(rows: Sequence[Detectability]) -> list[str]:
     ]
     return [
         "<h2>Detectability</h2>",
-        html_table(["method", "windows", "gross", "fine", "n"], cells),
+        wide_table(["method", "windows", "gross", "fine", "n"], cells),
         _note(
             "Area under the ROC curve of a classifier that distinguishes windows of grafts from "
             "captured windows at the same frames: 0.5 is chance. Gross: boosted trees on "
@@ -255,7 +255,7 @@ def _balance_section(evaluation: Evaluation) -> list[str]:
     unknown = f" Joints with unknown names: {unmatched}." if unmatched else ""
     return [
         "<h2>Balance</h2>",
-        html_table(head, [_balance_cells(row) for row in rows]),
+        wide_table(head, [_balance_cells(row) for row in rows]),
         _note(
             f"The body model {masses}.{unknown} The rule states in which frames with a foot on the "
             "floor the reference point must be outside of the hull of the soles for a segment to "

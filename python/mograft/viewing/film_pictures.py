@@ -8,11 +8,11 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.gaussian import gaussian_filter_columns
-from mograft.body.anatomy import anatomy
 from mograft.body.groups import JointGroups
 from mograft.io.palette import PALETTE
 from mograft.motion.motion import Motion
 from mograft.viewing.geometry import DrawnSkeleton
+from mograft.viewing.projection import Camera, front_yaw
 from mograft.viewing.scene import Scene
 
 if TYPE_CHECKING:
@@ -119,7 +119,11 @@ class _Panel:
         path = self.positions[:, drawn.root][:, [0, 2]]
         frames = _CAMERA_SMOOTHING_SECONDS * motion.rate
         self.focus = gaussian_filter_columns(path, frames)
-        self.yaw = _camera_yaw(motion, self.positions[0])
+        self.camera = Camera(
+            front_yaw(motion.skeleton, self.positions[0]) + np.radians(_CAMERA_YAW_DEGREES),
+            np.radians(_CAMERA_TILT_DEGREES),
+            _CAMERA_DISTANCE,
+        )
         # The figure is smaller in a narrow panel, so that its sides are visible.
         self.zoom = min(self.size[1] * 0.7, self.size[0] * 0.85)
 
@@ -156,7 +160,7 @@ class _Panel:
             self._floor_lines(focus),
             self._bone_polygons(shadow),
             self._bone_polygons(projected),
-            np.argsort(-projected[:, self.bones, 2].sum(axis=2), axis=1, kind="stable"),
+            np.argsort(projected[:, self.bones, 2].sum(axis=2), axis=1, kind="stable"),
         )
 
     def _bone_polygons(self, projected: FloatArray) -> FloatArray:
@@ -165,8 +169,8 @@ class _Panel:
         An outline is a half circle about each end. `projected` is a result of `_project`.
         """
         ends = projected[:, self.bones]
-        scales = self.zoom / ends[..., 2].mean(axis=2)
-        radii = np.maximum(self.radii * scales * _CAMERA_DISTANCE, 0.7 * _SUPERSAMPLING)
+        scales = self.zoom * ends[..., 2].mean(axis=2)
+        radii = np.maximum(self.radii * scales, 0.7 * _SUPERSAMPLING)
         across, down = np.moveaxis(ends[:, :, 1, :2] - ends[:, :, 0, :2], -1, 0)
         around = np.linspace(0.5, 1.5, _CORNERS_PER_END) * np.pi
         angles = np.arctan2(down, across)[..., None] + np.append(around, around + np.pi)
@@ -194,31 +198,11 @@ class _Panel:
     def _project(self, positions: FloatArray, focus: FloatArray) -> FloatArray:
         """Return the perspective projections of positions, shape (n_frames, n, 3).
 
-        The columns hold x and y in pixels and the distance from the camera in body heights. In each
-        frame the camera is directed at a point of the floor: `focus`, shape (n_frames, 2), given as
-        (x, z).
+        The columns hold x and y in pixels and the share of full size. In each frame the camera is
+        directed at a point above the floor: `focus`, shape (n_frames, 2), given as (x, z).
         """
-        cos, sin = np.cos(self.yaw), np.sin(self.yaw)
-        x, z = (positions[..., axis] - focus[:, [i]] for i, axis in enumerate((0, 2)))
-        across, deep = cos * x - sin * z, sin * x + cos * z
-        tilt = np.radians(_CAMERA_TILT_DEGREES)
-        up = positions[..., 1] - 0.5
-        distance = _CAMERA_DISTANCE - (np.cos(tilt) * deep + np.sin(tilt) * up)
-        high = np.cos(tilt) * up - np.sin(tilt) * deep
-        scale = self.zoom * _CAMERA_DISTANCE / distance
-        picture_x = 0.5 * self.size[0] + scale * across
-        picture_y = 0.52 * self.size[1] - scale * high
-        return np.stack([picture_x, picture_y, distance], axis=-1)
-
-
-def _camera_yaw(motion: Motion, positions: FloatArray) -> float:
-    """Return the yaw in radians of a camera that is 30 degrees to the side of the figure's front.
-
-    `positions` are those of the nodes in the first frame, shape (n_nodes, 3).
-    """
-    thighs = [anatomy(motion.skeleton).joints("thigh", side=side) for side in ("left", "right")]
-    if not all(thighs):
-        return 0.0
-    # With y up and the figure facing +z, its left side is at +x.
-    x, _, z = positions[thighs[0][0]] - positions[thighs[1][0]]
-    return float(np.arctan2(z, x) + np.radians(_CAMERA_YAW_DEGREES))
+        middle = np.insert(focus, 1, 0.5, axis=1)[:, None]
+        across, high, size = self.camera.project(positions - middle)
+        picture_x = 0.5 * self.size[0] + self.zoom * across
+        picture_y = 0.52 * self.size[1] - self.zoom * high
+        return np.stack([picture_x, picture_y, size], axis=-1)

@@ -110,15 +110,6 @@ def count_nodes(motion: Motion) -> int:
     return len(node_parents(motion)) + (_head_without_end(motion) is not None)
 
 
-def node_positions(motion: Motion) -> FloatArray:
-    """Return the world positions of joints and end sites, shape (n_frames, n_nodes, 3).
-
-    Nodes that are not an end of any bone, such as a root on the floor, get the position of the
-    hips, because their true position may be far from the body.
-    """
-    return np.concatenate([own for _, own in _node_blocks(motion, None)])
-
-
 def _node_blocks(motion: Motion, top: int | None) -> Iterator[tuple[slice, FloatArray]]:
     """Yield consecutive ranges of frames, each with the world positions of the nodes.
 

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from mograft._util.arrays import IntArray
-from mograft.errors import MograftError, ProvenanceError
+from mograft.errors import DAMAGE, MograftError, ProvenanceError
 from mograft.io.addresses import read_clip
 from mograft.library.discover import has_provenance
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
-from mograft.provenance.graft_record import DAMAGE, ClipRecord, GraftRecord, read_clip_record
+from mograft.provenance.graft_record import ClipRecord, GraftRecord, read_clip_record
 from mograft.provenance.record_library import find_clip
 from mograft.search.constraint_records import decode_constraint
 from mograft.search.constraints import Constraint
@@ -99,7 +99,7 @@ def recorded_constraints(record: GraftRecord) -> list[Constraint]:
     """Return the constraints of a graft, except those whose files are missing or damaged."""
 
     def decode_motion(values: dict[str, object]) -> Motion:
-        return read_clip(find_clip(record, ClipRecord.of_file(values), ()))
+        return read_clip(find_clip(record, ClipRecord.from_json(values), ()))
 
     found: list[Constraint] = []
     for values in (record.document.get("request") or {}).get("constraints", ()):

@@ -12,6 +12,7 @@ import numpy as np
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.html_table import html_table
 from mograft.body.mass import center_of_mass, mass_model
 from mograft.library.library import Library
 from mograft.search.candidates import count_combinations
@@ -204,7 +205,7 @@ def _motion_table(
                 **{title: html.escape(text) for title, text in more.items()},
             }
         )
-    return html_table(list(rows[0]), [list(row.values()) for row in rows])
+    return wide_table(list(rows[0]), [list(row.values()) for row in rows])
 
 
 def _balance_shift(graft: Graft) -> FloatArray:
@@ -296,7 +297,7 @@ def _donor_table(graft: Graft) -> str:
         ]
         for group, counts in graft.alternatives.items()
     ]
-    return html_table(head, rows)
+    return wide_table(head, rows)
 
 
 def _neighbourhood(library: Library) -> Neighbourhood:
@@ -327,7 +328,7 @@ def _clip_table(grafts: Sequence[Graft]) -> str:
                 format_number(frames[clip]),
             ]
         )
-    table = html_table(["clip", "frames", "duration", "donors used", "donor frames used"], rows)
+    table = wide_table(["clip", "frames", "duration", "donors used", "donor frames used"], rows)
     n_others = len(library.entries) - len(rows)
     clips_word = "clip" if n_others == 1 else "clips"
     other = f"{format_number(n_others)} other {clips_word} of the library are not used."
@@ -343,7 +344,7 @@ def _parameter_table(library: Library) -> str:
     for group, joints in library.groups.resolve(library.skeleton).items():
         label = f"group {group}{' (base)' if group == library.groups.base else ''}"
         rows.append([html.escape(label), html.escape(", ".join(names[j] for j in joints))])
-    return html_table(["parameter", "value"], rows)
+    return wide_table(["parameter", "value"], rows)
 
 
 def _format(value: object) -> str:
@@ -368,13 +369,7 @@ def _link(name: str, path: Path | None) -> str:
     return f'<a href="{html.escape(target)}">{html.escape(path.name)}</a>'
 
 
-def html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return an HTML table; the cells of `head` are plain text, those of `rows` are HTML."""
-    top = "".join(f'<th scope="col">{html.escape(name)}</th>' for name in head)
-    body_rows = "".join(
-        "<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows
-    )
-    return (
-        f'<div class="wide"><table><thead><tr>{top}</tr></thead>'
-        f"<tbody>{body_rows}</tbody></table></div>"
-    )
+def wide_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return an HTML table that scrolls; texts of `head` are plain, cells of `rows` are HTML."""
+    cells = ("".join(f"<td>{cell}</td>" for cell in row) for row in rows)
+    return f'<div class="wide">{html_table(head, cells)}</div>'

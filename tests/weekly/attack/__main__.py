@@ -20,7 +20,6 @@ from tests.weekly.attack.experiments import (
     damaged_libraries,
     damaged_texts,
     grafts_in_workers,
-    hostile_libraries,
     opens_during_rewrites,
     public_functions_in_threads,
     repeated_calls,
@@ -42,7 +41,6 @@ COMMANDS = {
 OTHERS = {
     "opens_during_rewrites": (opens_during_rewrites, 320, "opening while another process writes"),
     "damaged_libraries": (damaged_libraries, 1_000, "files of libraries changed, cut or removed"),
-    "hostile_libraries": (hostile_libraries, 2_700, "manifests changed on purpose, with checksum"),
     "damaged_texts": (damaged_texts, 25_000, "damaged BVH texts"),
     "cut_texts": (cut_texts, 20_100, "BVH texts cut anywhere"),
     "small_linkages": (small_linkages, 3_400, "trees of small sets of points, half with ties"),

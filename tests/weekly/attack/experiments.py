@@ -1,9 +1,8 @@
-"""Experiments with damaged files, hostile libraries and several processes; see its package."""
+"""Experiments with damaged files and several processes; see its package."""
 
 import concurrent.futures
 import ctypes
 import io
-import json
 import multiprocessing
 import random
 import resource
@@ -21,14 +20,11 @@ from mograft.dancer import dance
 from mograft.library.files import storage
 from tests import fuzz_bvh
 from tests.library.checks import list_files
-from tests.library.test_hostile import find_paths, seal, use
 from tests.linkage.test_adversarial import assert_is_complete_linkage
 from tests.weekly.attack.concurrency import compare_threads, fingerprint
 from tests.weekly.attack.outcome import Outcome
 
 MOTION = dance(seed=5, strides=1).motion
-
-_VALUES = (None, True, -1, 0, 0.5, 1e300, 2**70, "", "x", "../x", "/etc", [], [1], {}, {"a": 1})
 
 
 def damaged_texts(folder, count):  # noqa: ARG001 - all experiments have these arguments
@@ -90,35 +86,6 @@ def damaged_libraries(folder, count):
         if not is_found and not (is_manifest and damage == 2):  # white space is not content
             outcome.failures.append(f"{path.name}, damage {damage}: not found")
         path.write_bytes(content)
-    return outcome
-
-
-def hostile_libraries(folder, count):
-    """Change an entry of sealed manifests: nothing but `LibraryError` leaves the functions."""
-    outcome, rng = Outcome(), random.Random(0)
-    library = _make_library(folder, 70)
-    manifest = library / storage.MANIFEST
-    content = manifest.read_bytes()
-    for _ in range(count):
-        document = json.loads(content)
-        places = [path for path in find_paths(document) if path != ("checksum",)]
-        *parents, last = rng.choice(places)
-        target = document
-        for name in parents:
-            target = target[name]
-        value = rng.choice(_VALUES)
-        target[last] = value
-        outcome.trials += 1
-        try:
-            seal(library, document)
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                use(library)
-        except LibraryError:
-            pass
-        except Exception as error:  # any other error is a failure
-            outcome.failures.append(f"{[*parents, last]} = {value!r}: {error!r}")
-        manifest.write_bytes(content)
     return outcome
 
 

@@ -50,8 +50,8 @@ _NUMBERS = re.compile(r"(?<=partial-)\d+|-\d+-[0-9a-f]+(?=\.part)")
 
 INDEX = ("index", "{in}/a.bvh", "-o", "{work}/l")
 GRAFT = ("graft", "{in}/a.bvh", "{in}/b.bvh", "-o", "{work}/g.bvh")
-CSV = ("lib", "export", "{in}/l", "--csv", "-o", "{work}/tables")
-NPZ = ("lib", "export", "{in}/l", "--npz", "-o", "{work}/tables.npz")
+CSV = ("lib", "export", "{in}/l", "--format", "csv", "-o", "{work}/tables")
+NPZ = ("lib", "export", "{in}/l", "--format", "npz", "-o", "{work}/tables.npz")
 GROUPS = ("groups", "{in}/a.bvh", "-o", "{work}/groups.toml")
 PAGE = ("view", "{in}/a.bvh", "-o", "{work}/page.html")
 GLB = ("export", "{in}/a.bvh", "-o", "{work}/a.glb")
@@ -80,8 +80,8 @@ WRITE_PATHS = (
         (("graft", "{in}/b.bvh", "-o", "{work}/g.bvh"),),
         ordered=("g.bvh", "g.json"),
     ),
-    WritePath("lib export --csv", CSV, (*CSV, *FORCE)),
-    WritePath("lib export --npz", NPZ, (*NPZ, *FORCE)),
+    WritePath("lib export --format csv", CSV, (*CSV, *FORCE)),
+    WritePath("lib export --format npz", NPZ, (*NPZ, *FORCE)),
     WritePath("groups", GROUPS, (*GROUPS, *FORCE)),
     WritePath("view", PAGE, (*PAGE, *FORCE)),
     WritePath("export", GLB, (*GLB, *FORCE)),

@@ -1,9 +1,7 @@
 """Checks of arguments: points, distances, trees, counts and amounts."""
 
-import functools
 import operator
-from collections.abc import Callable
-from typing import Any, NoReturn, ParamSpec, TypeAlias, TypeVar
+from typing import Any, NoReturn, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -11,23 +9,6 @@ import numpy.typing as npt
 Floats: TypeAlias = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int64]
-
-P = ParamSpec("P")
-R = TypeVar("R")
-
-
-def accept_threads(function: Callable[P, R]) -> Callable[P, R]:
-    """Let a function also take its argument `n_threads` by the older name `threads`."""
-
-    @functools.wraps(function)
-    def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        if "threads" in kwargs:
-            if "n_threads" in kwargs:
-                raise TypeError("`n_threads` must be given once, got `threads` too")
-            kwargs["n_threads"] = kwargs.pop("threads")
-        return function(*args, **kwargs)
-
-    return call
 
 
 def as_points(points: npt.ArrayLike, min_points: int) -> Floats:

@@ -15,7 +15,6 @@ import numpy.typing as npt
 from ._checks import (
     FloatArray,
     IntArray,
-    accept_threads,
     as_count,
     as_floats,
     as_height,
@@ -27,7 +26,6 @@ from ._kernels import kernels
 from ._metrics import Metric, check_metric, convert_heights, converted_points, euclidean_limit
 
 
-@accept_threads
 def linkage(
     points: npt.ArrayLike,
     *,
@@ -48,8 +46,7 @@ def linkage(
         of the angle between two points, seen from the origin. "correlation" is the same for points
         minus the mean of their coordinates.
     n_threads : int, optional
-        Number of threads; the tree does not depend on it. Default: one per processor. `threads`
-        is accepted as an older name of this argument.
+        Number of threads; the tree does not depend on it. Default: one per processor.
     memory_limit : int, optional
         Maximum size, in bytes, of a matrix of all distances, which takes ``8 * n**2``. The
         matrix is used for fewer than 1,449 points. It is also used if the algorithm without a
@@ -114,7 +111,6 @@ def linkage(
     return tree
 
 
-@accept_threads
 def cut(
     points: npt.ArrayLike,
     max_diameter: float,
@@ -165,7 +161,6 @@ def cut(
     return kernels.cut(converted, limit, *limits, progress)
 
 
-@accept_threads
 def linkage_condensed(
     distances: npt.ArrayLike,
     *,

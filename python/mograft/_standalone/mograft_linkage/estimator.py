@@ -6,7 +6,7 @@ from typing import Literal, Self
 import numpy as np
 import numpy.typing as npt
 
-from ._checks import Floats, IntArray, accept_threads, as_height
+from ._checks import Floats, IntArray, as_height
 from ._metrics import Metric
 from .clustering import linkage
 from .dendrogram import labels_after_merges
@@ -79,7 +79,6 @@ class CompleteLinkage:
 
     _estimator_type = "clusterer"
 
-    @accept_threads
     def __init__(
         self,
         n_clusters: int | None = 2,
@@ -106,7 +105,6 @@ class CompleteLinkage:
         """Return the parameters by name; `deep` exists because scikit-learn passes it."""
         return {name: getattr(self, name) for name in _PARAMETERS}
 
-    @accept_threads
     def set_params(self, **params: object) -> Self:
         """Set parameters by name and return the estimator; an unknown name raises ValueError."""
         for name, value in params.items():

@@ -7,7 +7,6 @@ from mograft.blend.seams import (
     SeamTreatment,
     add_deltas,
     at_piece_ends,
-    no_crossfade,
 )
 
 
@@ -34,10 +33,6 @@ class Displacement(SeamTreatment):
         share = (times.seconds / times.durations[times.piece])[:, None, None]
         start, end = at_piece_ends(half, times.piece)
         return add_deltas(boundaries.space, values, share * end - (1.0 - share) * start)
-
-    def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return zero weights: root velocities are not blended and jump at the seam."""
-        return no_crossfade(remaining)
 
 
 TREATMENT = Displacement()

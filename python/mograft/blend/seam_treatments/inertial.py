@@ -25,6 +25,7 @@ class _Inertial(SeamTreatment):
 
     is_causal = True
     is_velocity_continuous = True
+    root_velocity_weights = staticmethod(crossfade_after)
 
     def close(
         self, values: FloatArray, times: PieceTimes, boundaries: SeamBoundaries
@@ -38,9 +39,6 @@ class _Inertial(SeamTreatment):
         window = _without_overshoot(value, velocity, times.windows[times.piece][:, None])
         offsets = _decay(value, velocity, times.seconds, window)
         return add_deltas(space, values, offsets)
-
-    def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return crossfade_after(remaining)
 
 
 def _without_overshoot(value: FloatArray, velocity: FloatArray, window: FloatArray) -> FloatArray:

@@ -20,6 +20,7 @@ class Offset(SeamTreatment):
 
     is_causal = False
     is_velocity_continuous = True
+    root_velocity_weights = staticmethod(crossfade_both_sides)
 
     def close(
         self, values: FloatArray, times: PieceTimes, boundaries: SeamBoundaries
@@ -38,10 +39,6 @@ class Offset(SeamTreatment):
             (0.5 * gaps, -rate_before),
             (-0.5 * gaps, rate_after),
         )
-
-    def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return weights that rise to ½ at the seam on both sides."""
-        return crossfade_both_sides(remaining)
 
 
 TREATMENT = Offset()

@@ -1,13 +1,14 @@
 """``mograft candidates``: the donors of a segment, and why other segments are refused."""
 
-import argparse
 import math
 from typing import Any
 
 from mograft.cli.configuration import flags_in_errors, load_library
-from mograft.cli.constraints import check_frames, read_constraints, read_obstacles
+from mograft.cli.constraints import FLAGS, read_constraints
 from mograft.cli.output import print_result
-from mograft.cli.syntax.frame_times import resolve_frame
+from mograft.cli.syntax.arguments import UsageError
+from mograft.cli.syntax.frames import resolve_frame
+from mograft.cli.syntax.options import CandidatesOptions
 from mograft.errors import join_names, suggest_name
 from mograft.library.library import Library
 from mograft.search.candidates import Candidate, Candidates
@@ -16,16 +17,16 @@ from mograft.search.neighbourhoods import NEIGHBOURHOODS
 from mograft.solve.candidate_verdicts import candidates
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: CandidatesOptions) -> int:
     """Run the command."""
-    obstacles = read_obstacles(options)
+    if (options.segment is None) == (options.frame is None):
+        raise UsageError("one of --segment and --frame is required")
     library = load_library(options)
-    constraints = read_constraints(options, library, obstacles)
+    constraints = read_constraints(options, library)
     clip, number, segment = _find_segment(library, options)
-    check_frames(options, library.rate, library.entries[clip].n_frames)
     others = [name for name in library.groups.names if name != library.groups.base]
     group = options.group or others[0]
-    with flags_in_errors(group="--group"):
+    with flags_in_errors(group="--group", **FLAGS):
         found = candidates(library, segment, group, constraints)
     name = library.entries[clip].name
     frames = [int(library.segments.start[segment]), int(library.segments.stop[segment])]
@@ -56,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _find_segment(library: Library, options: argparse.Namespace) -> tuple[int, int, int]:
+def _find_segment(library: Library, options: CandidatesOptions) -> tuple[int, int, int]:
     """Return the segment that ``--clip``, ``--segment`` and ``--frame`` select.
 
     The result holds the index of the clip, the index of the segment within the clip, and the
@@ -70,6 +71,7 @@ def _find_segment(library: Library, options: argparse.Namespace) -> tuple[int, i
     segments = library.segments.of_clip(clip)
     number = options.segment
     if number is None:
+        assert options.frame is not None
         stops = library.segments.stop[segments]
         frame = resolve_frame(options.frame, library.rate)
         if frame > stops[-1]:

@@ -1,26 +1,23 @@
 """``mograft demo``: all stages on the built-in dancer."""
 
-import argparse
-from pathlib import Path
-
 from mograft.cli.files import check_suffix, check_writable
-from mograft.cli.graft_outputs import graft_files
+from mograft.cli.graft_files import graft_files, open_page, with_command, write_report
 from mograft.cli.output import print_result, show_progress
-from mograft.cli.results import open_page, with_command, write_report
+from mograft.cli.syntax.commands import DemoOptions
 from mograft.dancer import dance
 from mograft.io.bvh.writer import write_bvh
 from mograft.library.library import Library
-from mograft.provenance.graft_files import write_graft
+from mograft.provenance.writing import write_graft
 from mograft.search.candidates import count_combinations
 from mograft.synthesis.graft import graft_many
 
 _N_GRAFTS = 3
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: DemoOptions) -> int:
     """Run the command."""
-    check_suffix(options, is_folder=True)
-    folder: Path = options.output
+    check_suffix(options.output, is_folder=True)
+    folder = options.output
     sample = folder / "dance.bvh"
     page = folder / "index.html"
     paths = [folder / f"dance_graft{i}.bvh" for i in range(_N_GRAFTS)]

@@ -1,14 +1,15 @@
 """``mograft evaluate``: measures of the grafts of a library."""
 
-import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
 
 from mograft._util.atomic import write_text
 from mograft.cli.configuration import load_library
 from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import print_remark, print_result, show_progress
-from mograft.cli.syntax.command_table import EVALUATION_TOPICS
+from mograft.cli.syntax.arguments import UsageError
+from mograft.cli.syntax.commands import EVALUATION_TOPICS, EvaluateOptions
 from mograft.errors import suggest_name
 from mograft.evaluation import evaluate
 from mograft.viewing.evaluation_report import evaluation_page, summarize
@@ -16,19 +17,21 @@ from mograft.viewing.evaluation_report import evaluation_page, summarize
 _WORDS = (*EVALUATION_TOPICS, "all")
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: EvaluateOptions) -> int:
     """Run the command."""
-    words = _take_words(options)
-    folder: Path | None = options.output
+    words = [name for name in options.files if name in _WORDS and not Path(name).exists()]
+    files = tuple(name for name in options.files if name not in words)
+    _check_files(files)
+    folder = options.output
     if folder is not None:
-        check_suffix(options, is_folder=True)
+        check_suffix(folder, is_folder=True)
     paths = [] if folder is None else [folder / "evaluation.json", folder / "index.html"]
     check_writable(paths, force=options.force)
-    library = load_library(options)
+    library = load_library(replace(options, files=files), rate=options.rate)
     with show_progress() as progress:
         found = evaluate(
             library,
-            EVALUATION_TOPICS if not words or "all" in words else words,
+            EVALUATION_TOPICS if not words or "all" in words else tuple(dict.fromkeys(words)),
             runs=options.runs,
             bases=options.bases,
             seed=options.seed or 0,
@@ -49,15 +52,11 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _take_words(options: argparse.Namespace) -> tuple[str, ...]:
-    """Remove the words that select what to measure from ``options.files``, and return them."""
-    names: list[str] = options.files
-    words = [name for name in names if name in _WORDS and not Path(name).exists()]
-    options.files = [name for name in names if name not in words]
-    if not options.files:
-        options.usage_error("expected one library or at least one motion file, got none")
-    for name in options.files:
+def _check_files(names: tuple[str, ...]) -> None:
+    """Raise a UsageError if there is no file, or if a name is a misspelt topic."""
+    if not names:
+        raise UsageError("expected one library or at least one motion file, got none")
+    for name in names:
         if name.isalpha() and not Path(name).exists():
             hint = suggest_name(name, _WORDS)
-            options.usage_error(f"expected a file or one of {', '.join(_WORDS)}; got {name}{hint}")
-    return tuple(dict.fromkeys(words))
+            raise UsageError(f"expected a file or one of {', '.join(_WORDS)}; got {name}{hint}")

@@ -1,10 +1,10 @@
 """``mograft export``: motions as files for other programs."""
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from mograft.body.groups import JointGroups
 from mograft.cli.configuration import (
     figure_groups,
     flags_in_errors,
@@ -13,7 +13,10 @@ from mograft.cli.configuration import (
 )
 from mograft.cli.files import check_writable, expand_folders, frame_range
 from mograft.cli.output import print_remark, print_result, show_progress
-from mograft.cli.syntax.frame_times import Range
+from mograft.cli.syntax.arguments import UsageError
+from mograft.cli.syntax.commands import ExportOptions
+from mograft.cli.syntax.frames import Range
+from mograft.config import Config
 from mograft.io.addresses import read_clip
 from mograft.io.bvh.writer import write_bvh
 from mograft.io.csv import write_csv
@@ -37,34 +40,35 @@ _ENDINGS_OF_OPTION = {
     "digits": (".bvh",),
     "like": (".npz",),
 }
+_Groups = JointGroups | str | None
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: ExportOptions) -> int:
     """Run the command."""
-    target: Path = options.output
+    target = options.output
     ending = target.suffix.lower()
     files = expand_folders(options.files)
     if ending == ".fbx":
-        options.usage_error("-o cannot be .fbx: write .glb or .bvh and convert it in Blender")
+        raise UsageError("-o cannot be .fbx: write .glb or .bvh and convert it in Blender")
     if ending not in _ENDINGS:
-        options.usage_error(f"-o must end in {', '.join(_ENDINGS)}, got {target.name}")
+        raise UsageError(f"-o must end in {', '.join(_ENDINGS)}, got {target.name}")
     if len(files) > 1 and ending not in _ENDINGS_OF_SEVERAL:
-        options.usage_error(f"-o {target.name} can contain only one motion, got {len(files)} files")
+        raise UsageError(f"-o {target.name} can contain only one motion, got {len(files)} files")
     refuse_useless_options(options, _ENDINGS_OF_OPTION, ending, target.name)
     check_writable([target], force=options.force, inputs=files)
-    options.groups = figure_groups(options, files)
-    skeleton = selected_skeleton(options)
+    skeleton = selected_skeleton(options.skeleton)
+    groups = figure_groups(options.groups, files, Config(), skeleton)
     motions = [_select_frames(read_clip(name, skeleton=skeleton), options.frames) for name in files]
     target.parent.mkdir(parents=True, exist_ok=True)
     document: dict[str, Any] = {"file": str(target)}
     if ending in _FILMS:
-        document |= _write_film(motions, target, options)
+        document |= _write_film(motions, target, groups, options)
     else:
         if options.rate is not None:
             motions = [motion.resample(options.rate) for motion in motions]
         document |= {"frames": [motion.n_frames for motion in motions], "rate": motions[0].rate}
         if ending in _FIGURES:
-            document |= _write_figure(motions, target, options)
+            document |= _write_figure(motions, target, groups, options)
         else:
             if ending == ".bvh":
                 write_bvh(motions[0], target, digits=options.digits)
@@ -95,20 +99,20 @@ def _write_like(motion: Motion, target: Path, source: str) -> None:
 
 
 def _write_figure(
-    motions: Sequence[Motion], target: Path, options: argparse.Namespace
+    motions: Sequence[Motion], target: Path, groups: _Groups, options: ExportOptions
 ) -> dict[str, Any]:
     scale = UNITS[options.scale] if isinstance(options.scale, str) else options.scale
     if target.suffix.lower() == ".glb":
-        metres = write_glb(motions, target, scale=scale, groups=options.groups)
+        metres = write_glb(motions, target, scale=scale, groups=groups)
     else:
-        metres = write_usd(motions[0], target, scale=scale, groups=options.groups)
+        metres = write_usd(motions[0], target, scale=scale, groups=groups)
     estimated = "" if options.scale is not None else " (estimated from the figure's height)"
     print_remark(f"{target.name}: metres, y up; 1 unit of the file is {metres:g} m{estimated}")
     return {"up": "y", "unit": "m", "metres_in_a_unit": metres}
 
 
 def _write_film(
-    motions: Sequence[Motion], target: Path, options: argparse.Namespace
+    motions: Sequence[Motion], target: Path, groups: _Groups, options: ExportOptions
 ) -> dict[str, Any]:
     with flags_in_errors(size="--size", rate="--rate"), show_progress() as progress:
         rate = write_video(
@@ -116,7 +120,7 @@ def _write_film(
             target,
             rate=options.rate,
             size=options.size,
-            groups=options.groups,
+            groups=groups,
             dark=options.dark,
             progress=progress,
         )

@@ -1,35 +1,49 @@
 """``mograft graft``: new motions on the base group of a captured one."""
 
-import argparse
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from mograft.cli.configuration import flags_in_errors, load_library, options_given, with_flags
-from mograft.cli.constraints import check_frames, read_constraints, read_obstacles
+import numpy as np
+
+from mograft._util.arrays import IntArray
+from mograft.cli.configuration import flags_in_errors, load_library, with_flags
+from mograft.cli.constraints import FLAGS, read_constraints
 from mograft.cli.files import check_writable, expand_folders, library_folder
-from mograft.cli.graft_outputs import check_graft_suffix, graft_files, output_paths
+from mograft.cli.graft_files import (
+    check_graft_suffix,
+    graft_files,
+    output_paths,
+    with_command,
+    write_report,
+)
 from mograft.cli.output import print_error, print_remark, print_result
-from mograft.cli.replayed import is_edit, replay_graft
-from mograft.cli.results import with_command, write_report
-from mograft.cli.scenario import check_scenario, read_scenario
-from mograft.config import Config
+from mograft.cli.replay import is_edit, replay_graft
+from mograft.cli.syntax.arguments import UsageError
+from mograft.cli.syntax.frames import Seconds, resolve_frame
+from mograft.cli.syntax.options import DEFAULT_DURATION, GraftOptions
 from mograft.errors import join_names, suggest_name
 from mograft.io.addresses import find_addresses, read_clip, split_address
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.provenance.document import graft_record
-from mograft.provenance.graft_files import write_graft
+from mograft.provenance.writing import write_graft
+from mograft.scenario import Scenario, fill, follow, to_beats, transitions, walk
+from mograft.scenario.walks import check_duration
 from mograft.search.constraints import Constraint
+from mograft.solve.base import grafted_groups
 from mograft.synthesis.advice import advise
 from mograft.synthesis.graft import graft_many, kept_violations, repair
-from mograft.synthesis.graft_plan import grafted_groups
 from mograft.synthesis.graft_result import Graft
+from mograft.synthesis.substitution import Substitution
 
 _MAX_REPORTED = 20
 """Maximum number of grafts on a report page: all of them are in memory at the same time."""
+
+_GRAPH_OPTIONS = ("duration", "frames", "path", "beats", "among")
 
 _KEPT_VIOLATIONS = (
     "joints that are not exchanged violate constraints, and no donor can remove these violations; "
@@ -37,100 +51,73 @@ _KEPT_VIOLATIONS = (
 )
 _ADVISED_OPTIONS = {
     "variety": "--variety",
-    "sigma_scale": "--sigma-scale",
+    "sigma_scale": "--set sigma_scale",
     "max_stretch": "--max-stretch",
-    "self_repair=False": "--no-self-repair",
+    "self_repair=False": "--set self_repair=false",
 }
 """The options that set what `advise` names."""
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: GraftOptions) -> int:
     """Run the command."""
     check_graft_suffix(options)
-    if getattr(options, "from") is not None:
+    if options.from_ is not None:
         return _run_replay(options)
-    if not options.files:
-        options.usage_error("expected LIB or FILE")
-    if options.reroll:
-        options.usage_error("--reroll requires --from")
-    options.sources = list(options.files)  # `options.files` is expanded below
-    if options.output.suffix.lower() in (".bvh", ".npz") and options.count != 1:
-        options.usage_error(f"-o must be a folder if -n is above 1, got {options.output}")
-    if options.repair and options.count != 1:
-        options.usage_error(f"-n must be 1 with --repair, got {options.count}")
-    check_scenario(options)
-    folder = library_folder(options)
-    library = None if folder is None else load_library(options)
-    if library is None:
-        options.files = expand_folders(options.files, include_grafts=options.include_grafts)
-    first = options.files[0] if library is None else library.entries[0].name
-    paths, page = output_paths(options, first)
-    files = graft_files(paths)
-    written = [*files, page] if options.report else files
-    check_writable(written, force=options.force, inputs=options.files)
+    _check_options(options)
+    folder = library_folder(options.files)
+    library, files = None, options.files
+    if folder is not None:
+        library = load_library(options)
+    else:
+        files = tuple(expand_folders(files, include_grafts=options.include_grafts))
+    paths, page = output_paths(options, files[0] if library is None else library.names[0])
+    written = [*graft_files(paths), *([page] if options.report else [])]
+    check_writable(written, force=options.force, inputs=files)
     if options.measure and find_spec("scipy") is None:
         raise ValueError("--measure needs SciPy: pip install 'mograft[evaluate]'")
-    obstacles = read_obstacles(options)
     if library is None:
-        library = load_library(options)
-    constraints = read_constraints(options, library, obstacles)
-    if options_given(options, "temperature") and library.config.choice != "sample":
-        options.usage_error(f"--temperature requires --choice sample, got {library.config.choice}")
-    _check_diversity(options, library.config)
+        library = load_library(replace(options, files=files))
+    constraints = read_constraints(options, library)
     if options.mirror:
         library = library.with_mirror_images()
-    base, swap = _find_base(library, options.base, folder), _swapped_groups(library, options)
-    if options.scenario == "original":
-        check_frames(options, library.rate, _count_frames(library, base))
-    # The base motion of a scenario does not exist yet.
-    if not options.best_effort and options.scenario == "original":
-        kept = kept_violations(library, base, constraints=constraints, swap=swap)
-        if kept:
-            print_error(_KEPT_VIOLATIONS, [violation.message for violation in kept])
-            return 4
-    grafts = _make_grafts(library, base, constraints, swap, options)
+    base = _find_base(library, options.base, folder)
+    with flags_in_errors(swap="--swap", scenario="--scenario", **FLAGS):
+        grafted_groups(library, options.swap)
+        # The base motion of a scenario does not exist yet.
+        if options.scenario == "original" and not options.best_effort:
+            kept = kept_violations(library, base, constraints=constraints, swap=options.swap)
+            if kept:
+                print_error(_KEPT_VIOLATIONS, [violation.message for violation in kept])
+                return 4
+        grafts = _make_grafts(library, base, constraints, options)
     if constraints:
         grafts = list(grafts)
-        best_effort = options.best_effort
-        if _print_violations(grafts, best_effort=best_effort) and not best_effort:
+        if _are_refused(grafts, options):
             return 4  # No donor sequence satisfies the constraints.
-    _write_results(grafts, paths, page, options)
+    _write_results(grafts, paths, page, options, options.digits)
     return 0
 
 
-def _check_diversity(options: argparse.Namespace, config: Config) -> None:
-    """End with a usage error if ``--diversity`` on the command line has no effect."""
-    if not options_given(options, "diversity"):
-        return
-    if options.count == 1:
-        options.usage_error("--diversity requires -n above 1")
-    if config.choice not in ("sample", "viterbi", "nearest"):
-        options.usage_error(
-            f"--diversity requires --choice sample, viterbi or nearest, got {config.choice}"
-        )
+def _check_options(options: GraftOptions) -> None:
+    """Raise a UsageError if options without ``--from`` contradict each other."""
+    if not options.files:
+        raise UsageError("expected LIB or FILE")
+    if options.reroll:
+        raise UsageError("--reroll requires --from")
+    if options.output.suffix.lower() in (".bvh", ".npz") and options.count != 1:
+        raise UsageError(f"-o must be a folder if -n is above 1, got {options.output}")
+    if options.repair and options.count != 1:
+        raise UsageError(f"-n must be 1 with --repair, got {options.count}")
+    _check_scenario(options)
 
 
-def _run_replay(options: argparse.Namespace) -> int:
+def _run_replay(options: GraftOptions) -> int:
     """Write the graft of ``--from``, edited if options require it; return the exit code."""
-    graft, path = replay_graft(options)
-    if is_edit(options):
-        best_effort = options.best_effort
-        if _print_violations([graft], best_effort=best_effort) and not best_effort:
-            return 4  # The edits contradict each other or the constraints of the graft.
-    _write_results([graft], [path], path.with_suffix(".html"), options)
+    graft, path, digits = replay_graft(options)
+    if is_edit(options) and _are_refused([graft], options):
+        return 4  # The edits contradict each other or the constraints of the graft.
+    _write_results([graft], [path], path.with_suffix(".html"), options, digits)
     return 0
-
-
-def _write_results(
-    grafts: Sequence[Graft], paths: Sequence[Path], page: Path, options: argparse.Namespace
-) -> None:
-    """Write grafts and the page that describes them, and print their paths."""
-    documents, columns, reported = _write_grafts(grafts, paths, options)
-    document: dict[str, Any] = {"grafts": documents}
-    if options.report:
-        write_report(reported, paths[: len(reported)], page, columns[: len(reported)])
-        document["report"] = str(page)
-    print_result(options, "grafts", document, [page] if options.report else [])
 
 
 def _find_base(library: Library, name: str | None, folder: Path | None) -> Motion | str | None:
@@ -175,55 +162,93 @@ def _find_entry(library: Library, address: str) -> str | None:
     return None
 
 
-def _count_frames(library: Library, base: Motion | str | None) -> int:
-    """Return the number of frames of a base motion at the rate of the library."""
-    if isinstance(base, Motion):
-        return round(base.duration * library.rate) + 1
-    return library.entries[0 if base is None else library.names.index(base)].n_frames
+def _check_scenario(options: GraftOptions) -> None:
+    """Raise a UsageError if the options of the scenario contradict each other."""
+    scenario = options.scenario
+    numbers = [word.strip() for word in scenario.split(",")]
+    if scenario not in ("original", "graph") and not all(word.isdecimal() for word in numbers):
+        raise UsageError(f"--scenario must be original, graph or segment numbers; got {scenario}")
+    if scenario != "original" and options.base is not None:
+        raise UsageError("--base cannot be combined with --scenario, which creates the base")
+    given = [name for name in _GRAPH_OPTIONS if getattr(options, name) is not None]
+    if scenario != "graph" and given:
+        raise UsageError(f"--{given[0]} requires --scenario graph")
+    lengths = [name for name in given if name in ("duration", "frames", "path")]
+    if len(lengths) > 1:
+        raise UsageError(f"--{lengths[1]} cannot be combined with --{lengths[0]}")
+    if "beats" in given and lengths not in ([], ["duration"]):
+        raise UsageError(f"--{lengths[0]} cannot be combined with --beats")
 
 
-def _swapped_groups(library: Library, options: argparse.Namespace) -> list[str] | None:
-    """Return the groups that ``--swap`` names, or None; raise ValueError if one is unknown."""
-    if options.swap is None:
+def _read_scenario(
+    library: Library, options: GraftOptions
+) -> Sequence[int] | IntArray | Scenario | None:
+    """Return the base segments that ``--scenario`` selects, or None for a captured clip."""
+    if options.scenario == "original":
         return None
-    names: list[str] = options.swap.split(",")
-    with flags_in_errors(swap="--swap"):
-        grafted_groups(library, names)
-    return names
+    if options.scenario != "graph":
+        return [int(word) for word in options.scenario.split(",")]
+    with flags_in_errors(
+        clips="--among", frames="--frames", path="--path", duration="--duration", beats="--beats"
+    ):
+        return _draw_scenario(library, options)
+
+
+def _draw_scenario(library: Library, options: GraftOptions) -> Sequence[int] | IntArray | Scenario:
+    """Return the base segments of ``--scenario graph``."""
+    seed, duration = options.seed or 0, options.duration or DEFAULT_DURATION
+    check_duration(duration)
+    graph = transitions(library, options.among)
+    if options.frames is not None:
+        is_time = isinstance(options.frames, Seconds)
+        n_frames = resolve_frame(options.frames, library.rate) + is_time
+        return fill(library, n_frames, seed, graph=graph)
+    if options.path is not None:
+        return follow(library, options.path, graph=graph)
+    if options.beats is not None:
+        if options.beats > 60.0 * library.rate:
+            raise ValueError(
+                f"--beats must be at most {60.0 * library.rate:.6g} beats per minute, one per "
+                f"frame, got {options.beats:g}"
+            )
+        beats = np.arange(int(duration * options.beats / 60.0) + 1) * (60.0 / options.beats)
+        return to_beats(library, beats, seed, graph=graph)
+    return walk(library, duration, seed, graph=graph)
 
 
 def _make_grafts(
     library: Library,
     base: Motion | str | None,
     constraints: Sequence[Constraint],
-    swap: list[str] | None,
-    options: argparse.Namespace,
+    options: GraftOptions,
 ) -> Sequence[Graft]:
     """Return the requested grafts."""
-    scenario = read_scenario(library, options)
+    scenario = _read_scenario(library, options)
     if options.repair:
-        return [repair(library, base, constraints=constraints, swap=swap)]
-    with flags_in_errors(scenario="--scenario"):
-        grafts = graft_many(
-            library,
-            base,
-            options.count,
-            constraints=constraints,
-            swap=swap,
-            seed=options.seed or 0,
-            scenario=scenario,
-            widen=options.sigma_scale is None and options.variety is None,
-        )
+        return [repair(library, base, constraints=constraints, swap=options.swap)]
+    is_fixed = options.variety is not None or any(
+        name == "sigma_scale" for name, _ in (*options.set, *options.configured)
+    )
+    grafts = graft_many(
+        library,
+        base,
+        options.count,
+        constraints=constraints,
+        swap=options.swap,
+        seed=options.seed or 0,
+        scenario=scenario,
+        widen=not is_fixed,
+    )
     for note in grafts.notes:
         print_remark(note)
     # The candidates of all segments need not stay in memory for a single graft.
     return [grafts[0]] if len(grafts) == 1 else grafts
 
 
-def _print_violations(grafts: Sequence[Graft], *, best_effort: bool) -> bool:
-    """Print the constraints that each graft violates; return whether there are any.
+def _are_refused(grafts: Sequence[Graft], options: GraftOptions) -> bool:
+    """Print the constraints that each graft violates; return whether grafts must not be written.
 
-    The last line states whether the grafts are written. They are written if `best_effort` is true.
+    They are written in spite of violations with ``--best-effort``.
     """
     violating = [graft for graft in grafts if graft.violations]
     messages = [
@@ -232,7 +257,7 @@ def _print_violations(grafts: Sequence[Graft], *, best_effort: bool) -> bool:
         for violation in graft.violations
     ]
     counts = f"{len(violating)} of {len(grafts)} motions"
-    if violating and best_effort:
+    if violating and options.best_effort:
         warning = f"warning: {counts} violate the constraints; all {len(grafts)} are written"
         print_remark("\n".join([*messages, warning]))
     elif violating:
@@ -241,59 +266,87 @@ def _print_violations(grafts: Sequence[Graft], *, best_effort: bool) -> bool:
             "no motion was written; --best-effort writes all",
             messages,
         )
-    return bool(violating)
+    return bool(violating) and not options.best_effort
 
 
-def _write_grafts(
-    grafts: Sequence[Graft], paths: Sequence[Path], options: argparse.Namespace
-) -> tuple[list[dict[str, Any]], list[dict[str, str]], list[Graft]]:
-    """Write each graft to its path, and print the paths.
+@dataclass(frozen=True)
+class _Output:
+    """A graft that was written, or that is written together with others."""
 
-    Return two lists with one dict per graft: the values that ``--json`` prints, and the measures
-    as text by name. The second list is empty without ``--measure``. The third list has the grafts
-    for the report page; it is empty without ``--report``.
-    """
+    path: Path
+    substitutions: Sequence[Substitution]
+    document: dict[str, Any]  # What ``--json`` prints.
+    sections: dict[str, Any]  # Additional entries of its .json file.
+    columns: dict[str, str] = field(default_factory=dict)  # Measures as text, by name.
+    graft: Graft | None = None  # The graft, if the page or a common file needs it later.
+
+
+def _write_results(
+    grafts: Sequence[Graft],
+    paths: Sequence[Path],
+    page: Path,
+    options: GraftOptions,
+    digits: int | None,
+) -> None:
+    """Write grafts and the page that describes them, and print their paths and remarks."""
     paths[0].parent.mkdir(parents=True, exist_ok=True)
-    documents, columns = [], []
-    reported: list[Graft] = []
-    reference, motions = None, []
+    is_together = paths[0].suffix.lower() == ".glb"
+    reference, outputs = None, list[_Output]()
     if options.measure:
         from mograft.evaluation.world_measures import WorldReference  # takes long to import
 
         reference = WorldReference(grafts[0].library)
-    together: list[tuple[Graft, dict[str, Any]]] = []  # grafts that are written to one file
     for path, graft in zip(paths, grafts, strict=False):
-        sections: dict[str, Any] = {}
-        if options.report and len(reported) < _MAX_REPORTED:
-            reported.append(graft)  # each access to `grafts` builds the graft anew
-        lines = [graft.report(each=options.verbose)]
+        lines, sections, columns = [graft.report(each=options.verbose)], {}, {}
         if reference is not None:
             measures = reference.measure(graft)
-            sections["quality"] = measures.as_dict()
-            columns.append(measures.columns())
-            lines.append("  " + ", ".join(f"{name} {text}" for name, text in columns[-1].items()))
-        if getattr(options, "from") is None:
-            graft = with_command(graft, options, options.sources)
-        if path.suffix.lower() == ".glb":
-            together.append((graft, sections))
-        else:
-            write_graft(graft, path, sections, digits=options.digits)
-        motions.append(graft.substitutions)
-        provenance = graft_record(graft, path.parent) if options.json else {}
-        documents.append({"file": str(path), **provenance, "digits": options.digits, **sections})
+            sections, columns = {"quality": measures.as_dict()}, measures.columns()
+            lines.append("  " + ", ".join(f"{name} {text}" for name, text in columns.items()))
+        own = graft if options.from_ else with_command(graft, options, options.files)
+        if not is_together:
+            write_graft(own, path, sections, digits=digits)
+        document = graft_record(own, path.parent) if options.json else {}
+        document = {"file": str(path), **document, "digits": digits, **sections}
         print_remark("\n".join(lines))
-        if not options.json and not together:
+        if not options.json and not is_together:
             print(path)
-    if together:
-        write_graft([graft for graft, _ in together], paths[0], [own for _, own in together])
-        if not options.json:
-            print(paths[0])
-    if len(documents) < options.count:
+        # Each access to `grafts` builds the graft anew.
+        is_shown = options.report and len(outputs) < _MAX_REPORTED
+        kept = graft if is_shown or is_together else None
+        outputs.append(_Output(path, own.substitutions, document, sections, columns, kept))
+    if is_together:
+        _write_together(outputs, options)
+    _print_remarks(graft, outputs, options)
+    result: dict[str, Any] = {"grafts": [output.document for output in outputs]}
+    if options.report:
+        shown = outputs[:_MAX_REPORTED]
+        write_report(
+            [output.graft for output in shown if output.graft is not None],
+            [output.path for output in shown],
+            page,
+            [output.columns for output in shown] if options.measure else (),
+        )
+        result["report"] = str(page)
+    print_result(options, "grafts", result, [page] if options.report else [])
+
+
+def _write_together(outputs: Sequence[_Output], options: GraftOptions) -> None:
+    """Write grafts to the .glb file that all of them have as path, and print the path."""
+    grafts = [output.graft for output in outputs if output.graft is not None]
+    if options.from_ is None:
+        grafts = [with_command(graft, options, options.files) for graft in grafts]
+    write_graft(grafts, outputs[0].path, [output.sections for output in outputs])
+    if not options.json:
+        print(outputs[0].path)
+
+
+def _print_remarks(last: Graft, outputs: Sequence[_Output], options: GraftOptions) -> None:
+    """Print how many motions are missing, and what was not exchanged; `last` is one graft."""
+    if len(outputs) < options.count:
         print_remark(
-            f"warning: the donors allow only {len(documents)} different "
-            f"motion{'s' * (len(documents) > 1)}, not {options.count}; more clips or a larger "
+            f"warning: the donors allow only {len(outputs)} different "
+            f"motion{'s' * (len(outputs) > 1)}, not {options.count}; more clips or a larger "
             "--variety allow more"
         )
-    for remark in advise(graft, motions):
+    for remark in advise(last, [output.substitutions for output in outputs]):
         print_remark(with_flags(remark, _ADVISED_OPTIONS))
-    return documents, columns, reported

@@ -1,18 +1,21 @@
 """``mograft stream``: serve live grafts to engines on a local socket."""
 
-import argparse
 import sys
 
 from mograft.cli.configuration import load_library
 from mograft.cli.output import print_remark, print_result
+from mograft.cli.syntax.arguments import UsageError
+from mograft.cli.syntax.commands import StreamOptions
 from mograft.stream.protocol import PROTOCOL
 from mograft.stream.server import ServerLimits, StreamServer, is_loopback
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: StreamOptions) -> int:
     """Run the command until it is interrupted."""
+    if (options.port is None) == (options.socket is None):
+        raise UsageError("one of --port and --socket is required")
     library = load_library(options)
-    address = options.socket if options.socket is not None else (options.host, options.port)
+    address = options.socket or (options.host, options.port or 0)
     if options.socket is None and not is_loopback(options.host):
         print_remark(
             f"warning: {options.host} accepts connections from other computers, without a password"

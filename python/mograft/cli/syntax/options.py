@@ -1,278 +1,375 @@
-"""Options that several commands share, and the option groups of ``mograft graft``."""
+"""Options of ``mograft graft`` and those that commands share, by heading of ``--help``."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mograft._util.registry import CONFIG_OPTIONS, Registry
 from mograft.cli.syntax import values
 from mograft.cli.syntax.arguments import (
-    Argument,
-    ArgumentGroup,
+    Options,
     option,
     positional,
-    repeated_option,
+    repeated,
     setting,
-    setting_switch,
     switch,
 )
-from mograft.cli.syntax.frame_times import frame_count, frames
-from mograft.cli.syntax.segment_values import ban, segment_value, take
-from mograft.cli.syntax.values import (
-    non_negative_integer,
-    non_negative_number,
-    positive_number,
-    positive_number_or_auto,
-    share,
-)
+from mograft.cli.syntax.frames import Frame, Range, SegmentValue, Taken
 
 PRESETS = ("lower_upper", "lower_torso_arms", "lower_torso_larm_rarm", "lower_torso_head_larm_rarm")
 DEFAULT_DURATION = 60.0
 """Duration of ``--scenario graph`` in seconds."""
+_GROUPS = values.Value("NAME|FILE|auto:N", is_path=True)
+_MATCH = values.choice("names", "anatomy", placeholder="names|anatomy")
 
 
-def files_argument(help: str, metavar: str = "FILE", nargs: str = "+") -> Argument:  # noqa: A002
-    """Return the positional argument for files, shown as `metavar` in ``--help``.
+def groups_option(help: str = "joint groups", default: str = "lower_upper") -> Any:  # noqa: A002, ANN401
+    """Return the option ``--groups``; `default` is described, not set."""
+    help = f"{help}: a preset, a TOML file or auto:N (default: {default})"  # noqa: A001
+    details = "auto:N finds N groups of joints that move together, auto also chooses N"
+    return setting(help, _GROUPS, details=details)
 
-    `nargs` is that of `add_argument`.
-    """
-    return positional("files", help, is_path=True, nargs=nargs, metavar=metavar)
+
+def output_option(*given: Any, **more: Any) -> Any:  # noqa: ANN401 - those of `option`
+    """Return the option ``-o``."""
+    return option(*given, short="-o", **more)
 
 
-def groups_option(subject: str = "joint groups", default: str = "lower_upper") -> Argument:
-    """Return the option ``--groups``, whose help text contains `subject` and `default`."""
-    return setting(
-        "--groups NAME|FILE|auto:N",
-        f"{subject}: the name of a preset, a TOML file, or auto:N, N groups of joints that move "
-        f"together (auto: the number is chosen) (default: {default})",
-        is_path=True,
+@dataclass(frozen=True, kw_only=True)
+class ResultOptions(Options, section="output"):
+    """Options of commands that print a result."""
+
+    json: bool = switch("print the results as one JSON document", is_expert=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WriterOptions(ResultOptions, section="output"):
+    """Options of commands that write files."""
+
+    force: bool = switch("overwrite existing files")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeedOptions(Options, section="how different"):
+    """Options of commands that draw random numbers."""
+
+    seed: int | None = setting("seed of the random number generator (default: 0)", values.INDEX)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DigitsOptions(Options, section="output"):
+    """Options of commands that write .bvh files."""
+
+    digits: int | None = setting(
+        "decimals of computed angles in a .bvh file, from 1 to 12 (default: those of the file, at "
+        "least 6)",
+        values.Value("N", values.decimals),
+        is_expert=True,
     )
 
 
-def output_option(help: str, **keywords: Any) -> Argument:  # noqa: A002, ANN401 - as add_argument
-    """Return the option ``-o``; `keywords` are passed to `option`."""
-    return option("-o --output", help, Path, is_path=True, **keywords)
+@dataclass(frozen=True, kw_only=True)
+class SkeletonOptions(ResultOptions, section="input"):
+    """Options of commands that read motion files."""
 
-
-def config_option(field: str, subject: str, default: str, paper: str | None = None) -> Argument:
-    """Return the option ``--field``, which sets the field of `Config` with this name.
-
-    `subject` describes the field in the help text. `default` is the value if the option is not
-    given, `paper` the one with ``--preset paper`` if it differs.
-    """
-    registry = CONFIG_OPTIONS[field]
-    of_paper = "" if paper is None else f"; with --preset paper: {paper}"
-    return setting(
-        f"--{field}",
-        f"{subject} (default: {default}{of_paper}): {_describe(registry)}",
-        choices=registry.names,
+    files: tuple[str, ...] = positional("motion files, or folders of them", values.FILES, "+")
+    skeleton: str | None = setting(
+        "rest pose for files that store none, such as those of AMASS: a motion file, or a .json "
+        "file of offsets (default: a substitute with published body proportions)",
+        values.SOURCE,
+        is_expert=True,
     )
 
 
-def _describe(registry: Registry[str]) -> str:
-    """Return the accepted values of a parameter with their descriptions, as one line."""
-    return "; ".join(f"{name} - {text}" for name, text in registry.entries.items())
+@dataclass(frozen=True, kw_only=True)
+class FieldOptions(ResultOptions, section="how different"):
+    """Options of commands that segment motions."""
+
+    set: tuple[tuple[str, str], ...] = setting(
+        "another field of the configuration",
+        values.Value("FIELD=VALUE", values.assignment),
+        (),
+        details="such as seam=offset; may be repeated; docs/settings.md lists the fields",
+        is_repeated=True,
+    )
+    configured: tuple[tuple[str, str], ...] = ()
+    """Fields and values of ``set`` in the configuration file and the environment."""
 
 
-MOTION_FILES = files_argument("motion files, or folders of them")
-FILES_OR_LIBRARY = files_argument("motion files, or one library", "LIB|FILE")
-GROUPS = groups_option()
-FIGURE_COLOURS = "joint groups that set the colours"
-PRESET = setting(
-    "--preset",
-    "configuration before other options change it: default, or paper, which has the parameters "
-    "of the paper (default: default)",
-    choices=("default", "paper"),
-)
-SIGMA_SCALE = setting(
-    "--sigma-scale X|auto",
-    "cluster diameter threshold, as a multiple of sigma, the spread of all segments; larger values "
-    "give more variety, smaller values more similarity; auto chooses X for each joint group from "
-    "how much repeated motions differ (default: 0.75; with --preset paper: 1)",
-    positive_number_or_auto,
-)
-VARIETY = setting(
-    "--variety X",
-    "variety of the motions, from 0 (few, similar donors) to 1 (many, less similar donors); sets "
-    "--sigma-scale (default: 0.5)",
-    share,
-)
-NEIGHBOURHOOD = config_option("neighbourhood", "segments that can be donors", "cluster")
-SEED = setting("--seed", "seed of the random number generator (default: 0)", non_negative_integer)
-SEGMENTATION = setting(
-    "--segmentation NAME|FILE",
-    "how motions are cut into segments (default: energy): "
-    f"{_describe(CONFIG_OPTIONS['segmentation'])}; or a .json file with the cut frames of each "
-    'clip, such as {"walk": [12, 40]}. NAME:PARAMETER=VALUE,... sets parameters, such as '
-    "com:min_flight=0.2",
-    values.segmentation,
-    is_path=True,
-)
-INCLUDE_GRAFTS = setting_switch(
-    "--include-grafts",
-    "also read the grafts in folders: motions with a .json file of mograft graft beside them "
-    "(default: skip them)",
-)
-DIGITS = setting(
-    "--digits N",
-    "decimals of computed angles in a .bvh file, from 1 to 12; unchanged angles keep those of "
-    "the file (default: those of the file, at least 6)",
-    values.decimals,
-)
-MATCH = setting(
-    "--match",
-    "how motions of different hierarchies fit together: names - all must have the same joint names "
-    "and hierarchy; anatomy - joints correspond by body part, and those without a counterpart are "
-    "listed (default: names)",
-    choices=("names", "anatomy"),
-)
-SKELETON = setting(
-    "--skeleton FILE",
-    "rest pose for files that store none, such as those of AMASS: a motion file, or a .json file "
-    "of offsets (default: a substitute with published body proportions)",
-    is_path=True,
-)
-FORCE = switch("--force", "overwrite existing files")
-JSON = switch("--json", "print the results as one JSON document")
+@dataclass(frozen=True, kw_only=True)
+class LibraryFileOptions(SkeletonOptions, section="input"):
+    """Options for the files from which a library is built."""
 
-REPLAY_OPTIONS = (
-    option(
-        "--from JSON",
-        ".json file of the graft to create again, byte for byte; --take, --ban, --keep and "
-        "--reroll change some segments and leave the others unchanged; LIB|FILE is needed only if "
-        "files have moved",
-        is_path=True,
-    ),
-    repeated_option(
-        "--reroll SEGMENT",
-        "with --from: index of a base segment that gets another donor, or frames FIRST-LAST of "
-        "several; may be repeated",
-        segment_value,
-    ),
-)
-SCENARIO_OPTIONS = (
-    option(
-        "--scenario original|graph|N,...",
-        "motion of the base group: original (a captured clip), graph (a random sequence of "
-        "segments, in which each segment continues the motion of the previous one), or indices of "
-        "segments in the library, which are joined in this order (default: original)",
-        default="original",
-    ),
-    option(
-        "--duration S",
-        "duration of --scenario graph, in seconds, at most 86400 (default: "
-        f"{DEFAULT_DURATION:.0f})",
-        positive_number,
-    ),
-    option(
-        "--frames N|S",
-        "exact number of frames of --scenario graph, or a time such as 30s (default: --duration "
-        "sets the length)",
-        frame_count,
-    ),
-    setting(
-        "--path X,Z:X,Z:...",
-        "corners of a path on the floor that --scenario graph follows, in the unit of the file "
-        "(X,Y if z points up); the length of the path determines the duration (default: no path)",
-        values.corners,
-    ),
-    setting(
-        "--beats BPM",
-        "tempo of --scenario graph in beats per minute: a segment ends on each beat (default: no "
-        "tempo)",
-        positive_number,
-    ),
-    setting(
-        "--among CLIP,...",
-        "clips whose segments --scenario graph uses; CLIP may be a glob such as waltz* (default: "
-        "all clips)",
-    ),
-)
-
-
-def constraint_options(*more: Argument) -> ArgumentGroup:
-    """Return the group of all options that set constraints, with the options `more` at its end."""
-    return ArgumentGroup(
-        (*_POSE_OPTIONS, *_SEGMENT_OPTIONS, *_DONOR_OPTIONS, *more),
-        "constraints",
-        "Positions are in the unit of the file. Frames are counted from 0 in the base motion; a "
-        "time in seconds has the suffix s, such as 3.3s-13.3s. If "
-        "no donor sequence satisfies all constraints, mograft graft prints the remaining "
-        "violations to stderr and returns exit code 4.",
+    files: tuple[str, ...] = positional(
+        "motion files, or one library", values.LIBRARY_OR_FILES, "+"
+    )
+    groups: str | None = groups_option()
+    include_grafts: bool = switch(
+        "also read grafts in folders: motions with a .json file of mograft graft beside them",
+        is_expert=True,
+        is_setting=True,
+    )
+    match: str | None = setting(
+        "how motions of different hierarchies fit together (default: names)",
+        _MATCH,
+        details="names - all must have the same joint names and hierarchy; anatomy - joints "
+        "correspond by body part, and those without a counterpart are listed",
+        is_expert=True,
     )
 
 
-_POSE_OPTIONS = (
-    repeated_option(
-        "--avoid WHAT[@FIRST-LAST]",
-        "obstacle that the body must not touch: FILE.bvh[@X,Y,Z[,YAW]] (another character, turned "
-        "by YAW degrees, then moved by X,Y,Z), sphere:X,Y,Z,RADIUS, capsule:X,Y,Z,X,Y,Z,RADIUS "
-        "(its two ends), box:X,Y,Z,HX,HY,HZ (its centre and half of its sizes) or "
-        "wall:X,Y,Z,NX,NY,NZ (a point and the normal); in all frames or from FIRST to LAST; may be "
-        "repeated",
-        values.obstacle,
-    ),
-    setting(
-        "--radius X",
-        "factor on the thickness of the bodies of the characters of --avoid (default: 1)",
-        positive_number,
-        1.0,
-    ),
-    setting_switch(
-        "--avoid-self",
-        "forbid contact of hands and forearms with trunk, head, thighs and each other",
-    ),
-    repeated_option(
-        "--reach FRAME[-LAST]:JOINT:X,Y,Z[~TOL]",
-        "position of a joint in a frame, or in all frames to LAST, within TOL skeleton heights "
+@dataclass(frozen=True, kw_only=True)
+class LibraryOptions(FieldOptions, LibraryFileOptions, section="how different"):
+    """Options of commands that open a library, or build one from motion files."""
+
+    preset: str | None = setting(
+        "configuration before other options change it; paper has the parameters of the paper "
+        "(default: default)",
+        values.choice("default", "paper"),
+        is_expert=True,
+    )
+    variety: float | None = setting(
+        "from 0 (few, similar donors) to 1 (many, less similar donors) (default: 0.5)",
+        values.Value("X", values.share),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeepOptions(Options, section="what to keep"):
+    """Options for frames that are not exchanged."""
+
+    keep: tuple[Range, ...] = repeated(
+        "frames, or times as 3s-4s, that stay as captured",
+        values.FRAMES,
+        details="segments that contain part of this range are not exchanged; may be repeated",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaceOptions(Options, section="where the hands go"):
+    """Options for places that the body must reach, face or avoid."""
+
+    reach: tuple[tuple[Range, str, values.Point, float], ...] = repeated(
+        "position of a joint in a frame",
+        values.Value("FRAME[-LAST]:JOINT:X,Y,Z[~TOL]", values.reach),
+        details="or in all frames to LAST, within TOL skeleton heights "
         f"(default: {values.REACH_TOLERANCE}); may be repeated",
-        values.reach,
-    ),
-    repeated_option(
-        "--face X,Y,Z[@FIRST-LAST]",
-        "position that the head must face within 20 degrees, in all frames or from FIRST to LAST; "
-        "may be repeated",
-        values.face,
-    ),
-    repeated_option(
-        "--keep FIRST-LAST",
-        "frames, or times such as 10s-12.5s: segments that contain part of this range are not "
-        "exchanged; may be repeated",
-        frames,
-    ),
-)
-_SEGMENT_OPTIONS = (
-    repeated_option(
-        "--take SEGMENT=CLIP:FIRST-LAST",
+    )
+    avoid: tuple[tuple[str, tuple[float, ...], Range | None], ...] = repeated(
+        "obstacle, such as sphere:X,Y,Z,RADIUS",
+        values.Value("WHAT[@FIRST-LAST]", values.obstacle),
+        details="FILE.bvh[@X,Y,Z[,YAW]] (another character, turned by YAW degrees, then moved by "
+        "X,Y,Z), capsule:X,Y,Z,X,Y,Z,RADIUS (its two ends), box:X,Y,Z,HX,HY,HZ (its centre and "
+        "half of its sizes) or wall:X,Y,Z,NX,NY,NZ (a point and the normal); in all frames or "
+        "from FIRST to LAST; may be repeated",
+    )
+    avoid_self: bool = switch(
+        "forbid contact of hands and forearms with trunk, head, thighs and each other",
+        is_expert=True,
+        is_setting=True,
+    )
+    face: tuple[tuple[values.Point, Range | None], ...] = repeated(
+        "position that the head must face within 20 degrees; may be repeated",
+        values.Value("X,Y,Z[@FIRST-LAST]", values.face),
+        is_expert=True,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class DonorOptions(Options, section="donors"):
+    """Options for the segments that may be donors."""
+
+    take: tuple[tuple[SegmentValue, Taken], ...] = repeated(
         "donor that a base segment must have: frames FIRST-LAST of CLIP, from any cluster and of "
-        "any duration; SEGMENT is the index of the base segment, from 0, or its frames "
-        "FIRST-LAST; GROUP:SEGMENT selects one of several exchanged groups; may be repeated",
-        take,
-    ),
-    repeated_option(
-        "--ban SEGMENT[=CLIP[:FIRST-LAST]]",
-        "donors that a base segment must not have: all segments of CLIP, or those that overlap "
-        "its frames FIRST-LAST. Without CLIP, the base segment must not keep its captured motion, "
-        "or with --from the donor that it has in the graft. SEGMENT is as for --take; may be "
-        "repeated",
-        ban,
-    ),
-)
-_DONOR_OPTIONS = (
-    setting(
-        "--only-from CLIP,...",
-        "clips that may provide donors; CLIP may be a glob such as waltz* (default: all clips)",
-    ),
-    setting(
-        "--not-from CLIP,...",
-        "clips that must not provide donors; CLIP may be a glob such as waltz* (default: none)",
-    ),
-    setting("--only-tagged TAG,...", "tags of clips that may provide donors (default: all clips)"),
-    setting("--not-tagged TAG,...", "tags of clips that must not provide donors (default: none)"),
-    setting(
-        "--max-stretch X",
+        "any duration; SEGMENT is the index of the base segment, from 0, or its frames FIRST-LAST; "
+        "GROUP:SEGMENT selects one of several exchanged groups; may be repeated",
+        values.TAKE,
+    )
+    ban: tuple[tuple[SegmentValue, str | Taken | None], ...] = repeated(
+        "donors that a base segment must not have: all segments of CLIP, or those that overlap its "
+        "frames FIRST-LAST. Without CLIP, the base segment must not keep its captured motion, or "
+        "with --from the donor that it has in the graft. SEGMENT is as for --take; may be repeated",
+        values.BAN,
+    )
+    only_from: tuple[str, ...] | None = setting(
+        "clips that may provide donors; CLIP may be a glob such as waltz*", values.CLIPS
+    )
+    not_from: tuple[str, ...] | None = setting(
+        "clips that must not provide donors; CLIP may be a glob such as waltz*", values.CLIPS
+    )
+    only_tagged: tuple[str, ...] | None = setting(
+        "tags of clips that may provide donors", values.TAGS
+    )
+    not_tagged: tuple[str, ...] | None = setting(
+        "tags of clips that must not provide donors", values.TAGS
+    )
+    max_stretch: float | None = setting(
         "maximum difference between the durations of donor and base segment, as a fraction of the "
         "duration of the base segment (default: 0.15)",
-        non_negative_number,
-    ),
-    setting("--max-angle DEGREES", "maximum seam angle in degrees (default: 45)", positive_number),
-)
+        values.Value("X", values.non_negative_number),
+    )
+    max_angle: float | None = setting(
+        "maximum seam angle in degrees (default: 45)",
+        values.Value("DEGREES", values.positive_number),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConstraintOptions(DonorOptions, PlaceOptions, KeepOptions, LibraryOptions):
+    """Options of commands that open a library and set constraints."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CandidatesOptions(ConstraintOptions):
+    """List the segments that may replace a segment, and why others are refused."""
+
+    clip: str | None = option(
+        "clip that contains the segment (default: the first clip)", values.NAME
+    )
+    segment: int | None = option(
+        "index of the segment in the clip, from 0; or give --frame", values.INDEX
+    )
+    frame: Frame | None = option(
+        "a frame of the segment, counted from 0 in the clip, or a time such as 10.5s", values.FRAME
+    )
+    group: str | None = option(
+        "joint group to exchange (default: the first group that is not the base group)", values.NAME
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class BaseOptions(Options, section="what to keep"):
+    """Options for the motion of the base group."""
+
+    base: str | None = option(
+        "base motion (default: the first clip)", values.Value("CLIP|FILE", is_path=True)
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScenarioOptions(Options, section="scenario"):
+    """Options for base motions that are not captured."""
+
+    scenario: str = option(
+        "motion of the base group: original - a captured clip; graph - a random sequence of "
+        "segments, in which each segment continues the motion of the previous one; or indices of "
+        "segments in the library, which are joined in this order (default: original)",
+        values.Value("original|graph|N,..."),
+        "original",
+    )
+    duration: float | None = option(
+        f"duration of --scenario graph in seconds, at most 86400 (default: {DEFAULT_DURATION:.0f})",
+        values.SECONDS,
+    )
+    frames: Frame | None = option(
+        "exact number of frames of --scenario graph, or a time such as 30s", values.LENGTH
+    )
+    path: list[tuple[float, float]] | None = setting(
+        "corners of a path on the floor that --scenario graph follows, in the unit of the file "
+        "(X,Y if z points up); the length of the path determines the duration",
+        values.Value("X,Z:X,Z:...", values.corners),
+    )
+    beats: float | None = setting(
+        "tempo of --scenario graph in beats per minute: a segment ends on each beat",
+        values.Value("BPM", values.positive_number),
+    )
+    among: tuple[str, ...] | None = setting(
+        "clips whose segments --scenario graph uses; CLIP may be a glob such as waltz*",
+        values.CLIPS,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordOptions(Options, section="input"):
+    """Options for grafts that are made again."""
+
+    files: tuple[str, ...] = positional(
+        "motion files, or one library; none with --from", values.LIBRARY_OR_FILES, "*"
+    )
+    from_: str | None = option(
+        ".json file of a graft to make again, byte for byte",
+        values.Value("JSON", is_path=True),
+        details="--take, --ban, --keep and --reroll change some segments and leave the others "
+        "unchanged; LIB|FILE is needed only if files have moved",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChangeOptions(Options, section="what to change"):
+    """Options for the parts that are exchanged."""
+
+    swap: tuple[str, ...] | None = setting(
+        "groups to exchange (default: all but the base)", values.Value("GROUP,...", values.names)
+    )
+    repair: bool = switch("exchange only segments that violate the constraints", is_expert=True)
+    reroll: tuple[SegmentValue, ...] = repeated(
+        "with --from: index of a base segment that gets another donor, or frames FIRST-LAST of "
+        "several; may be repeated",
+        values.SEGMENT,
+        is_expert=True,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class VarietyOptions(SeedOptions, section="how different"):
+    """Options for several motions."""
+
+    count: int = option(
+        "number of motions (default: 1)",
+        values.COUNT,
+        1,
+        details="if neither --variety nor --set sigma_scale is given and the donors allow fewer "
+        "different motions, the clusters are enlarged",
+        short="-n",
+    )
+    mirror: bool = switch(
+        "use the mirror images of all clips as additional donors", is_expert=True, is_setting=True
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class EffortOptions(Options, section="where the hands go"):
+    """Options for constraints that cannot be satisfied."""
+
+    best_effort: bool = switch(
+        "if no donor sequence satisfies the constraints, write the motions with the smallest "
+        "violation and return exit code 0 instead of 4",
+        is_expert=True,
+        is_setting=True,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class GraftOptions(
+    DigitsOptions,
+    WriterOptions,
+    EffortOptions,
+    VarietyOptions,
+    ChangeOptions,
+    RecordOptions,
+    ScenarioOptions,
+    BaseOptions,
+    ConstraintOptions,
+    section="output",
+):
+    """Create motions by exchanging joint groups of a captured motion.
+
+    The base group, by default the legs and the root, keeps its motion. The other joint groups are
+    taken from segments in which the base group moves similarly. Positions are in the unit of the
+    file; frames are counted from 0.
+    """
+
+    output: Path = output_option(
+        "folder, or a .bvh, .npz or .glb file",
+        values.PATH,
+        details="a .bvh file for a single motion; an .npz file for a single motion, which is a "
+        "copy of the base's AMASS file; a .glb file for one or more motions, which is a copy of "
+        "the base's glTF file",
+        is_required=True,
+    )
+    report: bool = switch("also write an HTML page that describes the motions", is_setting=True)
+    measure: bool = switch(
+        "also measure jerk, foot contacts and balance of each motion, and add the values to its "
+        ".json file and to the page of --report (needs mograft[evaluate])",
+        is_expert=True,
+        is_setting=True,
+    )

@@ -2,25 +2,24 @@
 
 import argparse
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from mograft import __version__
-from mograft.cli.settings import find_settings
-from mograft.cli.syntax.arguments import Argument, ArgumentGroup, Command
+from mograft.cli.settings import Setting, find_settings
+from mograft.cli.syntax.arguments import (
+    EXPERT_SECTIONS,
+    SECTIONS,
+    Argument,
+    Command,
+    Options,
+    UsageError,
+)
 from mograft.errors import suggest_name
 
-GENERAL_OPTIONS = (
-    Argument(
-        flags=("-q", "--quiet"),
-        keywords={"action": "store_true", "help": "print only results and errors"},
-    ),
-    Argument(
-        flags=("-v", "--verbose"),
-        keywords={"action": "store_true", "help": "also print details that require no action"},
-    ),
-)
-"""Options of every command."""
+_GENERAL_FLAGS = ("--help", "--help-all")
+_GENERAL = ("quiet", "verbose", "json")
+"""Options that ``--help`` shows if it would leave out nothing else."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -34,14 +33,29 @@ class _Parser(argparse.ArgumentParser):
         raise SystemExit(2)
 
 
+def _formatter(prog: str) -> argparse.HelpFormatter:
+    return argparse.HelpFormatter(prog, max_help_position=28)
+
+
+class _ShortHelp(argparse.Action):
+    """Print the help without the options and details of ``--help-all``."""
+
+    texts: dict[argparse.Action, str]  # The help text of each action that has details.
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        for action, text in self.texts.items():
+            action.help = text
+        parser.print_help()
+        parser.exit()
+
+
 def build_parsers(
-    commands: Sequence[Command], path_completion: object = None
+    commands: Sequence[Command], *, is_completion: bool = False
 ) -> dict[tuple[str, ...], argparse.ArgumentParser]:
     """Return the argparse parsers of the program, of its commands and of their subcommands.
 
     The keys are the words of a command, such as ``("lib", "verify")``, and ``()`` for the program.
-    `path_completion` is assigned to the attribute ``complete`` of all arguments that are paths;
-    shtab reads this attribute.
+    With `is_completion` they have the attributes that shtab reads.
     """
     root = _Parser(
         prog="mograft",
@@ -50,75 +64,95 @@ def build_parsers(
     )
     root.add_argument("--version", action="version", version=f"mograft {__version__}")
     parsers: dict[tuple[str, ...], argparse.ArgumentParser] = {(): root}
-    subparsers = root.add_subparsers(
-        title="commands", prog="mograft", required=True, metavar="COMMAND"
-    )
-    for command in commands:
-        parser = _add_parser(subparsers, command, f"mograft {command.name}", path_completion)
-        parser.set_defaults(command=command, function="run")
-        parsers[command.name,] = parser
-        if command.actions:
-            prog = parser.prog
-            actions = parser.add_subparsers(
-                title="actions", prog=prog, required=True, metavar="ACTION"
+
+    def add(
+        parent: argparse.ArgumentParser, members: Sequence[Command], path: tuple[str, ...]
+    ) -> None:
+        kind = "action" if path else "command"
+        subparsers = parent.add_subparsers(
+            title=f"{kind}s", prog=parent.prog, required=True, metavar=kind.upper()
+        )
+        for command in members:
+            words = (*path, command.name)
+            parser: Any = subparsers.add_parser(
+                command.name,
+                prog=f"mograft {' '.join(words)}",
+                usage=f"mograft {' '.join(words)} {_summarize(command)}",
+                help=command.help,
+                description=None if command.actions else command.options.__doc__,
+                add_help=bool(command.actions),
+                formatter_class=_formatter,
             )
-        for action in command.actions:
-            parser = _add_parser(actions, action, f"{prog} {action.name}", path_completion)
-            parser.set_defaults(command=command, function=f"run_{action.name}")
-            parsers[command.name, action.name] = parser
+            parsers[words] = parser
+            if command.actions:
+                add(parser, command.actions, words)
+            else:
+                parser.set_defaults(command=command, parser=parser)
+                _add_arguments(parser, command, is_completion=is_completion)
+
+    add(root, commands, ())
     return parsers
 
 
-def _add_parser(
-    subparsers: Any,  # noqa: ANN401 - argparse does not publish its type
-    command: Command,
-    name: str,
-    path_completion: object,
-) -> argparse.ArgumentParser:
-    """Add the parser of a command; `name` is, for example, ``mograft config show``."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        command.name,
-        usage=f"{name} {_summarize(command)}",
-        help=command.help,
-        description=command.description,
-    )
-    for item in (*command.arguments, *(() if command.actions else GENERAL_OPTIONS)):
-        container: Any = parser
-        if isinstance(item, ArgumentGroup) and item.title:
-            container = parser.add_argument_group(item.title, item.description)
-        elif isinstance(item, ArgumentGroup):
-            container = parser.add_mutually_exclusive_group(required=True)
-        members = (item,) if isinstance(item, Argument) else item.arguments
+def _add_arguments(parser: Any, command: Command, *, is_completion: bool) -> None:  # noqa: ANN401 - argparse or shtab
+    arguments = list(command.arguments())
+    short_texts: dict[argparse.Action, str] = {}
+    for section in SECTIONS:
+        members = [argument for argument in arguments if argument.section == section]
+        if members:
+            group = parser.add_argument_group(section)
         for argument in members:
-            action = container.add_argument(*argument.flags, **argument.keywords)
-            if argument.is_path and path_completion is not None:
-                action.complete = path_completion  # The interface of shtab.
-    parser.set_defaults(usage_error=parser.error)
-    return parser
+            action = group.add_argument(*argument.flags, **_keywords(argument))
+            if argument.is_expert or section in EXPERT_SECTIONS:
+                short_texts[action] = argparse.SUPPRESS
+            elif argument.details:
+                short_texts[action] = argument.help
+            if is_completion and argument.value is not None:
+                _add_completion(action, argument)
+    if all(action.dest in _GENERAL for action in short_texts):
+        short_texts.clear()
+    # The last group is that of --quiet, which every command has.
+    short = group.add_argument("-h", "--help", action=_ShortHelp, nargs=0, help="show this text")
+    short.texts = short_texts
+    if short_texts:
+        group.add_argument("--help-all", action="help", help="show all options, with details")
+
+
+def _keywords(argument: Argument) -> dict[str, Any]:
+    """Return the keyword arguments of ``add_argument``."""
+    text = f"{argument.help}; {argument.details}" if argument.details else argument.help
+    keywords: dict[str, Any] = {"help": text.replace("%", "%%")}
+    if argument.value is None:
+        return keywords | {"action": "store_true", "dest": argument.dest}
+    keywords |= {"type": argument.value.convert, "metavar": argument.value.placeholder}
+    if argument.is_positional:
+        return keywords | {"nargs": argument.count}
+    if argument.is_repeated:
+        return keywords | {"action": "append", "dest": argument.dest}
+    default, required = argument.default, argument.is_required
+    return keywords | {"default": default, "required": required, "dest": argument.dest}
+
+
+def _add_completion(action: Any, argument: Argument) -> None:  # noqa: ANN401 - shtab adds attributes
+    assert argument.value is not None
+    if argument.value.is_path:
+        import shtab
+
+        action.complete = shtab.FILE
+    if argument.value.choices:
+        action.choices = argument.value.choices
+    if argument.dest == "set":
+        from mograft.config_text import field_choices
+
+        action.choices = field_choices()
 
 
 def _summarize(command: Command) -> str:
     """Return the positional arguments and the required options of a command, as one line."""
     if command.actions:
         return "ACTION [options]"
-    words = []
-    for item in command.arguments:
-        if isinstance(item, ArgumentGroup) and not item.title:
-            words.append(f"({' | '.join(_show(own) for own in item.arguments)})")
-        elif isinstance(item, Argument) and not item.flags[0].startswith("-"):
-            shown = item.keywords.get("metavar") or item.name.upper()
-            form = {"+": "{} ...", "*": "[{} ...]", "?": "[{}]"}
-            words.append(form.get(item.keywords.get("nargs", ""), "{}").format(shown))
-        elif isinstance(item, Argument) and item.keywords.get("required"):
-            words.append(_show(item))
-    return " ".join([*words, "[options]"])
-
-
-def _show(option: Argument) -> str:
-    """Return the first flag of an option with the placeholder of its value."""
-    value = option.keywords.get("metavar") or option.name.upper()
-    has_value = option.keywords.get("action") is None
-    return f"{option.flags[0]} {value}" if has_value else option.flags[0]
+    shown = (a.usage for a in command.arguments() if a.is_positional or a.is_required)
+    return " ".join([*shown, "[options]"])
 
 
 def _check_names(
@@ -142,7 +176,8 @@ def _check_names(
         path, choices = (*path, word), command.actions
     if not path or choices:
         return
-    flags = [flag for flag in _all_flags(command) if flag.startswith("--")]
+    flags = [f"--{own.name}" for own in command.arguments() if not own.is_positional]
+    flags += _GENERAL_FLAGS
     for word in words[len(path) :]:
         name = word.partition("=")[0]
         if word == "--":
@@ -152,47 +187,41 @@ def _check_names(
             parsers[path].error(f"{' '.join(path)} has no option {name}{hint}")
 
 
-def _all_flags(command: Command) -> Collection[str]:
-    """Return the flags of all options of a command."""
-    flags = ["--help"]
-    for item in (*command.arguments, *GENERAL_OPTIONS):
-        for argument in (item,) if isinstance(item, Argument) else item.arguments:
-            flags += argument.all_flags
-    return flags
-
-
 def parse(
     commands: Sequence[Command], arguments: Sequence[str] | None = None
-) -> argparse.Namespace:
+) -> tuple[Command, Options, argparse.ArgumentParser]:
     """Parse the words `arguments` of a command line (default: ``sys.argv[1:]``).
 
-    Options that are not given take their values from environment variables, otherwise from the
-    configuration file, otherwise from their defaults. The result has three additional attributes.
-    ``commands`` holds the argument `commands`. ``words`` holds the words of the command line.
-    ``origins`` maps the options that a variable or the file sets to the name of that variable or
-    file.
+    Return the command, its options, and the parser that reports its usage errors. Options that are
+    not given take their values from environment variables, otherwise from the configuration file,
+    otherwise from their defaults.
     """
     parsers = build_parsers(commands)
     words = sys.argv[1:] if arguments is None else arguments
     _check_names(parsers, commands, words)
-    options = parsers[()].parse_args(words)
-    command: Command = options.command
-    settings = {}
-    if command.has_settings:
-        parser = parsers[command.name,]
+    found = vars(parsers[()].parse_args(words))
+    command: Command = found["command"]
+    parser: argparse.ArgumentParser = found["parser"]
+    settings: dict[str, Setting] = {}
+    more: dict[str, Any] = {}
+    if any(command.settings()):
         try:
             settings = find_settings(command, commands)
-        except (OSError, ValueError) as error:
+        except (OSError, UsageError, ValueError) as error:
             parser.error(str(error))
+        if "set" in settings:
+            more["configured"] = settings.pop("set").value
         # argparse leaves a default that is no string as it is: an option that still holds its
         # `Setting` after parsing is absent from the command line.
         parser.set_defaults(**settings)
-        options = parsers[()].parse_args(words)
-    options.commands = commands
-    options.words = ["mograft", *words]
-    options.origins = {}
-    for name, setting in settings.items():
-        if getattr(options, name) is setting:
-            setattr(options, name, setting.value)
-            options.origins[name] = setting.origin
-    return options
+        found = vars(parsers[()].parse_args(words))
+    values: dict[str, Any] = {}
+    origins: dict[str, str] = {}
+    for argument in command.arguments():
+        value, name = found[argument.dest], argument.dest
+        if name in settings and value is settings[name]:
+            value, origins[name] = settings[name].value, settings[name].origin
+        values[name] = tuple(value or ()) if argument.is_repeated else value
+    values |= {"words": ("mograft", *words), "origins": origins, **more}
+    options = command.options(**values)
+    return command, options, parser

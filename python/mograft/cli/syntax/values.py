@@ -3,13 +3,33 @@
 import math
 from argparse import ArgumentTypeError
 from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
-from mograft._util.automatic_groups import AUTOMATIC, automatic_number, is_automatic
-from mograft._util.registry import AUTOMATIC_SCALE, CONFIG_OPTIONS
-from mograft.cli.syntax.frame_times import Range, frame_or_frames, frames
+from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
+from mograft.cli.syntax.frames import (
+    Range,
+    ban,
+    frame,
+    frame_count,
+    frame_or_frames,
+    frames,
+    segment_value,
+    take,
+)
 from mograft.errors import suggest_name
+
+
+@dataclass(frozen=True)
+class Value:
+    """How the text of an option is parsed, and what stands for it in help texts."""
+
+    placeholder: str
+    convert: Callable[[str], Any] = str
+    is_path: bool = False  # Whether the shell completes it as a file name.
+    choices: tuple[str, ...] = ()
+
 
 SHAPE_NUMBERS = {"sphere": 4, "capsule": 7, "box": 6, "wall": 6}
 """How many numbers describe each shape of ``--avoid``."""
@@ -17,54 +37,35 @@ SHAPE_NUMBERS = {"sphere": 4, "capsule": 7, "box": 6, "wall": 6}
 REACH_TOLERANCE = 0.03
 """Default tolerance of ``--reach`` in skeleton heights."""
 
+Point = tuple[float, float, float]
+
 UNITS = ("m", "cm", "mm", "inch", "CMU")
 
-N = TypeVar("N", int, float)
+
+def _number(
+    kind: Callable[[str], float], expected: str, is_valid: Callable[[float], bool]
+) -> Callable[[str], float]:
+    """Return a converter of text to a number of which `is_valid` is true."""
+
+    def convert(text: str) -> float:
+        try:
+            number = kind(text)
+        except ValueError:
+            number = math.nan
+        if not is_valid(number):
+            raise ArgumentTypeError(f"must be {expected}, got {text}")
+        return number
+
+    return convert
 
 
-def non_negative_integer(text: str) -> int:
-    """Read an integer of at least 0."""
-    return _number(int, text, lambda number: number >= 0, "an integer of at least 0")
-
-
-def positive_integer(text: str) -> int:
-    """Read an integer of at least 1."""
-    return _number(int, text, lambda number: number >= 1, "an integer of at least 1")
-
-
-def positive_number(text: str) -> float:
-    """Read a finite number above 0."""
-    return _number(float, text, lambda number: 0 < number < math.inf, "a number above 0")
-
-
-def non_negative_number(text: str) -> float:
-    """Read a finite number of at least 0."""
-    return _number(float, text, lambda number: 0 <= number < math.inf, "a number of at least 0")
-
-
-def decimals(text: str) -> int:
-    """Read a number of decimals, an integer from 1 to 12."""
-    return _number(int, text, lambda number: 1 <= number <= 12, "an integer from 1 to 12")
-
-
-def port(text: str) -> int:
-    """Read the number of a TCP port, from 0 to 65535."""
-    return _number(int, text, lambda number: 0 <= number <= 65535, "an integer from 0 to 65535")
-
-
-def share(text: str) -> float:
-    """Read a number from 0 to 1."""
-    return _number(float, text, lambda number: 0 <= number <= 1, "a number from 0 to 1")
-
-
-def _number(kind: Callable[[str], N], text: str, is_valid: Callable[[N], bool], expected: str) -> N:
-    try:
-        number = kind(text)
-    except ValueError:
-        number = None
-    if number is None or not is_valid(number):
-        raise ArgumentTypeError(f"must be {expected}, got {text}")
-    return number
+positive_integer = _number(int, "an integer of at least 1", lambda n: n >= 1)
+non_negative_integer = _number(int, "an integer of at least 0", lambda n: n >= 0)
+decimals = _number(int, "an integer from 1 to 12", lambda n: 1 <= n <= 12)
+port = _number(int, "an integer from 0 to 65535", lambda n: 0 <= n <= 65535)
+positive_number = _number(float, "a number above 0", lambda x: 0 < x < math.inf)
+non_negative_number = _number(float, "a number of at least 0", lambda x: 0 <= x < math.inf)
+share = _number(float, "a number from 0 to 1", lambda x: 0 <= x <= 1)
 
 
 def unit(text: str) -> float | str:
@@ -89,42 +90,28 @@ def one_of(choices: Collection[str]) -> Callable[[str], str]:
     return convert
 
 
-def segmentation(text: str) -> Path | tuple[str, dict[str, float | bool | str]]:
-    """Parse ``NAME[:PARAMETER=VALUE,...]`` or the name of a .json file.
-
-    Return the path of the file, or the name of the method and its parameters.
-    """
-    if text.lower().endswith(".json"):
-        return Path(text)
-    name, _, rest = text.partition(":")
-    names = CONFIG_OPTIONS["segmentation"].names
-    if name not in names:
-        hint = suggest_name(name, names)
-        raise ArgumentTypeError(
-            f"must be one of {', '.join(names)} or the name of a .json file with cut frames; "
-            f"got {name!r}{hint}"
-        )
-    parameters: dict[str, float | bool | str] = {}
-    for word in rest.split(",") if rest else []:
-        key, separator, value = word.partition("=")
-        if not (key and separator and value) or key in parameters:
-            raise ArgumentTypeError(
-                f"must be NAME:PARAMETER=VALUE,... with different parameters, got {text!r}"
-            )
-        parameters[key] = _plain_value(value)
-    return name, parameters
+def names(text: str) -> tuple[str, ...]:
+    """Parse words that are separated by commas."""
+    return tuple(text.split(","))
 
 
-def _plain_value(text: str) -> float | bool | str:
-    """Return the number, True or False that a text denotes; return any other text unchanged."""
-    if text in ("true", "false"):
-        return text == "true"
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
+def assignment(text: str) -> tuple[str, str]:
+    """Parse ``NAME=VALUE`` into the name and the text of the value."""
+    name, separator, value = text.partition("=")
+    if not (name and separator and value):
+        raise ArgumentTypeError(f"expected FIELD=VALUE, such as seam=offset, got {text!r}")
+    return name, value
+
+
+def true_rate(text: str) -> tuple[str, float]:
+    """Parse ``CLIP=FPS`` into the name of a clip and its frame rate."""
+    clip, _, rate = text.rpartition("=")
+    try:
+        if clip:
+            return clip, positive_number(rate)
+    except ArgumentTypeError:
+        pass
+    raise ArgumentTypeError(f"must be CLIP=FPS, got {text}")
 
 
 def preset_or_automatic(presets: Collection[str]) -> Callable[[str], str]:
@@ -142,14 +129,6 @@ def preset_or_automatic(presets: Collection[str]) -> Callable[[str], str]:
     return convert
 
 
-def positive_number_or_auto(text: str) -> float | str:
-    """Read a number above 0, or the word `AUTOMATIC_SCALE`."""
-    if text == AUTOMATIC_SCALE:
-        return text
-    expected = f"a number above 0, or {AUTOMATIC_SCALE}"
-    return _number(float, text, lambda number: 0 < number < math.inf, expected)
-
-
 def picture_size(text: str) -> tuple[int, int]:
     """Parse ``WIDTHxHEIGHT``, a size in pixels."""
     width, _, height = text.partition("x")
@@ -158,18 +137,23 @@ def picture_size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def _numbers(text: str, *counts: int) -> list[float]:
+def _numbers(text: str, *counts: int) -> tuple[float, ...]:
     try:
-        numbers = [float(word) for word in text.split(",")]
+        numbers = tuple(float(word) for word in text.split(","))
     except ValueError:
-        numbers = []
+        numbers = ()
     if len(numbers) not in counts:
         expected = " or ".join(str(count) for count in counts)
         raise ArgumentTypeError(f"expected {expected} numbers separated by commas, got {text!r}")
     return numbers
 
 
-def corners(text: str) -> list[list[float]]:
+def _point(text: str) -> Point:
+    x, y, z = _numbers(text, 3)
+    return x, y, z
+
+
+def corners(text: str) -> list[tuple[float, ...]]:
     """Parse ``X,Z:X,Z:...``, at least two positions on the floor, into pairs of numbers."""
     try:
         found = [_numbers(pair, 2) for pair in text.split(":")]
@@ -180,7 +164,7 @@ def corners(text: str) -> list[list[float]]:
     return found
 
 
-def obstacle(text: str) -> tuple[str, list[float], Range | None]:
+def obstacle(text: str) -> tuple[str, tuple[float, ...], Range | None]:
     """Parse a value of ``--avoid``: ``SHAPE:NUMBERS`` or ``FILE[@X,Y,Z[,YAW]]``, then ``@FRAMES``.
 
     Return the name of the shape with its numbers, or the file with x, y, z and yaw in degrees; and
@@ -194,7 +178,7 @@ def obstacle(text: str) -> tuple[str, list[float], Range | None]:
     return (*_shape(what), span)
 
 
-def _shape(text: str) -> tuple[str, list[float]]:
+def _shape(text: str) -> tuple[str, tuple[float, ...]]:
     """Parse a shape or the file of a character into its name and numbers."""
     kind, colon, rest = text.partition(":")
     if colon and kind in SHAPE_NUMBERS:
@@ -206,11 +190,11 @@ def _shape(text: str) -> tuple[str, list[float]]:
         )
     name, separator, place = text.rpartition("@")
     if not separator or Path(text).exists():
-        return text, [0.0] * 4
-    return name, [*_numbers(place, 3, 4), 0.0][:4]
+        return text, (0.0,) * 4
+    return name, (*_numbers(place, 3, 4), 0.0)[:4]
 
 
-def reach(text: str) -> tuple[Range, str, tuple[float, ...], float]:
+def reach(text: str) -> tuple[Range, str, Point, float]:
     """Parse ``FRAMES:JOINT:X,Y,Z[~TOL]``; the tolerance TOL is in skeleton heights."""
     when, _, rest = text.partition(":")
     joint, colon, place = rest.rpartition(":")  # The name of a joint may contain colons.
@@ -225,10 +209,38 @@ def reach(text: str) -> tuple[Range, str, tuple[float, ...], float]:
         )
     place, tilde, tolerance = place.partition("~")
     within = positive_number(tolerance) if tilde else REACH_TOLERANCE
-    return span, joint, tuple(_numbers(place, 3)), within
+    return span, joint, _point(place), within
 
 
-def face(text: str) -> tuple[tuple[float, ...], Range | None]:
+def face(text: str) -> tuple[Point, Range | None]:
     """Parse ``X,Y,Z[@FIRST-LAST]`` into a position, and a range of frames or None."""
     place, separator, range_text = text.partition("@")
-    return tuple(_numbers(place, 3)), frames(range_text) if separator else None
+    return _point(place), frames(range_text) if separator else None
+
+
+def choice(*words: str, placeholder: str | None = None) -> Value:
+    """Return a value that is one of `words`."""
+    return Value(placeholder or "|".join(words), one_of(words), choices=words)
+
+
+TEXT = Value("TEXT")
+NAME = Value("NAME")
+COUNT = Value("N", positive_integer)
+INDEX = Value("N", non_negative_integer)
+NUMBER = Value("X", positive_number)
+RATE = Value("FPS", positive_number)
+SECONDS = Value("S", positive_number)
+FILES = Value("FILE", is_path=True)
+LIBRARY_OR_FILES = Value("LIB|FILE", is_path=True)
+PATH = Value("PATH", Path, is_path=True)
+DIR = Value("DIR", Path, is_path=True)
+FILE = Value("FILE", Path, is_path=True)
+SOURCE = Value("FILE", is_path=True)
+CLIPS = Value("CLIP,...", names)
+TAGS = Value("TAG,...", names)
+FRAME = Value("N|S", frame)
+FRAMES = Value("FIRST-LAST", frames)
+LENGTH = Value("N|S", frame_count)
+SEGMENT = Value("SEGMENT", segment_value)
+TAKE = Value("SEGMENT=CLIP:FIRST-LAST", take)
+BAN = Value("SEGMENT[=CLIP[:FIRST-LAST]]", ban)

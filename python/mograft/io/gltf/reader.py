@@ -1,11 +1,10 @@
 """Motions of glTF files."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import overload
 
 from mograft._util.arrays import FloatArray
+from mograft._util.containers import LazySequence
 from mograft.io.clips import ClipLength, Clips
 from mograft.io.gltf.animation import Channels, read_channels, read_tracks
 from mograft.io.gltf.document import GltfFile, NoFigureError, read_gltf_file
@@ -35,7 +34,7 @@ def open_gltf(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> C
 
 
 @dataclass(frozen=True, eq=False)
-class _Lengths(Sequence[ClipLength]):
+class _Lengths(LazySequence[ClipLength]):
     """The lengths of the clips of a file; accessing a length reads the key times of the clip."""
 
     file: GltfFile
@@ -44,15 +43,9 @@ class _Lengths(Sequence[ClipLength]):
     def __len__(self) -> int:
         return len(self.file.animations)
 
-    @overload
-    def __getitem__(self, index: int) -> ClipLength: ...
-    @overload
-    def __getitem__(self, index: slice) -> tuple[ClipLength, ...]: ...
-    def __getitem__(self, index: int | slice) -> ClipLength | tuple[ClipLength, ...]:
-        if isinstance(index, slice):
-            return tuple(self[clip] for clip in range(len(self))[index])
-        clip = range(len(self))[index]
-        return _length(_read_grid(self.file, clip, self.rate)[1], self.rate)
+    def item(self, index: int) -> ClipLength:
+        """Return the length of a clip."""
+        return _length(_read_grid(self.file, index, self.rate)[1], self.rate)
 
 
 def read_gltf_clip(file: GltfFile, clip: int, rate: float | None = None) -> Motion:

@@ -66,23 +66,18 @@ class RowFile:
 
         Raise OSError if the file has fewer.
         """
-        row_bytes = self._width * self._dtype.itemsize
-        rows = np.empty((n, self._width), self._dtype)
-        view, start = rows.data.cast("B"), HEADER_BYTES + first * row_bytes
-        filled = 0
-        while filled < len(view):
-            count = self._read_into(view[filled:], start + filled)
-            if not count:
-                raise OSError(errno.EIO, "is shorter than its header states", str(self._path))
-            filled += count
-        return rows
-
-    def _read_into(self, view: memoryview, start: int) -> int:
+        n_bytes = n * self._width * self._dtype.itemsize
+        start = HEADER_BYTES + first * self._width * self._dtype.itemsize
+        data = bytearray(n_bytes)  # writable, as other arrays
         if self._handle is not None:
-            return os.preadv(self._handle, [view], start)
-        with self._path.open("rb") as stream:
-            stream.seek(start)
-            return stream.readinto(view)
+            count = os.preadv(self._handle, [data], start)
+        else:
+            with self._path.open("rb") as stream:
+                stream.seek(start)
+                count = stream.readinto(data)
+        if count < n_bytes:
+            raise OSError(errno.EIO, "is shorter than its header states", str(self._path))
+        return np.frombuffer(data, self._dtype).reshape(n, self._width)
 
 
 class ArrayWriter:

@@ -22,15 +22,18 @@ from mograft.errors import LibraryError
 from mograft.library.clip_table import ClipLocation, ClipTable, skeleton_to_json, write_clip_table
 from mograft.library.data import LibraryData
 from mograft.library.files.array_files import ArrayWriter
-from mograft.library.files.integrity import DATABASE, MANIFEST
+from mograft.library.files.integrity import (
+    DATABASE,
+    MANIFEST,
+    hash_files,
+    manifest_checksum,
+)
 from mograft.library.files.packing import PackedMotion
 from mograft.library.files.storage import (
     FORMAT,
     FORMAT_VERSION,
     LOCK,
     StoredLibrary,
-    hash_files,
-    manifest_checksum,
     read,
     read_manifest,
 )
@@ -324,17 +327,11 @@ def _check_is_library(folder: Path) -> None:
 
 def _has_library_manifest(folder: Path) -> bool:
     """Return whether the folder has the manifest of a library, even a truncated one."""
-    if not (folder / MANIFEST).is_file():
-        return False
     try:
         text = (folder / MANIFEST).read_text(encoding="utf-8", errors="replace")
     except OSError:
         return False
-    try:
-        document = json.loads(text)
-    except (ValueError, RecursionError):
-        return re.match(rf'\s*{{\s*"format":\s*"{re.escape(FORMAT)}"', text) is not None
-    return isinstance(document, dict) and document.get("format") == FORMAT
+    return re.match(rf'\s*{{\s*"format":\s*"{re.escape(FORMAT)}"', text) is not None
 
 
 def _is_replaceable(path: Path) -> bool:
@@ -343,25 +340,13 @@ def _is_replaceable(path: Path) -> bool:
     Only these may be removed. A generation is a folder that is named by its number and holds only
     arrays, folders of arrays and the database.
     """
-    if path.is_symlink():
-        return False
-    if not path.is_dir():
+    if path.is_symlink() or not path.is_dir():
         return re.fullmatch(rf"{re.escape(MANIFEST)}\.\d{{4,}}", path.name) is not None
     return re.fullmatch(r"\d{4,}", path.name) is not None and all(
-        _is_generation_file(entry)
-        or (
-            entry.is_dir()
-            and not entry.is_symlink()
-            and entry.name.isdigit()
-            and all(map(_is_generation_file, entry.iterdir()))
-        )
-        for entry in path.iterdir()
+        not entry.is_symlink()
+        and (entry.is_dir() or entry.suffix == ".npy" or entry.name.startswith(DATABASE))
+        for entry in path.rglob("*")
     )
-
-
-def _is_generation_file(path: Path) -> bool:
-    is_file = path.is_file() and not path.is_symlink()
-    return is_file and (path.suffix == ".npy" or path.name.startswith(DATABASE))
 
 
 def _remove(path: Path) -> None:
@@ -393,12 +378,9 @@ def _remove_partial_libraries(final: Path) -> None:
 @contextlib.contextmanager
 def _lock(folder: Path) -> Iterator[None]:
     """Hold the exclusive lock of writers of a library; raise LibraryError if it is taken."""
-    path = folder / LOCK
-    if path.is_symlink() or (path.exists() and not path.is_file()):
-        raise LibraryError(f"{path} is not a regular file; remove it")
     with contextlib.ExitStack() as stack:
         try:
-            stack.enter_context(exclusive_lock(path))
+            stack.enter_context(exclusive_lock(folder / LOCK))
         except BlockingIOError as error:
             message = f"another process is writing to {folder}; try again later"
             raise LibraryError(message) from error

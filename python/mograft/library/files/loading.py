@@ -24,9 +24,6 @@ L = TypeVar("L", bound=LibraryData)
 EMBEDDING_ARRAYS = ("points", "reference", "mean", "scale", "components", "variances")
 """Fields of `Embedding` that are stored as arrays of floats."""
 
-_BOUNDARY_ARRAYS = {"first": 4, "last": 4, "first_velocity": 3, "last_velocity": 3}
-"""Fields of `BoundaryStates`, and the length of their last axis."""
-
 
 def load_library(library_type: type[L], stored: StoredLibrary) -> L:
     """Return a stored library as a `library_type`, with memory-mapped arrays.
@@ -41,8 +38,6 @@ def _load_library(library_type: type[L], stored: StoredLibrary) -> L:
     """Return a stored library as a `library_type`."""
     manifest, arrays = stored.manifest, stored.arrays
     groups = JointGroups.from_toml(manifest["groups"])
-    if set(groups.names) != set(manifest["group"]):
-        raise ValueError("the entries `group` and `groups` name different joint groups")
     embedding: dict[str, Embedding | None] = {}
     labels, states = {}, {}
     for group, about in manifest["group"].items():
@@ -63,8 +58,8 @@ def _load_library(library_type: type[L], stored: StoredLibrary) -> L:
         rate=manifest["rate"],
         root=manifest["root"],
         up=manifest["up"],
-        match=manifest.get("match", "names"),  # earlier versions did not write it
-        rest=None if manifest.get("rest") is None else skeleton_from_json(manifest["rest"]),
+        match=manifest["match"],
+        rest=None if manifest["rest"] is None else skeleton_from_json(manifest["rest"]),
     )
     library = library_type(
         clips=StoredClips(stored.table, frames, spec, stored.folder),
@@ -82,27 +77,8 @@ def _load_library(library_type: type[L], stored: StoredLibrary) -> L:
         refused=stored.table.refused,
         folder=stored.folder,
     )
-    _check_groups(library)
     folder = Path(os.path.abspath(stored.folder))
     return library.set_recipe(_reopen, library_type, folder, manifest["checksum"])
-
-
-def _check_groups(library: LibraryData) -> None:
-    """Raise ValueError unless the arrays of all groups have the shapes of the segments."""
-    n = len(library.segments)
-    for group, states in library.boundary_states.items():
-        # Finding the joints that are compared takes a quarter of the time to open a library.
-        n_joints = states["first"].shape[1]
-        expected = {name: (n, n_joints, width) for name, width in _BOUNDARY_ARRAYS.items()}
-        embedding = library.embedding[group]
-        shapes = {name: array.shape for name, array in states.items()}
-        has_joints = n_joints <= len(library.joints(group))
-        if (
-            not has_joints
-            or shapes != expected
-            or (embedding is not None and len(embedding.points) != n)
-        ):
-            raise ValueError(f"the arrays of the group {group} do not have the expected shapes")
 
 
 def _reopen(library_type: type[L], folder: Path, checksum: str) -> L:

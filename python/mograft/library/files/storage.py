@@ -5,12 +5,7 @@ library when the manifest that names it replaces the previous manifest. Readers 
 writers hold an exclusive one (`mograft.library.files.generation`).
 """
 
-import contextlib
-import hashlib
 import json
-import os
-from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -26,12 +21,11 @@ from mograft.library.files.array_files import map_array
 from mograft.library.files.integrity import (
     DATABASE,
     MANIFEST,
-    check_contents,
-    check_folders,
     check_manifest,
+    check_sizes,
+    compare_hashes,
     damage,
     damage_raises_library_error,
-    regular_file_size,
 )
 from mograft.library.files.stored_clips import RowRange, StoredSamples, merge_ranges
 
@@ -71,8 +65,8 @@ class StoredLibrary:
 def read(folder: Path) -> StoredLibrary:
     """Open the files of a library; they stay valid when another process writes a generation.
 
-    Raise LibraryError if the folder is not a library, or the library is damaged or was written by a
-    newer version. Raise FileNotFoundError if the folder does not exist.
+    Raise LibraryError if the folder is not a library, or the library is damaged or was written by
+    another version. Raise FileNotFoundError if the folder does not exist.
     """
     for _ in range(_MAX_READ_ATTEMPTS):
         manifest = read_manifest(folder)
@@ -92,7 +86,6 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     if not folder.exists():
         raise FileNotFoundError(2, "no such library", str(folder))
     try:
-        regular_file_size(folder, MANIFEST)
         document = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
     except NotADirectoryError as error:
         raise LibraryError(f"{folder} is not a mograft library: it is a file") from error
@@ -105,18 +98,12 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise damage(folder, f"{MANIFEST} is not valid JSON: {error}") from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise LibraryError(f"{folder} is not a mograft library: its {MANIFEST} has another format")
-    version = document.get("version")
-    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
-        raise damage(folder, f"{MANIFEST} has no version")
-    if version > FORMAT_VERSION:
+    if document.get("version") != FORMAT_VERSION:
         raise LibraryError(
-            f"{folder} has format version {version}, written by mograft "
-            f"{document.get('mograft')}; this is mograft {VERSION}, which reads versions up to "
-            f"{FORMAT_VERSION}: upgrade mograft"
+            f"{folder} has format version {document.get('version')}, written by mograft "
+            f"{document.get('mograft')}; this is mograft {VERSION}, which reads version "
+            f"{FORMAT_VERSION}: install the other version, or index the clips again"
         )
-    with damage_raises_library_error(folder, MANIFEST):
-        if document.get("checksum") != manifest_checksum(document):
-            raise damage(folder, f"{MANIFEST} does not match its checksum")
     check_manifest(folder, document)
     return document
 
@@ -124,52 +111,24 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 def _read_generation(folder: Path, manifest: dict[str, Any]) -> StoredLibrary:
     arrays = {}
     prefix = manifest["generation"] + "/"
-    check_folders(folder, list(manifest["files"]))
-    for name, expected in manifest["files"].items():
-        size = regular_file_size(folder, name)
-        if size != expected["bytes"]:
-            raise damage(folder, f"{name} has {size} bytes, expected {expected['bytes']}")
+    check_sizes(folder, manifest["files"])
+    for name in manifest["files"]:
         key = name.removeprefix(prefix).removesuffix(".npy")
         if name.endswith(".npy") and not key.startswith("samples-"):
-            try:
+            with damage_raises_library_error(folder, name):
                 arrays[key] = map_array(folder / name)
-            except ValueError as error:
-                raise damage(folder, f"{name}: {error}") from error
     with damage_raises_library_error(folder, DATABASE):
         table = read_clip_table(folder / prefix / DATABASE)
-        check_contents(folder, manifest, table, arrays)
     return StoredLibrary(folder, manifest, table, arrays)
 
 
 def verify(folder: Path) -> list[str]:
     """Compare the size and the SHA-256 of every file of a library with the manifest.
 
-    Return a message for each missing or different file. If all files agree with the manifest, but
-    the library cannot be opened, return the message of that error. Raise LibraryError if the
-    manifest cannot be read.
+    Return a message for each missing or different file. Raise LibraryError if the manifest cannot
+    be read.
     """
-    manifest = read_manifest(folder)
-    problems, files = [], []
-    check_folders(folder, list(manifest["files"]))
-    for name in manifest["files"]:
-        with contextlib.suppress(FileNotFoundError):
-            regular_file_size(folder, name)
-            files.append(name)
-    hashes = hash_files(folder, files)
-    for name, expected in manifest["files"].items():
-        if name not in hashes:
-            problems.append(f"{name} is missing")
-        elif hashes[name]["bytes"] != expected["bytes"]:
-            n_bytes = hashes[name]["bytes"]
-            problems.append(f"{name} has {n_bytes} bytes, expected {expected['bytes']}")
-        elif hashes[name] != expected:
-            problems.append(f"{name} has changed: its SHA-256 differs from the manifest")
-    if not problems:
-        try:
-            read(folder)
-        except LibraryError as error:
-            problems.append(str(error))
-    return problems
+    return compare_hashes(folder, read_manifest(folder)["files"])
 
 
 def list_leftovers(folder: Path) -> list[str]:
@@ -180,21 +139,3 @@ def list_leftovers(folder: Path) -> list[str]:
     manifest = read_manifest(folder)
     known = {MANIFEST, LOCK, manifest["generation"]}
     return sorted(path.name for path in folder.iterdir() if path.name not in known)
-
-
-def manifest_checksum(document: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of a manifest, computed without its entry ``checksum``."""
-    rest = {key: value for key, value in document.items() if key != "checksum"}
-    return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
-
-
-def hash_files(folder: Path, names: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return the size (``bytes``) and the SHA-256 (``sha256``) of files in a folder, by name."""
-
-    def hash_file(name: str) -> dict[str, Any]:
-        with (folder / name).open("rb") as stream:
-            sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
-            return {"bytes": stream.tell(), "sha256": sha256}
-
-    with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as pool:
-        return dict(zip(names, pool.map(hash_file, names), strict=True))

@@ -4,11 +4,12 @@ from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple, overload
+from typing import NamedTuple
 
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray, Packed
+from mograft._util.containers import LazySequence
 from mograft.analysis.embedding import CHUNK, Samples
 from mograft.library.clip_table import ClipTable
 from mograft.library.files.array_files import RowFile
@@ -21,7 +22,7 @@ _MAX_CACHED_CLIPS = 16
 """Clips that stay in memory: a graft reads the same few again and again."""
 
 
-class StoredClips(Sequence[Motion]):
+class StoredClips(LazySequence[Motion]):
     """The clips of a stored library, each of which is read from files when it is accessed.
 
     `frames` holds for each shard the memory-mapped numbers of its packed motions. Clips are
@@ -38,22 +39,16 @@ class StoredClips(Sequence[Motion]):
     def __len__(self) -> int:
         return len(self.table.entries)
 
-    @overload
-    def __getitem__(self, index: int) -> Motion: ...
-    @overload
-    def __getitem__(self, index: slice) -> tuple[Motion, ...]: ...
-    def __getitem__(self, index: int | slice) -> Motion | tuple[Motion, ...]:
-        if isinstance(index, slice):
-            return tuple(self[clip] for clip in range(*index.indices(len(self))))
-        clip = range(len(self))[index]
-        motion = self._cache.get(clip)
+    def item(self, index: int) -> Motion:
+        """Return a clip at the rate and with the hierarchy of the library."""
+        motion = self._cache.get(index)
         if motion is None:
-            motion = self.original(clip)
-            with damage_raises_library_error(self.folder, f"clip {clip}"):
-                motion = self._spec.fit(motion, self.table.entries[clip].name)
+            motion = self.original(index)
+            with damage_raises_library_error(self.folder, f"clip {index}"):
+                motion = self._spec.fit(motion, self.table.entries[index].name)
                 if not rates_match(motion.rate, self._spec.rate):
                     motion = motion.resample(self._spec.rate)
-            self._cache[clip] = motion
+            self._cache[index] = motion
             if len(self._cache) > _MAX_CACHED_CLIPS:
                 self._cache.popitem(last=False)
         return motion
@@ -83,7 +78,7 @@ class StoredClips(Sequence[Motion]):
             return unpack(packed)
 
 
-class ExtendedClips(Sequence[Motion]):
+class ExtendedClips(LazySequence[Motion]):
     """A sequence of clips followed by one more clip; the others are read only when accessed."""
 
     def __init__(self, clips: Sequence[Motion], last: Motion) -> None:
@@ -92,15 +87,9 @@ class ExtendedClips(Sequence[Motion]):
     def __len__(self) -> int:
         return len(self.library_clips) + 1
 
-    @overload
-    def __getitem__(self, index: int) -> Motion: ...
-    @overload
-    def __getitem__(self, index: slice) -> tuple[Motion, ...]: ...
-    def __getitem__(self, index: int | slice) -> Motion | tuple[Motion, ...]:
-        if isinstance(index, slice):
-            return tuple(self[clip] for clip in range(*index.indices(len(self))))
-        clip = range(len(self))[index]
-        return self._last if clip == len(self.library_clips) else self.library_clips[clip]
+    def item(self, index: int) -> Motion:
+        """Return a clip; the appended one is the last."""
+        return self._last if index == len(self.library_clips) else self.library_clips[index]
 
 
 class RowRange(NamedTuple):

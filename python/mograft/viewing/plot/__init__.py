@@ -8,7 +8,6 @@ from mograft.io.palette import PALETTE
 from mograft.viewing.plot.cluster_plots import clusters, dendrogram, pca
 from mograft.viewing.plot.group_plots import groups
 from mograft.viewing.plot.pose_strip import strip
-from mograft.viewing.plot.threshold_plot import threshold
 from mograft.viewing.plot.time_plots import energy, timeline
 
 __all__ = [
@@ -19,6 +18,5 @@ __all__ = [
     "groups",
     "pca",
     "strip",
-    "threshold",
     "timeline",
 ]

@@ -4,20 +4,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, IntArray
-from mograft.body.anatomy import anatomy
 from mograft.body.groups import JointGroups
-from mograft.body.mass import mass_model, up_axis
 from mograft.io.palette import PALETTE
 from mograft.motion.motion import Motion
-from mograft.viewing.geometry import node_parents, node_positions
+from mograft.viewing.geometry import DrawnSkeleton
 from mograft.viewing.plot.figure_axes import ensure_axes
+from mograft.viewing.projection import Camera, front_yaw
 from mograft.viewing.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_VIEW_DEGREES = 35.0
+_VIEW_DEGREES = -35.0
 
 
 def strip(
@@ -72,22 +70,23 @@ def strip(
             f"`frames` must be ascending within 0 to {motion.n_frames - 1}, got {first} to {last}"
         )
     drawn = np.unique(np.linspace(first, last, poses).round().astype(int))
-    members = Scene.of([motion], groups).figures[0].members
-    sideways, upright = _project(motion, drawn)
-    bones = _bones(motion)
+    figure = Scene.of([motion], groups).figures[0]
+    skeleton = DrawnSkeleton.of(motion[first : last + 1])
+    nodes = skeleton.positions[drawn - first] / skeleton.height
+    camera = Camera(front_yaw(motion.skeleton, nodes[0]) + np.radians(_VIEW_DEGREES))
+    sideways, upright, _ = camera.project(nodes - nodes[:, [skeleton.root]])
+    upright = upright + nodes[:, [skeleton.root], 1] - nodes[..., 1].min()
+    bones = [(node, parent) for node, parent in enumerate(skeleton.parents) if parent >= 0]
     ends = sorted({end for bone in bones for end in bone})
     spacing = 1.15 * max(float(np.ptp(sideways[:, ends], axis=1).max(initial=0.0)), 0.5)
     height = max(float(upright.max()), 0.5) + 0.3
     size = (max(1.1 * len(drawn), 3), max(1.1 * height / spacing, 1.0) + 0.2)
     axes = ensure_axes(ax, size)
-    group_of_joint = np.zeros(motion.n_joints, int)
-    for index, joints in enumerate(members.values()):
-        group_of_joint[joints] = index
-    names = list(members)
+    group_of_node, names = figure.group_of_nodes(skeleton.parents), list(figure.members)
     labelled: set[int] = set()
     for pose, frame in enumerate(drawn.tolist()):
         for node, parent in bones:
-            group = int(group_of_joint[parent])
+            group = group_of_node[parent]
             axes.plot(
                 sideways[pose, [parent, node]] + pose * spacing,
                 upright[pose, [parent, node]],
@@ -104,36 +103,3 @@ def strip(
     axes.set_title(motion.name or "motion", loc="left", fontsize=10)
     axes.legend(loc="upper right", bbox_to_anchor=(1, 1.28), ncols=8, frameon=False, fontsize=8)
     return axes
-
-
-def _bones(motion: Motion) -> list[tuple[int, int]]:
-    """Return the bones as pairs of a node and its parent."""
-    return [(node, p) for node, p in enumerate(node_parents(motion)) if p >= 0]
-
-
-def _project(motion: Motion, frames: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return horizontal and vertical picture coordinates of all nodes, in body heights.
-
-    Both have shape (n_poses, n_nodes). `strip` describes the direction of the view.
-    """
-    skeleton = motion.skeleton
-    nodes = node_positions(motion[int(frames[0]) : int(frames[-1]) + 1])[frames - frames[0]]
-    mass = mass_model(skeleton)
-    up = up_axis(motion)
-    level = [axis for axis in range(3) if axis != up]
-    ankles = [foot.ankle for foot in mass.feet]
-    thighs = [anatomy(skeleton).joints("thigh", side=side) for side in ("left", "right")]
-    across = np.eye(3)[level[0]]
-    if all(thighs):
-        across = nodes[0, thighs[0][0]] - nodes[0, thighs[1][0]]
-    across = across[level]
-    across = across / (np.linalg.norm(across) or 1.0)
-    ahead = np.array([-across[1], across[0]])
-    yaw = np.radians(_VIEW_DEGREES)
-    view = np.cos(yaw) * across + np.sin(yaw) * ahead
-    sideways = (nodes - nodes[:, [mass.hips]])[..., level] @ view
-    upright = nodes[..., up]
-    if mass.head is not None and ankles and upright[0, mass.head] < upright[0, ankles].mean():
-        upright = -upright
-    upright = upright - upright.min()
-    return sideways / mass.height, upright / mass.height

@@ -1,0 +1,194 @@
+"""``mograft info``, ``check`` and ``groups``: contents, faults and joint groups of motion files."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from mograft._util.atomic import write_text
+from mograft._util.names import automatic_number, is_automatic
+from mograft.body.faults import HARMLESS_FAULTS, find_faults
+from mograft.body.groups import JointGroups
+from mograft.cli.configuration import selected_skeleton
+from mograft.cli.files import check_suffix, check_writable, expand_folders
+from mograft.cli.output import print_error, print_result
+from mograft.cli.syntax.commands import CheckOptions, GroupsOptions, InfoOptions
+from mograft.errors import FormatError
+from mograft.io.addresses import join_address, open_clips, read_clip, split_address
+from mograft.io.bvh.reader import read_bvh
+from mograft.io.clips import Clips
+from mograft.io.formats import find_format
+from mograft.library.group_choice import discover_groups
+from mograft.library.spec import describe_match
+from mograft.motion.skeleton import Skeleton
+
+
+def run_info(options: InfoOptions) -> int:
+    """Describe every file; return exit code 3 if one of them is invalid, else 0."""
+    documents: list[dict[str, Any]] = []
+    rest, hierarchy = selected_skeleton(options.skeleton), None
+    for address in _find_files(options.files):
+        path, pattern = split_address(address)
+        try:
+            clips = open_clips(path, skeleton=rest)
+            if not len(clips):
+                raise ValueError(f"{path} holds no motion: {'; '.join(clips.notes)}")
+            chosen = range(len(clips)) if pattern is None else clips.find(pattern)
+            found = [_contents(clips, index, options) for index in chosen]
+        except FormatError as error:
+            documents.append({"file": path, "error": str(error)})
+            print_error(str(error))
+            continue
+        if options.match == "anatomy":
+            own = clips[chosen[0]].skeleton
+            hierarchy = hierarchy or own
+            found = [
+                {**document, "match": describe_match(hierarchy, own, path)} for document in found
+            ]
+        documents += found
+        if not options.json:
+            print("\n".join(_describe(found)))
+    print_result(options, "info", {"files": documents}, [])
+    return 3 if any(document["error"] for document in documents) else 0
+
+
+def _find_files(names: Iterable[str]) -> list[str]:
+    """Return the addresses of the files that are given, or that are in the given folders."""
+    found: list[str] = []
+    for name in names:
+        addresses = expand_folders([name]) if Path(name).is_dir() else []
+        paths = dict.fromkeys(split_address(address)[0] for address in addresses)
+        found += paths or [name]
+    return found
+
+
+def _contents(clips: Clips, index: int, options: InfoOptions) -> dict[str, Any]:
+    """Return the contents of a clip; harmless faults only with ``--verbose`` or ``--json``."""
+    motion = clips[index]
+    skeleton = motion.skeleton
+    try:
+        members = JointGroups.preset("lower_torso_arms", skeleton).resolve(skeleton)
+    except ValueError:
+        members = {}
+    return {
+        "file": str(clips.path),
+        "error": None,
+        "format": clips.format,
+        "clip": clips.names[index] if len(clips) > 1 else None,
+        "joints": skeleton.n_joints,
+        "channels": skeleton.n_channels,
+        "frames": motion.n_frames,
+        "frame_time": motion.frame_time,
+        "rate": motion.rate,
+        "seconds": motion.duration,
+        "groups": {g: [skeleton.names[j] for j in joints] for g, joints in members.items()},
+        "notes": list(clips.notes),
+        "repairs": list(motion.repairs),
+        "faults": [
+            fault.message
+            for fault in find_faults(motion)
+            if options.verbose or options.json or fault.kind not in HARMLESS_FAULTS
+        ],
+    }
+
+
+def _describe(clips: Sequence[dict[str, Any]]) -> list[str]:
+    """Return the lines that describe clips of one file."""
+    first = clips[0]
+    lines = [f"  {group}: {' '.join(names)}" for group, names in first["groups"].items()]
+    if not lines:
+        lines = ["  no joint groups recognized: pass your own as a TOML file with --groups"]
+    lines += [f"  note: {note}" for note in first["notes"]]
+    if first.get("match"):
+        lines.append(f"  joints matched by anatomy: {first['match']}")
+    if len(clips) == 1:
+        size = f"  {first['joints']} joints, {first['channels']} channels (DoF)"
+        lines = [join_address(first["file"], first["clip"]), size, f"  {_length(first)}", *lines]
+        lines += [f"  repaired: {repair}" for repair in first["repairs"]]
+        return [*lines, *(f"  warning: {fault}" for fault in first["faults"])]
+    size = f"  {first['format']}, {len(clips)} clips, {first['joints']} joints"
+    lines = [first["file"], size, *lines]
+    for document in clips:
+        lines.append(f"  #{document['clip']}: {_length(document)}")
+        lines += [f"    warning: {fault}" for fault in document["faults"]]
+    return lines
+
+
+def _length(document: dict[str, Any]) -> str:
+    if document["frames"] == 1:
+        return "1 frame"
+    return f"{document['frames']} frames at {document['rate']:.6g} fps, {document['seconds']:.2f} s"
+
+
+def run_check(options: CheckOptions) -> int:
+    """Check every file; return exit code 3 if one of them is not valid, else 0."""
+    documents, skeleton = [], selected_skeleton(options.skeleton)
+    for name in expand_folders(options.files):
+        document = _check_file(name, skeleton, strict=options.strict)
+        documents.append(document)
+        if options.json:
+            continue
+        if document["error"] is not None:
+            print_error(document["error"])
+            continue
+        lines = [f"tolerated: {repair}" for repair in document["repairs"]]
+        lines += [
+            f"{fault['kind']}: {_describe_fault(fault)}"
+            for fault in document["faults"]
+            if options.verbose or fault["kind"] not in HARMLESS_FAULTS
+        ]
+        print("\n  ".join([f"{name}: {'' if lines else 'good'}".rstrip(), *lines]))
+    print_result(options, "check", {"files": documents}, [])
+    return 3 if any(document["error"] for document in documents) else 0
+
+
+def _check_file(name: str, skeleton: Skeleton | None, *, strict: bool) -> dict[str, Any]:
+    try:
+        is_bvh = find_format(Path(split_address(name)[0])).name == "BVH"
+        motion = read_bvh(name, strict=strict) if is_bvh else read_clip(name, skeleton=skeleton)
+    except FormatError as error:
+        return {"file": name, "error": str(error), "repairs": [], "faults": []}
+    names = motion.skeleton.names
+    faults = [
+        {
+            "kind": fault.kind,
+            "frames": list(fault.frames),
+            "joint": None if fault.joint is None else names[fault.joint],
+            "message": fault.message,
+        }
+        for fault in find_faults(motion)
+    ]
+    return {"file": name, "error": None, "repairs": list(motion.repairs), "faults": faults}
+
+
+def _describe_fault(fault: dict[str, Any]) -> str:
+    first, last = fault["frames"]
+    frames = f"frame {first}" if first == last else f"frames {first} to {last}"
+    joint = "" if fault["joint"] is None else f", {fault['joint']}"
+    return f"{frames}{joint}: {fault['message']}"
+
+
+def run_groups(options: GroupsOptions) -> int:
+    """Print or write the joint groups of a file."""
+    target = options.output
+    if target is not None:
+        check_suffix(target, ".toml")
+    files = expand_folders(options.files)
+    rest = selected_skeleton(options.skeleton)
+    skeleton = read_clip(files[0], skeleton=rest).skeleton
+    if is_automatic(options.preset):
+        number = automatic_number(options.preset)
+        groups = discover_groups(files, number, skeleton=rest).groups
+    else:
+        groups = JointGroups.preset(options.preset, skeleton)
+    if target is not None:
+        check_writable([target], force=options.force)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_text(target, groups.to_toml())
+    members = groups.resolve(skeleton).items()
+    document = {
+        "file": None if target is None else str(target),
+        "base": groups.base,
+        "groups": {name: [skeleton.names[j] for j in joints] for name, joints in members},
+    }
+    print_result(options, "groups", document, [target or groups.to_toml().removesuffix("\n")])
+    return 0

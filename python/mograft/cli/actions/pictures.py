@@ -1,0 +1,204 @@
+"""``mograft view`` and ``mograft plot``: motions and their clusters as pages and pictures."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mograft._util.atomic import atomic_path
+from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
+from mograft.analysis.group_discovery import GroupDiscovery
+from mograft.body.groups import JointGroups
+from mograft.cli.configuration import (
+    figure_groups,
+    flags_in_errors,
+    load_library,
+    refuse_fixed_options,
+    refuse_useless_options,
+    selected_config,
+    selected_groups,
+    selected_skeleton,
+)
+from mograft.cli.files import (
+    check_suffix,
+    check_writable,
+    expand_folders,
+    frame_range,
+    library_folder,
+    select_clips,
+)
+from mograft.cli.graft_files import open_page
+from mograft.cli.output import print_result
+from mograft.cli.syntax.arguments import UsageError
+from mograft.cli.syntax.commands import PlotOptions, ViewOptions
+from mograft.cli.syntax.frames import resolve_frames
+from mograft.config import Config
+from mograft.io.addresses import read_clip, split_address
+from mograft.library.discover import has_provenance
+from mograft.library.group_choice import discover_groups, discover_in_library
+from mograft.library.library import Library
+from mograft.motion.motion import Motion
+from mograft.viewing import plot
+from mograft.viewing.page import temporary_path, view
+from mograft.viewing.scene import Scene
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_CLUSTER_KINDS = {
+    "pca": plot.pca,
+    "dendrogram": plot.dendrogram,
+    "clusters": plot.clusters,
+}
+_KINDS_OF_OPTION: Mapping[str, tuple[str, ...]] = {
+    "frames": ("strip", "timeline", "energy"),
+    "groups": ("strip", "timeline", *_CLUSTER_KINDS, "groups"),
+    "match": ("timeline", *_CLUSTER_KINDS, "groups"),
+    "group": tuple(_CLUSTER_KINDS),
+}
+
+
+def run_view(options: ViewOptions) -> int:
+    """Run the command."""
+    if options.output is not None:
+        check_suffix(options.output, ".html", ".htm")
+        check_writable([options.output], force=options.force, inputs=options.files)
+    folder = library_folder(options.files)
+    if options.clip and folder is None:
+        raise UsageError("--clip requires a library")
+    if folder is None:
+        files = expand_folders(options.files)
+        config, skeleton = selected_config(options), selected_skeleton(options.skeleton)
+        groups = figure_groups(options.groups, files, config, skeleton)
+        page = view(*files, groups=groups, config=config, show=False, skeleton=skeleton)
+    else:
+        refuse_fixed_options(options, "groups", "skeleton")
+        library = Library.open(folder)
+        clips = Scene.of_clips(library, select_clips(library, options.clip))
+        page = view(clips, show=False)
+    target = options.output or temporary_path()
+    target.parent.mkdir(parents=True, exist_ok=True)
+    path = page.save(target, force=True)
+    print_result(options, "view", {"file": str(path), "title": page.title}, [path])
+    if options.output is None or options.open:
+        open_page(path)
+    return 0
+
+
+def run_plot(options: PlotOptions) -> int:
+    """Run the command."""
+    target = options.output
+    check_suffix(target, ".png", ".svg", ".pdf")
+    check_writable([target], force=options.force, inputs=options.files)
+    try:
+        import matplotlib as mpl
+    except ImportError as error:
+        raise ValueError("plots need matplotlib: pip install 'mograft[plot]'") from error
+    mpl.use("agg")
+    metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(target.suffix.lower())
+    from matplotlib import pyplot
+
+    with mpl.rc_context(), pyplot.style.context("dark_background" if options.dark else "default"):
+        # Without a date and with constant element names, equal input gives equal bytes.
+        mpl.rcParams["svg.hashsalt"] = "mograft"
+        figure = _draw(options).get_figure(root=True)
+        assert figure is not None  # The axes were created with a figure.
+        target.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with atomic_path(target) as draft:
+                figure.savefig(draft, dpi=150, metadata=metadata)
+        finally:
+            pyplot.close("all")
+    print_result(options, "plot", {"file": str(target), "kind": options.kind}, [target])
+    return 0
+
+
+def _draw(options: PlotOptions) -> "Axes":
+    folder = library_folder(options.files)
+    if folder is not None:
+        fixed = () if options.kind == "groups" else ("groups",)
+        refuse_fixed_options(options, *fixed, "match", "skeleton")
+    if options.clip and (folder is None or options.kind not in _KINDS_OF_OPTION["frames"]):
+        raise UsageError(
+            "--clip requires a library, and one of the kinds strip, timeline and energy"
+        )
+    refuse_useless_options(options, _KINDS_OF_OPTION, options.kind, options.kind)
+    if options.kind in ("strip", "energy"):
+        motion, groups, config = _single_motion(options, folder)
+        frames = frame_range(motion, options.frames)
+        if options.kind == "energy":
+            return plot.energy(motion, config, frames=frames)
+        return plot.strip(motion, options.poses, groups=groups, frames=frames)
+    if options.kind == "groups":
+        return plot.groups(_discovery(options, folder))[0]
+    if options.kind == "timeline":
+        scene = _timeline_scene(options, folder)
+        given, rate = options.frames, scene.figures[0].motion.rate
+        shown = None if given is None else resolve_frames(given, rate)
+        with flags_in_errors(frames="--frames"):
+            return plot.timeline(scene, frames=shown)
+    library = load_library(options)
+    with flags_in_errors(group="--group"):
+        return _CLUSTER_KINDS[options.kind](library, options.group)
+
+
+def _discovery(options: PlotOptions, folder: Path | None) -> GroupDiscovery:
+    """Return the groups that ``--groups auto`` or ``auto:N`` discovers in a library or in files.
+
+    `folder` is that of a library, or None for motion files. Any other value of ``--groups`` is a
+    usage error on the command line, and is ignored in the configuration file and the environment.
+    """
+    name = options.groups or AUTOMATIC
+    if not is_automatic(name):
+        if options.given("groups"):
+            raise UsageError(f"the picture groups needs --groups auto or auto:N, got {name}")
+        name = AUTOMATIC
+    selected_groups(name)  # checks the number
+    if folder is not None:
+        return discover_in_library(Library.open(folder), automatic_number(name))
+    return discover_groups(
+        expand_folders(options.files, include_grafts=options.include_grafts),
+        automatic_number(name),
+        config=selected_config(options),
+        match="anatomy" if options.match == "anatomy" else "names",
+        skeleton=selected_skeleton(options.skeleton),
+    )
+
+
+def _timeline_scene(options: PlotOptions, folder: Path | None) -> Scene:
+    """Return a scene of the selected clips of a library, or of motion files.
+
+    `folder` is that of a library, or None for motion files. Grafts that have a .json file are shown
+    with their donors. The scene shows all other files as clips of one library, with clusters.
+    """
+    if folder is not None:
+        library = load_library(options)
+        return Scene.of_clips(library, select_clips(library, options.clip))
+    files = expand_folders(options.files)
+    grafts = [file for file in files if has_provenance(Path(split_address(file)[0]))]
+    others = tuple(file for file in files if file not in grafts)
+    libraries = [load_library(replace(options, files=others))] if others else []
+    return Scene.of([*libraries, *grafts], skeleton=selected_skeleton(options.skeleton))
+
+
+def _single_motion(
+    options: PlotOptions, folder: Path | None
+) -> tuple[Motion, JointGroups | str | None, Config]:
+    """Return the only motion that the options select, its joint groups and its configuration.
+
+    `folder` is that of a library, or None for motion files. Raise ValueError if the options select
+    several motions.
+    """
+    groups: JointGroups | str | None
+    if folder is not None:
+        library = Library.open(folder)
+        motions = [library.clips[index] for index in select_clips(library, options.clip)]
+        groups, config = library.groups, library.config
+    else:
+        files = expand_folders(options.files)
+        config, skeleton = selected_config(options), selected_skeleton(options.skeleton)
+        groups = figure_groups(options.groups, files, config, skeleton)
+        motions = [read_clip(file, skeleton=skeleton) for file in files]
+    if len(motions) != 1:
+        raise ValueError(f"{options.kind} shows exactly one motion, got {len(motions)}")
+    return motions[0], groups, config

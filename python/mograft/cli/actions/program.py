@@ -1,0 +1,141 @@
+"""``mograft doctor``, ``config`` and ``completion``: the installed program and its settings."""
+
+import json
+import os
+import platform
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from mograft import __version__
+from mograft.cli.output import print_result
+from mograft.cli.settings import Setting, find_config_file, find_settings
+from mograft.cli.syntax.arguments import UsageError
+from mograft.cli.syntax.commands import COMMANDS, CompletionOptions, DoctorOptions, ShowOptions
+from mograft.cli.syntax.parser import build_parsers
+from mograft.errors import suggest_name
+
+_REQUIRED = "numpy"
+_USES_OF_PACKAGES = {
+    _REQUIRED: "everything",
+    "matplotlib": "mograft plot",
+    "pillow": "films, mograft export -o x.gif",
+    "imageio-ffmpeg": "films, mograft export -o x.mp4, unless ffmpeg is installed",
+    "usd-core": "mograft export -o x.usd",
+    "mograft-fbx": "FBX files",
+    "pyarrow": "mograft lib export --format parquet",
+    "shtab": "mograft completion",
+    "pybvh": "mograft.formats.to_pybvh, mograft.formats.from_pybvh",
+    "scikit-learn": "mograft evaluate",
+    "scipy": "mograft evaluate",
+}
+
+
+def run_doctor(options: DoctorOptions) -> int:
+    """Print the result of each check; return exit code 1 if a check found a defect, else 0."""
+    checks = [
+        *_check_packages(),
+        _check_graft(),
+    ]
+    is_ok = all(check["state"] != "broken" for check in checks)
+    lines = [f"{check['state']:7} {check['what']}: {check['detail']}" for check in checks]
+    print_result(options, "doctor", {"ok": is_ok, "checks": checks}, lines)
+    return 0 if is_ok else 1
+
+
+def _result(what: str, state: str, detail: str) -> dict[str, str]:
+    return {"what": what, "state": state, "detail": detail}
+
+
+def _check_packages() -> list[dict[str, str]]:
+    system = f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores"
+    results = [
+        _result("mograft", "ok", __version__),
+        _result("python", "ok", f"{platform.python_version()} on {system}"),
+    ]
+    for name, use in _USES_OF_PACKAGES.items():
+        try:
+            results.append(_result(name, "ok", metadata.version(name)))
+        except metadata.PackageNotFoundError:
+            state = "broken" if name == _REQUIRED else "absent"
+            results.append(_result(name, state, f"needed for {use}: pip install {name}"))
+    return results
+
+
+def _check_graft() -> dict[str, str]:
+    """Run all stages on a short dance."""
+    try:
+        from mograft.dancer import dance
+        from mograft.library.library import Library
+        from mograft.synthesis.graft import graft
+
+        new = graft(Library.build(dance(strides=1).motion[:300]))
+    except Exception as error:
+        # Any failure, whatever its type, is the finding of this check.
+        return _result("a graft", "broken", f"{type(error).__name__}: {error}")
+    return _result("a graft", "ok", f"{new.motion.n_frames} frames created")
+
+
+def run_config(options: ShowOptions) -> int:
+    """Print the settings of the commands."""
+    path = find_config_file(Path.cwd())
+    rows = _collect(options)
+    lines = [f"# {path}" if path is not None else "# no mograft.toml in this folder or above"]
+    last = None
+    for row in rows:
+        if row["command"] != last:
+            lines.append(f"\n[{row['command']}]")
+        last = row["command"]
+        value, name = row["value"], row["name"]
+        line = f"# {name} =" if value is None else f"{name} = {_as_toml(value)}"
+        lines.append(f"{line:32} # {row['origin']}" if options.origin else line)
+    document = {"file": None if path is None else str(path), "settings": rows}
+    print_result(options, "config", document, lines)
+    return 0
+
+
+def _collect(options: ShowOptions) -> list[dict[str, Any]]:
+    """Return one dict per setting, with the keys command, name, value and origin.
+
+    The origin is the file or environment variable that sets the value, or ``"default"``.
+    `options.only` limits the settings to those of one command.
+    """
+    names = [command.name for command in COMMANDS]
+    if options.only is not None and options.only not in names:
+        hint = suggest_name(options.only, names)
+        raise UsageError(f"COMMAND must be one of {', '.join(names)}; got {options.only}{hint}")
+    rows = []
+    for command in COMMANDS:
+        if options.only not in (None, command.name):
+            continue
+        found = find_settings(command, COMMANDS)
+        for argument in command.settings():
+            default = Setting(argument.default, "default", argument.default)
+            setting = found.get(argument.dest, default)
+            values = {argument.name: setting.plain}
+            if argument.dest == "set" and setting.value:
+                values = {f"set.{name}": text for name, text in setting.value}
+            rows += [
+                {"command": command.name, "name": name, "value": value, "origin": setting.origin}
+                for name, value in values.items()
+            ]
+    return rows
+
+
+def _as_toml(value: object) -> str:
+    """Return a string, number or boolean in the syntax of TOML.
+
+    This is the syntax of JSON, except that TOML also requires an escape for the character DEL.
+    """
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def run_completion(options: CompletionOptions) -> int:
+    """Print the completion script of a shell."""
+    try:
+        import shtab
+    except ImportError as error:
+        raise ImportError("completion needs shtab: pip install 'mograft[completion]'") from error
+    parsers = build_parsers(COMMANDS, is_completion=True)
+    print(shtab.complete(parsers[()], options.shell))
+    return 0

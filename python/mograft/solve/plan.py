@@ -1,0 +1,123 @@
+"""The plan that all grafts on one base share: choose donors, repair and assemble them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mograft._util.arrays import IntArray
+from mograft.config import Config
+from mograft.library.library import Library
+from mograft.motion.motion import Motion
+from mograft.scenario import Scenario
+from mograft.search.candidates import SegmentPool
+from mograft.search.constraints import Constraint, Violation
+from mograft.search.donor_choice import DONOR_CHOICES, unique_sequences
+from mograft.search.trellis import DonorSequences, DonorTrellis
+from mograft.search.viterbi import viterbi
+from mograft.solve.assembly import Assembly
+from mograft.solve.base import GraftBase, grafted_groups
+from mograft.solve.donor_repair import repair_donors
+from mograft.solve.donor_trellis import build_trellis, candidate_violations
+from mograft.solve.finish import finish_motion
+from mograft.solve.root_tabu_search import tabu_search
+from mograft.solve.search_problem import SearchProblem
+from mograft.solve.self_repair import RepairedWindow, self_repair
+from mograft.solve.violations import find_motion_violations
+
+
+@dataclass(frozen=True, eq=False)
+class GraftPlan:
+    """The search problem of one base motion and its trellises. Made by `GraftPlan.build`."""
+
+    problem: SearchProblem
+    scenario: Scenario | None = None  # the base, if it is composed of segments
+
+    @classmethod
+    def build(
+        cls,
+        library: Library,
+        base: Motion | str | int | None,
+        swap: Sequence[str] | None,
+        constraints: Sequence[Constraint],
+        scenario: Sequence[int] | IntArray | Scenario | None = None,
+    ) -> "GraftPlan":
+        """Return the plan; the arguments are those of `mograft.graft`.
+
+        `base` may also be the index of a clip.
+        """
+        groups = grafted_groups(library, swap)
+        own = GraftBase.find(library, base, scenario)
+        problem = SearchProblem.build(
+            own.library, own.motion, own.indices, own.segments, groups, constraints
+        )
+        return cls(problem, own.scenario)
+
+    @property
+    def config(self) -> Config:
+        """The library's configuration, with the limits that the constraints set."""
+        return self.problem.config
+
+    @property
+    def pools(self) -> Mapping[str, SegmentPool]:
+        """The pool of segments from which the donors of each grafted group are chosen."""
+        return self.problem.pools
+
+    @cached_property
+    def trellises(self) -> dict[str, DonorTrellis]:
+        """The candidates of each grafted group and their costs.
+
+        Constraints on a group are evaluated with the cheapest donors of the groups before it.
+        """
+        trellises: dict[str, DonorTrellis] = {}
+        chosen: DonorSequences = {}
+        for group in self.pools:
+            trellis = build_trellis(self.problem, group, chosen)
+            trellises[group] = trellis
+            if self.problem.constraints:
+                chosen[group] = trellis.donor_sequence(viterbi(trellis.costs))
+        return trellises
+
+    def feasible_candidates(self, group: str) -> Sequence[IntArray]:
+        """Return for each position the candidates that satisfy all hard constraints.
+
+        If none does, all candidates of the position are returned. If any grafted group contains
+        the root, all candidates of all positions are returned: the root transform at a position
+        depends on the donors before it.
+        """
+        candidates = self.problem.candidates[group]
+        if self.problem.root_group is not None:
+            return candidates
+        found = candidate_violations(self.problem, group, {})
+        return [
+            segments[own.is_feasible] if own.is_feasible.any() else segments
+            for segments, own in zip(candidates, found, strict=True)
+        ]
+
+    def choose_donors(self, count: int, seed: int) -> list[DonorSequences]:
+        """Choose at most `count` different donor sequences by `Config.choice`, and repair them."""
+        choice = DONOR_CHOICES.get(self.config.choice)
+        drawn = choice.draw(self, count, np.random.default_rng(seed))
+        return unique_sequences([self.repair(donors) for donors in drawn])
+
+    def repair(self, donors: DonorSequences) -> DonorSequences:
+        """Change donors until the hard constraints hold, if possible; return the new sequences."""
+        if not any(constraint.is_hard for constraint in self.problem.constraints):
+            return donors
+        donors = repair_donors(self.problem, donors, self.trellises)
+        return tabu_search(self.problem, donors, self.trellises, self._finish)
+
+    def assemble(self, donors: DonorSequences, name: str) -> tuple[Assembly, list[RepairedWindow]]:
+        """Return the assembly of donor sequences after self-repair, and the frames searched."""
+        assembly = Assembly.build(self.problem, donors, name)
+        if self.config.self_repair and DONOR_CHOICES.get(self.config.choice).allows_self_repair:
+            return self_repair(assembly, self.trellises, self._violations)
+        return assembly, []
+
+    def _finish(self, motion: Motion, donors: DonorSequences) -> Motion:
+        return finish_motion(self.problem, motion, donors).motion
+
+    def _violations(self, assembly: Assembly) -> list[Violation]:
+        motion = self._finish(assembly.motion, assembly.donors)
+        return find_motion_violations(self.problem, motion, assembly.donors)

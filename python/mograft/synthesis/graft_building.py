@@ -1,0 +1,104 @@
+"""The `Graft` of donor sequences: the motion, where each part is from, and what was repaired."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mograft._util.arrays import IntArray
+from mograft.blend.reach_completion import measure_completions
+from mograft.motion.motion import Motion
+from mograft.search.pose_constraints import Reach
+from mograft.search.trellis import DonorSequences
+from mograft.solve.assembly import Assembly
+from mograft.solve.finish import finish_motion
+from mograft.solve.plan import GraftPlan
+from mograft.solve.search_problem import SearchProblem
+from mograft.solve.violations import find_motion_violations
+from mograft.synthesis.graft_request import GraftRequest
+from mograft.synthesis.graft_result import Graft
+from mograft.synthesis.substitution import Seam, Substitution
+
+
+def build_graft(
+    plan: GraftPlan,
+    donors: DonorSequences,
+    seed: int,
+    index: int,
+    request: GraftRequest | None = None,
+) -> Graft:
+    """Return the graft of donor sequences, after self-repair."""
+    assembly, repairs = plan.assemble(donors, f"{plan.problem.base.name}_graft{index}")
+    graft = finish_graft(plan.problem, assembly, seed, index)
+    return replace(graft, self_repairs=tuple(repairs), request=request or GraftRequest())
+
+
+def finish_graft(
+    problem: SearchProblem,
+    assembly: Assembly,
+    seed: int,
+    index: int,
+    adjust: Callable[[Motion], Motion] = lambda motion: motion,
+    reaches: Sequence[Reach] | None = None,
+) -> Graft:
+    """Return the graft of an assembly, with planted feet and limbs at the targets of `reaches`.
+
+    By default `reaches` are those among the constraints. `adjust` changes the motion last. The
+    problem of the assembly may have fewer candidates than `problem`, as in an edit.
+    """
+    donors = assembly.donors
+    finished = finish_motion(problem, assembly.motion, donors, reaches)
+    motion = adjust(finished.motion)
+    return Graft(
+        motion=motion,
+        base=problem.base,
+        library=problem.library,
+        substitutions=tuple(
+            own for group in donors for own in _substitutions(problem, group, donors[group])
+        ),
+        seams=tuple(
+            own
+            for group, frames in assembly.seams.items()
+            for own in _seams(problem, group, donors[group], frames)
+        ),
+        alternatives={group: problem.count_alternatives(group) for group in donors},
+        seed=seed,
+        index=index,
+        violations=tuple(find_motion_violations(problem, motion, donors)),
+        feet=finished.feet,
+        reach_completions=measure_completions(finished.completions, motion),
+    )
+
+
+def _seams(
+    problem: SearchProblem, group: str, donors: IntArray, frames: IntArray
+) -> Iterator[Seam]:
+    """Return the seams of a group, given their frames, with the gaps that `max_angle` limits."""
+    gaps = problem.pools[group].seam_angles_along(donors)
+    is_seam = np.isin(problem.base_segments.stop[:-1], frames)
+    for frame, gap in zip(frames.tolist(), gaps[is_seam].tolist(), strict=True):
+        yield Seam(group, frame, gap)
+
+
+def _substitutions(problem: SearchProblem, group: str, donors: IntArray) -> Iterator[Substitution]:
+    """Return the substitutions of a group, one for each base segment."""
+    pool, frames, clips = problem.pools[group], problem.base_segments, problem.library.entries
+    origins = problem.library.segments[donors]
+    costs = pool.unary_costs(problem.scenario, donors, problem.cost_models[group])
+    gaps = [0.0, *pool.seam_angles_along(donors).tolist(), 0.0]
+    stretches = frames.lengths / origins.lengths - 1.0
+    for i, clip in enumerate(origins.clip.tolist()):
+        yield Substitution(
+            group=group,
+            start=int(frames.start[i]),
+            stop=int(frames.stop[i]),
+            segment=int(problem.scenario[i]),
+            donor=int(donors[i]),
+            clip=clips[clip].name,
+            donor_start=int(origins.start[i]),
+            donor_stop=int(origins.stop[i]),
+            stretch=float(stretches[i]),
+            cost=float(costs[i]),
+            gap_before=gaps[i],
+            gap_after=gaps[i + 1],
+        )
