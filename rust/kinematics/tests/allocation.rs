@@ -68,7 +68,9 @@ fn refuse_each<T: Debug, E: Debug>(name: &str, kernel: impl Fn() -> Result<T, E>
             Err(error) => {
                 let text = format!("{error:?}");
                 assert!(
-                    text.contains("OutOfMemory") || text.contains("AllocError"),
+                    ["OutOfMemory", "AllocError", "Refused"]
+                        .iter()
+                        .any(|e| text.contains(e)),
                     "{name}: {text}"
                 );
             }
