@@ -2,7 +2,7 @@
 
 The viewer and the report in Chromium, every kind of plot, and the first second of a film, each
 light and dark and 1280 and 480 pixels wide, of a BVH file or the built-in dancer.
-``python -m tests.looks --readme`` makes the picture of the demo page in the README.
+``python -m tests.looks --readme`` makes the film in the README and the picture of the demo page.
 """
 
 import sys
@@ -86,22 +86,28 @@ def films(folder, new):
             )
 
 
-def readme_picture():
-    """Run ``mograft demo``, and save a picture of its page as ``docs/demo.png``."""
+def readme_pictures():
+    """Run ``mograft demo``; save a film as ``docs/demo.gif`` and its page as ``docs/demo.png``."""
     target = Path(__file__).parents[1] / "docs" / "demo.png"
     with tempfile.TemporaryDirectory() as folder, chromium() as browser:
         command(["demo", "-o", folder])
+        names = ("dance", "dance_graft1", "dance_graft2")
+        motions = [mg.read_bvh(f"{folder}/{name}.bvh")[1080:1156] for name in names]
+        film, look = target.with_suffix(".gif"), {"size": (720, 280), "groups": "lower_upper"}
+        film.unlink(missing_ok=True)
+        mg.write_video(motions, film, rate=10, **look)
         with open_page(browser, Path(folder) / "index.html", 1000, 720) as page:
             page.evaluate("mograft.seek(150)")
             page.screenshot(path=target)
     image = Image.open(target).quantize(64, dither=Image.Dither.NONE)
     image.save(target, optimize=True)
-    print(target, target.stat().st_size, "bytes")
+    for path in (film, target):
+        print(path, path.stat().st_size, "bytes")
 
 
 def main(words):
     if words == ["--readme"]:
-        readme_picture()
+        readme_pictures()
         return
     folder = Path(words[0])
     folder.mkdir(parents=True, exist_ok=True)

@@ -233,12 +233,12 @@ def test_undocumented_names_are_found():
     assert "mograft.plot.strip" in find_undocumented("")
 
 
-LINK = re.compile(r"\]\(([^)#:]+)\)")
+LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)|^\[[\w-]+\]: ([^#:\s]+)(?:#\S*)?$", re.MULTILINE)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=[str(p.relative_to(ROOT)) for p in PAGES])
 def test_documentation_links_resolve(page):
-    for target in LINK.findall(page.read_text(encoding="utf-8")):
+    for target in map("".join, LINK.findall(page.read_text(encoding="utf-8"))):
         if "_made/" not in target:
             assert (page.parent / target).exists(), target
 

@@ -12,13 +12,14 @@ import pytest
 from release.__main__ import STEPS
 from release.build import PLATFORMS
 from release.distributions import ROOT
+from release.links import make_absolute
 from release.tag import find_other_versions
 
 yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
 
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 SET_UP = ("rustup toolchain install", "rustup target add", "python -m pip install")
-MODULES = ("tests", "release", "release.tag")
+MODULES = ("tests", "release", "release.links", "release.tag")
 
 
 def read(name):
@@ -166,3 +167,12 @@ def test_tag_of_present_version_differs_from_changelog_at_most():
     version = (ROOT / "Cargo.toml").read_text(encoding="utf-8")
     tag = "v" + re.search(r'^version = "(.*)"$', version, re.MULTILINE)[1]
     assert set(find_other_versions(tag)) <= {"CHANGELOG.md"}
+
+
+def test_links_of_readme_become_absolute():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    absolute = make_absolute(text, "https://host/owner/name", "v1.2.3")
+    links = re.findall(r"^\[[\w-]+\]: (\S+)$", absolute, re.MULTILINE)
+    assert all(link.startswith("https://host/owner/name/") for link in links)
+    assert "https://host/owner/name/raw/v1.2.3/docs/demo.gif" in links
+    assert re.findall(r"\]\((?!https://)[^)]*\)", text) == []
