@@ -2,8 +2,8 @@
 
 import json
 
-from tests.weekly.output_cases import Case, all_cases, old_command
-from tests.weekly.same_outputs import Outcome, compare
+from release.output_cases import Case, all_cases, old_command
+from release.same_outputs import Outcome, compare
 
 CASE = Case("graft/x", ("mograft graft x",))
 

@@ -1,6 +1,6 @@
 """Compare the outputs of two versions of mograft, byte for byte.
 
-    python -m tests.weekly.same_outputs --old PYTHON_A --new PYTHON_B [--cache FOLDER]
+    python -m release.same_outputs --old PYTHON_A --new PYTHON_B [--cache FOLDER]
 
 Both interpreters have a version of mograft. Each case of `output_cases` runs with both in an empty
 folder; files, standard output and exit codes are compared. `EXPECTED` names the rules that were
@@ -28,10 +28,10 @@ from dataclasses import asdict, dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from tests.weekly.expected_outputs import EXPECTED
-from tests.weekly.output_cases import PREAMBLE, Case, all_cases
+from release.expected_outputs import EXPECTED
+from release.output_cases import PREAMBLE, Case, all_cases
 
-DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
+DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 PLACE = Path(tempfile.gettempdir()) / f"mograft-outputs-{os.getuid()}"  # paths may be in outputs
 MAX_TEXT = 4 * 2**20
 STEP_SECONDS = 300
