@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, Packed
+from mograft._util.memory import reuse_freed_arrays
 from mograft.analysis.embedding import Samples, normalise
 from mograft.analysis.segmentation import segment_clip
 from mograft.body.faults import find_faults
@@ -213,6 +214,7 @@ def ingest(
     as a motion at the library's rate. A clip is refused if it cannot be read, has a single frame,
     cannot be segmented, or does not fit the hierarchy of `spec`.
     """
+    reuse_freed_arrays()
     label, properties = task.label, None
     try:
         task, motion = _read(task, spec.rest)

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from mograft._util.arrays import IntArray
+from mograft._util.memory import reuse_freed_arrays
 from mograft.config import Config
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -47,6 +48,7 @@ class GraftPlan:
 
         `base` may also be the index of a clip.
         """
+        reuse_freed_arrays()
         groups = grafted_groups(library, swap)
         own = GraftBase.find(library, base, scenario)
         problem = SearchProblem.build(
