@@ -294,7 +294,7 @@ GRAFT_OPTIONS = """
     --set feet=never
     --set feet=auto --groups clips/upper_base.toml
     --set self_repair=false
-    --set segmentation=beats
+    --set smoothing=0.2
     --set segmentation=clips/cuts.json
     --preset paper --seed 7
     --preset paper --groups lower_torso_larm_rarm
@@ -346,7 +346,7 @@ def libraries() -> Iterator[Case]:
         mograft index clips/ -o a.mograft --groups lower_torso_larm_rarm --preset paper
         mograft index clips/ -o b.mograft --set sigma_scale=1 --rate 60
         mograft index clips/ -o c.mograft --true-rate take1=60 --json
-        mograft index clips/ -o d.mograft --tags clips/tags.csv --set segmentation=beats
+        mograft index clips/ -o d.mograft --tags clips/tags.csv --set smoothing=0.2
         mograft index clips/ -o e.mograft --groups auto:3
         mograft lib info c.mograft
         mograft graft a.mograft -o a/
@@ -534,7 +534,7 @@ np.save("condensed.npy", K.linkage_condensed(apart))
 print(K.CompleteLinkage(n_clusters=8).fit(points).labels_.tolist())
 for path in ("clips/take0.bvh", "data/dance_perfume_test/A_test.bvh"):
     motion = mg.read_bvh(path)
-    print(mg.segment(motion).start.tolist(), mg.segment(motion, method="beats").start.tolist())
+    print(mg.segment(motion).start.tolist(), mg.segment(motion, method=[9, 40]).start.tolist())
     np.save(Path(path).stem + ".npy", mg.kinetic_energy(motion))
     print(mg.find_faults(motion))
     mg.write_bvh(mg.mirror(motion), Path(path).stem + "_mirrored.bvh")

@@ -7,10 +7,11 @@ min_depth=0.02))`` all clips of a library. A method is a module with `cut_frames
 import numpy as np
 
 import mograft as mg
-from lab.segmentations import com, contacts, gmm, pca, ppca
+from lab.segmentations import beats, com, contacts, gmm, pca, ppca
 from mograft.analysis.segmentation import merge_short_segments, split_long_segments
 
 METHODS = {
+    "beats": (beats, beats.BeatParameters),
     "com": (com, com.ComParameters),
     "contacts": (contacts, contacts.ContactParameters),
     "pca": (pca, pca.PcaParameters),

@@ -35,6 +35,7 @@ import numpy as np
 from lab.common import run
 from lab.experiments.sources import ARCHIVE, SOURCES, find_files
 from lab.segmentations import METHODS
+from lab.segmentations.beats import BeatParameters, beat_interval
 from lab.studies.behaviour_pieces import (
     animated_actions,
     captured_actions,
@@ -45,7 +46,6 @@ from lab.studies.behaviour_pieces import (
     read_clips,
     recorded_pieces,
 )
-from mograft.analysis.beats import BeatParameters, beat_interval
 
 NAMES = ("pca", "ppca", "gmm")
 TOLERANCES = (0.5, 1.0)  # seconds

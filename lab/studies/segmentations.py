@@ -41,7 +41,7 @@ from mograft.evaluation.two_sample import block_folds, detect
 from mograft.evaluation.windows import GraftWindows
 from mograft.solve.plan import GraftPlan
 
-METHODS = {"energy": "energy", **{name: function_of(name) for name in OTHERS}, "beats": "beats"}
+METHODS = {"energy": "energy", **{name: function_of(name) for name in OTHERS}}
 CHOSEN = ("salsa A", "perfume", "basketball", "actions and styles", "everyday")
 CMU = "dance_cmu60_salsa/60_0*.bvh"
 PARTS = ("speed", "planted", "agreement", "segments", "grafts")

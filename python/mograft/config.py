@@ -6,7 +6,6 @@ from dataclasses import Field, dataclass, field, fields, replace
 from numbers import Real
 from typing import Any, Literal, TypeVar
 
-from mograft._util.containers import FrozenMapping
 from mograft._util.cut_frames import freeze_cut_frames
 from mograft._util.registry import CONFIG_OPTIONS
 from mograft._util.validate import is_integer, python_scalar
@@ -43,16 +42,12 @@ class Config:
 
     Parameters
     ----------
-    segmentation : str, mapping or callable
-        How motions are cut into segments: one of the registered names, which docs/segmentation.md
-        describes; the cut frames of each clip, as a mapping from the name of the clip to ascending
-        frames; or a function that receives a `Motion` and returns its cut frames. Frames of a
+    segmentation : "energy", mapping or callable
+        How motions are cut into segments: at the extrema of the kinetic energy; at the cut frames
+        of each clip, given as a mapping from the name of the clip to ascending frames; or by a
+        function that receives a `Motion` and returns its cut frames. Frames of a
         mapping count in the clip as it was recorded, at its own rate; a function receives the clip
         at the rate of the library. A library with a function cannot be stored.
-    segmentation_parameters : mapping
-        Parameters of the method that `segmentation` names, from the name of a parameter to its
-        value. Default: the defaults of the method. The parameters of "energy" are the fields
-        `smoothing`, `omega` and `inertia`.
     smoothing : float
         Standard deviation, in seconds, of the Gaussian that smooths the kinetic energy before
         its extrema are found (4.1.1). 0 disables smoothing.
@@ -187,9 +182,6 @@ class Config:
     segmentation: str | Mapping[str, Sequence[int]] | Callable[[Any], Any] = setting(
         "segmentation", "energy", stored=False
     )
-    segmentation_parameters: Mapping[str, float | str | bool] = setting(
-        "segmentation", FrozenMapping(), stored=False
-    )
     smoothing: float = setting("segmentation", 2 * FRAME, 0)
     min_length: float = setting("segmentation", 3 * FRAME)
     max_length: float = setting("segmentation", 2.0)
@@ -260,26 +252,15 @@ class Config:
                 raise ValueError(f"`{own.name}` must not be negative, got {value!r}")
 
     def _check_segmentation(self) -> None:
-        """Check the fields of segmentation, and replace mappings by immutable copies."""
-        chosen, parameters = self.segmentation, self.segmentation_parameters
+        """Check `segmentation`, and replace a mapping by an immutable copy."""
+        chosen = self.segmentation
         if isinstance(chosen, Mapping):
             object.__setattr__(self, "segmentation", freeze_cut_frames(chosen))
         elif not isinstance(chosen, str) and not callable(chosen):
             raise ValueError(
-                "`segmentation` must be a name, a mapping from names of clips to cut frames, or a "
-                f"function, got {chosen!r}"
+                "`segmentation` must be 'energy', a mapping from names of clips to cut frames, "
+                f"or a function, got {chosen!r}"
             )
-        if not isinstance(parameters, Mapping) or not all(isinstance(k, str) for k in parameters):
-            raise ValueError(
-                "`segmentation_parameters` must map names of parameters to their values, got "
-                f"{parameters!r}"
-            )
-        if parameters and not isinstance(chosen, str):
-            raise ValueError(
-                "`segmentation_parameters` must be empty unless `segmentation` is a name, got "
-                f"{parameters!r}"
-            )
-        object.__setattr__(self, "segmentation_parameters", FrozenMapping(parameters))
 
     @classmethod
     def paper(cls, **changes: Any) -> "Config":  # noqa: ANN401 - any field's value

@@ -10,14 +10,12 @@ from mograft.errors import suggest_name
 
 _TYPES = {field.name: field.type for field in fields(Config)}
 _BOOLEANS = {"true": True, "false": False}
-_PARAMETERS = "segmentation_parameters"
 
 
 def parse_fields(assignments: Iterable[tuple[str, str]]) -> dict[str, Any]:
     """Return values of fields of `Config` from pairs of a name and a text.
 
-    Names such as ``segmentation_parameters.min_depth`` set one entry of a mapping. A text that
-    does not have the type of the field is returned unchanged: `Config` refuses it.
+    A text that does not have the type of the field is returned unchanged: `Config` refuses it.
 
     Raises ValueError if a name is not a field.
 
@@ -28,14 +26,10 @@ def parse_fields(assignments: Iterable[tuple[str, str]]) -> dict[str, Any]:
     """
     values: dict[str, Any] = {}
     for name, text in assignments:
-        field, _, key = name.partition(".")
-        if field not in _TYPES or bool(key) != (field == _PARAMETERS):
+        if name not in _TYPES:
             hint = suggest_name(name, _TYPES) or f", one of {', '.join(_TYPES)}"
             raise ValueError(f"{name!r} is no field of Config{hint}")
-        if key:
-            values.setdefault(field, {})[key] = _parse_plain(text)
-        else:
-            values[field] = _parse(_TYPES[field], text)
+        values[name] = _parse(_TYPES[name], text)
     return values
 
 
@@ -49,18 +43,6 @@ def _parse(kind: Any, text: str) -> Any:  # noqa: ANN401 - any type of a field
                 return own(text)
             except ValueError:
                 continue
-    return text
-
-
-def _parse_plain(text: str) -> float | bool | str:
-    """Return the boolean or number that a text denotes; return any other text unchanged."""
-    if text in _BOOLEANS:
-        return _BOOLEANS[text]
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
     return text
 
 

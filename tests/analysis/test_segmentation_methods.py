@@ -1,7 +1,6 @@
-"""Laws of all methods of segmentation, and synthetic motions with known cuts."""
+"""Laws of segments, and of cut frames that the user gives."""
 
-import pickle
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,15 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft import Config, Motion, segment
-from mograft._util.registry import CONFIG_OPTIONS
-from mograft.analysis.segmentation import METHODS
 from mograft.body.mass import mass_model
 from mograft.dancer import dance
 from mograft.motion import rotations
-from tests.strategies import few_examples, motions
+from tests.strategies import few_examples
 
-NAMES = CONFIG_OPTIONS["segmentation"].names
-WHOLE = Config(max_length=np.inf)
 DANCER = dance(strides=1, seed=3).motion
 
 
@@ -33,14 +28,11 @@ def bounds_of(segments):
     return np.append(segments.start, segments.stop[-1])
 
 
-@pytest.mark.parametrize("name", NAMES)
 @few_examples(15)
 @given(n_frames=st.integers(2, 240), first=st.integers(0, 100), rate=st.sampled_from([24.0, 90.0]))
-def test_segments_of_every_method_tile_the_motion_within_the_length_limits(
-    name, n_frames, first, rate
-):
+def test_segments_tile_the_motion_within_the_length_limits(n_frames, first, rate):
     motion = replace(DANCER[first : first + n_frames], frame_time=1.0 / rate)
-    config = Config(segmentation=name)
+    config = Config()
     segments = segment(motion, config)
     bounds = bounds_of(segments)
     assert (bounds[0], bounds[-1]) == (0, motion.n_frames - 1)
@@ -50,23 +42,13 @@ def test_segments_of_every_method_tile_the_motion_within_the_length_limits(
     assert segments.lengths.max() <= config.max_length * rate
 
 
-@pytest.mark.parametrize("name", NAMES)
-@few_examples(15)
-@given(motion=motions())
-def test_every_method_takes_any_skeleton_and_any_number_of_frames(name, motion):
-    segments = segment(motion, Config(segmentation=name, max_length=np.inf))
-    assert bounds_of(segments)[-1] == motion.n_frames - 1
-
-
-@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("n_frames", [2, 30, 400])
-def test_constant_motion_has_no_cut_frames(name, n_frames):
-    segments = segment(still_motion(n_frames), Config(segmentation=name, max_length=np.inf))
+def test_constant_motion_has_no_cut_frames(n_frames):
+    segments = segment(still_motion(n_frames), Config(max_length=np.inf))
     assert len(segments) == 1
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_every_method_gives_the_same_cuts_in_any_unit_and_at_any_place(name):
+def test_cuts_are_the_same_in_any_unit_and_at_any_place():
     motion = dance(strides=2).motion
     sites = [replace(s, offset=0.25 * np.array(s.offset)) for s in motion.skeleton.end_sites]
     skeleton = replace(
@@ -75,35 +57,19 @@ def test_every_method_gives_the_same_cuts_in_any_unit_and_at_any_place(name):
     positions = 0.25 * motion.positions
     positions[:, 0] += [64.0, 0.0, -32.0]
     moved = Motion(skeleton, motion.frame_time, motion.rotations, positions)
-    own, other = (bounds_of(segment(m, method=name)) for m in (motion, moved))
+    own, other = (bounds_of(segment(m)) for m in (motion, moved))
     np.testing.assert_array_equal(own, other)
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if METHODS.get(name) is not None])
-def test_every_parameter_can_be_given_and_is_stored(name):
-    method = METHODS.get(name)
-    defaults = {f.name: getattr(method.parameters(), f.name) for f in fields(method.parameters)}
-    config = Config(segmentation=name, segmentation_parameters=defaults)
-    assert Config.from_dict(config.as_dict()) == config == pickle.loads(pickle.dumps(config))
-    np.testing.assert_array_equal(
-        segment(DANCER, config).start, segment(DANCER, method=name, **defaults).start
-    )
-    np.testing.assert_array_equal(segment(DANCER, config).start, segment(DANCER, method=name).start)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_motion_of_one_frame_raises_value_error(name):
+def test_motion_of_one_frame_raises_value_error():
     with pytest.raises(ValueError, match="needs at least 2 frames, still has 1"):
-        segment(still_motion(1), method=name)
+        segment(still_motion(1))
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"method": "beat"}, "`segmentation` must be one of 'energy', .*; did you mean 'beats'"),
-        ({"method": "beats", "longes": 1}, "among 'shortest', .*; did you mean 'longest'"),
-        ({"method": "beats", "tightness": -1}, "`tightness` must be above 0, got -1"),
-        ({"min_depth": 0.1}, "`segmentation_parameters` must be empty for 'energy'"),
+        ({"method": "energi"}, "`segmentation` must be one of 'energy', .*; did you mean 'energy'"),
         ({"method": [5, 4]}, "cut frames in `method` must be ascending whole numbers"),
         ({"method": [4.5]}, "cut frames in `method` must be ascending whole numbers"),
         ({"method": [[1, 2], [3]]}, "cut frames in `method` must be ascending whole numbers"),
@@ -112,7 +78,7 @@ def test_motion_of_one_frame_raises_value_error(name):
         ({"method": {"waltz": [5]}}, "must have cut frames for every clip, got none for 'dance'"),
     ],
 )
-def test_invalid_method_or_parameter_raises_value_error(arguments, message):
+def test_invalid_method_raises_value_error(arguments, message):
     with pytest.raises(ValueError, match=message):
         segment(DANCER, **arguments)
 

@@ -4,7 +4,6 @@ import json
 from dataclasses import fields
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,59 +14,21 @@ from mograft.cli import main
 from mograft.config_text import parse_fields
 from tests.cli.field_table import field_table
 
-NAMES = CONFIG_OPTIONS["segmentation"].names
 FIELD_VALUES = {float: st.floats(0, 1e9), int: st.integers(2, 99), bool: st.booleans()}
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_every_entry_point_takes_every_method_and_libraries_remember_it(name, clip, run):
-    config = mg.Config(segmentation=name)
-    motion = mg.read_bvh(clip)
-    expected = mg.segment(motion, config)
-    stops = str(expected.stop.tolist()).replace(" ", "")
-
-    library = mg.Library.index(clip, "indexed", config=config)
-    assert mg.graft(library, seed=1).library.config == config
-    assert len(mg.candidates(library, 0, "upper")) >= 1
-    assert stops in mg.view(motion, config=config, show=False).html
-    if name == "energy":
-        stream = mg.Stream(library)
-        stream.push(motion)
-        stream.close()
-        assert mg.join_pieces(stream.pieces()).n_frames == motion.n_frames
-    else:
-        with pytest.raises(ValueError, match="segmentation` must be 'energy' in a stream"):
-            mg.Stream(library)
-
-    option = ("--set", f"segmentation={name}")
-    assert run("index", clip, "-o", "lib", *option)[0] == 0
-    assert run("graft", clip, "-o", "new", *option)[0] == 0
-    (record,) = [json.loads(path.read_text()) for path in Path("new").glob("*.json")]
-    assert record["config"].get("segmentation", "energy") == name
-    assert run("view", clip, "-o", "page.html", *option)[0] == 0
-    assert stops in Path("page.html").read_text()
-    for words in ((clip, *option), ("lib",)):
-        code, out, _ = run("candidates", *words, "--segment", "0", "--json")
-        assert code == 0
-        assert json.loads(out)["frames"] == [0, expected.stop[0]]
-    for folder in ("indexed", "lib"):
-        opened = mg.Library.open(folder)
-        assert opened.config == config
-        np.testing.assert_array_equal(opened.segments.start, expected.start)
 
 
 @pytest.mark.parametrize(
     "words",
     [
-        "graft {folder} -o x --set segmentation=beats",
-        "candidates {folder} --segment 1 --set segmentation=beats",
-        "view {folder} -o x.html --set segmentation=beats",
-        "plot energy {folder}/a.bvh -o x.png --set segmentation=beats",
-        "plot timeline {folder} -o x.png --set segmentation=beats",
-        "index {folder} -o x --set segmentation=beats",
+        "graft {folder} -o x --set smoothing=0.2",
+        "candidates {folder} --segment 1 --set smoothing=0.2",
+        "view {folder} -o x.html --set smoothing=0.2",
+        "plot energy {folder}/a.bvh -o x.png --set smoothing=0.2",
+        "plot timeline {folder} -o x.png --set smoothing=0.2",
+        "index {folder} -o x --set smoothing=0.2",
     ],
 )
-def test_commands_segment_by_the_given_method(words, folder, monkeypatch):
+def test_commands_segment_by_the_given_fields(words, folder, monkeypatch):
     pytest.importorskip("matplotlib")
     used = []
     from mograft.analysis import segmentation
@@ -77,24 +38,11 @@ def test_commands_segment_by_the_given_method(words, folder, monkeypatch):
         monkeypatch.setattr(
             f"mograft.{module}.segment_clip",
             lambda motion, config, rate: (
-                used.append(config.segmentation) or original(motion, config, rate)
+                used.append(config.smoothing) or original(motion, config, rate)
             ),
         )
     assert main([word.format(folder=folder) for word in words.split()]) == 0
-    assert set(used) == {"beats"}
-
-
-def test_index_stores_the_method_with_its_parameters_for_add(folder, capsys):
-    fields = ["--set", "segmentation=beats", "--set", "segmentation_parameters.longest=1.2"]
-    assert main(["index", f"{folder}/a.bvh", "-o", "lib", *fields]) == 0
-    assert main(["index", f"{folder}/b.bvh", "-o", "lib", "--add"]) == 0
-    capsys.readouterr()
-    assert main(["lib", "info", "lib"]) == 0
-    assert "segments by beats, longest 1.2" in capsys.readouterr().out
-    library = mg.Library.open("lib")
-    assert library.config.segmentation_parameters == {"longest": 1.2}
-    expected = [mg.segment(clip, method="beats", longest=1.2) for clip in library.clips]
-    assert len(library.segments) == sum(map(len, expected))
+    assert set(used) == {0.2}
 
 
 def test_cut_frames_are_read_from_a_json_file(folder, working_folder, capsys):
@@ -113,20 +61,6 @@ def test_cut_frames_are_read_from_a_json_file(folder, working_folder, capsys):
         with pytest.raises(SystemExit):
             main(["graft", str(folder), "-o", "x", "--set", "segmentation=cuts.json"])
         assert message in capsys.readouterr().err
-
-
-def test_setting_selects_the_method_of_new_libraries_only(folder, working_folder):
-    assert main(["index", str(folder), "-o", "lib"]) == 0
-    (working_folder / "mograft.toml").write_text(
-        '[set]\nsegmentation = "beats"\nsegmentation_parameters.longest = 1.2\n'
-    )
-    assert main(["graft", "lib", "-o", "x"]) == 0
-    assert main(["index", str(folder), "-o", "other"]) == 0
-    config = mg.Library.open("other").config
-    assert (config.segmentation, config.segmentation_parameters) == (
-        "beats",
-        {"longest": 1.2},
-    )
 
 
 @given(st.data())

@@ -13,7 +13,7 @@ from lab.segmentations import gmm, pca, ppca
 from lab.segmentations.growing_scatter import GrowingScatter
 from lab.segmentations.poses import pose_features, principal_scores
 from mograft import Motion, Skeleton, rotations
-from tests.analysis.behaviours import RATE, behaviours
+from tests.lab.behaviours import RATE, behaviours
 from tests.oracles import behaviour_cuts as oracle
 from tests.strategies import SEEDS, few_examples, motions, quaternions
 

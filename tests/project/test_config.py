@@ -27,17 +27,12 @@ from mograft.library.origin import hash_library
         ({"max_angle": float("nan")}, "`max_angle` must be above 0, got nan"),
         ({"seam": "glue"}, "`seam` must be one of"),
         ({"smoothing": "a"}, "`smoothing` must be a number, got 'a'"),
-        ({"segmentation": "beat"}, "`segmentation` must be one of .*; did you mean 'beats'"),
-        ({"segmentation": [4, 5]}, "`segmentation` must be a name, a mapping .*, or a function"),
+        ({"segmentation": "energi"}, "`segmentation` must be one of .*; did you mean 'energy'"),
+        ({"segmentation": [4, 5]}, "`segmentation` must be 'energy', a mapping .*, or a function"),
         ({"segmentation": {3: [4, 5]}}, "`segmentation` must map names of clips to frames, got 3"),
         ({"segmentation": {"a": [5, 4]}}, "for the clip 'a' must be ascending whole numbers"),
         ({"segmentation": {"a": [-1]}}, "for the clip 'a' must be ascending whole numbers"),
         ({"segmentation": {"a": "45"}}, "for the clip 'a' must be ascending whole numbers"),
-        ({"segmentation_parameters": 3}, "`segmentation_parameters` must map names"),
-        (
-            {"segmentation": {"a": [5]}, "segmentation_parameters": {"b": 1}},
-            "`segmentation_parameters` must be empty unless `segmentation` is a name",
-        ),
     ],
 )
 def test_config_invalid_parameter_raises_value_error(changes, message):
@@ -53,8 +48,8 @@ def test_config_from_dict_inverts_as_dict():
 
 
 def test_config_leaves_out_the_default_segmentation_as_earlier_versions_did():
-    assert not {"segmentation", "segmentation_parameters"} & Config().as_dict().keys()
-    assert Config(segmentation="beats").as_dict()["segmentation"] == "beats"
+    assert "segmentation" not in Config().as_dict()
+    assert Config(segmentation={"a": [5]}).as_dict()["segmentation"] == {"a": [5]}
 
 
 @given(

@@ -56,7 +56,6 @@ class Registry(Generic[T]):
 _DESCRIPTIONS = {
     "segmentation": {
         "energy": "extrema of the kinetic energy, as in the paper",
-        "beats": "beats of a rhythmic motion",
     },
     "omega": {
         "world": "angular velocities relative to the world",

@@ -13,22 +13,14 @@ from mograft._util.arrays import (
 )
 from mograft._util.cut_frames import as_cut_frames
 from mograft._util.gaussian import gaussian_filter
-from mograft._util.registry import CONFIG_OPTIONS, Registry
+from mograft._util.registry import CONFIG_OPTIONS
 from mograft._util.validate import check_type
-from mograft.analysis import beats
-from mograft.analysis.segmentation_method import SegmentationMethod
 from mograft.body.mass import mass_model, moments_of_inertia
 from mograft.config import Config
 from mograft.errors import suggest_name
 from mograft.motion.limits import MAX_CLIP_FRAME_TIME, MIN_CLIP_FRAME_TIME
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
-
-# The extrema of the kinetic energy are computed by `segment_clip` itself, because their parameters
-# are fields of `Config`.
-METHODS: Registry[SegmentationMethod | None] = CONFIG_OPTIONS["segmentation"].implemented_by(
-    {"energy": None, "beats": beats.METHOD}
-)
 
 
 def kinetic_energy(
@@ -107,7 +99,6 @@ def segment(
     config: Config | None = None,
     *,
     method: str | Sequence[int] | Callable[[Motion], Any] | None = None,
-    **parameters: Any,  # noqa: ANN401 - of any method
 ) -> Segments:
     """Segment a motion.
 
@@ -116,13 +107,11 @@ def segment(
     motion : Motion
         The motion, of at least two frames.
     config : Config, optional
-        Provides `segmentation` with its parameters, `min_length`, `max_length`, and for the method
-        "energy" also `smoothing`, `omega` and `inertia`.
+        Provides `segmentation` and, for "energy", its parameters `smoothing`, `omega`, `inertia`,
+        `min_length` and `max_length`.
     method : str, sequence of int, or callable, optional
-        The method, if it is not that of `config`: a name, the cut frames, or a function that
+        The method, if it is not that of `config`: "energy", the cut frames, or a function that
         receives the motion and returns its cut frames. docs/segmentation.md describes the methods.
-    **parameters
-        Parameters of the method, instead of those of `config`.
 
     Returns
     -------
@@ -133,14 +122,13 @@ def segment(
     ------
     ValueError
         If the motion has a single frame, its frame time is not between 0.0001 and 1 second, the
-        method or a parameter is unknown, or cut frames are not ascending frames of the motion.
+        method is unknown, or cut frames are not ascending frames of the motion.
 
     Notes
     -----
     Segments shorter than `min_length` are merged as `merge_short_segments` describes; segments
     longer than `max_length` are split into equal parts of at least one frame interval. Segments
-    between cut frames that the user gives are neither
-    merged nor split.
+    between cut frames that the user gives are neither merged nor split.
 
     Examples
     --------
@@ -155,30 +143,12 @@ def segment(
     config = Config() if config is None else config
     check_type("config", config, Config)
     check_type("motion", motion, Motion)
-    if method is None and parameters:
-        known = {**config.segmentation_parameters, **parameters}
-        config = replace(config, segmentation_parameters=known)
-    elif method is not None:
+    if method is not None:
         chosen: Any = method
         if not isinstance(method, str | Mapping) and not callable(method):
             chosen = {motion.name: as_cut_frames(method, "in `method`")}
-        config = replace(config, segmentation=chosen, segmentation_parameters=parameters)
+        config = replace(config, segmentation=chosen)
     return segment_clip(motion, config, motion.rate)
-
-
-def check_segmentation(config: Config) -> None:
-    """Raise ValueError or TypeError for invalid `Config.segmentation_parameters`."""
-    name, given = config.segmentation, config.segmentation_parameters
-    if not isinstance(name, str):
-        return
-    method = METHODS.get(name)
-    if method is not None:
-        method.make_parameters(name, given)
-    elif given:
-        raise ValueError(
-            "`segmentation_parameters` must be empty for 'energy', whose parameters are the fields "
-            f"`smoothing`, `omega` and `inertia`; got {given!r}"
-        )
 
 
 def segment_clip(motion: Motion, config: Config, own_rate: float) -> Segments:
@@ -195,16 +165,9 @@ def segment_clip(motion: Motion, config: Config, own_rate: float) -> Segments:
     if not isinstance(config.segmentation, str):
         bounds = _given_bounds(motion, config, own_rate)
         return Segments(bounds[:-1], bounds[1:])
-    check_segmentation(config)
     energy = kinetic_energy(motion, omega=config.omega, inertia=config.inertia)
     curve = gaussian_filter(energy, config.smoothing * motion.rate)
-    method = METHODS.get(config.segmentation)
-    if method is None:
-        cuts = extrema(curve)
-    else:
-        given = method.make_parameters(config.segmentation, config.segmentation_parameters)
-        cuts = method.cut_frames(motion, given)
-    bounds = np.concatenate([[0], cuts, [motion.n_frames - 1]])
+    bounds = np.concatenate([[0], extrema(curve), [motion.n_frames - 1]])
     bounds = merge_short_segments(bounds, curve, max(round(config.min_length * motion.rate), 1))
     bounds = split_long_segments(bounds, config.max_length * motion.rate)
     return Segments(bounds[:-1], bounds[1:])

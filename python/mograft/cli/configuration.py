@@ -9,7 +9,6 @@ from typing import Any
 
 from mograft._util.cut_frames import freeze_cut_frames
 from mograft._util.names import automatic_number, is_automatic
-from mograft.analysis.segmentation import check_segmentation
 from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders, library_folder
 from mograft.cli.output import show_progress
@@ -76,8 +75,7 @@ def refuse_fixed_options(options: Options, *names: str) -> None:
     """
     fixed = [f"--{name.replace('_', '-')}" for name in options.given(*names)]
     if isinstance(options, FieldOptions):
-        fields = (name.partition(".")[0] for name, _ in options.set)
-        fixed += [f"--set {name}" for name in fields if name in _FIXED_FIELDS]
+        fixed += [f"--set {name}" for name, _ in options.set if name in _FIXED_FIELDS]
     if fixed:
         raise UsageError(
             f"{fixed[0]} is fixed when a library is created: use it with mograft index, not --add"
@@ -195,8 +193,6 @@ def _with_options(config: Config, options: FieldOptions, *, is_stored: bool = Fa
     """
     try:
         given, configured = parse_fields(options.set), parse_fields(options.configured)
-        if "segmentation" in given:
-            configured.pop("segmentation_parameters", None)
         if is_stored:
             configured = {k: value for k, value in configured.items() if k not in _FIXED_FIELDS}
         fields = _with_variety(configured, given, options)
@@ -204,12 +200,9 @@ def _with_options(config: Config, options: FieldOptions, *, is_stored: bool = Fa
             fields["segmentation"] = _read_cut_frames(Path(fields["segmentation"]))
         if isinstance(options, ConstraintOptions):
             fields = _with_limits(config, fields, options)
-        changed = Config.from_dict(config.as_dict() | fields)
-        if isinstance(changed.segmentation, str):
-            check_segmentation(changed)
+        return Config.from_dict(config.as_dict() | fields)
     except (TypeError, ValueError) as error:
         raise UsageError(f"--set: {error}") from None
-    return changed
 
 
 def _with_variety(

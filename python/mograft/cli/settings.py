@@ -133,9 +133,7 @@ def _convert_table(argument: Argument, table: Any, path: Path) -> tuple[tuple[st
         raise ValueError(f"{path}: {argument.name} must be a table such as [set], got {table!r}")
     pairs = []
     for name, value in table.items():
-        if isinstance(value, dict):  # such as segmentation_parameters
-            pairs += [(f"{name}.{key}", str(own)) for key, own in value.items()]
-        elif name == "segmentation" and str(value).lower().endswith(".json"):
+        if name == "segmentation" and str(value).lower().endswith(".json"):
             pairs.append((name, str(path.parent / str(value))))
         else:
             pairs.append((name, str(value)))

@@ -7,7 +7,6 @@ from itertools import chain
 from typing import TypedDict
 
 from mograft._util.validate import check_type
-from mograft.analysis.segmentation import check_segmentation
 from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.errors import suggest_name
@@ -80,7 +79,6 @@ class IngestPlan:
             hint = suggest_name(self.match, MATCHES)
             raise ValueError(f"`match` must be 'names' or 'anatomy', got {self.match!r}{hint}")
         check_type("config", self.config, Config)
-        check_segmentation(self.config)
         if self.is_packed:
             check_storable(self.config)
         for name, kind in _OPTION_TYPES.items():
@@ -126,6 +124,6 @@ def check_storable(config: Config) -> None:
     """Raise ValueError if a library with this configuration cannot be stored."""
     if callable(config.segmentation):
         raise ValueError(
-            "`segmentation` of a stored library must be a name or the cut frames of each clip, got "
-            f"the function {config.segmentation!r}"
+            "`segmentation` of a stored library must be 'energy' or the cut frames of each clip, "
+            f"got the function {config.segmentation!r}"
         )

@@ -15,7 +15,6 @@ from mograft.cli.configuration import (
 from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax.commands import IndexOptions, LibInfoOptions, TablesOptions, VerifyOptions
-from mograft.config import Config
 from mograft.errors import join_names
 from mograft.io.addresses import split_address
 from mograft.library.clip_table import ClipInfo
@@ -133,10 +132,11 @@ def run_info(options: LibInfoOptions) -> int:
     library = Library.open(options.library)
     document = _describe_library(library)
     clips = [_describe_clip(entry) for entry in library.entries]
+    given = "" if library.config.segmentation == "energy" else " by given cut frames"
     lines = [
         f"{options.library}",
         f"  {document['clips']} clips, {document['frames']} frames at {document['rate']:.6g} fps",
-        f"  {document['segments']} segments{_describe_segmentation(library.config)}",
+        f"  {document['segments']} segments{given}",
     ]
     for name, group in document["groups"].items():
         lines.append(
@@ -151,16 +151,6 @@ def run_info(options: LibInfoOptions) -> int:
         lines.append(f"  {clip['name']}{tags}: {clip['frames']} frames, {clip['file']}{faults}")
     print_result(options, "lib", {**document, "files": clips}, lines)
     return 0
-
-
-def _describe_segmentation(config: Config) -> str:
-    """Return how the clips of a library were segmented, or "" for the default method."""
-    if not isinstance(config.segmentation, str):
-        return " by given cut frames"
-    if config.segmentation == Config.segmentation:
-        return ""
-    values = [f"{name} {value}" for name, value in config.segmentation_parameters.items()]
-    return f" by {', '.join([config.segmentation, *values])}"
 
 
 def _describe_library(library: Library) -> dict[str, Any]:

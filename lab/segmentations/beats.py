@@ -1,15 +1,11 @@
 """Cuts at the motion beats of rhythmic motions (after Kim, Park and Shin 2003)."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
-from mograft._util.arrays import FloatArray, IntArray
-from mograft._util.gaussian import gaussian_filter
-from mograft._util.validate import check_positive
-from mograft.analysis.segmentation_method import SegmentationMethod
-from mograft.motion import rotations
-from mograft.motion.motion import Motion
+from mograft import rotations
 
 _GRID_RATE = 60.0  # samples per second of the curves in which beats are searched
 _PADDING = 16  # length of the Fourier transform as a multiple of that of the motion
@@ -36,12 +32,6 @@ class BeatParameters:
     tightness : float
         Weight of deviations from a regular interval, relative to that of candidate beats, when the
         beats are fitted. Large values give beats at regular times.
-
-    Raises
-    ------
-    ValueError
-        If a value is not above 0, `shortest` is below 0.1, `longest` is less than twice `shortest`,
-        or `fundamental` exceeds 1.
     """
 
     shortest: float = 0.3
@@ -51,21 +41,8 @@ class BeatParameters:
     fundamental: float = 0.3
     tightness: float = 100.0
 
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            check_positive(self, field.name)
-        if self.shortest < 0.1:
-            raise ValueError(f"`shortest` must be at least 0.1, got {self.shortest:g}")
-        if self.longest < 2 * self.shortest:
-            raise ValueError(
-                f"`longest` must be at least twice `shortest`, {2 * self.shortest:g}, "
-                f"got {self.longest:g}"
-            )
-        if self.fundamental > 1:
-            raise ValueError(f"`fundamental` must be at most 1, got {self.fundamental:g}")
 
-
-def cut_frames(motion: Motion, parameters: BeatParameters) -> IntArray:
+def cut_frames(motion, parameters):
     """Return the frames of the beats of a motion.
 
     Parameters
@@ -105,7 +82,7 @@ def cut_frames(motion: Motion, parameters: BeatParameters) -> IntArray:
     if found is None:
         return np.zeros(0, np.int64)
     times, train, interval = found
-    density = gaussian_filter(train, _CANDIDATE_WIDTH * _GRID_RATE)
+    density = gaussian_filter1d(train, _CANDIDATE_WIDTH * _GRID_RATE)
     beats = fit_beats(density / density.std(), interval * _GRID_RATE, parameters.tightness)
     seconds = beats / _GRID_RATE
     margin = 0.5 * interval
@@ -114,15 +91,13 @@ def cut_frames(motion: Motion, parameters: BeatParameters) -> IntArray:
     return frames[(frames > 0) & (frames < motion.n_frames - 1)]
 
 
-def beat_interval(motion: Motion, parameters: BeatParameters) -> float:
+def beat_interval(motion, parameters):
     """Return the period of the tempo in seconds, or NaN without beats; see `cut_frames`."""
     found = _find_tempo(motion, parameters)
     return float("nan") if found is None else found[2]
 
 
-def _find_tempo(
-    motion: Motion, parameters: BeatParameters
-) -> tuple[FloatArray, FloatArray, float] | None:
+def _find_tempo(motion, parameters):
     """Return the times of candidate beats, their pulse train, and the period of the tempo.
 
     Times and period are in seconds. The result is None if the motion has no beats.
@@ -134,7 +109,7 @@ def _find_tempo(
     return times, train, _strongest_interval(train, parameters)
 
 
-def candidate_beats(motion: Motion, parameters: BeatParameters) -> tuple[FloatArray, FloatArray]:
+def candidate_beats(motion, parameters):
     """Return the seconds at which angular accelerations are zero, and the weights, both (n,).
 
     The times are not in order. The weight of a zero is the difference between the angular velocity
@@ -148,7 +123,7 @@ def candidate_beats(motion: Motion, parameters: BeatParameters) -> tuple[FloatAr
     turns = rotations.log(rotations.multiply(rotations.inverse(quats[:-1]), quats[1:]))
     tracks = (turns * motion.rate).reshape(len(turns), -1).T
     sigma = parameters.smoothing * motion.rate
-    tracks = np.stack([gaussian_filter(track, sigma) for track in tracks])
+    tracks = np.stack([gaussian_filter1d(track, sigma) for track in tracks])
     accelerations = np.diff(tracks, axis=1)
     is_zero = (accelerations[:, :-1] > 0) != (accelerations[:, 1:] > 0)
     # Both ends count as neighbours of the first and of the last zero of each track.
@@ -157,7 +132,7 @@ def candidate_beats(motion: Motion, parameters: BeatParameters) -> tuple[FloatAr
     speeds = tracks[track, node]
     is_inner = (node > 0) & (node < is_node.shape[1] - 1)
     at = np.flatnonzero(is_inner)
-    weights: FloatArray = np.abs(speeds[at] - 0.5 * (speeds[at - 1] + speeds[at + 1]))
+    weights = np.abs(speeds[at] - 0.5 * (speeds[at - 1] + speeds[at + 1]))
     before = accelerations[track[at], node[at] - 1]
     after = accelerations[track[at], node[at]]
     # Acceleration i is that at frame i + 1; it is taken as linear between two frames.
@@ -168,7 +143,7 @@ def candidate_beats(motion: Motion, parameters: BeatParameters) -> tuple[FloatAr
     return seconds[is_strong], weights[is_strong]
 
 
-def _pulse_train(times: FloatArray, weights: FloatArray, duration: float) -> FloatArray:
+def _pulse_train(times, weights, duration):
     """Return the sums of the weights of candidate beats in bins of 1/60 s.
 
     Each weight is divided between the two bins nearest to its time.
@@ -177,11 +152,11 @@ def _pulse_train(times: FloatArray, weights: FloatArray, duration: float) -> Flo
     bins = np.floor(positions).astype(np.int64)
     share = positions - bins
     n = int(np.ceil(duration * _GRID_RATE)) + 2
-    train: FloatArray = np.bincount(bins, weights * (1 - share), n).astype(np.float64)
+    train = np.bincount(bins, weights * (1 - share), n).astype(np.float64)
     return train + np.bincount(bins + 1, weights * share, n)
 
 
-def _strongest_interval(train: FloatArray, parameters: BeatParameters) -> float:
+def _strongest_interval(train, parameters):
     """Return the seconds between beats: the period of the tempo; see `cut_frames`."""
     n = 1 << int(_PADDING * len(train) - 1).bit_length()
     tapered = (train - train.mean()) * np.hanning(len(train) + 2)[1:-1]
@@ -197,7 +172,7 @@ def _strongest_interval(train: FloatArray, parameters: BeatParameters) -> float:
     return n / (_GRID_RATE * float(strong[0]))
 
 
-def fit_beats(strength: FloatArray, interval: float, tightness: float) -> IntArray:
+def fit_beats(strength, interval, tightness):
     """Return the samples of a curve at which the sum of strengths minus penalties is largest.
 
     Successive beats are half to twice an `interval` apart, in samples; see `cut_frames` for the
@@ -223,6 +198,3 @@ def fit_beats(strength: FloatArray, interval: float, tightness: float) -> IntArr
         beats.append(beat)
         beat = int(previous[beat])
     return np.array(beats[::-1], np.int64)
-
-
-METHOD = SegmentationMethod(BeatParameters, cut_frames)
