@@ -20,4 +20,8 @@ EXPECTED: tuple[Rule, ...] = (
         "the provenance records the command, and fields of the configuration are set by --set",
         ("request.command*", "motions.*.request.command*"),
     ),
+    *(
+        Rule("*", file, "films and strips are drawn by one projector, from the figure's front")
+        for file in ("*.gif", "strip.svg", "groups.svg")
+    ),
 )
