@@ -10,8 +10,7 @@ import numpy as np
 import mograft as mg
 from lab.baselines import body_mixing, genmm, motion_matching
 from lab.baselines.motion_arrays import MotionArrays
-from mograft.evaluation import RandomLength, grafts_by
-from mograft.evaluation.donor_methods import draw_donors
+from lab.donors.donor_methods import RandomLength, draw_donors, grafts_by
 from mograft.scenario import transitions, walk
 from mograft.synthesis.graft_building import build_graft
 

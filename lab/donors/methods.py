@@ -6,10 +6,10 @@ from itertools import groupby
 
 import numpy as np
 
+from lab.donors.donor_methods import Method, RandomLength
 from lab.donors.part_features import equidistant_instants
 from mograft import InsufficientDataError
 from mograft.body.contacts import detect_contacts, find_legs
-from mograft.evaluation import Method, RandomLength
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,12 @@ import numpy as np
 
 import mograft as mg
 from lab.donors.compatibility import compatibility
+from lab.donors.donor_methods import RandomLength
 from lab.donors.methods import Analogy
 from lab.experiments import bases
 from lab.experiments.bases import choose_bases
 from lab.experiments.tables import Table, format_estimate
-from mograft.evaluation import RandomLength, estimate
+from mograft.evaluation import estimate
 from mograft.evaluation.two_sample import block_folds, detect, empty_detection
 from mograft.evaluation.windows import GraftWindows
 from mograft.evaluation.world_measures import WorldReference

@@ -5,11 +5,12 @@ of the soles in all grounded frames. The columns of the methods have the change 
 from the same segments of the recording.
 """
 
+from lab.donors.donor_methods import RandomLength, makers
 from lab.donors.methods import Analogy, ContactPattern
 from lab.experiments import bases
 from lab.experiments.bases import MAX_BASES, N_GRAFTS
 from lab.experiments.tables import Table, format_estimate
-from mograft.evaluation import RandomLength, evaluate
+from mograft.evaluation import evaluate
 
 NAME = "balance"
 HELPERS = (bases,)
@@ -27,7 +28,9 @@ PAPER_TABLE = {
 def measure(recordings, *, is_quick):
     """Rates of unbalanced segments of a source, for each method."""
     runs, bases = (1, 1) if is_quick else (N_GRAFTS, MAX_BASES)
-    found = evaluate(recordings.library, ["balance"], methods=METHODS, runs=runs, bases=bases)
+    found = evaluate(
+        recordings.library, ["balance"], methods=makers(METHODS), runs=runs, bases=bases
+    )
     return [
         {
             "kind": row.kind,

@@ -14,6 +14,7 @@ import mograft as mg
 from lab import plots
 from lab.common import tiny_motion
 from lab.donors.compatibility import compatibility
+from lab.donors.donor_methods import makers
 from lab.donors.enrichment import cluster_numbers, enrichment, moment_laws, sweep
 from lab.donors.methods import default_methods
 from lab.donors.retrieval import retrieval
@@ -53,7 +54,9 @@ def compare(library, topics=TOPICS, *, runs=4, seed=0):
                 figures[name] = plots.draw_kappa(kappas)
     chosen = [topic for topic in ("quality", "detectability", "balance") if topic in topics]
     if chosen:
-        grafts = evaluation.evaluate(library, chosen, methods=methods, runs=runs, seed=seed)
+        grafts = evaluation.evaluate(
+            library, chosen, methods=methods and makers(methods), runs=runs, seed=seed
+        )
         found |= {topic: [row.as_dict() for row in getattr(grafts, topic)] for topic in chosen}
         found["refused"] = dict(grafts.refusals)
         draw = {"quality": plots.draw_quality, "detectability": plots.draw_detectability}

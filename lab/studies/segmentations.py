@@ -30,12 +30,12 @@ import numpy as np
 import mograft as mg
 from lab.common import run, tiny_motion
 from lab.donors.compatibility import compatibility
+from lab.donors.donor_methods import RandomLength
 from lab.donors.methods import Analogy
 from lab.experiments.sources import MIN_FRAMES, RATE, SOURCES, find_files
 from lab.segmentations import METHODS as OTHERS
 from lab.segmentations import method as function_of
 from mograft.dancer import dance
-from mograft.evaluation import RandomLength
 from mograft.evaluation.detectability import MIN_WINDOWS
 from mograft.evaluation.two_sample import block_folds, detect
 from mograft.evaluation.windows import GraftWindows

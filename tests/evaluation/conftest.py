@@ -2,9 +2,10 @@
 
 import pytest
 
+from lab.donors.donor_methods import RandomLength, makers
 from mograft import Library
 from mograft.dancer import dance
-from mograft.evaluation import RandomLength, evaluate
+from mograft.evaluation import evaluate
 from tests.evaluation.planted import ByCost
 
 
@@ -31,4 +32,4 @@ def evaluation(small_library):
     """Return an evaluation of all topics with two methods."""
     pytest.importorskip("sklearn", reason="scikit-learn is not installed")
     methods = (RandomLength(), ByCost())
-    return evaluate(small_library, methods=methods, runs=2, bases=1, seed=1)
+    return evaluate(small_library, methods=makers(methods), runs=2, bases=1, seed=1)

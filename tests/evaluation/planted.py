@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lab.donors.donor_methods import Method
 from mograft import rotations
-from mograft.evaluation import Method
 
 
 def copy_base(graft):

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 
+from lab.donors.donor_methods import RandomLength, grafts_by
 from mograft import InsufficientDataError, Library
 from mograft.body.mass import mass_model
-from mograft.evaluation import RandomLength, grafts_by
 from mograft.evaluation.body_tracks import BodyTracks
 from mograft.evaluation.novelty import (
     body_windows,

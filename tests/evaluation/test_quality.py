@@ -8,10 +8,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from lab.donors.donor_methods import RandomLength, grafts_by
 from mograft import InsufficientDataError, Library, rotations
 from mograft.body.anatomy import feature_joints
 from mograft.dancer import dance
-from mograft.evaluation import RandomLength, grafts_by
 from mograft.evaluation.limb_coordination import coordination
 from mograft.evaluation.quality import angular_derivatives, diversity, nearest_windows, quality
 from tests.evaluation.planted import ByCost, Captured

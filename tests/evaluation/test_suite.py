@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lab.donors.donor_methods import RandomLength, makers
 from mograft import Config, JointGroups, Library, Motion, Skeleton, graft_many
 from mograft.dancer import dance
-from mograft.evaluation import RandomLength, evaluate
+from mograft.evaluation import evaluate
 from mograft.evaluation.quality import quality
 from mograft.viewing.evaluation_report import evaluation_page, summarize
 from tests.evaluation.planted import ByCost
@@ -71,19 +72,19 @@ def test_as_dict_balance_has_rows_of_all_methods_and_rules(evaluation):
 
 def test_evaluate_same_seed_gives_same_document(library, evaluation):
     topics = ("balance", "quality")
-    again = evaluate(library, topics, methods=METHODS, runs=2, bases=1, seed=1).as_dict()
+    again = evaluate(library, topics, methods=makers(METHODS), runs=2, bases=1, seed=1).as_dict()
     expected = evaluation.as_dict()
     for topic in topics:
         assert again[topic] == expected[topic]
 
 
 def test_evaluate_other_seed_gives_other_quality(library, evaluation):
-    other = evaluate(library, ["quality"], methods=METHODS[:1], runs=1, bases=1, seed=2)
+    other = evaluate(library, ["quality"], methods=makers(METHODS[:1]), runs=1, bases=1, seed=2)
     assert other.quality[0].seam_gap != evaluation.quality[0].seam_gap
 
 
 def test_evaluate_one_topic_measures_only_it(library):
-    balance = evaluate(library, ["balance"], methods=METHODS[:1], runs=1, bases=1)
+    balance = evaluate(library, ["balance"], methods=makers(METHODS[:1]), runs=1, bases=1)
     assert balance.balance
     assert (balance.quality, balance.world, balance.detectability) == ((), (), ())
 
@@ -136,7 +137,7 @@ def test_evaluate_upper_base_group_measures_balance(library):
     lower = [n for n in names if n not in upper]
     groups = JointGroups({"upper": upper, "lower": lower}, base="upper")
     inverted = Library.build(library.clips, groups)
-    found = evaluate(inverted, ["balance"], methods=(ByCost(),), runs=1, bases=1)
+    found = evaluate(inverted, ["balance"], methods=makers((ByCost(),)), runs=1, bases=1)
     assert {row.method for row in found.balance} == {"recording", "by cost"}
 
 
@@ -146,7 +147,7 @@ def test_evaluate_mostly_flight_counts_flight_separately(library):
     positions[30:, 0, 1] += 500.0
     flying = replace(clip, positions=positions, channel_values=None)
     with pytest.warns(UserWarning, match="jump"):
-        found = evaluate(Library.build(flying), ["balance"], methods=(ByCost(),), runs=1)
+        found = evaluate(Library.build(flying), ["balance"], methods=makers((ByCost(),)), runs=1)
     rows = {row.method: row for row in found.balance if row.rule == "all"}
     assert rows["recording"].flight > 0.5
     assert rows["recording"].rate.n < len(found.library.segments)

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lab.donors.donor_methods import grafts_by
 from mograft import InsufficientDataError, JointGroups, Library, Motion, graft
 from mograft.body.contacts import Ground
-from mograft.evaluation import grafts_by
 from mograft.evaluation.balance import dynamic_balance
 from mograft.evaluation.body_tracks import (
     BodyTracks,

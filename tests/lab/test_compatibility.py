@@ -8,10 +8,10 @@ import pytest
 from lab.donors import classifier, held_out
 from lab.donors import compatibility as module
 from lab.donors.compatibility import compatibility
+from lab.donors.donor_methods import RandomLength
 from lab.donors.held_out import fold_groups
 from lab.donors.methods import Analogy, Ball, ByCost, Captured, Nearest, Random
 from mograft import InsufficientDataError, Library
-from mograft.evaluation import RandomLength
 from mograft.evaluation.two_sample import assign_folds
 
 METHODS = (Random(), RandomLength(), Analogy())

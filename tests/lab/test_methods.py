@@ -6,6 +6,7 @@ from itertools import groupby
 import numpy as np
 import pytest
 
+from lab.donors.donor_methods import Method, RandomLength, draw_donors, grafts_by
 from lab.donors.methods import (
     Analogy,
     Ball,
@@ -29,8 +30,6 @@ from mograft import (
     rotations,
 )
 from mograft.body.contacts import detect_contacts
-from mograft.evaluation import Method, RandomLength, grafts_by
-from mograft.evaluation.donor_methods import draw_donors
 from mograft.search.costs import length_fits
 from mograft.solve.plan import GraftPlan
 from tests.strategies import smooth_rotations

@@ -15,7 +15,6 @@ from mograft.evaluation.balance import (
     static_balance,
 )
 from mograft.evaluation.detectability import Detectability, detectability
-from mograft.evaluation.donor_methods import Method, RandomLength, grafts_by
 from mograft.evaluation.estimate import Estimate
 from mograft.evaluation.novelty import Novelty, novelty
 from mograft.evaluation.quality import Quality, quality
@@ -32,10 +31,8 @@ __all__ = [
     "Detection",
     "Estimate",
     "Evaluation",
-    "Method",
     "Novelty",
     "Quality",
-    "RandomLength",
     "Support",
     "WorldMeasures",
     "WorldQuality",
@@ -44,7 +41,6 @@ __all__ = [
     "detectability",
     "dynamic_balance",
     "evaluate",
-    "grafts_by",
     "novelty",
     "quality",
     "static_balance",

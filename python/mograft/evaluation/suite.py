@@ -1,10 +1,10 @@
 """All measures of the grafts of one library, as numbers and as a JSON document."""
 
 import platform
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 
@@ -24,7 +24,6 @@ from mograft.evaluation.balance import (
     static_balance,
 )
 from mograft.evaluation.detectability import Detectability, detectability
-from mograft.evaluation.donor_methods import Method, grafts_by
 from mograft.evaluation.estimate import as_json
 from mograft.evaluation.quality import Quality, quality
 from mograft.evaluation.world_measures import has_base_legs
@@ -37,6 +36,9 @@ from mograft.synthesis.graft_result import Graft
 
 TOPICS = ("quality", "world", "detectability", "balance")
 GRAFTS = "grafts"  # name of the grafts that `mograft.graft_many` makes
+GraftMaker: TypeAlias = Callable[[Library, str, int, int], Sequence[Graft]]
+"""Makes grafts, given the library, the name of the base, the number of grafts and a seed."""
+
 BALANCE_MARGIN = 0.01  # margin of the second row of static balance, in skeleton heights
 
 _MEASURES = {"static": static_balance, "dynamic": dynamic_balance}
@@ -120,7 +122,7 @@ def evaluate(
     library: Library,
     topics: Sequence[str] = TOPICS,
     *,
-    methods: Sequence[Method] = (),
+    methods: Mapping[str, GraftMaker] | None = None,
     runs: int = 6,
     bases: int = 4,
     seed: int = 0,
@@ -134,9 +136,10 @@ def evaluate(
         Library whose clips are bases and donors.
     topics : sequence of str
         Topics to measure. Default: "quality", "world", "detectability" and "balance".
-    methods : sequence of Method
-        Methods of donor selection to measure instead of the grafts that `mograft.graft_many` makes
-        with the configuration of the library, for comparisons.
+    methods : dict of str to callable, optional
+        Functions that make the grafts, by the name of the method in the results. They are called
+        with the library, the name of the base, the number of grafts and the seed. Default:
+        `mograft.graft_many` with the configuration of the library, as "grafts".
     runs : int
         Number of grafts for each base and method; intervals need five or more in all.
     bases : int
@@ -174,7 +177,8 @@ def evaluate(
     runs, bases = as_integer("runs", runs, 1), as_integer("bases", bases, 1)
     refusals: dict[str, str] = {}
     base_names = _select_bases(library, bases)
-    making = _Grafting(library, tuple(methods) or (None,), base_names, runs, seed)
+    made = {GRAFTS: _graft_many} if methods is None else methods
+    making = _Grafting(library, made, base_names, runs, seed)
     measured = making.measure(topics, refusals, progress)
     return Evaluation(
         library=library,
@@ -188,13 +192,17 @@ def evaluate(
             "seed": seed,
             "runs": runs,
             "bases": base_names,
-            "ways": [method.name for method in methods] or [GRAFTS],
+            "ways": list(made),
             "confidence": 0.95,
             "config": library.config.as_dict(),
             "python": platform.python_version(),
             "numpy": np.__version__,
         },
     )
+
+
+def _graft_many(library: Library, base: str, runs: int, seed: int) -> Sequence[Graft]:
+    return graft_many(library, base, runs, seed=seed)
 
 
 @contextmanager
@@ -215,13 +223,10 @@ def _select_bases(library: Library, max_count: int) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class _Grafting:
-    """The parameters of grafts: their methods, bases, number per base and method, and seed.
-
-    None in `methods` stands for `mograft.graft_many`.
-    """
+    """The parameters of grafts: their methods, bases, number per base and method, and seed."""
 
     library: Library
-    methods: Sequence[Method | None]
+    methods: Mapping[str, GraftMaker]
     base_names: list[str]
     runs: int
     seed: int
@@ -242,14 +247,13 @@ class _Grafting:
                 found.balance.extend(
                     _balance_rows("recording", bases.recording_samples(), refusals)
                 )
-        for method in self.methods:
-            name = GRAFTS if method is None else method.name
+        for name, make in self.methods.items():
             with _recorded_refusal(refusals, name):
-                grafts = self._grafts(method, progress)
+                grafts = self._grafts(make, progress)
                 for position, topic in enumerate(topics):
                     if progress is not None:
                         progress(f"measuring {topic}", position, len(topics))
-                    place = topic if method is None else f"{topic} of {name}"
+                    place = topic if name == GRAFTS else f"{topic} of {name}"
                     with _recorded_refusal(refusals, place):
                         self._measure_topic(found, topic, name, grafts)
                 if bases is not None:
@@ -269,17 +273,13 @@ class _Grafting:
         elif topic == "detectability":
             found.detectability.append(detectability(name, grafts, self.seed))
 
-    def _grafts(self, method: Method | None, progress: Progress | None) -> list[list[Graft]]:
+    def _grafts(self, make: GraftMaker, progress: Progress | None) -> list[list[Graft]]:
         """Return the grafts of each base."""
         grafts: list[list[Graft]] = []
         for position, base in enumerate(self.base_names):
             if progress is not None:
                 progress("grafting", position, len(self.base_names))
-            if method is None:
-                made: Sequence[Graft] = graft_many(self.library, base, self.runs, seed=self.seed)
-            else:
-                made = grafts_by(method, self.library, base, self.runs, seed=self.seed)
-            grafts.append(list(made))
+            grafts.append(list(make(self.library, base, self.runs, self.seed)))
         return grafts
 
 

@@ -5,23 +5,15 @@ for each segment; rules with `Method.uses_cost` select by cost instead. `RandomL
 to compare with: what a similar base part is worth.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from mograft._util.arrays import IntArray
-from mograft.config import Config
-from mograft.library.library import Library
-from mograft.motion.motion import Motion
-from mograft.search.candidates import SegmentPool
+from mograft import Grafts
 from mograft.search.costs import length_fits
 from mograft.search.donor_choice import draw_uniform, prune_dead_ends
-from mograft.search.trellis import DonorSequences
 from mograft.solve.plan import GraftPlan
-from mograft.synthesis.graft import Grafts
-from mograft.synthesis.graft_result import Graft
 
 _MAX_DRAWN = 100  # candidates of a position among which seams are compared, at most
 
@@ -50,7 +42,7 @@ class Method:
     uses_cost: bool = False
     config_changes: tuple[tuple[str, Any], ...] = ()
 
-    def candidates(self, library: Library, scenario: IntArray) -> list[IntArray]:
+    def candidates(self, library, scenario):
         """Return the candidates for base segments.
 
         Parameters
@@ -74,7 +66,7 @@ class RandomLength(Method):
 
     name: str = "random, length limit"
 
-    def candidates(self, library: Library, scenario: IntArray) -> list[IntArray]:
+    def candidates(self, library, scenario):
         """Return the candidates for base segments; see `Method.candidates`."""
         lengths, found = library.segments.lengths, []
         for segment in scenario.tolist():
@@ -85,15 +77,7 @@ class RandomLength(Method):
         return found
 
 
-def grafts_by(
-    method: Method,
-    library: Library,
-    base: Motion | str | None = None,
-    count: int = 1,
-    *,
-    swap: Sequence[str] | None = None,
-    seed: int = 0,
-) -> Sequence[Graft]:
+def grafts_by(method, library, base=None, count=1, *, swap=None, seed=0):
     """Return grafts as `mograft.graft_many` does, but with donors that `method` selects.
 
     Parameters
@@ -125,8 +109,9 @@ def grafts_by(
 
     Examples
     --------
+    >>> import mograft as mg
     >>> from mograft.dancer import dance
-    >>> library = Library.build(dance(strides=1).motion)
+    >>> library = mg.Library.build(dance(strides=1).motion)
     >>> new = grafts_by(RandomLength(), library, seed=1)[0]
     >>> new.motion.n_frames == new.base.n_frames
     True
@@ -135,15 +120,7 @@ def grafts_by(
     return Grafts(plan, tuple(donors), seed)
 
 
-def draw_donors(
-    method: Method,
-    library: Library,
-    base: Motion | str | None = None,
-    count: int = 1,
-    *,
-    swap: Sequence[str] | None = None,
-    seed: int = 0,
-) -> tuple[GraftPlan, list[DonorSequences]]:
+def draw_donors(method, library, base=None, count=1, *, swap=None, seed=0):
     """Select donors as `grafts_by` does, without computing the motions.
 
     Return the plan of the grafts and, for each graft, the donor sequence of each grafted group.
@@ -170,14 +147,7 @@ def draw_donors(
     return plan, [{group: own[index] for group, own in drawn.items()} for index in range(count)]
 
 
-def _draw_sequences(
-    method: Method,
-    pool: SegmentPool,
-    candidates: Sequence[IntArray],
-    config: Config,
-    count: int,
-    rng: np.random.Generator,
-) -> list[IntArray]:
+def _draw_sequences(method, pool, candidates, config, count, rng):
     """Draw donors for each position as `Config.choice` "random" does (paper, 4.4).
 
     Without `Method.has_seam_limit`, the draws are independent. Otherwise, if a position has more
@@ -201,3 +171,12 @@ def _draw_sequences(
         ]
         sequences.append(draw_uniform(*prune_dead_ends(pool, limited, config), config, rng))
     return sequences
+
+
+def makers(methods):
+    """Return the methods as `mograft.evaluation.evaluate` takes them."""
+
+    def maker(method):
+        return lambda library, base, runs, seed: grafts_by(method, library, base, runs, seed=seed)
+
+    return {method.name: maker(method) for method in methods}
