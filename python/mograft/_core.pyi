@@ -47,7 +47,6 @@ __all__ = [
     "sample",
     "sample_clips",
     "sample_keys",
-    "scan_hierarchy",
     "scan_numbers",
     "segments",
     "segments_positions",
@@ -198,21 +197,6 @@ def kinetic_energy(
     frame_time: float,
     omega: str,
 ) -> FloatArray: ...
-def scan_hierarchy(
-    text: bytes,
-    start: int,
-    opened: Sequence[tuple[int, int, int]],
-    n_joints: int,
-    limits: tuple[int, int],
-) -> tuple[
-    IntArray,
-    FloatArray,
-    IntArray,
-    FloatArray,
-    list[tuple[int, int, int]],
-    int,
-    list[tuple[int, int, int]],
-]: ...
 def scan_numbers(
     text: bytes, start: int, out: FloatArray, *, last: bool
 ) -> tuple[int, int, IntArray, bool]: ...

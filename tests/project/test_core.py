@@ -91,13 +91,6 @@ CALLS = {
         quats(11),
         indices(0, 0, 0, 2, 1, 2).reshape(2, 3),
     ),
-    "scan_hierarchy": (
-        b"} JOINT a\n{\nOFFSET 1 2 3\nCHANNELS 0\nEnd Site\n{ OFFSET 1 2 3 } }",
-        2,
-        [(0, 1, 0)],
-        5,
-        (9, 9),
-    ),
     "scan_numbers": (b"1 2.5\n3e1 x", 0, floats(6), True),
     "segments": (quats(4, 2), indices(0, 1), indices(2, 3), indices(4, 2)),
     "segments_positions": (floats(4, 2, 3), indices(0, 1), indices(2, 3), indices(4, 2)),

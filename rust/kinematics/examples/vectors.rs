@@ -6,7 +6,7 @@ use std::time::Instant;
 use glam::{DQuat, DVec2, DVec3, Vec3Swizzles as _};
 use mograft_kinematics::balance::{Bases, added_imbalances_with};
 use mograft_kinematics::pose::gaps_along_with;
-use mograft_kinematics::vectors::{Isa, Level};
+use mograft_machine::instructions::{Isa, Level};
 
 const JOINTS: usize = 11;
 const SAMPLES: usize = 10;

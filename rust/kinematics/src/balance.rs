@@ -6,9 +6,9 @@ use std::f64::consts::LOG2_E;
 use glam::DVec2;
 
 use crate::error::{Error, check_len};
-use crate::memory::{filled, reserve};
-use crate::parallel::for_each_part;
-use crate::vectors::{Isa, Loops};
+use mograft_machine::instructions::{Isa, Loops};
+use mograft_machine::memory::{allocate, with_capacity};
+use mograft_machine::threads::for_each_part;
 
 /// Donors whose imbalances are computed together: the loops over them become vector instructions.
 const LANES: usize = 8;
@@ -91,12 +91,12 @@ pub fn added_imbalances_with(
     check_len(counts.len(), bases.segments.len())?;
     check_len(donors.len(), counts.iter().fold(0, |sum, n| n.saturating_add(sum)))?;
     check_indices(donors, n_segments)?;
-    let mut added = filled(0.0, donors.len())?;
+    let mut added = allocate(0.0, donors.len())?;
     let donors_per_thread = donors
         .len()
         .div_ceil(threads.max(1))
         .max(MIN_DONORS_PER_THREAD);
-    let mut parts = reserve(donors.len() / donors_per_thread + 1)?;
+    let mut parts = with_capacity(donors.len() / donors_per_thread + 1)?;
     let (mut rest, mut first) = (added.as_mut_slice(), Start { base: 0, donor: 0 });
     let mut next = first;
     for &count in counts {
@@ -275,7 +275,7 @@ const Q: [f64; 4] =
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vectors::Level;
+    use mograft_machine::instructions::Level;
 
     const DIRECTIONS: [DVec2; 3] =
         [DVec2::X, DVec2::new(0.5, 0.866_025_403_784_438_6), DVec2::new(-0.6, 0.8)];

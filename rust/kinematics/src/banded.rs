@@ -1,7 +1,7 @@
 //! Linear systems whose matrix has few diagonals.
 
 use crate::error::{Error, check_len};
-use crate::memory::filled;
+use mograft_machine::memory::allocate;
 
 /// Replace right-hand sides b by the solution of A x = b, for a symmetric positive definite matrix
 /// of five diagonals.
@@ -23,9 +23,9 @@ pub(crate) fn solve_pentadiagonal(
 ) -> Result<(), Error> {
     let n = bands.len();
     check_len(x.len(), n * width)?;
-    let mut pivots = filled(0.0, n)?;
+    let mut pivots = allocate(0.0, n)?;
     // Columns 1 and 2 below the diagonal of L.
-    let mut lower = filled([0.0; 2], n)?;
+    let mut lower = allocate([0.0; 2], n)?;
     for row in 0..n {
         let [mut pivot, mut first, second] = bands[row];
         if row >= 1 {

@@ -7,8 +7,8 @@
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, check_len};
-use crate::memory::{collected, filled, reserve};
 use crate::rotation::rotate;
+use mograft_machine::memory::{allocate, collect_first, with_capacity};
 
 /// Both ends of every capsule in every frame.
 ///
@@ -33,7 +33,7 @@ pub fn capsule_ends(
     if let Some(&joint) = joints.iter().find(|&&joint| joint >= n_joints) {
         return Err(Error::InvalidJoint { joint });
     }
-    let mut ends = reserve(2 * n_frames * joints.len())?;
+    let mut ends = with_capacity(2 * n_frames * joints.len())?;
     for first in (0..rotations.len()).step_by(n_joints.max(1)) {
         for (&joint, &bone) in joints.iter().zip(bones) {
             let start = positions[first + joint];
@@ -104,7 +104,7 @@ pub fn clearance(
     }
     if pairs.is_empty() {
         let n_frames = other_frames.len();
-        return Ok((filled(f64::INFINITY, n_frames)?, filled(-1, n_frames)?));
+        return Ok((allocate(f64::INFINITY, n_frames)?, allocate(-1, n_frames)?));
     }
     if let Some(&frame) = other_frames.iter().find(|&&frame| frame >= n_other_frames) {
         return Err(Error::InvalidFrame { frame });
@@ -113,8 +113,8 @@ pub fn clearance(
         Body::new(radii, pairs.iter().map(|pair| pair.0)),
         Body::new(other_radii, pairs.iter().map(|pair| pair.1)),
     ];
-    let mut distances = reserve(other_frames.len())?;
-    let mut nearest = reserve(other_frames.len())?;
+    let mut distances = with_capacity(other_frames.len())?;
+    let mut nearest = with_capacity(other_frames.len())?;
     for (frame, &other_frame) in other_frames.iter().enumerate() {
         bodies[0].set_frame(&ends[frame * width..][..width]);
         bodies[1].set_frame(&others[other_frame * other_width..][..other_width]);
@@ -216,7 +216,7 @@ pub fn box_clearance(
         inner.min(distance(a)).min(distance(b)) - radius
     };
     let distances = ends.chunks_exact(2).zip(radii.iter().cycle()).map(nearest);
-    collected(distances, ends.len() / 2)
+    Ok(collect_first(distances, ends.len() / 2)?)
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, check_len, check_parents};
-use crate::memory::filled;
+use mograft_machine::memory::allocate;
 
 /// The greatest angular acceleration and jerk of some joints in each frame, per frame² and frame³.
 ///
@@ -23,7 +23,7 @@ pub fn greatest_derivatives(
     let n_frames = rotations.len().checked_div(n_joints).unwrap_or(0);
     check_len(rotations.len(), n_frames * n_joints)?;
     check_joints(joints, n_joints)?;
-    let (mut accelerations, mut jerks) = (filled(0.0, n_frames)?, filled(0.0, n_frames)?);
+    let (mut accelerations, mut jerks) = (allocate(0.0, n_frames)?, allocate(0.0, n_frames)?);
     let mut last_step = vec![DVec3::ZERO; joints.len()];
     let mut last_acceleration = last_step.clone();
     for (f, frame) in rotations
@@ -84,7 +84,7 @@ pub fn world_jerk(
     let mut world = vec![(DQuat::IDENTITY, DVec3::ZERO); n_joints];
     // For each joint its position, step and acceleration in the frame before.
     let mut last = vec![[DVec3::ZERO; 3]; width];
-    let mut jerks = filled(0.0, n_frames.saturating_mul(width))?;
+    let mut jerks = allocate(0.0, n_frames.saturating_mul(width))?;
     for f in 0..n_frames {
         for &joint in &chain {
             let (rotation, position) =

@@ -3,8 +3,8 @@
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, check_len, check_parents};
-use crate::memory::reserve;
 use crate::rotation::log;
+use mograft_machine::memory::with_capacity;
 
 /// The reference of a link's angular velocity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,7 +54,7 @@ pub fn kinetic_energy(
     };
     let link_energy = |velocity: DVec3, inertia: f64| 0.5 * inertia * velocity.length_squared();
 
-    let mut energy = reserve(n_frames)?;
+    let mut energy = with_capacity(n_frames)?;
     let (mut before, mut after) = (Vec::new(), Vec::new());
     let (mut earlier, mut later) = (vec![DVec3::ZERO; n_joints], vec![DVec3::ZERO; n_joints]);
     set_pose(0, &mut before);

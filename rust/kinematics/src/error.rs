@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use mograft_machine::memory::Refused;
+
 /// Why a kernel refused its input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -87,6 +89,12 @@ pub enum Error {
 }
 
 impl std::error::Error for Error {}
+
+impl From<Refused> for Error {
+    fn from(Refused { bytes }: Refused) -> Self {
+        Self::OutOfMemory { bytes }
+    }
+}
 
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -3,8 +3,8 @@
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, check_len, check_parents};
-use crate::memory::copied;
 use crate::rotation::rotate;
+use mograft_machine::memory::copy;
 
 /// World rotations and positions of every joint in every frame.
 ///
@@ -23,8 +23,8 @@ pub fn world(
 ) -> Result<(Vec<DQuat>, Vec<DVec3>), Error> {
     check(parents, rotations, positions)?;
     let n_joints = parents.len();
-    let mut world_rotations = copied(rotations)?;
-    let mut world_positions = copied(positions)?;
+    let mut world_rotations = copy(rotations)?;
+    let mut world_positions = copy(positions)?;
     for first in (0..rotations.len()).step_by(n_joints.max(1)) {
         for (joint, &parent) in parents
             .iter()
@@ -53,7 +53,7 @@ pub fn local(
     positions: &[DVec3],
 ) -> Result<(Vec<DQuat>, Vec<DVec3>), Error> {
     check(parents, rotations, positions)?;
-    let (mut local_rotations, mut local_positions) = (copied(rotations)?, copied(positions)?);
+    let (mut local_rotations, mut local_positions) = (copy(rotations)?, copy(positions)?);
     for first in (0..rotations.len()).step_by(parents.len().max(1)) {
         for (joint, &parent) in parents
             .iter()

@@ -4,8 +4,8 @@ use glam::DVec3;
 
 use crate::banded::solve_pentadiagonal;
 use crate::error::{Error, check_len};
-use crate::memory::{filled, reserve};
 use crate::value::{Value, add};
+use mograft_machine::memory::{allocate, with_capacity};
 
 /// Joints that are solved for at a time, so that the changes of a long motion take little memory.
 const JOINTS_PER_BLOCK: usize = 8;
@@ -97,7 +97,7 @@ impl Frame {
             .iter()
             .zip(donors.stops)
             .map(|(start, stop)| stop.saturating_sub(*start).saturating_add(1));
-        let mut frames = reserve(n_rows.fold(0, usize::saturating_add))?;
+        let mut frames = with_capacity(n_rows.fold(0, usize::saturating_add))?;
         let (mut row, mut seams) = (0, donors.seams.iter().enumerate().peekable());
         let first = donors.starts.first().copied().unwrap_or(0);
         for (segment, (&start, &stop)) in donors.starts.iter().zip(donors.stops).enumerate() {
@@ -131,7 +131,7 @@ fn row_count<V>(donors: &Donors<V>) -> usize {
 
 /// Whether each frame is within reach of a seam and not an end of the motion.
 fn free_frames<V>(donors: &Donors<V>, n_frames: usize, reach: f64) -> Result<Vec<bool>, Error> {
-    let mut is_free = filled(false, n_frames)?;
+    let mut is_free = allocate(false, n_frames)?;
     let first = donors.starts.first().copied().unwrap_or(0);
     for &seam in donors.seams {
         let Some(&stop) = donors.stops.get(seam) else { continue };
@@ -171,7 +171,7 @@ impl<V: Value> System<'_, V> {
     /// It is 0 in frames that are not free.
     fn slopes(&self, joints: &[usize], weights: [f64; 3]) -> Result<Vec<f64>, Error> {
         let (n, width) = (self.frames.len(), joints.len());
-        let mut slopes = filled(0.0, 3 * n * width)?;
+        let mut slopes = allocate(0.0, 3 * n * width)?;
         let mut add = |f: usize, column: usize, slope: DVec3| {
             if self.is_free[f] {
                 let at = 3 * (f * width + column);
@@ -237,7 +237,7 @@ fn normal_matrix(
     is_free: &[bool],
     weights: [f64; 3],
 ) -> Result<Vec<[f64; 3]>, Error> {
-    let mut bands = filled([weights[0], 0.0, 0.0], frames.len())?;
+    let mut bands = allocate([weights[0], 0.0, 0.0], frames.len())?;
     let mut add = |first: usize, stencil: &[f64], weight: f64| {
         for (i, a) in stencil.iter().enumerate() {
             for (j, b) in stencil[i..].iter().enumerate() {

@@ -8,8 +8,8 @@ use std::ops::{Add, Mul};
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, check_len};
-use crate::memory::reserve;
 use crate::rotation;
+use mograft_machine::memory::with_capacity;
 
 /// How the value changes from a key to the next one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -111,7 +111,7 @@ pub fn sample_keys<V: Value>(
             return Err(Error::InvalidTrack { track });
         }
     }
-    let mut sampled = reserve(times.len().saturating_mul(tracks.len()))?;
+    let mut sampled = with_capacity(times.len().saturating_mul(tracks.len()))?;
     for frame in 0..times.len() {
         for track in tracks {
             let place = places[track.times * times.len() + frame];
@@ -124,7 +124,7 @@ pub fn sample_keys<V: Value>(
 /// The keys around every frame, for all frames of the first list, then of the second, and so on.
 fn find_places(times: &[f64], keys: KeyTimes<'_>) -> Result<Vec<Place>, Error> {
     let n_lists = keys.starts.len().saturating_sub(1);
-    let mut places = reserve(n_lists.saturating_mul(times.len()))?;
+    let mut places = with_capacity(n_lists.saturating_mul(times.len()))?;
     let step = match times {
         [first, .., last] => (last - first) / (times.len() - 1) as f64,
         _ => 0.0,

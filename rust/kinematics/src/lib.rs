@@ -21,8 +21,6 @@
 //! | [`value`] | differences of rotations and of translations |
 //! | [`offset`] | decaying offsets at seams |
 //! | [`gradient`] | smoothing of seams that keeps derivatives |
-//! | [`memory`] | vectors whose allocation may fail |
-//! | [`vectors`] | instruction sets of inner loops |
 
 pub mod balance;
 mod banded;
@@ -33,14 +31,11 @@ mod error;
 pub mod forward;
 pub mod gradient;
 pub mod keyframes;
-pub mod memory;
 pub mod offset;
-mod parallel;
 pub mod pose;
 pub mod resample;
 pub mod rotation;
 pub mod sample;
 pub mod value;
-pub mod vectors;
 
 pub use error::Error;

@@ -3,8 +3,8 @@
 use glam::DVec3;
 
 use crate::error::{Error, check_len};
-use crate::memory::copied;
 use crate::value::{Value, add};
+use mograft_machine::memory::copy;
 
 /// The times of n frames in the pieces between successive seams.
 #[derive(Clone, Copy, Debug)]
@@ -57,7 +57,7 @@ pub fn add_offsets<V: Value>(
     if let Some(&piece) = times.piece.iter().find(|&&p| p >= times.windows.len()) {
         return Err(Error::InvalidPiece { piece });
     }
-    let mut sums = copied(values)?;
+    let mut sums = copy(values)?;
     for (frame, &piece) in times.piece.iter().enumerate() {
         let own = &mut sums[frame * n_joints..(frame + 1) * n_joints];
         let window = times.windows[piece];

@@ -6,8 +6,8 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, check_len};
-use crate::memory::{collected, filled, reserve};
-use crate::vectors::{Isa, Loops};
+use mograft_machine::instructions::{Isa, Loops};
+use mograft_machine::memory::{allocate, collect_first, with_capacity};
 
 /// Mean angle over the joints between each of `ends` and each of `starts`, in radians.
 ///
@@ -77,11 +77,11 @@ fn all_gaps<T: Value<D>, const D: usize>(
     let width = n_joints.max(1);
     check_len(ends.len(), ends.len() / width * n_joints)?;
     check_len(starts.len(), starts.len() / width * n_joints)?;
-    let starts = collected(starts.chunks_exact(width), starts.len() / width)?;
+    let starts = collect_first(starts.chunks_exact(width), starts.len() / width)?;
     let blocks = Blocks::new(&starts)?;
     let n_ends = ends.len() / width;
     // The last block of lanes is truncated after it was appended.
-    let mut gaps = reserve((n_ends * starts.len()).saturating_add(LANES))?;
+    let mut gaps = with_capacity((n_ends * starts.len()).saturating_add(LANES))?;
     for end in ends.chunks_exact(width) {
         Isa::best().run(PushMeanGaps { blocks: &blocks, end, gaps: &mut gaps });
     }
@@ -110,7 +110,7 @@ pub fn gaps_along_with<T: Value<D>, const D: usize>(
         .windows(2)
         .map(|pair| pair[0].saturating_mul(pair[1]));
     let n_gaps = n_gaps.fold(LANES, usize::saturating_add);
-    let mut gaps = reserve(n_gaps)?;
+    let mut gaps = with_capacity(n_gaps)?;
     let mut rest = candidates;
     for pair in counts.windows(2) {
         let (left, right) = rest.split_at(pair[0]);
@@ -141,7 +141,7 @@ struct Blocks<const D: usize> {
 impl<const D: usize> Blocks<D> {
     fn new<T: Value<D>>(poses: &[&[T]]) -> Result<Self, Error> {
         let n_joints = poses.first().map_or(0, |pose| pose.len());
-        let mut lanes = filled([[0.0; LANES]; D], poses.len().div_ceil(LANES) * n_joints)?;
+        let mut lanes = allocate([[0.0; LANES]; D], poses.len().div_ceil(LANES) * n_joints)?;
         for (block, poses) in lanes.chunks_mut(n_joints.max(1)).zip(poses.chunks(LANES)) {
             for lane in 0..LANES {
                 let pose = poses[lane.min(poses.len() - 1)];
@@ -269,7 +269,7 @@ const Q: [f64; 5] = [
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vectors::Level;
+    use mograft_machine::instructions::Level;
 
     #[test]
     fn pose_gaps_are_mean_angles() {

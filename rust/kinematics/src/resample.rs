@@ -8,8 +8,8 @@
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, check_len};
-use crate::memory::reserve;
 use crate::rotation::{self, exp, log};
+use mograft_machine::memory::with_capacity;
 
 /// A frame of one joint: a value that has a cubic to another one.
 pub trait Knot: Copy {
@@ -92,7 +92,7 @@ pub fn slerp(
     times: &[f64],
 ) -> Result<Vec<DQuat>, Error> {
     check_frames(frame_times, rotations.len(), n_joints)?;
-    let mut resampled = reserve(times.len() * n_joints)?;
+    let mut resampled = with_capacity(times.len() * n_joints)?;
     for &time in times {
         let (f, t) = locate(frame_times, time);
         let arcs = rotations[f * n_joints..]
@@ -143,7 +143,7 @@ fn cubic_knots<K: Knot>(
 ) -> Result<Vec<K>, Error> {
     check_frames(frame_times, knots.len(), n_joints)?;
     let interval = |f: usize| frame_times[f + 1] - frame_times[f];
-    let mut resampled = reserve(times.len() * n_joints)?;
+    let mut resampled = with_capacity(times.len() * n_joints)?;
     for &time in times {
         let (f, t) = locate(frame_times, time);
         resampled.extend(Span::new(knots, n_joints, 0, frame_times.len() - 1, &interval).at(f, t));
@@ -243,7 +243,7 @@ pub fn sample_clips<V: Knot>(
 ) -> Result<Vec<V>, Error> {
     check_len(times.len(), clip.len())?;
     let counts = frame_counts(clips, n_joints, clip)?;
-    let mut rows = reserve(times.len() * n_joints)?;
+    let mut rows = with_capacity(times.len() * n_joints)?;
     let mut steps = Steps::new(clips, n_joints);
     for (&clip, &time) in clip.iter().zip(times) {
         let Some(last) = counts[clip].checked_sub(1).filter(|&last| last > 0) else {
@@ -285,8 +285,8 @@ pub fn clip_states<V: Knot>(
     check_len(frames.len(), clip.len())?;
     let counts = frame_counts(clips, n_joints, clip)?;
     let size = frames.len() * n_joints;
-    let (mut values, mut velocities) = (reserve(size)?, reserve(size)?);
-    let mut accelerations = reserve(size)?;
+    let (mut values, mut velocities) = (with_capacity(size)?, with_capacity(size)?);
+    let mut accelerations = with_capacity(size)?;
     let mut steps = Steps::new(clips, n_joints);
     for (row, (&clip, &frame)) in clip.iter().zip(frames).enumerate() {
         let count = counts[clip];
@@ -425,7 +425,7 @@ fn segment_knots<K: Knot>(
         .iter()
         .try_fold(0_usize, |sum, &count| sum.checked_add(count));
     let size = n_samples.and_then(|frames| frames.checked_mul(n_joints));
-    let mut resampled = reserve(size.unwrap_or(usize::MAX))?;
+    let mut resampled = with_capacity(size.unwrap_or(usize::MAX))?;
     for ((&start, &stop), &count) in starts.iter().zip(stops).zip(counts) {
         let span = Span::new(knots, n_joints, start, stop, &|_| 1.0);
         let (length, steps) = (stop - start, count.saturating_sub(1).max(1));

@@ -9,7 +9,7 @@ use std::f64::consts::{FRAC_2_PI, PI, TAU};
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, check_len};
-use crate::memory::{collected, copied, reserve};
+use mograft_machine::memory::{collect_first, copy, with_capacity};
 
 /// Below this angle, the sine equals the angle in f64.
 const SMALL_ANGLE: f64 = 1e-8;
@@ -135,7 +135,7 @@ pub fn slerp(a: DQuat, b: DQuat, t: f64) -> DQuat {
 ///
 /// If memory is exhausted.
 pub fn continuous_signs(rotations: &[DQuat], n_joints: usize) -> Result<Vec<DQuat>, Error> {
-    let mut signed = copied(rotations)?;
+    let mut signed = copy(rotations)?;
     for i in 0..signed.len() {
         let is_flipped = match i.checked_sub(n_joints) {
             Some(before) => signed[i].dot(signed[before]) < 0.0,
@@ -169,7 +169,7 @@ pub fn from_euler(angles: &[f64], axes: &[usize], n: usize) -> Result<Vec<DQuat>
         }
         DQuat::from_array(q)
     });
-    collected(rotations, n)
+    Ok(collect_first(rotations, n)?)
 }
 
 /// Rotations from the channels of successive frames, as [`from_euler`] for every joint.
@@ -197,7 +197,7 @@ pub fn from_channels(
     if !is_ordered || !turns.iter().all(exists) {
         return Err(Error::InvalidChannel);
     }
-    let mut rotations: Vec<DQuat> = reserve(n_frames.saturating_mul(n_joints))?;
+    let mut rotations: Vec<DQuat> = with_capacity(n_frames.saturating_mul(n_joints))?;
     for frame in values.chunks_exact(n_channels.max(1)) {
         for joint in starts.windows(2) {
             let mut q = [0.0, 0.0, 0.0, 1.0];
@@ -293,7 +293,7 @@ pub fn to_euler(
         near = nearest_euler(q, axes, near);
         near
     });
-    collected(angles, rotations.len())
+    Ok(collect_first(angles, rotations.len())?)
 }
 
 fn nearest_euler(q: DQuat, [i, j, k]: [usize; 3], near: [f64; 3]) -> [f64; 3] {

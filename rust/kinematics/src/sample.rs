@@ -3,9 +3,9 @@
 use glam::DQuat;
 
 use crate::error::{Error, check_len};
-use crate::memory::{filled, reserve};
-use crate::parallel::for_each_part;
 use crate::rotation::log;
+use mograft_machine::memory::{allocate, with_capacity};
+use mograft_machine::threads::for_each_part;
 
 /// Smallest count of segments that gets a thread of its own.
 const MIN_ROWS_PER_THREAD: usize = 64;
@@ -51,7 +51,7 @@ impl<T> Rows<'_, T> {
 /// If the numbers are not whole rows, or rows are shorter than their poses.
 pub fn moments<T: Copy + Into<f64>>(rows: Rows<T>) -> Result<Vec<f64>, Error> {
     rows.check()?;
-    let mut sums = filled([[0.0; 4]; 4], rows.n_joints)?;
+    let mut sums = allocate([[0.0; 4]; 4], rows.n_joints)?;
     for row in rows.numbers.chunks_exact(rows.width.max(1)) {
         let (quats, _) = row[..rows.pose_width()].as_chunks::<4>();
         for (quat, joint) in quats.iter().zip((0..rows.n_joints).cycle()) {
@@ -96,7 +96,7 @@ pub fn features<T: Copy + Into<f64> + Sync>(
         .saturating_mul(joints.len())
         .saturating_add(n_rest);
     let n = rows.numbers.len() / rows.width.max(1);
-    let mut vectors = filled(0.0, n.saturating_mul(width))?;
+    let mut vectors = allocate(0.0, n.saturating_mul(width))?;
     let fill = |vectors: &mut [f64], numbers: &[T]| {
         let numbers = numbers.chunks_exact(rows.width.max(1));
         for (vector, row) in vectors.chunks_exact_mut(width.max(1)).zip(numbers) {
@@ -147,9 +147,9 @@ pub fn distances(
     check_len(points.len(), n_points * width)?;
     check_len(to.len(), from.len())?;
     if width == 0 {
-        return filled(0.0, from.len());
+        return Ok(allocate(0.0, from.len())?);
     }
-    let mut lengths = reserve(from.len())?;
+    let mut lengths = with_capacity(from.len())?;
     for (&from, &to) in from.iter().zip(to) {
         let point = from.max(to);
         if point >= n_points {

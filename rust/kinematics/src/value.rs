@@ -3,8 +3,8 @@
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, check_len};
-use crate::memory::{copied, reserve};
 use crate::rotation::{exp_small, log_small};
+use mograft_machine::memory::{copy, with_capacity};
 
 /// The rotation or translation of a joint.
 pub trait Value: Copy + PartialEq {
@@ -96,7 +96,7 @@ pub fn replace_joints<V: Value>(
     if let Some(&joint) = joints.iter().find(|&&joint| joint >= n_joints) {
         return Err(Error::InvalidJoint { joint });
     }
-    let mut is_changed = reserve(part.len())?;
+    let mut is_changed = with_capacity(part.len())?;
     for (frame, part) in base
         .chunks_exact(n_joints.max(1))
         .zip(part.chunks_exact(width.max(1)))
@@ -111,7 +111,7 @@ pub fn replace_joints<V: Value>(
     if !is_changed.contains(&true) {
         return Ok((None, is_changed));
     }
-    let mut replaced = copied(base)?;
+    let mut replaced = copy(base)?;
     for (column, &joint) in joints.iter().enumerate() {
         if !is_changed
             .iter()

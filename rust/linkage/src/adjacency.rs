@@ -1,9 +1,9 @@
 //! The lists of neighbours of all clusters, from the edges of a graph.
 
 use crate::error::Error;
-use crate::memory::{allocate, collect, with_capacity};
 use crate::neighbours::Edge;
 use crate::parallel::Workers;
+use mograft_machine::memory::{allocate, collect, with_capacity};
 
 /// Edges that one job reads while lists are built.
 const EDGES_PER_JOB: usize = 1 << 20;
@@ -148,7 +148,7 @@ pub(crate) fn split_lists(parts: &mut [Lists]) -> Result<Vec<&mut [Neighbour]>, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::Isa;
+    use mograft_machine::instructions::Isa;
 
     #[test]
     fn adjacency_lists_any_bands_and_threads_hold_both_ends_of_each_edge() {

@@ -4,10 +4,10 @@ use std::ops::Range;
 
 use crate::clusters::Clusters;
 use crate::error::Error;
-use crate::memory::{collect, with_capacity};
 use crate::parallel::Workers;
 use crate::points::Points;
 use crate::simd::{self, Aligned, F32Lanes, F64Lanes, LANES};
+use mograft_machine::memory::{collect, with_capacity};
 
 /// Offset of a lane without a cluster: beyond any limit, with a square that f32 can hold.
 const EMPTY_LANE_OFFSET: f32 = 1e17;

@@ -7,9 +7,9 @@
 //! Source: Benzécri (1982); Murtagh (1983); this form is that of Müllner, arXiv:1109.2378.
 
 use crate::error::Error;
-use crate::memory::{collect, with_capacity};
 use crate::parallel::Workers;
 use crate::tree::Merge;
+use mograft_machine::memory::{collect, with_capacity};
 
 /// A condensed matrix: distances of pairs (0, 1), (0, 2), …, (1, 2), ….
 pub(crate) struct Condensed {

@@ -17,11 +17,11 @@ use std::cmp::Reverse;
 use std::ops::Range;
 
 use crate::error::Error;
-use crate::memory::{append, collect, with_capacity};
 use crate::parallel::Workers;
 use crate::points::{Points, squared_distance};
 use crate::simd::{Aligned, F64Lanes, LANES};
 use crate::sorting::sort_in_job;
+use mograft_machine::memory::{append, collect, with_capacity};
 
 /// Frank-Wolfe steps for the ball of a new cluster.
 const FRANK_WOLFE_STEPS: u16 = 8;
@@ -224,7 +224,8 @@ impl Clusters {
         append(&mut self.variances, other.variances.iter().copied())?;
         append(&mut self.squared_radii, other.squared_radii.iter().copied())?;
         append(&mut self.update_counts, other.update_counts.iter().copied())?;
-        append(&mut self.extremes, other.extremes.iter().copied())
+        append(&mut self.extremes, other.extremes.iter().copied())?;
+        Ok(())
     }
 
     /// Unite the clusters that have the same root.
@@ -472,5 +473,5 @@ fn split_members<'a>(
 
 fn select<T: Copy>(workers: &Workers<'_>, values: &[T], indices: &[u32]) -> Result<Vec<T>, Error> {
     workers.check_progress()?;
-    collect(indices.iter().map(|&i| values[i as usize]))
+    Ok(collect(indices.iter().map(|&i| values[i as usize]))?)
 }

@@ -14,9 +14,9 @@
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use crate::error::Error;
-use crate::memory::{allocate, append, collect, push, with_capacity};
 use crate::parallel::Workers;
 use crate::simd;
+use mograft_machine::memory::{allocate, append, collect, push, with_capacity};
 
 /// Marks a missing column.
 const NONE: u32 = u32::MAX;

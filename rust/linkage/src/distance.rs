@@ -15,12 +15,12 @@
 
 use crate::clusters::{Clusters, SORTED_SIZE};
 use crate::error::Error;
-use crate::memory::{collect, ensure_capacity, with_capacity};
 use crate::packed::{MIN_PACKED_SIZE, PackedMembers};
 use crate::parallel::Workers;
 use crate::points::{Points, squared_distance};
 use crate::profile;
 use crate::simd::{self, Aligned, F32Lanes, LANES, QUERIES};
+use mograft_machine::memory::{collect, ensure_capacity, with_capacity};
 
 /// Work of measuring a pair of clusters, without that on coordinates.
 const PAIR_WORK: u64 = 300;

@@ -4,10 +4,10 @@ use crate::clusters::Clusters;
 use crate::distance::{ClusterDistances, Limit, Scratch};
 use crate::error::Error;
 use crate::input::Coordinate;
-use crate::memory::{allocate, check_available, collect, with_capacity};
 use crate::parallel::Workers;
 use crate::points::Points;
 use crate::simd::{self, Aligned, F64Lanes, LANES, TILE_ROWS};
+use mograft_machine::memory::{allocate, check_available, collect, with_capacity};
 
 /// Axes that a tile reads at a time: with this number, its points stay in the cache.
 const AXES_PER_STEP: usize = 256;

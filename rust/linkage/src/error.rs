@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use mograft_machine::memory::Refused;
+
 /// Why an input was refused, or a call ended early.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
@@ -63,6 +65,12 @@ pub enum Error {
 }
 
 impl std::error::Error for Error {}
+
+impl From<Refused> for Error {
+    fn from(Refused { bytes }: Refused) -> Self {
+        Self::OutOfMemory { bytes }
+    }
+}
 
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

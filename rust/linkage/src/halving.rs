@@ -3,9 +3,9 @@
 //! The rows are halved recursively along the axis of largest variance, as in a k-d tree.
 
 use crate::error::Error;
-use crate::memory::append;
 use crate::parallel::Workers;
 use crate::simd::LANES;
+use mograft_machine::memory::append;
 
 /// Rows of which the variance along each axis is estimated.
 const SAMPLE_SIZE: usize = 256;

@@ -46,7 +46,6 @@
 //! | module | contents |
 //! |---|---|
 //! | [`mod@error`] | the errors of this crate |
-//! | [`memory`] | vectors whose memory the system may refuse |
 //! | [`simd`] | inner loops for three instruction sets; all `unsafe` code |
 //! | [`profile`] | measurement of the work that threads share |
 //! | [`parallel`] | scoped threads, progress, stopping |
@@ -88,7 +87,6 @@ mod distance_rows;
 mod error;
 mod halving;
 mod input;
-mod memory;
 mod merging;
 mod neighbours;
 mod options;
@@ -108,12 +106,12 @@ mod tree;
 use chain::{Condensed, merge_by_chain};
 pub use error::Error;
 pub use input::{Coordinate, Table};
-use memory::{allocate, append, check_available, collect};
+pub use mograft_machine::instructions::{Isa, Level};
+use mograft_machine::memory::{allocate, append, check_available, collect};
 pub use options::{Options, Tuning, available_memory};
 pub use parallel::Progress;
 use parallel::{Workers, affordable_threads};
 use points::Points;
-pub use simd::{Isa, Level};
 use tree::Merge;
 
 /// The example of the README, which runs with the tests.
@@ -278,7 +276,8 @@ fn merge_points_on_matrix(
     let rows = distance_rows::rows_of_points(workers, points, max_squared)?;
     let pairs = dense::merge_on_matrix(workers, rows)?.into_iter();
     let representative = |row: u32| representatives[row as usize];
-    collect(pairs.map(|(a, b, squared)| Merge::new(representative(a), representative(b), squared)))
+    let merge = |(a, b, squared)| Merge::new(representative(a), representative(b), squared);
+    Ok(collect(pairs.map(merge))?)
 }
 
 /// Upper bound, by experience, of the memory that stages take per point.
@@ -295,7 +294,8 @@ fn check_memory(needed: usize, options: &Options<'_>) -> Result<(), Error> {
     if needed > limit {
         return Err(Error::MemoryLimit { needed, limit });
     }
-    check_available(needed)
+    check_available(needed)?;
+    Ok(())
 }
 
 /// The threads of a call that needs `bytes` bytes.

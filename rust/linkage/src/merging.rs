@@ -16,9 +16,9 @@ use std::sync::Mutex;
 
 use crate::adjacency::{Neighbour, adjacency_lists, split_lists};
 use crate::error::Error;
-use crate::memory::{allocate, append, collect, push, reserve};
 use crate::neighbours::Edge;
 use crate::parallel::Workers;
+use mograft_machine::memory::{allocate, append, collect, push, reserve};
 
 /// Marks a missing cluster.
 const NONE: u32 = u32::MAX;

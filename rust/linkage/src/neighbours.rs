@@ -22,10 +22,10 @@ use crate::distance::{
     ClusterDistances, F32_PER_WORK, F32_ROUNDOFF, F32_UNDERFLOW, Limit, Scratch,
 };
 use crate::error::Error;
-use crate::memory::{collect, push};
 use crate::parallel::Workers;
 use crate::profile;
 use crate::simd::{self, Aligned, F64Lanes, LANES, Query};
+use mograft_machine::memory::{collect, push};
 
 /// Most blocks that one job compares with all later ones, which are then read once for all of them.
 const BLOCKS_PER_TILE: usize = 8;
@@ -125,7 +125,7 @@ pub(crate) fn clusters_within(
         search.search_tile(tile, state);
         workers.add_work(std::mem::take(&mut state.scratch.work));
     })?;
-    collect(marks.into_iter().map(AtomicBool::into_inner))
+    Ok(collect(marks.into_iter().map(AtomicBool::into_inner))?)
 }
 
 /// The blocks of each tile.

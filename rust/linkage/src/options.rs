@@ -1,7 +1,7 @@
 //! What a caller chooses: resources, progress and tuning. None of it changes a result.
 
 use crate::parallel::Progress;
-use crate::simd::Level;
+use mograft_machine::instructions::Level;
 
 /// Resources and progress of a call. Results are the same for all values.
 ///

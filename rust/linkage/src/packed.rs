@@ -2,10 +2,10 @@
 
 use crate::clusters::{Clusters, SORTED_SIZE, clusters_per_job};
 use crate::error::Error;
-use crate::memory::with_capacity;
 use crate::parallel::Workers;
 use crate::points::{Points, squared_distance};
 use crate::simd::{Aligned, F32Lanes, LANES};
+use mograft_machine::memory::with_capacity;
 
 /// Smallest cluster that is packed; the members of smaller ones are read from the points.
 pub(crate) const MIN_PACKED_SIZE: usize = 4;

@@ -1,17 +1,14 @@
-//! Scoped threads that share out jobs, and the progress callback.
-//!
-//! Threads live as long as one call of [`Workers::run`]. A pool that lived longer would not
-//! survive a fork: the forked child would wait for threads that do not exist in it.
+//! Jobs that threads share out, and the progress callback.
 
 use std::ops::ControlFlow;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::thread::{self, ThreadId};
 
 use crate::error::Error;
-use crate::memory::{check_available, with_capacity};
 use crate::profile;
-use crate::simd::Isa;
+use mograft_machine::instructions::Isa;
+use mograft_machine::memory::{check_available, with_capacity};
+use mograft_machine::threads::{run_with_helpers, share};
 
 /// A callback that receives the fraction done, 0 to 1; [`ControlFlow::Break`] stops the call.
 ///
@@ -161,7 +158,7 @@ impl<'a> Workers<'a> {
         !self.is_stopped.load(Relaxed)
     }
 
-    /// A vector of `len` equal values, like [`allocate`](crate::memory::allocate).
+    /// A vector of `len` equal values, like [`allocate`](mograft_machine::memory::allocate).
     ///
     /// For vectors of the size of the input: the system clears their memory while it is written.
     ///
@@ -195,7 +192,8 @@ impl<'a> Workers<'a> {
     /// The value, if a job got the memory for it; otherwise stop all threads.
     ///
     /// [`Self::run`] then returns the error.
-    pub fn ok_or_stop<T>(&self, result: Result<T, Error>) -> Option<T> {
+    pub fn ok_or_stop<T>(&self, result: Result<T, impl Into<Error>>) -> Option<T> {
+        let result = result.map_err(Into::into);
         if let Err(error) = result
             && let Error::OutOfMemory { bytes } = error
         {
@@ -237,9 +235,7 @@ impl<'a> Workers<'a> {
         work: impl Fn(&mut State, Job) + Sync,
     ) -> Result<Vec<State>, Error> {
         let n_helpers = self.n_threads.min(jobs.len()).saturating_sub(1);
-        let jobs = Mutex::new(jobs);
-        // The lock is poisoned only if the iterator panics; that panic is passed on below.
-        let next_job = || jobs.lock().ok().and_then(|mut jobs| jobs.next());
+        let next_job = share(jobs);
         let help = || {
             let mut state = init();
             while !self.is_stopped.load(Relaxed) {
@@ -248,25 +244,17 @@ impl<'a> Workers<'a> {
             }
             state
         };
-        thread::scope(|scope| {
-            // If the system has no memory for a thread, the others do its jobs.
-            let spawn = |_| thread::Builder::new().spawn_scoped(scope, help).ok();
-            let helpers: Vec<_> = (0..n_helpers).map_while(spawn).collect();
+        let own = || {
             let mut state = init();
             while self.check_progress().is_ok() {
                 let Some(job) = next_job() else { break };
                 profile::measure_job(|| work(&mut state, job));
             }
             profile::end_run();
-            let mut states = vec![state];
-            for helper in helpers {
-                match helper.join() {
-                    Ok(state) => states.push(state),
-                    Err(panic) => std::panic::resume_unwind(panic),
-                }
-            }
-            self.check_stopped().map(|()| states)
-        })
+            state
+        };
+        let states = run_with_helpers(n_helpers, help, own);
+        self.check_stopped().map(|()| states)
     }
 }
 

@@ -10,10 +10,10 @@
 use crate::clusters::Clusters;
 use crate::distance::{ClusterDistances, Limit, Scratch};
 use crate::error::Error;
-use crate::memory::{allocate, collect, push, with_capacity};
 use crate::merging::MergedClusters;
 use crate::parallel::Workers;
 use crate::simd::{self, Aligned, F64Lanes, LANES};
+use mograft_machine::memory::{allocate, collect, push, with_capacity};
 
 /// Merge all pairs at the squared distance `squared`, which is the smallest of all pairs.
 ///

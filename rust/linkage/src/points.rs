@@ -3,10 +3,10 @@
 use crate::error::Error;
 use crate::halving::sort_by_halving;
 use crate::input::{Coordinate, Table};
-use crate::memory::{collect, with_capacity};
 use crate::parallel::Workers;
 use crate::sorting::sort;
 use crate::tree::Merge;
+use mograft_machine::memory::{collect, with_capacity};
 
 /// Binary exponent of the largest scaled coordinate.
 ///
@@ -242,7 +242,7 @@ fn hash(row: &[f64]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::Isa;
+    use mograft_machine::instructions::Isa;
 
     fn points_on_line(coordinates: &[f64]) -> Points {
         let workers = Workers::new(1, Isa::best(), None);

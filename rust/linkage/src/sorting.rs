@@ -58,7 +58,7 @@ pub(crate) fn sort_in_job<T: Ord>(workers: &Workers<'_>, keys: &mut [T], work: &
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::Isa;
+    use mograft_machine::instructions::Isa;
 
     #[test]
     fn sort_any_order_gives_ascending_keys() {

@@ -9,10 +9,10 @@ use std::cmp::Reverse;
 use crate::clusters::Clusters;
 use crate::error::Error;
 use crate::halving::sort_by_halving;
-use crate::memory::{allocate, collect};
 use crate::parallel::Workers;
 use crate::simd::{self, Aligned, LANES};
 use crate::sorting::sort;
+use mograft_machine::memory::{allocate, collect};
 
 /// Density is uneven if the gaps of 90 % of the clusters differ by more than this factor.
 const UNEVEN_RATIO: f64 = 16.0;
@@ -84,7 +84,7 @@ fn order_by<K: Ord + Send>(
 ) -> Result<Vec<u32>, Error> {
     let mut keyed = collect((0..m as u32).map(|i| (key(i), i)))?;
     sort(workers, &mut keyed)?;
-    collect(keyed.into_iter().map(|(_, i)| i))
+    Ok(collect(keyed.into_iter().map(|(_, i)| i))?)
 }
 
 /// For each cluster, the smallest squared bound to another cluster of its block.

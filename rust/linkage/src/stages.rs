@@ -11,7 +11,6 @@ use crate::dense::merge_on_matrix;
 use crate::distance::ClusterDistances;
 use crate::distance_rows::rows_of_clusters;
 use crate::error::Error;
-use crate::memory::{append, collect, push, with_capacity};
 use crate::merging::{MergedClusters, merge_on_graph};
 use crate::neighbours::{Edge, Edges, clusters_within, edges_within};
 use crate::options::Tuning;
@@ -22,6 +21,7 @@ use crate::profile;
 use crate::spatial_order::{Density, SpatialOrder, sort_spatially};
 use crate::threshold::choose_threshold;
 use crate::tree::Merge;
+use mograft_machine::memory::{append, collect, push, with_capacity};
 
 /// If a stage merges less than one in this many clusters, the next one seeks more neighbours.
 const MIN_MERGED_DIVISOR: usize = 8;
@@ -332,7 +332,7 @@ mod tests {
     use crate::distance_rows::rows_of_points;
     use crate::input::Table;
     use crate::parallel::WORK_PER_CHECK;
-    use crate::simd::Isa;
+    use mograft_machine::instructions::Isa;
 
     /// Points of `n_groups` groups, so that the last clusters have many members each.
     fn grouped_points(workers: &Workers<'_>, n: usize, dim: usize, n_groups: usize) -> Points {

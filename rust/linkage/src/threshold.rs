@@ -13,9 +13,9 @@ use std::cmp::Ordering;
 use crate::clusters::Clusters;
 use crate::distance::{ClusterDistances, Limit, Scratch};
 use crate::error::Error;
-use crate::memory::{append, push, with_capacity};
 use crate::parallel::Workers;
 use crate::simd::{self, Aligned, F64Lanes, LANES};
+use mograft_machine::memory::{append, push, with_capacity};
 
 /// Most clusters in the sample, for each part of [`DENSITY_PARTS`].
 const MAX_SAMPLE_SIZE: usize = 48;

@@ -8,9 +8,9 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use crate::error::Error;
-use crate::memory::{allocate, collect, with_capacity};
 use crate::parallel::Workers;
 use crate::sorting::sort;
+use mograft_machine::memory::{allocate, collect, with_capacity};
 
 /// Marks a missing merge.
 const NONE: u32 = u32::MAX;
@@ -156,7 +156,7 @@ pub(crate) fn labels(workers: &Workers<'_>, n: usize, merges: &[Merge]) -> Resul
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::Isa;
+    use mograft_machine::instructions::Isa;
 
     #[test]
     fn linkage_matrix_unordered_merges_gives_greedy_order() {

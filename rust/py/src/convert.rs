@@ -5,7 +5,8 @@ use std::fmt::Display;
 use std::ops::{Deref, DerefMut};
 
 use glam::{DQuat, DVec2, DVec3};
-use mograft_kinematics::{Error, memory, sample};
+use mograft_kinematics::{Error, sample};
+use mograft_machine::memory;
 use numpy::{
     Element, IntoPyArray as _, Ix1, Ix2, IxDyn, PyArray, PyArrayDyn, PyArrayMethods as _,
     PyReadonlyArray, PyReadwriteArray, PyUntypedArrayMethods as _, ndarray::Dimension,
@@ -172,7 +173,7 @@ pub fn pairs<'a, A, B>(
 pub fn as_usizes(indices: &Indices<'_>) -> PyResult<Vec<usize>> {
     let as_usize = |&i: &i64| usize::try_from(i).map_err(value_error);
     let indices = indices.as_slice()?;
-    let mut numbers = memory::reserve(indices.len()).map_err(kernel_error)?;
+    let mut numbers = memory::with_capacity(indices.len()).map_err(kernel_error)?;
     for index in indices {
         numbers.push(as_usize(index)?);
     }
@@ -204,10 +205,10 @@ pub fn from_vecs<'py>(py: Python<'py>, vecs: Vec<DVec3>, shape: &[usize]) -> Arr
 }
 
 /// The Python exception for an error of a kernel of motion.
-pub fn kernel_error(error: Error) -> PyErr {
-    match error {
-        Error::OutOfMemory { .. } => PyMemoryError::new_err(error.to_string()),
-        _ => value_error(error),
+pub fn kernel_error(error: impl Into<Error>) -> PyErr {
+    match error.into() {
+        error @ Error::OutOfMemory { .. } => PyMemoryError::new_err(error.to_string()),
+        error => value_error(error),
     }
 }
 

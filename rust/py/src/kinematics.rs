@@ -3,8 +3,8 @@
 use glam::{DQuat, DVec3};
 use mograft_kinematics::energy::{self, Omega};
 use mograft_kinematics::keyframes::{self, Interpolation, KeyTimes, Track};
-use mograft_kinematics::memory::collected;
 use mograft_kinematics::{Error, capsule, derivatives, forward, pose, resample, rotation, sample};
+use mograft_machine::memory::collect_first;
 use numpy::{IntoPyArray as _, PyArrayMethods as _, PyUntypedArrayMethods as _};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -18,7 +18,7 @@ use crate::convert::{
 #[pyfunction]
 pub fn exp<'py>(py: Python<'py>, vectors: Floats<'py>) -> Array<'py> {
     let slice = as_vecs(&vectors)?;
-    let quats = py.detach(|| collected(slice.iter().map(|&v| rotation::exp(v)), slice.len()));
+    let quats = py.detach(|| collect_first(slice.iter().map(|&v| rotation::exp(v)), slice.len()));
     from_quats(py, quats.map_err(kernel_error)?, &shape_with_last(&vectors, &[]))
 }
 
@@ -26,7 +26,7 @@ pub fn exp<'py>(py: Python<'py>, vectors: Floats<'py>) -> Array<'py> {
 #[pyfunction]
 pub fn log<'py>(py: Python<'py>, rotations: Floats<'py>) -> Array<'py> {
     let slice = as_quats(&rotations)?;
-    let vectors = py.detach(|| collected(slice.iter().map(|&q| rotation::log(q)), slice.len()));
+    let vectors = py.detach(|| collect_first(slice.iter().map(|&q| rotation::log(q)), slice.len()));
     from_vecs(py, vectors.map_err(kernel_error)?, &shape_with_last(&rotations, &[]))
 }
 
@@ -35,7 +35,7 @@ pub fn log<'py>(py: Python<'py>, rotations: Floats<'py>) -> Array<'py> {
 pub fn multiply<'py>(py: Python<'py>, a: Floats<'py>, b: Floats<'py>) -> Array<'py> {
     let pairs = pairs(as_quats(&a)?, as_quats(&b)?)?;
     let n = pairs.len();
-    let products = py.detach(|| collected(pairs.map(|(&a, &b)| a.mul_quat(b)), n));
+    let products = py.detach(|| collect_first(pairs.map(|(&a, &b)| a.mul_quat(b)), n));
     from_quats(py, products.map_err(kernel_error)?, &shape_with_last(&a, &[]))
 }
 
@@ -44,7 +44,7 @@ pub fn multiply<'py>(py: Python<'py>, a: Floats<'py>, b: Floats<'py>) -> Array<'
 pub fn rotate<'py>(py: Python<'py>, rotations: Floats<'py>, vectors: Floats<'py>) -> Array<'py> {
     let pairs = pairs(as_quats(&rotations)?, as_vecs(&vectors)?)?;
     let n = pairs.len();
-    let rotated = py.detach(|| collected(pairs.map(|(&q, &v)| rotation::rotate(q, v)), n));
+    let rotated = py.detach(|| collect_first(pairs.map(|(&q, &v)| rotation::rotate(q, v)), n));
     from_vecs(py, rotated.map_err(kernel_error)?, &shape_with_last(&vectors, &[]))
 }
 
@@ -53,7 +53,7 @@ pub fn rotate<'py>(py: Python<'py>, rotations: Floats<'py>, vectors: Floats<'py>
 pub fn angle<'py>(py: Python<'py>, a: Floats<'py>, b: Floats<'py>) -> Array<'py> {
     let pairs = pairs(as_quats(&a)?, as_quats(&b)?)?;
     let n = pairs.len();
-    let angles = py.detach(|| collected(pairs.map(|(&a, &b)| rotation::angle(a, b)), n));
+    let angles = py.detach(|| collect_first(pairs.map(|(&a, &b)| rotation::angle(a, b)), n));
     into_array(py, angles.map_err(kernel_error)?, &shape_with_last(&a, &[]))
 }
 
@@ -134,7 +134,7 @@ pub fn hermite<'py>(
             .zip(start_velocity.iter().zip(end_velocity))
             .zip(t);
         let curve = ends.map(|(((&a, &b), (&u, &v)), &t)| resample::hermite(a, b, u, v, t));
-        collected(curve, t.len())
+        collect_first(curve, t.len())
     });
     from_quats(py, quats.map_err(kernel_error)?, &shape_with_last(&start, &[]))
 }
@@ -501,7 +501,7 @@ pub fn clearance<'py>(
     let (lefts, rights) = (as_usizes(&left)?, as_usizes(&right)?);
     let n_pairs = lefts.len();
     check_equal([n_pairs, rights.len()])?;
-    let pairs = collected(lefts.into_iter().zip(rights), n_pairs).map_err(kernel_error)?;
+    let pairs = collect_first(lefts.into_iter().zip(rights), n_pairs).map_err(kernel_error)?;
     let (distances, nearest) = py
         .detach(|| capsule::clearance(ends, radii, others, other_radii, &other_frames, &pairs))
         .map_err(kernel_error)?;
@@ -509,7 +509,8 @@ pub fn clearance<'py>(
     let (left, right) = (left.as_slice()?, right.as_slice()?);
     // Without pairs the index is -1, and so are both capsules.
     let capsules = |index| usize::try_from(index).map_or([-1, -1], |i| [left[i], right[i]]);
-    let nearest = collected(nearest.into_iter().map(capsules), n_frames).map_err(kernel_error)?;
+    let nearest =
+        collect_first(nearest.into_iter().map(capsules), n_frames).map_err(kernel_error)?;
     let nearest = nearest.into_flattened().into_pyarray(py);
     Ok((
         into_array(py, distances, &[n_frames])?.into_any(),

@@ -50,7 +50,7 @@ mod _core {
     use crate::seams::{add_offsets, clip_states, replace_joints, sample_clips, smooth_gradient};
 
     #[pymodule_export]
-    use crate::text::{format_rows, scan_hierarchy, scan_numbers};
+    use crate::text::{format_rows, scan_numbers};
 
     #[pymodule_export]
     use crate::trellis::{keep_cheapest, sample};

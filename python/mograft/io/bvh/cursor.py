@@ -139,9 +139,8 @@ class Cursor:
 
         If the pattern does not match, return None and do not move.
         """
-        self._ensure_lookahead()
+        match = self.match(pattern)
         self._word_start = self.offset
-        match = pattern.match(self.buffer, self.offset)
         if match is None:
             return None
         if match.end(1) - self.offset >= MAX_WORD_BYTES:
@@ -150,6 +149,15 @@ class Cursor:
             )
         self.offset = match.end()
         return match.group(1)
+
+    def match(self, pattern: re.Pattern[bytes]) -> re.Match[bytes] | None:
+        """Match a pattern at the cursor without moving; offsets are those in `buffer`."""
+        self._ensure_lookahead()
+        return pattern.match(self.buffer, self.offset)
+
+    def move_after(self, match: re.Match[bytes]) -> None:
+        """Move after a result of `match`, which counts as the last word taken."""
+        self._word_start, self.offset = match.span()
 
     @property
     def has_lookahead(self) -> bool:

@@ -21,8 +21,8 @@
 //!
 //! All `unsafe` code of the crate is in this module: in the macro `dispatch!`, because a function
 //! compiled for an instruction set may only be called if the processor has that set, and in the
-//! methods of [`vectors`] and [`doubles`], which only such functions call. [`Isa::up_to`] is the only constructor
-//! of an [`Isa`] above the baseline, and it checks the processor.
+//! methods of [`vectors`] and [`doubles`], which only such functions call. `Isa::up_to` is the only constructor
+//! of an `Isa` above the baseline, and it checks the processor.
 //!
 //! The tests of this module run without findings under the address sanitizer with AVX-512, under
 //! Valgrind with AVX2 (the widest set that Valgrind supports) and under Miri with the baseline:
@@ -46,7 +46,7 @@ macro_rules! dispatch {
     ($(#[$doc:meta])* $name:ident = $body:ident($($arg:ident: $type:ty),*) $(-> $out:ty)?) => {
         $(#[$doc])*
         #[inline]
-        pub(crate) fn $name(isa: $crate::simd::Isa, $($arg: $type),*) $(-> $out)? {
+        pub(crate) fn $name(isa: mograft_machine::instructions::Isa, $($arg: $type),*) $(-> $out)? {
             #[cfg(target_arch = "x86_64")]
             {
                 use $crate::simd::vectors::x86::{Avx2, Avx512};
@@ -62,11 +62,11 @@ macro_rules! dispatch {
                 match isa.level() {
                     // SAFETY: an `Isa` of this level exists only if `Isa::up_to` found that the
                     // processor has every feature that is enabled on `avx512`.
-                    $crate::simd::Level::Avx512 => return unsafe { avx512($($arg),*) },
+                    mograft_machine::instructions::Level::Avx512 => return unsafe { avx512($($arg),*) },
                     // SAFETY: an `Isa` of this level exists only if `Isa::up_to` found that the
                     // processor has every feature that is enabled on `avx2`.
-                    $crate::simd::Level::Avx2 => return unsafe { avx2($($arg),*) },
-                    $crate::simd::Level::Baseline => {}
+                    mograft_machine::instructions::Level::Avx2 => return unsafe { avx2($($arg),*) },
+                    mograft_machine::instructions::Level::Baseline => {}
                 }
             }
             let _ = isa;
@@ -123,52 +123,4 @@ pub(crate) fn f32_sum_error(dim: usize) -> f64 {
     // Each of `dim` squares and `dim + 1` additions rounds by at most half a unit of 2^-23;
     // the remaining margin covers the products of these errors.
     (dim as f64 + 4.0) / f64::from(1 << 23)
-}
-
-/// An instruction set that this processor has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Isa(Level);
-
-/// The instruction sets that the inner loops are compiled for, narrowest first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Level {
-    /// The set that every processor of the target has; SSE2 on x86-64.
-    Baseline,
-    /// AVX2 with fused multiplication and addition.
-    Avx2,
-    /// AVX-512 (F, BW, DQ, VL).
-    Avx512,
-}
-
-impl Isa {
-    /// The widest set that this processor has, at most `level`.
-    pub fn up_to(level: Level) -> Self {
-        #[cfg(target_arch = "x86_64")]
-        {
-            let has_avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
-            let has_avx512 = is_x86_feature_detected!("avx512f")
-                && is_x86_feature_detected!("avx512bw")
-                && is_x86_feature_detected!("avx512dq")
-                && is_x86_feature_detected!("avx512vl");
-            if level >= Level::Avx512 && has_avx2 && has_avx512 {
-                return Self(Level::Avx512);
-            }
-            if level >= Level::Avx2 && has_avx2 {
-                return Self(Level::Avx2);
-            }
-        }
-        let _ = level;
-        Self(Level::Baseline)
-    }
-
-    /// The widest set that this processor has.
-    pub fn best() -> Self {
-        Self::up_to(Level::Avx512)
-    }
-
-    /// The level of this set.
-    #[inline]
-    pub fn level(self) -> Level {
-        self.0
-    }
 }

@@ -1,5 +1,7 @@
 //! Every instruction set against scalar arithmetic.
 
+use mograft_machine::instructions::{Isa, Level};
+
 use super::*;
 
 const DIMS: [usize; 5] = [1, 2, 7, 10, 33];
