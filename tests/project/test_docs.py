@@ -243,10 +243,10 @@ def test_documentation_links_resolve(page):
             assert (page.parent / target).exists(), target
 
 
-SCRIPT = re.compile(r"\b(?:tests|benches)/[\w/]+\.py\b")
+FILE = re.compile(r"\b(?:tests|benches|lab)/[\w/]+\.(?:py|md)\b")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=[str(p.relative_to(ROOT)) for p in PAGES])
-def test_documentation_named_tests_and_benches_exist(page):
-    for path in SCRIPT.findall(page.read_text(encoding="utf-8")):
+def test_documentation_named_files_exist(page):
+    for path in FILE.findall(page.read_text(encoding="utf-8")):
         assert (ROOT / path).exists(), path
