@@ -45,8 +45,6 @@ def draw_quality(rows):
         "acceleration ratio": ("acceleration", (1.0,)),
         "jerk ratio": ("jerk", (1.0,)),
         "new segments": ("new_segments", ()),
-        "coverage": ("coverage", ()),
-        "local diversity": ("local_diversity", (0.0,)),
     }
     return _draw_measures(rows, measures)
 

@@ -1,7 +1,7 @@
 """Experiment 5.1 of the paper: smoothness of new motions, at equal numbers of candidates.
 
 Mean gap of poses at seams before their treatment; acceleration and jerk of the grafted joints,
-divided by those of the recording; coverage, local diversity and the mean joint angle between
+divided by those of the recording; and the mean joint angle between
 grafts. Null: random donors, all of them or as many of similar length as analogy has for the same
 segment, drawn at random or selected by the same costs. `analogy, by cost` is the default
 configuration before self-repair.
@@ -111,8 +111,6 @@ _COLUMNS = {
     "seam_gap": ("seam gap, degrees", 1, 1),
     "acceleration": ("acceleration", 2, 1),
     "jerk": ("jerk", 2, 1),
-    "coverage": ("coverage, %", 0, 100),
-    "local_diversity": ("local diversity", 3, 1),
     "diversity": ("between grafts, degrees", 1, 1),
 }
 

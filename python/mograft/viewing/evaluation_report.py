@@ -129,26 +129,16 @@ def _quality_section(qualities: Sequence[Quality]) -> list[str]:
     measures = (
         ("new parts", "new_segments", 0, 100, " %"),
         ("seam gap", "seam_gap", 1, 1, "°"),
-        ("seam gap, 90th percentile", "seam_gap_p90", 1, 1, "°"),
         ("acceleration", "acceleration", 2, 1, ""),
         ("jerk", "jerk", 2, 1, ""),
-        ("foot skate, points", "foot_skate", 1, 100, ""),
-        ("coverage", "coverage", 2, 1, ""),
-        ("local diversity", "local_diversity", 3, 1, ""),
         ("diversity", "diversity", 1, 1, "°"),
-        ("arms and legs", "coordination", 2, 1, ""),
-        ("arms and legs, lag", "lag", 2, 1, " s"),
     )
     return [
         "<h2>Quality</h2>",
         _measure_table([row.method for row in qualities], qualities, measures),
         _note(
             "Acceleration and jerk: those of the grafted joints divided by those of the recording. "
-            "Foot skate: minus that of the recording. Coverage: share of the one-second windows of "
-            "the library that are near a window of the graft. Local diversity: distance from the "
-            "nearest captured half-second window. Diversity: between grafts of one base. Arms and "
-            "legs: change in the correlation of arm swing and opposite leg swing, and of its lag. "
-            "All measures are relative to these recordings."
+            "Diversity: between grafts of one base. All measures are relative to these recordings."
         ),
     ]
 
