@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.names import unique_names
 from mograft.errors import FormatError, join_names
 from mograft.io.clips import ClipLength, Clips
 from mograft.io.named_errors import errors_of_file
@@ -241,14 +242,7 @@ def _clip_names(path: Path, takes: list[str]) -> tuple[str, ...]:
     """
     if len(takes) == 1:
         return (path.stem,)
-    unique: dict[str, None] = {}
-    for number, name in enumerate(takes, 1):
-        chosen = base = name or f"take{number}"
-        copy = 2
-        while chosen in unique:
-            chosen, copy = f"{base}~{copy}", copy + 1
-        unique[chosen] = None
-    return tuple(unique)
+    return tuple(unique_names([name or f"take{i}" for i, name in enumerate(takes, 1)]))
 
 
 def _describe(

@@ -26,8 +26,6 @@ _WIDTHS: dict[object, int] = {
     "MAT3": 9,
     "MAT4": 16,
 }
-_TYPE_OF_WIDTH = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
-_UNUSUAL = {"sparse", "byteStride", "extensions", "normalized"}
 _INDEX_TYPES = (5121, 5123, 5125)
 
 Array = npt.NDArray[Any]
@@ -41,9 +39,6 @@ def read_accessors(
     Accessor i must have `counts[i]` elements. `place` names, in messages, the part of the document
     that refers to the accessors.
     """
-    arrays = _read_plain(container, indices, counts, width)
-    if arrays is not None:
-        return to_floats(np.concatenate(arrays)).reshape(-1, width)
     arrays = []
     for index, count in zip(indices, counts, strict=True):
         array = read_accessor(container, index, place, width)
@@ -53,52 +48,6 @@ def read_accessors(
             )
         arrays.append(to_floats(array))
     return np.concatenate(arrays)
-
-
-def _read_plain(
-    container: Container, indices: Sequence[Any], counts: Sequence[int], width: int
-) -> list[Array] | None:
-    """Return the numbers of several accessors, without the checks of `read_accessor` for each.
-
-    This is possible if all are in single precision, contiguous, and in the same buffer. Return None
-    if an accessor has another form or is invalid.
-    """
-    accessors, views = container.items("accessors"), container.items("bufferViews")
-    kind, usual, arrays = _TYPE_OF_WIDTH[width], _UNUSUAL.isdisjoint, []
-    try:
-        if {*map(type, indices)} != {int} or min(indices) < 0:
-            return None
-        first = views[accessors[indices[0]]["bufferView"]]["buffer"]
-        data = np.frombuffer(container.buffer(first, "bufferViews"), "u1")
-        floats = data[: len(data) // 4 * 4].view("<f4")
-        for index, count in zip(indices, counts, strict=True):
-            accessor = accessors[index]
-            number = accessor["bufferView"]
-            view = views[number]
-            offset = accessor.get("byteOffset", 0)
-            start = view.get("byteOffset", 0)
-            size = count * width
-            if (
-                accessor["count"] != count
-                or accessor["componentType"] != 5126
-                or accessor["type"] != kind
-                or number < 0
-                or not 0 <= offset <= view["byteLength"] - 4 * size
-                or view["buffer"] != first
-                or start < 0
-                or (offset | start) % 4
-                or not usual(accessor)
-                or not usual(view)
-            ):
-                return None
-            start = (offset + start) // 4
-            array = floats[start : start + size]
-            if len(array) < size:
-                return None
-            arrays.append(array)
-    except (KeyError, IndexError, TypeError, ValueError):
-        return None
-    return arrays
 
 
 def to_floats(array: Array) -> FloatArray:
