@@ -49,8 +49,7 @@ def as_quaternions(name: str, value: npt.ArrayLike, shape: Shape | None = None) 
 
 def _is_unit(quats: FloatArray) -> BoolArray:
     # A norm within 1e-6 of 1 has a square within 2e-6 of 1. Non-finite values fail the test.
-    is_unit: BoolArray = np.abs(np.einsum("...i,...i->...", quats, quats) - 1.0) <= 2e-6
-    return is_unit
+    return np.abs(np.einsum("...i,...i->...", quats, quats) - 1.0) <= 2e-6
 
 
 def _blocks(array: FloatArray) -> Iterator[FloatArray]:

@@ -46,8 +46,7 @@ def _eigenvalue_grid(matrices: FloatArray) -> FloatArray:
     The matrices are positive semidefinite.
     """
     exponents = np.frexp(np.trace(matrices, axis1=-2, axis2=-1))[1]
-    spacing: FloatArray = np.ldexp(_EIGENVALUE_GRID, exponents)
-    return spacing
+    return np.ldexp(_EIGENVALUE_GRID, exponents)
 
 
 def eigenvectors(matrix: FloatArray, n_vectors: int) -> tuple[FloatArray, FloatArray]:

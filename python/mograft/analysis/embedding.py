@@ -182,8 +182,7 @@ def _headings(first: FloatArray, up: int) -> FloatArray:
     parts = first[:, [up, 3]]
     is_undefined = np.hypot(*parts.T) < 1e-6
     sources = np.where(is_undefined, 0, np.arange(len(first)))
-    headings: FloatArray = rotations.twist(first, up)[np.maximum.accumulate(sources)]
-    return headings
+    return rotations.twist(first, up)[np.maximum.accumulate(sources)]
 
 
 def features(

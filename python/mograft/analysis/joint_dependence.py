@@ -40,8 +40,7 @@ def angular_velocities(
     quats = np.asarray(samples.rotations, np.float64)[:, :, joints]
     seconds = samples.displacements_and_length[:, -1] * FRAME / (config.samples - 1)
     steps = rotations.multiply(rotations.inverse(quats[:, :-1]), quats[:, 1:])
-    velocities: FloatArray = rotations.log(steps) / seconds[:, None, None, None]
-    return velocities
+    return rotations.log(steps) / seconds[:, None, None, None]
 
 
 def joint_dependence(velocities: FloatArray, seed: int) -> FloatArray:
@@ -84,8 +83,7 @@ def _whiten(values: FloatArray) -> FloatArray:
     centred = (values - values.mean(axis=0)) / (size * np.sqrt(len(values)))
     variances, vectors = eigenvectors(product(centred.T, centred), 3)
     is_kept = variances > max(_MIN_AXIS_SHARE**2 * variances[0], 1e-9)
-    whitened: FloatArray = product(centred, vectors)[:, is_kept] / np.sqrt(variances[is_kept])
-    return whitened
+    return product(centred, vectors)[:, is_kept] / np.sqrt(variances[is_kept])
 
 
 def _mean_squares(products: FloatArray, owners: IntArray, widths: IntArray) -> FloatArray:
@@ -96,5 +94,4 @@ def _mean_squares(products: FloatArray, owners: IntArray, widths: IntArray) -> F
     """
     indicator = np.equal.outer(np.arange(len(widths)), owners).astype(np.float64)
     sums = indicator @ products**2 @ indicator.T
-    means: FloatArray = sums / np.maximum(np.minimum.outer(widths, widths), 1)
-    return means
+    return sums / np.maximum(np.minimum.outer(widths, widths), 1)

@@ -57,8 +57,7 @@ class Spread:
     @property
     def deviation(self) -> FloatArray:
         """Standard deviation of each feature, with divisor n - 1; 0 for a single row."""
-        deviation: FloatArray = np.sqrt(np.diag(self.scatter) / max(self.n - 1, 1))
-        return deviation
+        return np.sqrt(np.diag(self.scatter) / max(self.n - 1, 1))
 
 
 def pca(

@@ -56,8 +56,7 @@ def mass_offsets(
     centers = positions[:, heavy] + rotations.rotate(world_rotations[:, heavy], arms)
     moments = ((centers - positions[:, root, None]) * body.mass[heavy, None]).sum(axis=1)
     horizontal = np.delete(moments, up, axis=1) / body.height
-    offsets_of_group: FloatArray = horizontal.reshape(-1, samples.n_samples, 2)
-    return offsets_of_group
+    return horizontal.reshape(-1, samples.n_samples, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +117,7 @@ def support_margins(
     offsets = np.einsum("nkd,nd->nk", axes, track.points[frames])
     margins = (extents - offsets) / mass_model(motion.skeleton).height
     margins[np.isinf(extents) | ~track.is_loaded[frames, None]] = np.inf
-    shaped: FloatArray = margins.reshape(len(own), config.samples, N_DIRECTIONS)
-    return shaped
+    return margins.reshape(len(own), config.samples, N_DIRECTIONS)
 
 
 def zero_moment_operators(n_samples: int, seconds: FloatArray) -> FloatArray:
@@ -142,8 +140,7 @@ def zero_moment_operators(n_samples: int, seconds: FloatArray) -> FloatArray:
     # Discrete sine transform of the differences from the line.
     amplitudes = 2.0 / (n_samples - 1) * np.einsum("sm,st->mt", sines, np.eye(n_samples) - line)
     # numpy.einsum adds without BLAS, on whose kernels the last bits would depend otherwise.
-    shifts: FloatArray = line + np.einsum("nsm,mt->nst", gains[:, None] * sines, amplitudes)
-    return shifts
+    return line + np.einsum("nsm,mt->nst", gains[:, None] * sines, amplitudes)
 
 
 def added_imbalances(

@@ -133,8 +133,7 @@ def _raise_foot(
     new_foot = _with_rise(foot, heights[:, 1] - heights[:, 0], lengths[:, 0], up)
     ends = heels - heel_share * (new_foot - foot)
     ends += (heights[:, 0] - ends @ up)[:, None] * up
-    raised: FloatArray = np.stack([ends, ends + new_foot], axis=1)
-    return raised
+    return np.stack([ends, ends + new_foot], axis=1)
 
 
 def _with_rise(
@@ -180,8 +179,7 @@ def _lifts(
     free_windows = np.lib.stride_tricks.sliding_window_view(is_free, 2 * width + 1)
     distances = np.abs(np.arange(2 * width + 1) - width)
     frames_from_contact = np.where(free_windows, width + 1, distances).min(axis=1)
-    lifts: FloatArray = smooth * np.minimum(frames_from_contact / _RISE_FRAMES, 1.0)[:, None]
-    return lifts
+    return smooth * np.minimum(frames_from_contact / _RISE_FRAMES, 1.0)[:, None]
 
 
 def _plants(

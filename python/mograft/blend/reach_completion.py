@@ -254,8 +254,7 @@ class _LimbWindow:
         at_middle = _in_axes(self.parents[:, 1], at_middle)
         changes = np.stack([rotations.exp(corrections[:, 1:]), at_middle], axis=1)
         quats = rotations.multiply(changes, self.quats)
-        unit: FloatArray = quats / np.linalg.norm(quats, axis=-1, keepdims=True)
-        return unit
+        return quats / np.linalg.norm(quats, axis=-1, keepdims=True)
 
     def _corrections(self, frames: IntArray, targets: FloatArray) -> FloatArray:
         """Return the corrections that move the end to `targets` in the given frames.
@@ -306,8 +305,7 @@ def _add_flexion(flexions: FloatArray, added: FloatArray) -> FloatArray:
     is bent backwards by less than `_STRAIGHT_MARGIN` / 2. The inverse function is
     `_subtract_flexion`.
     """
-    result: FloatArray = flexions + _smooth_ramp(flexions + added) - _smooth_ramp(flexions)
-    return result
+    return flexions + _smooth_ramp(flexions + added) - _smooth_ramp(flexions)
 
 
 def _subtract_flexion(results: FloatArray, flexions: FloatArray) -> FloatArray:
@@ -316,14 +314,12 @@ def _subtract_flexion(results: FloatArray, flexions: FloatArray) -> FloatArray:
     `results` are at least 0.
     """
     ramp = results - flexions + _smooth_ramp(flexions)
-    added: FloatArray = ramp - _STRAIGHT_MARGIN**2 / (4.0 * ramp) - flexions
-    return added
+    return ramp - _STRAIGHT_MARGIN**2 / (4.0 * ramp) - flexions
 
 
 def _smooth_ramp(values: FloatArray) -> FloatArray:
     """Return a smooth approximation of max(0, value) for each value; the results are above 0."""
-    ramp: FloatArray = 0.5 * (values + np.hypot(values, _STRAIGHT_MARGIN))
-    return ramp
+    return 0.5 * (values + np.hypot(values, _STRAIGHT_MARGIN))
 
 
 def fade_corrections(
@@ -366,5 +362,4 @@ def _cubic(
     t = (np.arange(1, n) / n)[:, None]
     weight = t * t * (3.0 - 2.0 * t)
     bends = n * t * (1.0 - t) * ((1.0 - t) * leaving - t * reaching)
-    curve: FloatArray = (1.0 - weight) * start + weight * end + bends
-    return curve
+    return (1.0 - weight) * start + weight * end + bends

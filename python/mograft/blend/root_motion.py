@@ -54,8 +54,7 @@ def blend_root_velocity(
 def yaw_rates(quats: FloatArray, up: int) -> FloatArray:
     """Return the angles in radians by which a joint turns about the up axis from frame to frame."""
     steps = rotations.multiply(quats[1:], rotations.inverse(quats[:-1]))
-    rates: FloatArray = rotations.log(rotations.twist(steps, up))[:, up]
-    return rates
+    return rotations.log(rotations.twist(steps, up))[:, up]
 
 
 def integrate_root(

@@ -112,12 +112,11 @@ class TimeWarp:
         s = 1.0 - t
         a, b = self.shares[segment, knot], self.shares[segment, knot + 1]
         u, v = self.slopes[segment, knot], self.slopes[segment, knot + 1]
-        passed: FloatArray = (
+        return (
             a * (s * s * (1.0 + 2.0 * t))
             + b * (t * t * (1.0 + 2.0 * s))
             + width * (u * t * s * s - v * t * t * s)
         )
-        return passed
 
 
 Alignment = Callable[[Motion, Segments, Segments, Sequence[Motion], IntArray], TimeWarp]

@@ -53,8 +53,7 @@ def flexion_angles(
     _, upper = _split(start - middle, axis)
     _, lower = _split(end - middle, axis)
     angles = _signed_angles(upper, lower, axis)
-    flexions: FloatArray = np.where(angles > 0.0, np.pi - angles, -np.pi - angles)
-    return flexions
+    return np.where(angles > 0.0, np.pi - angles, -np.pi - angles)
 
 
 def _split(vectors: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -65,11 +64,10 @@ def _split(vectors: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArra
 
 def _signed_angles(upper: FloatArray, lower: FloatArray, axis: FloatArray) -> FloatArray:
     """Return the angles about `axis` from vectors `upper` to `lower`, perpendicular to it."""
-    angles: FloatArray = np.arctan2(
+    return np.arctan2(
         (np.cross(upper, lower) * axis).sum(axis=1),
         (upper * lower).sum(axis=1),
     )
-    return angles
 
 
 def bend_leg(
@@ -128,8 +126,7 @@ def bend_axes(
         usual = mean_bend_axis(start_rotations, start, middle, end)
     world = rotations.rotate(start_rotations, np.tile(usual, (len(start_rotations), 1)))
     axes = _limb_normals(start, middle, end) + _USUAL_AXIS_WEIGHT * world
-    unit: FloatArray = axes / np.linalg.norm(axes, axis=1, keepdims=True)
-    return unit
+    return axes / np.linalg.norm(axes, axis=1, keepdims=True)
 
 
 def mean_bend_axis(
@@ -145,13 +142,11 @@ def mean_bend_axis(
         upper = (start - middle)[:1]
         along = rotations.rotate(rotations.inverse(start_rotations[:1]), upper)[0]
         mean = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
-    unit: FloatArray = mean / np.linalg.norm(mean)
-    return unit
+    return mean / np.linalg.norm(mean)
 
 
 def _limb_normals(start: FloatArray, middle: FloatArray, end: FloatArray) -> FloatArray:
     """Return normals of the plane of a limb, (n, 3); the length is the sine of the bend."""
     upper, lower = start - middle, end - middle
     lengths = np.linalg.norm(upper, axis=1) * np.linalg.norm(lower, axis=1)
-    normals: FloatArray = np.cross(upper, lower) / np.where(lengths > 0, lengths, 1.0)[:, None]
-    return normals
+    return np.cross(upper, lower) / np.where(lengths > 0, lengths, 1.0)[:, None]

@@ -52,8 +52,7 @@ class _Rotations:
         safe = np.where(is_small, 1.0, angle)
         factor = np.where(is_small, 1.0 / 12.0, 1.0 / safe**2 - 0.5 / (safe * np.tan(0.5 * safe)))
         product = _cross(delta, velocity)
-        rate: FloatArray = velocity + 0.5 * product + factor * _cross(delta, product)
-        return rate
+        return velocity + 0.5 * product + factor * _cross(delta, product)
 
     def hermite(self, values: Pair, velocities: Pair, t: FloatArray) -> FloatArray:
         shape = values[0].shape
@@ -82,13 +81,12 @@ class _Translations:
     def hermite(self, values: Pair, velocities: Pair, t: FloatArray) -> FloatArray:
         t = t[:, None, None]
         s = 1.0 - t
-        curve: FloatArray = (
+        return (
             values[0] * (s * s * (1.0 + 2.0 * t))
             + values[1] * (t * t * (1.0 + 2.0 * s))
             + velocities[0] * (t * s * s)
             - velocities[1] * (t * t * s)
         )
-        return curve
 
 
 ROTATIONS: ValueSpace = _Rotations()

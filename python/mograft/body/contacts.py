@@ -94,8 +94,7 @@ def foot_heights(motion: Motion) -> FloatArray:
     negative heights.
     """
     ground = Ground.of(motion)
-    heights: FloatArray = ground.above(ground.points(motion)) / ground.height
-    return heights
+    return ground.above(ground.points(motion)) / ground.height
 
 
 def foot_skate(motion: Motion) -> float:
@@ -182,8 +181,7 @@ class Ground:
         `points` is a result of the method `points`. Each height is measured from the floor below
         the heel or toe.
         """
-        heights: FloatArray = points @ self.up - self.floors
-        return heights
+        return points @ self.up - self.floors
 
 
 def _longest_child(skeleton: Skeleton, hand: int) -> int | None:
@@ -200,8 +198,7 @@ def point_speeds(points: FloatArray, rate: float) -> FloatArray:
     if len(points) < 2:
         return np.zeros(points.shape[:-1])
     velocity = np.gradient(points, axis=0) * rate
-    speeds: FloatArray = np.linalg.norm(velocity, axis=-1)
-    return speeds
+    return np.linalg.norm(velocity, axis=-1)
 
 
 def skating_share(motion: Motion, ground: Ground) -> float:

@@ -268,8 +268,7 @@ def _angle_wraps(motion: Motion) -> Iterator[Fault]:
 
 def _mean_lengths(vectors: FloatArray) -> FloatArray:
     """Return the mean length of vectors, shape (..., n_joints, 3), over the joints."""
-    lengths: FloatArray = np.sqrt(np.einsum("...i,...i->...", vectors, vectors)).mean(axis=-1)
-    return lengths
+    return np.sqrt(np.einsum("...i,...i->...", vectors, vectors)).mean(axis=-1)
 
 
 def _median_around(steps: FloatArray) -> FloatArray:

@@ -146,5 +146,4 @@ def support_shares(motion: Motion) -> FloatArray:
         tips = sign * (positions[:, site.parent, up] + offset[:, up])
         heights[:, site.parent] = np.minimum(heights[:, site.parent], tips)
     limit = heights.min(axis=1, keepdims=True) + _SUPPORT_HEIGHT * mass_model(skeleton).height
-    shares: FloatArray = (heights <= limit).mean(axis=0)
-    return shares
+    return (heights <= limit).mean(axis=0)

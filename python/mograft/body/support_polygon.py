@@ -204,8 +204,7 @@ def facing_directions(motion: Motion, ground: Ground) -> FloatArray:
 def normalize(vectors: FloatArray) -> FloatArray:
     """Return unit vectors; zero vectors stay zero."""
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    units: FloatArray = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
-    return units
+    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
 
 
 def support_extents(

@@ -260,15 +260,13 @@ def _ease(t: FloatArray) -> FloatArray:
     Its first and second derivatives are 0 at both ends.
     """
     t = t.clip(0, 1)
-    eased: FloatArray = t**3 * (10 + t * (6 * t - 15))
-    return eased
+    return t**3 * (10 + t * (6 * t - 15))
 
 
 def _bump(t: FloatArray) -> FloatArray:
     """Return a smooth curve that is 0 at t = 0, 1 at t = 0.5 and 0 at t = 1."""
     t = t.clip(0, 1)
-    bump: FloatArray = 64 * (t * (1 - t)) ** 3
-    return bump
+    return 64 * (t * (1 - t)) ** 3
 
 
 def stride_transition(clock: FloatArray, n_strides: int) -> tuple[IntArray, FloatArray]:
@@ -288,8 +286,7 @@ def soft_minimum(values: FloatArray, softness: float) -> FloatArray:
     the values, gives a closer approximation.
     """
     least = values.min(axis=0)
-    soft: FloatArray = least - softness * np.log(np.exp((least - values) / softness).sum(axis=0))
-    return soft
+    return least - softness * np.log(np.exp((least - values) / softness).sum(axis=0))
 
 
 def _grid(plan: Plan) -> FloatArray:

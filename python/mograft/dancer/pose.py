@@ -172,5 +172,4 @@ def _pattern_pose(
 
 def _mirror(quats: FloatArray) -> FloatArray:
     """Return rotations mirrored at the plane x = 0, which separates left from right."""
-    mirrored: FloatArray = quats * np.array([1.0, -1.0, -1.0, 1.0])
-    return mirrored
+    return quats * np.array([1.0, -1.0, -1.0, 1.0])

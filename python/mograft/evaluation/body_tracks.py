@@ -46,8 +46,7 @@ def bone_ends(motion: Motion, joints: Sequence[int] | IntArray) -> FloatArray:
     indices = np.asarray(joints, np.int64)
     world_rotations, positions = motion.world_transforms()
     bones = rotations.rotate(world_rotations[:, indices], model.bone[indices])
-    ends: FloatArray = (positions[:, indices] + bones) / model.height
-    return ends
+    return (positions[:, indices] + bones) / model.height
 
 
 def sample_stride(rate: float) -> int:
@@ -66,8 +65,7 @@ def jerk(points: FloatArray, rate: float) -> FloatArray:
     frames at higher rates has little effect. With s = ``sample_stride(rate)``, it is 0 in the first
     s and the last 2 s frames.
     """
-    sizes: FloatArray = np.linalg.norm(_derivative(points, rate, 3), axis=-1)
-    return sizes
+    return np.linalg.norm(_derivative(points, rate, 3), axis=-1)
 
 
 def _derivative(points: FloatArray, rate: float, order: int) -> FloatArray:

@@ -106,8 +106,7 @@ def detect(pairs_of_split: Sequence[Pairs], folds: Sequence[IntArray], seed: int
             axis=1,
         )
         shares = np.where(np.isfinite(values), sizes, 0.0)
-        mean: FloatArray = (np.nan_to_num(values) * shares).sum(axis=1) / shares.sum(axis=1)
-        return mean
+        return (np.nan_to_num(values) * shares).sum(axis=1) / shares.sum(axis=1)
 
     def to_estimate(which: int) -> Estimate:
         return estimate.bootstrap_estimate(

@@ -74,8 +74,7 @@ def _octahedra(
 
 def _lengths(vectors: FloatArray) -> FloatArray:
     """Return the lengths of vectors, shape (n,), rounded as `np.linalg.norm` of each one."""
-    lengths: FloatArray = np.sqrt(np.matmul(vectors[:, None], vectors[:, :, None])[:, 0, 0])
-    return lengths
+    return np.sqrt(np.matmul(vectors[:, None], vectors[:, :, None])[:, 0, 0])
 
 
 def joint_group_indices(skeleton: Skeleton, groups: JointGroups | str | None) -> IntArray:

@@ -11,5 +11,4 @@ PALETTE = ("#3b6ea8", "#d9596b", "#2b8a57", "#b08a00", "#8a5cb8", "#2492ad", "#9
 def linear_colours(group_indices: IntArray) -> FloatArray:
     """Return the colour of each group index in linear RGB, shape (n, 3), from 0 to 1."""
     srgb = np.array([[int(c[i : i + 2], 16) / 255 for i in (1, 3, 5)] for c in PALETTE])
-    linear: FloatArray = srgb[group_indices % len(PALETTE)] ** 2.2
-    return linear
+    return srgb[group_indices % len(PALETTE)] ** 2.2

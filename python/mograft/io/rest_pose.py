@@ -39,10 +39,9 @@ class RestPose:
     @cached_property
     def offsets(self) -> FloatArray:
         """The positions of the joints relative to their parents, in world axes, (n_joints, 3)."""
-        offsets: FloatArray = self.positions - np.where(
+        return self.positions - np.where(
             (self.parents >= 0)[:, None], self.positions[self.parents], 0.0
         )
-        return offsets
 
     @cached_property
     def extent(self) -> float:
@@ -120,5 +119,4 @@ def to_local(
 def _normalise(quats: FloatArray) -> FloatArray:
     """Return quaternions divided by their norms."""
     norms = np.sqrt(np.einsum("...i,...i->...", quats, quats))
-    unit: FloatArray = quats / norms[..., None]
-    return unit
+    return quats / norms[..., None]

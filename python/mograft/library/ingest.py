@@ -155,8 +155,7 @@ def _angular_velocities(motion: Motion, frames: IntArray) -> FloatArray:
     """
     before, after = np.maximum(frames - 1, 0), np.minimum(frames + 1, motion.n_frames - 1)
     steps = rotations.multiply(rotations.inverse(motion.rotations[before]), motion.rotations[after])
-    velocities: FloatArray = rotations.log(steps) * (motion.rate / (after - before))[:, None, None]
-    return velocities
+    return rotations.log(steps) * (motion.rate / (after - before))[:, None, None]
 
 
 def sample_segments(

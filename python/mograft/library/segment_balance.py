@@ -61,8 +61,7 @@ class LibraryBalance:
             batch = missing[start : start + CHUNK]
             samples = self.samples.select(batch)
             known[batch] = mass_offsets(samples, self.skeleton, joints, root, up)
-        found: FloatArray = known[segments]
-        return found
+        return known[segments]
 
     def support_margins(self, segments: IntArray) -> FloatArray:
         """Return the support margins of some segments, shape (n, n_samples, N_DIRECTIONS)."""

@@ -171,8 +171,7 @@ class Motion:
     @cached_property
     def is_translated(self) -> BoolArray:
         """Whether the local translation of each joint varies over time, shape (n_joints,)."""
-        varies: BoolArray = (self.positions != self.positions[0]).any(axis=(0, 2))
-        return varies
+        return (self.positions != self.positions[0]).any(axis=(0, 2))
 
     def world_transforms(self) -> tuple[FloatArray, FloatArray]:
         """Return world rotations and positions of all joints, by forward kinematics.
@@ -341,8 +340,7 @@ class Motion:
                 angles = self.channel_values[start : start + _FRAMES_PER_BLOCK, columns]
                 rows = np.flatnonzero(~np.isnan(angles).any(axis=1))
                 if len(rows):
-                    first: FloatArray = angles[rows[0]]
-                    return first
+                    return angles[rows[0]]
         return np.zeros(len(columns))
 
     def is_computed(self, numbers: FloatArray, start: int = 0) -> BoolArray:

@@ -118,8 +118,7 @@ def from_matrices(matrices: npt.ArrayLike) -> FloatArray:
     products = np.moveaxis(np.array(rows), (0, 1), (-2, -1))
     largest = np.einsum("...ii->...i", products).argmax(axis=-1)
     quats = np.take_along_axis(products, largest[..., None, None], axis=-2)[..., 0, :]
-    unit: FloatArray = quats / np.linalg.norm(quats, axis=-1, keepdims=True)
-    return unit
+    return quats / np.linalg.norm(quats, axis=-1, keepdims=True)
 
 
 def shortest_arc(start: FloatArray, end: FloatArray) -> FloatArray:
@@ -145,8 +144,7 @@ def shortest_arc(start: FloatArray, end: FloatArray) -> FloatArray:
         quats[opposite] = np.concatenate([normals, np.zeros((len(normals), 1))], axis=-1)
         quats[lengths == 0.0] = IDENTITY
         norms = np.linalg.norm(quats, axis=-1, keepdims=True)
-    arcs: FloatArray = quats / norms
-    return arcs
+    return quats / norms
 
 
 def exp(vectors: npt.ArrayLike) -> FloatArray:
@@ -228,8 +226,7 @@ def mean_of_products(sums: FloatArray) -> FloatArray:
     quaternions therefore have no effect (Markley et al. 2007).
     """
     means = np.linalg.eigh(sums)[1][..., -1]
-    signed: FloatArray = np.where(means[..., 3:] < 0, -means, means)
-    return signed
+    return np.where(means[..., 3:] < 0, -means, means)
 
 
 def twist(rotations: FloatArray, axis: int) -> FloatArray:

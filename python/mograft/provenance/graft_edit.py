@@ -264,8 +264,7 @@ def splice_versions(
 
 def changed_positions(old: DonorSequences, new: DonorSequences) -> BoolArray:
     """Return a mask of the positions at which the donor of any group differs."""
-    changed: BoolArray = np.any([own != new[group] for group, own in old.items()], axis=0)
-    return changed
+    return np.any([own != new[group] for group, own in old.items()], axis=0)
 
 
 def _touches(start: int, stop: int, frames: Sequence[Span]) -> bool:

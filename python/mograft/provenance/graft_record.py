@@ -119,8 +119,7 @@ class GraftRecord:
     @property
     def scenario(self) -> Mapping[str, Any] | None:
         """The segments that compose the base, as JSON; None if the base is a clip."""
-        scenario: Mapping[str, Any] | None = self.document["scenario"]
-        return scenario
+        return self.document["scenario"]
 
     def error(self, message: str) -> ProvenanceError:
         """Return an error that names the document."""

@@ -193,8 +193,7 @@ class _PathSearch:
         heading = np.round(beam.turn[order] / (2 * np.pi / _N_HEADINGS)).astype(np.int64)
         key = beam.node[order] * _N_HEADINGS + heading % _N_HEADINGS
         _, first = np.unique(key, return_index=True)
-        rows: IntArray = order[np.sort(first)[:_BEAM_WIDTH]]
-        return rows
+        return order[np.sort(first)[:_BEAM_WIDTH]]
 
     def _expand(self, beam: _Beam) -> _Beam:
         """Append every possible next segment to each sequence.

@@ -177,8 +177,7 @@ class _ClipEnds:
         stop = cut.stop[segments]
         following = bounds[np.minimum(np.searchsorted(bounds, stop) + 1, len(bounds) - 1)]
         at_next = np.where(following > stop, energy[following], np.inf)
-        is_minimum: BoolArray = energy[stop] < np.minimum(energy[cut.start[segments]], at_next)
-        return is_minimum
+        return energy[stop] < np.minimum(energy[cut.start[segments]], at_next)
 
 
 def transition_costs(

@@ -86,8 +86,7 @@ class Transitions:
         """Return the probability of each edge given its source, proportional to exp(-cost / 5°)."""
         weights = np.exp(-self.costs / _TRANSITION_TEMPERATURE)
         totals = np.add.reduceat(weights, self.first_edge[:-1])
-        probabilities: FloatArray = weights / totals[self.sources]
-        return probabilities
+        return weights / totals[self.sources]
 
 
 def transitions(library: Library, clips: Sequence[str] | str | None = None) -> Transitions:
@@ -280,16 +279,14 @@ def _root_changes(
 
 def _is_successor(has_successor: BoolArray, sources: IntArray, targets: IntArray) -> BoolArray:
     """Return whether each target is the successor of its source in the clip."""
-    follows: BoolArray = (targets == sources + 1) & np.append(has_successor, False)[sources]
-    return follows
+    return (targets == sources + 1) & np.append(has_successor, False)[sources]
 
 
 def _is_allowed(has_successor: BoolArray, sources: IntArray, targets: IntArray) -> BoolArray:
     """Return whether source and target are neither equal nor neighbours in a clip."""
     are_neighbors = _is_successor(has_successor, sources, targets)
     are_neighbors |= _is_successor(has_successor, targets, sources)
-    allowed: BoolArray = ~are_neighbors & (sources != targets)
-    return allowed
+    return ~are_neighbors & (sources != targets)
 
 
 def _steady(starts: SegmentEnds, ends: SegmentEnds) -> tuple[BoolArray, BoolArray]:

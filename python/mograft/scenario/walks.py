@@ -349,8 +349,7 @@ class _WalkPath:
         `values` has one value for each node.
         """
         products = self._probabilities * values[self.graph.targets]
-        mean: FloatArray = np.add.reduceat(products, self.graph.first_edge[:-1])
-        return mean
+        return np.add.reduceat(products, self.graph.first_edge[:-1])
 
     def edges(self) -> tuple[IntArray, FloatArray]:
         """Return the target and the probability of each edge from the last node of the walk."""
@@ -409,8 +408,7 @@ def _lengths_to_choice(only_next: IntArray, lengths: IntArray) -> IntArray:
     for _ in range(len(lengths).bit_length()):
         following = following + following[node]
         node = node[node]
-    total: IntArray = lengths + following
-    return total
+    return lengths + following
 
 
 def _check_table_size(n_intervals: int, graph: Transitions) -> None:
@@ -426,8 +424,7 @@ def _check_table_size(n_intervals: int, graph: Transitions) -> None:
 
 def _normalize(weights: npt.NDArray[np.floating]) -> FloatArray:
     exact = weights.astype(np.float64)
-    shares: FloatArray = exact / exact.sum()
-    return shares
+    return exact / exact.sum()
 
 
 def _stretchable_lengths(span: int) -> tuple[int, int]:

@@ -293,8 +293,7 @@ class SegmentPool:
         ranks[order] = np.arange(len(order)) - firsts[order]
 
         def shift(members: IntArray, steps: IntArray) -> IntArray:
-            shifted: IntArray = order[firsts[members] + (ranks[members] + steps) % sizes[members]]
-            return shifted
+            return order[firsts[members] + (ranks[members] + steps) % sizes[members]]
 
         is_seam = (sizes[:-1] > 0) & (sizes[1:] > 0) & (sizes[:-1] + sizes[1:] > 2)
         seams = np.flatnonzero(is_seam & (np.diff(self.segments.clip) == 0))

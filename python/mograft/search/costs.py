@@ -174,14 +174,12 @@ class SimilarityCostModel(CostModel):
 
 def is_infeasible(costs: FloatArray) -> BoolArray:
     """Return which costs contain an `INFEASIBLE_PENALTY`, from which novelty may be subtracted."""
-    infeasible: BoolArray = costs >= INFEASIBLE_PENALTY / 2
-    return infeasible
+    return costs >= INFEASIBLE_PENALTY / 2
 
 
 def excess(amounts: FloatArray) -> FloatArray:
     """Return by how many tolerances violation amounts exceed 1; 0 if they do not."""
-    beyond: FloatArray = np.maximum(amounts - 1.0, 0.0)
-    return beyond
+    return np.maximum(amounts - 1.0, 0.0)
 
 
 def infeasible_costs(amounts: FloatArray) -> FloatArray:
@@ -221,8 +219,7 @@ class ConstraintViolations:
     @property
     def is_feasible(self) -> BoolArray:
         """Whether each candidate satisfies all hard constraints, shape (n,)."""
-        feasible: BoolArray = self.hard <= 1.0
-        return feasible
+        return self.hard <= 1.0
 
     def costs(self) -> FloatArray:
         """Return the sum of all constraint costs of each candidate, shape (n,)."""

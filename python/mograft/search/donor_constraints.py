@@ -215,8 +215,7 @@ class _SegmentConstraint(_GroupConstraint):
             name, *frames = self.donor
             span = (frames[0], frames[1])
         is_clip = np.array([clip.name == name for clip in clips], bool)
-        selected: BoolArray = is_clip[donors.clip] & overlaps(donors, span)
-        return selected
+        return is_clip[donors.clip] & overlaps(donors, span)
 
     def _describe_donor(self) -> str:
         if isinstance(self.donor, tuple):
@@ -428,10 +427,7 @@ def find_seam_violations(
 
 def _is_same(base: Segments, donors: Segments) -> BoolArray:
     """Return whether each donor is the base segment itself."""
-    same: BoolArray = (
-        (base.clip == donors.clip) & (base.start == donors.start) & (base.stop == donors.stop)
-    )
-    return same
+    return (base.clip == donors.clip) & (base.start == donors.start) & (base.stop == donors.stop)
 
 
 def _as_names(words: str | Collection[str]) -> list[str]:

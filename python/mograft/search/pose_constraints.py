@@ -396,8 +396,7 @@ def _rest_forward(skeleton: Skeleton, up: int) -> FloatArray:
     upward = np.zeros(3)
     upward[up] = 1.0 if not feet or top[up] >= rest[feet].mean(axis=0)[up] else -1.0
     direction = np.cross(lateral, upward)
-    forward: FloatArray = direction / np.linalg.norm(direction)
-    return forward
+    return direction / np.linalg.norm(direction)
 
 
 def _check_obstacle(name: str, value: object) -> None:

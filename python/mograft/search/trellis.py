@@ -58,8 +58,7 @@ class DonorTrellis:
     def donor_sequence(self, path: IntArray) -> IntArray:
         """Return the donor segment at each position of a path, shape (n_positions,)."""
         starts, keys = self._flat
-        donors: IntArray = keys[starts + path] & _SEGMENT_BITS
-        return donors
+        return keys[starts + path] & _SEGMENT_BITS
 
     def path(self, donors: IntArray) -> IntArray:
         """Return the path that visits a donor sequence; each donor must be among the candidates."""
@@ -69,8 +68,7 @@ class DonorTrellis:
     def is_listed(self, donors: IntArray) -> BoolArray:
         """Return whether the donor at each position is among the candidates."""
         keys, wanted = self._flat[1], self._keys(np.arange(len(donors)), donors)
-        found: BoolArray = keys[np.searchsorted(keys, wanted).clip(max=len(keys) - 1)] == wanted
-        return found
+        return keys[np.searchsorted(keys, wanted).clip(max=len(keys) - 1)] == wanted
 
     @cached_property
     def _flat(self) -> tuple[IntArray, IntArray]:
@@ -120,8 +118,7 @@ def _seam_costs(
 
     def compute_row(position: int, index: int) -> FloatArray:
         left, right = candidates[position][index : index + 1], candidates[position + 1]
-        row: FloatArray = pool.pairwise_costs(left, right, model)[0]
-        return row
+        return pool.pairwise_costs(left, right, model)[0]
 
     positions = range(len(candidates) - 1)
     return ComputedMatrices(compute, compute_row, positions, POSITIONS_PER_BATCH)

@@ -133,8 +133,7 @@ class Trellis:
         """Return the pairwise costs of one candidate to all candidates of the next position."""
         if isinstance(self.pairwise, ComputedMatrices):
             return self.pairwise.row(position, index)
-        row: FloatArray = self.pairwise[position][index]
-        return row
+        return self.pairwise[position][index]
 
     def conditional_costs(self, path: IntArray) -> list[FloatArray]:
         """Return the cost of each candidate at each position with all other positions as in `path`.

@@ -120,8 +120,7 @@ class DefectMeasure:
 
     def _is_changed(self, excerpt: Excerpt) -> BoolArray:
         captured = self.problem.scenario[excerpt.first : excerpt.stop]
-        changed: BoolArray = excerpt.donors_of(self.group) != captured
-        return changed
+        return excerpt.donors_of(self.group) != captured
 
     def _peaks_about(
         self, frames: IntArray, derivatives: tuple[FloatArray, FloatArray], first: int, last: int

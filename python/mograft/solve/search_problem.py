@@ -271,8 +271,7 @@ class SearchProblem:
         `excess` is a result of `donor_excess`, shape (n_frames,).
         """
         count = np.concatenate([[0], np.cumsum(excess > 0)])
-        found: BoolArray = count[self.base_segments.stop + 1] > count[self.base_segments.start]
-        return found
+        return count[self.base_segments.stop + 1] > count[self.base_segments.start]
 
     def greatest_at_positions(self, excess: FloatArray) -> FloatArray:
         """Return the greatest `excess` in the frames of each position, first and last included."""

@@ -175,8 +175,7 @@ class _Panel:
         around = np.linspace(0.5, 1.5, _CORNERS_PER_END) * np.pi
         angles = np.arctan2(down, across)[..., None] + np.append(around, around + np.pi)
         corners = radii[..., None, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-        outlines: FloatArray = np.repeat(ends[..., :2], _CORNERS_PER_END, axis=2) + corners
-        return outlines
+        return np.repeat(ends[..., :2], _CORNERS_PER_END, axis=2) + corners
 
     def _floor_lines(self, focus: FloatArray) -> FloatArray:
         """Return the ends of the lines of a floor grid, shape (n_frames, n_lines, 2, 2).

@@ -174,5 +174,4 @@ def _to_y_up(motion: Motion) -> FloatArray:
     hidden = ~_drawn_nodes(motion)[: len(means)]
     means = np.where(hidden, means[anatomy(motion.skeleton).hips], means)
     sign = up_sign(motion.skeleton, means)
-    rotation: FloatArray = np.array(_UPRIGHT[axis]) * np.array([[sign], [sign], [1.0]])
-    return rotation
+    return np.array(_UPRIGHT[axis]) * np.array([[sign], [sign], [1.0]])

@@ -215,8 +215,7 @@ def _balance_shift(graft: Graft) -> FloatArray:
     """
     offset = center_of_mass(graft.motion) - center_of_mass(graft.base)
     offset[:, graft.library.up] = 0.0
-    shift: FloatArray = np.linalg.norm(offset, axis=1) / mass_model(graft.base.skeleton).height
-    return shift
+    return np.linalg.norm(offset, axis=1) / mass_model(graft.base.skeleton).height
 
 
 def _charts(grafts: Sequence[Graft]) -> str:

@@ -63,10 +63,7 @@ def _decay(
     """
     u = np.minimum(seconds[:, None] / window, 1.0)[..., None]
     scaled = velocity * window[..., None]
-    offset: FloatArray = (1.0 - u) ** 3 * (
-        value * (1.0 + u * (3.0 + 6.0 * u)) + scaled * u * (1.0 + 3.0 * u)
-    )
-    return offset
+    return (1.0 - u) ** 3 * (value * (1.0 + u * (3.0 + 6.0 * u)) + scaled * u * (1.0 + 3.0 * u))
 
 
 TREATMENT = _Inertial()

@@ -28,8 +28,7 @@ class _Paper(Displacement):
 
         def velocities(knots: IntArray) -> FloatArray:
             across = space.delta(values[knots - 1], values[knots + 1])
-            per_window: FloatArray = 0.5 * across * (right - left)[:, None, None]
-            return per_window
+            return 0.5 * across * (right - left)[:, None, None]
 
         smooth = values.copy()
         smooth[left[index] + step] = space.hermite(

@@ -49,16 +49,14 @@ class Container:
 
     def items(self, collection: str) -> list[dict[str, Any]]:
         """Return the objects of a collection such as ``"nodes"``; empty if it is absent."""
-        found: list[dict[str, Any]] = self.document.get(collection, [])
-        return found
+        return self.document.get(collection, [])
 
     def item(self, collection: str, index: object, place: str) -> dict[str, Any]:
         """Return the object with this index in a collection; errors name `place`."""
         items = self.document.get(collection, ())
         if type(index) is not int or not 0 <= index < len(items):
             self.fail(place, f"expected an index of {len(items)} {collection}, got {index!r}")
-        found: dict[str, Any] = items[index]
-        return found
+        return items[index]
 
     def integer(self, value: object, place: str, minimum: int = 0) -> int:
         """Return a value that must be an integer of at least `minimum`; errors name `place`."""

@@ -42,8 +42,7 @@ class GltfFile:
     @cached_property
     def moved_nodes(self) -> IntArray:
         """The indices of the nodes above the root joint, then of the joints: parents first."""
-        nodes: IntArray = np.concatenate([self.above, self.joints])
-        return nodes
+        return np.concatenate([self.above, self.joints])
 
     @cached_property
     def moved_parents(self) -> IntArray:
