@@ -4,11 +4,10 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields, replace
 from numbers import Real
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from mograft._util.cut_frames import freeze_cut_frames
-from mograft._util.registry import CONFIG_OPTIONS
-from mograft._util.validate import is_integer, python_scalar
+from mograft._util.validate import check_choice, is_integer, python_scalar
 from mograft.errors import suggest_name
 
 FRAME = 1.0 / 30.0
@@ -130,8 +129,8 @@ class Config:
     max_candidates : int
         Maximum number of candidates per position: those of lowest unary cost. "random" keeps
         all.
-    seam : str
-        Seam treatment (4.5), one of the registered names: `mograft graft --help` lists them.
+    seam : {"gradient", "offset", "paper", "displacement", "inertial"}
+        Seam treatment (4.5).
         "gradient" solves for the frames on both sides whose accelerations, velocities and poses are
         nearest to the donors'. "offset" adds a decaying offset on both sides, so that pose and
         velocity are continuous. "displacement" spreads the pose gap over both segments. "paper"
@@ -179,7 +178,7 @@ class Config:
     ValueError: `sigma_scale` must be above 0, got -1
     """
 
-    segmentation: str | Mapping[str, Sequence[int]] | Callable[[Any], Any] = setting(
+    segmentation: Literal["energy"] | Mapping[str, Sequence[int]] | Callable[[Any], Any] = setting(
         "segmentation", "energy", stored=False
     )
     smoothing: float = setting("segmentation", 2 * FRAME, 0)
@@ -210,7 +209,9 @@ class Config:
     temperature: float = setting("search", 0.25)
     diversity: float = setting("search", 1.0, 0)
     max_candidates: int = setting("search", 32, 1)
-    seam: str = setting("blend", "gradient")
+    seam: Literal["gradient", "offset", "paper", "displacement", "inertial"] = setting(
+        "blend", "gradient"
+    )
     seam_window: float = setting("blend", 5 * FRAME, 0)
     seam_blend: float = setting("blend", 0.3)
     alignment: Literal["uniform", "dtw"] = setting("blend", "uniform")
@@ -224,10 +225,10 @@ class Config:
             python_scalar(self, own.name)
             self._check(own)
         self._check_segmentation()
-        for name, registry in CONFIG_OPTIONS.items():
+        for name, accepted in CHOICES.items():
             value = getattr(self, name)
             if name != "segmentation" or isinstance(value, str):
-                registry.get(value)
+                check_choice(name, value, accepted)
         if self.max_length < 2 * self.min_length:
             raise ValueError(
                 f"`max_length` must be at least {2 * self.min_length:.4g} s, twice `min_length`, "
@@ -368,6 +369,17 @@ class Config:
                 "frames for each clip instead"
             )
         return cls(**given)
+
+
+def _words(kind: Any) -> tuple[str, ...]:  # noqa: ANN401 - any annotation
+    """Return the words that an annotation lists by `Literal`."""
+    if get_origin(kind) is Literal:
+        return get_args(kind)
+    return tuple(word for part in get_args(kind) for word in _words(part))
+
+
+CHOICES = {own.name: words for own in fields(Config) if (words := _words(own.type))}
+"""The accepted words of every field of `Config` that selects by name."""
 
 
 def _to_json(value: object) -> object:

@@ -4,8 +4,7 @@ from collections.abc import Iterable
 from dataclasses import fields
 from typing import Any, get_args
 
-from mograft._util.registry import CONFIG_OPTIONS
-from mograft.config import Config
+from mograft.config import CHOICES, Config
 from mograft.errors import suggest_name
 
 _TYPES = {field.name: field.type for field in fields(Config)}
@@ -50,7 +49,6 @@ def field_choices() -> list[str]:
     """Return the beginnings of all assignments to fields, for shell completion."""
     choices = []
     for name, kind in _TYPES.items():
-        values = CONFIG_OPTIONS[name].names if name in CONFIG_OPTIONS else ()
-        values = values or (tuple(_BOOLEANS) if kind is bool else ("",))
+        values = CHOICES.get(name) or (tuple(_BOOLEANS) if kind is bool else ("",))
         choices += [f"{name}={value}" for value in values]
     return choices

@@ -157,7 +157,7 @@ def test_smooth_gradient_agrees_with_numpy(lengths, seed, blend, is_concatenated
             seam_accelerations=timeline.boundaries(space, tracks, seams).accelerations,
         )
         wanted = oracle.smooth_gradient(closed, (1.0, TAU**2, TAU**4))
-        found = SEAM_TREATMENTS.get("gradient").smooth(closed)
+        found = SEAM_TREATMENTS["gradient"].smooth(closed)
         np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-11)
 
 

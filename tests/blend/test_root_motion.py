@@ -28,12 +28,12 @@ from tests.strategies import (
     tile_segments,
 )
 
-CONFIGS = st.sampled_from([Config(seam=seam) for seam in SEAM_TREATMENTS.names])
+CONFIGS = st.sampled_from([Config(seam=seam) for seam in tuple(SEAM_TREATMENTS)])
 ORACLE_SEAMS = ("offset", "paper", "displacement", "inertial")
 BLENDING = [
     name
     for name in SEAM_TREATMENTS
-    if sum(SEAM_TREATMENTS.get(name).root_velocity_weights(np.ones(1))) == 1.0
+    if sum(SEAM_TREATMENTS[name].root_velocity_weights(np.ones(1))) == 1.0
 ]
 BLENDS = st.floats(0.02, 1.0)
 ROOT = GraftedGroup(np.array([0]), root=0)
@@ -70,7 +70,7 @@ def test_blend_root_velocity_any_treatment_is_bounded_and_local(lengths, seed, c
         assert (np.linalg.norm(blended[:, axes], axis=1) <= most * (1 + 1e-12)).all()
     frames = np.arange(len(velocities)) + 0.5
     is_near = np.zeros(len(velocities), bool)
-    is_causal = SEAM_TREATMENTS.get(config.seam).is_causal
+    is_causal = SEAM_TREATMENTS[config.seam].is_causal
     for seam in cut.stop[:-1][seams]:
         is_near |= (frames - seam < blend * 30.0) & (frames > seam)
         is_near |= (seam - frames < blend * 30.0) & (frames < seam) & (not is_causal)
@@ -103,7 +103,7 @@ def test_root_velocity_weights_fall_with_distance(length, frames, config):
 
 
 @few_examples(10)
-@given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(sorted({*SEAM_TREATMENTS.names} - {"inertial"})))
+@given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(sorted({*tuple(SEAM_TREATMENTS)} - {"inertial"})))
 def test_transplant_height_of_an_aligned_root_is_that_without_alignment(lengths, seed, seam):
     """Alignment turns and moves donors over the floor; a seam in height is treated as any other.
 

@@ -1,4 +1,4 @@
-"""Laws of every seam treatment in the registry: continuity, reach, causality, root velocity."""
+"""Laws of every seam treatment: continuity, reach, causality, root velocity."""
 
 from dataclasses import replace
 
@@ -29,9 +29,9 @@ from tests.strategies import (
 )
 
 RATE = 30.0
-NAMES = SEAM_TREATMENTS.names
-SMOOTH = [name for name in NAMES if SEAM_TREATMENTS.get(name).is_velocity_continuous]
-CAUSAL = [name for name in NAMES if SEAM_TREATMENTS.get(name).is_causal]
+NAMES = tuple(SEAM_TREATMENTS)
+SMOOTH = [name for name in NAMES if SEAM_TREATMENTS[name].is_velocity_continuous]
+CAUSAL = [name for name in NAMES if SEAM_TREATMENTS[name].is_causal]
 
 
 def random_layout(lengths, seed, seam):
@@ -76,7 +76,7 @@ def test_close_two_uniform_rotations_meet_at_the_seam(poses, angular, blend, sea
     pieces, speeds = poses[:2], angular[:2]
     durations = np.array([0.4, 0.7])
     boundaries = SeamBoundaries(ROTATIONS, pieces[:1], pieces[1:], speeds[:1], speeds[1:])
-    treatment = SEAM_TREATMENTS.get(seam)
+    treatment = SEAM_TREATMENTS[seam]
 
     def curve(piece):
         def close(frames):
@@ -104,7 +104,7 @@ def test_close_two_uniform_rotations_meet_at_the_seam(poses, angular, blend, sea
 @settings(deadline=None)
 @given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(NAMES))
 def test_close_frames_out_of_reach_are_unchanged(lengths, seed, seam):
-    layout, treatment = random_layout(lengths, seed, seam), SEAM_TREATMENTS.get(seam)
+    layout, treatment = random_layout(lengths, seed, seam), SEAM_TREATMENTS[seam]
     timeline = layout.timeline
     times = timeline.frame_times()
     source = timeline.sample(ROTATIONS, layout.rotations, times)
@@ -128,7 +128,7 @@ def test_close_frames_out_of_reach_are_unchanged(lengths, seed, seam):
 def test_close_any_number_of_frames_at_a_time_gives_same_bits(lengths, seed, seam, n_frames):
     layout = random_layout(lengths, seed, seam)
     every = [
-        SEAM_TREATMENTS.get(seam).close(
+        SEAM_TREATMENTS[seam].close(
             values[layout.timeline.kept_rows],
             layout._piece_times(layout.timeline.frame_times())[layout.timeline.kept_rows],
             layout._boundaries[space is TRANSLATIONS],
@@ -164,7 +164,7 @@ def test_close_pieces_that_already_meet_are_unchanged(seed, seam):
     seconds = np.array([0.1, 0.2, 0.0, 0.1])
     times = PieceTimes(np.array([0, 0, 1, 1]), seconds, np.array([0.2, 0.3]), 0.3)
     values = smooth_rotations(rng, 4, 3)
-    closed = SEAM_TREATMENTS.get(seam).close(values, times, boundaries)
+    closed = SEAM_TREATMENTS[seam].close(values, times, boundaries)
     np.testing.assert_array_equal(closed, values)
 
 
@@ -194,13 +194,13 @@ def test_close_causal_treatment_keeps_frames_before_the_seam(seed, seam):
     boundaries = SeamBoundaries(ROTATIONS, poses[:1], poses[1:], speeds[:1], speeds[1:])
     times = PieceTimes(np.zeros(5, int), np.linspace(0, 0.2, 5), np.array([0.2, 0.3]), 0.3)
     values = smooth_rotations(rng, 5, 3)
-    closed = SEAM_TREATMENTS.get(seam).close(values, times, boundaries)
+    closed = SEAM_TREATMENTS[seam].close(values, times, boundaries)
     np.testing.assert_array_equal(closed, values)
 
 
 @given(st.lists(st.floats(0.0, 1.0), min_size=2, max_size=20), st.sampled_from(NAMES))
 def test_root_velocity_weights_fall_from_the_seam_to_zero(shares, seam):
-    treatment = SEAM_TREATMENTS.get(seam)
+    treatment = SEAM_TREATMENTS[seam]
     weights = treatment.root_velocity_weights(np.sort([0.0, 1.0, *shares]))
     for side in weights:
         assert side[0] == 0.0
@@ -221,7 +221,7 @@ def test_displacement_opposite_gaps_cancel_half_way():
         *[np.zeros((2, 1, 3))] * 2,
     )
     times = PieceTimes(np.array([1]), np.array([0.5]), np.ones(3), 0.3)
-    closed = SEAM_TREATMENTS.get("displacement").close(pose, times, boundaries)
+    closed = SEAM_TREATMENTS["displacement"].close(pose, times, boundaries)
     np.testing.assert_allclose(closed, pose, atol=1e-15)
 
 
@@ -232,7 +232,7 @@ def test_displacement_meets_in_slerp_halfway_pose(a, b):
     boundaries = SeamBoundaries(ROTATIONS, before, after, np.zeros((1, 1, 3)), np.zeros((1, 1, 3)))
     times = PieceTimes(np.array([0, 1]), np.array([1.0, 0.0]), np.ones(2), 0.3)
     poses = np.concatenate([before, after])
-    closed = SEAM_TREATMENTS.get("displacement").close(poses, times, boundaries)
+    closed = SEAM_TREATMENTS["displacement"].close(poses, times, boundaries)
     halfway = slerp([0.0, 1.0], poses, [0.5])
     assert_same_rotations(closed, np.concatenate([halfway, halfway]), 1e-12)
 

@@ -6,8 +6,7 @@ import re
 from dataclasses import fields
 from pathlib import Path
 
-from mograft import Config
-from mograft._util.registry import CONFIG_OPTIONS
+from mograft.config import CHOICES, Config
 
 HEAD = "| field | default | values or meaning |\n|---|---|---|\n"
 PAGE = Path(__file__).parents[2] / "docs" / "settings.md"
@@ -37,7 +36,7 @@ def _meanings():
     for names, body in re.findall(r"^(\w[\w, ]*) :.*\n((?:    .*\n)+)", text, re.MULTILINE):
         sentence = re.split(r"(?<=[.:;])(?<!eq\.) (?=[A-Z\"\d`])", " ".join(body.split()))[0]
         for name in names.split(", "):
-            words = CONFIG_OPTIONS[name].names if name in CONFIG_OPTIONS else ()
+            words = CHOICES.get(name, ())
             allowed = f" ({', '.join(words)})" if words else ""
             yield name, sentence.rstrip(".:").replace("|", "\\|") + allowed
 

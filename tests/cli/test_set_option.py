@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
-from mograft._util.registry import CONFIG_OPTIONS
 from mograft.cli import main
+from mograft.config import CHOICES
 from mograft.config_text import parse_fields
 from tests.cli.field_table import field_table
 
@@ -71,8 +71,8 @@ def test_parse_fields_returns_the_values_of_any_configuration(data):
         if field.type in FIELD_VALUES and data.draw(st.booleans())
     }
     changes |= {
-        name: data.draw(st.sampled_from(registry.names))
-        for name, registry in CONFIG_OPTIONS.items()
+        name: data.draw(st.sampled_from(words))
+        for name, words in CHOICES.items()
         if name != "segmentation" and data.draw(st.booleans())
     }
     texts = [(name, str(value)) for name, value in changes.items()]

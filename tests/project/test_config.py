@@ -1,7 +1,9 @@
 """Checks of `Config` and its conversion to dictionaries."""
 
+import inspect
 import json
 import pickle
+import re
 from dataclasses import dataclass, fields, replace
 
 import pytest
@@ -9,10 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft import Config, Library
-from mograft.config import STAGES, setting
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.time_warp import ALIGNMENTS
+from mograft.config import CHOICES, STAGES, setting
 from mograft.dancer import dance
 from mograft.library.derive import BUILD_STAGES
 from mograft.library.origin import hash_library
+from mograft.search.donor_choice import DONOR_CHOICES
+from mograft.search.neighbourhoods import NEIGHBOURHOODS
 
 
 @pytest.mark.parametrize(
@@ -136,3 +142,24 @@ def test_every_field_of_config_has_a_stage_in_the_order_of_computation():
     assert "smoothing" in by_stage[0]
     assert "components" in by_stage[1]
     assert by_stage[2] == ("sigma", "sigma_scale")
+
+
+def test_config_close_word_is_suggested():
+    with pytest.raises(ValueError, match=r"got 'vitterbi'; did you mean 'viterbi'\?$"):
+        Config(choice="vitterbi")
+
+
+@pytest.mark.parametrize("name", [name for name in CHOICES if name != "segmentation"])
+def test_docstring_and_objects_have_the_words_of_the_annotation(name):
+    text = inspect.getdoc(Config).replace("\n", "\n    ")
+    (listed,) = re.findall(rf"^    {name} : {{(.*)}}$", text, re.M)
+    assert listed == ", ".join(f'"{word}"' for word in CHOICES[name])
+    objects = {
+        "alignment": ALIGNMENTS,
+        "choice": DONOR_CHOICES,
+        "neighbourhood": NEIGHBOURHOODS,
+        "seam": SEAM_TREATMENTS,
+    }
+    assert tuple(objects.get(name, CHOICES[name])) == CHOICES[name]
+    for word in CHOICES[name]:
+        assert getattr(Config(**{name: word}), name) == word

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 import mograft as mg
 import mograft.constraints as mc
-from mograft._util.registry import CONFIG_OPTIONS
 from mograft._util.runs import dilate
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.splice import MAX_ANGLE, splice
 from mograft.blend.transplant import seam_reach
+from mograft.config import CHOICES
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.provenance.graft_edit import changed_positions
@@ -61,7 +61,7 @@ def frames_within_reach(graft, edited):
     reach = int(np.ceil(seam_reach(config) * graft.motion.rate))
     near = np.zeros(graft.motion.n_frames, bool)
     changed = changed_positions(graft.donors, edited.donors)
-    if SEAM_TREATMENTS.get(config.seam).spans_segments:
+    if SEAM_TREATMENTS[config.seam].spans_segments:
         changed = dilate(changed)
     segments = graft.substitutions[: len(changed)]
     for own, is_changed in zip(segments, changed.tolist(), strict=True):
@@ -112,8 +112,8 @@ def test_replace_changes_named_segments_only(request, name, data):
     library = request.getfixturevalue(name)
     config = replace(
         library.config,
-        choice=data.draw(st.sampled_from(CONFIG_OPTIONS["choice"].names)),
-        seam=data.draw(st.sampled_from(CONFIG_OPTIONS["seam"].names)),
+        choice=data.draw(st.sampled_from(CHOICES["choice"])),
+        seam=data.draw(st.sampled_from(CHOICES["seam"])),
     )
     graft = mg.graft(library.relabelled(config), seed=data.draw(SEEDS))
     made, reroll, named = data.draw(edits(graft, list(graft.donors)))

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 import mograft as mg
 import mograft.constraints as mc
-from mograft._util.registry import CONFIG_OPTIONS
+from mograft.config import CHOICES
 from mograft.dancer import dance
 from mograft.scenario import fill, follow
 from mograft.search.constraint_records import decode_constraint, encode_constraint
@@ -111,10 +111,10 @@ def test_replay_of_graft_with_constraints_is_identical(library, constraints, tmp
 @few_examples(12)
 @given(
     seed=SEEDS,
-    choice=st.sampled_from(CONFIG_OPTIONS["choice"].names),
-    seam=st.sampled_from(CONFIG_OPTIONS["seam"].names),
-    alignment=st.sampled_from(CONFIG_OPTIONS["alignment"].names),
-    torso=st.sampled_from(CONFIG_OPTIONS["torso"].names),
+    choice=st.sampled_from(CHOICES["choice"]),
+    seam=st.sampled_from(CHOICES["seam"]),
+    alignment=st.sampled_from(CHOICES["alignment"]),
+    torso=st.sampled_from(CHOICES["torso"]),
     sigma_scale=st.sampled_from([0.5, 0.75, 1.5]),
     swap=st.sets(st.sampled_from(["torso", "larm", "rarm"]), min_size=1),
 )

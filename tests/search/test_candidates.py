@@ -249,7 +249,7 @@ def test_list_candidates_refusals_name_the_exceeded_limits(make_pool, seed):
 
 @few_examples(20)
 @pytest.mark.parametrize("choice", CHOICES)
-@given(SEEDS, st.integers(1, 3), st.floats(0.05, 3.0), st.sampled_from(NEIGHBOURHOODS.names))
+@given(SEEDS, st.integers(1, 3), st.floats(0.05, 3.0), st.sampled_from(tuple(NEIGHBOURHOODS)))
 def test_listed_cost_is_that_of_the_trellis_beside_the_base_neighbours(
     make_pool, choice, seed, n_labels, limit, neighbourhood
 ):

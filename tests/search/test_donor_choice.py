@@ -53,13 +53,13 @@ class Source:
 
 
 @few_examples(20)
-@pytest.mark.parametrize("name", DONOR_CHOICES.names)
+@pytest.mark.parametrize("name", tuple(DONOR_CHOICES))
 @given(SEEDS, st.integers(1, 6))
 def test_draw_returns_different_sequences_of_candidates(make_pool, name, seed, count):
     config = Config(choice=name, max_stretch=2.0)
     pools = {"arms": make_pool(seed, n_labels=2), "head": make_pool(seed + 1, n_labels=2)}
     source = Source(pools, config)
-    drawn = DONOR_CHOICES.get(name).draw(source, count, np.random.default_rng(seed))
+    drawn = DONOR_CHOICES[name].draw(source, count, np.random.default_rng(seed))
     assert 1 <= len(drawn) <= count
     assert len(unique_sequences(drawn)) == len(drawn)
     for donors in drawn:
@@ -69,10 +69,10 @@ def test_draw_returns_different_sequences_of_candidates(make_pool, name, seed, c
             assert all(donor in own for donor, own in zip(sequence, lists, strict=True))
 
 
-@pytest.mark.parametrize("name", DONOR_CHOICES.names)
+@pytest.mark.parametrize("name", tuple(DONOR_CHOICES))
 def test_draw_same_generator_state_gives_the_same_sequences(make_pool, name):
     source = Source({"upper": make_pool(3)}, Config(choice=name, max_stretch=2.0))
-    choice = DONOR_CHOICES.get(name)
+    choice = DONOR_CHOICES[name]
     first, again = (choice.draw(source, 4, np.random.default_rng(5)) for _ in range(2))
     for one, other in zip(first, again, strict=True):
         np.testing.assert_array_equal(one["upper"], other["upper"])
@@ -97,7 +97,7 @@ class TrellisSource:
 def test_draw_diversity_changes_only_later_motions(make_pool, name, seed, diversity):
     pools = {"upper": make_pool(seed, n_labels=1)}
     config = Config(choice=name, diversity=diversity, max_stretch=2.0)
-    draw = DONOR_CHOICES.get(name).draw
+    draw = DONOR_CHOICES[name].draw
     drawn, shorter, indifferent = (
         draw(Source(pools, own), count, np.random.default_rng(seed))
         for own, count in ((config, 5), (config, 3), (replace(config, diversity=0.0), 1))
@@ -112,7 +112,7 @@ def test_draw_sample_charges_diversity_for_donors_of_earlier_motions(diversity):
     unary = (np.array([0.0, 0.5]), np.array([0.2, 0.0]))
     costs = Trellis(unary, (np.array([[0.0, 0.4], [0.3, 0.0]]),))
     config = Config(choice="sample", diversity=diversity, temperature=0.8)
-    source, sampler = TrellisSource(costs, config), DONOR_CHOICES.get("sample")
+    source, sampler = TrellisSource(costs, config), DONOR_CHOICES["sample"]
     paths = list(product(range(2), repeat=2))
     weights = np.exp([-costs.cost(np.array(path)) / config.temperature for path in paths])
     expected = {}
@@ -139,7 +139,7 @@ def test_draw_sample_high_diversity_uses_all_candidates_before_repeating_one(see
     rng = np.random.default_rng(seed)
     costs = Trellis(tuple(rng.normal(size=(3, 4))), tuple(rng.normal(size=(2, 4, 4))))
     source = TrellisSource(costs, Config(choice="sample", diversity=1e3))
-    drawn = DONOR_CHOICES.get("sample").draw(source, 4, rng)
+    drawn = DONOR_CHOICES["sample"].draw(source, 4, rng)
     for column in np.array([own["upper"] for own in drawn]).T:
         assert sorted(column) == [0, 1, 2, 3]
 
@@ -150,14 +150,14 @@ def test_draw_sample_high_diversity_uses_all_candidates_before_repeating_one(see
 def test_choose_path_deterministic_choices_take_the_cheapest_path(make_pool, name, seed):
     config = Config(choice=name, max_stretch=2.0)
     costs = Source({"upper": make_pool(seed)}, config).trellises["upper"].costs
-    path = DONOR_CHOICES.get(name).choose_path(costs, config, np.random.default_rng(seed))
+    path = DONOR_CHOICES[name].choose_path(costs, config, np.random.default_rng(seed))
     np.testing.assert_array_equal(path, viterbi(costs))
 
 
 def test_choose_path_random_ignores_costs_and_avoids_penalties():
     infeasible = INFEASIBLE_PENALTY * 3
     trellis = Trellis((np.array([0.0, 5.0, infeasible]), np.zeros(1)), (np.zeros((3, 1)),))
-    rng, choice = np.random.default_rng(0), DONOR_CHOICES.get("random")
+    rng, choice = np.random.default_rng(0), DONOR_CHOICES["random"]
     counts = np.zeros(3, int)
     for _ in range(600):
         counts[choice.choose_path(trellis, ROBUST, rng)[0]] += 1

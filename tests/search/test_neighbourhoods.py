@@ -18,7 +18,7 @@ def find_members(name, seed, sigma, *, is_grid=False):
     # On the grid many distances are equal, also to the radius.
     points = rng.integers(0, 4, (N, 3)) * BALL_RADIUS if is_grid else rng.normal(size=(N, 3))
     labels = rng.integers(0, 5, N)
-    members = NEIGHBOURHOODS.get(name).find_members(labels, points, sigma, np.arange(N))
+    members = NEIGHBOURHOODS[name].find_members(labels, points, sigma, np.arange(N))
     return labels, points, members
 
 
@@ -38,7 +38,7 @@ def test_cluster_members_have_the_label_of_the_base_segment(seed, sigma):
         assert found.tolist() == [k for k in range(N) if labels[k] == labels[base]]
 
 
-@pytest.mark.parametrize("name", NEIGHBOURHOODS.names)
+@pytest.mark.parametrize("name", tuple(NEIGHBOURHOODS))
 @given(SEEDS, SIGMAS)
 def test_membership_is_reflexive_and_symmetric(name, seed, sigma):
     _, _, members = find_members(name, seed, sigma, is_grid=True)
@@ -56,12 +56,12 @@ def test_ball_of_a_larger_threshold_contains_the_smaller_one(seed, sigma, factor
     assert all(set(few) <= set(many) for few, many in zip(narrow, wide, strict=True))
 
 
-@pytest.mark.parametrize("name", NEIGHBOURHOODS.names)
+@pytest.mark.parametrize("name", tuple(NEIGHBOURHOODS))
 @given(SEEDS)
 def test_members_do_not_depend_on_the_other_base_segments(name, seed):
     labels, points, members = find_members(name, seed, 2.0)
     base = np.random.default_rng(seed).integers(0, N, 7)
-    found = NEIGHBOURHOODS.get(name).find_members(labels, points, 2.0, base)
+    found = NEIGHBOURHOODS[name].find_members(labels, points, 2.0, base)
     for index, own in zip(base, found, strict=True):
         np.testing.assert_array_equal(own, members[index])
 
@@ -71,11 +71,11 @@ def test_ball_near_a_new_point_is_that_of_a_segment_at_the_point(seed, sigma):
     labels, points, members = find_members("ball", seed, sigma, is_grid=True)
     by_cluster = ClusterMembers.from_labels(labels, points)
     for base, expected in enumerate(members):
-        found, distances = NEIGHBOURHOODS.get("ball").find_near(by_cluster, points[base], sigma)
+        found, distances = NEIGHBOURHOODS["ball"].find_near(by_cluster, points[base], sigma)
         np.testing.assert_array_equal(found, expected)
         np.testing.assert_allclose(distances, np.linalg.norm(points[found] - points[base], axis=1))
 
 
 def test_ball_without_an_embedding_is_the_base_segment():
-    members = NEIGHBOURHOODS.get("ball").find_members(np.arange(4), None, 0.0, np.array([2, 0]))
+    members = NEIGHBOURHOODS["ball"].find_members(np.arange(4), None, 0.0, np.array([2, 0]))
     assert [own.tolist() for own in members] == [[2], [0]]

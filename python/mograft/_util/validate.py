@@ -1,11 +1,13 @@
 """Checks of single arguments and dataclass fields; messages name the argument."""
 
 import math
+from collections.abc import Collection
 from typing import Any, TypeGuard
 
 import numpy as np
 
 from mograft._util.arrays import as_floats
+from mograft.errors import suggest_name
 
 
 def is_integer(value: object) -> TypeGuard[int]:
@@ -24,6 +26,13 @@ def check_type(name: str, value: object, kind: type) -> None:
     """Raise TypeError unless `value` is an instance of `kind`."""
     if not isinstance(value, kind):
         raise TypeError(f"`{name}` must be a {kind.__name__}, got {type(value).__name__}")
+
+
+def check_choice(name: str, value: object, accepted: Collection[str]) -> None:
+    """Raise ValueError unless `value` is one of the `accepted` words; suggest the nearest one."""
+    if not isinstance(value, str) or value not in accepted:
+        listed, hint = ", ".join(map(repr, accepted)), suggest_name(value, accepted)
+        raise ValueError(f"`{name}` must be one of {listed}, got {value!r}{hint}")
 
 
 def coerce_vector(owner: object, name: str) -> None:

@@ -13,10 +13,9 @@ from mograft._util.arrays import (
 )
 from mograft._util.cut_frames import as_cut_frames
 from mograft._util.gaussian import gaussian_filter
-from mograft._util.registry import CONFIG_OPTIONS
-from mograft._util.validate import check_type
+from mograft._util.validate import check_choice, check_type
 from mograft.body.mass import mass_model, moments_of_inertia
-from mograft.config import Config
+from mograft.config import CHOICES, Config
 from mograft.errors import suggest_name
 from mograft.motion.limits import MAX_CLIP_FRAME_TIME, MIN_CLIP_FRAME_TIME
 from mograft.motion.motion import Motion
@@ -64,7 +63,7 @@ def kinetic_energy(
     """
     check_type("motion", motion, Motion)
     for name, value in (("omega", omega), ("inertia", inertia)):
-        CONFIG_OPTIONS[name].get(value)  # raises ValueError for an unknown value
+        check_choice(name, value, CHOICES[name])
     if motion.n_frames < 2:
         raise ValueError(
             f"kinetic energy needs at least 2 frames, {motion.name or 'the motion'} has 1"

@@ -261,12 +261,12 @@ class DonorLayout:
 
     def _close(self, space: ValueSpace, times: PieceTimes, values: FloatArray) -> FloatArray:
         near = restrict_to_pieces(times, self._boundaries[space is TRANSLATIONS])
-        return SEAM_TREATMENTS.get(self.config.seam).close(values, *near)
+        return SEAM_TREATMENTS[self.config.seam].close(values, *near)
 
     @cached_property
     def _closed_seams(self) -> IntArray:
         """Indices of the segments whose end the treatment closes as a seam."""
-        if SEAM_TREATMENTS.get(self.config.seam).spans_segments:
+        if SEAM_TREATMENTS[self.config.seam].spans_segments:
             return np.arange(len(self.seams))
         return np.flatnonzero(self.seams)
 
@@ -297,7 +297,7 @@ class DonorLayout:
             donor_rows=self._rows[space is TRANSLATIONS],
             seam_accelerations=self._boundaries[space is TRANSLATIONS].accelerations,
         )
-        return SEAM_TREATMENTS.get(config.seam).smooth(closed)
+        return SEAM_TREATMENTS[config.seam].smooth(closed)
 
 
 def _three_frames(

@@ -23,7 +23,7 @@ def root_velocity_weights(
     that contain these points, both in frames; the shapes broadcast. `rate` is in frames per second.
     """
     remaining = np.maximum(1.0 - frames / np.minimum(config.seam_blend * rate, lengths), 0.0)
-    return SEAM_TREATMENTS.get(config.seam).root_velocity_weights(remaining)
+    return SEAM_TREATMENTS[config.seam].root_velocity_weights(remaining)
 
 
 def blend_root_velocity(

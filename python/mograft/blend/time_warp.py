@@ -7,7 +7,6 @@ from functools import cached_property
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft._util.registry import CONFIG_OPTIONS, Registry
 from mograft.motion.motion import Motion
 from mograft.motion.resample import resample_segments
 from mograft.motion.segments import Segments
@@ -121,9 +120,7 @@ class TimeWarp:
 
 Alignment = Callable[[Motion, Segments, Segments, Sequence[Motion], IntArray], TimeWarp]
 
-ALIGNMENTS: Registry[Alignment | None] = CONFIG_OPTIONS["alignment"].implemented_by(
-    {"uniform": None, "dtw": TimeWarp.by_dtw}
-)
+ALIGNMENTS: dict[str, Alignment | None] = {"uniform": None, "dtw": TimeWarp.by_dtw}
 """The function of each value of `Config.alignment`; None for a constant rate."""
 
 

@@ -73,7 +73,7 @@ def transplant(
     donors, clips = replace(donors, clip=clip), [clips[index] for index in used]
     joints = group.whole_joints
     timeline = DonorTimeline(cut, donors, base.rate)
-    align = ALIGNMENTS.get(config.alignment)
+    align = ALIGNMENTS[config.alignment]
     if align is not None and group.base_joints is not None:
         warp = align(base, cut, donors, clips, group.base_joints)
         timeline = replace(timeline, warp=warp)
@@ -116,7 +116,7 @@ def seam_reach(config: Config) -> float:
 
     Frames farther away change by at most 1/10,000 of a gap if the donor changes.
     """
-    return config.seam_blend + SEAM_TREATMENTS.get(config.seam).coupling
+    return config.seam_blend + SEAM_TREATMENTS[config.seam].coupling
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,11 +8,12 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, make_read_only, set_fields
 from mograft._util.memo import remember
-from mograft._util.registry import CONFIG_OPTIONS
+from mograft._util.validate import check_choice
 from mograft.body.anatomy import Anatomy, anatomy
 from mograft.body.hierarchy import subtree_mask
 from mograft.body.joint_names import ARM, LEG
 from mograft.body.segment_masses import COLUMNS_OF_SEX, de_leva_masses, rod_masses
+from mograft.config import CHOICES
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -143,7 +144,7 @@ def moments_of_inertia(body: MassModel, skeleton: Skeleton, inertia: str = "own"
     masses times squared statures. ``"unit"`` is 1 for every bone of nonzero length. Ancestors of
     the hips have moment 0.
     """
-    CONFIG_OPTIONS["inertia"].get(inertia)  # raises ValueError for an unknown value
+    check_choice("inertia", inertia, CHOICES["inertia"])
     if inertia == "own":
         return body.inertia
     lengths = np.linalg.norm(body.bone, axis=1)

@@ -133,7 +133,7 @@ class SegmentPool:
 
         The indices are ascending and include that of the base segment.
         """
-        neighbourhood = NEIGHBOURHOODS.get(config.neighbourhood)
+        neighbourhood = NEIGHBOURHOODS[config.neighbourhood]
         return neighbourhood.find_members(self.labels, self.points, self.sigma, base)
 
     def candidate_lists(

@@ -8,7 +8,6 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft._util.registry import CONFIG_OPTIONS, Registry
 from mograft.config import Config
 from mograft.search.candidates import SegmentPool
 from mograft.search.costs import (
@@ -174,21 +173,19 @@ class Random(DonorChoice):
         return sample(Trellis(unary, pairwise), 1.0, rng)
 
 
-DONOR_CHOICES: Registry[DonorChoice] = CONFIG_OPTIONS["choice"].implemented_by(
-    {
-        "viterbi": Viterbi(),
-        "best": Best(),
-        "sample": Sample(),
-        "nearest": Nearest(),
-        "random": Random(),
-    }
-)
+DONOR_CHOICES: dict[str, DonorChoice] = {
+    "viterbi": Viterbi(),
+    "best": Best(),
+    "sample": Sample(),
+    "nearest": Nearest(),
+    "random": Random(),
+}
 """The strategies by their names in `Config.choice`."""
 
 
 def cost_model(config: Config, pool: SegmentPool) -> CostModel:
     """Return the cost model of the strategy `Config.choice`, with the seam scales of a pool."""
-    return DONOR_CHOICES.get(config.choice).cost_model(config, pool.seam_scales(config))
+    return DONOR_CHOICES[config.choice].cost_model(config, pool.seam_scales(config))
 
 
 def prune_dead_ends(

@@ -7,7 +7,6 @@ from typing import ClassVar
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft._util.registry import CONFIG_OPTIONS, Registry
 
 BALL_RADIUS = 0.65
 """Radius of a ball, as a multiple of the cluster diameter threshold.
@@ -148,7 +147,5 @@ class _Ball(Neighbourhood):
         return members.find_within(point, BALL_RADIUS * sigma)
 
 
-NEIGHBOURHOODS: Registry[Neighbourhood] = CONFIG_OPTIONS["neighbourhood"].implemented_by(
-    {"cluster": _Cluster(), "ball": _Ball()}
-)
+NEIGHBOURHOODS: dict[str, Neighbourhood] = {"cluster": _Cluster(), "ball": _Ball()}
 """The neighbourhoods by their names in `Config.neighbourhood`."""

@@ -99,7 +99,7 @@ class GraftPlan:
 
     def choose_donors(self, count: int, seed: int) -> list[DonorSequences]:
         """Choose at most `count` different donor sequences by `Config.choice`, and repair them."""
-        choice = DONOR_CHOICES.get(self.config.choice)
+        choice = DONOR_CHOICES[self.config.choice]
         drawn = choice.draw(self, count, np.random.default_rng(seed))
         return unique_sequences([self.repair(donors) for donors in drawn])
 
@@ -113,7 +113,7 @@ class GraftPlan:
     def assemble(self, donors: DonorSequences, name: str) -> tuple[Assembly, list[RepairedWindow]]:
         """Return the assembly of donor sequences after self-repair, and the frames searched."""
         assembly = Assembly.build(self.problem, donors, name)
-        if self.config.self_repair and DONOR_CHOICES.get(self.config.choice).allows_self_repair:
+        if self.config.self_repair and DONOR_CHOICES[self.config.choice].allows_self_repair:
             return self_repair(assembly, self.trellises, self._violations)
         return assembly, []
 

@@ -127,7 +127,7 @@ class SearchProblem:
         if not isinstance(constraints, Collection) or len(constraints):
             constraints = _checked_constraints(constraints, base)
         config = limit_config(library.config, constraints)
-        if not DONOR_CHOICES.get(config.choice).is_limited:
+        if not DONOR_CHOICES[config.choice].is_limited:
             config = replace(config, max_candidates=len(library.segments))
         groups = sorted(groups, key=lambda group: int(library.joints(group).min()))
         check_groups(constraints, groups)

@@ -48,6 +48,6 @@ class BaseClusters:
         point = embedding.project(
             features(samples, embedding.joints, embedding.reference, has_root=embedding.has_root)
         )
-        neighbourhood = NEIGHBOURHOODS.get(library.config.neighbourhood)
+        neighbourhood = NEIGHBOURHOODS[library.config.neighbourhood]
         members, distances = neighbourhood.find_near(self._members, point[0], sigma)
         return members, distances / sigma if sigma > 0 else distances

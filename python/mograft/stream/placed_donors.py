@@ -164,9 +164,9 @@ def place_donors(
     raw = sampled.values
     if previous is None:
         return PlacedDonors(sampled, raw, rate)
-    treatment = SEAM_TREATMENTS.get(config.seam)
+    treatment = SEAM_TREATMENTS[config.seam]
     if not treatment.is_causal:
-        treatment = SEAM_TREATMENTS.get("inertial")
+        treatment = SEAM_TREATMENTS["inertial"]
     n, n_times = raw.shape[:2]
     pieces = np.repeat(np.arange(1, n + 1), n_times)
     # The blend may outlast a short segment: the next one starts from the treated end.

@@ -126,7 +126,7 @@ class StreamSearch:
         group are evaluated with the donors of the groups before it.
         """
         segment, rate = segments[0], self._library.rate
-        choice = DONOR_CHOICES.get(rules.config.choice)
+        choice = DONOR_CHOICES[rules.config.choice]
         candidates: dict[str, int] = {}
         placed: dict[str, PlacedDonors | SmoothedDonor] = {}
         following: dict[str, int] = {}
@@ -151,7 +151,7 @@ class StreamSearch:
             else:
                 donors = segment.donors[index : index + 1]
                 sampled = self._sample(segment, group, donors)
-                treatment = SEAM_TREATMENTS.get(rules.config.seam)
+                treatment = SEAM_TREATMENTS[rules.config.seam]
                 if treatment.uses_next_donor and len(segments) > 1:
                     donors = segments[1].donors[path[1] : path[1] + 1]
                     following[group] = int(donors[0])

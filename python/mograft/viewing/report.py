@@ -300,7 +300,7 @@ def _donor_table(graft: Graft) -> str:
 
 
 def _neighbourhood(library: Library) -> Neighbourhood:
-    return NEIGHBOURHOODS.get(library.config.neighbourhood)
+    return NEIGHBOURHOODS[library.config.neighbourhood]
 
 
 def _clip_table(grafts: Sequence[Graft]) -> str:

@@ -128,5 +128,5 @@ def _table(library: Library, found: Candidates, segment: int) -> list[str]:
             f"cost {candidate.cost:7.2f}  stretch {candidate.stretch:.2f}  "
             f"seams {seams:8} {note}".rstrip()
         )
-    outside = NEIGHBOURHOODS.get(library.config.neighbourhood).outside
+    outside = NEIGHBOURHOODS[library.config.neighbourhood].outside
     return [*lines, f"   {found.elsewhere} segments are {outside}"]
