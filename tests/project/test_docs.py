@@ -250,3 +250,16 @@ FILE = re.compile(r"\b(?:tests|benches|lab)/[\w/]+\.(?:py|md)\b")
 def test_documentation_named_files_exist(page):
     for path in FILE.findall(page.read_text(encoding="utf-8")):
         assert (ROOT / path).exists(), path
+
+
+def test_architecture_names_modules_that_exist():
+    package = ""
+    packages = {path.parent.name for path in (ROOT / "python/mograft").glob("[a-z]*/__init__.py")}
+    text = (ROOT / "docs/architecture.md").read_text("utf-8")
+    for row in text[text.index("| to change |") :].splitlines():
+        package = next(iter(re.findall(r"\*\*(\w+)\*\*", row)), package)
+        packages.discard(package)
+        for name in re.findall(r"`([\w/-]+(?:\.\w+|/))`", row):
+            folder = ROOT if name.startswith("rust/") else ROOT / "python/mograft" / package
+            assert (folder / name).exists(), name
+    assert not packages
