@@ -192,7 +192,7 @@ def test_export_like_amass_takes_unchanged_arrays_through_bvh(run, body, tmp_pat
     words = ["--frames", "0-9", "-o", tmp_path / "part.npz", "--like", walk]
     code, _, err = run("export", walk, *words)
     assert code == 0
-    assert "part.npz: without dmpls, which have one row per frame of" in err
+    assert "part.npz lacks dmpls, which have one row per frame of" in err
 
 
 def test_graft_of_amass_files_keeps_poses_of_the_base_group(run, tmp_path):

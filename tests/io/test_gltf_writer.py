@@ -62,8 +62,7 @@ def test_write_glb_animations_read_back_is_identical_to_float32(
     path, clip, rng = write_scene(tmp_path_factory, seed, scale, way)
     motion = change_joints(clip, rng)
     target = path.with_name("out.glb")
-    names = formats.write_glb_animations(path, motion, target, bases=[clip if has_base else None])
-    assert names == ("new",)
+    formats.write_glb_animations(path, motion, target, bases=[clip if has_base else None])
     written = mg.read(target, rate=clip.rate)
     # Scales of 0.5 to 2 along each axis stretch an error by up to 4 at every level.
     stretch = 4.0**clip.n_joints if scale == "any" else 8.0
@@ -133,10 +132,10 @@ def test_write_glb_animations_base_at_another_rate_keeps_accessors(tmp_path_fact
 def test_write_glb_animations_repeated_names_are_made_unique(tmp_path_factory):
     path, clip, _ = write_scene(tmp_path_factory, 6)
     target = path.with_name("out.glb")
-    assert formats.write_glb_animations(path, [clip, clip], target) == ("move~2", "move~3")
+    formats.write_glb_animations(path, [clip, clip], target)
     assert mg.read(target).names == ("move", "move~2", "move~3")
     unnamed = replace(clip, name="")
-    assert formats.write_glb_animations(target, unnamed, target) == ("motion",)
+    formats.write_glb_animations(target, unnamed, target)
     assert mg.read(target).names == ("move", "move~2", "move~3", "motion")
 
 

@@ -28,7 +28,7 @@ def write_glb(
     *,
     scale: float | None = None,
     groups: JointGroups | str | None = None,
-) -> float:
+) -> None:
     """Write motions of one skeleton as a skinned, animated figure in binary glTF (GLB).
 
     Parameters
@@ -39,15 +39,11 @@ def write_glb(
     path : str or path
         The file to write.
     scale : float, optional
-        Metres per unit of length. Default: guessed from the height of the skeleton.
+        Metres per unit of length, which ``asset.extras`` of the file states. Default: guessed from
+        the height of the skeleton.
     groups : JointGroups or str, optional
         Joint groups, or the name of a preset. The bones of a group have one colour. Default:
         trunk, arms and legs.
-
-    Returns
-    -------
-    float
-        The scale, which is also in ``asset.extras`` of the file.
 
     Raises
     ------
@@ -73,8 +69,7 @@ def write_glb(
     >>> from pathlib import Path
     >>> from mograft.dancer import dance
     >>> target = Path(tempfile.mkdtemp()) / "dance.glb"
-    >>> write_glb(dance(strides=1).motion[:30], target)  # metres per unit: the motion is in cm
-    0.01
+    >>> write_glb(dance(strides=1).motion[:30], target)
     """
     clips = [motions] if isinstance(motions, Motion) else list(motions)
     if not clips:
@@ -90,7 +85,6 @@ def write_glb(
         buffer, clips, transform, joint_group_indices(first.skeleton, groups)
     )
     write_bytes(Path(path), buffer.pack(document))
-    return transform.scale
 
 
 def _build_document(

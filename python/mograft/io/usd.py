@@ -33,7 +33,7 @@ def write_usd(
     *,
     scale: float | None = None,
     groups: JointGroups | str | None = None,
-) -> float:
+) -> None:
     """Write a motion as a skinned, animated figure in USD; requires ``mograft[usd]``.
 
     Parameters
@@ -43,12 +43,7 @@ def write_usd(
     path : str or path
         The file to write: ``.usda`` is text, ``.usdc`` and ``.usd`` are binary.
     scale, groups
-        As for `write_glb`.
-
-    Returns
-    -------
-    float
-        The scale, which is also in ``customLayerData`` of the file.
+        As for `write_glb`; ``customLayerData`` of the file states the scale.
 
     Raises
     ------
@@ -72,8 +67,7 @@ def write_usd(
     Examples
     --------
     >>> from mograft.dancer import dance
-    >>> write_usd(dance(strides=1).motion, "dance.usdc")  # metres per unit  # doctest: +SKIP
-    0.01
+    >>> write_usd(dance(strides=1).motion, "dance.usdc")  # doctest: +SKIP
     """
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:
@@ -96,7 +90,6 @@ def write_usd(
     with atomic_path(target) as draft:
         if not stage.GetRootLayer().Export(str(draft)):
             raise OSError(f"{target} cannot be written")
-    return transform.scale
 
 
 # The stage of pxr has no type.

@@ -1,6 +1,5 @@
 """Write motions and grafts to files, and beside grafts their provenance."""
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Any
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.atomic import write_bytes, write_json
 from mograft._util.validate import check_type
-from mograft.errors import join_names, suggest_name
+from mograft.errors import suggest_name
 from mograft.io.bvh.decimals import check_digits
 from mograft.io.bvh.writer import write_bvh
 from mograft.io.csv import write_csv
@@ -188,12 +187,7 @@ def write_graft(
     if is_glb:
         write_bytes(target, data)
     elif source is not None:
-        omitted = write_amass(grafts[0].motion, target, like=source)
-        if omitted:
-            warnings.warn(
-                f"{target} lacks {join_names(omitted)}, which have one row per frame of {source}",
-                stacklevel=2,
-            )
+        write_amass(grafts[0].motion, target, like=source)
     else:
         write_bvh(grafts[0].motion, target, digits=digits)
 

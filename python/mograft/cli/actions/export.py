@@ -23,7 +23,7 @@ from mograft.io.csv import write_csv
 from mograft.io.glb import write_glb
 from mograft.io.npz import write_npz
 from mograft.io.smpl.writer import write_amass
-from mograft.io.units import UNITS
+from mograft.io.units import UNITS, guess_unit
 from mograft.io.usd import write_usd
 from mograft.motion.motion import Motion
 from mograft.viewing.video import write_video
@@ -73,7 +73,7 @@ def run(options: ExportOptions) -> int:
             if ending == ".bvh":
                 write_bvh(motions[0], target, digits=options.digits)
             elif options.like is not None:
-                _write_like(motions[0], target, options.like)
+                write_amass(motions[0], target, like=options.like)
             else:
                 _TABLE_WRITERS[ending](motions[0], target)
             document |= {"up": "as in the file", "unit": "of the file"}
@@ -89,23 +89,15 @@ def _select_frames(motion: Motion, given: Range | None) -> Motion:
     return motion[first : last + 1]
 
 
-def _write_like(motion: Motion, target: Path, source: str) -> None:
-    """Write a motion into a copy of the AMASS file `source`; print which arrays are omitted."""
-    omitted = write_amass(motion, target, like=source)
-    if omitted:
-        print_remark(
-            f"{target.name}: without {', '.join(omitted)}, which have one row per frame of {source}"
-        )
-
-
 def _write_figure(
     motions: Sequence[Motion], target: Path, groups: _Groups, options: ExportOptions
 ) -> dict[str, Any]:
     scale = UNITS[options.scale] if isinstance(options.scale, str) else options.scale
     if target.suffix.lower() == ".glb":
-        metres = write_glb(motions, target, scale=scale, groups=groups)
+        write_glb(motions, target, scale=scale, groups=groups)
     else:
-        metres = write_usd(motions[0], target, scale=scale, groups=groups)
+        write_usd(motions[0], target, scale=scale, groups=groups)
+    metres = UNITS[guess_unit(motions[0].skeleton)] if scale is None else scale
     estimated = "" if options.scale is not None else " (estimated from the figure's height)"
     print_remark(f"{target.name}: metres, y up; 1 unit of the file is {metres:g} m{estimated}")
     return {"up": "y", "unit": "m", "metres_in_a_unit": metres}

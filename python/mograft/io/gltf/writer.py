@@ -36,7 +36,7 @@ def write_glb_animations(
     path: str | os.PathLike[str],
     *,
     bases: Sequence[Motion | None] | None = None,
-) -> tuple[str, ...]:
+) -> None:
     """Write a copy of a glTF file to which motions are added as animations.
 
     Meshes, skins, materials, images and the animations of the file keep their bytes.
@@ -46,7 +46,8 @@ def write_glb_animations(
     source : str or path
         The file to copy, ``.glb`` or ``.gltf``. It is not changed.
     motions : Motion or sequence of Motion
-        The motions, with the joints of the file; each becomes an animation.
+        The motions, with the joints of the file; each becomes an animation of its name, with
+        ``~2``, ``~3``... appended if an animation already has the name.
     path : str or path
         The GLB file to write.
     bases : sequence of Motion or None, optional
@@ -55,12 +56,6 @@ def write_glb_animations(
         keep the clip's tracks. The new animation also has the scales of the clip and everything
         else that the clip animates. Default: None for all motions, so that all joints get new
         tracks.
-
-    Returns
-    -------
-    tuple of str
-        The names of the new animations: those of the motions, with ``~2``, ``~3``... appended if
-        an animation already has the name.
 
     Raises
     ------
@@ -89,10 +84,8 @@ def write_glb_animations(
     >>> from mograft.io.glb import write_glb
     >>> folder = Path(tempfile.mkdtemp())
     >>> write_glb(dance(strides=1).motion[:30], folder / "a.glb")
-    0.01
     >>> clip = read(folder / "a.glb")[0]
     >>> write_glb_animations(folder / "a.glb", clip[10:], folder / "b.glb")
-    ('dance~2',)
     >>> read(folder / "b.glb").names
     ('dance', 'dance~2')
     """
@@ -106,9 +99,7 @@ def write_glb_animations(
         raise ValueError(f"`bases` must have {len(given)} items, got {len(origins)}")
     file = read_gltf_file(Path(source))
     additions = [_add(file, *pair) for pair in zip(given, origins, strict=True)]
-    names, data = append_animations(file, additions)
-    write_bytes(Path(path), data)
-    return names
+    write_bytes(Path(path), append_animations(file, additions)[1])
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,7 @@
 """Write motions into copies of AMASS files."""
 
 import os
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import BoolArray, FloatArray
-from mograft.errors import SkeletonMismatchError
+from mograft.errors import SkeletonMismatchError, join_names
 from mograft.io.npz_archive import copy_npz_archive
 from mograft.io.rest_pose import POSITION_TOLERANCE
 from mograft.io.smpl.reader import AmassFile, open_amass_file, to_motion
@@ -24,7 +25,7 @@ _MAX_DISTANCE = 1e-6  # metres
 
 def write_amass(
     motion: Motion, path: str | os.PathLike[str], *, like: str | os.PathLike[str]
-) -> tuple[str, ...]:
+) -> None:
     """Write a copy of an AMASS file with another motion, such as a graft of the file's motion.
 
     Parameters
@@ -36,11 +37,11 @@ def write_amass(
     like : str or path
         The AMASS file to copy.
 
-    Returns
-    -------
-    tuple of str
-        Names of the arrays that were omitted: arrays with one row per frame, such as ``dmpls``, if
-        the number of frames differs from that of `like`.
+    Warns
+    -----
+    UserWarning
+        If arrays with one row per frame, such as ``dmpls``, are omitted because the number of
+        frames differs from that of `like`.
 
     Raises
     ------
@@ -82,7 +83,11 @@ def write_amass(
         replaced[file.rate_name] = np.full(shape, motion.rate)
     omitted = _frame_arrays(file) if motion.n_frames != file.n_frames else ()
     copy_npz_archive(file.archive, Path(path), replaced, set(omitted))
-    return omitted
+    if omitted:
+        warnings.warn(
+            f"{path} lacks {join_names(omitted)}, which have one row per frame of {like}",
+            stacklevel=2,
+        )
 
 
 def _in_order_of(file: AmassFile, motion: Motion) -> Motion:
