@@ -294,7 +294,6 @@ GRAFT_OPTIONS = """
     --set feet=never
     --set feet=auto --groups clips/upper_base.toml
     --set self_repair=false
-    --set smoothing=0.2
     --set segmentation=clips/cuts.json
     --preset paper --seed 7
     --preset paper --groups lower_torso_larm_rarm
@@ -346,7 +345,7 @@ def libraries() -> Iterator[Case]:
         mograft index clips/ -o a.mograft --groups lower_torso_larm_rarm --preset paper
         mograft index clips/ -o b.mograft --set sigma_scale=1 --rate 60
         mograft index clips/ -o c.mograft --true-rate take1=60 --json
-        mograft index clips/ -o d.mograft --tags clips/tags.csv --set smoothing=0.2
+        mograft index clips/ -o d.mograft --tags clips/tags.csv --set sigma_scale=0.5
         mograft index clips/ -o e.mograft --groups auto:3
         mograft lib info c.mograft
         mograft graft a.mograft -o a/

@@ -14,7 +14,7 @@ from mograft import formats
 from mograft.io.bvh import cursor, header
 from mograft.motion import rotations
 from tests.dialects import Clip, Dialect, clips, dialects, layouts, to_text
-from tests.fuzz_bvh import SEEDS, check, mutate
+from tests.fuzz.bvh import SEEDS, check, mutate
 from tests.io.bvh_helpers import (
     TEXT,
     assert_same_numbers,
@@ -151,7 +151,7 @@ def test_usual_hierarchies_are_read_as_all_others(clip, dialect, chunk_bytes):
 @few_examples(300)
 @given(st.integers(0, 2**32), st.booleans(), st.booleans())
 def test_damaged_usual_hierarchies_are_read_as_all_others(seed, is_small, strict):
-    with patch("tests.fuzz_bvh.TEXT", TEXT.encode()):
+    with patch("tests.fuzz.bvh.TEXT", TEXT.encode()):
         text = mutate(seed)
     chunk_bytes = 50 if is_small else cursor.CHUNK_BYTES
     found = read_hierarchy(text, chunk_bytes, strict=strict)

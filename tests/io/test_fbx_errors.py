@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import mograft as mg
-from tests import fuzz_fbx
+from tests.fuzz import fbx as fuzz_fbx
+from tests.fuzz import outcome
 from tests.io import fbx_scenes as fbx
 from tests.io.fbx_scenes import Layer, Node, Scene, Take
 
@@ -67,7 +68,7 @@ def test_fbx_truncated_file_is_refused_or_has_fewer_takes(path, container):
     n_refused = 0
     for size in range(0, len(data) - 30, len(data) // 60):
         path.write_bytes(data[:size])
-        clips = fuzz_fbx.outcome(mg.read, path)
+        clips = outcome(mg.read, path)
         n_refused += isinstance(clips, mg.FormatError)
         if not isinstance(clips, mg.FormatError):
             assert "text" in container

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
-from tests import fuzz_gltf
+from tests.fuzz import gltf as fuzz_gltf
 from tests.io.gltf_scenes import Scene, Track, pack_glb, write_gltf
 
 TIMES = np.array([0.0, 0.5, 1.0])

@@ -17,7 +17,7 @@ import mograft as mg
 from mograft import formats
 from mograft.dancer import dance
 from mograft.io.npz_archive import _parse_header, open_npz_archive
-from tests import fuzz_npz
+from tests.fuzz import npz as fuzz_npz
 from tests.io.amass_file import amass_arrays, write_arrays
 from tests.io.kimodo_file import kimodo_arrays
 from tests.memory import PEAK_BYTES

@@ -19,7 +19,7 @@ from tests.strategies import assert_same_rotations, few_examples
 pxr = pytest.importorskip("pxr", reason="usd-core is not installed")
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt  # noqa: E402
 
-from tests import fuzz_usd  # noqa: E402 - needs usd-core
+from tests.fuzz import usd as fuzz_usd  # noqa: E402 - needs usd-core
 
 ENDINGS = (".usd", ".usda", ".usdc")
 

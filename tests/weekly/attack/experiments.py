@@ -18,7 +18,7 @@ import mograft as mg
 from mograft import Library, LibraryError, clustering, write_bvh
 from mograft.dancer import dance
 from mograft.library.files import storage
-from tests import fuzz_bvh
+from tests.fuzz import bvh as fuzz_bvh
 from tests.library.checks import list_files
 from tests.linkage.test_adversarial import assert_is_complete_linkage
 from tests.weekly.attack.concurrency import compare_threads, fingerprint

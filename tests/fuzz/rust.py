@@ -1,4 +1,4 @@
-"""Fuzz the kernels with libFuzzer: ``python -m tests.fuzz_rust SECONDS [TARGET ...]``.
+"""Fuzz the kernels with libFuzzer: ``python -m tests.fuzz.rust SECONDS [TARGET ...]``.
 
 Each target runs for `SECONDS`, with coverage of the code as its guide. A target checks its laws on
 every input; an input that violates one is written to the working folder and ends the run. Needs
@@ -12,7 +12,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parent.parent.parent
 TARGETS = {
     "scan": ROOT / "rust/text/fuzz",
     "format": ROOT / "rust/text/fuzz",
