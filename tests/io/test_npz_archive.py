@@ -1,11 +1,9 @@
 """NPZ files that are damaged, claim too much, hold pickled objects, or have no known format."""
 
-import ast
 import contextlib
 import io
 import subprocess
 import sys
-import warnings
 import zipfile
 
 import numpy as np
@@ -16,7 +14,7 @@ from hypothesis import strategies as st
 import mograft as mg
 from mograft import formats
 from mograft.dancer import dance
-from mograft.io.npz_archive import _parse_header, open_npz_archive
+from mograft.io.npz_archive import open_npz_archive
 from tests.fuzz import npz as fuzz_npz
 from tests.io.amass_file import amass_arrays, write_arrays
 from tests.io.kimodo_file import kimodo_arrays
@@ -75,7 +73,7 @@ def test_npz_bomb_is_refused_in_bounded_memory(tmp_path):
         [sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True
     )
     message, mebibytes = run.stdout.splitlines()
-    assert "array `poses`: damaged: expected a header of at most 10000 bytes" in message
+    assert "array `poses`: damaged: EOF: reading array header, expected 2147483647 bytes" in message
     assert int(mebibytes) < 100
 
 
@@ -120,27 +118,12 @@ def test_npz_header_of_python_2_is_read_without_warning(tmp_path):
     np.testing.assert_array_equal(open_npz_archive(path).read_floats("x", (2, 3)), values)
 
 
-@given(
-    dtype=st.sampled_from(["<f8", ">f4", "<i8", "|b1", "|u1", "<U12", "<U0", "|S3", "<c16", "|O"]),
-    shape=st.lists(st.integers(0, 10**12), max_size=5).map(tuple),
-    fortran=st.booleans(),
-    version=st.sampled_from([1, 2]),
-)
-def test_npz_header_is_parsed_without_numpy_and_equals_it(dtype, shape, fortran, version):
-    header = io.BytesIO()
-    write = getattr(np.lib.format, f"write_array_header_{version}_0")
-    write(header, {"descr": dtype, "fortran_order": fortran, "shape": shape})
-    text = header.getvalue()[10 if version == 1 else 12 :]
-    assert _parse_header(text) == (shape, fortran, np.dtype(dtype))
-    assert _parse_header(text[:-1] + b"x") is None
-
-
 @pytest.mark.parametrize("version", [1, 2])
 def test_npz_header_that_ends_early_raises_format_error(tmp_path, version):
     length = (118).to_bytes(2 * version, "little")
     member = b"\x93NUMPY" + bytes([version, 0]) + length + header_of((2, 3))[10:-1]
     path = write_members(tmp_path / "a.npz", {"x": member})
-    with pytest.raises(mg.FormatError, match=r"array `x`: .* header of 118 bytes, got 117"):
+    with pytest.raises(mg.FormatError, match=r"array `x`: .* header, expected 118 bytes got 117"):
         open_npz_archive(path)
 
 
@@ -148,7 +131,7 @@ def test_npz_header_that_ends_early_raises_format_error(tmp_path, version):
     ("header", "message"),
     [
         (b"{'descr': '<f8', 'fortran_order': False, 'shape': (3), }", "shape is not valid: 3"),
-        (b"{'descr': " + b"-" * 9000 + b"1}", "expected the header of a NumPy array, got b"),
+        (b"{'descr': " + b"-" * 9000 + b"1}", "expected the header of a NumPy array, got a deep"),
     ],
 )
 def test_npz_header_that_is_invalid_raises_format_error(tmp_path, header, message):
@@ -173,14 +156,6 @@ def test_npz_structured_array_is_described(tmp_path):
     archive = open_npz_archive(write_arrays(tmp_path / "a.npz", {"x": records}))
     assert archive.headers["x"].dtype == records.dtype
     assert archive.headers["x"].n_bytes == records.nbytes
-
-
-def test_npz_headers_are_read_without_warning_filters_and_ast(valid_files, monkeypatch):
-    """Threads must not change the filters of warnings; `ast` fails in threads of Python 3.11.7."""
-    monkeypatch.setattr(ast, "literal_eval", None)
-    monkeypatch.setattr(warnings, "catch_warnings", None)
-    for path in valid_files:
-        assert open_npz_archive(path).headers
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ import io
 import math
 import re
 import shutil
+import threading
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -25,18 +26,14 @@ from mograft.motion import limits
 MAX_ARRAY_BYTES = 2**30
 """Largest array that is read: about two hours of SMPL-H poses at 120 fps in float64."""
 
-_HEADER = re.compile(
-    rb"\{'descr': '([<>=|]?[A-Za-z][0-9]*)', 'fortran_order': (False|True), "
-    rb"'shape': \(((?:[0-9]+L?, ?)*(?:[0-9]+L?)?)\),? ?\} *\n?"
-)
-"""The header of an array without fields; Python 2 wrote integers with an ``L``.
+_LONG = re.compile(rb"(?<=[0-9])L")
+"""The mark of integers in headers that Python 2 wrote, about which NumPy warns."""
 
-NumPy evaluates headers by `ast.literal_eval`, which is slower, raises SystemError at random if
-several threads call it in Python 3.11.0 to 3.11.7 (CPython issue 106905), and needs a warning for
-the ``L``.
-"""
+_PARSER = threading.Lock()
+"""NumPy parses headers by `ast`, which fails at random in several threads in Python 3.11.0 to
+3.11.7 (CPython issue 106905)."""
 
-_MAX_HEADER_BYTES = 10_000  # as NumPy
+_MAX_HEADER_BYTES = 10_000  # as NumPy, with the bytes before the text
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # those that NumPy writes
 
 
@@ -213,37 +210,19 @@ def copy_npz_archive(
 
 def _read_header(member: IO[bytes]) -> ArrayHeader:
     """Read the header of an array at the start of its member; raise ValueError if it is damaged."""
-    start = member.read(10)
-    if len(start) < 10 or start[:6] != b"\x93NUMPY" or start[6] not in (1, 2, 3):
-        raise ValueError(f"expected the header of a NumPy array, got {start[:8]!r}")
-    length_bytes = start[8:10]
-    if start[6] > 1:
-        length_bytes += member.read(2)
-    length = int.from_bytes(length_bytes, "little")
-    if length > _MAX_HEADER_BYTES:
-        raise ValueError(f"expected a header of at most {_MAX_HEADER_BYTES} bytes, got {length}")
-    text = member.read(length)
-    if len(text) < length:
-        raise ValueError(f"expected a header of {length} bytes, got {len(text)}")
+    # NumPy would read as many bytes as a damaged header claims.
+    start = io.BytesIO(_LONG.sub(b" ", member.read(_MAX_HEADER_BYTES)))
     # Version 3 differs from version 2 only in the encoding of field names.
-    evaluate = npy.read_array_header_1_0 if start[6] == 1 else npy.read_array_header_2_0
+    is_first = npy.read_magic(start) == (1, 0)
+    evaluate = npy.read_array_header_1_0 if is_first else npy.read_array_header_2_0
     try:
-        shape, is_fortran, dtype = _parse_header(text) or evaluate(io.BytesIO(length_bytes + text))
+        with _PARSER:
+            shape, is_fortran, dtype = evaluate(start)
     except MemoryError:  # Python's parser raises it for deep expressions
-        raise ValueError(f"expected the header of a NumPy array, got {text[:40]!r}") from None
+        raise ValueError("expected the header of a NumPy array, got a deep expression") from None
     if any(length < 0 for length in shape):
         raise ValueError(f"expected a shape without negative lengths, got {shape}")
-    return ArrayHeader(shape, dtype, is_fortran, 8 + len(length_bytes) + length)
-
-
-def _parse_header(text: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any]] | None:
-    """Return shape, whether the first index varies fastest, and type; None for other headers."""
-    match = _HEADER.fullmatch(text)
-    if match is None or (match[3] and b"," not in match[3]):  # a number in brackets is no tuple
-        return None
-    lengths = match[3].replace(b"L", b"").split(b",")
-    shape = tuple(int(length) for length in lengths if length.strip())
-    return shape, match[2] == b"True", np.dtype(match[1].decode())
+    return ArrayHeader(shape, dtype, is_fortran, start.tell())
 
 
 @contextmanager
