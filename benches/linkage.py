@@ -310,12 +310,7 @@ def axes(_, child):
     return beside_peers(AXES, child)
 
 
-AXES = (
-    ("genes 34", 10_000),
-    ("genes 100", 10_000),
-    ("genes 300", 10_000),
-    ("genes 34", 182_440),
-)
+AXES = (("genes 34", 10_000), ("genes 100", 10_000), ("genes 300", 10_000), ("genes 34", 182_440))
 
 
 def ties(_, child):

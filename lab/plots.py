@@ -80,10 +80,7 @@ def draw_detectability(rows):
     return _draw_dots(panels, "AUC", dict.fromkeys(panels, (0.5,)))
 
 
-def _draw_measures(
-    rows,
-    measures,
-):
+def _draw_measures(rows, measures):
     """Draw one panel for each item of `measures`: title, (field of `rows`, vertical lines)."""
     panels = {
         title: [(row.method, getattr(row, name)) for row in rows]
@@ -126,14 +123,7 @@ def draw_counts(by_name, paper=None):
     return figure
 
 
-def _draw_dots(
-    panels,
-    label,
-    lines,
-    *,
-    scale=1.0,
-    columns=2,
-):
+def _draw_dots(panels, label, lines, *, scale=1.0, columns=2):
     """Draw one panel for each title, with its named estimates and its vertical `lines`.
 
     Each estimate is a dot with a bar for the interval. `label` is the text at the horizontal axis.

@@ -190,11 +190,7 @@ def _vendor_crates(source: Path) -> None:
     distribution contains a part, and cargo removes the others.
     """
     process = subprocess.run(
-        ["cargo", "vendor", "vendor"],
-        cwd=source,
-        check=True,
-        capture_output=True,
-        text=True,
+        ["cargo", "vendor", "vendor"], cwd=source, check=True, capture_output=True, text=True
     )
     (source / ".cargo").mkdir()
     (source / ".cargo" / "config.toml").write_text(process.stdout, encoding="utf-8")

@@ -201,10 +201,7 @@ def _blender_python():
 def _run_blender(python, script, arguments):
     """Run a script in a process of its own, as bpy needs another version of NumPy."""
     completed = subprocess.run(
-        [python, "-c", script, json.dumps(arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
+        [python, "-c", script, json.dumps(arguments)], capture_output=True, text=True, check=False
     )
     lines = [line for line in completed.stdout.splitlines() if line.startswith("RESULT")]
     if not lines:

@@ -27,11 +27,7 @@ def import_character(path):
 def import_graft(path, metres):
     """Import a BVH file in the axes that Blender gives to FBX files; return the armature."""
     bpy.ops.import_anim.bvh(
-        filepath=path,
-        global_scale=metres,
-        axis_forward="-Z",
-        axis_up="Y",
-        update_scene_fps=True,
+        filepath=path, global_scale=metres, axis_forward="-Z", axis_up="Y", update_scene_fps=True
     )
     return bpy.context.object
 

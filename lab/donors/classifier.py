@@ -10,10 +10,7 @@ from sklearn.preprocessing import StandardScaler
 from sklearn.svm import SVC
 
 N_INNER_FOLDS = 3  # folds of the cross-validation that selects the parameters
-PARAMETER_GRID = {
-    "C": (1.0, 10.0),
-    "gamma": (0.003, 0.01, 0.03),
-}
+PARAMETER_GRID = {"C": (1.0, 10.0), "gamma": (0.003, 0.01, 0.03)}
 """Parameters of the support vector machine that the cross-validation compares."""
 _FALLBACK_PARAMETERS = {"C": 1.0, "gamma": 0.03}
 _N_COMPONENTS = 20
@@ -49,10 +46,7 @@ class PairFeatures:
 
 def _reduce(features, train):
     n_components = min(_N_COMPONENTS, features.shape[1], len(train) - 1)
-    pipeline = make_pipeline(
-        StandardScaler(),
-        PCA(n_components, svd_solver="full"),
-    )
+    pipeline = make_pipeline(StandardScaler(), PCA(n_components, svd_solver="full"))
     return pipeline.fit(features[train]).transform(features)
 
 

@@ -99,14 +99,7 @@ class Compatibility(Record):
 
 
 def compatibility(
-    library,
-    group=None,
-    methods=None,
-    *,
-    seed=0,
-    splits=4,
-    is_null=False,
-    progress=None,
+    library, group=None, methods=None, *, seed=0, splits=4, is_null=False, progress=None
 ):
     """Score how closely combinations of base parts and donor parts resemble captured ones.
 
@@ -298,14 +291,7 @@ class _Roles:
         )
 
 
-def _score_fold(
-    rates,
-    split,
-    roles,
-    score_pairs,
-    donors,
-    rng,
-):
+def _score_fold(rates, split, roles, score_pairs, donors, rng):
     """Write the acceptance rates of the bases of one fold to `rates`.
 
     `donors` has the donors of each base by method. Return for each base the share of its random

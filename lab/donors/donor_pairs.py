@@ -10,13 +10,7 @@ _N_SEQUENCES = 20  # donor sequences that are drawn for each clip from a method 
 _CHUNK = 500  # segments whose candidates are in memory at the same time
 
 
-def selected_donors(
-    library,
-    group,
-    methods,
-    seed,
-    segments=None,
-):
+def selected_donors(library, group, methods, seed, segments=None):
     """Return the donors of each segment in 20 donor sequences per clip, by name of the method.
 
     A donor may occur several times. Methods whose `uses_cost` is False are omitted. If `segments`
@@ -40,12 +34,7 @@ def selected_donors(
     return selected
 
 
-def list_donors(
-    library,
-    methods,
-    segments,
-    selected,
-):
+def list_donors(library, methods, segments, selected):
     """Return, for each method, the donors of each of `segments`, without the segment itself.
 
     The donors are those in `selected`, the result of `selected_donors`; for methods that are not

@@ -19,12 +19,7 @@ PAPER_TABLES = {
 }
 """Frames, segments and, for each number of groups, combinations in the tables of the paper."""
 
-PRESETS = (
-    "lower_upper",
-    "lower_torso_arms",
-    "lower_torso_larm_rarm",
-    "lower_torso_head_larm_rarm",
-)
+PRESETS = ("lower_upper", "lower_torso_arms", "lower_torso_larm_rarm", "lower_torso_head_larm_rarm")
 _GROUPS = (2, 3, 4, 5)
 _READINGS = ("literal", "rms")
 
@@ -149,12 +144,7 @@ def _check_groups(groups):
         raise ValueError(f"`groups` must contain numbers of at least 2, got {min(groups)}")
 
 
-def sweep(
-    library,
-    readings=_READINGS,
-    scales=(0.25, 0.5, 0.75, 1.0, 1.25, 1.5),
-    groups=_GROUPS,
-):
+def sweep(library, readings=_READINGS, scales=(0.25, 0.5, 0.75, 1.0, 1.25, 1.5), groups=_GROUPS):
     """Count the combinations for each interpretation of eq. 14 and each scale.
 
     Parameters
@@ -194,14 +184,7 @@ def sweep(
     return tuple(rows)
 
 
-def _count_combinations(
-    library,
-    labels,
-    sigma,
-    scale,
-    diameter,
-    groups,
-):
+def _count_combinations(library, labels, sigma, scale, diameter, groups):
     n = len(labels)
     candidates = cluster_candidates(library, np.arange(n), labels)
     sizes = np.bincount(labels)

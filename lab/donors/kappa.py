@@ -112,13 +112,7 @@ class Kappas:
             self._block_sums(self.captured, where),
         ]
 
-    def _estimate(
-        self,
-        terms,
-        combine,
-        values,
-        unit,
-    ):
+    def _estimate(self, terms, combine, values, unit):
         n_splits, n_blocks = terms[0][0].shape
         interval_method = f"bootstrap of {n_blocks} blocks and {n_splits} splits"
         n = int(np.isfinite(values).any(axis=0).sum())

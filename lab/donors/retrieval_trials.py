@@ -238,10 +238,7 @@ class Trials:
                 ]
             )
             ranks[rule] = np.concatenate([middle_ranks(order) for order in several])
-        gains = (
-            errors.mean_angle[columns] - angle,
-            errors.mean_distance[columns] - distance,
-        )
+        gains = (errors.mean_angle[columns] - angle, errors.mean_distance[columns] - distance)
         is_nearest = distance == np.minimum.reduceat(distance, self.starts)[self.query]
         found = {}
         for rule in (*RULES, BEST):

@@ -17,11 +17,7 @@ HELPERS = (bases,)
 SOURCES = ("salsa A", "salsa B", "perfume", "indian", "basketball", "slow walks", "locomotion")
 METHODS = (RandomLength(), ContactPattern(), Analogy())
 
-PAPER_TABLE = {
-    "contact pattern": (85.8, 478),
-    "analogy": (81.7, 478),
-    "original": (64.0, 478),
-}
+PAPER_TABLE = {"contact pattern": (85.8, 478), "analogy": (81.7, 478), "original": (64.0, 478)}
 """Table 3 of the paper: unbalanced segments (mean of 10 runs) and all segments, by method."""
 
 

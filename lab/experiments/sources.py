@@ -121,12 +121,7 @@ _TEST = (
         "one take of one person, 57 DoF (OptiTrack Arena)",
         is_test=True,
     ),
-    Source(
-        "boxing",
-        "skel_cmu_motionbuilder/*.bvh",
-        "CMU subject 13, one take",
-        is_test=True,
-    ),
+    Source("boxing", "skel_cmu_motionbuilder/*.bvh", "CMU subject 13, one take", is_test=True),
     Source(
         "estimated",
         "skel_video2bvh/*.bvh",

@@ -8,11 +8,7 @@ import numpy as np
 
 from lab.measures import two_sets
 from lab.measures.contacts import toe_skate
-from lab.measures.distributions import (
-    N_NEIGHBOURS,
-    balls,
-    frechet_distance,
-)
+from lab.measures.distributions import N_NEIGHBOURS, balls, frechet_distance
 from lab.measures.nearest_patches import nearest_patches
 from lab.measures.nearest_windows import (
     COVERAGE_FRAMES,

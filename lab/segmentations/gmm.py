@@ -7,11 +7,7 @@ import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.mixture import GaussianMixture
 
-from lab.segmentations.poses import (
-    frames_of,
-    pose_features,
-    principal_scores,
-)
+from lab.segmentations.poses import frames_of, pose_features, principal_scores
 
 _MIN_VARIANCE_SHARE = 1e-3
 """Least variance of a component along any axis, as a share of the mean variance of all points."""

@@ -5,12 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lab.segmentations.growing_scatter import GrowingScatter
-from lab.segmentations.poses import (
-    MIN_VARIANCE,
-    dimensions_of,
-    frames_of,
-    pose_features,
-)
+from lab.segmentations.poses import MIN_VARIANCE, dimensions_of, frames_of, pose_features
 
 
 @dataclass(frozen=True)

@@ -35,27 +35,12 @@ from mograft.solve.plan import GraftPlan
 
 RATE = 30.0
 SIGMA_SCALES = (0.3, 0.5, 0.75, 1.0, 1.5, 2.5)
-COLUMNS = (
-    "exchanged",
-    "novelty",
-    "between grafts",
-    "seam gap",
-    "seams, gross",
-    "seams, fine",
-)
+COLUMNS = ("exchanged", "novelty", "between grafts", "seam gap", "seams, gross", "seams, fine")
 TEMPERATURES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 N_SEEDS = 4
 DIVERSITIES = (0.0, 1.0, 2.0, 4.0)
 VARIETIES = (0.0, 0.25, 0.5, 0.75, 1.0)
-PARTS = (
-    "radius",
-    "share",
-    "seeds",
-    "neighbourhood",
-    "temperature",
-    "diversity",
-    "dial",
-)
+PARTS = ("radius", "share", "seeds", "neighbourhood", "temperature", "diversity", "dial")
 MAX_BASES = 3  # clips of a source that are bases
 MAX_WINDOWS = 600
 

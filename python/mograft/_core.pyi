@@ -77,17 +77,12 @@ def features(
 ) -> FloatArray: ...
 def angle(a: FloatArray, b: FloatArray) -> FloatArray: ...
 def from_channels(
-    values: FloatArray,
-    starts: Sequence[int],
-    turns: Sequence[tuple[int, int]],
-    radians: float,
+    values: FloatArray, starts: Sequence[int], turns: Sequence[tuple[int, int]], radians: float
 ) -> FloatArray: ...
 def continuous_signs(rotations: FloatArray) -> FloatArray: ...
 def from_euler(angles: FloatArray, axes: Sequence[int]) -> FloatArray: ...
 def to_euler(
-    rotations: FloatArray,
-    axes: tuple[int, int, int],
-    near: tuple[float, float, float],
+    rotations: FloatArray, axes: tuple[int, int, int], near: tuple[float, float, float]
 ) -> FloatArray: ...
 def hermite(
     start: FloatArray,
@@ -157,11 +152,7 @@ def keep_cheapest(
     counts: IntArray, costs: FloatArray, is_first: BoolArray, limit: int
 ) -> tuple[IntArray, IntArray]: ...
 def sample(
-    counts: IntArray,
-    unary: FloatArray,
-    pairwise: FloatArray,
-    temperature: float,
-    draws: FloatArray,
+    counts: IntArray, unary: FloatArray, pairwise: FloatArray, temperature: float, draws: FloatArray
 ) -> IntArray: ...
 def replace_joints(
     base: FloatArray, part: FloatArray, joints: IntArray
@@ -191,11 +182,7 @@ def smooth_gradient(
     reach: float,
 ) -> None: ...
 def kinetic_energy(
-    parents: IntArray,
-    rotations: FloatArray,
-    inertia: FloatArray,
-    frame_time: float,
-    omega: str,
+    parents: IntArray, rotations: FloatArray, inertia: FloatArray, frame_time: float, omega: str
 ) -> FloatArray: ...
 def scan_numbers(
     text: bytes, start: int, out: FloatArray, *, last: bool

@@ -108,16 +108,8 @@ def test_graft_many_accepts_numpy_integers(library):
         (mg.mirror, ["a.bvh"], "`motion` must be a Motion, got str"),
         (mg.find_faults, ["a.bvh"], "`motion` must be a Motion, got str"),
         (mg.write_bvh, [3, "a.bvh"], "`motion` must be a Motion, got int"),
-        (
-            mc.Avoid,
-            [3],
-            "`obstacle` must be an obstacle such as Sphere, Capsule or Box, got 3",
-        ),
-        (
-            mc.KeepOut,
-            ["Hips", None],
-            "`region` must be an obstacle such as Sphere, Capsule or Box",
-        ),
+        (mc.Avoid, [3], "`obstacle` must be an obstacle such as Sphere, Capsule or Box, got 3"),
+        (mc.KeepOut, ["Hips", None], "`region` must be an obstacle such as Sphere, Capsule or Box"),
         (mc.Character, ["a.bvh"], "`motion` must be a Motion, got str"),
         (mc.OnlyFrom, [3], "`clips` must be a name or several names, got 3"),
         (mc.NotFrom, [["a", 3]], "`clips` must be a name or several names, got"),

@@ -11,14 +11,7 @@ from sklearn.decomposition import PCA
 
 from mograft import Config, Motion, Segments, segment
 from mograft._util.linalg import GRID
-from mograft.analysis.embedding import (
-    Samples,
-    embed,
-    features,
-    mean_rotations,
-    moments,
-    normalise,
-)
+from mograft.analysis.embedding import Samples, embed, features, mean_rotations, moments, normalise
 from mograft.analysis.principal_components import Spread
 from mograft.analysis.principal_components import pca as components_of
 from mograft.motion import rotations

@@ -12,13 +12,7 @@ from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from tests.hierarchies import human
-from tests.strategies import (
-    SEEDS,
-    assert_same_rotations,
-    few_examples,
-    person,
-    tile_segments,
-)
+from tests.strategies import SEEDS, assert_same_rotations, few_examples, person, tile_segments
 
 UPPER = GraftedGroup(np.arange(7, 18))  # the chest and all joints below it
 CHEST, HEAD = 7, 17

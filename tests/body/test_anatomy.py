@@ -23,10 +23,7 @@ from tests.hierarchies import (
 )
 from tests.strategies import few_examples
 
-LIMBS = {
-    "left": ("Left", "L", "l", "_L", ".L"),
-    "right": ("Right", "R", "r", "_R", ".R"),
-}
+LIMBS = {"left": ("Left", "L", "l", "_L", ".L"), "right": ("Right", "R", "r", "_R", ".R")}
 # `{Side}`, `{S}`, `{s}`, `{_S}` and `{.S}` stand for each side in turn.
 SCHEMES = {
     "motionbuilder": "Hips=pelvis {Spine=trunk > Spine1=trunk {Neck=neck > Head=head"

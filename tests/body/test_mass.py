@@ -90,7 +90,7 @@ def test_mass_model_part_mass_is_divided_by_bone_length():
 def test_mass_model_missing_part_adds_to_proximal_part():
     skeleton, _ = skeleton_from_text(
         "Hips {LeftHip > LeftKnee > LeftAnkle | RightHip > RightKnee > RightAnkle"
-        " | Chest {LeftShoulder > LeftElbow | RightArm}}",
+        " | Chest {LeftShoulder > LeftElbow | RightArm}}"
     )
     found = mass_model(skeleton.with_offsets(np.full((11, 3), 1.0)), sex="male")
     assert found.mass[skeleton.index("LeftElbow")] == pytest.approx(0.0162 + 0.0061)

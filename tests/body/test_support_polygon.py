@@ -46,10 +46,7 @@ def test_convex_hull_of_random_points_equals_scipy_hull(points):
 
 @pytest.mark.parametrize(
     ("points", "expected"),
-    [
-        ([[1, 2], [1, 2], [1, 2]], [[1, 2]]),
-        ([[2, 2], [0, 0], [1, 1], [3, 3]], [[0, 0], [3, 3]]),
-    ],
+    [([[1, 2], [1, 2], [1, 2]], [[1, 2]]), ([[2, 2], [0, 0], [1, 1], [3, 3]], [[0, 0], [3, 3]])],
 )
 def test_convex_hull_collinear_points_returns_ends(points, expected):
     np.testing.assert_array_equal(convex_hull(np.array(points, float)), expected)

@@ -20,11 +20,7 @@ def checks(capsys, code):
 def test_doctor_complete_installation_returns_0(capsys):
     found = checks(capsys, 0)
     assert found["mograft"]["detail"] == mograft.__version__
-    assert found["numpy"] == {
-        "what": "numpy",
-        "state": "ok",
-        "detail": metadata.version("numpy"),
-    }
+    assert found["numpy"] == {"what": "numpy", "state": "ok", "detail": metadata.version("numpy")}
     assert found["a graft"]["detail"] == "300 frames created"
     assert main(["doctor"]) == 0
     lines = capsys.readouterr().out.splitlines()

@@ -89,10 +89,7 @@ def test_groups_output_is_accepted_by_graft(run, folder, tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "code", "message"),
-    [
-        ("this is no motion", 3, "bad.bvh:1"),
-        (None, 1, "bad.bvh: No such file or directory"),
-    ],
+    [("this is no motion", 3, "bad.bvh:1"), (None, 1, "bad.bvh: No such file or directory")],
 )
 def test_graft_invalid_file_prints_one_line_and_exit_code(run, tmp_path, text, code, message):
     path = tmp_path / "bad.bvh"

@@ -43,11 +43,7 @@ def test_option_with_doubled_letter_is_suggested(leaf, data):
     assert error[0].startswith(f"usage: mograft {' '.join(words)} ")
 
 
-@pytest.mark.parametrize(
-    ("words", "command"),
-    LEAVES,
-    ids=["-".join(words) for words, _ in LEAVES],
-)
+@pytest.mark.parametrize(("words", "command"), LEAVES, ids=["-".join(words) for words, _ in LEAVES])
 def test_help_has_at_most_45_lines_and_help_all_has_all_options(
     capsys, monkeypatch, words, command
 ):

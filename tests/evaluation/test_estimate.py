@@ -9,12 +9,7 @@ from hypothesis import strategies as st
 
 from mograft import Segments
 from mograft.evaluation import estimate
-from mograft.evaluation.estimate import (
-    Estimate,
-    block_bootstrap,
-    block_mean,
-    segment_blocks,
-)
+from mograft.evaluation.estimate import Estimate, block_bootstrap, block_mean, segment_blocks
 from tests.strategies import SEEDS
 
 

@@ -11,12 +11,7 @@ from lab.donors.donor_methods import RandomLength, grafts_by
 from mograft import InsufficientDataError, Library
 from mograft.body.mass import mass_model
 from mograft.evaluation.body_tracks import BodyTracks
-from mograft.evaluation.novelty import (
-    body_windows,
-    captured_windows,
-    nearest_distances,
-    novelty,
-)
+from mograft.evaluation.novelty import body_windows, captured_windows, nearest_distances, novelty
 from tests.evaluation.planted import ByCost, Captured, copy_base
 from tests.strategies import SEEDS
 

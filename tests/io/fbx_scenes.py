@@ -298,10 +298,7 @@ def _document_6100(scene):
                 (
                     "Model",
                     [Label(node.name, "Model")],
-                    [
-                        ("Version", [1.1], []),
-                        ("Channel", ["Transform"], parts),
-                    ],
+                    [("Version", [1.1], []), ("Channel", ["Transform"], parts)],
                 )
             )
         span = [int(ticks[0]), int(ticks[-1])]

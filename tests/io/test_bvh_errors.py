@@ -14,12 +14,7 @@ from mograft import formats
 from mograft.io.bvh import cursor
 from mograft.motion import limits
 from tests.dialects import clips, dialects, to_text
-from tests.io.bvh_helpers import (
-    REFLOWED_ROWS,
-    TEXT,
-    TEXT_VALUES,
-    read,
-)
+from tests.io.bvh_helpers import REFLOWED_ROWS, TEXT, TEXT_VALUES, read
 from tests.strategies import few_examples
 
 REPAIRS = {
@@ -171,13 +166,7 @@ REFUSALS = {
     "no name": ("JOINT Spine", "JOINT", 7, 2, "expected a name after JOINT, got {"),
     "no brace": ("Spine\n\t{", "Spine\n\t", 8, 3, "expected {, got OFFSET"),
     "no offset": ("\t\tOFFSET 0.0 10.0 0.0\n", "", 9, 3, "expected OFFSET, got End"),
-    "two offsets": (
-        "CHANNELS 3",
-        "OFFSET 1 2 3 CHANNELS 3",
-        9,
-        3,
-        "expected CHANNELS, got OFFSET",
-    ),
+    "two offsets": ("CHANNELS 3", "OFFSET 1 2 3 CHANNELS 3", 9, 3, "expected CHANNELS, got OFFSET"),
     "short offset": ("10.0 0.0", "10.0", 9, 3, "expected a number of OFFSET, got CHANNELS"),
     "no channels": (
         "\t\tCHANNELS 3 Zrotation Xrotation Yrotation\n",
@@ -226,13 +215,7 @@ REFUSALS = {
     "negative frames": ("Frames: 3", "Frames: -3", 17, 9, "expected the number of frames, got -3"),
     "half a frame": ("Frames: 3", "Frames: 2.5", 17, 9, "expected the number of frames, got 2.5"),
     "no time": ("0.04", "0", 18, 13, "expected a frame time of 1e-05 to 1000 seconds, got 0"),
-    "negative time": (
-        "0.04",
-        "-0.04",
-        18,
-        13,
-        "expected a frame time of 1e-05 to 1000 s",
-    ),
+    "negative time": ("0.04", "-0.04", 18, 13, "expected a frame time of 1e-05 to 1000 s"),
     "nan time": ("0.04", "nan", 18, 13, "expected the frame time in seconds, got nan"),
     "comma time": ("0.04", "0,04", 18, 13, "got 0,04 with a decimal comma"),
     "nan": ("90.5", "NaN", 20, 5, "expected a number, got NaN, which is not a finite number"),

@@ -15,13 +15,7 @@ from mograft.io.bvh import cursor, header
 from mograft.motion import rotations
 from tests.dialects import Clip, Dialect, clips, dialects, layouts, to_text
 from tests.fuzz.bvh import SEEDS, check, mutate
-from tests.io.bvh_helpers import (
-    TEXT,
-    assert_same_numbers,
-    assert_same_skeleton,
-    read,
-    round_trip,
-)
+from tests.io.bvh_helpers import TEXT, assert_same_numbers, assert_same_skeleton, read, round_trip
 from tests.strategies import few_examples
 
 

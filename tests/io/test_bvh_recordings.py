@@ -7,11 +7,7 @@ import pytest
 
 import mograft as mg
 from mograft import formats
-from tests.io.bvh_helpers import (
-    assert_same_numbers,
-    assert_same_skeleton,
-    round_trip,
-)
+from tests.io.bvh_helpers import assert_same_numbers, assert_same_skeleton, round_trip
 from tests.io.recorded_files import DATA, ODD, ODD_FILES, RECORDINGS, file_id, require
 
 

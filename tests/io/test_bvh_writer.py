@@ -18,13 +18,7 @@ from mograft.io.bvh import writer
 from mograft.motion import rotations
 from mograft.motion.skeleton import CHANNELS
 from tests.dialects import Dialect, clips, motions, names, to_text
-from tests.io.bvh_helpers import (
-    TEXT,
-    assert_same_numbers,
-    assert_same_skeleton,
-    read,
-    round_trip,
-)
+from tests.io.bvh_helpers import TEXT, assert_same_numbers, assert_same_skeleton, read, round_trip
 from tests.oracles import bvh as oracle
 from tests.strategies import few_examples
 

@@ -10,13 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lab.donors.enrichment import (
-    PAPER_TABLES,
-    cluster_numbers,
-    enrichment,
-    moment_laws,
-    sweep,
-)
+from lab.donors.enrichment import PAPER_TABLES, cluster_numbers, enrichment, moment_laws, sweep
 from mograft.search.candidates import count_combinations
 
 LABELS = st.lists(st.integers(0, 4), min_size=1, max_size=40)

@@ -9,15 +9,7 @@ from hypothesis import strategies as st
 
 import mograft
 import mograft as mg
-from mograft import (
-    Config,
-    JointGroups,
-    Library,
-    Motion,
-    Skeleton,
-    SkeletonMismatchError,
-    write_bvh,
-)
+from mograft import Config, JointGroups, Library, Motion, Skeleton, SkeletonMismatchError, write_bvh
 from mograft.analysis.embedding import features, normalise
 from mograft.body.mass import mass_model
 from mograft.dancer import dance

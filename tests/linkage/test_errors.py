@@ -191,11 +191,7 @@ def test_invalid_input_raises_error_of_peer(call, peer, error, message):
 
 OWN = [
     # errors that the peers do not raise, or not by index
-    (
-        lambda: clustering.cut(POINTS, -1.0),
-        ValueError,
-        "`max_diameter` must be 0 or more, got -1",
-    ),
+    (lambda: clustering.cut(POINTS, -1.0), ValueError, "`max_diameter` must be 0 or more, got -1"),
     (
         lambda: clustering.cut(POINTS, np.nan),
         ValueError,

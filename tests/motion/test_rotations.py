@@ -162,10 +162,7 @@ def test_hermite_meets_end_rotations_and_velocities(start, end, leaving, reachin
             "`order` must consist of the letters X, Y and Z",
         ),
         (lambda: rotations.from_euler([1.0, 2.0], "X"), r"`angles` must have shape \(..., 1\)"),
-        (
-            lambda: rotations.to_euler([[0, 0, 0, 1.0]], "ZXZ"),
-            "`order` must be different letters",
-        ),
+        (lambda: rotations.to_euler([[0, 0, 0, 1.0]], "ZXZ"), "`order` must be different letters"),
     ],
 )
 def test_rotations_invalid_argument_raises_value_error(call, message):

@@ -15,11 +15,7 @@ def fingers(first):
     return parents
 
 
-PARENTS = {
-    72: [*BODY, 20, 21],
-    156: [*BODY, *fingers(22)],
-    165: [*BODY, 15, 15, 15, *fingers(25)],
-}
+PARENTS = {72: [*BODY, 20, 21], 156: [*BODY, *fingers(22)], 165: [*BODY, 15, 15, 15, *fingers(25)]}
 
 
 def rodrigues(vector):

@@ -309,9 +309,7 @@ def test_splice_takes_each_frame_from_one_motion(seed, size):
     turns[rng.random(80) < 0.5] = rotations.IDENTITY
     signs = rng.choice([-1.0, 1.0], (1, before.n_joints, 1))
     after = replace(
-        before,
-        rotations=signs * rotations.multiply(before.rotations, turns),
-        channel_values=None,
+        before, rotations=signs * rotations.multiply(before.rotations, turns), channel_values=None
     )
     is_new = np.zeros(80, bool)
     is_new[30 : int(rng.integers(31, 50))] = True

@@ -281,11 +281,7 @@ def test_batch_assembly_matches_single_assembly(library):
 def test_donor_constraints_exclude_donors_for_every_choice(library, choice):
     chosen = replace(library, config=replace(library.config, choice=choice))
     segments = library.segments
-    for constraint in (
-        mc.NotFrom("second"),
-        mc.OnlyFrom("second"),
-        mc.MaxStretch(0.0),
-    ):
+    for constraint in (mc.NotFrom("second"), mc.OnlyFrom("second"), mc.MaxStretch(0.0)):
         for graft in mg.graft_many(chosen, count=2, constraints=[constraint]):
             donors = upper_donors(graft)
             other = donors != segments.of_clip(0)
@@ -321,16 +317,10 @@ def test_not_from_partial_overlap_excludes_donor():
     donors = mg.Segments([10, 15, 25, 31], [20, 30, 35, 40], [1] * 4)
     clips = [SimpleNamespace(name="base", tags=()), SimpleNamespace(name="other", tags=("x", "y"))]
     excluding, including = {"clip_frames": (19, 30)}, {"clip_frames": (12, 36)}
-    for constraint in (
-        mc.NotFrom("other", **excluding),
-        mc.NotFrom(tags="x", **excluding),
-    ):
+    for constraint in (mc.NotFrom("other", **excluding), mc.NotFrom(tags="x", **excluding)):
         error = constraint.donor_errors(captured, donors, clips)
         np.testing.assert_array_equal(error > 1, [True, True, True, False])
-    for constraint in (
-        mc.OnlyFrom("oth*", **including),
-        mc.OnlyFrom(tags={"y"}, **including),
-    ):
+    for constraint in (mc.OnlyFrom("oth*", **including), mc.OnlyFrom(tags={"y"}, **including)):
         error = constraint.donor_errors(captured, donors, clips)
         np.testing.assert_array_equal(error > 1, [True, False, False, True])
 
@@ -418,10 +408,7 @@ def test_use_and_ban_random_segments_hold(library, seed, choice):
     free = mg.graft(chosen, seed=seed % 7)
     rejected = int(upper_donors(free)[banned])
     span = int(segments.start[used]), int(segments.stop[used])
-    for use in (
-        mc.Use(used, donor),
-        mc.Use(frames=span, donor=donor_frames),
-    ):
+    for use in (mc.Use(used, donor), mc.Use(frames=span, donor=donor_frames)):
         bans = [mc.Ban(banned, rejected), mc.Ban(exchanged)]
         graft = mg.graft(chosen, constraints=[use, *bans], seed=seed % 7)
         donors, candidates = upper_donors(graft), build_problem(library, []).candidates["upper"]
@@ -439,11 +426,7 @@ def test_use_excluded_by_another_constraint_is_violation(library):
     segments = library.segments
     frames = int(segments.start[4]), int(segments.stop[4])
     use = mc.Use(4, int(segments.of_clip(1)[7]))
-    for other in (
-        mc.Ban(4, "second"),
-        mc.NotFrom("second"),
-        mc.KeepOriginal(frames=frames),
-    ):
+    for other in (mc.Ban(4, "second"), mc.NotFrom("second"), mc.KeepOriginal(frames=frames)):
         graft = mg.graft(library, constraints=[use, other])
         assert upper_donors(graft)[4] == 4
         (violation,) = graft.violations
@@ -473,32 +456,17 @@ def test_use_in_repair_changes_segment(library):
             lambda: mc.Use(3),
             r"`donor` must be a segment index or \(clip, first frame, last frame\), got",
         ),
-        (
-            lambda: mc.Use(3, "second"),
-            "`donor` must be a segment index or .*, got 'second'",
-        ),
-        (
-            lambda: mc.Ban(3, ("second", 9, 3)),
-            "`donor` must be a first and a last frame",
-        ),
+        (lambda: mc.Use(3, "second"), "`donor` must be a segment index or .*, got 'second'"),
+        (lambda: mc.Ban(3, ("second", 9, 3)), "`donor` must be a first and a last frame"),
         (lambda: mc.Use(99999, 3), "`segment` of Use must be 0 to .*, got 99999"),
         (lambda: mc.Ban(3, 99999), "`donor` of Ban must be 0 to .*, got 99999"),
-        (
-            lambda: mc.Ban(3, "secnd"),
-            "`donor` of Ban .*; got 'secnd'; did you mean 'second'",
-        ),
+        (lambda: mc.Ban(3, "secnd"), "`donor` of Ban .*; got 'secnd'; did you mean 'second'"),
         (
             lambda: mc.Use(3, ("second", 0, 1)),
             r"`donor` of Use must be a segment of second, got 0-1; the nearest are 0-",
         ),
-        (
-            lambda: mc.Use(frames=(0, 1), donor=3),
-            "`frames` of Use must be a segment of the base",
-        ),
-        (
-            lambda: mc.Ban(3, ("second", 99990, 99999)),
-            "`donor` of Ban must be a segment of second",
-        ),
+        (lambda: mc.Use(frames=(0, 1), donor=3), "`frames` of Use must be a segment of the base"),
+        (lambda: mc.Ban(3, ("second", 99990, 99999)), "`donor` of Ban must be a segment of second"),
     ],
 )
 def test_use_and_ban_unknown_segment_raises_value_error(library, make, message):
@@ -756,10 +724,7 @@ def test_report_prints_the_limit_of_seam_gaps(library):
             "`rotation` must be a unit quaternion",
         ),
         (lambda: mc.HalfSpace((0, 0, 0), (0, 0, 0)), "`normal` must not be zero"),
-        (
-            lambda: mc.Avoid(mc.Sphere((0, 0, 0), 1), tolerance=0),
-            "`tolerance` must be above 0",
-        ),
+        (lambda: mc.Avoid(mc.Sphere((0, 0, 0), 1), tolerance=0), "`tolerance` must be above 0"),
         (
             lambda: mc.Reach(HAND, (0, 0, 0), -1),
             "`frame` must be a whole number of at least 0, got -1",
@@ -770,10 +735,7 @@ def test_report_prints_the_limit_of_seam_gaps(library):
             lambda: mc.KeepOriginal(frames=(5, 2)),
             "`frames` must be a first and a last frame, ascending",
         ),
-        (
-            lambda: mc.MaxAngle(0.1, weight=1.0),
-            "MaxAngle accepts neither weight nor frames",
-        ),
+        (lambda: mc.MaxAngle(0.1, weight=1.0), "MaxAngle accepts neither weight nor frames"),
         (lambda: mc.AvoidSelf(captured=-1), "`captured` must not be negative, got -1"),
     ],
 )
@@ -840,11 +802,7 @@ def test_max_stretch_errors_are_above_1_for_greater_stretches_only(base, donor, 
     [
         ("no constraint", TypeError, "`constraints` must contain only constraints, got 'no"),
         (mc.Reach("Wing", (0, 0, 0), 5), ValueError, "no joint is named 'Wing'"),
-        (
-            mc.Reach(HAND, (0, 0, 0), 99_999),
-            ValueError,
-            "frames of `Reach` must be within 0 to",
-        ),
+        (mc.Reach(HAND, (0, 0, 0), 99_999), ValueError, "frames of `Reach` must be within 0 to"),
         (mc.NotFrom("waltz*"), ValueError, r"`clips` must match .*; got 'waltz\*'"),
         (
             mc.OnlyFrom(tags="happy"),
@@ -859,11 +817,7 @@ def test_constraint_unknown_names_raise_before_search(library, constraint, error
 
 
 def test_limit_config_takes_the_smallest_angle():
-    angles = [
-        mc.MaxAngle(0.4),
-        mc.MaxAngle(0.2),
-        mc.Reach("a", (0, 0, 0), 0),
-    ]
+    angles = [mc.MaxAngle(0.4), mc.MaxAngle(0.2), mc.Reach("a", (0, 0, 0), 0)]
     assert limit_config(mg.Config(), angles) == mg.Config(max_angle=0.2)
     assert limit_config(mg.Config(), [mc.MaxAngle(3.0)]) == mg.Config()
 

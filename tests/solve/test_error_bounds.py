@@ -141,18 +141,12 @@ def test_positions_out_of_reach_of_an_obstacle_are_not_evaluated(libraries, make
     away /= np.linalg.norm(away)
     place = hips[-1] + 100.0 * away
     constraint, distances = {
-        "Avoid": (
-            mc.Avoid(mc.Sphere(place, 10.0)),
-            np.linalg.norm(hips - place, axis=1) - 10.0,
-        ),
+        "Avoid": (mc.Avoid(mc.Sphere(place, 10.0)), np.linalg.norm(hips - place, axis=1) - 10.0),
         "KeepOut": (
             mc.KeepOut("LeftHand", mc.Box(place, (1.0, 9.0, 9.0))),
             np.linalg.norm(hips - place, axis=1) - 13.0,
         ),
-        "wall": (
-            mc.Avoid(mc.HalfSpace(place, tuple(-away))),
-            (place - hips) @ away,
-        ),
+        "wall": (mc.Avoid(mc.HalfSpace(place, tuple(-away))), (place - hips) @ away),
     }[kind]
     problem = make_problem(libraries[0], [constraint], ["upper"])
     evaluated = find_evaluated_positions(problem, "upper", problem.base)

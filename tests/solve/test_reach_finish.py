@@ -109,11 +109,7 @@ def test_graft_completion_that_breaks_another_constraint_is_not_made(library):
 
 def test_graft_completion_is_reported_and_replayed(library):
     near, far = aside(library, 0.05), aside(library, 0.3, "RightHand", 300)
-    constraints = [
-        mc.MaxAngle(0.7),
-        mc.Reach("RightHand", far, 300),
-        mc.Reach(HAND, near, FRAME),
-    ]
+    constraints = [mc.MaxAngle(0.7), mc.Reach("RightHand", far, 300), mc.Reach(HAND, near, FRAME)]
     graft = mg.graft(library, constraints=constraints, seed=3)
     left, moved = graft.reach_completions
     assert (left.is_moved, moved.is_moved) == (False, True)
@@ -147,10 +143,7 @@ def test_graft_both_hands_and_a_later_frame_are_completed_and_replayed(library):
 
 def test_graft_edited_reach_is_completed_and_replayed(library):
     near, far = aside(library, 0.05), aside(library, 0.3, "RightHand", 300)
-    constraints = [
-        mc.Reach("RightHand", far, 300),
-        mc.Reach(HAND, near, FRAME),
-    ]
+    constraints = [mc.Reach("RightHand", far, 300), mc.Reach(HAND, near, FRAME)]
     graft = mg.graft(library, constraints=constraints, seed=3)
     kept = mg.edit(graft, mc.KeepOriginal(frames=(FRAME - 5, FRAME + 5)))
     assert [own.is_moved for own in kept.reach_completions] == [False, False]

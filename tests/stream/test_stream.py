@@ -352,10 +352,7 @@ def test_stream_horizon_1_violates_a_constraint_only_if_all_candidates_do(
 
 
 @FEW_EXAMPLES
-@given(
-    st.sampled_from(["viterbi", "sample", "random", "nearest"]),
-    st.integers(1, 8),
-)
+@given(st.sampled_from(["viterbi", "sample", "random", "nearest"]), st.integers(1, 8))
 def test_stream_constraint_that_all_candidates_satisfy_changes_nothing(
     library, base, choice, horizon
 ):
@@ -550,17 +547,9 @@ def test_stream_long_base_holds_limited_frames(library):
             TypeError,
             "`constraints` must contain only constraints, got 'n",
         ),
-        (
-            {"constraints": [mc.NotFrom("waltz")]},
-            ValueError,
-            "must match at least one of clip0, ",
-        ),
+        ({"constraints": [mc.NotFrom("waltz")]}, ValueError, "must match at least one of clip0, "),
         ({"constraints": [mc.Ban(3)]}, ValueError, "of a stream must not contain Ban"),
-        (
-            {"constraints": [mc.Reach("Wing", (0, 0, 0), 5)]},
-            ValueError,
-            "no joint is named 'Wing'",
-        ),
+        ({"constraints": [mc.Reach("Wing", (0, 0, 0), 5)]}, ValueError, "no joint is named 'Wing'"),
     ],
 )
 def test_stream_invalid_argument_raises_error_that_names_it(library, options, error, message):

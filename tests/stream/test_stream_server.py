@@ -137,10 +137,7 @@ def test_socket_constraints_apply_as_in_a_stream(server, two_dances, short_base)
     center = [float(value) for value in hand + np.array([0.0, 6.0, 0.0])]
     ball = {"kind": "Sphere", "center": center, "radius": 8.0}
     records = [{"kind": "Avoid", "obstacle": ball}, {"kind": "OnlyFrom", "clips": ["clip1"]}]
-    constraints = [
-        mc.Avoid(mc.Sphere(tuple(center), 8.0)),
-        mc.OnlyFrom("clip1"),
-    ]
+    constraints = [mc.Avoid(mc.Sphere(tuple(center), 8.0)), mc.OnlyFrom("clip1")]
     rotations, positions = short_base.rotations, short_base.positions
     with connect(server) as client:
         client.request({**HELLO, "dtype": "float64"})
@@ -362,12 +359,7 @@ JSON_VALUES = st.recursive(
         ["hello", "push", "Avoid", "Sphere", "Reach", "LeftHand", "mograft.stream/1"]
     ),
     lambda inner: (
-        st.lists(inner, max_size=4)
-        | st.dictionaries(
-            st.sampled_from(ENTRIES),
-            inner,
-            max_size=5,
-        )
+        st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(ENTRIES), inner, max_size=5)
     ),
     max_leaves=12,
 )

@@ -76,10 +76,5 @@ def test_graft_ball_takes_the_listed_candidates_within_the_radius(dance_library,
         near = np.linalg.norm(points - points[segment], axis=1) <= BALL_RADIUS * sigma
         assert listed == set(np.flatnonzero(near))
         assert found.elsewhere == (~near).sum()
-        ways = mg.candidates(
-            library,
-            segment,
-            "upper",
-            [mc.Avoid(mc.Sphere((0.0, 0.0, 0.0), 9e3))],
-        )
+        ways = mg.candidates(library, segment, "upper", [mc.Avoid(mc.Sphere((0.0, 0.0, 0.0), 9e3))])
         assert {own.segment for own in ways.refused} == listed

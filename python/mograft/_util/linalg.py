@@ -65,10 +65,7 @@ def eigenvectors(matrix: FloatArray, n_vectors: int) -> tuple[FloatArray, FloatA
     values, vectors = principal_axes(matrix)
     leading = vectors[:, :n_vectors]
     largest = np.take_along_axis(leading, np.abs(leading).argmax(axis=0)[None], axis=0)
-    return (
-        values,
-        leading * np.where(largest < 0, -1.0, 1.0) + 0.0,
-    )
+    return (values, leading * np.where(largest < 0, -1.0, 1.0) + 0.0)
 
 
 def principal_axes(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:

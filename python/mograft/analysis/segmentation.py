@@ -7,10 +7,7 @@ from typing import Any
 import numpy as np
 
 from mograft import _core
-from mograft._util.arrays import (
-    FloatArray,
-    IntArray,
-)
+from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.cut_frames import as_cut_frames
 from mograft._util.gaussian import gaussian_filter
 from mograft._util.validate import check_choice, check_type

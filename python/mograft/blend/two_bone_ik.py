@@ -64,10 +64,7 @@ def _split(vectors: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArra
 
 def _signed_angles(upper: FloatArray, lower: FloatArray, axis: FloatArray) -> FloatArray:
     """Return the angles about `axis` from vectors `upper` to `lower`, perpendicular to it."""
-    return np.arctan2(
-        (np.cross(upper, lower) * axis).sum(axis=1),
-        (upper * lower).sum(axis=1),
-    )
+    return np.arctan2((np.cross(upper, lower) * axis).sum(axis=1), (upper * lower).sum(axis=1))
 
 
 def bend_leg(

@@ -19,9 +19,7 @@ def groups_to_toml(groups: Mapping[str, tuple[Entry, ...]], base: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def read_groups(
-    source: str | os.PathLike[str],
-) -> tuple[dict[str, tuple[Entry, ...]], Any, str]:
+def read_groups(source: str | os.PathLike[str]) -> tuple[dict[str, tuple[Entry, ...]], Any, str]:
     """Read groups and base from TOML, and name the source for messages; see `from_toml`.
 
     The type of the base is not checked.

@@ -185,10 +185,7 @@ def body_windows(tracks: BodyTracks) -> tuple[FloatArray, IntArray]:
 
 
 def nearest_distances(
-    rows: FloatArray,
-    others: FloatArray,
-    order: IntArray | None = None,
-    separation: float = 0.0,
+    rows: FloatArray, others: FloatArray, order: IntArray | None = None, separation: float = 0.0
 ) -> FloatArray:
     """Return the distance of each row to the nearest row of `others`; infinity if there is none.
 

@@ -101,11 +101,7 @@ class _FbxFile:
             limits.check_frames(n_frames)
             limits.check_frame_time(take.length.frame_time)
         rotations, positions = self.scene.bake(
-            index,
-            self.joints.tolist(),
-            begin=take.begin,
-            rate=take.length.rate,
-            n_frames=n_frames,
+            index, self.joints.tolist(), begin=take.begin, rate=take.length.rate, n_frames=n_frames
         )
         self._check_finite(rotations, positions, place)
         motion = rebase(self.rest, rotations, positions, take.length.frame_time)

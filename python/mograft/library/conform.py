@@ -15,12 +15,7 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import CHANNELS, Skeleton
 
-_NEXT_PART = {
-    "thigh": "shank",
-    "shank": "foot",
-    "upper_arm": "forearm",
-    "forearm": "hand",
-}
+_NEXT_PART = {"thigh": "shank", "shank": "foot", "upper_arm": "forearm", "forearm": "hand"}
 """Parts whose bones are aligned in the rest pose, each with the part at the end of its bone."""
 
 _MAX_AXIS_ANGLE = np.radians(25.0)

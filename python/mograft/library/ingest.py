@@ -164,13 +164,7 @@ def sample_segments(
     """Return the segments of a motion, resampled to `Config.samples` poses, in single precision."""
     heights = [mass_model(motion.skeleton).height]
     return normalise(
-        [motion],
-        segments,
-        config,
-        root=spec.root,
-        up=spec.up,
-        heights=heights,
-        is_packed=True,
+        [motion], segments, config, root=spec.root, up=spec.up, heights=heights, is_packed=True
     )
 
 

@@ -52,10 +52,7 @@ class IngestResult(Generic[T]):
 
 
 def ingest_fitting(
-    pending: Sequence[PendingClip],
-    plan: IngestPlan,
-    store: Store[T],
-    restart: Callable[[], object],
+    pending: Sequence[PendingClip], plan: IngestPlan, store: Store[T], restart: Callable[[], object]
 ) -> IngestResult[T]:
     """Ingest clips with the library specification that they determine.
 

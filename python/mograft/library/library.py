@@ -224,11 +224,7 @@ executor, progress
         return cls.open(path)
 
     def add(
-        self,
-        sources: Paths,
-        *,
-        strict: bool = False,
-        **options: "Unpack[AddOptions]",
+        self, sources: Paths, *, strict: bool = False, **options: "Unpack[AddOptions]"
     ) -> "Library":
         """Add clips to a library in a folder.
 

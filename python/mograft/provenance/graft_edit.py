@@ -241,11 +241,7 @@ def _choose(graft: Graft, plan: GraftPlan, is_open: GroupPositions, seed: int) -
 
 
 def splice_versions(
-    problem: SearchProblem,
-    before: Motion,
-    after: Motion,
-    old: DonorSequences,
-    new: DonorSequences,
+    problem: SearchProblem, before: Motion, after: Motion, old: DonorSequences, new: DonorSequences
 ) -> Motion:
     """Return `before` with frames of `after` near the positions at which `old` and `new` differ.
 

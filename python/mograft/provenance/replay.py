@@ -15,12 +15,7 @@ from mograft.library.library import Library
 from mograft.library.origin import hash_poses
 from mograft.motion.motion import Motion
 from mograft.provenance.graft_edit import splice_versions
-from mograft.provenance.graft_record import (
-    ClipRecord,
-    GraftRecord,
-    SegmentRecord,
-    read_record,
-)
+from mograft.provenance.graft_record import ClipRecord, GraftRecord, SegmentRecord, read_record
 from mograft.provenance.record_library import RecordedLibrary, find_clip, find_library
 from mograft.scenario import Scenario
 from mograft.search.constraint_records import UnrestoredConstraint, decode_constraint

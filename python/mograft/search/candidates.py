@@ -8,12 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from mograft import _core
-from mograft._util.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    split_by_counts,
-)
+from mograft._util.arrays import BoolArray, FloatArray, IntArray, split_by_counts
 from mograft._util.html_table import notebook_table
 from mograft.config import Config
 from mograft.motion import rotations

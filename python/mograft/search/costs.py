@@ -126,11 +126,7 @@ class CostModel:
         return _core.keep_cheapest(np.array([len(costs)]), costs, is_base, limit)[0]
 
     def keep_cheapest_of_each(
-        self,
-        scenario: IntArray,
-        candidates: Sequence[IntArray],
-        costs: FloatArray,
-        factor: int = 1,
+        self, scenario: IntArray, candidates: Sequence[IntArray], costs: FloatArray, factor: int = 1
     ) -> tuple[list[IntArray], list[FloatArray]]:
         """Return the candidates of each position that `keep_cheapest` keeps, and their costs.
 

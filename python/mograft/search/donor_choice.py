@@ -10,12 +10,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.config import Config
 from mograft.search.candidates import SegmentPool
-from mograft.search.costs import (
-    INFEASIBLE_PENALTY,
-    CostModel,
-    SimilarityCostModel,
-    is_infeasible,
-)
+from mograft.search.costs import INFEASIBLE_PENALTY, CostModel, SimilarityCostModel, is_infeasible
 from mograft.search.trellis import DonorSequences, DonorTrellis
 from mograft.search.viterbi import Trellis, diverse, k_best, sample, viterbi
 

@@ -166,10 +166,7 @@ def assemble_excerpts(problem: SearchProblem, excerpts: Sequence[Excerpt]) -> Mo
     joined = Segments(np.concatenate(starts), np.concatenate(stops))
     kept = np.concatenate(frames)
     motion = replace(
-        base,
-        rotations=base.rotations[kept],
-        positions=base.positions[kept],
-        channel_values=None,
+        base, rotations=base.rotations[kept], positions=base.positions[kept], channel_values=None
     )
     parts = []
     for group in problem.pools:

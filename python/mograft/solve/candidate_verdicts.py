@@ -9,11 +9,7 @@ from mograft._util.validate import is_integer
 from mograft.library.library import Library
 from mograft.search.candidates import Candidates, ConstraintVerdicts, list_candidates
 from mograft.search.constraints import Constraint
-from mograft.search.costs import (
-    ConstraintViolations,
-    infeasible_costs,
-    origin_violations,
-)
+from mograft.search.costs import ConstraintViolations, infeasible_costs, origin_violations
 from mograft.search.donor_choice import cost_model
 from mograft.search.donor_constraints import limit_config
 from mograft.solve.donor_poses import candidate_poses

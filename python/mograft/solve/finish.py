@@ -152,11 +152,7 @@ def _other_constraints(problem: SearchProblem) -> list[Constraint]:
 
 
 def _broken_constraint(
-    problem: SearchProblem,
-    before: Motion,
-    after: Motion,
-    completion: ReachCompletion,
-    n_blend: int,
+    problem: SearchProblem, before: Motion, after: Motion, completion: ReachCompletion, n_blend: int
 ) -> str:
     """Return the class name of the first hard constraint that `after` violates more than `before`.
 

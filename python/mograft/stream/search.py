@@ -20,12 +20,7 @@ from mograft.motion.motion import Motion, world_transforms
 from mograft.motion.segments import Segments
 from mograft.search.boundary_states import BoundaryStates
 from mograft.search.constraints import Constraint
-from mograft.search.costs import (
-    ConstraintViolations,
-    CostModel,
-    length_fits,
-    origin_violations,
-)
+from mograft.search.costs import ConstraintViolations, CostModel, length_fits, origin_violations
 from mograft.search.donor_choice import DONOR_CHOICES
 from mograft.search.pose_constraints import AvoidSelf, with_captured_depth
 from mograft.search.viterbi import Trellis

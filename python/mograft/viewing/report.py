@@ -181,9 +181,7 @@ def _cards(library: Library) -> str:
 
 
 def _motion_table(
-    grafts: Sequence[Graft],
-    links: Sequence[Path | None],
-    columns: Sequence[Mapping[str, str]],
+    grafts: Sequence[Graft], links: Sequence[Path | None], columns: Sequence[Mapping[str, str]]
 ) -> str:
     rows = []
     for graft, link, more in zip(grafts, links, columns, strict=True):

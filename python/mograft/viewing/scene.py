@@ -237,13 +237,7 @@ def _graft_figure(graft: Graft, candidates: CandidateTable) -> Figure:
     groups = dict.fromkeys(s.group for s in graft.substitutions)
     members = graft.library.groups.resolve(graft.motion.skeleton)
     rows = tuple(_graft_row(graft, group) for group in groups)
-    return Figure(
-        graft.motion,
-        graft.motion.name,
-        members,
-        rows,
-        candidates=candidates,
-    )
+    return Figure(graft.motion, graft.motion.name, members, rows, candidates=candidates)
 
 
 def _graft_row(graft: Graft, group: str) -> TimelineRow:

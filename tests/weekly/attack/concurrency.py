@@ -102,9 +102,7 @@ CALLS = {
     "scan_bvh": lambda library: formats.scan_bvh(bvh_of(library)).n_frames,
     "write_bvh": lambda library: bvh_of(library).getvalue(),
     "read": lambda library: read_back(
-        lambda path: mg.read(path)[0],
-        lambda path: mg.write_bvh(library.clips[0], path),
-        ".bvh",
+        lambda path: mg.read(path)[0], lambda path: mg.write_bvh(library.clips[0], path), ".bvh"
     ),
     "read_npz": lambda library: read_back(
         formats.read_npz, lambda path: formats.write_npz(library.clips[0], path), ".npz"

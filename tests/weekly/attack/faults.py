@@ -88,7 +88,5 @@ class FaultServer:
         reply = json.loads(self._process.stdout.readline())
         lines = log.read_text().splitlines() if has_log else []
         return Run(
-            **reply,
-            output=output.read_text(),
-            log=tuple(tuple(line.split("\t")) for line in lines),
+            **reply, output=output.read_text(), log=tuple(tuple(line.split("\t")) for line in lines)
         )

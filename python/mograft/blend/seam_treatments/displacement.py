@@ -1,13 +1,7 @@
 """Seam treatment "displacement": the gap spread linearly over both segments (paper, 4.5)."""
 
 from mograft._util.arrays import FloatArray
-from mograft.blend.seams import (
-    PieceTimes,
-    SeamBoundaries,
-    SeamTreatment,
-    add_deltas,
-    at_piece_ends,
-)
+from mograft.blend.seams import PieceTimes, SeamBoundaries, SeamTreatment, add_deltas, at_piece_ends
 
 
 class Displacement(SeamTreatment):

@@ -2,12 +2,7 @@
 
 from mograft import _core
 from mograft._util.arrays import FloatArray
-from mograft.blend.seams import (
-    PieceTimes,
-    SeamBoundaries,
-    SeamTreatment,
-    crossfade_both_sides,
-)
+from mograft.blend.seams import PieceTimes, SeamBoundaries, SeamTreatment, crossfade_both_sides
 
 
 class Offset(SeamTreatment):

@@ -69,9 +69,7 @@ def _warn_of_unused(
 
 
 def _index(
-    options: IndexOptions,
-    rates: Mapping[str, float],
-    tags: Mapping[str, Sequence[str]] | None,
+    options: IndexOptions, rates: Mapping[str, float], tags: Mapping[str, Sequence[str]] | None
 ) -> tuple[Library, dict[str, str]]:
     """Create a library, or add files to one; return the library and the newly excluded files.
 

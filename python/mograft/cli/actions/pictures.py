@@ -45,11 +45,7 @@ from mograft.viewing.scene import Scene
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_CLUSTER_KINDS = {
-    "pca": plot.pca,
-    "dendrogram": plot.dendrogram,
-    "clusters": plot.clusters,
-}
+_CLUSTER_KINDS = {"pca": plot.pca, "dendrogram": plot.dendrogram, "clusters": plot.clusters}
 _KINDS_OF_OPTION: Mapping[str, tuple[str, ...]] = {
     "frames": ("strip", "timeline", "energy"),
     "groups": ("strip", "timeline", *_CLUSTER_KINDS, "groups"),

@@ -33,10 +33,7 @@ _USES_OF_PACKAGES = {
 
 def run_doctor(options: DoctorOptions) -> int:
     """Print the result of each check; return exit code 1 if a check found a defect, else 0."""
-    checks = [
-        *_check_packages(),
-        _check_graft(),
-    ]
+    checks = [*_check_packages(), _check_graft()]
     is_ok = all(check["state"] != "broken" for check in checks)
     lines = [f"{check['state']:7} {check['what']}: {check['detail']}" for check in checks]
     print_result(options, "doctor", {"ok": is_ok, "checks": checks}, lines)

@@ -205,8 +205,7 @@ class PlotOptions(LibraryOptions, WriterOptions):
         default="lower_upper; for strip trunk, arms and legs; for groups auto"
     )
     group: str | None = option(
-        "joint group for pca, dendrogram or clusters (default: the base group)",
-        values.NAME,
+        "joint group for pca, dendrogram or clusters (default: the base group)", values.NAME
     )
     poses: int = setting("number of poses of strip (default: 12)", values.COUNT, 12)
     frames: Range | None = option(

@@ -5,14 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from mograft.cli.syntax import values
-from mograft.cli.syntax.arguments import (
-    Options,
-    option,
-    positional,
-    repeated,
-    setting,
-    switch,
-)
+from mograft.cli.syntax.arguments import Options, option, positional, repeated, setting, switch
 from mograft.cli.syntax.frames import Frame, Range, SegmentValue, Taken
 
 PRESETS = ("lower_upper", "lower_torso_arms", "lower_torso_larm_rarm", "lower_torso_head_larm_rarm")

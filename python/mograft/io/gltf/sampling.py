@@ -82,11 +82,7 @@ def sample(animation: Animation, times: FloatArray, rest: Transforms, rows: IntA
     file its index in the result.
     """
     found = rest.of(np.arange(rest.scales.shape[1]), len(times))
-    arrays = {
-        "translation": found.translations,
-        "rotation": found.rotations,
-        "scale": found.scales,
-    }
+    arrays = {"translation": found.translations, "rotation": found.rotations, "scale": found.scales}
     key_times = np.concatenate(animation.key_times)
     starts = np.cumsum([0, *map(len, animation.key_times)])
     for tracks in animation.tracks:

@@ -70,8 +70,7 @@ _G1 = " | ".join(
 )
 
 SOMA_30 = _skeleton(
-    "SOMA",
-    " | ".join([_TRUNK, _FACE, _both_sides(f"{_ARM} | {_FINGER_ENDS}"), _both_sides(_LEG)]),
+    "SOMA", " | ".join([_TRUNK, _FACE, _both_sides(f"{_ARM} | {_FINGER_ENDS}"), _both_sides(_LEG)])
 )
 SOMA_77 = _skeleton(
     "SOMA",

@@ -22,12 +22,7 @@ from mograft.errors import LibraryError
 from mograft.library.clip_table import ClipLocation, ClipTable, skeleton_to_json, write_clip_table
 from mograft.library.data import LibraryData
 from mograft.library.files.array_files import ArrayWriter
-from mograft.library.files.integrity import (
-    DATABASE,
-    MANIFEST,
-    hash_files,
-    manifest_checksum,
-)
+from mograft.library.files.integrity import DATABASE, MANIFEST, hash_files, manifest_checksum
 from mograft.library.files.packing import PackedMotion
 from mograft.library.files.storage import (
     FORMAT,

@@ -10,13 +10,4 @@ from mograft.viewing.plot.group_plots import groups
 from mograft.viewing.plot.pose_strip import strip
 from mograft.viewing.plot.time_plots import energy, timeline
 
-__all__ = [
-    "PALETTE",
-    "clusters",
-    "dendrogram",
-    "energy",
-    "groups",
-    "pca",
-    "strip",
-    "timeline",
-]
+__all__ = ["PALETTE", "clusters", "dendrogram", "energy", "groups", "pca", "strip", "timeline"]

@@ -75,9 +75,7 @@ def energy(
 
 
 def timeline(
-    *items: Item,
-    frames: tuple[int, int] | None = None,
-    ax: "Axes | None" = None,
+    *items: Item, frames: tuple[int, int] | None = None, ax: "Axes | None" = None
 ) -> "Axes":
     """Draw the segments of each joint group along time, coloured by cluster.
 
