@@ -27,6 +27,7 @@ from mograft.motion.skeleton import Skeleton
 from mograft.search.balance import SegmentBalance
 from mograft.search.boundary_states import BoundaryStates
 from mograft.search.candidates import SegmentPool
+from mograft.search.copies import SegmentParts
 
 _RECIPE = "_recipe"
 """Name of the attribute that `LibraryData.set_recipe` sets: a function and its arguments."""
@@ -185,15 +186,19 @@ class LibraryData:
         embedding = self.embedding[base]
         held, joints = self.groups.divided_channels(self.skeleton), self.joints(group)
         states = restrict_ends(self.boundary_states[group], joints, self.skeleton, held[group])
+        boundary = BoundaryStates(**states)
         return SegmentPool(
             self.segments,
             self.labels[base],
             self.is_donor,
-            BoundaryStates(**states),
+            boundary,
             rate=self.rate,
             points=None if embedding is None else embedding.points,
             sigma=self.sigma[base],
             balance=self._balance_of(joints),
+            parts=SegmentParts(
+                self.samples, boundary, self.skeleton, joints, self.root, held[group]
+            ),
         )
 
     def _balance_of(self, joints: IntArray) -> SegmentBalance | None:

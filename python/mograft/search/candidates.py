@@ -10,6 +10,7 @@ import numpy as np
 from mograft import _core
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, split_by_counts
 from mograft._util.html_table import notebook_table
+from mograft.analysis.embedding import Samples
 from mograft.config import Config
 from mograft.motion import rotations
 from mograft.motion.segments import Segments
@@ -21,6 +22,7 @@ from mograft.search.boundary_states import (
     velocity_gaps,
     velocity_gaps_along,
 )
+from mograft.search.copies import SegmentParts
 from mograft.search.costs import PRESELECTION, CostModel, SeamScales, length_fits
 from mograft.search.neighbourhoods import NEIGHBOURHOODS
 
@@ -122,6 +124,7 @@ class SegmentPool:
     points: FloatArray | None = None  # embedding of the base parts; None: all distances are 0
     sigma: float = 0.0  # cluster diameter threshold, in the unit of `points`
     balance: SegmentBalance | None = None  # None: all donors keep the balance
+    parts: SegmentParts | None = None  # None: no donor is compared with the base part
 
     def neighbours(self, base: IntArray, config: Config) -> list[IntArray]:
         """Return the indices of the segments in the neighbourhood of each base segment.
@@ -168,7 +171,9 @@ class SegmentPool:
         counts = np.array([len(own) for own in members])
         base, donors = np.repeat(positions, counts), np.concatenate(members)
         fits = length_fits(lengths[base], lengths[donors], self.rate, config)
-        fits = (fits & self.is_donor[donors]) | (donors == base)
+        fits &= self.is_donor[donors]
+        fits[fits] = ~self.are_copies(base[fits], donors[fits])
+        fits |= donors == base
         ends = np.append(0, np.cumsum(fits))[np.cumsum(counts)]
         donors = donors[fits]
         found = split_by_counts(donors, np.diff(ends, prepend=0))
@@ -176,6 +181,18 @@ class SegmentPool:
             costs = self.costs_without_balance(base[fits], donors, model)
             found, _ = model.keep_cheapest_of_each(positions, found, costs, PRESELECTION)
         return found
+
+    def are_copies(self, base: IntArray, donors: IntArray) -> BoolArray:
+        """Return whether donors have the part of their base segments; see `SegmentParts`."""
+        if self.parts is None:
+            return np.zeros(len(base), bool)
+        return self.parts.are_copies(base, donors)
+
+    def find_copies(self, base: Samples, donors: IntArray) -> BoolArray:
+        """Return which donors have the part of a segment that is not in the library."""
+        if self.parts is None:
+            return np.zeros(len(donors), bool)
+        return self.parts.find_copies(base, donors)
 
     def seam_angles(self, left: IntArray, right: IntArray) -> FloatArray:
         """Return the mean joint angle, in radians, at the seam between each left and right segment.
@@ -336,6 +353,7 @@ def list_candidates(
         members = verdicts.members
     length = int(segments.lengths[segment])
     fits = length_fits(segments.lengths[segment], segments.lengths[members], pool.rate, config)
+    is_copy = pool.are_copies(np.full(len(members), segment), members)
     costs = pool.unary_costs(np.full(len(members), segment), members, model)
     if verdicts is not None:
         costs = costs + verdicts.costs
@@ -360,6 +378,8 @@ def list_candidates(
         if member != segment and not is_forced:
             if not pool.is_donor[member]:
                 reasons.append("excluded donor: a recording fault overlaps it")
+            if is_copy[i]:
+                reasons.append("copy: it moves the group as the base segment does")
             slack = config.length_slack * pool.rate / length
             reasons += [] if fits[i] else [_describe_length(stretch, slack, config)]
             angle = max(float(before[i]), float(after[i]))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.analysis.embedding import features, normalise
+from mograft.analysis.embedding import Samples, features, normalise
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
@@ -24,27 +24,33 @@ class BaseClusters:
             points = self._embedding.points
             self._members = ClusterMembers.from_labels(library.labels[base], points)
 
-    def find_members(self, motion: Motion, segment: Segments) -> tuple[IntArray, FloatArray]:
-        """Find the library's segments in the neighbourhood of a segment of another motion.
+    def sample(self, motion: Motion, segment: Segments) -> Samples:
+        """Return the samples of a segment of another motion, as the library's own.
 
         `segment` is one segment in frames of `motion`, which may be just the segment and a few
-        frames on both sides. The first result has the neighbours, ascending: the members of the
-        cluster that the segment would join in `Library.with_clip` if `Config.neighbourhood` is
-        "cluster", the segments in a ball around the segment if it is "ball". The second result has
-        the distances of the neighbours, divided by the cluster diameter threshold.
+        frames on both sides.
+        """
+        return normalise(
+            [motion],
+            segment,
+            self._library.config,
+            root=self._library.root,
+            up=self._library.up,
+            heights=self._heights,
+            is_packed=True,
+        )
+
+    def find_members(self, samples: Samples) -> tuple[IntArray, FloatArray]:
+        """Find the library's segments in the neighbourhood of a segment, given by its samples.
+
+        The first result has the neighbours, ascending: the members of the cluster that the segment
+        would join in `Library.with_clip` if `Config.neighbourhood` is "cluster", the segments in a
+        ball around the segment if it is "ball". The second result has the distances of the
+        neighbours, divided by the cluster diameter threshold.
         """
         library, embedding, sigma = self._library, self._embedding, self._sigma
         if embedding is None:
             return np.zeros(0, np.int64), np.zeros(0)
-        samples = normalise(
-            [motion],
-            segment,
-            library.config,
-            root=library.root,
-            up=library.up,
-            heights=self._heights,
-            is_packed=True,
-        )
         point = embedding.project(
             features(samples, embedding.joints, embedding.reference, has_root=embedding.has_root)
         )

@@ -4,12 +4,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.search.boundary_states import BoundaryStates
 from mograft.search.constraints import Constraint
-from mograft.search.costs import CostModel
+from mograft.search.costs import INFEASIBLE_PENALTY, CostModel
 from mograft.stream.placed_donors import SampledDonors
 
 
@@ -39,6 +39,7 @@ class PendingSegment:
     donors: IntArray  # shape (n_candidates,); the last is -1, the base segment itself
     unary_costs: FloatArray  # shape (n_candidates,); without seams and constraints
     origin_costs: FloatArray  # shape (n_candidates,); soft constraints on clip and length
+    is_copy: dict[str, BoolArray]  # by grafted group: candidates that move it as the base does
     groups: dict[str, GroupCandidates] = field(default_factory=dict)  # by grafted group
     pose_constraints: tuple[Constraint, ...] = ()  # those that apply in the segment
 
@@ -72,7 +73,7 @@ class PendingSegment:
         """Rotations of the base in the segment's frames, shape (n_frames, n_joints, 4)."""
         return self.base.rotations[self.rows]
 
-    @property
-    def costs(self) -> FloatArray:
-        """Costs of the candidates without those of seams and pose constraints, (n_candidates,)."""
-        return self.unary_costs + self.origin_costs
+    def costs(self, group: str) -> FloatArray:
+        """Costs of a group's candidates without seams and pose constraints, (n_candidates,)."""
+        copy_costs = np.where(self.is_copy[group], INFEASIBLE_PENALTY, 0.0)
+        return self.unary_costs + self.origin_costs + copy_costs

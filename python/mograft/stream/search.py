@@ -67,13 +67,15 @@ class StreamSearch:
         """Return a base segment with its candidates.
 
         Candidates satisfy the limits on cluster and length and the hard constraints on clips and
-        lengths. `start` and `stop` are the segment's first and last frame. `has_previous` is true
-        if a segment before it is committed; the first frame is then committed too.
+        lengths; a donor that moves a group as the base segment does has a penalty in that group.
+        `start` and `stop` are the segment's first and last frame. `has_previous` is true if a
+        segment before it is committed; the first frame is then committed too.
         """
         motion, offset = base.motion_with_margin(start, stop)
         excerpt = _single_segment(offset, offset + stop - start, 0)
         segment = _single_segment(start, stop, len(self._library.entries))
-        members, distances = self._clusters.find_members(motion, excerpt)
+        samples = self._clusters.sample(motion, excerpt)
+        members, distances = self._clusters.find_members(samples)
         is_kept = self._library.is_donor[members] & length_fits(
             segment.lengths, self._lengths[members], self._library.rate, rules.config
         )
@@ -88,13 +90,19 @@ class StreamSearch:
         model = next(iter(rules.models.values()))
         unary_costs = model.unary(segment.lengths, lengths, np.append(distances, 0.0), is_base)
         kept = model.keep_cheapest(unary_costs + origin_costs, is_base)
+        donors = np.append(members, -1)[kept]
+        is_copy = {
+            group: np.append(pool.find_copies(samples, donors[:-1]), False)
+            for group, pool in self._donors.pools.items()
+        }
         pending = PendingSegment(
             base=motion,
             offset=offset,
             segment=segment,
-            donors=np.append(members, -1)[kept],
+            donors=donors,
             unary_costs=unary_costs[kept],
             origin_costs=origin_costs[kept],
+            is_copy=is_copy,
         )
         pending = replace(pending, pose_constraints=self._pose_constraints(pending, rules))
         ends = boundary_states(motion, excerpt)
@@ -128,7 +136,7 @@ class StreamSearch:
         context = segment.rotations.copy()
         for group, joints in self._donors.joints.items():
             end, sampled = ends.get(group), segment.groups[group].sampled
-            costs, all_placed = segment.costs, None
+            costs, all_placed = segment.costs(group), None
             if sampled is not None:
                 all_placed = place_donors(sampled, end, rate, rules.config)
                 costs = costs + self.pose_costs(
@@ -243,12 +251,12 @@ class StreamSearch:
         donors = self._donors.pools[group].boundary[segment.donors[:-1]]
         boundary = BoundaryStates.concatenate([donors, base])
         if not segment.pose_constraints:
-            return GroupCandidates(boundary, segment.costs)
+            return GroupCandidates(boundary, segment.costs(group))
         sampled = self._sample(segment, group, segment.donors)
         pose_costs = self.pose_costs(
             segment, group, sampled.frames, segment.rotations, has_previous=has_previous
         )
-        return GroupCandidates(boundary, segment.costs + pose_costs, sampled)
+        return GroupCandidates(boundary, segment.costs(group) + pose_costs, sampled)
 
     def _sample(self, segment: PendingSegment, group: str, donors: IntArray) -> SampledDonors:
         first, last = segment.offset, segment.offset + segment.length

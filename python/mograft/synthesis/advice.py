@@ -16,6 +16,7 @@ _REMEDIES = {
     "no similar segment": "{similar} or add clips",
     "none of similar length": "raise `max_stretch` (now {max_stretch:.2f})",
     "only segments with recording faults": "correct the faults that mograft check lists",
+    "only copies of the captured part": "add other clips",
     "none within the constraints": "relax the constraints",
 }
 """The causes why a segment has no candidate, and what the user can do about each."""
@@ -109,13 +110,16 @@ def _find_causes(library: Library, group: str, segments: IntArray) -> list[str]:
     causes = []
     for segment, members in zip(segments, pool.neighbours(segments, config), strict=True):
         others = members[members != segment]
-        fits = length_fits(lengths[[segment]], lengths[others], pool.rate, config)
+        fitting = others[length_fits(lengths[[segment]], lengths[others], pool.rate, config)]
+        donors = fitting[pool.is_donor[fitting]]
         if not len(others):
             causes.append("no similar segment")
-        elif not fits.any():
+        elif not len(fitting):
             causes.append("none of similar length")
-        elif not pool.is_donor[others[fits]].any():
+        elif not len(donors):
             causes.append("only segments with recording faults")
+        elif pool.are_copies(np.full(len(donors), segment), donors).all():
+            causes.append("only copies of the captured part")
         else:
             causes.append("none within the constraints")
     return causes

@@ -1,0 +1,141 @@
+"""No graft takes a part from a copy of its base, however the copy came into the library."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mograft as mg
+import mograft.constraints as mc
+from mograft.body.mirroring import mirror
+from mograft.dancer import dance
+from mograft.search.copies import COPY_ANGLE
+from tests.strategies import few_examples
+
+
+def renamed(take):
+    return take
+
+
+def piece(take):
+    return take[300:700]
+
+
+def resampled(take):
+    return take.resample(120).resample(30)
+
+
+def mirrored_twice(take):
+    return mirror(mirror(take))
+
+
+def rescaled(take):
+    skeleton = take.skeleton.with_offsets(0.01 * take.skeleton.offsets)
+    return replace(take, skeleton=skeleton, positions=0.01 * take.positions)
+
+
+def turned(take):
+    """The take in another direction, elsewhere."""
+    quarter = mg.rotations.from_axis_angle([0.0, 1.0, 0.0], 1.3)
+    quats, positions = take.rotations.copy(), take.positions.copy()
+    quats[:, 0] = mg.rotations.multiply(quarter, quats[:, 0])
+    positions[:, 0] = mg.rotations.rotate(quarter, positions[:, 0]) + np.array([50.0, 0.0, 9.0])
+    return replace(take, rotations=quats, positions=positions)
+
+
+def shares_of_copies(graft):
+    """Whether each exchanged segment has the base's poses in all frames; joints of one group."""
+    base, motion = graft.base.rotations, graft.motion.rotations
+    cosines = np.abs((base * motion).sum(-1))[:, graft.library.joints("upper")]
+    angles = 2 * np.arccos(np.clip(cosines, 0.0, 1.0))
+    spans = [angles[s.start : s.stop + 1] for s in graft.substitutions if not s.is_own]
+    return [bool((span <= COPY_ANGLE).all()) for span in spans]
+
+
+@pytest.mark.parametrize("neighbourhood", ["cluster", "ball"])
+@pytest.mark.parametrize(
+    "copy", [renamed, piece, resampled, mirrored_twice, rescaled, turned], ids=lambda f: f.__name__
+)
+@few_examples(3)
+@given(seed=st.integers(0, 1000))
+def test_graft_on_a_clip_with_a_copy_takes_nothing_from_it(copy, neighbourhood, seed):
+    take = dance(seed=seed, strides=1).motion
+    config = mg.Config(neighbourhood=neighbourhood, self_repair=False, choice="random")
+    twin = replace(copy(take), name="copy", channel_values=None)
+    library = mg.Library.build([take, twin], config=config)
+    for graft in mg.graft_many(library, "copy", 2, seed=seed):
+        copies = shares_of_copies(graft)
+        assert copies
+        assert not any(copies)
+
+
+@few_examples(5)
+@given(seed=st.integers(0, 1000), groups=st.sampled_from(["lower_upper", "upper_lower"]))
+def test_are_copies_equals_comparison_of_all_pairs(seed, groups):
+    """Also in groups with the root: the oracle compares the samples of all joints."""
+    take = dance(seed=seed, strides=1).motion[:400]
+    jitter = mg.rotations.exp(np.random.default_rng(seed).normal(0, 0.002, (400, 18, 3)))
+    rough = replace(take, rotations=mg.rotations.multiply(take.rotations, jitter), name="rough")
+    twin = replace(turned(take), name="twin", channel_values=None)
+    library = mg.Library.build([take, twin, replace(rough, channel_values=None)])
+    group = {"lower_upper": "upper", "upper_lower": "lower"}[groups]
+    n = len(library.segments)
+    base, donors = (own.ravel() for own in np.indices((n, n)))
+    quats = library.samples.rotations[:, :, library.joints(group)]
+    expected = np.zeros((n, n), bool)
+    for row in range(n):
+        cosines = np.abs((quats[row] * quats).sum(-1)).clip(0, 1)
+        expected[row] = (2 * np.arccos(cosines) <= COPY_ANGLE).all(axis=(1, 2))
+    np.fill_diagonal(expected, val=False)
+    found = library.pool(group).parts.are_copies(base, donors)
+    np.testing.assert_array_equal(found.reshape(n, n), expected)
+    assert expected.sum() >= len(library.segments.of_clip(0))
+
+
+def test_use_of_a_copy_is_kept():
+    take = dance(seed=1, strides=1).motion
+    library = mg.Library.build([take, replace(take, name="copy")])
+    twin = len(library.segments.of_clip(0)) + 5
+    graft = mg.graft(library, constraints=[mc.Use(5, twin)])
+    assert graft.substitutions[5].donor == twin
+    assert not graft.violations
+
+
+def test_candidates_refuse_a_copy_with_its_reason():
+    take = dance(seed=1, strides=1).motion
+    library = mg.Library.build([take, replace(take, name="copy")])
+    twin = len(library.segments.of_clip(0)) + 5
+    found = mg.candidates(library, 5, "upper")
+    (refused,) = (own for own in found.refused if own.segment == twin)
+    assert refused.refused == "copy: it moves the group as the base segment does"
+    assert twin not in [own.segment for own in found.allowed]
+
+
+def test_graft_of_a_clip_beside_its_copy_says_that_only_copies_exist():
+    take = dance(seed=1, strides=1).motion[:200]
+    config = mg.Config(sigma_scale=0.01)
+    library = mg.Library.build([take, replace(take, name="copy")], config=config)
+    graft = mg.graft(library)
+    assert all(own.is_own for own in graft.substitutions)
+    assert "only copies of the captured part): add other clips" in mg.advise(graft)[1]
+
+
+def test_stream_over_a_clip_of_its_library_takes_nothing_from_it():
+    take = dance(seed=2, strides=1).motion
+    library = mg.Library.build([take, replace(take, name="copy")])
+    stream = mg.Stream(library)
+    stream.push(take[:600])
+    upper, copies = library.joints("upper"), []
+    for made in stream.pieces():
+        (own,) = made.substitutions
+        if own.is_own or own.donor_stop - own.donor_start != own.stop - own.start:
+            continue
+        donor = library.clips[library.names.index(own.clip)]
+        theirs = donor.rotations[own.donor_start : own.donor_stop + 1, upper]
+        cosines = (theirs * take.rotations[own.start : own.stop + 1, upper]).sum(-1)
+        angles = 2 * np.arccos(np.abs(cosines).clip(0, 1))
+        copies.append(bool((angles <= COPY_ANGLE).all()))
+    assert len(copies) > 5
+    assert not any(copies)
