@@ -33,8 +33,8 @@ from mograft import _core
 from mograft.body.capsules import clearance
 from mograft.dancer import dance
 from mograft.search.boundary_states import BoundaryStates
-from mograft.search.candidates import SegmentPool
 from mograft.search.donor_choice import cost_model
+from mograft.search.segment_pool import SegmentPool
 from mograft.search.trellis import DonorTrellis
 from mograft.search.viterbi import Trellis, viterbi
 from mograft.solve.assembly import assemble
@@ -43,6 +43,7 @@ from tests.oracles import capsules as capsules_oracle
 from tests.oracles import search as search_oracle
 
 CONFIG = mg.Config()
+CLUSTERS = mg.Config(neighbourhood="cluster")  # random points have no neighbours
 HANDS = ("LeftHand", "Hand_L", "LeftWrist", "lHand")
 
 
@@ -93,14 +94,14 @@ def speeds(repeats, n_segments=10_000, n_positions=900):
 
     def list_candidates():
         for pool in pools:
-            lists = pool.candidate_lists(scenario, CONFIG)
+            lists = pool.candidate_lists(scenario, CLUSTERS)
             counts = [len(candidates) for candidates in lists]
-            model = cost_model(CONFIG, pool)
+            model = cost_model(CLUSTERS, pool)
             pool.unary_costs(np.repeat(scenario, counts), np.concatenate(lists), model)
 
     def run_oracle():
         for pool in pools:
-            search_oracle.candidates(pool.labels, pool.segments.lengths, 30.0, CONFIG)
+            search_oracle.candidates(pool.labels, pool.segments.lengths, 30.0, CLUSTERS)
 
     print_times(
         "candidates of 10,000 segments, 3 groups",
@@ -118,10 +119,10 @@ def speeds(repeats, n_segments=10_000, n_positions=900):
         median_seconds(lambda: search_oracle.cheapest_sequence(unary, seams), 3),
     )
 
-    lists = pools[0].candidate_lists(scenario[:n_positions], CONFIG)
+    lists = pools[0].candidate_lists(scenario[:n_positions], CLUSTERS)
 
     def build_trellis():
-        model = cost_model(CONFIG, pools[0])
+        model = cost_model(CLUSTERS, pools[0])
         DonorTrellis.build(pools[0], scenario[:n_positions], lists, model)
 
     ours = median_seconds(build_trellis, repeats)

@@ -25,10 +25,14 @@ class Analogy(Method):
 
 @dataclass(frozen=True)
 class ByCost(Analogy):
-    """Method whose donors `Config.choice` selects by cost from the candidates of `Analogy`."""
+    """Method whose donors `Config.choice` selects by cost, from `Config.neighbourhood`."""
 
     name: str = "analogy, by cost"
     uses_cost: bool = True
+
+    def candidates(self, library, scenario):
+        """Return the candidates for base segments; see `Method.candidates`."""
+        return library.pool(grafted_group(library)).candidate_lists(scenario, library.config)
 
 
 @dataclass(frozen=True)

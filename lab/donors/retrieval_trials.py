@@ -13,10 +13,10 @@ from mograft.body.anatomy import feature_joints
 from mograft.body.contacts import find_legs
 from mograft.evaluation.two_sample import assign_folds
 from mograft.search.costs import length_fits
-from mograft.search.neighbourhoods import BALL_RADIUS
 
 RULES = ("random", "contact pattern", "linear regression", "nearest neighbours", "ball", "analogy")
 BEST = "best possible"
+BALL_RADIUS = 0.65  # cluster diameter thresholds; balls then have as many members as clusters
 _N_FOLDS = 5
 _RIDGE = 1.0  # penalty of the linear regression, for standardised features
 _INSTANT_STEP = 2  # every second of ten instants is compared

@@ -41,6 +41,7 @@ STEPS = {
     "floors of the scales": _defaults("rotation_floor", "position_floor", "length_floor"),
     "threshold 0.75 rms": _defaults("sigma", "sigma_scale"),
     "length slack of a frame": _defaults("length_slack"),
+    "balls for clusters": _defaults("neighbourhood"),
     "choice by cost": _defaults("choice"),
     "seam treatment gradient": _defaults("seam"),
     "lean of the trunk": {"torso": "world"},
@@ -78,7 +79,8 @@ def measure(recordings, *, is_quick):
 
 
 _WITHOUT_EFFECT_ON_PAIRS = (
-    *("choice", "seam", "torso", "balance_weight", "self_repair", "feet", "reach_ik"),
+    *("neighbourhood", "choice", "seam", "torso"),
+    *("balance_weight", "self_repair", "feet", "reach_ik"),
 )
 
 

@@ -7,10 +7,11 @@ recordings rests on it. The values are checked against the program (`tests/evide
 from dataclasses import dataclass
 
 import mograft as mg
-from mograft.search.costs import ANGLE_FACTOR, VELOCITY_FACTOR
-from mograft.search.neighbourhoods import BALL_RADIUS
+from mograft.search.costs import ANGLE_FACTOR, DIVERSE_ANGLE, NOVEL_ANGLE, VELOCITY_FACTOR
+from mograft.search.neighbourhoods import FEWEST_DONORS, NEIGHBOURHOODS
 
 DANCES = "salsa, perfume, indian (dance_*)"
+LATER = f"{DANCES}, basketball"
 DEVELOPMENT = f"{DANCES}, basketball, six clips of Bandai-Namco set 1"
 
 
@@ -42,13 +43,16 @@ CONSTANTS = (
     Constant("angle scale / typical angle", ANGLE_FACTOR, "none", DEVELOPMENT),
     Constant("velocity scale / typical velocity gap", VELOCITY_FACTOR, "none", DEVELOPMENT),
     _default("length_weight", "none", DANCES),
-    _default("distance_weight", "none", DANCES),
+    _default("distance_weight", "none", LATER),
     _default("balance_weight", "none", DEVELOPMENT),
     _default("novelty", "none", DEVELOPMENT),
     _default("temperature", "none", DEVELOPMENT),
-    _default("diversity", "none", DEVELOPMENT),
+    _default("diversity", "none", LATER),
     _default("seam_blend", "about five frames", DEVELOPMENT),
-    Constant("radius of a ball (BALL_RADIUS)", BALL_RADIUS, "none", DEVELOPMENT),
+    Constant("novel pose difference (NOVEL_ANGLE)", NOVEL_ANGLE, "none", LATER),
+    Constant("diverse pose difference (DIVERSE_ANGLE)", DIVERSE_ANGLE, "none", LATER),
+    Constant("fewest donors (FEWEST_DONORS)", FEWEST_DONORS, "none", LATER),
+    Constant("reach of a ball, in radii", NEIGHBOURHOODS["ball"].reach, "none", LATER),
     _default("smoothing", "not stated", "not chosen on results"),
     _default("samples", "10", "the paper"),
     _default("components", "p*", "the paper"),

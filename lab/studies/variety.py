@@ -4,7 +4,7 @@
 set of BVH files with one skeleton below it, at 30 frames per second. It prints
 
 - ``radius``: for each source the radius, in cluster diameter thresholds, at which balls have as
-  many members on average as clusters, from which `BALL_RADIUS` is chosen;
+  many members on average as clusters, see `BALL_RADIUS` of `lab.donors.retrieval_trials`;
 - ``share``: the share of exchanged segments and the mean seam gap by variety, which need no
   motions and take seconds;
 - ``neighbourhood``: measures of grafts with clusters and with balls, by `sigma_scale`;

@@ -81,7 +81,8 @@ class Config:
     neighbourhood : {"cluster", "ball"}
         Which segments are similar enough to replace a base segment, compared by the motion of the
         base group. "cluster": the segments of its cluster (4.3). "ball": the segments whose
-        distance from it is at most 0.65 cluster diameter thresholds.
+        distance from it is at most the cluster diameter threshold; where fewer than two of them
+        can be donors, also the nearest two possible donors up to twice that distance.
     max_stretch : float
         Maximum length difference between a base segment and a donor, as a share of the base
         segment's length (λ_f of eq. 19).
@@ -117,15 +118,17 @@ class Config:
         Mean difference of joint velocities at a seam, in radians per second, at which the pairwise
         cost is 1. This scale is reduced like `angle_scale`, to twice the mean difference.
     novelty : float
-        Reduction of the unary cost for every donor that is not the base segment itself. At 0
-        the captured motion has the lowest cost.
+        Reduction of the unary cost for donors whose poses differ from those of the base segment by
+        at least 5 degrees on average; donors with smaller differences have from half of it on, and
+        the base segment itself nothing. At 0 the captured motion has the lowest cost.
     temperature : float
         For the choice "sample": the cost difference between two donor sequences whose
         probabilities differ by the factor e. As it approaches 0, the result approaches that of
         "viterbi"; as it approaches infinity, a uniform draw.
     diversity : float
         Cost that "sample", "viterbi" and "nearest" add to a donor for every previous motion of
-        the same call that uses it at the same position.
+        the same call that has the same poses at the same position. It is less if the poses differ,
+        and 0 from a mean joint angle of 20 degrees on.
     max_candidates : int
         Maximum number of candidates per position: those of lowest unary cost. "random" keeps
         all.
@@ -195,19 +198,19 @@ class Config:
     sigma: Literal["rms", "literal"] = setting("neighbourhood", "rms")
     sigma_scale: float = setting("neighbourhood", 0.75)
     # The candidates are found among the clusters and points when donors are searched.
-    neighbourhood: Literal["cluster", "ball"] = setting("search", "cluster")
+    neighbourhood: Literal["cluster", "ball"] = setting("search", "ball")
     max_stretch: float = setting("search", 0.15)
     length_slack: float = setting("search", FRAME, 0)
     max_angle: float = setting("search", math.radians(45.0))
     choice: Literal["viterbi", "best", "sample", "nearest", "random"] = setting("search", "sample")
     length_weight: float = setting("search", 1.0, 0)
-    distance_weight: float = setting("search", 0.25, 0)
+    distance_weight: float = setting("search", 4.0, 0)
     balance_weight: float = setting("search", 30.0, 0)
     angle_scale: float = setting("search", math.radians(20.0))
     velocity_scale: float = setting("search", math.radians(200.0))
     novelty: float = setting("search", 10.0, 0)
     temperature: float = setting("search", 0.25)
-    diversity: float = setting("search", 1.0, 0)
+    diversity: float = setting("search", 3.0, 0)
     max_candidates: int = setting("search", 32, 1)
     seam: Literal["gradient", "offset", "paper", "displacement", "inertial"] = setting(
         "blend", "gradient"
@@ -284,6 +287,7 @@ class Config:
             length_floor=0.0,
             sigma="literal",
             sigma_scale=1.0,
+            neighbourhood="cluster",
             length_slack=0.0,
             choice="random",
             balance_weight=0.0,

@@ -125,11 +125,11 @@ def test_candidates_lists_allowed_and_refused_donors(run, folder):
     assert code == 0
     assert "a, segment 12, frames " in out
     assert "\n + " in out
-    assert "segments are in other clusters" in out
-    code, of_ball, _ = run("candidates", folder, *options, "--set", "neighbourhood=ball")
+    assert "segments are outside the ball" in out
+    code, of_cluster, _ = run("candidates", folder, *options, "--set", "neighbourhood=cluster")
     assert code == 0
-    assert "segments are outside the ball" in of_ball
-    assert of_ball.count(" seams ") != out.count(" seams ")
+    assert "segments are in other clusters" in of_cluster
+    assert of_cluster.count("\n") != out.count("\n")
     ball = ["--avoid", "sphere:0,0,0,9999", "--json"]
     code, out, _ = run("candidates", folder, *options, *ball)
     document = json.loads(out)

@@ -3,7 +3,7 @@
 import pytest
 
 from lab.donors.donor_methods import RandomLength, makers
-from mograft import Library
+from mograft import Config, Library
 from mograft.dancer import dance
 from mograft.evaluation import evaluate
 from tests.evaluation.planted import ByCost
@@ -24,7 +24,9 @@ def single_clip_library():
 @pytest.fixture(scope="package")
 def small_library():
     """Return a library of three dance clips with 1,000 frames."""
-    return Library.build([take.motion for take in dance(seed=9, strides=1)[:1000].takes(3)])
+    takes = [take.motion for take in dance(seed=9, strides=1)[:1000].takes(3)]
+    # With balls the donors are from too many blocks for the tests of detectability.
+    return Library.build(takes, config=Config(neighbourhood="cluster"))
 
 
 @pytest.fixture(scope="package")

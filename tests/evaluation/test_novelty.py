@@ -63,7 +63,6 @@ def test_novelty_equal_grafts_have_no_difference(library):
 def test_novelty_random_donors_are_more_novel_than_donors_by_cost(library):
     random, by_cost = (novelty(make_grafts(library, m)) for m in (RandomLength(), ByCost()))
     assert random.novelty.value > by_cost.novelty.value
-    assert random.between.value > by_cost.between.value
     for found in (random, by_cost):
         for own in vars(found).values():
             assert own.n > 0

@@ -59,7 +59,8 @@ def test_moment_laws_paper_tables_fail_for_five_groups():
 
 def test_enrichment_counts_equal_enumeration(library):
     pool = library.pool("upper")
-    candidates = pool.candidate_lists(np.arange(len(library.segments)), library.config)
+    config = replace(library.config, neighbourhood="cluster")
+    candidates = pool.candidate_lists(np.arange(len(library.segments)), config)
     few = [segments for segments in candidates[:6] if len(segments) < 12]
     found = enrichment(library)
     for count in found.counts:

@@ -97,10 +97,9 @@ def test_random_candidates_are_all_donors(library, method):
     assert_candidates(library, method, lambda *_: True)
 
 
-@pytest.mark.parametrize("method", [Analogy(), ByCost()], ids=repr)
-def test_analogy_candidates_are_in_the_same_cluster(library, method):
+def test_analogy_candidates_are_in_the_same_cluster(library):
     labels = library.labels["lower"]
-    assert_candidates(library, method, lambda a, b: labels[a] == labels[b])
+    assert_candidates(library, Analogy(), lambda a, b: labels[a] == labels[b])
 
 
 def test_contact_pattern_candidates_differ_in_at_most_two_states(library):
@@ -180,7 +179,7 @@ def test_draw_donors_equals_donors_of_grafts_and_draws_candidates(library, metho
 
 def test_draw_donors_equal_those_of_the_choice_random(library):
     # The clusters of the dancer have at most 100 members, so that no candidates are left out.
-    config = replace(library.config, choice="random", self_repair=False)
+    config = replace(library.config, neighbourhood="cluster", choice="random", self_repair=False)
     plan, drawn = draw_donors(Analogy(), library, count=3, seed=5)
     chosen = GraftPlan.build(library.relabelled(config), None, None, ()).choose_donors(3, 5)
     for found, expected in zip(drawn, chosen, strict=True):

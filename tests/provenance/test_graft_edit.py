@@ -259,7 +259,8 @@ def test_replace_keeps_pose_constraints_of_the_graft(library):
 
 
 def test_replace_reroll_without_candidate_warns(library):
-    graft = mg.graft(library, seed=1)
+    config = replace(library.config, neighbourhood="cluster")
+    graft = mg.graft(library.relabelled(config), seed=1)
     number = int(np.flatnonzero(graft.alternatives["upper"] == 0)[0])
     with pytest.warns(UserWarning, match="1 of 1 segments of `reroll` have no other candidate"):
         edited = mg.edit(graft, reroll=[number])

@@ -5,8 +5,9 @@ import pytest
 
 from mograft import Segments
 from mograft.analysis.zero_moment import N_DIRECTIONS
+from mograft.search.balance import SegmentBalance
 from mograft.search.boundary_states import BoundaryStates
-from mograft.search.candidates import SegmentBalance, SegmentPool
+from mograft.search.segment_pool import SegmentPool
 from tests.strategies import smooth_rotations
 
 

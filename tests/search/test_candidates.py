@@ -15,7 +15,7 @@ from mograft.dancer import dance
 from mograft.search.candidates import count_combinations, list_candidates
 from mograft.search.costs import length_fits
 from mograft.search.donor_choice import cost_model
-from mograft.search.neighbourhoods import BALL_RADIUS, NEIGHBOURHOODS
+from mograft.search.neighbourhoods import FEWEST_DONORS, NEIGHBOURHOODS
 from mograft.search.trellis import DonorTrellis
 from mograft.solve.donor_trellis import build_trellis
 from mograft.solve.search_problem import SearchProblem
@@ -34,7 +34,10 @@ def with_random_donors(pool, seed):
     return replace(pool, is_donor=np.random.default_rng(seed).random(len(pool.segments)) < 0.8)
 
 
-@given(SEEDS, st.sampled_from((ROBUST, PAPER)))
+CLUSTER = Config(neighbourhood="cluster")
+
+
+@given(SEEDS, st.sampled_from((CLUSTER, PAPER)))
 def test_candidate_lists_match_the_oracle(make_pool, seed, config):
     pool = make_pool(seed)
     expected = oracle.candidates(pool.labels, pool.segments.lengths, 30.0, config)
@@ -44,29 +47,50 @@ def test_candidate_lists_match_the_oracle(make_pool, seed, config):
         assert base in found
 
 
-@given(SEEDS, st.integers(1, 5), st.floats(0.0, 0.5))
-def test_candidate_lists_of_balls_have_all_donors_within_the_radius_that_fit(
-    make_pool, seed, batch, stretch
-):
-    pool = with_random_donors(make_pool(seed), seed)
-    config = Config(neighbourhood="ball", max_stretch=stretch + 0.01, length_slack=0.0)
+@given(SEEDS, st.integers(1, 5), st.floats(0.0, 0.5), st.sampled_from([0.2, 1.0, 2.0]))
+def test_candidate_lists_of_balls_match_the_oracle(make_pool, seed, batch, stretch, sigma):
+    """All donors within the radius that fit; if they are too few, the nearest within two radii."""
+    pool = replace(with_random_donors(make_pool(seed), seed), sigma=sigma)
+    config = Config(max_stretch=stretch + 0.01, length_slack=0.0)
     everyone = np.arange(len(pool.segments))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("mograft.search.candidates.POSITIONS_PER_BATCH", batch)
+        patch.setattr("mograft.search.segment_pool.POSITIONS_PER_BATCH", batch)
+        patch.setattr("mograft.search.segment_pool._NEIGHBOURS_PER_BATCH", batch)
         lists = pool.candidate_lists(everyone, config)
     lengths = pool.segments.lengths
-    for base, found in zip(everyone, lists, strict=True):
+    for base, found in zip(everyone.tolist(), lists, strict=True):
         distances = np.linalg.norm(pool.points - pool.points[base], axis=1)
         fits = length_fits(lengths[base], lengths, 30.0, config) & pool.is_donor
-        expected = (distances <= BALL_RADIUS * pool.sigma) & fits | (everyone == base)
-        np.testing.assert_array_equal(found, np.flatnonzero(expected))
+        fitting = [
+            k for k in np.argsort(distances, kind="stable").tolist() if fits[k] and k != base
+        ]
+        inside = [k for k in fitting if distances[k] <= sigma]
+        if len(inside) < FEWEST_DONORS:
+            inside = [k for k in fitting if distances[k] <= 2 * sigma][:FEWEST_DONORS]
+        assert found.tolist() == sorted([base, *inside])
+
+
+@given(SEEDS)
+def test_pose_differences_are_mean_joint_angles_at_both_ends(make_pool, seed):
+    pool = make_pool(seed)
+    first, second = np.random.default_rng(seed).integers(0, len(pool.segments), (2, 30))
+    expected = [
+        np.mean(
+            [
+                oracle.seam_angle(ends[i], ends[k])
+                for ends in (pool.boundary.first, pool.boundary.last)
+            ]
+        )
+        for i, k in zip(first, second, strict=True)
+    ]
+    np.testing.assert_allclose(pool.pose_differences(first, second), expected, atol=1e-7)
 
 
 @given(SEEDS)
 def test_candidate_lists_without_length_limit_are_the_clusters(make_pool, seed):
     pool = make_pool(seed)
     everyone = np.arange(len(pool.segments))
-    lists = pool.candidate_lists(everyone, Config(max_stretch=1e6))
+    lists = pool.candidate_lists(everyone, replace(CLUSTER, max_stretch=1e6))
     for base, found in zip(everyone, lists, strict=True):
         np.testing.assert_array_equal(found, np.flatnonzero(pool.labels == pool.labels[base]))
     for n_groups in (2, 3, 4):
@@ -87,18 +111,16 @@ def test_distances_equal_norms_of_differences(make_pool, seed, n_axes, sigma):
 
 @few_examples(50)
 @given(SEEDS, st.integers(1, 4), st.integers(1, 3), st.integers(1, 20))
-def test_search_keeps_cheapest_of_those_cheapest_without_balance(
-    make_pool, seed, most, factor, batch
-):
+def test_search_keeps_cheapest_of_those_preselected(make_pool, seed, most, factor, batch):
     """With lists limited before the search or not, and with batches of any size."""
     pool = make_pool(seed, n=20, n_labels=2)
-    config = Config(max_stretch=1e6, max_candidates=most)
+    config = replace(CLUSTER, max_stretch=1e6, max_candidates=most)
     model, scenario = cost_model(config, pool), np.arange(len(pool.segments))
     with pytest.MonkeyPatch.context() as patch:
-        for module in ("candidates", "trellis"):
+        for module in ("segment_pool", "trellis"):
             patch.setattr(f"mograft.search.{module}.POSITIONS_PER_BATCH", batch)
             patch.setattr(f"mograft.search.{module}.PRESELECTION", factor)
-        patch.setattr("mograft.search.candidates._NEIGHBOURS_PER_BATCH", batch)
+        patch.setattr("mograft.search.segment_pool._NEIGHBOURS_PER_BATCH", batch)
         patch.setattr("mograft.search.balance._SEGMENTS_PER_BATCH", factor)
         patch.setattr("mograft.search.balance._MAX_KNOWN_PAIRS", batch)
         limited = pool.candidate_lists(scenario, config, model)
@@ -107,7 +129,7 @@ def test_search_keeps_cheapest_of_those_cheapest_without_balance(
     for base, candidates in enumerate(lists):
         donors = candidates.tolist()
         pairs = np.full(len(donors), base), candidates
-        without = pool.costs_without_balance(*pairs, model)
+        without = pool.preselection_costs(*pairs, model)
         unary = dict(zip(donors, pool.unary_costs(*pairs, model), strict=True))
         ranked = sorted(zip(without, donors, strict=True), key=lambda own: (own[1] != base, own))
         first = [donor for _, donor in ranked[: factor * most]]
@@ -128,10 +150,10 @@ def test_count_combinations_is_exact_above_float_precision():
 def test_candidate_lists_excluded_donor_is_listed_for_itself_only(make_pool, seed):
     pool = make_pool(seed, n_labels=1)
     pool.is_donor[4] = False
-    lists = pool.candidate_lists(np.arange(len(pool.segments)), ROBUST)
+    lists = pool.candidate_lists(np.arange(len(pool.segments)), CLUSTER)
     for base, found in enumerate(lists):
         assert (4 in found) == (base == 4)
-    (refused,) = (c for c in list_segment(pool, 3, ROBUST).refused if c.segment == 4)
+    (refused,) = (c for c in list_segment(pool, 3, CLUSTER).refused if c.segment == 4)
     assert refused.refused.startswith("excluded donor: a recording fault overlaps it")
 
 

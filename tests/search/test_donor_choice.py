@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 from scipy.stats import chisquare
 
 from mograft import Config
+from mograft.motion import rotations
 from mograft.search.costs import INFEASIBLE_PENALTY
 from mograft.search.donor_choice import (
     DONOR_CHOICES,
+    charges,
     cheapest_combinations,
     cost_model,
     draw_uniform,
@@ -20,6 +22,7 @@ from mograft.search.donor_choice import (
     prune_dead_ends,
     unique_sequences,
 )
+from mograft.search.segment_pool import SegmentPool
 from mograft.search.trellis import DonorTrellis
 from mograft.search.viterbi import Trellis, viterbi
 from tests.oracles import search as oracle
@@ -78,17 +81,34 @@ def test_draw_same_generator_state_gives_the_same_sequences(make_pool, name):
         np.testing.assert_array_equal(one["upper"], other["upper"])
 
 
+@pytest.mark.parametrize("name", ["sample", "viterbi", "nearest"])
+@given(SEEDS)
+def test_draw_only_the_first_sequence_may_be_the_captured_one(make_pool, name, seed):
+    config = Config(choice=name, novelty=0.0, max_stretch=2.0, temperature=5.0)
+    source = Source({"upper": make_pool(seed, n=3)}, config)
+    drawn = DONOR_CHOICES[name].draw(source, 8, np.random.default_rng(seed))
+    for donors in drawn[1:]:
+        assert (donors["upper"] != source.scenario).any()
+
+
 @dataclass
 class TrellisSource:
-    """A trellis as the only group, with candidates 0, 1, … at each position."""
+    """A trellis as the only group, with segments of a pool as the candidates of each position."""
 
     costs: Trellis
     config: Config
+    pool: SegmentPool
+
+    @property
+    def pools(self):
+        return {"upper": self.pool}
 
     @property
     def trellises(self):
+        """Candidate i of a position is segment i; the base segments are none of them."""
         candidates = tuple(np.arange(len(own)) for own in self.costs.unary)
-        return {"upper": DonorTrellis(np.zeros(len(candidates), int), candidates, self.costs)}
+        base = np.full(len(candidates), len(self.pool.segments) - 1)
+        return {"upper": DonorTrellis(base, candidates, self.costs)}
 
 
 @few_examples(20)
@@ -107,24 +127,46 @@ def test_draw_diversity_changes_only_later_motions(make_pool, name, seed, divers
         np.testing.assert_array_equal(one["upper"], other["upper"])
 
 
+@given(SEEDS, st.floats(0.0, 5.0))
+def test_charges_fall_with_pose_difference_and_are_full_for_the_base(make_pool, seed, diversity):
+    pool = make_pool(seed, n_labels=1)
+    config = Config(diversity=diversity, max_stretch=2.0)
+    trellis = Source({"upper": pool}, config).trellises["upper"]
+    rng = np.random.default_rng(seed)
+    path = np.array([rng.integers(len(own)) for own in trellis.candidates])
+    ends = pool.boundary.first, pool.boundary.last
+    for base, (index, own, found) in enumerate(
+        zip(path, trellis.candidates, charges(pool, trellis, config)(path), strict=True)
+    ):
+        angles = [
+            np.mean([oracle.seam_angle(end[own[index]], end[k]) for end in ends]) for k in own
+        ]
+        expected = [
+            diversity * (k == base or max(1 - np.degrees(angle) / 20, 0))
+            for k, angle in zip(own, angles, strict=True)
+        ]
+        np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
 @pytest.mark.parametrize("diversity", [0.0, 0.7, 2.0])
-def test_draw_sample_charges_diversity_for_donors_of_earlier_motions(diversity):
+def test_draw_sample_charges_donors_of_earlier_motions(make_pool, diversity):
     unary = (np.array([0.0, 0.5]), np.array([0.2, 0.0]))
     costs = Trellis(unary, (np.array([[0.0, 0.4], [0.3, 0.0]]),))
     config = Config(choice="sample", diversity=diversity, temperature=0.8)
-    source, sampler = TrellisSource(costs, config), DONOR_CHOICES["sample"]
+    source, sampler = TrellisSource(costs, config, make_pool(0)), DONOR_CHOICES["sample"]
+    charge = charges(source.pool, source.trellises["upper"], config)
     paths = list(product(range(2), repeat=2))
-    weights = np.exp([-costs.cost(np.array(path)) / config.temperature for path in paths])
+
+    def weight(path, added=np.zeros((2, 2))):  # noqa: B008 - never changed
+        extra = sum(own[index] for own, index in zip(added, path, strict=True))
+        return np.exp(-(costs.cost(np.array(path)) + extra) / config.temperature)
+
     expected = {}
-    for first, weight in zip(paths, weights / weights.sum(), strict=True):
-        n_shared = np.array([sum(np.equal(first, path)) for path in paths])
-        charged = weights * np.exp(-diversity * n_shared / config.temperature)
-        charged[n_shared == 2] = 0.0  # motions differ
-        expected |= {
-            (first, path): weight * own
-            for path, own in zip(paths, charged / charged.sum(), strict=True)
-            if path != first
-        }
+    for first in paths:
+        added = charge(np.array(first))
+        others = {path: weight(path, added) for path in paths if path != first}
+        share = weight(first) / sum(map(weight, paths)) / sum(others.values())
+        expected |= {(first, path): share * own for path, own in others.items()}
     rng, found = np.random.default_rng(0), dict.fromkeys(expected, 0)
     for _ in range(3000):
         first, second = sampler.draw(source, 2, rng)
@@ -135,10 +177,15 @@ def test_draw_sample_charges_diversity_for_donors_of_earlier_motions(diversity):
 
 @few_examples(10)
 @given(SEEDS)
-def test_draw_sample_high_diversity_uses_all_candidates_before_repeating_one(seed):
+def test_draw_sample_high_diversity_uses_all_candidates_before_repeating_one(make_pool, seed):
+    """If their poses differ enough."""
     rng = np.random.default_rng(seed)
     costs = Trellis(tuple(rng.normal(size=(3, 4))), tuple(rng.normal(size=(2, 4, 4))))
-    source = TrellisSource(costs, Config(choice="sample", diversity=1e3))
+    turns = rotations.exp(np.arange(12)[:, None, None] * [0.0, 0.0, 0.5])
+    pool = make_pool(seed)
+    boundary = replace(pool.boundary, first=turns, last=turns)
+    config = Config(choice="sample", diversity=1e3)
+    source = TrellisSource(costs, config, replace(pool, boundary=boundary))
     drawn = DONOR_CHOICES["sample"].draw(source, 4, rng)
     for column in np.array([own["upper"] for own in drawn]).T:
         assert sorted(column) == [0, 1, 2, 3]
@@ -168,7 +215,7 @@ def test_choose_path_random_ignores_costs_and_avoids_penalties():
 @given(SEEDS, st.floats(0.05, 1.0))
 def test_draw_uniform_stays_within_cluster_and_limit(make_pool, seed, limit):
     pool = make_pool(seed, n_labels=2)
-    config = Config(max_angle=limit, max_stretch=2.0)
+    config = Config(neighbourhood="cluster", max_angle=limit, max_stretch=2.0)
     lists = pool.candidate_lists(np.arange(len(pool.segments)), config)
     kept, angles = prune_dead_ends(pool, lists, config)
     for own, everyone in zip(kept, lists, strict=True):
@@ -183,7 +230,7 @@ def test_draw_uniform_stays_within_cluster_and_limit(make_pool, seed, limit):
 @given(SEEDS)
 def test_draw_uniform_matches_the_oracle(make_pool, seed):
     pool = make_pool(seed, n_labels=2)
-    config = Config(max_angle=0.6, max_stretch=2.0)
+    config = Config(neighbourhood="cluster", max_angle=0.6, max_stretch=2.0)
     bounds = np.array([*pool.segments.start, pool.segments.stop[-1]])
     quats = np.zeros((bounds[-1] + 1, 3, 4))
     quats[bounds] = np.concatenate([pool.boundary.first, pool.boundary.last[-1:]])
@@ -197,7 +244,7 @@ def test_draw_uniform_matches_the_oracle(make_pool, seed):
 
 def test_draw_uniform_all_candidates_are_equally_likely(make_pool):
     pool = make_pool(5, n=6, n_labels=1, spread=0.01)
-    config = Config(max_stretch=100.0)
+    config = Config(neighbourhood="cluster", max_stretch=100.0)
     kept, angles = prune_dead_ends(pool, pool.candidate_lists(np.arange(6), config), config)
     rng = np.random.default_rng(0)
     draws = np.array([draw_uniform(kept, angles, config, rng) for _ in range(3000)])

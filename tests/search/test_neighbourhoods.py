@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mograft.search.neighbourhoods import BALL_RADIUS, NEIGHBOURHOODS, ClusterMembers
+from mograft.search.neighbourhoods import NEIGHBOURHOODS, ClusterMembers
 from tests.strategies import SEEDS
 
 N = 30
@@ -16,7 +16,7 @@ def find_members(name, seed, sigma, *, is_grid=False):
     """Return labels and points of random segments, and the members that a neighbourhood finds."""
     rng = np.random.default_rng(seed)
     # On the grid many distances are equal, also to the radius.
-    points = rng.integers(0, 4, (N, 3)) * BALL_RADIUS if is_grid else rng.normal(size=(N, 3))
+    points = rng.integers(0, 4, (N, 3)) * 0.5 if is_grid else rng.normal(size=(N, 3))
     labels = rng.integers(0, 5, N)
     members = NEIGHBOURHOODS[name].find_members(labels, points, sigma, np.arange(N))
     return labels, points, members
@@ -27,7 +27,7 @@ def test_ball_members_match_the_oracle(seed, sigma, is_grid):
     _, points, members = find_members("ball", seed, sigma, is_grid=is_grid)
     for base, found in enumerate(members):
         distances = [np.linalg.norm(point - points[base]) for point in points]
-        expected = [k for k in range(N) if distances[k] <= BALL_RADIUS * sigma]
+        expected = [k for k in range(N) if distances[k] <= sigma]
         assert found.tolist() == expected
 
 

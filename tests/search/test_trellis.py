@@ -41,8 +41,12 @@ def test_trellis_costs_match_the_formula_and_keep_the_cheapest(make_pool, seed, 
         shift = balance_oracle.zero_moment_shifts(*offsets, np.array([lengths[i] / pool.rate]))
         margins = pool.balance.support_margins([i])
         added = balance_oracle.added_imbalances(shift, margins, np.array([0]))[0]
-        balance = config.balance_weight * added * (i != k)
-        return 1 - ratio + 0.25 * distance + balance - config.novelty * (i != k)
+        if i == k:
+            return 0.0
+        ends = pool.boundary.first, pool.boundary.last
+        angle = np.mean([oracle.seam_angle(end[i], end[k]) for end in ends])
+        novelty = config.novelty * (1 + min(1, np.degrees(angle) / 5)) / 2
+        return 1 - ratio + 4 * distance + config.balance_weight * added - novelty
 
     for i, (kept, costs) in enumerate(zip(trellis.candidates, trellis.costs.unary, strict=True)):
         np.testing.assert_allclose(costs, [unary(i, k) for k in kept], atol=1e-12)

@@ -90,6 +90,7 @@ def test_graft_number_of_blas_threads_changes_no_byte(tmp_path):
 
 
 def test_graft_donors_are_of_the_cluster_and_within_the_limits(library):
+    library = library.relabelled(replace(library.config, neighbourhood="cluster"))
     new = graft(library, seed=2)
     config, lengths = library.config, library.segments.lengths
     labels = library.labels["lower"]

@@ -26,8 +26,8 @@ from mograft.motion.segments import Segments
 from mograft.motion.skeleton import Skeleton
 from mograft.search.balance import SegmentBalance
 from mograft.search.boundary_states import BoundaryStates
-from mograft.search.candidates import SegmentPool
 from mograft.search.copies import SegmentParts
+from mograft.search.segment_pool import SegmentPool
 
 _RECIPE = "_recipe"
 """Name of the attribute that `LibraryData.set_recipe` sets: a function and its arguments."""

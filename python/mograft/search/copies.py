@@ -47,6 +47,18 @@ class SegmentParts:
         joints = feature_joints(self.skeleton, self.joints).tolist()
         return {joint: column for column, joint in enumerate(joints) if joint != self.root}
 
+    @cached_property
+    def ends(self) -> tuple[FloatArray, FloatArray]:
+        """The compared poses of all segments, as from `select_ends`."""
+        return self.select_ends(self.boundary)
+
+    def select_ends(self, boundary: BoundaryStates) -> tuple[FloatArray, FloatArray]:
+        """Return the compared poses in first and last frame, each (n, n_compared, 4)."""
+        ends, columns = (boundary.first, boundary.last), list(self._compared.values())
+        if len(columns) in (0, ends[0].shape[1]):
+            return ends
+        return ends[0][:, columns], ends[1][:, columns]
+
     def poses(self, samples: Samples) -> FloatArray:
         """Return the rotations of the group in samples, (n_segments, n_samples, n_joints, 4)."""
         restricted = restrict_samples(samples, self.skeleton, self.channels)

@@ -22,9 +22,18 @@ INFEASIBLE_PENALTY = 1e5
 """Cost of a violated limit; `is_infeasible` recognises costs that contain it."""
 
 _MAX_SEAM_COST = INFEASIBLE_PENALTY / 8  # two such costs are not infeasible
+NOVEL_ANGLE = np.radians(5.0)
+"""Pose difference from the base part from which a donor has the whole of `Config.novelty`.
+
+A donor with the same poses has half of it.
+"""
+
+DIVERSE_ANGLE = np.radians(20.0)
+"""Pose difference from a donor of an earlier motion from which `Config.diversity` costs nothing."""
+
 ANGLE_FACTOR, VELOCITY_FACTOR = 0.5, 2.0  # largest seam scales, as multiples of the typical gaps
 # Of the candidates of a position, this multiple of `max_candidates` is compared by all costs; which
-# ones is decided without the cost of balance, so that time is linear in the number of positions.
+# ones is decided without balance and poses, so that time is linear in the number of positions.
 PRESELECTION = 16
 
 
@@ -74,9 +83,10 @@ class CostModel:
     """Unary and pairwise costs: the weighted sum of all terms.
 
     A donor k of segment i costs ``length_weight · (1 - shorter / longer) + distance_weight · d(i,
-    k) / sigma + balance_weight · u``, minus `novelty` if k is not i. Here shorter and longer are
-    the lengths of the two segments, d is their distance in the embedding of the base group, sigma
-    the cluster diameter threshold and u the result of `added_imbalances`. A seam costs
+    k) / sigma + balance_weight · u``, minus ``novelty · (1 + min(1, a / NOVEL_ANGLE)) / 2`` if k is
+    not i. Here shorter and longer are the lengths of the two segments, d is their distance in the
+    embedding of the base group, sigma the cluster diameter threshold, u the result of
+    `added_imbalances` and a that of `pose_differences`. A seam costs
     ``(angle / scales.angle)² + (velocity / scales.velocity)²``, at most an eighth of
     `INFEASIBLE_PENALTY`, plus that penalty if the angle exceeds `max_angle`.
     """
@@ -87,7 +97,7 @@ class CostModel:
     def unary(
         self, base: IntArray, donors: IntArray, distances: FloatArray, is_base: BoolArray
     ) -> FloatArray:
-        """Return the unary costs of donors, without those of seams and constraints.
+        """Return the unary costs of donors of new poses, without those of seams and constraints.
 
         All arrays have shape (n,). `base` and `donors` are lengths in intervals between frames.
         `distances` are those of donor and base segment in the embedding of the base group, divided
@@ -97,6 +107,14 @@ class CostModel:
         costs = self.config.length_weight * (1.0 - ratio)
         costs = costs + self.config.distance_weight * distances
         return costs - np.where(is_base, 0.0, self.config.novelty)
+
+    def similarity(self, differences: FloatArray) -> FloatArray:
+        """Return by how much less novel donors are, given their `pose_differences` to the base."""
+        return self.config.novelty / 2.0 * np.maximum(1.0 - differences / NOVEL_ANGLE, 0.0)
+
+    def diversity(self, differences: FloatArray) -> FloatArray:
+        """Return the costs of donors, given their `pose_differences` to one of another motion."""
+        return self.config.diversity * np.maximum(1.0 - differences / DIVERSE_ANGLE, 0.0)
 
     def balance(self, imbalances: FloatArray) -> FloatArray:
         """Return the unary costs of the results of `added_imbalances`."""
@@ -158,6 +176,10 @@ class SimilarityCostModel(CostModel):
     ) -> FloatArray:
         """As `CostModel.unary`."""
         return np.where(is_base, INFEASIBLE_PENALTY, distances)
+
+    def similarity(self, differences: FloatArray) -> FloatArray:
+        """Return zeros."""
+        return np.zeros(len(differences))
 
     def balance(self, imbalances: FloatArray) -> FloatArray:
         """Return zeros."""

@@ -7,10 +7,10 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.arrays import FloatArray, IntArray, split_by_counts
 from mograft.config import Config
-from mograft.search.candidates import SegmentPool
 from mograft.search.costs import INFEASIBLE_PENALTY, CostModel, SimilarityCostModel, is_infeasible
+from mograft.search.segment_pool import SegmentPool
 from mograft.search.trellis import DonorSequences, DonorTrellis
 from mograft.search.viterbi import Trellis, diverse, k_best, sample, viterbi
 
@@ -64,18 +64,18 @@ class DonorChoice(ABC):
 class Viterbi(DonorChoice):
     """Strategy that returns the cheapest sequence for each motion.
 
-    After each motion its donors become more expensive, so that later motions differ.
+    After each motion, donors like its own become more expensive, so that later motions differ.
     """
 
     def draw(
         self, source: DonorSource, count: int, rng: np.random.Generator
     ) -> list[DonorSequences]:
         """As `DonorChoice.draw`."""
-        penalty = source.config.diversity
-        paths = {
-            group: diverse(trellis.costs, count, penalty)
-            for group, trellis in source.trellises.items()
-        }
+        paths = {}
+        for group, trellis in source.trellises.items():
+            charge = charges(source.pools[group], trellis, source.config)
+            captured = trellis.path(trellis.scenario)
+            paths[group] = diverse(trellis.costs, count, charge, captured)
         ranks = interleaved_combinations([len(own) for own in paths.values()], count)
         return _sequences(source, paths, ranks)
 
@@ -101,7 +101,7 @@ class Best(DonorChoice):
 class Sample(DonorChoice):
     """Strategy that draws sequences with probability proportional to exp(-cost / temperature).
 
-    After each motion its donors become more expensive, as for `Viterbi`.
+    After each motion, donors like its own become more expensive, as for `Viterbi`.
     """
 
     def draw(
@@ -117,12 +117,18 @@ class Sample(DonorChoice):
                 for group, trellis in trellises.items()
             }
 
+        charge_of = {
+            group: charges(source.pools[group], trellis, config)
+            for group, trellis in trellises.items()
+        }
+
         def charge(donors: DonorSequences) -> None:
             for group, trellis in trellises.items():
                 path = trellis.path(donors[group])
-                costs[group] = costs[group].charge(path, config.diversity)
+                costs[group] = costs[group].add_unary(charge_of[group](path))
 
-        return _draw_different(draw_once, count, charge)
+        captured = {group: trellis.scenario for group, trellis in trellises.items()}
+        return _draw_different(draw_once, count, charge, captured)
 
     def choose_path(self, trellis: Trellis, config: Config, rng: np.random.Generator) -> IntArray:
         """As `DonorChoice.choose_path`."""
@@ -181,6 +187,28 @@ DONOR_CHOICES: dict[str, DonorChoice] = {
 def cost_model(config: Config, pool: SegmentPool) -> CostModel:
     """Return the cost model of the strategy `Config.choice`, with the seam scales of a pool."""
     return DONOR_CHOICES[config.choice].cost_model(config, pool.seam_scales(config))
+
+
+def charges(
+    pool: SegmentPool, trellis: DonorTrellis, config: Config
+) -> Callable[[IntArray], list[FloatArray]]:
+    """Return a function of a path that returns what it adds to the unary costs of later motions.
+
+    A candidate costs `Config.diversity` if it has the poses of the donor on the path at its
+    position, and less the more they differ; see `CostModel.diversity`. The base segment always
+    costs `Config.diversity`: otherwise later motions would return to the captured motion.
+    """
+    model = cost_model(config, pool)
+    counts = np.array([len(own) for own in trellis.candidates], np.int64)
+    candidates = np.concatenate([np.zeros(0, np.int64), *trellis.candidates])
+    is_base = candidates == np.repeat(trellis.scenario, counts)
+
+    def charge(path: IntArray) -> list[FloatArray]:
+        used = np.repeat(trellis.donor_sequence(path), counts)
+        differences = np.where(is_base, 0.0, pool.pose_differences(used, candidates))
+        return split_by_counts(model.diversity(differences), counts)
+
+    return charge
 
 
 def prune_dead_ends(
@@ -285,24 +313,27 @@ def _draw_different(
     draw: Callable[[], DonorSequences],
     count: int,
     use: Callable[[DonorSequences], None] | None = None,
+    captured: DonorSequences | None = None,
 ) -> list[DonorSequences]:
     """Call `draw` until `count` different results exist, and return these.
 
     Drawing ends early after `_MAX_REPEATED_DRAWS` draws in a row without a new result. `use` is
-    called with each new result if another draw follows.
+    called with each new result if another draw follows. Only the first result may be `captured`.
     """
-    results: dict[bytes, DonorSequences] = {}
+    results: list[DonorSequences] = []
+    known: set[bytes] = set()
     while len(results) < count:
         for _ in range(_MAX_REPEATED_DRAWS):
             donors = draw()
-            if _key(donors) not in results:
+            if _key(donors) not in known:
                 break
         else:
             break
-        results[_key(donors)] = donors
+        results.append(donors)
+        known |= {_key(own) for own in (donors, captured) if own is not None}
         if use is not None and len(results) < count:
             use(donors)
-    return list(results.values())
+    return results
 
 
 def _key(donors: DonorSequences) -> bytes:

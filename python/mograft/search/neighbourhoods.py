@@ -8,12 +8,8 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 
-BALL_RADIUS = 0.65
-"""Radius of a ball, as a multiple of the cluster diameter threshold.
-
-The radius at which balls and clusters have equally many members on average, at the default
-`Config.sigma_scale`: the mean over the development recordings (`python -m lab variety`).
-"""
+FEWEST_DONORS = 2
+"""Number of donors up to which the nearest ones beyond a ball are added; see `SegmentPool`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +59,7 @@ class Neighbourhood(ABC):
 
     inside: ClassVar[str]  # relation of a segment in the neighbourhood, as in "same cluster"
     outside: ClassVar[str]  # completes "12 segments are ..." for the other segments
+    reach: ClassVar[float] = 1.0  # how far donors may be if too few are inside, in radii
 
     @abstractmethod
     def find_members(
@@ -72,7 +69,7 @@ class Neighbourhood(ABC):
 
         A neighbourhood contains the base segment itself. `labels` and `points` have the cluster and
         the point of every segment; `points` is None if there is no embedding. `sigma` is the
-        cluster diameter threshold.
+        cluster diameter threshold; for a ball it is the radius.
         """
 
     @abstractmethod
@@ -111,11 +108,12 @@ class _Cluster(Neighbourhood):
 class _Ball(Neighbourhood):
     """Neighbourhood of all segments within a radius of the base segment in the embedding.
 
-    The radius is `BALL_RADIUS` cluster diameter thresholds.
+    The radius is the cluster diameter threshold.
     """
 
     inside = "within the ball"
     outside = "outside the ball"
+    reach = 2.0
 
     def find_members(
         self, labels: IntArray, points: FloatArray | None, sigma: float, base: IntArray
@@ -130,21 +128,20 @@ class _Ball(Neighbourhood):
             return [base[index : index + 1] for index in range(len(base))]
         order = np.argsort(points[:, 0], kind="stable")
         by_first = points[order]
-        radius = BALL_RADIUS * sigma
-        reach = radius * (1.0 + 1e-9)  # the sum below is rounded
+        reach = sigma * (1.0 + 1e-9)  # the sum below is rounded
         first = np.searchsorted(by_first[:, 0], points[base, 0] - reach, side="left")
         last = np.searchsorted(by_first[:, 0], points[base, 0] + reach, side="right")
         found: list[IntArray] = []
         for low, high, point in zip(first.tolist(), last.tolist(), points[base], strict=True):
             distances = np.linalg.norm(by_first[low:high] - point, axis=1)
-            found.append(np.sort(order[low:high][distances <= radius]))
+            found.append(np.sort(order[low:high][distances <= sigma]))
         return found
 
     def find_near(
         self, members: ClusterMembers, point: FloatArray, sigma: float
     ) -> tuple[IntArray, FloatArray]:
         """As `Neighbourhood.find_near`."""
-        return members.find_within(point, BALL_RADIUS * sigma)
+        return members.find_within(point, sigma)
 
 
 NEIGHBOURHOODS: dict[str, Neighbourhood] = {"cluster": _Cluster(), "ball": _Ball()}

@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.search.candidates import POSITIONS_PER_BATCH, SegmentPool
 from mograft.search.costs import PRESELECTION, CostModel
+from mograft.search.segment_pool import POSITIONS_PER_BATCH, SegmentPool
 from mograft.search.viterbi import ComputedMatrices, Trellis
 
 _MAX_STORED_SEAM_COSTS = 1 << 24
@@ -42,7 +42,7 @@ class DonorTrellis:
 
         `scenario` holds the base segments and `candidates` the allowed segments at each position,
         ascending. At most `max_candidates` are kept at a position, chosen from `PRESELECTION` times
-        as many that are cheapest without the cost of balance; the base segment is among them. Ties
+        as many that have the lowest `preselection_costs`; the base segment is among them. Ties
         go to the lowest index.
         """
         kept: list[IntArray] = []
@@ -97,11 +97,11 @@ def _keep_cheapest(
     def pair(lists: Sequence[IntArray]) -> tuple[IntArray, IntArray]:
         return np.repeat(scenario, [len(own) for own in lists]), np.concatenate(lists)
 
-    costs = pool.costs_without_balance(*pair(candidates), model)
+    costs = pool.preselection_costs(*pair(candidates), model)
     if constraint_costs is not None:
         costs = costs + np.concatenate(constraint_costs)
     kept, unary = model.keep_cheapest_of_each(scenario, candidates, costs, PRESELECTION)
-    costs = np.concatenate(unary) + pool.balance_costs(*pair(kept), model)
+    costs = np.concatenate(unary) + pool.further_costs(*pair(kept), model)
     return model.keep_cheapest_of_each(scenario, kept, costs)
 
 

@@ -95,13 +95,6 @@ class Trellis:
         summed = (unary + further for unary, further in zip(self.unary, costs, strict=True))
         return replace(self, unary=tuple(summed))
 
-    def charge(self, path: IntArray, cost: float) -> "Trellis":
-        """Return the trellis with `cost` added to the unary cost of each candidate on a path."""
-        unary = [costs.copy() for costs in self.unary]
-        for costs, index in zip(unary, path.tolist(), strict=True):
-            costs[index] += cost
-        return replace(self, unary=tuple(unary))
-
     def map_costs(self, function: Callable[[FloatArray], FloatArray]) -> "Trellis":
         """Return the trellis with `function` applied to all unary and pairwise costs."""
         return Trellis(tuple(map(function, self.unary)), tuple(map(function, self.pairwise)))
@@ -247,17 +240,23 @@ def _sample_stepwise(trellis: Trellis, temperature: float, draws: FloatArray) ->
     return np.array(path, np.int64)
 
 
-def diverse(trellis: Trellis, count: int, penalty: float) -> list[IntArray]:
-    """Return different paths; each is the cheapest when earlier use of candidates is penalised.
+def diverse(
+    trellis: Trellis,
+    count: int,
+    charges: Callable[[IntArray], Sequence[FloatArray]],
+    captured: IntArray | None = None,
+) -> list[IntArray]:
+    """Return different paths; each is the cheapest after costs are added for the earlier ones.
 
-    `penalty` is added to the cost of a candidate for each earlier path through it. The first path
-    is that of `viterbi`. If the cheapest path is an earlier one, the cheapest new path is returned
-    instead. There are fewer than `count` paths if no new one exists.
+    `charges` returns the costs to add to the unary costs of all candidates after a path. The first
+    path is that of `viterbi`; only it may be `captured`. If the cheapest path is an earlier one,
+    the cheapest new path is returned instead. There are fewer than `count` paths if no new one
+    exists.
 
     Examples
     --------
     >>> trellis = Trellis((np.array([0.0, 1.0]), np.array([0.0, 5.0])), (np.zeros((2, 2)),))
-    >>> [path.tolist() for path in diverse(trellis, 2, penalty=9.0)]
+    >>> [path.tolist() for path in diverse(trellis, 2, lambda path: 9.0 * np.eye(2)[path])]
     [[0, 0], [1, 1]]
     """
     paths: list[IntArray] = []
@@ -266,12 +265,12 @@ def diverse(trellis: Trellis, count: int, penalty: float) -> list[IntArray]:
         path = viterbi(trellis)
         if path.tobytes() in seen:
             # One more path than there are in `seen`, so at least one is new if any is left.
-            others = (p for p in k_best(trellis, len(paths) + 1) if p.tobytes() not in seen)
+            others = (p for p in k_best(trellis, len(seen) + 1) if p.tobytes() not in seen)
             unseen = next(others, None)
             if unseen is None:
                 break
             path = unseen
         paths.append(path)
-        seen.add(path.tobytes())
-        trellis = trellis.charge(path, penalty)
+        seen |= {own.tobytes() for own in (path, captured) if own is not None}
+        trellis = trellis.add_unary(charges(path))
     return paths

@@ -12,9 +12,9 @@ from mograft.config import Config
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.scenario import Scenario
-from mograft.search.candidates import SegmentPool
 from mograft.search.constraints import Constraint, Violation
 from mograft.search.donor_choice import DONOR_CHOICES, unique_sequences
+from mograft.search.segment_pool import SegmentPool
 from mograft.search.trellis import DonorSequences, DonorTrellis
 from mograft.search.viterbi import viterbi
 from mograft.solve.assembly import Assembly

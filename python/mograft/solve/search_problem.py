@@ -18,12 +18,12 @@ from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.motion.skeleton import Skeleton
 from mograft.scenario.realize import joints_of_donors
-from mograft.search.candidates import SegmentPool
 from mograft.search.constraints import Constraint
 from mograft.search.costs import ConstraintViolations, CostModel, origin_violations
 from mograft.search.donor_choice import DONOR_CHOICES, cost_model
 from mograft.search.donor_constraints import limit_config
 from mograft.search.pose_constraints import with_captured_depth
+from mograft.search.segment_pool import SegmentPool
 from mograft.search.trellis import DonorSequences
 from mograft.solve.segment_references import check_groups, resolve_segments, used_donors
 

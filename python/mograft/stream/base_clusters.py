@@ -40,7 +40,7 @@ class BaseClusters:
             is_packed=True,
         )
 
-    def find_members(self, samples: Samples) -> tuple[IntArray, FloatArray]:
+    def find_members(self, samples: Samples, reach: float) -> tuple[IntArray, FloatArray]:
         """Find the library's segments in the neighbourhood of a segment, given by its samples.
 
         The first result has the neighbours, ascending: the members of the cluster that the segment
@@ -55,5 +55,5 @@ class BaseClusters:
             features(samples, embedding.joints, embedding.reference, has_root=embedding.has_root)
         )
         neighbourhood = NEIGHBOURHOODS[library.config.neighbourhood]
-        members, distances = neighbourhood.find_near(self._members, point[0], sigma)
+        members, distances = neighbourhood.find_near(self._members, point[0], reach * sigma)
         return members, distances / sigma if sigma > 0 else distances

@@ -8,11 +8,11 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft.body.anatomy import feature_joints
 from mograft.config import Config
 from mograft.library.library import Library
-from mograft.search.candidates import SegmentPool
 from mograft.search.constraints import Clip, Constraint
 from mograft.search.costs import CostModel
 from mograft.search.donor_choice import cost_model
 from mograft.search.donor_constraints import limit_config
+from mograft.search.segment_pool import SegmentPool
 from mograft.stream.placed_donors import frames_with_neighbours
 
 _MAX_CACHED_DONORS = 4096

@@ -37,7 +37,7 @@ class PendingSegment:
     offset: int  # index in `base` of the segment's first frame
     segment: Segments  # in frames of the stream; clip index: number of clips in the library
     donors: IntArray  # shape (n_candidates,); the last is -1, the base segment itself
-    unary_costs: FloatArray  # shape (n_candidates,); without seams and constraints
+    unary_costs: dict[str, FloatArray]  # by grafted group; without seams and constraints
     origin_costs: FloatArray  # shape (n_candidates,); soft constraints on clip and length
     is_copy: dict[str, BoolArray]  # by grafted group: candidates that move it as the base does
     groups: dict[str, GroupCandidates] = field(default_factory=dict)  # by grafted group
@@ -76,4 +76,4 @@ class PendingSegment:
     def costs(self, group: str) -> FloatArray:
         """Costs of a group's candidates without seams and pose constraints, (n_candidates,)."""
         copy_costs = np.where(self.is_copy[group], INFEASIBLE_PENALTY, 0.0)
-        return self.unary_costs + self.origin_costs + copy_costs
+        return self.unary_costs[group] + self.origin_costs + copy_costs

@@ -12,16 +12,25 @@ from itertools import pairwise
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
+from mograft.analysis.embedding import Samples
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.body.mass import mass_model
 from mograft.body.world_poses import Poses
+from mograft.config import Config
 from mograft.library.ingest import boundary_states
 from mograft.motion.motion import Motion, world_transforms
 from mograft.motion.segments import Segments
 from mograft.search.boundary_states import BoundaryStates
 from mograft.search.constraints import Constraint
-from mograft.search.costs import ConstraintViolations, CostModel, length_fits, origin_violations
+from mograft.search.costs import (
+    PRESELECTION,
+    ConstraintViolations,
+    CostModel,
+    length_fits,
+    origin_violations,
+)
 from mograft.search.donor_choice import DONOR_CHOICES
+from mograft.search.neighbourhoods import FEWEST_DONORS, NEIGHBOURHOODS
 from mograft.search.pose_constraints import AvoidSelf, with_captured_depth
 from mograft.search.viterbi import Trellis
 from mograft.solve.search_problem import driven_joints
@@ -75,11 +84,7 @@ class StreamSearch:
         excerpt = _single_segment(offset, offset + stop - start, 0)
         segment = _single_segment(start, stop, len(self._library.entries))
         samples = self._clusters.sample(motion, excerpt)
-        members, distances = self._clusters.find_members(samples)
-        is_kept = self._library.is_donor[members] & length_fits(
-            segment.lengths, self._lengths[members], self._library.rate, rules.config
-        )
-        members, distances = members[is_kept], distances[is_kept]
+        members, distances = self._find_donors(samples, segment, rules.config)
         origin = self._origin_violations(segment, members, rules)
         members, distances = members[origin.is_feasible], distances[origin.is_feasible]
         # The base segment is the last candidate: distance 0, no origin costs, always feasible.
@@ -89,27 +94,73 @@ class StreamSearch:
         # Unary costs do not depend on seam scales, the only difference between the groups' models.
         model = next(iter(rules.models.values()))
         unary_costs = model.unary(segment.lengths, lengths, np.append(distances, 0.0), is_base)
-        kept = model.keep_cheapest(unary_costs + origin_costs, is_base)
-        donors = np.append(members, -1)[kept]
-        is_copy = {
-            group: np.append(pool.find_copies(samples, donors[:-1]), False)
+        kept = model.keep_cheapest(unary_costs + origin_costs, is_base, PRESELECTION)
+        donors, is_base = np.append(members, -1)[kept], is_base[kept]
+        unary_costs, origin_costs = unary_costs[kept], origin_costs[kept]
+        ends = boundary_states(motion, excerpt)
+        boundary = {group: self._boundary(group, donors, ends) for group in self._donors.pools}
+        of_groups = {
+            group: unary_costs
+            + np.where(
+                is_base, 0.0, model.similarity(pool.pose_differences_to_last(boundary[group]))
+            )
             for group, pool in self._donors.pools.items()
         }
+        # All groups have the same candidates: the cheapest on average.
+        costs = sum(of_groups.values()) / len(of_groups) + origin_costs
+        kept = model.keep_cheapest(costs, is_base)
+        donors = donors[kept]
         pending = PendingSegment(
             base=motion,
             offset=offset,
             segment=segment,
             donors=donors,
-            unary_costs=unary_costs[kept],
+            unary_costs={group: own[kept] for group, own in of_groups.items()},
             origin_costs=origin_costs[kept],
-            is_copy=is_copy,
+            is_copy={
+                group: np.append(pool.find_copies(samples, donors[:-1]), False)
+                for group, pool in self._donors.pools.items()
+            },
         )
         pending = replace(pending, pose_constraints=self._pose_constraints(pending, rules))
-        ends = boundary_states(motion, excerpt)
-        for group in self._donors.joints:
-            candidates = self._group_candidates(pending, group, ends, has_previous=has_previous)
+        for group, states in boundary.items():
+            candidates = self._group_candidates(
+                pending, group, states[kept], has_previous=has_previous
+            )
             pending.groups[group] = candidates
         return pending
+
+    def _find_donors(
+        self, samples: Samples, segment: Segments, config: Config
+    ) -> tuple[IntArray, FloatArray]:
+        """Return the donors of a base segment by neighbourhood and length, and their distances.
+
+        As in `SegmentPool.neighbours`, the nearest are added if there are too few.
+        """
+        members, distances = self._find_fitting(samples, segment, config, 1.0)
+        reach = NEIGHBOURHOODS[config.neighbourhood].reach
+        if reach == 1.0 or len(members) >= FEWEST_DONORS:
+            return members, distances
+        further, their_distances = self._find_fitting(samples, segment, config, reach)
+        nearest = np.argsort(their_distances, kind="stable")[:FEWEST_DONORS]
+        nearest.sort()
+        return further[nearest], their_distances[nearest]
+
+    def _find_fitting(
+        self, samples: Samples, segment: Segments, config: Config, reach: float
+    ) -> tuple[IntArray, FloatArray]:
+        """Return the possible donors within some radii that fit, and their distances.
+
+        Copies of all groups of the base segment are none.
+        """
+        members, distances = self._clusters.find_members(samples, reach)
+        fits = self._library.is_donor[members] & length_fits(
+            segment.lengths, self._lengths[members], self._library.rate, config
+        )
+        pools, fitting = self._donors.pools.values(), np.flatnonzero(fits)
+        copied = [pool.find_copies(samples, members[fitting]) for pool in pools]
+        fitting = fitting[~np.all(copied, axis=0)]
+        return members[fitting], distances[fitting]
 
     def choose_donors(
         self,
@@ -237,19 +288,18 @@ class StreamSearch:
             constraints = with_captured_depth(constraints, captured)
         return tuple(constraints)
 
-    def _group_candidates(
-        self,
-        segment: PendingSegment,
-        group: str,
-        ends: Mapping[str, FloatArray],
-        *,
-        has_previous: bool,
-    ) -> GroupCandidates:
-        """Return the candidates of a group; `ends` are the boundary states of the base segment."""
+    def _boundary(
+        self, group: str, donors: IntArray, ends: Mapping[str, FloatArray]
+    ) -> BoundaryStates:
+        """Return the boundary states of donors; `ends` are those of the base, the last of them."""
         joints = self._donors.compared_joints[group]
         base = BoundaryStates(**{name: states[:, joints] for name, states in ends.items()})
-        donors = self._donors.pools[group].boundary[segment.donors[:-1]]
-        boundary = BoundaryStates.concatenate([donors, base])
+        return BoundaryStates.concatenate([self._donors.pools[group].boundary[donors[:-1]], base])
+
+    def _group_candidates(
+        self, segment: PendingSegment, group: str, boundary: BoundaryStates, *, has_previous: bool
+    ) -> GroupCandidates:
+        """Return the candidates of a group, given their boundary states."""
         if not segment.pose_constraints:
             return GroupCandidates(boundary, segment.costs(group))
         sampled = self._sample(segment, group, segment.donors)

@@ -386,7 +386,7 @@ class Stream:
             donor_start=donor_start,
             donor_stop=donor_stop,
             stretch=segment.length / (donor_stop - donor_start) - 1.0,
-            cost=float(segment.unary_costs[index]),
+            cost=float(segment.unary_costs[group][index]),
             gap_before=gap,
             gap_after=float("nan"),
         )
