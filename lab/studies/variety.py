@@ -11,11 +11,14 @@ set of BVH files with one skeleton below it, at 30 frames per second. It prints
 - ``temperature``, ``diversity``: the same by `temperature` and by `diversity`;
 - ``seeds``: by `temperature`, the share of positions at which donors of two seeds differ, and the
   mean seam gap, which need no motions;
-- ``dial``: the same by the variety of `Config.with_variety`.
+- ``dial``: the same by the variety of `Config.with_variety`;
+- ``defaults``: the same for the defaults and for settings near them.
 
-``--only NAME`` prints one of these. Novelty, the difference between
-grafts and the detectability at seams are those of `mograft.evaluation`: 0.5 means that
-a classifier cannot distinguish grafts from recordings. Needs scikit-learn.
+``--only NAME`` prints one of these. "new" is the share of frames in which a grafted joint differs
+from the base by more than 5°, "apart" the mean angle of the grafted joints between two grafts of
+one base, "none" the share of segments without a candidate. The areas of classifiers at seams and
+between them are those of `mograft.evaluation`: 0.5 means that a classifier cannot distinguish
+grafts from recordings. The last rows are means over the sources. Needs scikit-learn.
 """
 
 import argparse
@@ -27,20 +30,34 @@ import numpy as np
 
 import mograft as mg
 from lab.common import run, tiny_motion
-from mograft import evaluation
 from mograft.evaluation.detectability import MIN_WINDOWS
 from mograft.evaluation.two_sample import block_folds, detect
 from mograft.evaluation.windows import GraftWindows
+from mograft.motion import rotations
 from mograft.solve.plan import GraftPlan
 
 RATE = 30.0
 SIGMA_SCALES = (0.3, 0.5, 0.75, 1.0, 1.5, 2.5)
-COLUMNS = ("exchanged", "novelty", "between grafts", "seam gap", "seams, gross", "seams, fine")
+COLUMNS = (
+    *("exchanged", "none", "new", "apart", "seam gap"),
+    *("seams, gross", "seams, fine", "between, gross", "between, fine"),
+)
+NEW_ANGLE = np.radians(5.0)
 TEMPERATURES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 N_SEEDS = 4
 DIVERSITIES = (0.0, 1.0, 2.0, 4.0)
 VARIETIES = (0.0, 0.25, 0.5, 0.75, 1.0)
-PARTS = ("radius", "share", "seeds", "neighbourhood", "temperature", "diversity", "dial")
+PARTS = (
+    "radius",
+    "share",
+    "seeds",
+    "neighbourhood",
+    "temperature",
+    "diversity",
+    "dial",
+    "defaults",
+)
+EARLIER = {"neighbourhood": "cluster", "diversity": 1.0, "distance_weight": 0.25}
 MAX_BASES = 3  # clips of a source that are bases
 MAX_WINDOWS = 600
 
@@ -130,37 +147,63 @@ def print_seeds(sources):
         print(f"| {name} |{cells}", flush=True)
 
 
+def joint_angles(first, second, joints):
+    """The angles between joints of two motions, in radians, shape (n_frames, n_joints)."""
+    turns = rotations.multiply(rotations.inverse(first[:, joints]), second[:, joints])
+    return np.linalg.norm(rotations.log(turns), axis=-1)
+
+
 def measure(library, config, count):
     """The values of `COLUMNS`, of some grafts on up to `MAX_BASES` clips of a library."""
     library = library.relabelled(config)
     names = [own.name for own in library.entries if own.n_frames >= 2 * RATE][:MAX_BASES]
     grafts = [list(mg.graft_many(library, name, count)) for name in names]
     flat = [graft for several in grafts for graft in several]
-    exchanged = [not own.is_own for graft in flat for own in graft.substitutions]
+    joints = np.concatenate([library.joints(group) for group in flat[0].alternatives])
+    from_base = [joint_angles(own.base.rotations, own.motion.rotations, joints) for own in flat]
+    apart = [
+        joint_angles(one.motion.rotations, two.motion.rotations, joints).mean()
+        for several in grafts
+        for one, two in combinations(several, 2)
+    ]
     gaps = [seam.gap for graft in flat for seam in graft.seams]
-    new = evaluation.novelty(grafts)
-    values = [np.mean(exchanged), new.novelty.value, new.between.value]
-    values.append(np.degrees(np.mean(gaps)) if gaps else np.nan)
-    windows = GraftWindows.of(flat, "seams", MAX_WINDOWS, np.random.default_rng(0))
-    if len(windows) < MIN_WINDOWS:
-        return [*values, np.nan, np.nan]
-    found = detect([windows.pairs()], [block_folds(windows.frames, (0, 0))], 0)
-    return [*values, found.gross.value, found.fine.value]
+    values = [
+        np.mean([not own.is_own for graft in flat for own in graft.substitutions]),
+        np.mean(np.concatenate([own == 0 for g in flat for own in g.alternatives.values()])),
+        np.mean(np.concatenate([(own > NEW_ANGLE).any(axis=1) for own in from_base])),
+        np.degrees(np.mean(apart)),
+        np.degrees(np.mean(gaps)) if gaps else np.nan,
+    ]
+    for place in ("seams", "between seams"):
+        windows = GraftWindows.of(flat, place, MAX_WINDOWS, np.random.default_rng(0))
+        if len(windows) < MIN_WINDOWS:
+            values += [np.nan, np.nan]
+            continue
+        found = detect([windows.pairs()], [block_folds(windows.frames, (0, 0))], 0)
+        values += [found.gross.value, found.fine.value]
+    return values
 
 
 def print_settings(sources, configs, count):
-    """Print `COLUMNS` for each source and configuration, given with its label."""
+    """Print `COLUMNS` for each source and configuration, given with its label, and the means."""
     print("| source | |" + "".join(f" {title} |" for title in COLUMNS))
     print("|---|---|" + "---|" * len(COLUMNS))
+    found = {}
     for name, library in sources.items():
         for label, config in configs:
-            exchanged, new, between, gap, *areas = measure(library, config, count)
-            cells = "".join(f" {area:.2f} |" for area in areas)
-            print(
-                f"| {name} | {label} | {exchanged:.2f} | {new:.2f} | {between:.2f} | {gap:.1f}° |"
-                + cells,
-                flush=True,
-            )
+            values = measure(library, config, count)
+            found.setdefault(label, []).append(values)
+            print_row(name, label, values)
+    for label, rows in found.items():
+        print_row("mean", label, np.nanmean(rows, axis=0))
+
+
+def print_row(name, label, values):
+    """Print a row of `print_settings`."""
+    exchanged, none, new, apart, gap, *areas = values
+    cells = "".join(f" {value:.2f} |" for value in (exchanged, none, new))
+    cells += f" {apart:.1f}° | {gap:.1f}° |" + "".join(f" {area:.2f} |" for area in areas)
+    print(f"| {name} | {label} |{cells}", flush=True)
 
 
 def report(options):
@@ -183,6 +226,14 @@ def report(options):
         ],
         "temperature": [(f"{own:g}", mg.Config(temperature=own)) for own in (0.1, 0.25, 1.0)],
         "diversity": [(f"{own:g}", mg.Config(diversity=own)) for own in DIVERSITIES],
+        "defaults": [
+            ("clusters, earlier weights", mg.Config(**EARLIER)),
+            ("clusters", mg.Config(neighbourhood="cluster")),
+            ("balls, diversity 1", mg.Config(diversity=1.0)),
+            ("balls, distance weight 1", mg.Config(distance_weight=1.0)),
+            ("defaults", mg.Config()),
+            ("balls, diversity 6", mg.Config(diversity=6.0)),
+        ],
         "dial": [(f"{own:g}", mg.Config.with_variety(own)) for own in VARIETIES],
     }
     for part, configs in settings.items():

@@ -172,9 +172,14 @@ class SegmentPool:
         The difference is the mean joint angle, over the first and the last frame; the heading of a
         root is not compared. Both arguments have shape (n,).
         """
-        pairs, ones = np.stack([first, second], axis=1).ravel(), np.ones(2 * len(first), np.int64)
+        # The kernel compares neighbouring lists: each first segment, then the second ones of its
+        # run, then an empty list.
+        starts = np.flatnonzero(np.diff(first, prepend=-1))
+        lengths = np.diff(np.append(starts, len(first)))
+        counts = np.stack([np.ones_like(lengths), lengths, np.zeros_like(lengths)], axis=1).ravel()
+        along = np.insert(second, starts, first[starts]), counts
         ends = (self.boundary.first, self.boundary.last) if self.parts is None else self.parts.ends
-        angles = [pose_gaps_along(own, own, pairs, ones)[::2] for own in ends]
+        angles = [pose_gaps_along(own, own, *along) for own in ends]
         return (angles[0] + angles[1]) / 2.0
 
     def pose_differences_to_last(self, boundary: BoundaryStates) -> FloatArray:
