@@ -42,6 +42,7 @@ _HOMES = {
     "synthesis.graft": "Grafts graft graft_many repair",
     "synthesis.graft_request": "GraftRequest",
     "synthesis.graft_result": "Graft",
+    "synthesis.newness": "Newness newness",
     "synthesis.substitution": "Seam Substitution",
     "viewing.page": "Page view",
     "viewing.report": "report_page",

@@ -38,10 +38,14 @@ from mograft.solve.base import grafted_groups
 from mograft.synthesis.advice import advise
 from mograft.synthesis.graft import graft_many, kept_violations, repair
 from mograft.synthesis.graft_result import Graft
+from mograft.synthesis.newness import newness
 from mograft.synthesis.substitution import Substitution
 
 _MAX_REPORTED = 20
-"""Maximum number of grafts on a report page: all of them are in memory at the same time."""
+"""Maximum number of grafts on a report page, and of earlier motions with which one is compared.
+
+All of them are in memory at the same time.
+"""
 
 _GRAPH_OPTIONS = ("duration", "frames", "path", "beats", "among")
 
@@ -291,13 +295,15 @@ def _write_results(
     """Write grafts and the page that describes them, and print their paths and remarks."""
     paths[0].parent.mkdir(parents=True, exist_ok=True)
     is_together = paths[0].suffix.lower() == ".glb"
-    reference, outputs = None, list[_Output]()
+    reference, outputs, motions = None, list[_Output](), list[Motion]()
     if options.measure:
         from mograft.evaluation.world_measures import WorldReference  # takes long to import
 
         reference = WorldReference(grafts[0].library)
     for path, graft in zip(paths, grafts, strict=False):
-        lines, sections, columns = [graft.report(each=options.verbose)], {}, {}
+        new = newness(graft, motions)
+        motions = [*motions, graft.motion][-_MAX_REPORTED:] if len(paths) > 1 else []
+        lines, sections, columns = [graft.report(each=options.verbose), f"  {new}"], {}, {}
         if reference is not None:
             measures = reference.measure(graft)
             sections, columns = {"quality": measures.as_dict()}, measures.columns()
@@ -306,7 +312,10 @@ def _write_results(
         if not is_together:
             write_graft(own, path, sections, digits=digits)
         document = graft_record(own, path.parent) if options.json else {}
-        document = {"file": str(path), **document, "digits": digits, **sections}
+        document = {
+            **{"file": str(path), **document, "digits": digits, **sections},
+            "newness": new.as_dict(),
+        }
         print_remark("\n".join(lines))
         if not options.json and not is_together:
             print(path)

@@ -1,0 +1,101 @@
+"""How new a graft is: its poses compared with those of its base and of other grafts."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft._util.arrays import FloatArray, IntArray
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+from mograft.synthesis.graft_result import Graft
+
+NEW_ANGLE = np.radians(5.0)
+"""Angle of a joint to that of the base from which a frame counts as new."""
+
+
+@dataclass(frozen=True)
+class Newness:
+    """How much a graft differs from its base and from the nearest of other grafts.
+
+    Attributes
+    ----------
+    new : float
+        Share of frames in which an exchanged joint differs from the base by more than 5 degrees.
+    changed : float
+        Mean angle between the exchanged joints of graft and base, in radians.
+    apart : float or None
+        Mean angle to the exchanged joints of the nearest other graft of as many frames, in
+        radians; None if there is none.
+    nearest : str
+        Name of that graft; empty if there is none.
+    """
+
+    new: float
+    changed: float
+    apart: float | None = None
+    nearest: str = ""
+
+    def __str__(self) -> str:
+        text = (
+            f"{self.new:.0%} of the frames are new; {np.degrees(self.changed):.1f}° from the base"
+        )
+        if self.apart is None:
+            return text
+        return f"{text}, {np.degrees(self.apart):.1f}° from {self.nearest}"
+
+    def as_dict(self) -> dict[str, float | str | None]:
+        """Return the attributes by name."""
+        return {
+            "new": self.new,
+            "changed": self.changed,
+            "apart": self.apart,
+            "nearest": self.nearest or None,
+        }
+
+
+def newness(graft: Graft, others: Sequence[Motion] = ()) -> Newness:
+    """Measure how new a graft is.
+
+    Parameters
+    ----------
+    graft : Graft
+        The graft. All joints of its exchanged groups are compared, by their local rotations.
+    others : sequence of Motion, optional
+        Motions of other grafts on the same base; those with another number of frames are ignored.
+
+    Returns
+    -------
+    Newness
+        The measures.
+
+    Examples
+    --------
+    >>> import mograft as mg
+    >>> from mograft.dancer import dance
+    >>> library = mg.Library.build(dance(strides=1).motion)
+    >>> one, two = mg.graft_many(library, count=2)
+    >>> newness(two, [one.motion]).nearest == one.motion.name
+    True
+    """
+    joints = np.concatenate([graft.library.joints(group) for group in graft.alternatives])
+    from_base = _joint_angles(graft.base, graft.motion, joints)
+    found = Newness(float((from_base > NEW_ANGLE).any(axis=1).mean()), float(from_base.mean()))
+    gaps = [
+        (float(_joint_angles(other, graft.motion, joints).mean()), other.name)
+        for other in others
+        if other.n_frames == graft.motion.n_frames
+    ]
+    if not gaps:
+        return found
+    apart, nearest = min(gaps)
+    return Newness(found.new, found.changed, apart, nearest)
+
+
+def _joint_angles(first: Motion, second: Motion, joints: IntArray) -> FloatArray:
+    """Return the angles between joints of two motions, in radians, shape (n_frames, n_joints)."""
+    turns = rotations.multiply(
+        rotations.inverse(first.rotations[:, joints]), second.rotations[:, joints]
+    )
+    angles: FloatArray = np.linalg.norm(rotations.log(turns), axis=-1)
+    return angles
