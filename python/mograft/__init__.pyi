@@ -58,6 +58,8 @@ from mograft.synthesis.graft import graft_many as graft_many
 from mograft.synthesis.graft import repair as repair
 from mograft.synthesis.graft_request import GraftRequest as GraftRequest
 from mograft.synthesis.graft_result import Graft as Graft
+from mograft.synthesis.newness import Newness as Newness
+from mograft.synthesis.newness import newness as newness
 from mograft.synthesis.substitution import Seam as Seam
 from mograft.synthesis.substitution import Substitution as Substitution
 from mograft.viewing import plot as plot
