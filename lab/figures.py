@@ -116,7 +116,8 @@ def balance(folder):
 def collisions(folder):
     """Share of the colliding frames that repairs remove."""
     kinds = {
-        "default clusters": "default clusters",
+        "balls, the default": "balls, the default",
+        "clusters": "clusters",
         "random donors": "random donors",
         "clusters widened up to 4": "widened clusters",
     }

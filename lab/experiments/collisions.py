@@ -29,7 +29,8 @@ WIDEST = 4.0
 def measure(recordings, *, is_quick):
     """Collisions before and after the repair of one clip, at several placements of a copy."""
     clip = max(recordings.motions, key=lambda motion: motion.n_frames)[:MAX_FRAMES]
-    library = mg.Library.build(clip)
+    balls = mg.Library.build(clip)
+    library = mg.Library.build(clip, config=mg.Config(neighbourhood="cluster"))
     scale = library.config.sigma_scale
     shuffled = _shuffle_clusters(library)
     whole = _whole_body_library(clip)
@@ -40,6 +41,7 @@ def measure(recordings, *, is_quick):
         before = int((avoid.errors(mg.Poses.from_motion(clip))[0] > 1).sum())
         row = {"before": before}
         for name, own, widest in (
+            ("balls", balls, scale),
             ("clusters", library, scale),
             ("random", shuffled, scale),
             ("widened", library, WIDEST),
@@ -110,7 +112,7 @@ def _whole_body_library(clip):
     kept = next((joint for joint in ends if joint in feet), ends[-1])
     others = [joint for joint in range(clip.n_joints) if joint != kept]
     groups = mg.JointGroups({"end": [kept], "body": others}, base="end")
-    config = mg.Config(sigma_scale=1e6, distance_weight=0.0)
+    config = mg.Config(neighbourhood="cluster", sigma_scale=1e6, distance_weight=0.0)
     return mg.Library.build(clip, groups, config)
 
 
@@ -128,7 +130,8 @@ def _repair(library, clip, avoid, widest):
 
 
 _REPAIRS = {
-    "clusters": "default clusters",
+    "balls": "balls, the default",
+    "clusters": "clusters",
     "random": "random donors",
     "widened": f"clusters widened up to {WIDEST:g}",
     "whole": "whole bodies",
@@ -159,7 +162,7 @@ def tables(results):
                 )
             )
     pairs = {
-        "default clusters less random donors": ("clusters", "random"),
+        "clusters less random donors": ("clusters", "random"),
         f"clusters widened up to {WIDEST:g} less whole bodies": ("widened", "whole"),
     }
     differences = [

@@ -33,7 +33,6 @@ from lab.common import run, tiny_motion
 from mograft.evaluation.detectability import MIN_WINDOWS
 from mograft.evaluation.two_sample import block_folds, detect
 from mograft.evaluation.windows import GraftWindows
-from mograft.motion import rotations
 from mograft.solve.plan import GraftPlan
 
 RATE = 30.0
@@ -149,8 +148,8 @@ def print_seeds(sources):
 
 def joint_angles(first, second, joints):
     """The angles between joints of two motions, in radians, shape (n_frames, n_joints)."""
-    turns = rotations.multiply(rotations.inverse(first[:, joints]), second[:, joints])
-    return np.linalg.norm(rotations.log(turns), axis=-1)
+    turns = mg.rotations.multiply(mg.rotations.inverse(first[:, joints]), second[:, joints])
+    return np.linalg.norm(mg.rotations.log(turns), axis=-1)
 
 
 def measure(library, config, count):
