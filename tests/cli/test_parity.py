@@ -52,6 +52,7 @@ CASES = {
     "digits": Case("--digits 3", digits=3),
     "seed": Case("--seed 5", call={"seed": 5}),
     "count": Case("-n 3", call={"count": 3}),
+    "distinct": Case("-n 3 --distinct 12", call={"count": 3, "distinct": float(np.radians(12.0))}),
     "base": Case("--base b", call={"base": "b"}),
     "groups": Case("--groups lower_torso_arms", build={"groups": "lower_torso_arms"}),
     "swap": Case(

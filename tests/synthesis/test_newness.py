@@ -1,6 +1,7 @@
 """Laws of the measures of newness."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -50,3 +51,30 @@ def test_nearest_other_motion_is_named(graft, angles):
     assert found.nearest in {other.motion.name for other in others}
     assert f"° from {found.nearest}" in str(found)
     assert found.as_dict()["apart"] == found.apart
+
+
+@few_examples(8)
+@given(degrees=st.floats(0.5, 40.0), seed=st.integers(0, 100))
+def test_distinct_motions_are_apart_and_keep_their_order(graft, degrees, seed):
+    library, joints = graft.library, graft.library.joints("upper")
+    config = replace(library.config, self_repair=False)
+    grafts = mg.graft_many(
+        library.relabelled(config), count=4, seed=seed, widen=False, distinct=np.radians(degrees)
+    )
+    motions = [own.motion.rotations[:, joints] for own in grafts]
+    for one, two in combinations(motions, 2):
+        cosines = np.abs((one * two).sum(axis=-1)).clip(max=1.0)
+        assert np.degrees(2 * np.arccos(cosines).mean()) >= degrees - 1e-3
+    first = mg.graft_many(library.relabelled(config), count=1, seed=seed)[0]
+    np.testing.assert_array_equal(grafts[0].motion.rotations, first.motion.rotations)
+    fewer = mg.graft_many(
+        library.relabelled(config), count=2, seed=seed, widen=False, distinct=np.radians(degrees)
+    )
+    for one, two in zip(fewer, grafts, strict=False):
+        np.testing.assert_array_equal(one.motion.rotations, two.motion.rotations)
+
+
+@pytest.mark.parametrize("distinct", [-0.1, 4.0, True, "1", float("nan")])
+def test_distinct_that_is_no_angle_raises_value_error(graft, distinct):
+    with pytest.raises(ValueError, match="`distinct` must be an angle from 0 to π"):
+        mg.graft_many(graft.library, count=2, distinct=distinct)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from math import inf
+from math import inf, pi
 from numbers import Real
 from weakref import WeakValueDictionary
 
@@ -23,9 +23,13 @@ from mograft.solve.search_problem import check_frames
 from mograft.synthesis.graft_building import build_graft
 from mograft.synthesis.graft_request import GraftRequest
 from mograft.synthesis.graft_result import Graft
+from mograft.synthesis.newness import grafted_joints, mean_angle
 
 MAX_SIGMA_SCALE = 4.0
 """At four times the spread of all segments one cluster contains them all."""
+
+_DRAWN_PER_MOTION = 4
+"""Number of motions that are drawn for each that is wanted, if they must be distinct."""
 
 MEMORY_FACTOR = 5
 """Memory of a graft, in addition to library and base, as a multiple of the arrays of the base."""
@@ -141,6 +145,7 @@ def graft_many(
     seed: int = 0,
     scenario: Sequence[int] | IntArray | Scenario | None = None,
     widen: bool = True,
+    distinct: float = 0.0,
 ) -> Grafts:
     """Make several different new motions from one base motion; see `graft`.
 
@@ -153,6 +158,10 @@ def graft_many(
     widen : bool
         Whether `Config.sigma_scale` is multiplied by 4/3 until the donors allow `count` different
         motions or it would exceed 4. `Grafts.notes` describes each step.
+    distinct : float
+        Smallest mean angle, in radians, between the exchanged joints of any two of the motions.
+        Motions that are nearer to an earlier one are left out. Each motion is then built once
+        more when it is accessed.
 
     Returns
     -------
@@ -166,7 +175,8 @@ def graft_many(
     Raises
     ------
     ValueError
-        As for `graft`, and if `count` is below 1 or `seed` is negative or not an integer.
+        As for `graft`, and if `count` is below 1, `seed` is negative or not an integer, or
+        `distinct` is not from 0 to π.
 
     Examples
     --------
@@ -179,12 +189,14 @@ def graft_many(
     count, seed = as_integer("count", count, 1), as_integer("seed", seed)
     check_type("library", library, Library)
     _check_base(base)
+    if isinstance(distinct, bool) or not isinstance(distinct, Real) or not 0 <= distinct <= pi:
+        raise ValueError(f"`distinct` must be an angle from 0 to π, in radians, got {distinct!r}")
     if scenario is None:
         _check_memory(library, base)
     notes: list[str] = []
     while True:
         plan = GraftPlan.build(library, base, swap, constraints, scenario)
-        donors = tuple(plan.choose_donors(count, seed))
+        donors = _choose_donors(plan, count, seed, float(distinct))
         wider = _widened(library, MAX_SIGMA_SCALE) if widen and len(donors) < count else None
         if wider is None:
             request = _request(plan, base, swap)
@@ -195,6 +207,28 @@ def graft_many(
             f"{scales[1]:.3g}, which allows less similar donors"
         )
         library = wider
+
+
+def _choose_donors(
+    plan: GraftPlan, count: int, seed: int, distinct: float
+) -> tuple[DonorSequences, ...]:
+    """Return the donors of `count` motions that differ by `distinct`; fewer if there are none.
+
+    Motions are taken in the order of the choice; those too near to one taken before are left out.
+    """
+    if not distinct:
+        return tuple(plan.choose_donors(count, seed))
+    chosen: list[DonorSequences] = []
+    motions: list[Motion] = []
+    for donors in plan.choose_donors(_DRAWN_PER_MOTION * count, seed):
+        own = build_graft(plan, donors, seed, len(chosen))
+        joints = grafted_joints(own)
+        if all(mean_angle(own.motion, other, joints) >= distinct for other in motions):
+            chosen.append(donors)
+            motions.append(own.motion)
+        if len(chosen) == count:
+            break
+    return tuple(chosen)
 
 
 def repair(

@@ -78,11 +78,11 @@ def newness(graft: Graft, others: Sequence[Motion] = ()) -> Newness:
     >>> newness(two, [one.motion]).nearest == one.motion.name
     True
     """
-    joints = np.concatenate([graft.library.joints(group) for group in graft.alternatives])
+    joints = grafted_joints(graft)
     from_base = _joint_angles(graft.base, graft.motion, joints)
     found = Newness(float((from_base > NEW_ANGLE).any(axis=1).mean()), float(from_base.mean()))
     gaps = [
-        (float(_joint_angles(other, graft.motion, joints).mean()), other.name)
+        (mean_angle(other, graft.motion, joints), other.name)
         for other in others
         if other.n_frames == graft.motion.n_frames
     ]
@@ -90,6 +90,16 @@ def newness(graft: Graft, others: Sequence[Motion] = ()) -> Newness:
         return found
     apart, nearest = min(gaps)
     return Newness(found.new, found.changed, apart, nearest)
+
+
+def grafted_joints(graft: Graft) -> IntArray:
+    """Return the joints of the exchanged groups."""
+    return np.concatenate([graft.library.joints(group) for group in graft.alternatives])
+
+
+def mean_angle(first: Motion, second: Motion, joints: IntArray) -> float:
+    """Return the mean angle between joints of two motions of as many frames, in radians."""
+    return float(_joint_angles(first, second, joints).mean())
 
 
 def _joint_angles(first: Motion, second: Motion, joints: IntArray) -> FloatArray:

@@ -110,6 +110,8 @@ def _check_options(options: GraftOptions) -> None:
         raise UsageError("--reroll requires --from")
     if options.output.suffix.lower() in (".bvh", ".npz") and options.count != 1:
         raise UsageError(f"-o must be a folder if -n is above 1, got {options.output}")
+    if options.distinct > 180.0:
+        raise UsageError(f"--distinct must be at most 180, got {options.distinct:g}")
     if options.repair and options.count != 1:
         raise UsageError(f"-n must be 1 with --repair, got {options.count}")
     _check_scenario(options)
@@ -242,6 +244,7 @@ def _make_grafts(
         seed=options.seed or 0,
         scenario=scenario,
         widen=not is_fixed,
+        distinct=np.radians(options.distinct),
     )
     for note in grafts.notes:
         print_remark(note)
@@ -352,10 +355,13 @@ def _write_together(outputs: Sequence[_Output], options: GraftOptions) -> None:
 def _print_remarks(last: Graft, outputs: Sequence[_Output], options: GraftOptions) -> None:
     """Print how many motions are missing, and what was not exchanged; `last` is one graft."""
     if len(outputs) < options.count:
+        apart = f" that are {options.distinct:g}° apart" if options.distinct else ""
+        remedies = "more clips or a larger --variety allow more"
+        if options.distinct:
+            remedies = "a smaller --distinct, more clips or a larger --variety allow more"
         print_remark(
             f"warning: the donors allow only {len(outputs)} different "
-            f"motion{'s' * (len(outputs) > 1)}, not {options.count}; more clips or a larger "
-            "--variety allow more"
+            f"motion{'s' * (len(outputs) > 1)}{apart}, not {options.count}; {remedies}"
         )
     for remark in advise(last, [output.substitutions for output in outputs]):
         print_remark(with_flags(remark, _ADVISED_OPTIONS))

@@ -314,6 +314,13 @@ class VarietyOptions(SeedOptions, section="how different"):
         "different motions, the clusters are enlarged",
         short="-n",
     )
+    distinct: float = option(
+        "smallest mean angle, in degrees, between the exchanged joints of any two motions; motions "
+        "that are nearer are left out (default: 0)",
+        values.Value("DEGREES", values.non_negative_number),
+        0.0,
+        is_setting=True,
+    )
     mirror: bool = switch(
         "use the mirror images of all clips as additional donors", is_expert=True, is_setting=True
     )
