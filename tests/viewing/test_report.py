@@ -13,6 +13,7 @@ from mograft.body.mass import center_of_mass, mass_model
 from mograft.cli import main
 from mograft.constraints import OnlyFrom
 from mograft.dancer import dance
+from mograft.synthesis.newness import newness
 from mograft.viewing.report import report_page
 from tests.browser import chromium, open_page
 from tests.strategies import HOSTILE_NAMES
@@ -39,8 +40,12 @@ def test_report_motion_table_equals_grafts(grafts):
         assert row[0] == own.motion.name
         assert row[1] == f"{new} of {len(own.substitutions)}"
         assert row[3] == str(int((own.alternatives["upper"] == 0).sum()))
-        assert row[4] == str(len(own.seams))
-        assert row[5:7] == [f"{gaps.mean():.1f}°", f"{gaps.max():.1f}°"]
+        (other,) = (graft.motion for graft in grafts if graft is not own)
+        found = newness(own, [other])
+        angles = [f"{np.degrees(angle):.1f}°" for angle in (found.changed, found.apart)]
+        assert row[4:7] == [f"{found.new:.0%}", *angles]
+        assert row[7] == str(len(own.seams))
+        assert row[8:10] == [f"{gaps.mean():.1f}°", f"{gaps.max():.1f}°"]
         assert own.report().splitlines()[1] in page.html
     assert page.title == "dance: 2 new motions"
     assert len(page_data(page)["clips"]) == 3
@@ -63,9 +68,9 @@ def test_report_balance_shift_equals_centre_of_mass_distance(grafts):
     gap = (center_of_mass(own.motion) - center_of_mass(own.base))[:, [0, 2]]
     stray = np.linalg.norm(gap, axis=1) / mass_model(own.base.skeleton).height
     row = cells(report_page(grafts), "Motions")[0]
-    assert row[7:] == [f"{100 * stray.mean():.1f} %", f"{100 * stray.max():.1f} %"]
+    assert row[10:] == [f"{100 * stray.mean():.1f} %", f"{100 * stray.max():.1f} %"]
     kept = replace(own, motion=own.base, seams=())
-    assert cells(report_page([kept]), "Motions")[0][5:] == ["none", "none", "0.0 %", "0.0 %"]
+    assert cells(report_page([kept]), "Motions")[0][8:] == ["none", "none", "0.0 %", "0.0 %"]
 
 
 def test_center_of_mass_weights_bones_by_mass():

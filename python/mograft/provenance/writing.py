@@ -153,7 +153,7 @@ def write_graft(
     >>> with TemporaryDirectory() as folder:
     ...     mg.write_graft(mg.graft(library, seed=7), f"{folder}/new.bvh")
     ...     mg.replay(f"{folder}/new.json", library)
-    Graft(dance_graft0: 151 of 197 parts exchanged)
+    Graft(dance_graft0: 195 of 197 parts exchanged)
     """
     target = Path(fspath(path))
     digits = None if digits is None else check_digits(digits)

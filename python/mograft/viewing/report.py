@@ -19,6 +19,7 @@ from mograft.search.candidates import count_combinations
 from mograft.search.costs import PRESELECTION, length_fits
 from mograft.search.neighbourhoods import NEIGHBOURHOODS, Neighbourhood
 from mograft.synthesis.graft_result import Graft, seam_limit
+from mograft.synthesis.newness import newness
 from mograft.viewing.page import Page, assemble_page, asset, viewer_html
 from mograft.viewing.scene import Scene
 
@@ -137,6 +138,8 @@ def _scene(grafts: Sequence[Graft], files: Sequence[Path | None]) -> Scene:
 
 
 _MOTION_NOTE = (
+    "New frames: share of frames in which a grafted joint differs by more than 5° from the base; "
+    "then the mean angle of these joints to the base and to the nearest other motion of the page. "
     "Seam angle: mean angle between the joints of the two poses that meet at a seam, before "
     "blending. Balance shift: horizontal distance between the centres of mass of the motion and "
     "of its base, in percent of the body height."
@@ -189,12 +192,17 @@ def _motion_table(
         angles = np.degrees([seam.gap for seam in graft.seams])
         n_without = sum(int((counts == 0).sum()) for counts in graft.alternatives.values())
         shift = _balance_shift(graft)
+        found = newness(graft, [other.motion for other in grafts if other is not graft])
+        apart = "none" if found.apart is None else f"{np.degrees(found.apart):.1f}°"
         rows.append(
             {
                 "motion": _link(graft.motion.name, link),
                 "segments exchanged": f"{new} of {len(graft.substitutions)}",
                 "segments kept": f"{len(graft.substitutions) - new}",
                 "without other donors": f"{n_without}",
+                "new frames": f"{found.new:.0%}",
+                "from the base": f"{np.degrees(found.changed):.1f}°",
+                "from the nearest other": apart,
                 "seams": f"{len(angles)}",
                 "seam angle, mean": f"{angles.mean():.1f}°" if len(angles) else "none",
                 "seam angle, largest": f"{angles.max():.1f}°" if len(angles) else "none",
