@@ -110,13 +110,14 @@ def list_candidates(
     its clip. No limit refuses the donors that `Use` requires.
     """
     segments, config = pool.segments, model.config
-    members = pool.neighbours(np.array([segment]), config)[0]
-    if verdicts is not None:
+    if verdicts is None:
+        members = pool.neighbours(np.array([segment]), config)[0]
+    else:
         members = verdicts.members
-    length = int(segments.lengths[segment])
-    fits = length_fits(segments.lengths[segment], segments.lengths[members], pool.rate, config)
-    is_copy = pool.are_copies(np.full(len(members), segment), members)
-    costs = pool.unary_costs(np.full(len(members), segment), members, model)
+    length, base = int(segments.lengths[segment]), np.full(len(members), segment)
+    fits = length_fits(segments.lengths[base], segments.lengths[members], pool.rate, config)
+    is_copy = pool.are_copies(base, members)
+    costs = pool.unary_costs(base, members, model)
     if verdicts is not None:
         costs = costs + verdicts.costs
     before, after = np.zeros(len(members)), np.zeros(len(members))
@@ -144,10 +145,9 @@ def list_candidates(
                 reasons.append("copy: it moves the group as the base segment does")
             slack = config.length_slack * pool.rate / length
             reasons += [] if fits[i] else [_describe_length(stretch, slack, config)]
-            angle = max(float(before[i]), float(after[i]))
-            if angle > config.max_angle:
-                limit = np.degrees(config.max_angle)
-                reasons.append(f"seam: {np.degrees(angle):.1f}° is above {limit:.1f}°")
+            angle, limit = np.degrees([max(before[i], after[i]), config.max_angle]).tolist()
+            if angle > limit:
+                reasons.append(f"seam: {angle:.1f}° is above {limit:.1f}°")
         if verdicts is not None:
             reasons += verdicts.reasons[i]
         listed.append(
