@@ -110,10 +110,8 @@ def list_candidates(
     its clip. No limit refuses the donors that `Use` requires.
     """
     segments, config = pool.segments, model.config
-    if verdicts is None:
-        members = pool.neighbours(np.array([segment]), config)[0]
-    else:
-        members = verdicts.members
+    neighbours = pool.neighbours(np.array([segment]), config)[0]
+    members = neighbours if verdicts is None else verdicts.members
     length, base = int(segments.lengths[segment]), np.full(len(members), segment)
     fits = length_fits(segments.lengths[base], segments.lengths[members], pool.rate, config)
     is_copy = pool.are_copies(base, members)
