@@ -8,7 +8,7 @@ import pytest
 from tests.weekly.attack.__main__ import COMMANDS, MARKS, OTHERS, PAGE
 
 _QUICK = (
-    *("damaged_texts", "cut_texts", "damaged_libraries", "hostile_libraries"),
+    *("damaged_texts", "cut_texts", "damaged_libraries"),
     *("small_linkages", "repeated_calls"),
 )
 # Trials of the first hostile review of the project; the table has at least as many.
@@ -17,7 +17,6 @@ _LEAST = {
     "full_disks": 34,
     "opens_during_rewrites": 315,
     "damaged_libraries": 973,
-    "hostile_libraries": 2_682,
     "damaged_texts": 22_423,
     "cut_texts": 20_070,
     "small_linkages": 3_400,
