@@ -10,7 +10,7 @@ from benches.memory import COMMANDS, measure, write_groups, write_motion
 from mograft.dancer import dance
 
 FACTORS = {
-    "graft": 6.0,
+    "graft": 7.0,
     "graft, feet planted": 8.0,
     "graft, obstacle": 8.0,
     "graft, reach": 8.0,

@@ -31,7 +31,7 @@ MAX_SIGMA_SCALE = 4.0
 _DRAWN_PER_MOTION = 4
 """Number of motions that are drawn for each that is wanted, if they must be distinct."""
 
-MEMORY_FACTOR = 5
+MEMORY_FACTOR = 6
 """Memory of a graft, in addition to library and base, as a multiple of the arrays of the base."""
 
 

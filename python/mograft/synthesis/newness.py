@@ -1,6 +1,6 @@
 """How new a graft is: its poses compared with those of its base and of other grafts."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,9 @@ from mograft.synthesis.graft_result import Graft
 
 NEW_ANGLE = np.radians(5.0)
 """Angle of a joint to that of the base from which a frame counts as new."""
+
+
+_FRAMES_PER_BLOCK = 4096
 
 
 @dataclass(frozen=True)
@@ -79,8 +82,9 @@ def newness(graft: Graft, others: Sequence[Motion] = ()) -> Newness:
     True
     """
     joints = grafted_joints(graft)
-    from_base = _joint_angles(graft.base, graft.motion, joints)
-    found = Newness(float((from_base > NEW_ANGLE).any(axis=1).mean()), float(from_base.mean()))
+    blocks = _joint_angles(graft.base, graft.motion, joints)
+    n_new = sum(int((own > NEW_ANGLE).any(axis=1).sum()) for own in blocks)
+    found = Newness(n_new / graft.base.n_frames, mean_angle(graft.base, graft.motion, joints))
     gaps = [
         (mean_angle(other, graft.motion, joints), other.name)
         for other in others
@@ -99,13 +103,18 @@ def grafted_joints(graft: Graft) -> IntArray:
 
 def mean_angle(first: Motion, second: Motion, joints: IntArray) -> float:
     """Return the mean angle between joints of two motions of as many frames, in radians."""
-    return float(_joint_angles(first, second, joints).mean())
+    total = sum(float(own.sum()) for own in _joint_angles(first, second, joints))
+    return total / max(first.n_frames * len(joints), 1)
 
 
-def _joint_angles(first: Motion, second: Motion, joints: IntArray) -> FloatArray:
-    """Return the angles between joints of two motions, in radians, shape (n_frames, n_joints)."""
-    turns = rotations.multiply(
-        rotations.inverse(first.rotations[:, joints]), second.rotations[:, joints]
-    )
-    angles: FloatArray = np.linalg.norm(rotations.log(turns), axis=-1)
-    return angles
+def _joint_angles(first: Motion, second: Motion, joints: IntArray) -> Iterator[FloatArray]:
+    """Yield the angles between joints of two motions, in radians, (n_frames, n_joints).
+
+    A block of frames at a time, because long motions fill the memory.
+    """
+    for start in range(0, first.n_frames, _FRAMES_PER_BLOCK):
+        block = slice(start, start + _FRAMES_PER_BLOCK)
+        turns = rotations.multiply(
+            rotations.inverse(first.rotations[block][:, joints]), second.rotations[block][:, joints]
+        )
+        yield np.linalg.norm(rotations.log(turns), axis=-1)
