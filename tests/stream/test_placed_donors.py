@@ -48,14 +48,13 @@ def test_placed_donors_end_velocity_is_the_slope_if_changed_else_that_of_the_don
     change = velocity * seconds + 0.5 * acceleration * seconds**2
     values = np.moveaxis(rotations.multiply(pose, rotations.exp(change)), 0, 1)
     donor_velocity, donor_values = rng.normal(size=(4, 3, 3)), values.copy()
-    donor_values[:2, 1:] = smooth_rotations(
-        rng, 3, 3
-    )  # seam treatment changes the first two donors
-    sampled = SampledDonors(donor_values, donor_velocity, donor_velocity)
-    placed = PlacedDonors(sampled, values, rate)
-    np.testing.assert_allclose(placed.end_velocity[:2], velocity[:2], atol=1e-4)
-    np.testing.assert_array_equal(placed.end_velocity[2:], donor_velocity[2:])
+    # Seam treatment changes the first two donors.
+    donor_values[:2, 1:] = smooth_rotations(rng, 3, 3)
+    placed = PlacedDonors(SampledDonors(donor_values, donor_velocity, donor_velocity, rate), values)
     for index in range(4):
         selected = placed.select(index)
-        np.testing.assert_array_equal(selected.end_velocity[0], placed.end_velocity[index])
-        np.testing.assert_array_equal(selected.end_pose[0], pose[index])
+        if index < 2:
+            np.testing.assert_allclose(selected.end_velocity, velocity[index], atol=1e-4)
+        else:
+            np.testing.assert_array_equal(selected.end_velocity, donor_velocity[index])
+        np.testing.assert_array_equal(selected.frames[-1], pose[index])
