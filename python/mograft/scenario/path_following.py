@@ -99,15 +99,16 @@ class _Beam:
         """Return sequences of one segment: every segment with every heading."""
         turn = np.repeat(2 * np.pi / _N_HEADINGS * np.arange(_N_HEADINGS), n)
         size = n * _N_HEADINGS
+        zeros = np.zeros(size)
         return cls(
             node=np.tile(np.arange(n), _N_HEADINGS),
             previous=np.full(size, -1),
             initial_turn=turn,
             turn=turn,
             position=np.zeros(size, complex),
-            progress=np.zeros(size),
-            cost=np.zeros(size),
-            seconds=np.zeros(size),
+            progress=zeros,
+            cost=zeros,
+            seconds=zeros,
             parent=np.arange(size),
         )
 
