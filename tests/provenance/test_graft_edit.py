@@ -353,9 +353,3 @@ def test_constraints_of_a_group_leave_other_groups_unchanged(several, number, do
                 np.testing.assert_array_equal(donors, free.donors[name])
         assert not graft.violations or isinstance(constraint, mc.Ban)
     assert graft.donors[group][number] == graft.substitutions[number].segment
-
-
-def test_stream_refuses_constraint_of_a_group(library):
-    keep = mc.KeepOriginal(frames=(0, 9), group="upper")
-    with pytest.raises(ValueError, match="must apply to all groups, got KeepOriginal"):
-        mg.Stream(library, constraints=[keep])

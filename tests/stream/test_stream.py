@@ -16,6 +16,7 @@ from mograft.motion import rotations
 from mograft.solve.donor_trellis import build_trellis
 from mograft.solve.search_problem import SearchProblem
 from mograft.stream.search import StreamSearch
+from mograft.stream.server import StreamServer
 from tests.oracles import search as oracle
 from tests.strategies import assert_same_rotations
 
@@ -466,11 +467,7 @@ def test_stream_arrays_give_the_pieces_of_motions(library, base, chunks, has_roo
         (lambda q, p: (q * 2, p), ValueError, "`frames` must be unit quaternions, got norm 2"),
         (lambda q, p: (q * np.nan, p), ValueError, "`frames` must be finite"),
         (lambda q, p: (q, p + np.inf), ValueError, "`positions` must be finite"),
-        (
-            lambda q, p: (q, p[:1]),
-            ValueError,
-            r"`positions` must have shape \(3, 18, 3\) or \(3, 3",
-        ),
+        (lambda q, p: (q, p[:1]), ValueError, r"`positions` must have .* \(3, 18, 3\) or \(3, 3"),
         (lambda q, p: (q[0], p), ValueError, r"`positions` must have shape \(18, 3\) or \(3\)"),
         (lambda q, p: (q[:0], p[:0]), ValueError, "at least one frame"),
         (lambda _, p: ("walk.bvh", p), TypeError, "`frames` must"),
@@ -531,29 +528,25 @@ def test_stream_long_base_holds_limited_frames(library):
 # Invalid arguments
 
 
+OF_GROUP = mc.KeepOriginal(frames=(0, 9), group="upper")
+
+
 @pytest.mark.parametrize(
-    ("options", "error", "message"),
+    ("options", "message"),
     [
-        ({"horizon": 0}, ValueError, "`horizon` must be a whole number of at least 1, got 0"),
-        ({"seed": -1}, ValueError, "`seed` must be a whole number of at least 0, got -1"),
-        (
-            {"swap": ["lower"]},
-            ValueError,
-            "`swap` must name groups other than the base group 'lower'",
-        ),
-        ({"swap": [1]}, ValueError, "`swap` must name groups other than .*, got 1: choose from"),
-        (
-            {"constraints": ["none"]},
-            TypeError,
-            "`constraints` must contain only constraints, got 'n",
-        ),
-        ({"constraints": [mc.NotFrom("waltz")]}, ValueError, "must match at least one of clip0, "),
-        ({"constraints": [mc.Ban(3)]}, ValueError, "of a stream must not contain Ban"),
-        ({"constraints": [mc.Reach("Wing", (0, 0, 0), 5)]}, ValueError, "no joint is named 'Wing'"),
+        ({"horizon": 0}, "`horizon` must be a whole number of at least 1, got 0"),
+        ({"seed": -1}, "`seed` must be a whole number of at least 0, got -1"),
+        ({"swap": ["lower"]}, "`swap` must name groups other than the base group 'lower'"),
+        ({"swap": [1]}, "`swap` must name groups other than .*, got 1: choose from"),
+        ({"constraints": ["none"]}, "`constraints` must contain only constraints, got 'n"),
+        ({"constraints": [mc.NotFrom("waltz")]}, "must match at least one of clip0, "),
+        ({"constraints": [mc.Ban(3)]}, "of a stream must not contain Ban"),
+        ({"constraints": [OF_GROUP]}, "must apply to all groups, got KeepOriginal"),
+        ({"constraints": [mc.Reach("Wing", (0, 0, 0), 5)]}, "no joint is named 'Wing'"),
     ],
 )
-def test_stream_invalid_argument_raises_error_that_names_it(library, options, error, message):
-    with pytest.raises(error, match=message):
+def test_stream_invalid_argument_raises_error_that_names_it(library, options, message):
+    with pytest.raises(TypeError if "only constraints" in message else ValueError, match=message):
         mg.Stream(library, **options)
 
 
@@ -593,19 +586,15 @@ def test_stream_group_with_legs_or_root_raises_value_error(library):
         for group, joints in members.items()
     }
     upper_base = mg.Library.build(library.clips[0], mg.JointGroups(names, base="upper"))
-    with pytest.raises(
-        ValueError, match=r"must not name a group with the root or a leg.*got 'lower'"
-    ):
+    with pytest.raises(ValueError, match=r"not name a group with the root or a leg.*got 'lower'"):
         mg.Stream(upper_base)
 
 
-@pytest.mark.parametrize(("field", "value"), [("alignment", "dtw")])
-def test_stream_unsupported_config_raises_value_error(library, field, value):
-    other = replace(library, config=replace(library.config, **{field: value}))
-    with pytest.raises(
-        ValueError, match=rf"`Config\.{field}` must be .* in a stream, got '{value}'"
-    ):
-        mg.Stream(other)
+def test_stream_unsupported_config_raises_value_error(library):
+    other = replace(library, config=replace(library.config, alignment="dtw"))
+    for make in (mg.Stream, StreamServer):
+        with pytest.raises(ValueError, match=r"`Config\.alignment` must be .* stream, got 'dtw'"):
+            make(other)
 
 
 def test_stream_grafted_group_of_single_channels_raises_value_error(base):

@@ -2,11 +2,11 @@
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 from mograft.body.groups import JointGroups
 from mograft.config import Config
@@ -14,9 +14,10 @@ from mograft.errors import DAMAGE, ProvenanceError, join_names
 from mograft.io.bvh.decimals import check_digits
 from mograft.library.clip_table import skeleton_from_json
 from mograft.library.origin import LibraryOrigin
-from mograft.motion.skeleton import Skeleton
 from mograft.provenance.document import SCHEMA, SEVERAL_SCHEMA
 from mograft.search.constraints import Span
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,31 +37,18 @@ class ClipRecord:
     @classmethod
     def from_json(cls, record: Mapping[str, Any]) -> Self:
         """Read an item of ``clips``, or the file of the motion of a `Character`."""
-        rate = record.get("true_rate")
+        file, clip, sha256 = (_optional(str, record[key]) for key in ("file", "clip", "sha256"))
         return cls(
             name=str(record["name"]),
-            file=_optional_str(record["file"]),
-            clip=_optional_str(record["clip"]),
-            sha256=_optional_str(record["sha256"]),
+            file=file,
+            clip=clip,
+            sha256=sha256,
             is_base="base" in record.get("roles", ()),
             is_mirrored=bool(record.get("is_mirrored")),
             is_in_library=bool(record.get("is_in_library")),
-            true_rate=None if rate is None else float(rate),
-            licence=_optional_str(record.get("licence")),
+            true_rate=_optional(float, record.get("true_rate")),
+            licence=_optional(str, record.get("licence")),
         )
-
-
-@dataclass(frozen=True)
-class SegmentRecord:
-    """A segment by its clip and frames."""
-
-    clip: str
-    frames: Span
-
-    @classmethod
-    def from_json(cls, record: Mapping[str, Any]) -> Self:
-        """Read a JSON object with ``clip`` and ``clip_frames``."""
-        return cls(str(record["clip"]), _span(record["clip_frames"]))
 
 
 @dataclass(frozen=True)
@@ -69,7 +57,8 @@ class DonorRecord:
 
     group: str
     frames: Span  # of the base segment in the base
-    donor: SegmentRecord
+    clip: str
+    clip_frames: Span
     is_own: bool  # whether the donor is the base segment itself
     cost: float
     alternatives: int  # number of other candidates
@@ -79,8 +68,9 @@ class DonorRecord:
         """Read an item of ``substitutions``, or of ``replaced`` in ``edits``."""
         return cls(
             str(record["group"]),
-            _span(record["frames"]),
-            SegmentRecord.from_json(record),
+            as_frames(record["frames"]),
+            str(record["clip"]),
+            as_frames(record["clip_frames"]),
             not record["exchanged"],
             float(record.get("cost", 0.0)),
             int(record.get("alternatives", 0)),
@@ -116,11 +106,6 @@ class GraftRecord:
         except ValueError as error:
             raise self.error(f"damaged: {error}") from None
 
-    @property
-    def scenario(self) -> Mapping[str, Any] | None:
-        """The segments that compose the base, as JSON; None if the base is a clip."""
-        return self.document["scenario"]
-
     def error(self, message: str) -> ProvenanceError:
         """Return an error that names the document."""
         return ProvenanceError(f"{self.label}: {message}")
@@ -140,14 +125,12 @@ def read_record(source: str | PathLike[str] | Mapping[str, Any]) -> GraftRecord:
     path = Path(address)
     grafts = _read_documents(path)
     names = [str(own.get("name")) for own in grafts]
-    if name and names.count(name) == 1:
-        return _parse(grafts[names.index(name)], address, path.parent)
-    if name or len(grafts) > 1:
+    if names.count(name) != 1 if name else len(grafts) > 1:
         raise ProvenanceError(
             f"{path}: expected the name of a graft, as in {path}#{names[0]}, one of "
             f"{join_names(names)}; got {name or 'none'}"
         )
-    return _parse(grafts[0], address, path.parent)
+    return _parse(grafts[names.index(name) if name else 0], address, path.parent)
 
 
 def read_clip_record(path: Path, clip: str | None) -> GraftRecord | None:
@@ -183,40 +166,36 @@ def _parse(document: Any, label: str, folder: Path) -> GraftRecord:  # noqa: ANN
             f"{label}: not the provenance of a graft: `schema` must be {SCHEMA}, got {schema!r}"
         )
     try:
-        return _record(document, label, folder)
+        record = GraftRecord(
+            label=label,
+            folder=folder,
+            document=document,
+            name=str(document["name"]),
+            base=str(document["base"]),
+            seed=int(document["seed"]),
+            index=int(document["index"]),
+            poses_sha256=str(document["poses_sha256"]),
+            config=Config.from_dict(document["config"]),
+            groups=JointGroups.from_toml(str(document["groups_toml"]) + "\n"),
+            library=_read_library(document["library"], folder),
+            clips=tuple(ClipRecord.from_json(own) for own in document["clips"]),
+            sources=tuple(str(own) for own in document["request"]["sources"]),
+            donors=tuple(DonorRecord.from_json(own) for own in document["substitutions"]),
+            edits=tuple(
+                tuple(DonorRecord.from_json(own) for own in edit["replaced"])
+                for edit in document["edits"]
+            ),
+        )
+        if not record.donors:
+            raise ValueError("`substitutions` is empty")
     except DAMAGE as error:
         reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise ProvenanceError(f"{label}: damaged: {reason}") from error
-
-
-def _record(document: Mapping[str, Any], label: str, folder: Path) -> GraftRecord:
-    donors = tuple(DonorRecord.from_json(own) for own in document["substitutions"])
-    if not donors:
-        raise ValueError("`substitutions` is empty")
-    return GraftRecord(
-        label=label,
-        folder=folder,
-        document=document,
-        name=str(document["name"]),
-        base=str(document["base"]),
-        seed=int(document["seed"]),
-        index=int(document["index"]),
-        poses_sha256=str(document["poses_sha256"]),
-        config=Config.from_dict(document["config"]),
-        groups=JointGroups.from_toml(str(document["groups_toml"]) + "\n"),
-        library=_read_library(document["library"], folder),
-        clips=tuple(ClipRecord.from_json(own) for own in document["clips"]),
-        sources=tuple(str(own) for own in document["request"]["sources"]),
-        donors=donors,
-        edits=tuple(
-            tuple(DonorRecord.from_json(own) for own in edit["replaced"])
-            for edit in document["edits"]
-        ),
-    )
+    return record
 
 
 def _read_library(record: Mapping[str, Any], folder: Path) -> LibraryOrigin:
-    path = _optional_str(record["folder"])
+    path = _optional(str, record["folder"])
     return LibraryOrigin(
         folder=None if path is None else folder / path,
         sha256=str(record["sha256"]),
@@ -226,19 +205,16 @@ def _read_library(record: Mapping[str, Any], folder: Path) -> LibraryOrigin:
         root=int(record["root"]),
         up=int(record["up"]),
         match=record["match"],
-        hierarchy=_optional_skeleton(record["hierarchy"]),
-        rest=_optional_skeleton(record["rest"]),
+        hierarchy=_optional(skeleton_from_json, record["hierarchy"]),
+        rest=_optional(skeleton_from_json, record["rest"]),
     )
 
 
-def _optional_skeleton(value: Any) -> Skeleton | None:  # noqa: ANN401 - of JSON
-    return None if value is None else skeleton_from_json(value)
-
-
-def _span(value: Sequence[Any]) -> Span:
+def as_frames(value: Sequence[Any]) -> Span:
+    """Return the first and last frame of a document as integers."""
     first, last = value
     return int(first), int(last)
 
 
-def _optional_str(value: Any) -> str | None:  # noqa: ANN401 - of JSON
-    return None if value is None else str(value)
+def _optional(convert: Callable[[Any], T], value: Any) -> T | None:  # noqa: ANN401 - of JSON
+    return None if value is None else convert(value)

@@ -5,8 +5,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from mograft.errors import LibraryError, ProvenanceError, join_names
 from mograft.io.addresses import join_address, read_clip, split_address
 from mograft.library.discover import SourceFile, scan_folder
@@ -14,7 +12,8 @@ from mograft.library.library import Library
 from mograft.library.origin import hash_library, is_mirrored, n_library_clips
 from mograft.library.partial import PartialClip, build_partial_library
 from mograft.library.plan import IngestOptions
-from mograft.provenance.graft_record import ClipRecord, GraftRecord, SegmentRecord
+from mograft.provenance.graft_record import ClipRecord, GraftRecord
+from mograft.search.constraints import Span
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,19 +24,16 @@ class RecordedLibrary:
     base: int | None  # index of the base; None if it is composed of segments
     clips: Mapping[str, int]  # index of each clip that may provide donors, by name
 
-    def find_segment(self, record: GraftRecord, segment: SegmentRecord) -> int:
-        """Return the index of a segment; raise ProvenanceError if there is none."""
-        clip = self.clips.get(segment.clip)
-        if clip is None:
-            raise record.error(f"the library has no clip {segment.clip!r}")
+    def find_segment(self, record: GraftRecord, name: str, frames: Span) -> int:
+        """Return the index of a segment of a clip; raise ProvenanceError if there is none."""
+        if name not in self.clips:
+            raise record.error(f"the library has no clip {name!r}")
         segments = self.library.segments
-        indices = segments.of_clip(clip)
-        ends = np.stack([segments.start[indices], segments.stop[indices]], axis=1)
-        found = indices[(ends == segment.frames).all(axis=1)]
-        if not len(found):
-            first, last = segment.frames
-            raise record.error(f"{segment.clip} has no segment {first}-{last}")
-        return int(found[0])
+        is_found = segments.clip == self.clips[name]
+        is_found &= (segments.start == frames[0]) & (segments.stop == frames[1])
+        if not is_found.any():
+            raise record.error(f"{name} has no segment {frames[0]}-{frames[1]}")
+        return int(is_found.argmax())
 
 
 def find_library(
@@ -51,9 +47,8 @@ def find_library(
     """
     if library is not None:
         return _with_base(record, prepare_library(record, library, "`library`"), sources)
-    problem = ""
-    if record.library.folder is not None:
-        folder = record.library.folder
+    problem, folder = "", record.library.folder
+    if folder is not None:
         try:
             library = prepare_library(record, Library.open(folder), str(folder))
             return _with_base(record, library, sources)
@@ -62,11 +57,10 @@ def find_library(
         except (LibraryError, ProvenanceError) as error:
             problem = str(error).removeprefix(f"{record.label}: ") + "; "
     try:
-        addresses = [find_clip(record, clip, sources) for clip in record.clips]
+        return _partial_library(record, sources)
     except ProvenanceError as error:
         reason = str(error).removeprefix(f"{record.label}: ")
         raise record.error(problem + reason) from error
-    return _partial_library(record, addresses)
 
 
 def find_whole_library(record: GraftRecord, sources: Sequence[str]) -> Library:
@@ -112,7 +106,7 @@ def _with_base(record: GraftRecord, library: Library, sources: Sequence[str]) ->
     n_clips = n_library_clips(library)
     clips = {info.name: index for index, info in enumerate(library.entries[:n_clips])}
     outside = [clip for clip in record.clips if clip.is_base and not clip.is_in_library]
-    if record.scenario is not None:
+    if record.document["scenario"] is not None:
         base = None
     elif outside:
         base = n_clips
@@ -179,24 +173,21 @@ def _possible_paths(record: GraftRecord, file: str, sources: Iterable[str]) -> I
             yield Path(source)
 
 
-def _partial_library(record: GraftRecord, addresses: Sequence[str]) -> RecordedLibrary:
-    """Return a library of only the clips of a graft, read from `addresses`."""
+def _partial_library(record: GraftRecord, sources: Sequence[str]) -> RecordedLibrary:
+    """Return a library of only the clips of a graft, read from their files."""
     clips = [
         PartialClip(
             name=clip.name,
-            address=address,
+            address=find_clip(record, clip, sources),
             rate_override=clip.true_rate,
             is_mirrored=clip.is_mirrored,
             is_in_library=clip.is_in_library,
             tags=() if clip.licence is None else (f"licence:{clip.licence}",),
         )
-        for clip, address in zip(record.clips, addresses, strict=True)
+        for clip in record.clips
     ]
     library = build_partial_library(Library, clips, record.groups, record.config, record.library)
-    numbered = list(enumerate(record.clips))
-    base = next((index for index, clip in numbered if clip.is_base), None)
-    return RecordedLibrary(
-        library,
-        None if record.scenario is not None else base,
-        {clip.name: index for index, clip in numbered if clip.is_in_library},
-    )
+    bases = [index for index, clip in enumerate(record.clips) if clip.is_base]
+    base = bases[0] if bases and record.document["scenario"] is None else None
+    members = {clip.name: i for i, clip in enumerate(record.clips) if clip.is_in_library}
+    return RecordedLibrary(library, base, members)

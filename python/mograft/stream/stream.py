@@ -27,7 +27,7 @@ from mograft.stream.checks import (
     motion_from_arrays,
 )
 from mograft.stream.search import ChosenDonor, PendingSegment, StreamSearch
-from mograft.synthesis.substitution import Substitution
+from mograft.synthesis.graft_result import Substitution
 
 
 @dataclass(frozen=True, eq=False)

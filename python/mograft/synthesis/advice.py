@@ -9,8 +9,7 @@ from mograft._util.arrays import IntArray
 from mograft.config import scale_of_variety
 from mograft.library.library import Library
 from mograft.search.costs import length_fits
-from mograft.synthesis.graft_result import Graft
-from mograft.synthesis.substitution import Substitution
+from mograft.synthesis.graft_result import Graft, Substitution
 
 _REMEDIES = {
     "no similar segment": "{similar} or add clips",

@@ -21,8 +21,7 @@ from mograft.solve.kept_joints import find_kept_violations
 from mograft.solve.plan import GraftPlan
 from mograft.solve.search_problem import check_frames
 from mograft.synthesis.graft_building import build_graft
-from mograft.synthesis.graft_request import GraftRequest
-from mograft.synthesis.graft_result import Graft
+from mograft.synthesis.graft_result import Graft, GraftRequest
 from mograft.synthesis.newness import grafted_joints, mean_angle
 
 MAX_SIGMA_SCALE = 4.0
@@ -187,8 +186,7 @@ def graft_many(
     (3, ['dance_graft0', 'dance_graft1', 'dance_graft2'])
     """
     count, seed = as_integer("count", count, 1), as_integer("seed", seed)
-    check_type("library", library, Library)
-    _check_base(base)
+    _check_base(library, base)
     if isinstance(distinct, bool) or not isinstance(distinct, Real) or not 0 <= distinct <= pi:
         raise ValueError(f"`distinct` must be an angle from 0 to π, in radians, got {distinct!r}")
     if scenario is None:
@@ -275,8 +273,7 @@ def repair(
     >>> any(not s.is_own for s in repair(Library.build(motion), constraints=[far]).substitutions)
     False
     """
-    check_type("library", library, Library)
-    _check_base(base)
+    _check_base(library, base)
     if isinstance(widest, bool) or not isinstance(widest, Real) or not 0 < widest < inf:
         raise ValueError(f"`widest` must be a finite number above 0, got {widest!r}")
     # Without novelty the captured parts are the cheapest.
@@ -352,7 +349,8 @@ def _total_excess(graft: Graft) -> float:
     return sum(violation.error - 1.0 for violation in graft.violations)
 
 
-def _check_base(base: object) -> None:
+def _check_base(library: object, base: object) -> None:
+    check_type("library", library, Library)
     if base is not None and not isinstance(base, str):
         check_type("base", base, Motion)
 

@@ -15,9 +15,7 @@ from mograft.solve.finish import finish_motion
 from mograft.solve.plan import GraftPlan
 from mograft.solve.search_problem import SearchProblem
 from mograft.solve.violations import find_motion_violations
-from mograft.synthesis.graft_request import GraftRequest
-from mograft.synthesis.graft_result import Graft
-from mograft.synthesis.substitution import Seam, Substitution
+from mograft.synthesis.graft_result import Graft, GraftRequest, Seam, Substitution
 
 
 def build_graft(
@@ -38,7 +36,7 @@ def finish_graft(
     assembly: Assembly,
     seed: int,
     index: int,
-    adjust: Callable[[Motion], Motion] = lambda motion: motion,
+    adjust: Callable[[Motion], Motion] | None = None,
     reaches: Sequence[Reach] | None = None,
 ) -> Graft:
     """Return the graft of an assembly, with planted feet and limbs at the targets of `reaches`.
@@ -48,7 +46,7 @@ def finish_graft(
     """
     donors = assembly.donors
     finished = finish_motion(problem, assembly.motion, donors, reaches)
-    motion = adjust(finished.motion)
+    motion = finished.motion if adjust is None else adjust(finished.motion)
     return Graft(
         motion=motion,
         base=problem.base,

@@ -1,7 +1,7 @@
 """How new a graft is: its poses compared with those of its base and of other grafts."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -49,12 +49,7 @@ class Newness:
 
     def as_dict(self) -> dict[str, float | str | None]:
         """Return the attributes by name."""
-        return {
-            "new": self.new,
-            "changed": self.changed,
-            "apart": self.apart,
-            "nearest": self.nearest or None,
-        }
+        return {**asdict(self), "nearest": self.nearest or None}
 
 
 def newness(graft: Graft, others: Sequence[Motion] = ()) -> Newness:

@@ -62,9 +62,9 @@ def _recorded_row(record: GraftRecord, group: str) -> TimelineRow:
         start=np.array([donor.frames[0] for donor in donors]),
         stop=np.array([donor.frames[1] for donor in donors]),
         cluster=np.full(len(donors), -1),
-        donor_clips=tuple(donor.donor.clip for donor in donors),
-        donor_start=np.array([donor.donor.frames[0] for donor in donors]),
-        donor_stop=np.array([donor.donor.frames[1] for donor in donors]),
+        donor_clips=tuple(donor.clip for donor in donors),
+        donor_start=np.array([donor.clip_frames[0] for donor in donors]),
+        donor_stop=np.array([donor.clip_frames[1] for donor in donors]),
         is_exchanged=np.array([not donor.is_own for donor in donors]),
         stretch=np.array(stretches),
         seam_angles=np.array(
