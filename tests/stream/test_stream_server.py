@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -64,9 +65,9 @@ def pieces_by_socket(client, rotations, positions, chunks, **options):
     return *frames, records
 
 
-def pieces_in_process(library, rotations, positions, constraints=(), **options):
+def pieces_in_process(library, base, constraints=(), **options):
     stream = mg.Stream(library, constraints=constraints, **options)
-    stream.push(rotations, positions)
+    stream.push(base)
     stream.close()
     return stream.pieces()
 
@@ -82,28 +83,30 @@ def pieces_in_process(library, rotations, positions, constraints=(), **options):
 def test_socket_any_chunks_give_the_pieces_of_a_stream(
     server, two_dances, short_base, chunks, has_root_only, dtype, horizon, seed
 ):
-    rotations = short_base.rotations.astype(dtype)
-    positions = short_base.positions.astype(dtype)
+    """A stream of arrays is compared with one of a motion."""
+    rotations, positions = (
+        own.astype(dtype) for own in (short_base.rotations, short_base.positions)
+    )
+    quats, places = rotations.astype(float), positions.astype(float)
     if has_root_only:
         positions = positions[:, two_dances.root]
+        places = np.tile(two_dances.skeleton.offsets, (len(positions), 1, 1))
+        places[:, two_dances.root] = positions
+    if dtype == "float32":
+        quats /= np.linalg.norm(quats, axis=-1, keepdims=True)
     options = {"seed": seed, "horizon": horizon}
     with connect(server) as client:
         found = pieces_by_socket(client, rotations, positions, chunks, dtype=dtype, **options)
-    quats = rotations.astype(float)
-    if dtype == "float32":
-        quats /= np.linalg.norm(quats, axis=-1, keepdims=True)
-    pieces = pieces_in_process(two_dances, quats, positions, **options)
+    base = replace(short_base, rotations=quats, positions=places, channel_values=None)
+    pieces = pieces_in_process(two_dances, base, **options)
     motion = mg.join_pieces(pieces)
     np.testing.assert_array_equal(found[0], motion.rotations.astype(dtype))
     np.testing.assert_array_equal(found[1], motion.positions.astype(dtype))
-    assert [(record["start"], record["stop"]) for record in found[2]] == [
-        (piece.start, piece.stop) for piece in pieces
-    ]
     for record, piece in zip(found[2], pieces, strict=True):
-        for own, expected in zip(record["substitutions"], piece.substitutions, strict=True):
-            assert own["group"] == expected.group
-            assert own["frames"] == [expected.start, expected.stop]
-            assert own["clip_frames"] == [expected.donor_start, expected.donor_stop]
+        assert (record["start"], record["stop"]) == (piece.start, piece.stop)
+        assert [(s["group"], *s["frames"], *s["clip_frames"]) for s in record["substitutions"]] == [
+            (s.group, s.start, s.stop, s.donor_start, s.donor_stop) for s in piece.substitutions
+        ]
 
 
 def test_socket_welcome_describes_the_skeleton(server, two_dances):
@@ -151,7 +154,7 @@ def test_socket_constraints_apply_as_in_a_stream(server, two_dances, short_base)
         client.request({"type": "constraints", "constraints": [*records, {**reach, "frame": free}]})
         client.request({"type": "constraints", "constraints": records})
         last, end = client.request({"type": "close"})
-    pieces = pieces_in_process(two_dances, rotations, positions, constraints)
+    pieces = pieces_in_process(two_dances, short_base, constraints)
     found = np.concatenate([arrays["rotations"], end["rotations"]])
     np.testing.assert_array_equal(found, mg.join_pieces(pieces).rotations)
     records = header["pieces"] + last["pieces"]
@@ -545,7 +548,7 @@ def test_command_serves_a_library_until_it_is_interrupted(two_dances, short_base
         process.send_signal(signal.SIGINT)
         assert process.wait(120) == 130
         assert process.stderr.read() == "interrupted\n"
-    pieces = pieces_in_process(two_dances, rotations, positions)
+    pieces = pieces_in_process(two_dances, short_base)
     np.testing.assert_array_equal(found[0], mg.join_pieces(pieces).rotations)
 
 
