@@ -126,8 +126,8 @@ def edit(
 def describe_changes(graft: Graft, edited: Graft) -> list[str]:
     """Return a line for each donor that `edit` replaced, and one with the changed frames."""
     lines = []
+    pairs = list(zip(graft.substitutions, edited.substitutions, strict=True))
     for group in graft.alternatives:
-        pairs = zip(graft.substitutions, edited.substitutions, strict=True)
         numbered = enumerate(pair for pair in pairs if pair[0].group == group)
         lines += [
             f"segment {number}, frames {old.start}-{old.stop}, {group}: "

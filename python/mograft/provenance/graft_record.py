@@ -1,19 +1,25 @@
-"""`GraftRecord`: the provenance of a graft as read from a JSON document."""
+"""`GraftRecord`: provenance as read from a JSON document; the library and files that it names."""
 
+import glob
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
 from mograft.body.groups import JointGroups
 from mograft.config import Config
-from mograft.errors import DAMAGE, ProvenanceError, join_names
+from mograft.errors import DAMAGE, LibraryError, ProvenanceError, join_names
+from mograft.io.addresses import join_address, read_clip, split_address
 from mograft.io.bvh.decimals import check_digits
 from mograft.library.clip_table import skeleton_from_json
-from mograft.library.origin import LibraryOrigin
+from mograft.library.discover import SourceFile, scan_folder
+from mograft.library.library import Library
+from mograft.library.origin import LibraryOrigin, hash_library, is_mirrored, n_library_clips
+from mograft.library.partial import PartialClip, build_partial_library
+from mograft.library.plan import IngestOptions
 from mograft.provenance.document import SCHEMA, SEVERAL_SCHEMA
 from mograft.search.constraints import Span
 
@@ -86,9 +92,6 @@ class GraftRecord:
     document: Mapping[str, Any]
     name: str
     base: str
-    seed: int
-    index: int
-    poses_sha256: str
     config: Config
     groups: JointGroups
     library: LibraryOrigin
@@ -172,9 +175,6 @@ def _parse(document: Any, label: str, folder: Path) -> GraftRecord:  # noqa: ANN
             document=document,
             name=str(document["name"]),
             base=str(document["base"]),
-            seed=int(document["seed"]),
-            index=int(document["index"]),
-            poses_sha256=str(document["poses_sha256"]),
             config=Config.from_dict(document["config"]),
             groups=JointGroups.from_toml(str(document["groups_toml"]) + "\n"),
             library=_read_library(document["library"], folder),
@@ -218,3 +218,180 @@ def as_frames(value: Sequence[Any]) -> Span:
 
 def _optional(convert: Callable[[Any], T], value: Any) -> T | None:  # noqa: ANN401 - of JSON
     return None if value is None else convert(value)
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedLibrary:
+    """The library of a graft, with its base."""
+
+    library: Library
+    base: int | None  # index of the base; None if it is composed of segments
+    clips: Mapping[str, int]  # index of each clip that may provide donors, by name
+
+    def find_segment(self, record: GraftRecord, name: str, frames: Span) -> int:
+        """Return the index of a segment of a clip; raise ProvenanceError if there is none."""
+        if name not in self.clips:
+            raise record.error(f"the library has no clip {name!r}")
+        segments = self.library.segments
+        is_found = segments.clip == self.clips[name]
+        is_found &= (segments.start == frames[0]) & (segments.stop == frames[1])
+        if not is_found.any():
+            raise record.error(f"{name} has no segment {frames[0]}-{frames[1]}")
+        return int(is_found.argmax())
+
+
+def find_library(
+    record: GraftRecord, library: Library | None, sources: Sequence[str]
+) -> RecordedLibrary:
+    """Return the library of a graft: `library`, or the stored library that the provenance names.
+
+    If there is no stored library, or if it has changed, return a library of only the clips of the
+    graft. Their files are searched for beside the document, and then in `sources`, which are files
+    and folders. Raise ProvenanceError if a file, too, is missing or has changed.
+    """
+    if library is not None:
+        return _with_base(record, _prepare_library(record, library, "`library`"), sources)
+    problem, folder = "", record.library.folder
+    if folder is not None:
+        try:
+            library = _prepare_library(record, Library.open(folder), str(folder))
+            return _with_base(record, library, sources)
+        except OSError as error:
+            problem = f"{folder}: {error.strerror}; "
+        except (LibraryError, ProvenanceError) as error:
+            problem = str(error).removeprefix(f"{record.label}: ") + "; "
+    try:
+        return _partial_library(record, sources)
+    except ProvenanceError as error:
+        reason = str(error).removeprefix(f"{record.label}: ")
+        raise record.error(problem + reason) from error
+
+
+def find_whole_library(record: GraftRecord, sources: Sequence[str]) -> Library:
+    """Return the library of a graft with all its clips: the stored one, or one built from files.
+
+    The files are `sources` or, by default, those of the recorded command line. Raise
+    ProvenanceError if a file is missing or the library is another one, and LibraryError or OSError
+    if the stored library cannot be opened.
+    """
+    origin = record.library
+    if origin.folder is not None and not sources:
+        return _prepare_library(record, Library.open(origin.folder), str(origin.folder))
+    names = [_present_source(record, own) for own in sources or record.sources]
+    if not names:
+        raise record.error("the graft was made in Python: give the library, or all of its files")
+    options: IngestOptions = {
+        "match": origin.match,
+        "hierarchy": origin.hierarchy,
+        "skeleton": origin.rest,
+    }
+    library = Library.build(names, record.groups, record.config, **options)
+    if hash_library(library) != origin.sha256 and any(Path(name).is_dir() for name in names):
+        # The graft may have been made with --include-grafts.
+        options["include_grafts"] = True
+        library = Library.build(names, record.groups, record.config, **options)
+    return _prepare_library(record, library, f"the library of {join_names(names)}")
+
+
+def _present_source(record: GraftRecord, source: str) -> str:
+    """Return the address at which a file or folder of the recorded command line is now."""
+    path, pattern = split_address(source)
+    name = Path(path).name
+    clip = next((own for own in record.clips if own.file and Path(own.file).name == name), None)
+    if Path(path).exists() or glob.has_magic(path):
+        return source
+    if clip is None:
+        raise record.error(f"{source} is missing: give the library, or all of its files")
+    return join_address(_find_file(record, clip, ()), pattern)
+
+
+def _with_base(record: GraftRecord, library: Library, sources: Sequence[str]) -> RecordedLibrary:
+    """Return `library`, which has all its clips, and the base if it is not one of them."""
+    n_clips = n_library_clips(library)
+    clips = {info.name: index for index, info in enumerate(library.entries[:n_clips])}
+    outside = [clip for clip in record.clips if clip.is_base and not clip.is_in_library]
+    if record.document["scenario"] is not None:
+        base = None
+    elif outside:
+        base = n_clips
+        if n_clips == len(library.entries):
+            address = find_clip(record, outside[0], sources)
+            motion = read_clip(address, skeleton=record.library.rest)
+            library = library.with_clip(replace(motion, name=outside[0].name))
+    elif record.base in clips:
+        base = clips[record.base]
+    else:
+        raise record.error(f"the library has no clip {record.base!r}, the base of the graft")
+    return RecordedLibrary(library, base, clips)
+
+
+def _prepare_library(record: GraftRecord, library: Library, label: str) -> Library:
+    """Return `library` with the mirror images and the configuration of a graft.
+
+    Raise ProvenanceError if `library` has another SHA-256 than the library of the graft.
+    """
+    expected = record.library
+    found = hash_library(library)
+    if found != expected.sha256:
+        raise record.error(
+            f"{label} is another library: its SHA-256 is {found}, expected {expected.sha256}"
+        )
+    if expected.is_mirrored and not is_mirrored(library):
+        library = library.with_mirror_images()
+    return library if library.config == record.config else library.relabelled(record.config)
+
+
+def find_clip(record: GraftRecord, clip: ClipRecord, sources: Iterable[str]) -> str:
+    """Return the address of a clip, after comparing the SHA-256 of its file; see `_find_file`."""
+    return join_address(_find_file(record, clip, sources), clip.clip)
+
+
+def _find_file(record: GraftRecord, clip: ClipRecord, sources: Iterable[str]) -> str:
+    """Return the path of the file of a clip, after comparing its SHA-256.
+
+    Raise ProvenanceError if there is no such file, or if it has changed.
+    """
+    if clip.file is None:
+        raise record.error(
+            f"clip {clip.name} was not read from a file; give the library that holds it"
+        )
+    changed = ""
+    for path in _possible_paths(record, clip.file, sources):
+        if not path.is_file():
+            continue
+        found = SourceFile.from_path(str(path)).sha256
+        if found == clip.sha256:
+            return str(path)
+        changed = changed or f"{path} has changed: SHA-256 {found}, expected {clip.sha256}"
+    raise record.error(changed or f"{record.folder / clip.file} is missing: give its new path")
+
+
+def _possible_paths(record: GraftRecord, file: str, sources: Iterable[str]) -> Iterable[Path]:
+    yield record.folder / file
+    name = Path(file).name
+    for address in [*sources, *record.sources]:
+        source, _ = split_address(address)
+        if Path(source).is_dir():
+            yield from (path for path in scan_folder(source) if path.name == name)
+        elif Path(source).name == name:
+            yield Path(source)
+
+
+def _partial_library(record: GraftRecord, sources: Sequence[str]) -> RecordedLibrary:
+    """Return a library of only the clips of a graft, read from their files."""
+    clips = [
+        PartialClip(
+            name=clip.name,
+            address=find_clip(record, clip, sources),
+            rate_override=clip.true_rate,
+            is_mirrored=clip.is_mirrored,
+            is_in_library=clip.is_in_library,
+            tags=() if clip.licence is None else (f"licence:{clip.licence}",),
+        )
+        for clip in record.clips
+    ]
+    library = build_partial_library(Library, clips, record.groups, record.config, record.library)
+    bases = [index for index, clip in enumerate(record.clips) if clip.is_base]
+    base = bases[0] if bases and record.document["scenario"] is None else None
+    members = {clip.name: i for i, clip in enumerate(record.clips) if clip.is_in_library}
+    return RecordedLibrary(library, base, members)

@@ -16,8 +16,15 @@ from mograft.library.library import Library
 from mograft.library.origin import hash_poses
 from mograft.motion.motion import Motion
 from mograft.provenance.graft_edit import splice_versions
-from mograft.provenance.graft_record import ClipRecord, GraftRecord, as_frames, read_record
-from mograft.provenance.record_library import RecordedLibrary, find_clip, find_library
+from mograft.provenance.graft_record import (
+    ClipRecord,
+    GraftRecord,
+    RecordedLibrary,
+    as_frames,
+    find_clip,
+    find_library,
+    read_record,
+)
 from mograft.scenario import Scenario
 from mograft.search.constraint_records import UnrestoredConstraint, decode_constraint
 from mograft.search.constraints import Constraint, Violation
@@ -96,11 +103,11 @@ def _replay(record: GraftRecord, library: Library | None, sources: Sequence[str]
     versions = _find_versions(record, recorded, plan)
     request = _read_request(record, sources)
     graft = _finish_versions(record, plan, versions, request.constraints)
-    found = hash_poses(graft.motion)
-    if record.poses_sha256 != found:
+    expected, found = record.document["poses_sha256"], hash_poses(graft.motion)
+    if expected != found:
         raise record.error(
             f"the motion differs from that of the provenance: SHA-256 of its poses {found}, "
-            f"expected {record.poses_sha256}; another version of mograft made it"
+            f"expected {expected}; another version of mograft made it"
         )
     return _with_recorded(graft, record, replace(request, scenario=plan.scenario))
 
@@ -156,7 +163,7 @@ def _finish_versions(
 
     In each version, inverse kinematics moves only the limbs that it moved according to `record`.
     """
-    document = record.document
+    document, seed = record.document, int(record.document["seed"])
     completions = [_read_completions(own, constraints) for own in document["edits"]]
     completions.append(_read_completions(document, constraints))
     graft: Graft | None = None
@@ -167,11 +174,11 @@ def _finish_versions(
         if graft is not None:
             adjust = partial(splice_versions, plan.problem, *steps, graft.motion)
         moved = [own.reach for own in found if own.is_moved]
-        graft = finish_graft(plan.problem, assembly, record.seed, index, adjust, moved)
+        graft = finish_graft(plan.problem, assembly, seed, index, adjust, moved)
     assert graft is not None
     return replace(
         graft,
-        index=record.index,
+        index=int(document["index"]),
         history=tuple(versions[:-1]),
         reach_completions=completions[-1],
         completion_history=tuple(completions[:-1]),

@@ -93,21 +93,17 @@ def write(item: Motion | Graft, path: str | PathLike[str], *, force: bool = Fals
             f"`path` must end with {', '.join(WRITERS)}, got {target.name}"
             f"{suggest_name(ending, WRITERS)}"
         )
-    has_provenance = isinstance(item, Graft) and _has_provenance(item, ending)
-    files = [target, target.with_suffix(".json")] if has_provenance else [target]
-    for file in files:
+    form = _COPIED_FORMATS.get(ending)
+    has_provenance = isinstance(item, Graft) and (
+        ending == ".bvh" or _base_file(item, form) is not None
+    )
+    for file in [target, target.with_suffix(".json")] if has_provenance else [target]:
         if file.exists() and not force:
             raise FileExistsError(f"{file} exists: use another name, or force=True to replace it")
     if isinstance(item, Graft) and has_provenance:
         write_graft(item, target)
     else:
         WRITERS[ending](item.motion if isinstance(item, Graft) else item, target)
-
-
-def _has_provenance(graft: Graft, ending: str) -> bool:
-    """Return whether `write_graft` can write the graft into a file with this ending."""
-    form = _COPIED_FORMATS.get(ending, "")
-    return ending == ".bvh" or find_base_file(graft, form) is not None
 
 
 def write_graft(
@@ -163,11 +159,9 @@ def write_graft(
     suffix = target.suffix.lower()
     if suffix not in MOTION_SUFFIXES:
         raise ValueError(f"`path` must end with {', '.join(MOTION_SUFFIXES)}, got {target.name}")
-    is_glb = suffix == ".glb"
-    if len(grafts) != 1 and not (is_glb and grafts):
-        raise ValueError(
-            f"`graft` must be one graft, for a .glb file one or more, got {len(grafts)}"
-        )
+    is_glb, n = suffix == ".glb", len(grafts)
+    if n != 1 and not (is_glb and grafts):
+        raise ValueError(f"`graft` must be one graft, for a .glb file one or more, got {n}")
     if sections is None or isinstance(sections, Mapping):
         sections = [sections or {}] * len(grafts)
     documents = [
@@ -193,7 +187,7 @@ def _copied_file(graft: Graft, target: Path) -> str:
     """Return the file of the base that `target` copies; raise ValueError if there is none."""
     ending = target.suffix.lower()
     form = _COPIED_FORMATS[ending]
-    file = find_base_file(graft, form)
+    file = _base_file(graft, form)
     if file is None:
         raise ValueError(
             f"{target.name} must be a .bvh file: {graft.base.name}, the base of "
@@ -222,7 +216,7 @@ def _add_animations(
     return append_animations(source, [_addition(source, graft) for graft in grafts])
 
 
-def find_base_file(graft: Graft, form: str) -> SourceFile | None:
+def _base_file(graft: Graft, form: str | None) -> SourceFile | None:
     """Return the first file of a format from which a base was read; None without one."""
     origins = (find_clip_origin(graft.library, clip) for clip in _base_clips(graft))
     files = (origin.source_file for origin in origins)

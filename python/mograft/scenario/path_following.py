@@ -144,7 +144,10 @@ class _PathSearch:
     def run(self) -> tuple[IntArray, float]:
         """Return the nodes of the best sequence to the path's end, and its first turn."""
         total = self.arc_lengths[-1]
-        speed = mean_walking_speed(np.abs(self.displacements), self.durations)
+        distances, speed = np.abs(self.displacements), _MIN_WALKING_SPEED
+        walks = distances >= _MIN_WALKING_SPEED * self.durations
+        if walks.any():
+            speed = float(distances[walks].sum() / self.durations[walks].sum())
         max_seconds = _MAX_DURATION_FACTOR * float(total + 1.0) / speed
         beam = _Beam.start(len(self.displacements))
         history: list[_Beam] = []
@@ -229,13 +232,9 @@ class _PathSearch:
         Only points with arc lengths from `lower` to `upper` are compared.
         """
         best, nearest = lower, np.full(len(positions), np.inf)
-        for corner, leg, start, stop in zip(
-            self.corners[:-1],
-            np.diff(self.corners),
-            self.arc_lengths[:-1],
-            self.arc_lengths[1:],
-            strict=True,
-        ):
+        bounds = self.arc_lengths[:-1], self.arc_lengths[1:]
+        legs = zip(self.corners[:-1], np.diff(self.corners), *bounds, strict=True)
+        for corner, leg, start, stop in legs:
             low, high = np.maximum(lower, start), np.minimum(upper, stop)
             length = stop - start
             along = start + ((positions - corner) * np.conj(leg)).real / length
@@ -245,15 +244,3 @@ class _PathSearch:
             best = np.where(is_nearer, along, best)
             nearest = np.where(is_nearer, distance, nearest)
         return best, nearest
-
-
-def mean_walking_speed(distances: FloatArray, durations: FloatArray) -> float:
-    """Return the mean speed of the segments that walk, in heights per second.
-
-    `distances` over the floor are in skeleton heights, `durations` in seconds. A segment walks at
-    0.25 heights per second or more. If no segment does, the result is 0.25.
-    """
-    walks = distances >= _MIN_WALKING_SPEED * durations
-    if not walks.any():
-        return _MIN_WALKING_SPEED
-    return float(distances[walks].sum() / durations[walks].sum())

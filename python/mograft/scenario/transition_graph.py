@@ -183,11 +183,9 @@ def _donor_segments(library: Library, clips: Sequence[str] | str | None) -> IntA
     """Return the segments of the named clips, without excluded donors, ascending."""
     segments = np.flatnonzero(library.is_donor)
     if clips is not None:
-        words = as_words("clips", clips)
-        patterns = [words] if isinstance(words, str) else list(words)
-        names = library.names
+        words, names = as_words("clips", clips), library.names
         is_named = np.zeros(len(names), bool)
-        for pattern in patterns:
+        for pattern in [words] if isinstance(words, str) else list(words):
             matches = [fnmatchcase(name, pattern) or name == pattern for name in names]
             if not any(matches):
                 raise ValueError(

@@ -197,8 +197,7 @@ def graft_many(
         donors = _choose_donors(plan, count, seed, float(distinct))
         wider = _widened(library, MAX_SIGMA_SCALE) if widen and len(donors) < count else None
         if wider is None:
-            request = _request(plan, base, swap)
-            return Grafts(plan, donors, seed, tuple(notes), request)
+            return Grafts(plan, donors, seed, tuple(notes), _request(plan, base, swap))
         scales = [own.config.sigma_scale for own in (library, wider)]
         notes.append(
             f"only {len(donors)} different motions with sigma_scale {scales[0]:.3g}; trying "
@@ -216,17 +215,15 @@ def _choose_donors(
     """
     if not distinct:
         return tuple(plan.choose_donors(count, seed))
-    chosen: list[DonorSequences] = []
-    motions: list[Motion] = []
+    chosen: list[tuple[DonorSequences, Motion]] = []
     for donors in plan.choose_donors(_DRAWN_PER_MOTION * count, seed):
         own = build_graft(plan, donors, seed, len(chosen))
         joints = grafted_joints(own)
-        if all(mean_angle(own.motion, other, joints) >= distinct for other in motions):
-            chosen.append(donors)
-            motions.append(own.motion)
+        if all(mean_angle(own.motion, other, joints) >= distinct for _, other in chosen):
+            chosen.append((donors, own.motion))
         if len(chosen) == count:
             break
-    return tuple(chosen)
+    return tuple(donors for donors, _ in chosen)
 
 
 def repair(
@@ -289,8 +286,7 @@ def repair(
         donors = plan.repair(donors)
         request = replace(_request(plan, base, swap), method="repair")
         graft = build_graft(plan, donors, 0, 0, request)
-        if best is None or _total_excess(graft) < _total_excess(best):
-            best = graft
+        best = graft if best is None else min(best, graft, key=_total_excess)
         wider = None if _are_kept(best, plan) else _widened(library, widest)
         if wider is None:
             return best

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -73,9 +74,8 @@ def _seams(
 ) -> Iterator[Seam]:
     """Return the seams of a group, given their frames, with the gaps that `max_angle` limits."""
     gaps = problem.pools[group].seam_angles_along(donors)
-    is_seam = np.isin(problem.base_segments.stop[:-1], frames)
-    for frame, gap in zip(frames.tolist(), gaps[is_seam].tolist(), strict=True):
-        yield Seam(group, frame, gap)
+    gaps = gaps[np.isin(problem.base_segments.stop[:-1], frames)]
+    yield from map(partial(Seam, group), frames.tolist(), gaps.tolist())
 
 
 def _substitutions(problem: SearchProblem, group: str, donors: IntArray) -> Iterator[Substitution]:

@@ -194,10 +194,7 @@ class Graft:
         return () if scenario is None else tuple(scenario.segments.tolist())
 
     def _repr_html_(self) -> str:
-        return (notebook_html(self) or "") + self._substitution_table()
-
-    def _substitution_table(self) -> str:
-        """Return an HTML table of the exchanged parts, in the order of the frames."""
+        """Return the page of the graft, and a table of the exchanged parts by frame."""
         exchanged = sorted(
             (s for s in self.substitutions if not s.is_own), key=lambda s: (s.start, s.group)
         )
@@ -209,7 +206,8 @@ class Graft:
             for s in exchanged
         )
         columns = ("group", "frames", "donor clip", "donor frames", "cost", "seam before (°)")
-        return notebook_table(repr(self), columns, rows, len(exchanged))
+        table = notebook_table(repr(self), columns, rows, len(exchanged))
+        return (notebook_html(self) or "") + table
 
     def report(self, *, each: bool = False) -> str:
         """Return a text summary: segments, seams, violations, foot planting and targets.
@@ -247,10 +245,11 @@ class Graft:
 def _reach_line(completion: ReachCompletion) -> str:
     first, last = completion.frames
     when = f"frame {first}" if first == last else f"frames {first}-{last}"
-    where = f"  reach: {completion.reach.joint}, {when}: {completion.before:.3f} heights"
+    result = f"not moved: {completion.reason}"
     if completion.is_moved:
-        return f"{where} from the target, {completion.after:.3f} after inverse kinematics"
-    return f"{where} from the target, not moved: {completion.reason}"
+        result = f"{completion.after:.3f} after inverse kinematics"
+    where = f"  reach: {completion.reach.joint}, {when}: {completion.before:.3f} heights"
+    return f"{where} from the target, {result}"
 
 
 def _repair_line(window: RepairedWindow) -> str:

@@ -11,8 +11,7 @@ from mograft.io.addresses import read_clip
 from mograft.library.discover import has_provenance
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
-from mograft.provenance.graft_record import ClipRecord, GraftRecord, read_clip_record
-from mograft.provenance.record_library import find_clip
+from mograft.provenance.graft_record import ClipRecord, GraftRecord, find_clip, read_clip_record
 from mograft.search.constraint_records import decode_constraint
 from mograft.search.constraints import Constraint
 from mograft.viewing.figure import Figure, TimelineRow
