@@ -79,11 +79,8 @@ def check_replays(edited):
 @st.composite
 def edits(draw, graft, groups):
     """Draw edits at distinct segments, and segments to reroll; return them with what they name."""
-    cut = [
-        (own.start, own.stop)
-        for own in graft.substitutions[: len(next(iter(graft.donors.values())))]
-    ]
-    n, n_segments = len(cut), len(graft.library.segments)
+    n = len(next(iter(graft.donors.values())))
+    cut, n_segments = [own[1:3] for own in graft.substitutions[:n]], len(graft.library.segments)
     numbers = draw(st.lists(st.integers(0, n - 1), min_size=1, max_size=5, unique=True))
     made, reroll, named = [], [], {}
     for number in numbers:

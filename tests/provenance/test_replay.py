@@ -44,24 +44,12 @@ def four_groups(folder):
     return mg.Library.build([folder / "a.bvh", folder / "b.bvh"], "lower_torso_larm_rarm")
 
 
-def bvh_text(motion, path):
-    mg.write_bvh(motion, path)
-    return path.read_bytes()
-
-
-def check_same(again, graft, tmp_path):
-    """Check that two grafts have the same file and the same provenance."""
-    assert mg.graft_record(again, tmp_path) == mg.graft_record(graft, tmp_path)
-    texts = [bvh_text(own.motion, tmp_path / "own.bvh") for own in (again, graft)]
-    assert texts[0] == texts[1]
-
-
 def check_replay(graft, tmp_path, library=None):
     """Check that a graft is made again from its file."""
     path = tmp_path / "new.bvh"
     mg.write_graft(graft, path)
     again = mg.replay(path.with_suffix(".json"), library)
-    check_same(again, graft, tmp_path)
+    assert mg.graft_record(again, tmp_path) == mg.graft_record(graft, tmp_path)
     mg.write_graft(again, tmp_path / "again.bvh")
     for ending in (".bvh", ".json"):
         expected = path.with_suffix(ending).read_bytes()

@@ -6,9 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mograft as mg
-from mograft import Library, graft
+from mograft import graft
 from mograft.scenario import Scenario, fill, repetition, to_beats, walk
-from tests.hierarchies import DATA, recording
 from tests.scenario.graphs import graph_from_costs, is_walk
 from tests.strategies import SEEDS
 
@@ -105,15 +104,3 @@ def test_graft_report_of_scenario_has_repetition(library):
     expected = {"longest_repeat_seconds": round(seconds, 4), "distinct_share": 0.6}
     assert mg.graft_record(new)["repetition"] == expected
     assert mg.graft_record(graft(library))["repetition"] is None
-
-
-@pytest.mark.filterwarnings("ignore")  # of faults in the recordings
-@pytest.mark.parametrize("folder", ["dance_cmu60_salsa", "dance_cmu94_indian_30fps"])
-def test_walk_one_minute_on_recorded_dances_never_repeats_six_seconds(folder):
-    names = sorted(path.stem for path in (DATA / folder).glob("*.bvh"))
-    if not names:
-        pytest.skip(f"the recordings of {folder} are missing")
-    library = Library.build([recording(f"{folder}/{name}") for name in names], rate=30.0)
-    for seed in range(5):
-        found = repetition(library, walk(library, 60.0, seed))
-        assert found.longest_repeat < 6.0

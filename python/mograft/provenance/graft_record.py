@@ -97,17 +97,9 @@ class GraftRecord:
     library: LibraryOrigin
     clips: tuple[ClipRecord, ...]
     sources: tuple[str, ...]  # files and folders, as typed on the command line
+    digits: int | None  # decimals of computed angles in its .bvh file; None: as in the base's
     donors: tuple[DonorRecord, ...]
     edits: tuple[tuple[DonorRecord, ...], ...]  # the donors that each edit replaced
-
-    @property
-    def digits(self) -> int | None:
-        """Decimals of the computed angles of its .bvh file; None are those of the base's file."""
-        digits = self.document.get("digits")
-        try:
-            return None if digits is None else check_digits(digits)
-        except ValueError as error:
-            raise self.error(f"damaged: {error}") from None
 
     def error(self, message: str) -> ProvenanceError:
         """Return an error that names the document."""
@@ -180,6 +172,7 @@ def _parse(document: Any, label: str, folder: Path) -> GraftRecord:  # noqa: ANN
             library=_read_library(document["library"], folder),
             clips=tuple(ClipRecord.from_json(own) for own in document["clips"]),
             sources=tuple(str(own) for own in document["request"]["sources"]),
+            digits=_optional(check_digits, document.get("digits")),
             donors=tuple(DonorRecord.from_json(own) for own in document["substitutions"]),
             edits=tuple(
                 tuple(DonorRecord.from_json(own) for own in edit["replaced"])

@@ -171,8 +171,7 @@ class _PathSearch:
         return np.array(nodes[::-1]), float(beam.initial_turn[0])
 
     def _rotate(self, vectors: ComplexArray, turn: FloatArray) -> ComplexArray:
-        rotated: ComplexArray = np.exp(1j * self.rotation_sense * turn) * vectors
-        return rotated
+        return np.exp(1j * self.rotation_sense * turn) * vectors
 
     def _walk_segment(self, beam: _Beam) -> _Beam:
         """Move each sequence along its last segment; update position, progress, cost, duration."""
