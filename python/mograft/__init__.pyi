@@ -56,12 +56,12 @@ from mograft.synthesis.graft import Grafts as Grafts
 from mograft.synthesis.graft import graft as graft
 from mograft.synthesis.graft import graft_many as graft_many
 from mograft.synthesis.graft import repair as repair
-from mograft.synthesis.graft_request import GraftRequest as GraftRequest
 from mograft.synthesis.graft_result import Graft as Graft
+from mograft.synthesis.graft_result import GraftRequest as GraftRequest
+from mograft.synthesis.graft_result import Seam as Seam
+from mograft.synthesis.graft_result import Substitution as Substitution
 from mograft.synthesis.newness import Newness as Newness
 from mograft.synthesis.newness import newness as newness
-from mograft.synthesis.substitution import Seam as Seam
-from mograft.synthesis.substitution import Substitution as Substitution
 from mograft.viewing import plot as plot
 from mograft.viewing.page import Page as Page
 from mograft.viewing.page import view as view

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from mograft import graft
 from mograft.body.mass import mass_model
 from mograft.scenario import follow
-from mograft.scenario.path_following import mean_walking_speed
 from tests.scenario.graphs import is_walk
 from tests.strategies import few_examples
 
@@ -64,23 +63,6 @@ def test_follow_slow_segments_keep_time_limit_or_raise_value_error(library, grap
         return
     chosen = follow(library, path, graph=slower)
     assert library.segments.lengths[chosen.segments].sum() / rate <= 10 * usual + 1e-9
-
-
-SPANS = st.lists(st.tuples(st.floats(0.0, 3.0), st.floats(0.1, 2.0)), max_size=8)
-
-
-@given(SPANS, SPANS)
-def test_mean_walking_speed_standing_segments_are_ignored(segments, more):
-    """The mean is over segments of at least 0.25 heights per second."""
-    walks, lasts = np.array(segments).reshape(-1, 2).T
-    idle = np.array(more).reshape(-1, 2).T * [[0.05], [1.0]]
-    idle = idle[:, idle[0] < 0.2 * idle[1]]
-    pace = mean_walking_speed(walks, lasts)
-    assert pace >= 0.25 * (1 - 1e-12)
-    both = np.concatenate([[walks, lasts], idle], axis=1)
-    assert mean_walking_speed(*both) == pytest.approx(pace, rel=1e-12)
-    if (walks >= 0.25 * lasts).all() and len(walks):
-        assert pace == pytest.approx(walks.sum() / lasts.sum())
 
 
 def test_follow_invalid_path_raises_value_error(library):

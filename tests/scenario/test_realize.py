@@ -7,7 +7,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-import mograft as mg
 from mograft import Library, graft
 from mograft.body.mass import mass_model
 from mograft.motion import rotations
@@ -52,18 +51,6 @@ def test_graft_scenario_of_all_segments_in_order_equals_graft_on_clip(library):
     np.testing.assert_array_equal(new.base.rotations, plain.base.rotations)
     np.testing.assert_array_equal(new.base.positions, plain.base.positions)
     np.testing.assert_array_equal(new.motion.rotations, plain.motion.rotations)
-
-
-def test_graft_scenario_keeps_base_group_bit_for_bit(library, graph):
-    new = graft(library, scenario=walk(library, 8.0, 1, graph=graph), seed=1)
-    own = library.joints(library.groups.base)
-    np.testing.assert_array_equal(new.motion.rotations[:, own], new.base.rotations[:, own])
-    np.testing.assert_array_equal(new.motion.positions[:, own], new.base.positions[:, own])
-    lengths = library.segments.lengths[list(new.scenario)]
-    assert new.motion.n_frames == lengths.sum() + 1
-    assert [s.start for s in new.substitutions] == [0, *np.cumsum(lengths)[:-1]]
-    document = mg.graft_record(new)
-    assert len(document["scenario"]["segments"]) == len(new.scenario)
 
 
 def test_graft_scenario_joint_above_root_moves_keeps_world_positions(library):

@@ -6,11 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mograft as mg
-from mograft import Library, graft
+from mograft import graft
 from mograft.scenario import Scenario, fill, repetition, to_beats, walk
-from mograft.scenario.repeated_runs import RepeatedRuns
-from mograft.scenario.walks import _lengths_to_choice
-from tests.hierarchies import DATA, recording
 from tests.scenario.graphs import graph_from_costs, is_walk
 from tests.strategies import SEEDS
 
@@ -41,35 +38,6 @@ def test_repetition_random_sequence_matches_comparison_of_all_runs(library, item
     assert repetition(library, Scenario(items)) == found
 
 
-@given(SEQUENCES, st.integers(0, 3))
-def test_repeated_runs_lengths_before_add_up_to_appended_length(items, following):
-    runs = RepeatedRuns()
-    for item in items:
-        runs.append(item, item + 1)
-    before = runs.lengths_before()
-    if following in before:
-        length = runs.append(following, following + 1)
-        assert length <= before[following] + following + 1
-    else:
-        assert runs.append(following, following + 1) == (following in items) * (following + 1)
-
-
-@settings(max_examples=15, deadline=None)
-@given(st.lists(st.integers(-1, 7), min_size=8, max_size=8), SEEDS)
-def test_lengths_to_choice_match_walk_along_only_transitions(only_next, seed):
-    lengths = np.random.default_rng(seed).integers(1, 20, 8)
-    found = _lengths_to_choice(np.array(only_next), lengths)
-    for start in range(8):
-        visited, node = [start], only_next[start]
-        while node >= 0 and node not in visited:
-            visited.append(node)
-            node = only_next[node]
-        if node < 0:
-            assert found[start] == lengths[visited].sum()
-        else:  # A cycle has no choice: the length has no limit.
-            assert found[start] >= lengths[visited].sum()
-
-
 def ring_graph(n):
     """Free transitions round a ring, and expensive ones between all others."""
     costs = np.full((n, n), np.radians(45.0))
@@ -83,17 +51,6 @@ def ring_graph(n):
 def test_walk_many_alternatives_never_repeats_six_seconds(library, seed, n):
     graph = ring_graph(n)
     assert repetition(library, walk(library, 60.0, seed, graph=graph)).longest_repeat < 6.0
-
-
-@settings(max_examples=5, deadline=None)
-@given(SEEDS)
-def test_walk_without_penalty_repeats_more(library, seed):
-    graph = ring_graph(40)
-    free, few = (
-        repetition(library, walk(library, 60.0, seed, graph=graph, repeat_penalty=penalty))
-        for penalty in (0.0, 3.0)
-    )
-    assert few.longest_repeat < free.longest_repeat
 
 
 @settings(max_examples=20, deadline=None)
@@ -147,15 +104,3 @@ def test_graft_report_of_scenario_has_repetition(library):
     expected = {"longest_repeat_seconds": round(seconds, 4), "distinct_share": 0.6}
     assert mg.graft_record(new)["repetition"] == expected
     assert mg.graft_record(graft(library))["repetition"] is None
-
-
-@pytest.mark.filterwarnings("ignore")  # of faults in the recordings
-@pytest.mark.parametrize("folder", ["dance_cmu60_salsa", "dance_cmu94_indian_30fps"])
-def test_walk_one_minute_on_recorded_dances_never_repeats_six_seconds(folder):
-    names = sorted(path.stem for path in (DATA / folder).glob("*.bvh"))
-    if not names:
-        pytest.skip(f"the recordings of {folder} are missing")
-    library = Library.build([recording(f"{folder}/{name}") for name in names], rate=30.0)
-    for seed in range(5):
-        found = repetition(library, walk(library, 60.0, seed))
-        assert found.longest_repeat < 6.0

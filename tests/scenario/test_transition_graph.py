@@ -16,8 +16,7 @@ from mograft.body.mass import mass_model
 from mograft.motion import rotations
 from mograft.scenario import transitions
 from mograft.scenario.segment_ends import segment_ends
-from mograft.scenario.strong_components import largest_strong_component
-from mograft.scenario.transition_graph import _exits
+from mograft.scenario.transition_graph import _exits, largest_strong_component
 from tests.scenario.graphs import cost_matrix
 from tests.strategies import SEEDS
 
@@ -198,12 +197,9 @@ def test_transitions_clips_of_any_iterable_equal_a_list(library, graph, several)
 
 
 @pytest.mark.parametrize("empty", [[], iter([]), np.array([], str)])
-def test_transitions_of_no_clips_raise_value_error(library, empty):
+def test_transitions_of_no_segments_raise_value_error(library, empty):
     with pytest.raises(ValueError, match="`clips` must have segments that are not excluded"):
         transitions(library, empty)
-
-
-def test_transitions_of_excluded_donors_raise_value_error(library):
     excluded = replace(library, is_donor=np.zeros(len(library.segments), bool))
     with pytest.raises(ValueError, match="the library must have segments that are not excluded"):
         transitions(excluded)

@@ -127,60 +127,34 @@ def test_walk_long_duration_on_few_segments_uses_all_evenly(library, monkeypatch
     assert (np.diff(chosen) != 0).all()
 
 
-def test_walk_invalid_duration_raises_value_error(library):
-    with pytest.raises(
-        ValueError, match=r"`duration` must be above 0 and at most 86400 seconds .*, got 0"
-    ):
-        walk(library, 0)
-    for endless in (np.inf, np.nan):
-        with pytest.raises(ValueError, match="`duration` must be finite"):
-            walk(library, endless)
-
-
-def test_walk_seed_must_be_a_non_negative_integer(library):
-    with pytest.raises(ValueError, match=r"`seed` must be .*, got -1"):
-        walk(library, 1.0, -1)
+def test_walk_seed_of_numpy_is_accepted(library):
     assert len(walk(library, np.int64(1), np.int64(3))) > 0
 
 
-def test_fill_invalid_frames_raises_value_error(library):
-    too_many = r"a walk on a graph of \d+ segments must have at most \d+ frames, got 1000000001"
-    with pytest.raises(ValueError, match=too_many):
-        fill(library, 10**9 + 1)
-    for frames in (1, 2.5, True):
-        with pytest.raises(ValueError, match=f"`frames` must be .*, got {frames}"):
-            fill(library, frames)
+TABLE = r"a walk on a graph of \d+ segments must have at most \d+ frames"
+SPAN = "`beats` must span at most 86400 seconds"
+DURATION = r"`duration` must be (above 0 and at most 86400 seconds|finite)"
+
+
+@pytest.mark.parametrize(
+    ("make", "argument", "seed", "message"),
+    [
+        *((walk, own, 0, DURATION) for own in (1e300, 86_400.1, np.inf, np.nan, 0, -1.0, True)),
+        (walk, 1.0, -1, "`seed` must be .*, got -1"),
+        (fill, 10**9 + 1, 0, TABLE + ", got 1000000001"),
+        *((fill, own, 0, f"`frames` must be .*, got {own}") for own in (1, 2.5, True)),
+        (to_beats, [0.0], 0, "`beats` must contain at least two times in seconds, got 1"),
+        (to_beats, [0.0, 1.0, 1.0], 0, "`beats` must ascend, got 1 after 1"),
+        (to_beats, [0.0, 1.0, 1.01], 0, r"`beats` must be at least a frame \(.* s\) apart, got 1 "),
+        *((to_beats, [0.0, last], 0, SPAN) for last in (1e300, 1.7e308, 86_401.0)),
+    ],
+)
+def test_walks_invalid_argument_raises_value_error(library, graph, make, argument, seed, message):
+    with pytest.raises(ValueError, match=message):
+        make(library, argument, seed, graph=graph)
 
 
 def test_to_beats_table_above_limit_raises_value_error(library, graph, monkeypatch):
     monkeypatch.setattr("mograft.scenario.walks._MAX_TABLE", 1 << 10)
-    with pytest.raises(
-        ValueError, match=r"a walk on a graph of \d+ segments must have at most \d+ frames"
-    ):
+    with pytest.raises(ValueError, match=TABLE):
         to_beats(library, [0.0, 1.0, 100.0], graph=graph)
-
-
-def test_to_beats_invalid_beats_raises_value_error(library):
-    with pytest.raises(
-        ValueError, match="`beats` must contain at least two times in seconds, got 1"
-    ):
-        to_beats(library, [0.0])
-    with pytest.raises(ValueError, match="`beats` must ascend, got 1 after 1"):
-        to_beats(library, [0.0, 1.0, 1.0])
-    near = [0.0, 1.0, 1.0 + 0.4 / library.rate]
-    with pytest.raises(
-        ValueError, match=r"`beats` must be at least a frame \(.* s\) apart, got 1 "
-    ):
-        to_beats(library, near)
-
-
-@pytest.mark.parametrize("duration", [1e300, 86_400.1, np.inf, 0.0, -1.0, True])
-def test_walk_duration_outside_limits_raises_value_error(library, graph, duration):
-    with pytest.raises(ValueError, match=r"`duration` must be (above 0 and at most 86400|finite)"):
-        walk(library, duration, graph=graph)
-
-
-@pytest.mark.parametrize("last", [1e300, 1.7e308, 86_401.0])
-def test_to_beats_span_above_limit_raises_value_error(library, graph, last):
-    with pytest.raises(ValueError, match="`beats` must span at most 86400 seconds"):
-        to_beats(library, [0.0, last], graph=graph)

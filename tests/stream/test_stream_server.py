@@ -65,9 +65,9 @@ def pieces_by_socket(client, rotations, positions, chunks, **options):
     return *frames, records
 
 
-def pieces_in_process(library, rotations, positions, constraints=(), **options):
+def pieces_in_process(library, base, constraints=(), **options):
     stream = mg.Stream(library, constraints=constraints, **options)
-    stream.push(rotations, positions)
+    stream.push(base)
     stream.close()
     return stream.pieces()
 
@@ -83,28 +83,30 @@ def pieces_in_process(library, rotations, positions, constraints=(), **options):
 def test_socket_any_chunks_give_the_pieces_of_a_stream(
     server, two_dances, short_base, chunks, has_root_only, dtype, horizon, seed
 ):
-    rotations = short_base.rotations.astype(dtype)
-    positions = short_base.positions.astype(dtype)
+    """A stream of arrays is compared with one of a motion."""
+    rotations, positions = (
+        own.astype(dtype) for own in (short_base.rotations, short_base.positions)
+    )
+    quats, places = rotations.astype(float), positions.astype(float)
     if has_root_only:
         positions = positions[:, two_dances.root]
+        places = np.tile(two_dances.skeleton.offsets, (len(positions), 1, 1))
+        places[:, two_dances.root] = positions
+    if dtype == "float32":
+        quats /= np.linalg.norm(quats, axis=-1, keepdims=True)
     options = {"seed": seed, "horizon": horizon}
     with connect(server) as client:
         found = pieces_by_socket(client, rotations, positions, chunks, dtype=dtype, **options)
-    quats = rotations.astype(float)
-    if dtype == "float32":
-        quats /= np.linalg.norm(quats, axis=-1, keepdims=True)
-    pieces = pieces_in_process(two_dances, quats, positions, **options)
+    base = replace(short_base, rotations=quats, positions=places, channel_values=None)
+    pieces = pieces_in_process(two_dances, base, **options)
     motion = mg.join_pieces(pieces)
     np.testing.assert_array_equal(found[0], motion.rotations.astype(dtype))
     np.testing.assert_array_equal(found[1], motion.positions.astype(dtype))
-    assert [(record["start"], record["stop"]) for record in found[2]] == [
-        (piece.start, piece.stop) for piece in pieces
-    ]
     for record, piece in zip(found[2], pieces, strict=True):
-        for own, expected in zip(record["substitutions"], piece.substitutions, strict=True):
-            assert own["group"] == expected.group
-            assert own["frames"] == [expected.start, expected.stop]
-            assert own["clip_frames"] == [expected.donor_start, expected.donor_stop]
+        assert (record["start"], record["stop"]) == (piece.start, piece.stop)
+        assert [(s["group"], *s["frames"], *s["clip_frames"]) for s in record["substitutions"]] == [
+            (s.group, s.start, s.stop, s.donor_start, s.donor_stop) for s in piece.substitutions
+        ]
 
 
 def test_socket_welcome_describes_the_skeleton(server, two_dances):
@@ -147,14 +149,12 @@ def test_socket_constraints_apply_as_in_a_stream(server, two_dances, short_base)
         free = header["first_free_frame"]
         assert free == header["n_frames"] > 0
         reach = {"kind": "Reach", "joint": "LeftHand", "target": center, "frame": free - 1}
-        with pytest.raises(
-            StreamError, match=f"frame {free - 1}, and the first free frame is {free}"
-        ):
+        with pytest.raises(StreamError, match=f"frame {free - 1}, and the first free .* {free}"):
             client.request({"type": "constraints", "constraints": [*records, reach]})
         client.request({"type": "constraints", "constraints": [*records, {**reach, "frame": free}]})
         client.request({"type": "constraints", "constraints": records})
         last, end = client.request({"type": "close"})
-    pieces = pieces_in_process(two_dances, rotations, positions, constraints)
+    pieces = pieces_in_process(two_dances, short_base, constraints)
     found = np.concatenate([arrays["rotations"], end["rotations"]])
     np.testing.assert_array_equal(found, mg.join_pieces(pieces).rotations)
     records = header["pieces"] + last["pieces"]
@@ -177,11 +177,18 @@ def push(shapes, values=b"", **changes):
     return frame({"type": "push", "arrays": listed}, values)
 
 
+def constrain(record):
+    return frame({"type": "constraints", "constraints": [record]})
+
+
+def hello(**changes):
+    return frame({**HELLO, **changes})
+
+
 def floats(*values):
     return np.array(values, "<f4").tobytes()
 
 
-IDENTITY = floats(*[0, 0, 0, 1] * 18)
 INVALID_FRAMES = {
     "http": (b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n", "must begin with b'MGS1'"),
     "other version": (frame(HELLO, magic=b"MGS2"), "must begin with b'MGS1', got b'MGS2'"),
@@ -204,21 +211,12 @@ INVALID_REQUESTS = {
     "large integer": (frame(b'{"type": -1%s}' % (b"0" * 400)), "numbers must be .*, got -1000"),
     "no type": (frame({}), "`type` must be one of hello, push, constraints, close, got None"),
     "list type": (frame({"type": []}), "`type` must be one of"),
-    "protocol": (
-        frame({"type": "hello", "protocol": "x/2"}),
-        "must be 'mograft.stream/1', got 'x/",
-    ),
+    "protocol": (hello(protocol="x/2"), "must be 'mograft.stream/1', got 'x/"),
     "no protocol": (frame({"type": "hello"}), "must be 'mograft.stream/1', got None"),
-    "dtype": (frame({**HELLO, "dtype": "int8"}), "`dtype` must be one of float32, float64"),
-    "seed": (frame({**HELLO, "seed": -1}), "`seed` must be a whole number"),
-    "true seed": (frame({**HELLO, "seed": True}), "`seed` must be of type int, got True"),
-    "horizon": (frame({**HELLO, "horizon": 0}), "`horizon` must be"),
-    "swap": (frame({**HELLO, "swap": ["lower"]}), "`swap` must name groups other than"),
-    "number swap": (frame({**HELLO, "swap": [1]}), "`swap` must"),
-    "unknown entry": (
-        frame({**HELLO, "sead": 1}),
-        "'hello' request can only have the entries .*; got 'sead'",
-    ),
+    "dtype": (hello(dtype="int8"), "`dtype` must be one of float32, float64"),
+    "seed": (hello(seed=-1), "`seed` must be a whole number"),
+    "true seed": (hello(seed=True), "`seed` must be of type int, got True"),
+    "unknown entry": (hello(sead=1), "'hello' request can only have the entries .*; got 'sead'"),
     "no arrays": (push([]), "`arrays` must be rotations and positions, got none"),
     "arrays": (frame({"type": "push", "arrays": 3}), "`arrays` must be a list"),
     "item": (frame({"type": "push", "arrays": [3]}), "each of `arrays` must be an object"),
@@ -229,41 +227,14 @@ INVALID_REQUESTS = {
     "overflow": (push([[10**15, 10**15, 10**15]]), "the shape of 'rotations' must be"),
     "float shape": (push([[1.0, 18, 4]]), "the shape of 'rotations' must be"),
     "zeros": (push([[1, 18, 4], [1, 3]], bytes(300)), "must be unit quaternions, got norm 0"),
-    "nan": (
-        push([[1, 18, 4], [1, 3]], IDENTITY + floats(0, np.nan, 0)),
-        "`positions` must be finite, got nan",
-    ),
-    "infinite": (
-        push([[1, 18, 4], [1, 3]], floats(*[np.inf] * 72, 0, 0, 0)),
-        "`frames` must be finite, got inf",
-    ),
-    "17 joints": (
-        push([[1, 17, 4], [1, 3]], IDENTITY[:-16] + floats(0, 0, 0)),
-        r"`frames` must have shape \(n_frames, 18, 4\)",
-    ),
-    "scalars": (push([[], []], floats(1, 2)), "`frames` must have shape"),
-    "no frames": (push([[0, 18, 4], [0, 3]]), "at least one frame"),
     "constraints": (frame({"type": "constraints"}), "`constraints` must be given"),
-    "no kind": (frame({"type": "constraints", "constraints": [{}]}), "Character, got {}"),
-    "kind": (
-        frame({"type": "constraints", "constraints": [{"kind": "Fly"}]}),
-        "unknown constraint or obstacle 'Fly'",
-    ),
-    "list kind": (frame({"type": "constraints", "constraints": [{"kind": []}]}), "."),
-    "text": (frame({"type": "constraints", "constraints": ["x"]}), "each of `constraints` must be"),
-    "obstacle": (
-        frame({"type": "constraints", "constraints": [{"kind": "Avoid", "obstacle": 5}]}),
-        "`obstacle` must be an obstacle",
-    ),
+    "no kind": (constrain({}), "Character, got {}"),
+    "kind": (constrain({"kind": "Fly"}), "unknown constraint or obstacle 'Fly'"),
+    "list kind": (constrain({"kind": []}), "."),
+    "text": (constrain("x"), "each of `constraints` must be"),
+    "obstacle": (constrain({"kind": "Avoid", "obstacle": 5}), "`obstacle` must be an obstacle"),
     "joint": (
-        frame(
-            {
-                "type": "constraints",
-                "constraints": [
-                    {"kind": "Reach", "joint": "Wing", "target": [0, 0, 0], "frame": 9}
-                ],
-            }
-        ),
+        constrain({"kind": "Reach", "joint": "Wing", "target": [0, 0, 0], "frame": 9}),
         "no joint is named 'Wing'",
     ),
     "close": (frame({"type": "close"}), "at least 2 frames"),
@@ -341,10 +312,8 @@ def test_bug_in_the_server_ends_only_its_connection(two_dances, monkeypatch, cap
             patch.setattr(StreamSession, "reply", fail)
             with pytest.raises(StreamError, match="RuntimeError: a bug") as caught:
                 client.request(HELLO)
-            assert (caught.value.header["code"], caught.value.header["is_open"]) == (
-                "internal",
-                False,
-            )
+            header = caught.value.header
+            assert (header["code"], header["is_open"]) == ("internal", False)
         assert other.request(HELLO)[0]["type"] == "welcome"
     assert "RuntimeError: a bug" in capfd.readouterr().err
 
@@ -355,9 +324,7 @@ JSON_VALUES = st.recursive(
     | st.integers()
     | st.floats(allow_nan=True)
     | st.text(max_size=5)
-    | st.sampled_from(
-        ["hello", "push", "Avoid", "Sphere", "Reach", "LeftHand", "mograft.stream/1"]
-    ),
+    | st.sampled_from(["hello", "push", "Avoid", "Sphere", "Reach", "LeftHand", HELLO["protocol"]]),
     lambda inner: (
         st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(ENTRIES), inner, max_size=5)
     ),
@@ -471,19 +438,15 @@ def test_silent_client_is_disconnected_after_the_idle_timeout(two_dances):
             assert time.monotonic() - start >= limits.idle_seconds
 
 
-def send_until_error(client, data):
-    for _ in range(10_000):
-        client.socket.sendall(data)
-
-
 def test_client_that_does_not_read_replies_is_disconnected(two_dances):
     with StreamServer(two_dances, limits=ServerLimits(message_seconds=0.5)) as server:
         with connect(server) as client:
             client.socket.settimeout(120.0)
             # More requests than the buffers of the sockets hold: the client waits for the server,
             # which ends the connection.
-            with pytest.raises(ConnectionError):
-                send_until_error(client, frame(HELLO) * 10_000)
+            with pytest.raises(ConnectionError):  # noqa: PT012 - the call that fails is random
+                for _ in range(10_000):
+                    client.socket.sendall(frame(HELLO) * 10_000)
         with connect(server) as client:
             assert client.request(HELLO)[0]["type"] == "welcome"
 
@@ -508,12 +471,6 @@ def test_connection_beyond_the_maximum_gets_an_error(two_dances):
         else:
             raise AssertionError("the connection that has ended is still counted")
         assert header["type"] == "welcome"
-
-
-def test_server_of_a_library_that_streams_do_not_support_raises_value_error(two_dances):
-    config = replace(two_dances.config, alignment="dtw")
-    with pytest.raises(ValueError, match=r"`Config\.alignment` must be 'uniform' in a stream"):
-        StreamServer(replace(two_dances, config=config))
 
 
 # Sockets
@@ -591,7 +548,7 @@ def test_command_serves_a_library_until_it_is_interrupted(two_dances, short_base
         process.send_signal(signal.SIGINT)
         assert process.wait(120) == 130
         assert process.stderr.read() == "interrupted\n"
-    pieces = pieces_in_process(two_dances, rotations, positions)
+    pieces = pieces_in_process(two_dances, short_base)
     np.testing.assert_array_equal(found[0], mg.join_pieces(pieces).rotations)
 
 

@@ -14,19 +14,7 @@ import pytest
 
 import mograft as mg
 import mograft.constraints as mc
-from mograft import (
-    Config,
-    JointGroups,
-    Library,
-    Motion,
-    Skeleton,
-    SkeletonMismatchError,
-    foot_skate,
-    graft,
-    graft_many,
-    read_bvh,
-    write_bvh,
-)
+from mograft import Config, JointGroups, Library, Skeleton, graft, graft_many, read_bvh, write_bvh
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.hierarchies import with_joint_above_root
@@ -118,22 +106,16 @@ def test_graft_seam_gaps_are_those_that_max_angle_limits(library):
 
 def test_graft_motionless_fingers_do_not_reduce_seam_gaps(motion):
     hand = motion.skeleton.index("LeftHand")
-    fingers = [f"LeftHandIndex{index}" for index in range(1, 4)]
-    n, width = motion.n_joints, len(fingers)
+    n, fingers, n_frames = motion.n_joints, [f"LeftHandIndex{i}" for i in (1, 2, 3)], len(motion)
     skeleton = Skeleton(
         [*motion.skeleton.names, *fingers],
-        [*motion.skeleton.parents, hand, *range(n, n + width - 1)],
-        np.concatenate([motion.skeleton.offsets, np.full((width, 3), 2.0)]),
+        [*motion.skeleton.parents, hand, n, n + 1],
+        np.concatenate([motion.skeleton.offsets, np.full((3, 3), 2.0)]),
     )
-    still = np.tile([0.0, 0.0, 0.0, 1.0], (motion.n_frames, width, 1))
-    offsets = np.full((motion.n_frames, width, 3), 2.0)
-    extended = Motion(
-        skeleton,
-        motion.frame_time,
-        np.concatenate([motion.rotations, still], axis=1),
-        np.concatenate([motion.positions, offsets], axis=1),
-        name="dance",
-    )
+    still, offsets = np.tile(rotations.IDENTITY, (n_frames, 3, 1)), np.full((n_frames, 3, 3), 2.0)
+    quats = np.concatenate([motion.rotations, still], axis=1)
+    positions = np.concatenate([motion.positions, offsets], axis=1)
+    extended = mg.Motion(skeleton, motion.frame_time, quats, positions, name="dance")
     library = Library.build(extended)
     new = graft(library, seed=1)
     moving = [joint for joint in library.joints("upper") if joint < n]
@@ -264,7 +246,7 @@ def test_graft_base_outside_the_library_takes_donors_of_the_library(library):
         (lambda lib: graft(lib, swap=[]), "`swap` must name at least one of"),
         (lambda lib: graft(lib, seed=-1), "`seed` must be a whole number of at least 0, got -1"),
         (
-            lambda lib: list(graft_many(lib, count=0)),
+            lambda lib: graft_many(lib, count=0),
             "`count` must be a whole number of at least 1, got 0",
         ),
     ],
@@ -277,7 +259,7 @@ def test_graft_bad_argument_raises_value_error(library, call, message):
 def test_graft_base_of_another_skeleton_raises_skeleton_mismatch_error(library, motion):
     names = ["Hip", *motion.skeleton.names[1:]]
     other = replace(motion, skeleton=replace(motion.skeleton, names=names), name="other")
-    with pytest.raises(SkeletonMismatchError, match="other lacks Hips and also has Hip"):
+    with pytest.raises(mg.SkeletonMismatchError, match="other lacks Hips and also has Hip"):
         graft(library, other)
 
 
@@ -300,7 +282,7 @@ def test_graft_upper_body_base_keeps_its_channels_and_plants_the_feet(motion):
         np.linalg.norm(np.diff(m.positions[:, 0], axis=0), axis=1) for m in (motion, new.motion)
     ]
     assert steps[1].max() < 1.5 * steps[0].max()
-    assert new.feet.skate_after <= foot_skate(motion)
+    assert new.feet.skate_after <= mg.foot_skate(motion)
     assert new.feet.unreached_frames == 0
     assert "feet: " in new.report()
     assert mg.graft_record(new)["feet"]["plants"] == new.feet.plants

@@ -9,8 +9,6 @@ import pybvh
 import pytest
 
 from mograft import JointGroups, Library, read_bvh
-from mograft.blend.recombine import recombine
-from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.cli import main
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
@@ -57,20 +55,6 @@ def test_three_different_grafts_with_the_legs_of_the_input(source, tmp_path, cap
             warnings.simplefilter("ignore")  # its guess at the up axis is not ours to judge
             theirs = pybvh.read_bvh_file(written[0])
         assert theirs.frame_count == base.n_frames
-
-
-@pytest.mark.parametrize("source", SOURCES)
-def test_segments_grafted_onto_themselves_are_the_input(source):
-    path = at(source)
-    clip = read_bvh(path if path.is_file() else sorted(path.rglob("*.bvh"))[0])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        library = Library.build(clip)
-    own, group = library.segments, GraftedGroup(library.joints("upper"))
-    part = transplant(clip, own, own, library.clips, group, library.config)
-    same = recombine(clip, [part], "same")
-    np.testing.assert_array_equal(same.channel_numbers(), clip.channel_values)
-    np.testing.assert_array_equal(same.rotations, clip.rotations)
 
 
 NAMINGS = ("mixamo_names_XYZ", "biped_names_spaces_ZXY")

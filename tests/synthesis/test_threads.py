@@ -44,17 +44,16 @@ def bytes_of(graft):
     return motion.rotations.tobytes() + motion.positions.tobytes() + text
 
 
-def graft_plainly(seed, library):
-    return bytes_of(mg.graft(library, seed=seed))
+def graft_plainly(seed, library, **options):
+    return bytes_of(mg.graft(library, seed=seed, **options))
 
 
 def graft_with_constraint(seed, library):
-    return bytes_of(mg.graft(library, seed=seed, constraints=[mg.constraints.MaxStretch(1.3)]))
+    return graft_plainly(seed, library, constraints=[mg.constraints.MaxStretch(1.3)])
 
 
 def graft_scenario(seed, library):
-    scenario = walk(library, 6.0, seed=seed)
-    return bytes_of(mg.graft(library, scenario=scenario, seed=seed))
+    return graft_plainly(seed, library, scenario=walk(library, 6.0, seed=seed))
 
 
 def stream_base(seed, library):

@@ -12,8 +12,7 @@ from mograft.cli.syntax.arguments import UsageError, arguments_of
 from mograft.cli.syntax.options import GraftOptions
 from mograft.library.library import Library
 from mograft.provenance.graft_edit import describe_changes, edit
-from mograft.provenance.graft_record import read_record
-from mograft.provenance.record_library import find_whole_library
+from mograft.provenance.graft_record import find_whole_library, read_record
 from mograft.provenance.replay import replay
 from mograft.provenance.writing import MOTION_SUFFIXES
 from mograft.synthesis.graft_result import Graft

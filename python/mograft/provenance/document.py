@@ -25,8 +25,7 @@ from mograft.search.constraint_records import constraint_kind, encode_constraint
 from mograft.search.constraints import Constraint, Violation
 from mograft.search.trellis import DonorSequences
 from mograft.solve.self_repair import RepairedWindow
-from mograft.synthesis.graft_result import Graft
-from mograft.synthesis.substitution import Substitution
+from mograft.synthesis.graft_result import Graft, Substitution
 
 Record = dict[str, Any]
 
@@ -74,15 +73,11 @@ def graft_record(graft: Graft, folder: str | PathLike[str] = ".") -> Record:
         "repetition": _repetition_record(graft),
         "substitutions": [
             {**substitution_record(own), "alternatives": n}
-            for own, n in zip(graft.substitutions, _alternatives(graft), strict=True)
+            for own, n in zip(graft.substitutions, _flat(graft.alternatives), strict=True)
         ],
         "edits": [
-            {
-                "command": command,
-                "replaced": replaced,
-                "reach_ik": _completion_records(graft, completions),
-            }
-            for command, replaced, completions in zip(
+            {"command": command, "replaced": replaced, "reach_ik": _completions(graft, found)}
+            for command, replaced, found in zip(
                 graft.request.edit_commands,
                 _replaced_donors(graft),
                 graft.completion_history,
@@ -98,7 +93,7 @@ def graft_record(graft: Graft, folder: str | PathLike[str] = ".") -> Record:
         ],
         "self_repair": [_repair_record(own) for own in graft.self_repairs],
         "feet": None if graft.feet is None else asdict(graft.feet),
-        "reach_ik": _completion_records(graft, graft.reach_completions),
+        "reach_ik": _completions(graft, graft.reach_completions),
         "kept_without_candidate": {
             name: int((counts == 0).sum()) for name, counts in graft.alternatives.items()
         },
@@ -123,7 +118,7 @@ def _request_record(graft: Graft, folder: Path) -> Record:
 
 def _library_record(library: Library, folder: Path) -> Record:
     origin = find_library_origin(library)
-    path = origin.folder
+    path, skeletons = origin.folder, {"hierarchy": origin.hierarchy, "rest": origin.rest}
     return {
         "folder": None if path is None else relative_path(str(path), folder).as_posix(),
         "sha256": origin.sha256,
@@ -133,21 +128,18 @@ def _library_record(library: Library, folder: Path) -> Record:
         "root": origin.root,
         "up": origin.up,
         "match": origin.match,
-        "hierarchy": None if origin.hierarchy is None else skeleton_to_json(origin.hierarchy),
-        "rest": None if origin.rest is None else skeleton_to_json(origin.rest),
+        **{key: own and skeleton_to_json(own) for key, own in skeletons.items()},
     }
 
 
 def _clip_records(graft: Graft, folder: Path) -> list[Record]:
     """Return the clips of which the graft is made, in the order of the library."""
-    library, segments = graft.library, graft.library.segments
-    base = [own.segment for own in graft.substitutions]
-    versions = (*graft.history, graft.donors)
-    donors = np.concatenate([own for version in versions for own in version.values()])
-    roles = {
-        role: set(segments.clip[indices].tolist())
-        for role, indices in (("base", base), ("donor", donors))
+    library, clip_of = graft.library, graft.library.segments.clip
+    segments = {
+        "base": [own.segment for own in graft.substitutions],
+        "donor": [own for version in (*graft.history, graft.donors) for own in _flat(version)],
     }
+    roles = {role: set(clip_of[own].tolist()) for role, own in segments.items()}
     records = []
     for clip in sorted(set.union(*roles.values())):
         info, origin = library.entries[clip], find_clip_origin(library, clip)
@@ -174,21 +166,17 @@ def _file_record(file: SourceFile | None, folder: Path) -> Record:
 
 def _licence(tags: Iterable[str]) -> str | None:
     """Return the licence that a tag names, such as CC0 for ``"licence:CC0"``; None without one."""
-    for tag in tags:
-        for start in _LICENCE_TAGS:
-            if tag.lower().startswith(start):
-                return tag[len(start) :].strip()
-    return None
+    licences = (tag.partition(":")[2] for tag in tags if tag.lower().startswith(_LICENCE_TAGS))
+    return next((own.strip() for own in licences), None)
 
 
 def _scenario_record(graft: Graft) -> Record | None:
     scenario = graft.request.scenario
     if scenario is None:
         return None
-    records = [_segment_record(graft.library, segment) for segment in scenario.segments.tolist()]
     lengths, place = scenario.lengths, scenario.place
     return {
-        "segments": records,
+        "segments": [_segment_record(graft.library, own) for own in scenario.segments.tolist()],
         "lengths": None if lengths is None else lengths.tolist(),
         "place": None if place is None else place.tolist(),
         "turn": scenario.turn,
@@ -220,9 +208,9 @@ def _replaced_donors(graft: Graft) -> Iterator[list[Record]]:
         ]
 
 
-def _flat(donors: DonorSequences) -> list[int]:
-    """Return the donors of all groups in the order of `Graft.substitutions`."""
-    return [donor for own in donors.values() for donor in own.tolist()]
+def _flat(values: DonorSequences) -> list[int]:
+    """Return the values of all groups in the order of `Graft.substitutions`."""
+    return [value for own in values.values() for value in own.tolist()]
 
 
 def _repetition_record(graft: Graft) -> Record | None:
@@ -233,11 +221,6 @@ def _repetition_record(graft: Graft) -> Record | None:
         "longest_repeat_seconds": round(repeated.longest_repeat, 4),
         "distinct_share": round(repeated.distinct_share, 4),
     }
-
-
-def _alternatives(graft: Graft) -> list[int]:
-    """Return the number of other candidates of each substitution."""
-    return [n for counts in graft.alternatives.values() for n in counts.tolist()]
 
 
 def substitution_record(substitution: Substitution) -> Record:
@@ -268,7 +251,7 @@ def violation_record(violation: Violation, constraints: Iterable[Constraint]) ->
     }
 
 
-def _completion_records(graft: Graft, completions: Iterable[ReachCompletion]) -> list[Record]:
+def _completions(graft: Graft, completions: Iterable[ReachCompletion]) -> list[Record]:
     """Return as JSON what inverse kinematics did for each `Reach`."""
     return [
         {

@@ -1,28 +1,23 @@
 """Edits of a graft: other donors at some base segments, everything else unchanged."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray
 from mograft._util.runs import find_runs
-from mograft._util.validate import as_integer
+from mograft._util.validate import as_integer, is_integer
 from mograft.blend.splice import splice
 from mograft.errors import join_names
 from mograft.library.origin import is_partial
 from mograft.motion.motion import Motion
-from mograft.provenance.edit_positions import (
-    Edit,
-    GroupPositions,
-    check_edits,
-    remaining_constraints,
-    segment_span,
-)
+from mograft.motion.segments import Segments
 from mograft.search.constraint_records import UnrestoredConstraint
-from mograft.search.constraints import Constraint, Span
-from mograft.search.donor_constraints import Ban, DonorReference
+from mograft.search.constraints import Constraint, Span, as_span, overlaps
+from mograft.search.donor_constraints import Ban, DonorReference, KeepOriginal, Use
 from mograft.search.trellis import DonorSequences
 from mograft.solve.plan import GraftPlan
 from mograft.solve.search_problem import SearchProblem, check_constraints
@@ -88,14 +83,18 @@ def edit(
     """
     if is_partial(graft.library):
         raise ValueError("the whole library is needed to replace donors: use replay(path, library)")
-    checked = check_edits(edits)
-    if not checked and not reroll:
+    for own in edits:
+        if not isinstance(own, Use | Ban | KeepOriginal):
+            raise TypeError(f"edits must be Use, Ban or KeepOriginal, got {own!r}")
+        if not own.is_hard:
+            raise ValueError(f"edits must be hard constraints, got weight {own.weight}")
+    if not edits and not reroll:
         raise ValueError("an edit or `reroll` must be given, got neither")
     seed = graft.seed if seed is None else as_integer("seed", seed)
     problem = _plan(graft, ()).problem
-    groups = list(problem.pools)
-    spans = [segment_span("reroll", value, problem.base_segments) for value in reroll]
-    rules = _resolve_edits(graft, checked, problem)
+    groups, cut = list(problem.pools), problem.base_segments
+    bans = [Ban(frames=_segment_span("reroll", value, cut)) for value in reroll]
+    rules = _resolve_edits(graft, edits, problem)
     old = list(graft.request.constraints)
     for constraint in old:
         if isinstance(constraint, UnrestoredConstraint):
@@ -104,32 +103,31 @@ def edit(
                 "contain: the new donors need not satisfy it",
                 stacklevel=2,
             )
-    bans = [Ban(frames=span) for span in spans]
-    kept = remaining_constraints(old, [*rules, *bans], groups, problem.base_segments)
+    kept = _remaining_constraints(old, [*rules, *bans], groups, cut)
     plan = _plan(graft, [*kept, *rules])
-    rerolled = _reroll_bans(graft, plan.problem, spans)
-    n_selected = sum(
-        len(list(GroupPositions.of(own, groups, problem.base_segments).items())) for own in bans
-    )
-    if len(rerolled) < n_selected:
+    selected = [place for own in bans for place in _places(own, groups, cut)]
+    rerolled = [
+        _ban_present(graft, problem, group, position)
+        for group, position in dict.fromkeys(selected)
+        if (plan.problem.candidates[group][position] != graft.donors[group][position]).any()
+    ]
+    if len(rerolled) < len(selected):
         warnings.warn(
-            f"{n_selected - len(rerolled)} of {n_selected} segments of `reroll` have no other "
-            "candidate and keep their donors",
+            f"{len(selected) - len(rerolled)} of {len(selected)} segments of `reroll` have no "
+            "other candidate and keep their donors",
             stacklevel=2,
         )
     if rerolled:
         plan = _plan(graft, [*kept, *rules, *rerolled])
-    is_open = GroupPositions({group: np.zeros(len(problem.scenario), bool) for group in groups})
-    for rule in (*rules, *bans):
-        is_open |= GroupPositions.of(rule, groups, problem.base_segments)
-    return _choose(graft, plan, is_open, seed)
+    is_open = _masks([*rules, *bans], groups, cut)
+    return _choose(graft, plan, dict(zip(groups, is_open, strict=True)), seed)
 
 
 def describe_changes(graft: Graft, edited: Graft) -> list[str]:
     """Return a line for each donor that `edit` replaced, and one with the changed frames."""
     lines = []
+    pairs = list(zip(graft.substitutions, edited.substitutions, strict=True))
     for group in graft.alternatives:
-        pairs = zip(graft.substitutions, edited.substitutions, strict=True)
         numbered = enumerate(pair for pair in pairs if pair[0].group == group)
         lines += [
             f"segment {number}, frames {old.start}-{old.stop}, {group}: "
@@ -156,7 +154,9 @@ def _plan(graft: Graft, constraints: Sequence[Constraint]) -> GraftPlan:
     return GraftPlan.build(library, clip, groups, constraints)
 
 
-def _resolve_edits(graft: Graft, edits: Sequence[Edit], problem: SearchProblem) -> list[Edit]:
+def _resolve_edits(
+    graft: Graft, edits: Sequence[Constraint], problem: SearchProblem
+) -> list[Constraint]:
     """Return the edits with frames instead of segment numbers.
 
     A `Ban` without a donor becomes a ban of the present donor of each of its segments.
@@ -164,14 +164,13 @@ def _resolve_edits(graft: Graft, edits: Sequence[Edit], problem: SearchProblem) 
     groups = list(problem.pools)
     check_constraints(edits, problem.base_poses)
     check_groups(edits, groups)
-    rules: list[Edit] = []
+    rules: list[Constraint] = []
     for edit in resolve_segments(edits, problem.base_segments, graft.library):
-        assert isinstance(edit, Edit)
         if edit.frames is not None:
-            segment_span("frames", edit.frames, problem.base_segments)
+            _segment_span("frames", edit.frames, problem.base_segments)
         if isinstance(edit, Ban) and edit.donor is None:
-            positions = GroupPositions.of(edit, groups, problem.base_segments)
-            rules += [_ban_present(graft, problem, *own) for own in positions.items()]
+            places = _places(edit, groups, problem.base_segments)
+            rules += [_ban_present(graft, problem, *own) for own in places]
         else:
             rules.append(edit)
     return rules
@@ -190,26 +189,86 @@ def _ban_present(graft: Graft, problem: SearchProblem, group: str, position: int
     return Ban(frames=span, donor=reference, group=group)
 
 
-def _reroll_bans(graft: Graft, problem: SearchProblem, spans: Sequence[Span]) -> list[Ban]:
-    """Return bans of the present donors of the segments in `spans` that have other candidates."""
-    donors, bans = graft.donors, {}
-    for span in spans:
-        selected = GroupPositions.of(Ban(frames=span), list(problem.pools), problem.base_segments)
-        for group, position in selected.items():
-            candidates = problem.candidates[group][position]
-            if (candidates != donors[group][position]).any():
-                bans[group, position] = _ban_present(graft, problem, group, position)
-    return list(bans.values())
+def _segment_span(name: str, value: object, segments: Segments) -> Span:
+    """Return the frames of the base segment with the number `value`; a range is returned as it is.
+
+    Raise ValueError if there is no such segment, or if no segment overlaps the range.
+    """
+    if is_integer(value):
+        number = as_integer(name, value)
+        if number >= len(segments):
+            raise ValueError(
+                f"`{name}` must be a segment number from 0 to {len(segments) - 1}, got {number}"
+            )
+        return int(segments.start[number]), int(segments.stop[number])
+    span = as_span(name, value)
+    if not overlaps(segments, span).any():
+        raise ValueError(
+            f"`{name}` must select a segment in frames 0 to {segments.stop[-1]}, "
+            f"got {span[0]}-{span[1]}"
+        )
+    return span
 
 
-def _choose(graft: Graft, plan: GraftPlan, is_open: GroupPositions, seed: int) -> Graft:
+def _masks(
+    constraints: Sequence[Constraint], groups: Sequence[str], segments: Segments
+) -> BoolArray:
+    """Return which base segments constraints select, shape (n_groups, n_segments)."""
+    selected = np.zeros((len(groups), len(segments)), bool)
+    for own in constraints:
+        selected[[own.applies_to_group(group) for group in groups]] |= overlaps(
+            segments, own.frames
+        )
+    return selected
+
+
+def _places(
+    constraint: Constraint, groups: Sequence[str], segments: Segments
+) -> list[tuple[str, int]]:
+    """Return the group and position of each base segment that a constraint selects."""
+    selected = np.argwhere(_masks([constraint], groups, segments)).tolist()
+    return [(groups[group], position) for group, position in selected]
+
+
+def _remaining_constraints(
+    constraints: Sequence[Constraint],
+    edits: Sequence[Constraint],
+    groups: Sequence[str],
+    segments: Segments,
+) -> list[Constraint]:
+    """Return the constraints that remain after edits.
+
+    At the segments of an edit, earlier hard `Use` and `KeepOriginal` no longer apply; at those of
+    a `Use` or `KeepOriginal` edit, earlier hard `Ban` no longer apply either.
+    """
+    edited = _masks(edits, groups, segments)
+    fixed = _masks([own for own in edits if not isinstance(own, Ban)], groups, segments)
+    kept: list[Constraint] = []
+    for constraint in constraints:
+        selected = _masks([constraint], groups, segments)
+        removed = fixed if isinstance(constraint, Ban) else edited
+        if (
+            not isinstance(constraint, Use | Ban | KeepOriginal)
+            or not constraint.is_hard
+            or not (selected & removed).any()
+        ):
+            kept.append(constraint)
+            continue
+        for group, mask in zip(groups, selected & ~removed, strict=True):
+            for start, stop in find_runs(mask).tolist():
+                span = (int(segments.start[start]), int(segments.stop[stop - 1]))
+                kept.append(replace(constraint, frames=span, group=group))
+    return kept
+
+
+def _choose(graft: Graft, plan: GraftPlan, is_open: Mapping[str, BoolArray], seed: int) -> Graft:
     """Return the graft with donors chosen again at the positions of `is_open` only."""
     before = graft.donors
     candidates = {
         group: [
             own if is_free else np.array([donor])
             for own, is_free, donor in zip(
-                lists, is_open.masks[group].tolist(), before[group].tolist(), strict=True
+                lists, is_open[group].tolist(), before[group].tolist(), strict=True
             )
         ]
         for group, lists in plan.problem.candidates.items()
@@ -218,18 +277,20 @@ def _choose(graft: Graft, plan: GraftPlan, is_open: GroupPositions, seed: int) -
     (chosen,) = restricted.choose_donors(1, seed)
     assembly, repairs = restricted.assemble(chosen, graft.motion.name)
     steps = (before, assembly.donors)
-
-    def adjust(motion: Motion) -> Motion:
-        return splice_versions(plan.problem, graft.motion, motion, *steps)
-
+    adjust = partial(splice_versions, plan.problem, *steps, graft.motion)
     edited = finish_graft(plan.problem, assembly, seed, graft.index, adjust)
     cut, changed = plan.problem.base_segments, changed_positions(*steps)
-    frames = [(int(cut.start[p]), int(cut.stop[p])) for p in np.flatnonzero(changed).tolist()]
-    old = [own for own in graft.self_repairs if not _touches(own.start, own.stop, frames)]
-    new = [own for own in repairs if _touches(own.start, own.stop, frames)]
+    starts, stops = cut.start[changed], cut.stop[changed]
+    # Other windows of self-repair keep their results.
+    windows = [(own, False) for own in graft.self_repairs] + [(own, True) for own in repairs]
+    found = [
+        own
+        for own, is_new in windows
+        if ((starts < own.stop) & (stops > own.start)).any() == is_new
+    ]
     return replace(
         edited,
-        self_repairs=tuple(sorted([*old, *new], key=lambda own: (own.group, own.start))),
+        self_repairs=tuple(sorted(found, key=lambda own: (own.group, own.start))),
         request=replace(
             graft.request,
             constraints=plan.problem.constraints,
@@ -241,7 +302,7 @@ def _choose(graft: Graft, plan: GraftPlan, is_open: GroupPositions, seed: int) -
 
 
 def splice_versions(
-    problem: SearchProblem, before: Motion, after: Motion, old: DonorSequences, new: DonorSequences
+    problem: SearchProblem, old: DonorSequences, new: DonorSequences, before: Motion, after: Motion
 ) -> Motion:
     """Return `before` with frames of `after` near the positions at which `old` and `new` differ.
 
@@ -261,7 +322,3 @@ def splice_versions(
 def changed_positions(old: DonorSequences, new: DonorSequences) -> BoolArray:
     """Return a mask of the positions at which the donor of any group differs."""
     return np.any([own != new[group] for group, own in old.items()], axis=0)
-
-
-def _touches(start: int, stop: int, frames: Sequence[Span]) -> bool:
-    return any(first < stop and last > start for first, last in frames)

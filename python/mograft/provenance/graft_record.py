@@ -1,22 +1,29 @@
-"""`GraftRecord`: the provenance of a graft as read from a JSON document."""
+"""`GraftRecord`: provenance as read from a JSON document; the library and files that it names."""
 
+import glob
 import json
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 from mograft.body.groups import JointGroups
 from mograft.config import Config
-from mograft.errors import DAMAGE, ProvenanceError, join_names
+from mograft.errors import DAMAGE, LibraryError, ProvenanceError, join_names
+from mograft.io.addresses import join_address, read_clip, split_address
 from mograft.io.bvh.decimals import check_digits
 from mograft.library.clip_table import skeleton_from_json
-from mograft.library.origin import LibraryOrigin
-from mograft.motion.skeleton import Skeleton
+from mograft.library.discover import SourceFile, scan_folder
+from mograft.library.library import Library
+from mograft.library.origin import LibraryOrigin, hash_library, is_mirrored, n_library_clips
+from mograft.library.partial import PartialClip, build_partial_library
+from mograft.library.plan import IngestOptions
 from mograft.provenance.document import SCHEMA, SEVERAL_SCHEMA
 from mograft.search.constraints import Span
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,31 +43,18 @@ class ClipRecord:
     @classmethod
     def from_json(cls, record: Mapping[str, Any]) -> Self:
         """Read an item of ``clips``, or the file of the motion of a `Character`."""
-        rate = record.get("true_rate")
+        file, clip, sha256 = (_optional(str, record[key]) for key in ("file", "clip", "sha256"))
         return cls(
             name=str(record["name"]),
-            file=_optional_str(record["file"]),
-            clip=_optional_str(record["clip"]),
-            sha256=_optional_str(record["sha256"]),
+            file=file,
+            clip=clip,
+            sha256=sha256,
             is_base="base" in record.get("roles", ()),
             is_mirrored=bool(record.get("is_mirrored")),
             is_in_library=bool(record.get("is_in_library")),
-            true_rate=None if rate is None else float(rate),
-            licence=_optional_str(record.get("licence")),
+            true_rate=_optional(float, record.get("true_rate")),
+            licence=_optional(str, record.get("licence")),
         )
-
-
-@dataclass(frozen=True)
-class SegmentRecord:
-    """A segment by its clip and frames."""
-
-    clip: str
-    frames: Span
-
-    @classmethod
-    def from_json(cls, record: Mapping[str, Any]) -> Self:
-        """Read a JSON object with ``clip`` and ``clip_frames``."""
-        return cls(str(record["clip"]), _span(record["clip_frames"]))
 
 
 @dataclass(frozen=True)
@@ -69,7 +63,8 @@ class DonorRecord:
 
     group: str
     frames: Span  # of the base segment in the base
-    donor: SegmentRecord
+    clip: str
+    clip_frames: Span
     is_own: bool  # whether the donor is the base segment itself
     cost: float
     alternatives: int  # number of other candidates
@@ -79,8 +74,9 @@ class DonorRecord:
         """Read an item of ``substitutions``, or of ``replaced`` in ``edits``."""
         return cls(
             str(record["group"]),
-            _span(record["frames"]),
-            SegmentRecord.from_json(record),
+            as_frames(record["frames"]),
+            str(record["clip"]),
+            as_frames(record["clip_frames"]),
             not record["exchanged"],
             float(record.get("cost", 0.0)),
             int(record.get("alternatives", 0)),
@@ -96,30 +92,14 @@ class GraftRecord:
     document: Mapping[str, Any]
     name: str
     base: str
-    seed: int
-    index: int
-    poses_sha256: str
     config: Config
     groups: JointGroups
     library: LibraryOrigin
     clips: tuple[ClipRecord, ...]
     sources: tuple[str, ...]  # files and folders, as typed on the command line
+    digits: int | None  # decimals of computed angles in its .bvh file; None: as in the base's
     donors: tuple[DonorRecord, ...]
     edits: tuple[tuple[DonorRecord, ...], ...]  # the donors that each edit replaced
-
-    @property
-    def digits(self) -> int | None:
-        """Decimals of the computed angles of its .bvh file; None are those of the base's file."""
-        digits = self.document.get("digits")
-        try:
-            return None if digits is None else check_digits(digits)
-        except ValueError as error:
-            raise self.error(f"damaged: {error}") from None
-
-    @property
-    def scenario(self) -> Mapping[str, Any] | None:
-        """The segments that compose the base, as JSON; None if the base is a clip."""
-        return self.document["scenario"]
 
     def error(self, message: str) -> ProvenanceError:
         """Return an error that names the document."""
@@ -140,14 +120,12 @@ def read_record(source: str | PathLike[str] | Mapping[str, Any]) -> GraftRecord:
     path = Path(address)
     grafts = _read_documents(path)
     names = [str(own.get("name")) for own in grafts]
-    if name and names.count(name) == 1:
-        return _parse(grafts[names.index(name)], address, path.parent)
-    if name or len(grafts) > 1:
+    if names.count(name) != 1 if name else len(grafts) > 1:
         raise ProvenanceError(
             f"{path}: expected the name of a graft, as in {path}#{names[0]}, one of "
             f"{join_names(names)}; got {name or 'none'}"
         )
-    return _parse(grafts[0], address, path.parent)
+    return _parse(grafts[names.index(name) if name else 0], address, path.parent)
 
 
 def read_clip_record(path: Path, clip: str | None) -> GraftRecord | None:
@@ -183,40 +161,34 @@ def _parse(document: Any, label: str, folder: Path) -> GraftRecord:  # noqa: ANN
             f"{label}: not the provenance of a graft: `schema` must be {SCHEMA}, got {schema!r}"
         )
     try:
-        return _record(document, label, folder)
+        record = GraftRecord(
+            label=label,
+            folder=folder,
+            document=document,
+            name=str(document["name"]),
+            base=str(document["base"]),
+            config=Config.from_dict(document["config"]),
+            groups=JointGroups.from_toml(str(document["groups_toml"]) + "\n"),
+            library=_read_library(document["library"], folder),
+            clips=tuple(ClipRecord.from_json(own) for own in document["clips"]),
+            sources=tuple(str(own) for own in document["request"]["sources"]),
+            digits=_optional(check_digits, document.get("digits")),
+            donors=tuple(DonorRecord.from_json(own) for own in document["substitutions"]),
+            edits=tuple(
+                tuple(DonorRecord.from_json(own) for own in edit["replaced"])
+                for edit in document["edits"]
+            ),
+        )
+        if not record.donors:
+            raise ValueError("`substitutions` is empty")
     except DAMAGE as error:
         reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise ProvenanceError(f"{label}: damaged: {reason}") from error
-
-
-def _record(document: Mapping[str, Any], label: str, folder: Path) -> GraftRecord:
-    donors = tuple(DonorRecord.from_json(own) for own in document["substitutions"])
-    if not donors:
-        raise ValueError("`substitutions` is empty")
-    return GraftRecord(
-        label=label,
-        folder=folder,
-        document=document,
-        name=str(document["name"]),
-        base=str(document["base"]),
-        seed=int(document["seed"]),
-        index=int(document["index"]),
-        poses_sha256=str(document["poses_sha256"]),
-        config=Config.from_dict(document["config"]),
-        groups=JointGroups.from_toml(str(document["groups_toml"]) + "\n"),
-        library=_read_library(document["library"], folder),
-        clips=tuple(ClipRecord.from_json(own) for own in document["clips"]),
-        sources=tuple(str(own) for own in document["request"]["sources"]),
-        donors=donors,
-        edits=tuple(
-            tuple(DonorRecord.from_json(own) for own in edit["replaced"])
-            for edit in document["edits"]
-        ),
-    )
+    return record
 
 
 def _read_library(record: Mapping[str, Any], folder: Path) -> LibraryOrigin:
-    path = _optional_str(record["folder"])
+    path = _optional(str, record["folder"])
     return LibraryOrigin(
         folder=None if path is None else folder / path,
         sha256=str(record["sha256"]),
@@ -226,19 +198,193 @@ def _read_library(record: Mapping[str, Any], folder: Path) -> LibraryOrigin:
         root=int(record["root"]),
         up=int(record["up"]),
         match=record["match"],
-        hierarchy=_optional_skeleton(record["hierarchy"]),
-        rest=_optional_skeleton(record["rest"]),
+        hierarchy=_optional(skeleton_from_json, record["hierarchy"]),
+        rest=_optional(skeleton_from_json, record["rest"]),
     )
 
 
-def _optional_skeleton(value: Any) -> Skeleton | None:  # noqa: ANN401 - of JSON
-    return None if value is None else skeleton_from_json(value)
-
-
-def _span(value: Sequence[Any]) -> Span:
+def as_frames(value: Sequence[Any]) -> Span:
+    """Return the first and last frame of a document as integers."""
     first, last = value
     return int(first), int(last)
 
 
-def _optional_str(value: Any) -> str | None:  # noqa: ANN401 - of JSON
-    return None if value is None else str(value)
+def _optional(convert: Callable[[Any], T], value: Any) -> T | None:  # noqa: ANN401 - of JSON
+    return None if value is None else convert(value)
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedLibrary:
+    """The library of a graft, with its base."""
+
+    library: Library
+    base: int | None  # index of the base; None if it is composed of segments
+    clips: Mapping[str, int]  # index of each clip that may provide donors, by name
+
+    def find_segment(self, record: GraftRecord, name: str, frames: Span) -> int:
+        """Return the index of a segment of a clip; raise ProvenanceError if there is none."""
+        if name not in self.clips:
+            raise record.error(f"the library has no clip {name!r}")
+        segments = self.library.segments
+        is_found = segments.clip == self.clips[name]
+        is_found &= (segments.start == frames[0]) & (segments.stop == frames[1])
+        if not is_found.any():
+            raise record.error(f"{name} has no segment {frames[0]}-{frames[1]}")
+        return int(is_found.argmax())
+
+
+def find_library(
+    record: GraftRecord, library: Library | None, sources: Sequence[str]
+) -> RecordedLibrary:
+    """Return the library of a graft: `library`, or the stored library that the provenance names.
+
+    If there is no stored library, or if it has changed, return a library of only the clips of the
+    graft. Their files are searched for beside the document, and then in `sources`, which are files
+    and folders. Raise ProvenanceError if a file, too, is missing or has changed.
+    """
+    if library is not None:
+        return _with_base(record, _prepare_library(record, library, "`library`"), sources)
+    problem, folder = "", record.library.folder
+    if folder is not None:
+        try:
+            library = _prepare_library(record, Library.open(folder), str(folder))
+            return _with_base(record, library, sources)
+        except OSError as error:
+            problem = f"{folder}: {error.strerror}; "
+        except (LibraryError, ProvenanceError) as error:
+            problem = str(error).removeprefix(f"{record.label}: ") + "; "
+    try:
+        return _partial_library(record, sources)
+    except ProvenanceError as error:
+        reason = str(error).removeprefix(f"{record.label}: ")
+        raise record.error(problem + reason) from error
+
+
+def find_whole_library(record: GraftRecord, sources: Sequence[str]) -> Library:
+    """Return the library of a graft with all its clips: the stored one, or one built from files.
+
+    The files are `sources` or, by default, those of the recorded command line. Raise
+    ProvenanceError if a file is missing or the library is another one, and LibraryError or OSError
+    if the stored library cannot be opened.
+    """
+    origin = record.library
+    if origin.folder is not None and not sources:
+        return _prepare_library(record, Library.open(origin.folder), str(origin.folder))
+    names = [_present_source(record, own) for own in sources or record.sources]
+    if not names:
+        raise record.error("the graft was made in Python: give the library, or all of its files")
+    options: IngestOptions = {
+        "match": origin.match,
+        "hierarchy": origin.hierarchy,
+        "skeleton": origin.rest,
+    }
+    library = Library.build(names, record.groups, record.config, **options)
+    if hash_library(library) != origin.sha256 and any(Path(name).is_dir() for name in names):
+        # The graft may have been made with --include-grafts.
+        options["include_grafts"] = True
+        library = Library.build(names, record.groups, record.config, **options)
+    return _prepare_library(record, library, f"the library of {join_names(names)}")
+
+
+def _present_source(record: GraftRecord, source: str) -> str:
+    """Return the address at which a file or folder of the recorded command line is now."""
+    path, pattern = split_address(source)
+    name = Path(path).name
+    clip = next((own for own in record.clips if own.file and Path(own.file).name == name), None)
+    if Path(path).exists() or glob.has_magic(path):
+        return source
+    if clip is None:
+        raise record.error(f"{source} is missing: give the library, or all of its files")
+    return join_address(_find_file(record, clip, ()), pattern)
+
+
+def _with_base(record: GraftRecord, library: Library, sources: Sequence[str]) -> RecordedLibrary:
+    """Return `library`, which has all its clips, and the base if it is not one of them."""
+    n_clips = n_library_clips(library)
+    clips = {info.name: index for index, info in enumerate(library.entries[:n_clips])}
+    outside = [clip for clip in record.clips if clip.is_base and not clip.is_in_library]
+    if record.document["scenario"] is not None:
+        base = None
+    elif outside:
+        base = n_clips
+        if n_clips == len(library.entries):
+            address = find_clip(record, outside[0], sources)
+            motion = read_clip(address, skeleton=record.library.rest)
+            library = library.with_clip(replace(motion, name=outside[0].name))
+    elif record.base in clips:
+        base = clips[record.base]
+    else:
+        raise record.error(f"the library has no clip {record.base!r}, the base of the graft")
+    return RecordedLibrary(library, base, clips)
+
+
+def _prepare_library(record: GraftRecord, library: Library, label: str) -> Library:
+    """Return `library` with the mirror images and the configuration of a graft.
+
+    Raise ProvenanceError if `library` has another SHA-256 than the library of the graft.
+    """
+    expected = record.library
+    found = hash_library(library)
+    if found != expected.sha256:
+        raise record.error(
+            f"{label} is another library: its SHA-256 is {found}, expected {expected.sha256}"
+        )
+    if expected.is_mirrored and not is_mirrored(library):
+        library = library.with_mirror_images()
+    return library if library.config == record.config else library.relabelled(record.config)
+
+
+def find_clip(record: GraftRecord, clip: ClipRecord, sources: Iterable[str]) -> str:
+    """Return the address of a clip, after comparing the SHA-256 of its file; see `_find_file`."""
+    return join_address(_find_file(record, clip, sources), clip.clip)
+
+
+def _find_file(record: GraftRecord, clip: ClipRecord, sources: Iterable[str]) -> str:
+    """Return the path of the file of a clip, after comparing its SHA-256.
+
+    Raise ProvenanceError if there is no such file, or if it has changed.
+    """
+    if clip.file is None:
+        raise record.error(
+            f"clip {clip.name} was not read from a file; give the library that holds it"
+        )
+    changed = ""
+    for path in _possible_paths(record, clip.file, sources):
+        if not path.is_file():
+            continue
+        found = SourceFile.from_path(str(path)).sha256
+        if found == clip.sha256:
+            return str(path)
+        changed = changed or f"{path} has changed: SHA-256 {found}, expected {clip.sha256}"
+    raise record.error(changed or f"{record.folder / clip.file} is missing: give its new path")
+
+
+def _possible_paths(record: GraftRecord, file: str, sources: Iterable[str]) -> Iterable[Path]:
+    yield record.folder / file
+    name = Path(file).name
+    for address in [*sources, *record.sources]:
+        source, _ = split_address(address)
+        if Path(source).is_dir():
+            yield from (path for path in scan_folder(source) if path.name == name)
+        elif Path(source).name == name:
+            yield Path(source)
+
+
+def _partial_library(record: GraftRecord, sources: Sequence[str]) -> RecordedLibrary:
+    """Return a library of only the clips of a graft, read from their files."""
+    clips = [
+        PartialClip(
+            name=clip.name,
+            address=find_clip(record, clip, sources),
+            rate_override=clip.true_rate,
+            is_mirrored=clip.is_mirrored,
+            is_in_library=clip.is_in_library,
+            tags=() if clip.licence is None else (f"licence:{clip.licence}",),
+        )
+        for clip in record.clips
+    ]
+    library = build_partial_library(Library, clips, record.groups, record.config, record.library)
+    bases = [index for index, clip in enumerate(record.clips) if clip.is_base]
+    base = bases[0] if bases and record.document["scenario"] is None else None
+    members = {clip.name: i for i, clip in enumerate(record.clips) if clip.is_in_library}
+    return RecordedLibrary(library, base, members)

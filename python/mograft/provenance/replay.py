@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from os import PathLike
 from typing import Any
 
@@ -15,8 +16,15 @@ from mograft.library.library import Library
 from mograft.library.origin import hash_poses
 from mograft.motion.motion import Motion
 from mograft.provenance.graft_edit import splice_versions
-from mograft.provenance.graft_record import ClipRecord, GraftRecord, SegmentRecord, read_record
-from mograft.provenance.record_library import RecordedLibrary, find_clip, find_library
+from mograft.provenance.graft_record import (
+    ClipRecord,
+    GraftRecord,
+    RecordedLibrary,
+    as_frames,
+    find_clip,
+    find_library,
+    read_record,
+)
 from mograft.scenario import Scenario
 from mograft.search.constraint_records import UnrestoredConstraint, decode_constraint
 from mograft.search.constraints import Constraint, Violation
@@ -26,8 +34,7 @@ from mograft.solve.assembly import Assembly
 from mograft.solve.plan import GraftPlan
 from mograft.solve.self_repair import RepairedWindow
 from mograft.synthesis.graft_building import finish_graft
-from mograft.synthesis.graft_request import GraftRequest
-from mograft.synthesis.graft_result import Graft
+from mograft.synthesis.graft_result import Graft, GraftRequest
 
 
 def replay(
@@ -90,32 +97,27 @@ def replay(
 def _replay(record: GraftRecord, library: Library | None, sources: Sequence[str]) -> Graft:
     """Return the graft of a record; damaged values raise one of the exceptions in `DAMAGE`."""
     recorded = find_library(record, library, sources)
-    plan = GraftPlan.build(
-        recorded.library, recorded.base, _groups(record), (), _read_scenario(record, recorded)
-    )
-    donors = _find_donors(record, recorded, plan)
+    groups = list(dict.fromkeys(own.group for own in record.donors))
+    scenario = _read_scenario(record, recorded)
+    plan = GraftPlan.build(recorded.library, recorded.base, groups, (), scenario)
+    versions = _find_versions(record, recorded, plan)
     request = _read_request(record, sources)
-    versions = _find_versions(record, recorded, plan, donors)
     graft = _finish_versions(record, plan, versions, request.constraints)
-    found = hash_poses(graft.motion)
-    if record.poses_sha256 != found:
+    expected, found = record.document["poses_sha256"], hash_poses(graft.motion)
+    if expected != found:
         raise record.error(
             f"the motion differs from that of the provenance: SHA-256 of its poses {found}, "
-            f"expected {record.poses_sha256}; another version of mograft made it"
+            f"expected {expected}; another version of mograft made it"
         )
     return _with_recorded(graft, record, replace(request, scenario=plan.scenario))
 
 
-def _groups(record: GraftRecord) -> list[str]:
-    return list(dict.fromkeys(own.group for own in record.donors))
-
-
 def _read_scenario(record: GraftRecord, recorded: RecordedLibrary) -> Scenario | None:
-    own = record.scenario
+    own = record.document["scenario"]
     if own is None:
         return None
     segments = [
-        recorded.find_segment(record, SegmentRecord.from_json(segment))
+        recorded.find_segment(record, str(segment["clip"]), as_frames(segment["clip_frames"]))
         for segment in own["segments"]
     ]
     return Scenario(
@@ -126,42 +128,28 @@ def _read_scenario(record: GraftRecord, recorded: RecordedLibrary) -> Scenario |
     )
 
 
-def _find_donors(record: GraftRecord, recorded: RecordedLibrary, plan: GraftPlan) -> DonorSequences:
-    """Return the recorded donor sequences."""
-    base_segments, scenario = plan.problem.base_segments, plan.problem.scenario.tolist()
-    frames = list(zip(base_segments.start.tolist(), base_segments.stop.tolist(), strict=True))
-    donors: DonorSequences = {}
-    for group in plan.pools:
-        own = [donor for donor in record.donors if donor.group == group]
-        if [donor.frames for donor in own] != frames:
-            raise record.error(f"the segments of {record.base} differ from those of the graft")
-        donors[group] = np.array(
-            [
-                base if donor.is_own else recorded.find_segment(record, donor.donor)
-                for donor, base in zip(own, scenario, strict=True)
-            ]
-        )
-    return donors
-
-
 def _find_versions(
-    record: GraftRecord, recorded: RecordedLibrary, plan: GraftPlan, donors: DonorSequences
+    record: GraftRecord, recorded: RecordedLibrary, plan: GraftPlan
 ) -> list[DonorSequences]:
-    """Return the donors before each edit, oldest first, then `donors`, those after the last."""
+    """Return the donors before each edit, oldest first, and last those of the graft."""
     cut, scenario = plan.problem.base_segments, plan.problem.scenario.tolist()
-    position_of = {
-        frames: position
-        for position, frames in enumerate(zip(cut.start.tolist(), cut.stop.tolist(), strict=True))
-    }
-    versions = [donors]
-    for edit in reversed(record.edits):
-        earlier = {group: own.copy() for group, own in versions[0].items()}
-        for own in edit:
+    frames = list(zip(cut.start.tolist(), cut.stop.tolist(), strict=True))
+    for group in plan.pools:
+        if [own.frames for own in record.donors if own.group == group] != frames:
+            raise record.error(f"the segments of {record.base} differ from those of the graft")
+    position_of = {own: position for position, own in enumerate(frames)}
+    donors: DonorSequences = plan.problem.captured_donors
+    versions: list[DonorSequences] = []
+    for changes in (record.donors, *reversed(record.edits)):
+        donors = {group: own.copy() for group, own in donors.items()}
+        for own in changes:
             position = position_of[own.frames]
-            earlier[own.group][position] = (
-                scenario[position] if own.is_own else recorded.find_segment(record, own.donor)
+            donors[own.group][position] = (
+                scenario[position]
+                if own.is_own
+                else recorded.find_segment(record, own.clip, own.clip_frames)
             )
-        versions.insert(0, earlier)
+        versions.insert(0, donors)
     return versions
 
 
@@ -175,28 +163,22 @@ def _finish_versions(
 
     In each version, inverse kinematics moves only the limbs that it moved according to `record`.
     """
-    document = record.document
+    document, seed = record.document, int(record.document["seed"])
     completions = [_read_completions(own, constraints) for own in document["edits"]]
     completions.append(_read_completions(document, constraints))
     graft: Graft | None = None
     for index, (donors, found) in enumerate(zip(versions, completions, strict=True)):
         assembly = Assembly.build(plan.problem, donors, record.name)
-
-        def adjust(
-            motion: Motion, before: Graft | None = graft, donors: DonorSequences = donors
-        ) -> Motion:
-            if before is None:
-                return motion
-            return splice_versions(
-                plan.problem, before.motion, motion, versions[before.index], donors
-            )
-
+        steps = versions[max(index - 1, 0)], donors
+        adjust = None
+        if graft is not None:
+            adjust = partial(splice_versions, plan.problem, *steps, graft.motion)
         moved = [own.reach for own in found if own.is_moved]
-        graft = finish_graft(plan.problem, assembly, record.seed, index, adjust, moved)
+        graft = finish_graft(plan.problem, assembly, seed, index, adjust, moved)
     assert graft is not None
     return replace(
         graft,
-        index=record.index,
+        index=int(document["index"]),
         history=tuple(versions[:-1]),
         reach_completions=completions[-1],
         completion_history=tuple(completions[:-1]),
@@ -227,12 +209,11 @@ def _read_request(record: GraftRecord, sources: Sequence[str]) -> GraftRequest:
 def _with_recorded(graft: Graft, record: GraftRecord, request: GraftRequest) -> Graft:
     """Return the graft with the recorded results of the search, which replay does not repeat."""
     costs = {(own.group, own.frames): own.cost for own in record.donors}
-    alternatives = dict(graft.alternatives)
-    for group in alternatives:
-        counts = [own.alternatives for own in record.donors if own.group == group]
-        alternatives[group] = np.array(counts)
+    alternatives = {
+        group: np.array([own.alternatives for own in record.donors if own.group == group])
+        for group in graft.alternatives
+    }
     document = record.document
-    violations = [_read_violation(own, request.constraints) for own in document["violations"]]
     return replace(
         graft,
         substitutions=tuple(
@@ -240,7 +221,9 @@ def _with_recorded(graft: Graft, record: GraftRecord, request: GraftRequest) -> 
             for own in graft.substitutions
         ),
         alternatives=alternatives,
-        violations=tuple(violations),
+        violations=tuple(
+            _read_violation(own, request.constraints) for own in document["violations"]
+        ),
         self_repairs=tuple(_read_repair(own) for own in document["self_repair"]),
         request=request,
     )
@@ -248,12 +231,11 @@ def _with_recorded(graft: Graft, record: GraftRecord, request: GraftRequest) -> 
 
 def _read_violation(record: Mapping[str, Any], constraints: Sequence[Constraint]) -> Violation:
     number = record["number"]
-    first, last = record["frames"]
     return Violation(
         constraint=UnrestoredConstraint(str(record["constraint"]))
         if number is None
         else constraints[number],
-        frames=(int(first), int(last)),
+        frames=as_frames(record["frames"]),
         worst=int(record["worst_frame"]),
         error=float(record["tolerances"]),
         joint=str(record["joint"]),
@@ -270,11 +252,10 @@ def _read_completions(
         reach = constraints[own["number"]]
         if not isinstance(reach, Reach):
             raise ValueError("each `number` in `reach_ik` must be that of a Reach constraint")
-        first, last = own["frames"]
         found.append(
             ReachCompletion(
                 reach=reach,
-                frames=(int(first), int(last)),
+                frames=as_frames(own["frames"]),
                 before=float(own["before_heights"]),
                 after=float(own["after_heights"]),
                 reason=str(own["reason"]),
@@ -284,11 +265,11 @@ def _read_completions(
 
 
 def _read_repair(record: Mapping[str, Any]) -> RepairedWindow:
-    first, last = record["frames"]
+    start, stop = as_frames(record["frames"])
     return RepairedWindow(
         group=str(record["group"]),
-        start=int(first),
-        stop=int(last),
+        start=start,
+        stop=stop,
         measure=str(record["measure"]),
         before=float(record["before"]),
         after=float(record["after"]),

@@ -19,7 +19,7 @@ from mograft.io.npz import write_npz
 from mograft.io.smpl.writer import write_amass
 from mograft.io.usd import write_usd
 from mograft.library.discover import SourceFile
-from mograft.library.origin import ClipOrigin, find_clip_origin
+from mograft.library.origin import find_clip_origin
 from mograft.motion.motion import Motion
 from mograft.provenance.document import SEVERAL_SCHEMA, graft_record
 from mograft.synthesis.graft_result import Graft
@@ -34,6 +34,14 @@ WRITERS: dict[str, Callable[[Motion, Path], object]] = {
     ".usdc": write_usd,
 }
 """The writer of each ending of a file name."""
+
+Sections = Mapping[str, Any]
+
+_COPIED_FORMATS = {".glb": "glTF", ".npz": "AMASS"}
+"""By ending, the format of the file of a base of which the file of a graft is a copy."""
+
+MOTION_SUFFIXES = (".bvh", *_COPIED_FORMATS)
+"""Endings of the names of files that hold the motions of grafts."""
 
 
 def write(item: Motion | Graft, path: str | PathLike[str], *, force: bool = False) -> None:
@@ -85,29 +93,17 @@ def write(item: Motion | Graft, path: str | PathLike[str], *, force: bool = Fals
             f"`path` must end with {', '.join(WRITERS)}, got {target.name}"
             f"{suggest_name(ending, WRITERS)}"
         )
-    has_provenance = isinstance(item, Graft) and _has_provenance(item, ending)
-    files = [target, target.with_suffix(".json")] if has_provenance else [target]
-    for file in files:
+    form = _COPIED_FORMATS.get(ending)
+    has_provenance = isinstance(item, Graft) and (
+        ending == ".bvh" or _base_file(item, form) is not None
+    )
+    for file in [target, target.with_suffix(".json")] if has_provenance else [target]:
         if file.exists() and not force:
             raise FileExistsError(f"{file} exists: use another name, or force=True to replace it")
     if isinstance(item, Graft) and has_provenance:
         write_graft(item, target)
     else:
         WRITERS[ending](item.motion if isinstance(item, Graft) else item, target)
-
-
-def _has_provenance(graft: Graft, ending: str) -> bool:
-    """Return whether `write_graft` can write the graft into a file with this ending."""
-    formats = {".glb": "glTF", ".npz": "AMASS"}
-    return ending == ".bvh" or (
-        ending in formats and find_base_file(graft, formats[ending]) is not None
-    )
-
-
-Sections = Mapping[str, Any]
-
-MOTION_SUFFIXES = (".bvh", ".glb", ".npz")
-"""Endings of the names of files that hold the motions of grafts."""
 
 
 def write_graft(
@@ -163,63 +159,54 @@ def write_graft(
     suffix = target.suffix.lower()
     if suffix not in MOTION_SUFFIXES:
         raise ValueError(f"`path` must end with {', '.join(MOTION_SUFFIXES)}, got {target.name}")
-    is_glb = suffix == ".glb"
-    if len(grafts) != 1 and not (is_glb and grafts):
-        raise ValueError(
-            f"`graft` must be one graft, for a .glb file one or more, got {len(grafts)}"
-        )
+    is_glb, n = suffix == ".glb", len(grafts)
+    if n != 1 and not (is_glb and grafts):
+        raise ValueError(f"`graft` must be one graft, for a .glb file one or more, got {n}")
     if sections is None or isinstance(sections, Mapping):
         sections = [sections or {}] * len(grafts)
     documents = [
         {"mograft": VERSION, **graft_record(own, target.parent), "digits": digits, **extra}
         for own, extra in zip(grafts, sections, strict=True)
     ]
-    data, source = b"", None
-    if suffix == ".npz":
-        source = _amass_source(grafts[0], target)
+    files = [] if suffix == ".bvh" else [_copied_file(own, target) for own in grafts]
     if is_glb:
-        names, data = add_graft_animations(grafts, target)
+        names, data = _add_animations(grafts, files, target)
         documents = [{**own, "animation": name} for own, name in zip(documents, names, strict=True)]
     several = {"schema": SEVERAL_SCHEMA, "mograft": VERSION, "grafts": documents}
-    document = documents[0] if len(documents) == 1 else several
     # The provenance comes first: an interruption then leaves no motion without it.
-    write_json(target.with_suffix(".json"), document)
+    write_json(target.with_suffix(".json"), documents[0] if len(documents) == 1 else several)
     if is_glb:
         write_bytes(target, data)
-    elif source is not None:
-        write_amass(grafts[0].motion, target, like=source)
+    elif files:
+        write_amass(grafts[0].motion, target, like=files[0])
     else:
         write_bvh(grafts[0].motion, target, digits=digits)
 
 
-def _amass_source(graft: Graft, target: Path) -> str:
-    """Return the AMASS file of the base of a graft; raise ValueError if there is none."""
-    file = find_base_file(graft, "AMASS")
+def _copied_file(graft: Graft, target: Path) -> str:
+    """Return the file of the base that `target` copies; raise ValueError if there is none."""
+    ending = target.suffix.lower()
+    form = _COPIED_FORMATS[ending]
+    file = _base_file(graft, form)
     if file is None:
         raise ValueError(
             f"{target.name} must be a .bvh file: {graft.base.name}, the base of "
-            f"{graft.motion.name}, is not from an AMASS file; to write a new .npz file, "
-            "use mograft export"
+            f"{graft.motion.name}, is not from {'a' if form == 'glTF' else 'an'} {form} file; to "
+            f"write a new {ending} file, use mograft export"
         )
     return file.path
 
 
-def add_graft_animations(grafts: Sequence[Graft], path: Path) -> tuple[tuple[str, ...], bytes]:
+def _add_animations(
+    grafts: Sequence[Graft], files: Sequence[str], path: Path
+) -> tuple[tuple[str, ...], bytes]:
     """Return the names of the animations of grafts, and the copy of a file that has them.
 
-    The file is the glTF file of the bases; `path` is the one to write. Joints that a graft does not
-    change keep the tracks of its base, if the base is a clip of the file. Raises ValueError if the
-    bases are not from one glTF file.
+    `files` are the glTF files of the bases; `path` is the one to write. Joints that a graft does
+    not change keep the tracks of its base, if the base is a clip of the file. Raises ValueError if
+    the bases are not from one file.
     """
-    files = [find_base_file(graft, "glTF") for graft in grafts]
-    for graft, file in zip(grafts, files, strict=True):
-        if file is None:
-            raise ValueError(
-                f"{path.name} must be a .bvh file: {graft.base.name}, the base of "
-                f"{graft.motion.name}, is not from a glTF file; to write a new .glb file, "
-                "use mograft export"
-            )
-    paths = list(dict.fromkeys(file.path for file in files if file is not None))
+    paths = list(dict.fromkeys(files))
     if len(paths) > 1:
         raise ValueError(
             f"the bases of all grafts must be from one glTF file to be written to {path.name}, got "
@@ -229,13 +216,11 @@ def add_graft_animations(grafts: Sequence[Graft], path: Path) -> tuple[tuple[str
     return append_animations(source, [_addition(source, graft) for graft in grafts])
 
 
-def find_base_file(graft: Graft, form: str) -> SourceFile | None:
+def _base_file(graft: Graft, form: str | None) -> SourceFile | None:
     """Return the first file of a format from which a base was read; None without one."""
-    for clip in _base_clips(graft):
-        file = find_clip_origin(graft.library, clip).source_file
-        if file is not None and file.format == form:
-            return file
-    return None
+    origins = (find_clip_origin(graft.library, clip) for clip in _base_clips(graft))
+    files = (origin.source_file for origin in origins)
+    return next((file for file in files if file is not None and file.format == form), None)
 
 
 def _base_clips(graft: Graft) -> list[int]:
@@ -246,7 +231,7 @@ def _base_clips(graft: Graft) -> list[int]:
 
 def _addition(file: GltfFile, graft: Graft) -> Addition:
     """Return the motion of a graft, with its base if this is the motion of a clip of the file."""
-    origin: ClipOrigin = find_clip_origin(graft.library, _base_clips(graft)[0])
+    origin = find_clip_origin(graft.library, _base_clips(graft)[0])
     source = origin.source_file
     if graft.scenario or origin.is_mirrored or source is None:
         return Addition(graft.motion)

@@ -1,8 +1,7 @@
 """Scenarios: sequences of base segments, and the transition graph that they follow."""
 
 from mograft.scenario.path_following import follow
-from mograft.scenario.repeated_runs import Repetition, repetition
-from mograft.scenario.scenario import Scenario
+from mograft.scenario.scenario import Repetition, Scenario, repetition
 from mograft.scenario.transition_graph import Transitions, transitions
 from mograft.scenario.walks import fill, to_beats, walk
 

@@ -99,15 +99,16 @@ class _Beam:
         """Return sequences of one segment: every segment with every heading."""
         turn = np.repeat(2 * np.pi / _N_HEADINGS * np.arange(_N_HEADINGS), n)
         size = n * _N_HEADINGS
+        zeros = np.zeros(size)
         return cls(
             node=np.tile(np.arange(n), _N_HEADINGS),
             previous=np.full(size, -1),
             initial_turn=turn,
             turn=turn,
             position=np.zeros(size, complex),
-            progress=np.zeros(size),
-            cost=np.zeros(size),
-            seconds=np.zeros(size),
+            progress=zeros,
+            cost=zeros,
+            seconds=zeros,
             parent=np.arange(size),
         )
 
@@ -143,7 +144,10 @@ class _PathSearch:
     def run(self) -> tuple[IntArray, float]:
         """Return the nodes of the best sequence to the path's end, and its first turn."""
         total = self.arc_lengths[-1]
-        speed = mean_walking_speed(np.abs(self.displacements), self.durations)
+        distances, speed = np.abs(self.displacements), _MIN_WALKING_SPEED
+        walks = distances >= _MIN_WALKING_SPEED * self.durations
+        if walks.any():
+            speed = float(distances[walks].sum() / self.durations[walks].sum())
         max_seconds = _MAX_DURATION_FACTOR * float(total + 1.0) / speed
         beam = _Beam.start(len(self.displacements))
         history: list[_Beam] = []
@@ -167,8 +171,7 @@ class _PathSearch:
         return np.array(nodes[::-1]), float(beam.initial_turn[0])
 
     def _rotate(self, vectors: ComplexArray, turn: FloatArray) -> ComplexArray:
-        rotated: ComplexArray = np.exp(1j * self.rotation_sense * turn) * vectors
-        return rotated
+        return np.exp(1j * self.rotation_sense * turn) * vectors
 
     def _walk_segment(self, beam: _Beam) -> _Beam:
         """Move each sequence along its last segment; update position, progress, cost, duration."""
@@ -228,13 +231,9 @@ class _PathSearch:
         Only points with arc lengths from `lower` to `upper` are compared.
         """
         best, nearest = lower, np.full(len(positions), np.inf)
-        for corner, leg, start, stop in zip(
-            self.corners[:-1],
-            np.diff(self.corners),
-            self.arc_lengths[:-1],
-            self.arc_lengths[1:],
-            strict=True,
-        ):
+        bounds = self.arc_lengths[:-1], self.arc_lengths[1:]
+        legs = zip(self.corners[:-1], np.diff(self.corners), *bounds, strict=True)
+        for corner, leg, start, stop in legs:
             low, high = np.maximum(lower, start), np.minimum(upper, stop)
             length = stop - start
             along = start + ((positions - corner) * np.conj(leg)).real / length
@@ -244,15 +243,3 @@ class _PathSearch:
             best = np.where(is_nearer, along, best)
             nearest = np.where(is_nearer, distance, nearest)
         return best, nearest
-
-
-def mean_walking_speed(distances: FloatArray, durations: FloatArray) -> float:
-    """Return the mean speed of the segments that walk, in heights per second.
-
-    `distances` over the floor are in skeleton heights, `durations` in seconds. A segment walks at
-    0.25 heights per second or more. If no segment does, the result is 0.25.
-    """
-    walks = distances >= _MIN_WALKING_SPEED * durations
-    if not walks.any():
-        return _MIN_WALKING_SPEED
-    return float(distances[walks].sum() / durations[walks].sum())

@@ -76,108 +76,85 @@ class SegmentEnds:
 def segment_ends(library: Library, segments: IntArray) -> tuple[SegmentEnds, SegmentEnds]:
     """Read the starts and the ends of segments from the library; each clip is read once."""
     clip_of = library.segments.clip[segments]
-    starts: list[SegmentEnds] = []
-    ends: list[SegmentEnds] = []
-    for clip in np.unique(clip_of):
-        reader = _ClipEnds(library, int(clip), library.clips[int(clip)])
-        indices = segments[clip_of == clip]
-        starts.append(reader.read(indices, is_start=True))
-        ends.append(reader.read(indices, is_start=False))
-    return _concatenate(starts), _concatenate(ends)
-
-
-def _concatenate(parts: list[SegmentEnds]) -> SegmentEnds:
-    return SegmentEnds(
-        **{
-            field.name: np.concatenate([getattr(part, field.name) for part in parts])
+    pairs = [
+        _clip_ends(library, clip, segments[clip_of == clip]) for clip in np.unique(clip_of).tolist()
+    ]
+    starts, ends = (
+        {
+            field.name: np.concatenate([getattr(part, field.name) for part in side])
             for field in fields(SegmentEnds)
         }
+        for side in zip(*pairs, strict=True)
     )
+    return SegmentEnds(**starts), SegmentEnds(**ends)
 
 
-class _ClipEnds:
-    """One clip of a library, from which starts and ends of its segments are read."""
+def _clip_ends(library: Library, index: int, segments: IntArray) -> tuple[SegmentEnds, SegmentEnds]:
+    """Return the starts and the ends of some segments of one clip."""
+    clip, cut, config, rate = library.clips[index], library.segments, library.config, library.rate
+    root, up = library.root, library.up
+    members = library.joints(library.groups.base)
+    joints = clip.rotations[:, np.setdiff1d(feature_joints(library.skeleton, members), [root])]
+    has_root = bool((members == root).any())
+    scale, height = float(has_root), mass_model(clip.skeleton).height
+    quats, positions = (values[:, root] for values in clip.world_transforms())
+    is_level = np.arange(3) != up
+    root_velocity = np.gradient(positions, axis=0) * clip.rate
+    acceleration = np.gradient(root_velocity, axis=0)[:, is_level]
+    accelerations = np.linalg.norm(acceleration, axis=1) * (clip.rate / height)
+    floor_steps = np.where(is_level, np.diff(positions, axis=0), 0.0)
+    clip_steps = np.concatenate([floor_steps, yaw_rates(quats, up)[:, None]], axis=1)
+    contacts = np.logical_or(*np.moveaxis(detect_contacts(clip), 2, 0))
+    is_at_rest = _is_at_rest(library, index, clip, segments)
+    # Weights of the root velocity of the segment on the other side of a seam, for each step inward.
+    distances = np.arange(0.5, np.ceil(config.seam_blend * rate))
+    weights = root_velocity_weights(distances, cut.lengths[segments][:, None], config, rate)
+    count, near = np.arange(len(distances)), np.arange(round(_ACCELERATION_SECONDS * rate) + 1)
 
-    def __init__(self, library: Library, index: int, clip: Motion) -> None:
-        self._library, self._index, self._clip = library, index, clip
-        members = library.joints(library.groups.base)
-        self._joints = np.setdiff1d(feature_joints(library.skeleton, members), [library.root])
-        self._has_root = bool((members == library.root).any())
-        self._height = mass_model(clip.skeleton).height
-        self._quats, self._positions = (
-            values[:, library.root] for values in clip.world_transforms()
-        )
-        self._velocity = np.gradient(self._positions, axis=0) * clip.rate
-        acceleration = np.gradient(self._velocity, axis=0)[:, np.arange(3) != library.up]
-        self._accelerations = np.linalg.norm(acceleration, axis=1) * (clip.rate / self._height)
-        self._contacts = np.logical_or(*np.moveaxis(detect_contacts(clip), 2, 0))
-        is_level = np.arange(3) != library.up
-        steps = np.where(is_level, np.diff(self._positions, axis=0), 0.0)
-        yaws = yaw_rates(self._quats, library.up)
-        self._steps = np.concatenate([steps, yaws[:, None]], axis=1)
-
-    def read(self, segments: IntArray, *, is_start: bool) -> SegmentEnds:
-        """Return the starts or the ends of some segments of this clip."""
-        library, cut = self._library, self._library.segments
-        frames = (cut.start if is_start else cut.stop)[segments]
+    def read(frames: IntArray, direction: int, weights: FloatArray) -> SegmentEnds:
+        """Return the ends at some frames; `direction` leads inward: 1 for starts, -1 for ends."""
         first = 0 * segments
-        joints = self._clip.rotations[:, self._joints]
         poses, velocities, _ = clip_states([joints], first, frames)
-        _, angular, _ = clip_states([self._quats[:, None]], first, frames)
-        inverse_yaws = rotations.inverse(rotations.twist(self._quats[frames], library.up))
-        tilts = rotations.multiply(inverse_yaws, self._quats[frames])
-        if not self._has_root:
+        _, angular, _ = clip_states([quats[:, None]], first, frames)
+        inverse_yaws = rotations.inverse(rotations.twist(quats[frames], up))
+        tilts = rotations.multiply(inverse_yaws, quats[frames])
+        if not has_root:
             tilts[:] = rotations.IDENTITY
-        velocity = rotations.rotate(inverse_yaws, self._velocity[frames])
-        scale = float(self._has_root)
-        inward = np.arange(round(_ACCELERATION_SECONDS * library.rate) + 1)
-        near = frames[:, None] + (inward if is_start else -inward)
-        near = near.clip(0, len(self._accelerations) - 1)
-        steps, weights = self._steps_inward(segments, frames, is_start=is_start)
+        velocity = rotations.rotate(inverse_yaws, root_velocity[frames])
+        inside = (frames[:, None] + direction * near).clip(0, len(accelerations) - 1)
+        inward = frames[:, None] + direction * count - (direction < 0)
+        steps = clip_steps[inward.clip(0, len(clip_steps) - 1)]
         return SegmentEnds(
             poses=poses,
-            joint_velocities=velocities * library.rate,
-            root_rotations=self._quats[frames],
-            root_positions=self._positions[frames],
+            joint_velocities=velocities * rate,
+            root_rotations=quats[frames],
+            root_positions=positions[frames],
             tilts=tilts,
-            heights=scale * self._positions[frames, library.up] / self._height,
-            root_velocities=scale * velocity / self._height,
-            root_angular_velocities=scale * angular[:, 0] * library.rate,
-            root_accelerations=scale * self._accelerations[near].max(axis=1),
-            contacts=self._contacts[frames],
-            is_at_rest=self._is_at_rest(segments),
+            heights=scale * positions[frames, up] / height,
+            root_velocities=scale * velocity / height,
+            root_angular_velocities=scale * angular[:, 0] * rate,
+            root_accelerations=scale * accelerations[inside].max(axis=1),
+            contacts=contacts[frames],
+            is_at_rest=is_at_rest,
             steps=scale * steps[:, 0],
             weight_sums=weights.sum(axis=1),
             faded_steps=scale * (weights[..., None] * steps).sum(axis=1),
         )
 
-    def _steps_inward(
-        self, segments: IntArray, frames: IntArray, *, is_start: bool
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the root's steps per frame near segment ends, ordered from the end inward.
+    before, after = weights
+    return read(cut.start[segments], 1, after), read(cut.stop[segments], -1, before)
 
-        The second result has, for each step, the weight of the root velocity of the segment on the
-        other side of the seam.
-        """
-        library = self._library
-        distances = np.arange(0.5, np.ceil(library.config.seam_blend * library.rate))
-        count = np.arange(len(distances))
-        inward = frames[:, None] + count if is_start else frames[:, None] - count - 1
-        steps = self._steps[inward.clip(0, len(self._steps) - 1)]
-        lengths = library.segments.lengths[segments][:, None]
-        before, after = root_velocity_weights(distances, lengths, library.config, library.rate)
-        return steps, after if is_start else before
 
-    def _is_at_rest(self, segments: IntArray) -> BoolArray:
-        """Return whether each segment ends at a minimum of the smoothed kinetic energy."""
-        cut, config, clip = self._library.segments, self._library.config, self._clip
-        energy = kinetic_energy(clip, omega=config.omega, inertia=config.inertia)
-        energy = gaussian_filter(energy, config.smoothing * clip.rate)
-        bounds = np.append(cut.start[cut.clip == self._index], clip.n_frames - 1)
-        stop = cut.stop[segments]
-        following = bounds[np.minimum(np.searchsorted(bounds, stop) + 1, len(bounds) - 1)]
-        at_next = np.where(following > stop, energy[following], np.inf)
-        return energy[stop] < np.minimum(energy[cut.start[segments]], at_next)
+def _is_at_rest(library: Library, index: int, clip: Motion, segments: IntArray) -> BoolArray:
+    """Return whether each segment ends at a minimum of the smoothed kinetic energy."""
+    cut, config = library.segments, library.config
+    energy = kinetic_energy(clip, omega=config.omega, inertia=config.inertia)
+    energy = gaussian_filter(energy, config.smoothing * clip.rate)
+    bounds = np.append(cut.start[cut.clip == index], clip.n_frames - 1)
+    stop = cut.stop[segments]
+    following = bounds[np.minimum(np.searchsorted(bounds, stop) + 1, len(bounds) - 1)]
+    at_next = np.where(following > stop, energy[following], np.inf)
+    return energy[stop] < np.minimum(energy[cut.start[segments]], at_next)
 
 
 def transition_costs(

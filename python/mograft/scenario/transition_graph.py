@@ -12,7 +12,6 @@ from mograft.errors import join_names, suggest_name
 from mograft.library.library import Library
 from mograft.motion import rotations
 from mograft.scenario.segment_ends import SegmentEnds, segment_ends, transition_costs
-from mograft.scenario.strong_components import largest_strong_component
 
 _CHEAPEST_SHARE = 0.1  # share of all allowed pairs whose costs are within the limit
 _MAX_LIMIT = np.radians(25.0)
@@ -184,11 +183,9 @@ def _donor_segments(library: Library, clips: Sequence[str] | str | None) -> IntA
     """Return the segments of the named clips, without excluded donors, ascending."""
     segments = np.flatnonzero(library.is_donor)
     if clips is not None:
-        words = as_words("clips", clips)
-        patterns = [words] if isinstance(words, str) else list(words)
-        names = library.names
+        words, names = as_words("clips", clips), library.names
         is_named = np.zeros(len(names), bool)
-        for pattern in patterns:
+        for pattern in [words] if isinstance(words, str) else list(words):
             matches = [fnmatchcase(name, pattern) or name == pattern for name in names]
             if not any(matches):
                 raise ValueError(
@@ -335,3 +332,43 @@ def _cheap_cost(starts: SegmentEnds, ends: SegmentEnds, has_successor: BoolArray
     allowed &= (ends.contacts[i] == starts.contacts[j]).all(axis=1)
     costs = transition_costs(ends, starts, i[allowed], j[allowed])
     return float(np.quantile(costs, _CHEAPEST_SHARE)) if len(costs) else 0.0
+
+
+def largest_strong_component(n: int, sources: IntArray, targets: IntArray) -> IntArray:
+    """Return the nodes of the largest strongly connected component of a graph, ascending.
+
+    In such a component, every node is reachable from every other one. The graph has the nodes 0 to
+    `n` - 1. Its edges lead from `sources` to `targets` and are sorted by source. Of components of
+    the same size, the one that is found first is returned. The algorithm is that of Gabow
+    (Path-based depth-first search for strong and biconnected components, 2000), without recursion.
+    """
+    bounds = np.searchsorted(sources, np.arange(1, n))
+    successors = [iter(own.tolist()) for own in np.split(targets, bounds)]
+    order = [-1] * n  # position in `path`; -1 before a visit, n in a component that is complete
+    path: list[int] = []
+    roots: list[int] = []  # first nodes of the components that are not complete
+    largest: list[int] = []
+    for start in range(n):
+        visits = [start] if order[start] < 0 else []
+        while visits:
+            node = visits[-1]
+            if order[node] < 0:
+                order[node] = len(path)
+                path.append(node)
+                roots.append(node)
+            for other in successors[node]:
+                if order[other] < 0:
+                    visits.append(other)
+                    break
+                while order[roots[-1]] > order[other]:
+                    roots.pop()
+            else:
+                visits.pop()
+                if roots[-1] == node:
+                    roots.pop()
+                    component = path[order[node] :]
+                    del path[order[node] :]
+                    for own in component:
+                        order[own] = n
+                    largest = max(largest, component, key=len)
+    return np.array(sorted(largest), np.int64)

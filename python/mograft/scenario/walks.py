@@ -8,8 +8,7 @@ import numpy.typing as npt
 from mograft._util.arrays import FloatArray, IntArray, as_floats
 from mograft._util.validate import as_integer
 from mograft.library.library import Library
-from mograft.scenario.repeated_runs import RepeatedRuns
-from mograft.scenario.scenario import Scenario
+from mograft.scenario.scenario import RepeatedRuns, Scenario
 from mograft.scenario.transition_graph import Transitions, transitions
 
 _MIN_RETURN = 3  # other segments between two visits to a segment, if there is a choice

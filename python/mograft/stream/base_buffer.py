@@ -1,29 +1,34 @@
 """`BaseBuffer`: the frames of a growing base motion that are still needed."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from mograft._util.arrays import FloatArray
 from mograft.analysis.segmentation import kinetic_energy
+from mograft.body.world_poses import Poses
 from mograft.config import Config
 from mograft.motion.motion import Motion
 
 BOUNDARY_MARGIN = 2  # frames kept on both sides of a segment; the velocities at its ends need them
 
+Tracks = dict[str, FloatArray]  # the arrays of a motion with one row per frame, by field
+
 
 class BaseBuffer:
     """The latest frames of a base motion that grows at its end.
 
-    Frames are numbered from the first pushed frame, even after it has been dropped.
+    Frames are numbered from the first pushed frame, even after it has been discarded. `up` is the
+    axis that points up.
     """
 
-    def __init__(self, frames: Motion) -> None:
-        self.first_frame = frames[:1]
+    def __init__(self, frames: Motion, up: int) -> None:
+        self._first_frame = frames[:1]
+        self.skeleton = frames.skeleton
+        self.body = replace(Poses.from_motion(self._first_frame), up=up)
         self._tracks = _tracks(frames)
-        self._n_discarded = 0
-        self._first_needed = 0
-        self._n_energies = 0
+        self._n_discarded = self._n_energies = 0
 
     def __len__(self) -> int:
         """Return the number of frames in the buffer."""
@@ -35,30 +40,20 @@ class BaseBuffer:
         return self._n_discarded + len(self)
 
     def push(self, frames: Motion) -> None:
-        """Append frames, and drop frames that are no longer needed."""
-        n_unneeded, new = self._first_needed - self._n_discarded, _tracks(frames)
-        # Channel values are kept only if all frames have them.
-        names = [name for name in self._tracks if name in new]
-        self._tracks = {
-            name: np.concatenate([self._tracks[name][n_unneeded:], new[name]]) for name in names
-        }
-        self._n_discarded += n_unneeded
+        """Append frames."""
+        self._tracks = _join_tracks([self._tracks, _tracks(frames)])
 
     def discard_before(self, frame: int) -> None:
-        """Mark the frames before `frame` as no longer needed; the next push drops them."""
-        # Without energies, the segmenter holds the frames that it needs.
-        n_used = self._n_energies or self.n_frames
-        self._first_needed = max(self._first_needed, min(frame, n_used - 1))
+        """Discard the frames before `frame` that `next_energies` does not need."""
+        n_unneeded = max(min(frame, self._n_energies - 1) - self._n_discarded, 0)
+        self._tracks = {name: track[n_unneeded:] for name, track in self._tracks.items()}
+        self._n_discarded += n_unneeded
 
     def motion(self, start: int, stop: int) -> Motion:
         """Return the frames `start` to `stop` - 1."""
         rows = slice(start - self._n_discarded, stop - self._n_discarded)
-        values = self._tracks.get("channel_values")
-        return replace(
-            self.first_frame,
-            rotations=self._tracks["rotations"][rows],
-            positions=self._tracks["positions"][rows],
-            channel_values=None if values is None else values[rows],
+        return _with_tracks(
+            self._first_frame, {name: track[rows] for name, track in self._tracks.items()}
         )
 
     def motion_with_margin(self, start: int, stop: int) -> tuple[Motion, int]:
@@ -84,8 +79,28 @@ class BaseBuffer:
         return new
 
 
-def _tracks(frames: Motion) -> dict[str, FloatArray]:
+def join_motions(motions: Sequence[Motion], name: str) -> Motion:
+    """Join motions of one skeleton in time; channel values are kept if all motions have them."""
+    joined = _with_tracks(motions[0], _join_tracks([_tracks(motion) for motion in motions]))
+    return replace(joined, name=name)
+
+
+def _tracks(frames: Motion) -> Tracks:
     tracks = {"rotations": frames.rotations, "positions": frames.positions}
     if frames.channel_values is not None:
         tracks["channel_values"] = frames.channel_values
     return tracks
+
+
+def _join_tracks(parts: Sequence[Tracks]) -> Tracks:
+    names = [name for name in parts[0] if all(name in part for part in parts)]
+    return {name: np.concatenate([part[name] for part in parts]) for name in names}
+
+
+def _with_tracks(motion: Motion, tracks: Tracks) -> Motion:
+    return replace(
+        motion,
+        rotations=tracks["rotations"],
+        positions=tracks["positions"],
+        channel_values=tracks.get("channel_values"),
+    )

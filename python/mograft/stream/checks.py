@@ -22,31 +22,28 @@ from mograft.solve.search_problem import check_constraints
 
 def check_stream_config(config: Config) -> None:
     """Raise ValueError for settings that a stream does not support."""
-    if config.segmentation != "energy":
-        raise ValueError(
-            "`Config.segmentation` must be 'energy' in a stream, because other methods need all "
-            f"later frames, got {config.segmentation!r}"
-        )
-    if config.alignment != "uniform":
-        raise ValueError(
-            f"`Config.alignment` must be 'uniform' in a stream, got {config.alignment!r}"
-        )
+    for name, required, reason in (
+        ("segmentation", "energy", ", because other methods need all later frames"),
+        ("alignment", "uniform", ""),
+    ):
+        if (value := getattr(config, name)) != required:
+            raise ValueError(
+                f"`Config.{name}` must be {required!r} in a stream{reason}, got {value!r}"
+            )
 
 
 def check_stream_groups(library: Library, groups: Sequence[str]) -> None:
     """Raise ValueError for groups that contain single channels, the root or joints of legs."""
-    names = library.skeleton.names
-    single_channels = library.groups.divided_channels(library.skeleton)
-    for group in groups:
-        if single_channels[group]:
-            joints = ", ".join(names[joint] for joint in single_channels[group])
-            raise ValueError(
-                f"`swap` must name groups of whole joints in a stream, got {group!r}, "
-                f"which contains single channels of {joints}, not the whole joints"
-            )
+    divided = library.groups.divided_channels(library.skeleton)
     legs = find_legs(library.skeleton)
     kept = {library.root, *(joint for leg in legs for joint in (leg.hip, leg.knee, leg.ankle))}
     for group in groups:
+        if divided[group]:
+            joints = ", ".join(library.skeleton.names[joint] for joint in divided[group])
+            raise ValueError(
+                f"`swap` must name groups of whole joints in a stream, got {group!r}, "
+                f"which contains single channels of {joints}"
+            )
         if not kept.isdisjoint(library.joints(group).tolist()):
             raise ValueError(
                 "`swap` must not name a group with the root or a leg joint in a stream, "
@@ -86,7 +83,7 @@ def check_free_frames(constraints: Sequence[Constraint], first_free_frame: int) 
             first, last = constraint.frames
             frames = f"frame {first}" if first == last else f"frames {first} to {last}"
             raise ValueError(
-                f"`constraints` must apply to frames that are not committed: "
+                "`constraints` must apply to frames that are not committed: "
                 f"{type(constraint).__name__} applies to {frames}, and the first free frame is "
                 f"{first_free_frame}"
             )

@@ -7,11 +7,11 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.seam_treatments.gradient import fit_donors
 from mograft.blend.seams import PieceTimes, SeamBoundaries
 from mograft.blend.value_spaces import ROTATIONS
 from mograft.config import Config
 from mograft.motion.resample import cubic
-from mograft.search.boundary_states import BoundaryStates
 
 VELOCITY_STEP = 0.01  # frames between the values that give the velocity at the end of a segment
 
@@ -22,32 +22,40 @@ class SampledDonors:
 
     `values`, shape (n, n_frames + 2, n_joints, 4), are rotations in the frames of the base segment,
     then at 1 and 2 times `VELOCITY_STEP` frames before its end. The velocities, shape (n, n_joints,
-    3), are angular velocities in the first and last frame, in radians per second.
+    3), are angular velocities in the first and last frame, in radians per second. `rate` is in
+    frames per second.
     """
 
     values: FloatArray
     start_velocity: FloatArray
     end_velocity: FloatArray
+    rate: float
 
     @property
     def frames(self) -> FloatArray:
         """Rotations in the frames of the base segment, shape (n, n_frames, n_joints, 4)."""
         return self.values[:, :-2]
 
-    def end_accelerations(self, rate: float) -> tuple[FloatArray, FloatArray]:
-        """Return the accelerations of the donors in the first and the last frame.
+    @property
+    def start_acceleration(self) -> FloatArray:
+        """Accelerations in the first frame, in radians per frame², shape (n, n_joints, 3)."""
+        step = ROTATIONS.delta(self.values[:, 0], self.values[:, 1])
+        return 2.0 * (step - self.start_velocity / self.rate)
 
-        Both are in radians per frame² and have shape (n, n_joints, 3). `rate` is in frames per
-        second.
-        """
-        first = ROTATIONS.delta(self.values[:, 0], self.values[:, 1])
-        last = ROTATIONS.delta(self.values[:, -4], self.values[:, -3])
-        return 2.0 * (first - self.start_velocity / rate), 2.0 * (self.end_velocity / rate - last)
+    @property
+    def end_acceleration(self) -> FloatArray:
+        """Accelerations in the last frame, in radians per frame², shape (n, n_joints, 3)."""
+        step = ROTATIONS.delta(self.values[:, -4], self.values[:, -3])
+        return 2.0 * (self.end_velocity / self.rate - step)
 
-    def select(self, index: int) -> "SampledDonors":
-        """Return one of the donors."""
-        row = slice(index, index + 1)
-        return SampledDonors(self.values[row], self.start_velocity[row], self.end_velocity[row])
+
+@dataclass(frozen=True, eq=False)
+class PlacedDonor:
+    """One donor in the frames of a base segment, after seam treatment."""
+
+    frames: FloatArray  # rotations, shape (n_frames, n_joints, 4)
+    end_velocity: FloatArray  # angular, in the last frame, radians per second, (n_joints, 3)
+    end_acceleration: FloatArray  # of the donor in the last frame, rad/frame², (n_joints, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,55 +64,26 @@ class PlacedDonors:
 
     sampled: SampledDonors  # the donors before seam treatment
     values: FloatArray  # rotations after it, in the shape of `sampled.values`
-    rate: float  # frames per second
 
     @property
     def frames(self) -> FloatArray:
         """Rotations in the frames of the base segment, shape (n, n_frames, n_joints, 4)."""
         return self.values[:, :-2]
 
-    @property
-    def end_pose(self) -> FloatArray:
-        """Rotations in the last frame, shape (n, n_joints, 4)."""
-        return self.values[:, -3]
-
-    @property
-    def end_velocity(self) -> FloatArray:
-        """Angular velocities in the last frame, in radians per second, shape (n, n_joints, 3).
+    def select(self, index: int) -> PlacedDonor:
+        """Return one of the donors.
 
         Joints that the seam treatment does not change at the end have the velocity of the donor.
         """
-        last, untreated = self.values[:, -3:], self.sampled.values[:, -3:]
-        one_step, two_steps = ROTATIONS.delta(last[:, 0], np.moveaxis(last[:, 1:], 1, 0))
-        velocity = (0.5 * two_steps - 2.0 * one_step) * (self.rate / VELOCITY_STEP)
-        is_unchanged = (last == untreated).all(axis=(1, 3))
-        return np.where(is_unchanged[..., None], self.sampled.end_velocity, velocity)
-
-    @property
-    def end_acceleration(self) -> FloatArray:
-        """Acceleration of the donors in the last frame, radians per frame², (n, n_joints, 3)."""
-        return self.sampled.end_accelerations(self.rate)[1]
-
-    def select(self, index: int) -> "PlacedDonors":
-        """Return one of the donors."""
-        return PlacedDonors(self.sampled.select(index), self.values[index : index + 1], self.rate)
-
-
-@dataclass(frozen=True, eq=False)
-class MotionEnd:
-    """Poses and velocity at the end of the motion of one group."""
-
-    pose: FloatArray  # rotations in the last frame, shape (n_joints, 4)
-    velocity: FloatArray  # angular, in the last frame, in radians per second, shape (n_joints, 3)
-    pose_before: FloatArray  # rotations in the frame before the last, shape (n_joints, 4)
-    acceleration: FloatArray  # of the donor in the last frame, radians per frame², (n_joints, 3)
-
-
-@dataclass(frozen=True, eq=False)
-class CommittedEnd(MotionEnd):
-    """Poses and velocity at the end of the committed motion of one group."""
-
-    boundary: BoundaryStates  # of the last donor before seam treatment, for seam costs
+        sampled, last = self.sampled, self.values[index, -3:]
+        one_step, two_steps = ROTATIONS.delta(last[0], last[1:])
+        velocity = (0.5 * two_steps - 2.0 * one_step) * (sampled.rate / VELOCITY_STEP)
+        is_unchanged = (last == sampled.values[index, -3:]).all(axis=(0, 2))
+        return PlacedDonor(
+            frames=self.frames[index],
+            end_velocity=np.where(is_unchanged[:, None], sampled.end_velocity[index], velocity),
+            end_acceleration=sampled.end_acceleration[index],
+        )
 
 
 def frames_with_neighbours(track: FloatArray, start: int, stop: int) -> FloatArray:
@@ -150,40 +129,84 @@ def sample_donors(
     speed_factor = (rate * lengths / length)[:, None, None]
     start_velocity, end_velocity = 0.5 * (before + after) * speed_factor
     shape = (len(tracks), length + 3, -1, 4)
-    return SampledDonors(values.reshape(shape), start_velocity, end_velocity)
+    return SampledDonors(values.reshape(shape), start_velocity, end_velocity, rate)
 
 
 def place_donors(
-    sampled: SampledDonors, previous: MotionEnd | None, rate: float, config: Config
+    sampled: SampledDonors, previous: PlacedDonor | None, config: Config
 ) -> PlacedDonors:
     """Close the seam between the committed motion and each donor.
 
     `previous` is None for the first segment, which has no seam. A treatment `Config.seam` that
-    changes frames before a seam is replaced by "inertial". `rate` is in frames per second.
+    changes frames before a seam is replaced by "inertial".
     """
     raw = sampled.values
     if previous is None:
-        return PlacedDonors(sampled, raw, rate)
+        return PlacedDonors(sampled, raw)
     treatment = SEAM_TREATMENTS[config.seam]
     if not treatment.is_causal:
         treatment = SEAM_TREATMENTS["inertial"]
     n, n_times = raw.shape[:2]
-    pieces = np.repeat(np.arange(1, n + 1), n_times)
-    # The blend may outlast a short segment: the next one starts from the treated end.
-    durations = np.full(n + 1, np.inf)
     times = PieceTimes(
-        pieces, np.tile(_sample_frames(n_times - 3) / rate, n), durations, config.seam_blend
+        np.repeat(np.arange(1, n + 1), n_times),
+        np.tile(_sample_frames(n_times - 3) / sampled.rate, n),
+        # The blend may outlast a short segment: the next one starts from the treated end.
+        np.full(n + 1, np.inf),
+        config.seam_blend,
     )
     boundaries = SeamBoundaries(
         ROTATIONS,
-        np.broadcast_to(previous.pose, (n, *previous.pose.shape)),
+        np.broadcast_to(previous.frames[-1], raw[:, 0].shape),
         raw[:, 0],
-        np.broadcast_to(previous.velocity, sampled.start_velocity.shape),
+        np.broadcast_to(previous.end_velocity, sampled.start_velocity.shape),
         sampled.start_velocity,
     )
-    flat = raw.reshape(-1, *raw.shape[2:])
-    values = treatment.close(flat, times, boundaries)
-    return PlacedDonors(sampled, values.reshape(raw.shape), rate)
+    values = treatment.close(raw.reshape(-1, *raw.shape[2:]), times, boundaries)
+    return PlacedDonors(sampled, values.reshape(raw.shape))
+
+
+def smooth_with_following(
+    sampled: SampledDonors, following: SampledDonors, previous: PlacedDonor | None, config: Config
+) -> PlacedDonor:
+    """Fit a donor to the committed motion before it and to the chosen donor after it.
+
+    The result minimises the sum that the seam treatment "gradient" minimises, over the segment and
+    the next one. The first frame of the segment and the frame before it are committed and do not
+    change. If there is no gap, the result is that of `place_donors`.
+    """
+    all_placed = place_donors(sampled, previous, config)
+    placed = all_placed.select(0)
+    is_continuous = (
+        (all_placed.values == sampled.values).all()
+        and (sampled.frames[0, -1] == following.frames[0, 0]).all()
+        and np.allclose(sampled.end_velocity, following.start_velocity, atol=1e-9)
+    )
+    if is_continuous:
+        return placed
+    # The starting point of the solution is continuous.
+    values = [placed.frames, place_donors(following, placed, config).frames[0, 1:]]
+    rows = [sampled.frames[0], following.frames[0]]
+    n_before = 0
+    if previous is not None:
+        n_before = 1
+        values.insert(0, previous.frames[-2:-1])
+        # The kernel takes the acceleration in the first frame from the steps beside it.
+        acceleration = 0.5 * (previous.end_acceleration + sampled.start_acceleration[0])
+        step_before = ROTATIONS.delta(*rows[0][:2]) - acceleration
+        rows.insert(0, np.stack([ROTATIONS.add(rows[0][0], -step_before), rows[0][0]]))
+    stops = np.cumsum([len(own) - 1 for own in rows])
+    acceleration = 0.5 * (sampled.end_acceleration + following.start_acceleration)
+    smooth = fit_donors(
+        np.concatenate(values),
+        (np.append(0, stops[:-1]), stops, np.concatenate(rows), np.array([n_before]), acceleration),
+        sampled.rate,
+        # The first frame of the segment is the nearest one that does not change.
+        float(len(sampled.frames[0]) - 2),
+    )
+    stop = int(stops[n_before])
+    steps = ROTATIONS.delta(smooth[stop - 1 : stop + 1], smooth[stop : stop + 2])
+    velocity = 0.5 * sampled.rate * steps.sum(axis=0)
+    return PlacedDonor(smooth[n_before : stop + 1], velocity, placed.end_acceleration)
 
 
 def _sample_frames(length: int) -> FloatArray:

@@ -13,7 +13,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 from mograft._util.cleanup import clean_up_by
@@ -80,7 +79,7 @@ class StreamServer:
             # Before the socket is made: a signal may end the process at any time.
             self._socket_file.enter_context(clean_up_by(unlink))
         try:
-            self._server = _open_server(address, self)
+            self._server = _SocketServer(address, self)
         except BaseException:
             self._socket_file.close()
             raise
@@ -101,18 +100,12 @@ class StreamServer:
 
     def serve_forever(self) -> None:
         """Serve clients until `close` is called in another thread, or an exception is raised."""
-        try:
+        with self._socket_file, self._server:  # the server is closed first
             self._server.serve_forever(_POLL_SECONDS)
-        finally:
-            self._release()
 
     def close(self) -> None:
         """End `serve_forever`, which must run in another thread."""
         self._server.shutdown()
-
-    def _release(self) -> None:
-        self._server.server_close()
-        self._socket_file.close()
 
     def __enter__(self) -> Self:
         """Serve clients in a thread until the block ends."""
@@ -120,12 +113,7 @@ class StreamServer:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
         self._thread.join()
 
@@ -211,43 +199,34 @@ def _error(code: str, message: str, *, is_open: bool = True) -> Message:
     return Message({"type": "error", "code": code, "message": message, "is_open": is_open})
 
 
-class _Handler(socketserver.BaseRequestHandler):
-    """Passes a new connection to the `StreamServer`."""
+class _SocketServer(socketserver.ThreadingTCPServer):
+    """Listens on a socket and passes its connections to a `StreamServer`."""
 
-    server: "_TcpServer"
-
-    def handle(self) -> None:
-        if self.request.family != getattr(socket, "AF_UNIX", None):
-            self.request.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self.server.owner.serve_connection(self.request)
-
-
-class _TcpServer(socketserver.ThreadingTCPServer):
     daemon_threads = True
     block_on_close = False
     allow_reuse_address = os.name != "nt"  # Windows would share the port with another server
     request_queue_size = 64
-    owner: StreamServer
 
-
-def _open_server(address: tuple[str, int] | Path, owner: StreamServer) -> _TcpServer:
-    """Return a listening server; its connections are passed to `owner`."""
-    server_type: Any = _TcpServer
-    target: Any = address
-    if isinstance(address, Path):
-        if not hasattr(socket, "AF_UNIX"):
+    def __init__(self, address: tuple[str, int] | Path, owner: StreamServer) -> None:
+        self._owner = owner
+        if not isinstance(address, Path):
+            self.address_family = socket.AF_INET6 if ":" in address[0] else socket.AF_INET
+        elif hasattr(socket, "AF_UNIX"):
+            self.address_family = socket.AF_UNIX
+        else:
             raise OSError("this system has no Unix sockets; use a port")
-        server_type = type("_UnixServer", (_TcpServer,), {"address_family": socket.AF_UNIX})
-        target = str(address)
-    elif ":" in address[0]:
-        server_type = type("_Tcp6Server", (_TcpServer,), {"address_family": socket.AF_INET6})
-    mask = os.umask(0o177)  # only the current user may open the Unix socket
-    try:
-        server: _TcpServer = server_type(target, _Handler)
-    finally:
-        os.umask(mask)
-    server.owner = owner
-    return server
+        mask = os.umask(0o177)  # only the current user may open the Unix socket
+        try:
+            target: Any = str(address) if isinstance(address, Path) else address
+            super().__init__(target, socketserver.BaseRequestHandler)
+        finally:
+            os.umask(mask)
+
+    def finish_request(self, request: Any, client_address: object) -> None:  # noqa: ANN401, ARG002
+        """Reply to a client."""
+        if request.family in (socket.AF_INET, socket.AF_INET6):
+            request.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._owner.serve_connection(request)
 
 
 def _remove_dead_socket(path: Path) -> None:

@@ -82,7 +82,10 @@ class StreamSession:
         """Append frames; return the pieces that can then be committed."""
         _options(request, {})
         stream = self._open_stream()
-        arrays = _arrays(request, ("rotations", "positions"))
+        arrays = request.arrays
+        if set(arrays) != {"rotations", "positions"}:
+            given = ", ".join(arrays) or "none"
+            raise RequestError(f"`arrays` must be rotations and positions, got {given}")
         with _invalid_arguments():
             stream.push(_unit_quaternions(arrays["rotations"]), arrays["positions"])
         return self._pieces(stream)
@@ -95,12 +98,8 @@ class StreamSession:
             raise RequestError("`constraints` must be given")
         with _invalid_arguments():
             stream.constraints = [_constraint(record) for record in records]
-        header = {
-            "type": "constraints",
-            "n_constraints": len(stream.constraints),
-            "first_free_frame": stream.first_free_frame,
-        }
-        return Message(header)
+        count, free = len(stream.constraints), stream.first_free_frame
+        return Message({"type": "constraints", "n_constraints": count, "first_free_frame": free})
 
     def _close(self, request: Message) -> Message:
         """End the base motion, to which no frames follow; return all remaining pieces."""
@@ -128,13 +127,9 @@ class StreamSession:
             "is_closed": self._stream is None,
             "pieces": [_piece_record(piece, stream.constraints) for piece in pieces],
         }
-        arrays = {
-            "rotations": np.concatenate([empty, *(piece.motion.rotations for piece in pieces)]),
-            "positions": np.concatenate(
-                [empty[..., :3], *(piece.motion.positions for piece in pieces)]
-            ),
-        }
-        return Message(header, arrays)
+        rotations = np.concatenate([empty, *(piece.motion.rotations for piece in pieces)])
+        positions = [empty[..., :3], *(piece.motion.positions for piece in pieces)]
+        return Message(header, {"rotations": rotations, "positions": np.concatenate(positions)})
 
 
 def _options(request: Message, types: Mapping[str, type]) -> dict[str, Any]:
@@ -150,13 +145,6 @@ def _options(request: Message, types: Mapping[str, type]) -> dict[str, Any]:
         if type(value) is not types[name]:
             raise RequestError(f"`{name}` must be of type {types[name].__name__}, got {value!r}")
     return options
-
-
-def _arrays(request: Message, names: tuple[str, ...]) -> Mapping[str, Array]:
-    if set(request.arrays) != set(names):
-        given = ", ".join(request.arrays) or "none"
-        raise RequestError(f"`arrays` must be {' and '.join(names)}, got {given}")
-    return request.arrays
 
 
 def _unit_quaternions(rotations: Array) -> Array:
@@ -202,9 +190,5 @@ def _piece_record(piece: StreamPiece, constraints: tuple[Constraint, ...]) -> di
     for record in violations:
         if not math.isfinite(record["tolerances"]):
             record["tolerances"] = None
-    return {
-        "start": piece.start,
-        "stop": piece.stop,
-        "substitutions": substitutions,
-        "violations": violations,
-    }
+    span = {"start": piece.start, "stop": piece.stop}
+    return {**span, "substitutions": substitutions, "violations": violations}

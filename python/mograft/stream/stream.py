@@ -1,6 +1,6 @@
 """`Stream`: grafts on a base motion that is still growing, committed segment by segment."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -14,11 +14,10 @@ from mograft.blend.recombine import Part, recombine
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
-from mograft.search.boundary_states import pose_gaps
 from mograft.search.constraints import Constraint, Violation, find_violations
 from mograft.search.donor_constraints import find_seam_violations
 from mograft.solve.base import grafted_groups
-from mograft.stream.base_buffer import BOUNDARY_MARGIN, BaseBuffer
+from mograft.stream.base_buffer import BOUNDARY_MARGIN, BaseBuffer, join_motions
 from mograft.stream.checks import (
     check_free_frames,
     check_stream_config,
@@ -27,11 +26,8 @@ from mograft.stream.checks import (
     check_stream_groups,
     motion_from_arrays,
 )
-from mograft.stream.donors import StreamDonors, StreamRules
-from mograft.stream.pending_segment import PendingSegment
-from mograft.stream.placed_donors import CommittedEnd
-from mograft.stream.search import ChosenDonors, StreamSearch
-from mograft.synthesis.substitution import Substitution
+from mograft.stream.search import ChosenDonor, PendingSegment, StreamSearch
+from mograft.synthesis.graft_result import Substitution
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,17 +61,7 @@ class StreamPiece:
 
 def join_pieces(pieces: Sequence[StreamPiece], name: str = "stream") -> Motion:
     """Join one or more successive pieces to one motion."""
-    motions = [piece.motion for piece in pieces]
-    values = [motion.channel_values for motion in motions]
-    return replace(
-        motions[0],
-        rotations=np.concatenate([motion.rotations for motion in motions]),
-        positions=np.concatenate([motion.positions for motion in motions]),
-        channel_values=np.concatenate([v for v in values if v is not None])
-        if all(v is not None for v in values)
-        else None,
-        name=name,
-    )
+    return join_motions([piece.motion for piece in pieces], name)
 
 
 class Stream:
@@ -157,16 +143,11 @@ class Stream:
         check_stream_groups(library, groups)
         self._library, self._horizon = library, horizon
         self._rng = np.random.default_rng(seed)
-        self._donors = StreamDonors.build(library, groups)
+        self._search = StreamSearch(library, groups)
         self._segmenter = OnlineSegmenter(library.rate, library.config)
         self._base: BaseBuffer | None = None
-        self._search: StreamSearch | None = None
-        self._pending: list[PendingSegment] = []
-        self._ends: dict[str, CommittedEnd] = {}
-        self._following: Mapping[str, int] = {}  # donors of the next segment, chosen in advance
         self._last_rotations: FloatArray | None = None
-        self._n_committed = self._first_free_frame = 0
-        self._rules = StreamRules.build(self._donors, ())
+        self._n_committed = 0
         self._is_closed = False
         self.constraints = constraints
 
@@ -180,20 +161,19 @@ class Stream:
         Setting a constraint whose `frames` are all before `first_free_frame` raises ValueError,
         unless it was set before.
         """
-        return self._rules.constraints
+        return self._search.constraints
 
     @constraints.setter
     def constraints(self, constraints: Sequence[Constraint]) -> None:
-        check_stream_constraints(constraints, self._skeleton, self._donors.clips)
+        check_stream_constraints(constraints, self._skeleton, self._search.clips)
         new = [own for own in constraints if own not in self.constraints]
         check_free_frames(new, self.first_free_frame)
-        self._rules = StreamRules.build(self._donors, constraints)
-        self._pending, self._following = [], {}
+        self._search.set_constraints(constraints)
 
     @property
     def groups(self) -> tuple[str, ...]:
         """The joint groups that are replaced, in the order in which donors are chosen."""
-        return tuple(self._donors.joints)
+        return tuple(self._search.joints)
 
     @property
     def first_free_frame(self) -> int:
@@ -201,7 +181,7 @@ class Stream:
 
         Constraints and donors of the frames before it cannot change any more.
         """
-        return self._first_free_frame
+        return self._segmenter.bounds[0] + 1 if self._n_committed else 0
 
     @property
     def n_known(self) -> int:
@@ -247,27 +227,27 @@ class Stream:
         """
         if self._is_closed:
             raise ValueError("`frames` must be pushed before the stream is closed")
-        first = None if self._base is None else self._base.first_frame
         if not isinstance(frames, Motion):
             frames = motion_from_arrays(frames, positions, self._library, self._skeleton)
         elif positions is not None:
             raise TypeError("`positions` must be None if `frames` is a motion")
-        check_stream_frames(frames, self._library, None if first is None else first.skeleton)
+        check_stream_frames(
+            frames, self._library, None if self._base is None else self._base.skeleton
+        )
         if self._base is None:
-            self._base = BaseBuffer(frames)
-            self._search = StreamSearch(self._donors, self._base.first_frame)
+            self._base = BaseBuffer(frames, self._library.up)
         else:
             self._base.push(frames)
         # The energy of the last frame is not final before the next frame.
         n_known, n_final = self._segmenter.n_frames, self._base.n_frames - 1
         if n_final > n_known:
-            energies = self._base.next_energies(self._rules.config)
+            energies = self._base.next_energies(self._library.config)
             self._segmenter.push(energies[: n_final - n_known])
 
     @property
     def _skeleton(self) -> Skeleton:
         """The skeleton of the base, or that of the library before frames are pushed."""
-        return (self._library if self._base is None else self._base.first_frame).skeleton
+        return (self._library if self._base is None else self._base).skeleton
 
     def close(self) -> None:
         """Declare the base motion complete, so that all remaining segments can be committed.
@@ -281,7 +261,7 @@ class Stream:
             return
         if self._base is None or self._base.n_frames < 2:
             raise ValueError(f"a stream needs at least 2 frames, got {self.n_known}")
-        self._segmenter.push(self._base.next_energies(self._rules.config))
+        self._segmenter.push(self._base.next_energies(self._library.config))
         self._segmenter.close()
         self._is_closed = True
 
@@ -306,51 +286,28 @@ class Stream:
         if n_known < 1 or (n_known < self._horizon and not self._is_closed):
             return None
         assert self._base is not None
-        assert self._search is not None
-        for start, stop in pairwise(bounds[len(self._pending) : n_known + 1]):
-            segment = self._search.list_candidates(
-                self._base, start, stop, self._rules, has_previous=self._n_committed > 0
-            )
-            self._pending.append(segment)
-        chosen = self._search.choose_donors(
-            self._pending, self._ends, self._rules, self._rng, self._following
-        )
-        self._following = chosen.following
-        piece = self._commit(self._pending[0], chosen)
+        for start, stop in pairwise(bounds[len(self._search.pending) : n_known + 1]):
+            self._search.add_segment(self._base, start, stop)
+        piece = self._commit(self._search.pending[0])
         del bounds[0]
-        del self._pending[0]
         self._n_committed += 1
-        self._first_free_frame = piece.stop + 1
         self._base.discard_before(bounds[0] - BOUNDARY_MARGIN)
         return piece
 
-    def _commit(self, segment: PendingSegment, chosen: ChosenDonors) -> StreamPiece:
-        """Return the piece for a segment and its chosen donors; store its end for the next seam."""
+    def _commit(self, segment: PendingSegment) -> StreamPiece:
+        """Choose donors for the first pending segment, and return its piece."""
+        chosen, poses = self._search.commit_first(self._rng)
         # The first frame belongs to the previous piece.
         new = slice(1 if self._n_committed else 0, None)
         base = segment.base[segment.offset + new.start : segment.rows.stop]
         substitutions, violations, parts = [], [], []
-        for group, index in chosen.candidates.items():
-            boundary, placed = segment.groups[group].boundary, chosen.placed[group]
-            previous = self._ends.get(group)
-            gap = 0.0
-            if previous is not None:
-                gap = float(pose_gaps(previous.boundary.last, boundary.first)[0, index])
-            substitutions.append(self._substitution(segment, group, index, gap))
-            violations += find_seam_violations(
-                self._rules.constraints, group, [segment.start], [gap]
-            )
-            joints = self._donors.joints[group]
-            parts.append(Part(joints, placed.frames[0, new], base.positions[:, joints]))
-            self._ends[group] = CommittedEnd(
-                pose=placed.end_pose[0],
-                velocity=placed.end_velocity[0],
-                pose_before=placed.frames[0, -2],
-                acceleration=placed.end_acceleration[0],
-                boundary=boundary[index : index + 1],
-            )
+        for group, own in chosen.items():
+            substitutions.append(self._substitution(segment, group, own))
+            violations += find_seam_violations(self.constraints, group, [segment.start], [own.gap])
+            joints = self._search.joints[group]
+            parts.append(Part(joints, own.placed.frames[new], base.positions[:, joints]))
         motion = self._with_continuous_signs(recombine(base, parts, base.name))
-        if (poses := chosen.poses) is not None:
+        if poses is not None:
             new_poses = poses.with_poses(
                 poses.frames[new], poses.rotations[new], poses.positions[new]
             )
@@ -364,18 +321,16 @@ class Stream:
         )
 
     def _substitution(
-        self, segment: PendingSegment, group: str, index: int, gap: float
+        self, segment: PendingSegment, group: str, chosen: ChosenDonor
     ) -> Substitution:
-        """Return the `Substitution` of a chosen candidate; `gap` is its `gap_before`."""
-        library, donor = self._library, int(segment.donors[index])
-        base_segment = len(library.segments) + self._n_committed
+        segments, donor = self._library.segments, int(segment.donors[chosen.index])
+        base_segment = len(segments) + self._n_committed
         if donor < 0:
             donor, donor_start, donor_stop = base_segment, segment.start, segment.stop
             clip = segment.base.name or "the base"
         else:
-            segments = library.segments
             donor_start, donor_stop = int(segments.start[donor]), int(segments.stop[donor])
-            clip = self._donors.clips[segments.clip[donor]].name
+            clip = self._search.clips[segments.clip[donor]].name
         return Substitution(
             group=group,
             start=segment.start,
@@ -386,8 +341,8 @@ class Stream:
             donor_start=donor_start,
             donor_stop=donor_stop,
             stretch=segment.length / (donor_stop - donor_start) - 1.0,
-            cost=float(segment.unary_costs[group][index]),
-            gap_before=gap,
+            cost=float(segment.groups[group].unary_costs[chosen.index]),
+            gap_before=chosen.gap,
             gap_after=float("nan"),
         )
 

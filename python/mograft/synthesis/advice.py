@@ -9,8 +9,7 @@ from mograft._util.arrays import IntArray
 from mograft.config import scale_of_variety
 from mograft.library.library import Library
 from mograft.search.costs import length_fits
-from mograft.synthesis.graft_result import Graft
-from mograft.synthesis.substitution import Substitution
+from mograft.synthesis.graft_result import Graft, Substitution
 
 _REMEDIES = {
     "no similar segment": "{similar} or add clips",
@@ -48,28 +47,21 @@ def advise(graft: Graft, motions: Sequence[Sequence[Substitution]] = ()) -> list
     """
     motions = motions or [graft.substitutions]
     lines = []
-    kept, total = _kept_seconds(graft, motions)
-    if all(own.is_own for substitutions in motions for own in substitutions):
+    is_kept = np.ones(graft.base.n_frames - 1, bool)  # intervals between frames
+    exchanged = [own for substitutions in motions for own in substitutions if not own.is_own]
+    for substitution in exchanged:
+        is_kept[substitution.start : substitution.stop] = False
+    kept = float(is_kept.sum()) * graft.base.frame_time
+    if not exchanged:
         lines.append(f"warning: no segment was exchanged: {_cause_of_no_exchange(graft)}")
     elif kept > 0 and graft.request.method != "repair":
         where = "the motion" if len(motions) == 1 else f"any of the {len(motions)} motions"
+        total = graft.base.duration
         lines.append(f"in {kept:.1f} of {total:.1f} s no segment was exchanged in {where}")
     if graft.request.method == "repair":
         return lines  # Only segments near violations have other candidates.
     without = [group for group, counts in graft.alternatives.items() if (counts == 0).any()]
     return [*lines, *(_describe_missing(graft, group) for group in without)]
-
-
-def _kept_seconds(graft: Graft, motions: Sequence[Sequence[Substitution]]) -> tuple[float, float]:
-    """Return for how many seconds no motion has an exchanged segment, and the base's duration.
-
-    `motions` holds the substitutions of each motion.
-    """
-    is_kept = np.ones(graft.base.n_frames - 1, bool)  # intervals between frames
-    for substitution in (own for substitutions in motions for own in substitutions):
-        if not substitution.is_own:
-            is_kept[substitution.start : substitution.stop] = False
-    return float(is_kept.sum()) * graft.base.frame_time, graft.base.duration
 
 
 def _cause_of_no_exchange(graft: Graft) -> str:

@@ -21,8 +21,7 @@ from mograft.solve.kept_joints import find_kept_violations
 from mograft.solve.plan import GraftPlan
 from mograft.solve.search_problem import check_frames
 from mograft.synthesis.graft_building import build_graft
-from mograft.synthesis.graft_request import GraftRequest
-from mograft.synthesis.graft_result import Graft
+from mograft.synthesis.graft_result import Graft, GraftRequest
 from mograft.synthesis.newness import grafted_joints, mean_angle
 
 MAX_SIGMA_SCALE = 4.0
@@ -187,8 +186,7 @@ def graft_many(
     (3, ['dance_graft0', 'dance_graft1', 'dance_graft2'])
     """
     count, seed = as_integer("count", count, 1), as_integer("seed", seed)
-    check_type("library", library, Library)
-    _check_base(base)
+    _check_base(library, base)
     if isinstance(distinct, bool) or not isinstance(distinct, Real) or not 0 <= distinct <= pi:
         raise ValueError(f"`distinct` must be an angle from 0 to π, in radians, got {distinct!r}")
     if scenario is None:
@@ -199,8 +197,7 @@ def graft_many(
         donors = _choose_donors(plan, count, seed, float(distinct))
         wider = _widened(library, MAX_SIGMA_SCALE) if widen and len(donors) < count else None
         if wider is None:
-            request = _request(plan, base, swap)
-            return Grafts(plan, donors, seed, tuple(notes), request)
+            return Grafts(plan, donors, seed, tuple(notes), _request(plan, base, swap))
         scales = [own.config.sigma_scale for own in (library, wider)]
         notes.append(
             f"only {len(donors)} different motions with sigma_scale {scales[0]:.3g}; trying "
@@ -218,17 +215,15 @@ def _choose_donors(
     """
     if not distinct:
         return tuple(plan.choose_donors(count, seed))
-    chosen: list[DonorSequences] = []
-    motions: list[Motion] = []
+    chosen: list[tuple[DonorSequences, Motion]] = []
     for donors in plan.choose_donors(_DRAWN_PER_MOTION * count, seed):
         own = build_graft(plan, donors, seed, len(chosen))
         joints = grafted_joints(own)
-        if all(mean_angle(own.motion, other, joints) >= distinct for other in motions):
-            chosen.append(donors)
-            motions.append(own.motion)
+        if all(mean_angle(own.motion, other, joints) >= distinct for _, other in chosen):
+            chosen.append((donors, own.motion))
         if len(chosen) == count:
             break
-    return tuple(chosen)
+    return tuple(donors for donors, _ in chosen)
 
 
 def repair(
@@ -275,8 +270,7 @@ def repair(
     >>> any(not s.is_own for s in repair(Library.build(motion), constraints=[far]).substitutions)
     False
     """
-    check_type("library", library, Library)
-    _check_base(base)
+    _check_base(library, base)
     if isinstance(widest, bool) or not isinstance(widest, Real) or not 0 < widest < inf:
         raise ValueError(f"`widest` must be a finite number above 0, got {widest!r}")
     # Without novelty the captured parts are the cheapest.
@@ -292,8 +286,7 @@ def repair(
         donors = plan.repair(donors)
         request = replace(_request(plan, base, swap), method="repair")
         graft = build_graft(plan, donors, 0, 0, request)
-        if best is None or _total_excess(graft) < _total_excess(best):
-            best = graft
+        best = graft if best is None else min(best, graft, key=_total_excess)
         wider = None if _are_kept(best, plan) else _widened(library, widest)
         if wider is None:
             return best
@@ -352,7 +345,8 @@ def _total_excess(graft: Graft) -> float:
     return sum(violation.error - 1.0 for violation in graft.violations)
 
 
-def _check_base(base: object) -> None:
+def _check_base(library: object, base: object) -> None:
+    check_type("library", library, Library)
     if base is not None and not isinstance(base, str):
         check_type("base", base, Motion)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -15,9 +16,7 @@ from mograft.solve.finish import finish_motion
 from mograft.solve.plan import GraftPlan
 from mograft.solve.search_problem import SearchProblem
 from mograft.solve.violations import find_motion_violations
-from mograft.synthesis.graft_request import GraftRequest
-from mograft.synthesis.graft_result import Graft
-from mograft.synthesis.substitution import Seam, Substitution
+from mograft.synthesis.graft_result import Graft, GraftRequest, Seam, Substitution
 
 
 def build_graft(
@@ -38,7 +37,7 @@ def finish_graft(
     assembly: Assembly,
     seed: int,
     index: int,
-    adjust: Callable[[Motion], Motion] = lambda motion: motion,
+    adjust: Callable[[Motion], Motion] | None = None,
     reaches: Sequence[Reach] | None = None,
 ) -> Graft:
     """Return the graft of an assembly, with planted feet and limbs at the targets of `reaches`.
@@ -48,7 +47,7 @@ def finish_graft(
     """
     donors = assembly.donors
     finished = finish_motion(problem, assembly.motion, donors, reaches)
-    motion = adjust(finished.motion)
+    motion = finished.motion if adjust is None else adjust(finished.motion)
     return Graft(
         motion=motion,
         base=problem.base,
@@ -75,9 +74,8 @@ def _seams(
 ) -> Iterator[Seam]:
     """Return the seams of a group, given their frames, with the gaps that `max_angle` limits."""
     gaps = problem.pools[group].seam_angles_along(donors)
-    is_seam = np.isin(problem.base_segments.stop[:-1], frames)
-    for frame, gap in zip(frames.tolist(), gaps[is_seam].tolist(), strict=True):
-        yield Seam(group, frame, gap)
+    gaps = gaps[np.isin(problem.base_segments.stop[:-1], frames)]
+    yield from map(partial(Seam, group), frames.tolist(), gaps.tolist())
 
 
 def _substitutions(problem: SearchProblem, group: str, donors: IntArray) -> Iterator[Substitution]:

@@ -1,7 +1,8 @@
-"""Grafts: new motions with the source of every part."""
+"""`Graft`: a new motion with the source of every part, and what was requested of it."""
 
 import math
 from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -12,13 +13,110 @@ from mograft.blend.foot_planting import FeetReport
 from mograft.blend.reach_completion import ReachCompletion
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
-from mograft.scenario import repetition
-from mograft.search.constraints import Violation
+from mograft.scenario import Scenario, repetition
+from mograft.search.constraints import Constraint, Violation
 from mograft.search.donor_constraints import limit_config
 from mograft.search.trellis import DonorSequences
 from mograft.solve.self_repair import RepairedWindow
-from mograft.synthesis.graft_request import GraftRequest
-from mograft.synthesis.substitution import Seam, Substitution
+
+
+class Substitution(NamedTuple):
+    """The donor of one base segment for one joint group.
+
+    Attributes
+    ----------
+    group : str
+        The joint group.
+    start, stop : int
+        First and last frame in the base, both included.
+    segment, donor : int
+        Indices of the base segment and of the donor in the library.
+    clip : str
+        Name of the donor's clip.
+    donor_start, donor_stop : int
+        First and last frame of the donor in its clip.
+    stretch : float
+        Relative change of the donor's length: 0.1 if it was lengthened by 10 %.
+    cost : float
+        Cost of the donor without the costs of seams and constraints; see `Config`.
+    gap_before, gap_after : float
+        Mean joint angle, in radians, between this donor and the previous or next one where they
+        meet; 0 if they are consecutive in a clip, and at the start and end of the motion.
+    """
+
+    group: str
+    start: int
+    stop: int
+    segment: int
+    donor: int
+    clip: str
+    donor_start: int
+    donor_stop: int
+    stretch: float
+    cost: float = 0.0
+    gap_before: float = 0.0
+    gap_after: float = 0.0
+
+    @property
+    def is_own(self) -> bool:
+        """Whether the donor is the base segment itself."""
+        return self.segment == self.donor
+
+
+@dataclass(frozen=True)
+class Seam:
+    """A frame at which the gap between two donors was closed.
+
+    The donors are not consecutive in a clip, or one of them was stretched.
+
+    Attributes
+    ----------
+    group : str
+        The joint group.
+    frame : int
+        The frame in the base.
+    gap : float
+        Mean joint angle between the two donors' poses, in radians: the angle that
+        `Config.max_angle` limits.
+    """
+
+    group: str
+    frame: int
+    gap: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GraftRequest:
+    """The arguments of `mograft.graft` or `mograft.repair` that led to a graft.
+
+    Attributes
+    ----------
+    method : {"graft", "repair"}
+        The function.
+    base : str or None
+        The name of the base; None for the first clip or a scenario.
+    swap : tuple of str or None
+        The groups to exchange; None for all but the base group.
+    constraints : tuple of Constraint
+        The constraints. They give base segments and donors by their frames, not by number.
+    scenario : Scenario or None
+        The base, if it is composed of segments.
+    command : str or None
+        The command line, as typed; None in Python.
+    sources : tuple of str
+        The files, folders or library that the command line names.
+    edit_commands : tuple of str or None
+        The command line of each later edit; None in Python.
+    """
+
+    method: Literal["graft", "repair"] = "graft"
+    base: str | None = None
+    swap: tuple[str, ...] | None = None
+    constraints: tuple[Constraint, ...] = ()
+    scenario: Scenario | None = None
+    command: str | None = None
+    sources: tuple[str, ...] = ()
+    edit_commands: tuple[str | None, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -96,10 +194,7 @@ class Graft:
         return () if scenario is None else tuple(scenario.segments.tolist())
 
     def _repr_html_(self) -> str:
-        return (notebook_html(self) or "") + self._substitution_table()
-
-    def _substitution_table(self) -> str:
-        """Return an HTML table of the exchanged parts, in the order of the frames."""
+        """Return the page of the graft, and a table of the exchanged parts by frame."""
         exchanged = sorted(
             (s for s in self.substitutions if not s.is_own), key=lambda s: (s.start, s.group)
         )
@@ -111,7 +206,8 @@ class Graft:
             for s in exchanged
         )
         columns = ("group", "frames", "donor clip", "donor frames", "cost", "seam before (°)")
-        return notebook_table(repr(self), columns, rows, len(exchanged))
+        table = notebook_table(repr(self), columns, rows, len(exchanged))
+        return (notebook_html(self) or "") + table
 
     def report(self, *, each: bool = False) -> str:
         """Return a text summary: segments, seams, violations, foot planting and targets.
@@ -121,52 +217,45 @@ class Graft:
         each : bool
             Whether to list every exchanged segment with its donor, cost and seams.
         """
-        return _report(self, each=each)
-
-
-def _report(graft: Graft, *, each: bool = False) -> str:
-    """Return a text summary of a graft; with `each`, also a list of all exchanged segments."""
-    lines = [f"{graft.motion.name}: {graft.base.n_frames} frames of {graft.base.name}"]
-    if graft.scenario:
-        repeated = repetition(graft.library, graft.scenario)
-        lines.append(
-            f"  scenario: {len(graft.scenario)} segments, {repeated.distinct_share:.0%} different; "
-            f"longest repeat {repeated.longest_repeat:.1f} s"
-        )
-    for group in graft.alternatives:
-        lines += _group_lines(graft, group, each=each)
-    lines += [f"  {violation.message}" for violation in graft.violations]
-    lines += [_repair_line(own) for own in graft.self_repairs]
-    feet = graft.feet
-    if feet is not None:
-        lines.append(
-            f"  feet: {feet.plants} plants; skating frames {feet.skate_before:.1%} before "
-            f"planting, {feet.skate_after:.1%} after"
-        )
-        if feet.unreached_frames:
+        lines = [f"{self.motion.name}: {self.base.n_frames} frames of {self.base.name}"]
+        if self.scenario:
+            repeated = repetition(self.library, self.scenario)
+            lines.append(
+                f"  scenario: {len(self.scenario)} segments, {repeated.distinct_share:.0%} "
+                f"different; longest repeat {repeated.longest_repeat:.1f} s"
+            )
+        for group in self.alternatives:
+            lines += _group_lines(self, group, each=each)
+        lines += [f"  {violation.message}" for violation in self.violations]
+        lines += [_repair_line(own) for own in self.self_repairs]
+        feet = self.feet
+        if feet is not None:
+            lines.append(
+                f"  feet: {feet.plants} plants; skating frames {feet.skate_before:.1%} before "
+                f"planting, {feet.skate_after:.1%} after"
+            )
+        if feet is not None and feet.unreached_frames:
             lines.append(
                 f"    out of reach in {feet.unreached_frames} frames, "
                 f"by up to {feet.unreached:.4f} heights"
             )
-    lines += [_reach_line(own) for own in graft.reach_completions]
-    return "\n".join(lines)
+        return "\n".join([*lines, *map(_reach_line, self.reach_completions)])
 
 
 def _reach_line(completion: ReachCompletion) -> str:
     first, last = completion.frames
     when = f"frame {first}" if first == last else f"frames {first}-{last}"
-    where = f"  reach: {completion.reach.joint}, {when}: {completion.before:.3f} heights"
+    result = f"not moved: {completion.reason}"
     if completion.is_moved:
-        return f"{where} from the target, {completion.after:.3f} after inverse kinematics"
-    return f"{where} from the target, not moved: {completion.reason}"
+        result = f"{completion.after:.3f} after inverse kinematics"
+    where = f"  reach: {completion.reach.joint}, {when}: {completion.before:.3f} heights"
+    return f"{where} from the target, {result}"
 
 
 def _repair_line(window: RepairedWindow) -> str:
     where = f"{window.group}, frames {window.start}-{window.stop}: {window.measure}"
-    if window.after < window.before:
-        result = f"{window.after:.1f} with other donors"
-    else:
-        result = "no better donors"
+    is_better = window.after < window.before
+    result = f"{window.after:.1f} with other donors" if is_better else "no better donors"
     return f"  {where} {window.before:.1f} times its limit; {result}"
 
 
@@ -176,11 +265,11 @@ def seam_limit(graft: Graft) -> float:
 
 
 def _group_lines(graft: Graft, group: str, *, each: bool) -> list[str]:
-    limit = seam_limit(graft)
+    limit = np.degrees(seam_limit(graft))
     substitutions = [s for s in graft.substitutions if s.group == group]
     exchanged = [s for s in substitutions if not s.is_own]
     gaps = np.degrees([seam.gap for seam in graft.seams if seam.group == group])
-    n_wide = int((gaps > np.degrees(limit) + 1e-6).sum())
+    n_wide = int((gaps > limit + 1e-6).sum())
     n_without = int((graft.alternatives[group] == 0).sum())
     lines = [f"  {group}: {len(exchanged)} of {len(substitutions)} segments exchanged"]
     if n_without:
@@ -188,10 +277,10 @@ def _group_lines(graft: Graft, group: str, *, each: bool) -> list[str]:
     if len(gaps):
         lines.append(
             f"    {len(gaps)} seams, mean gap {gaps.mean():.1f}°, largest {gaps.max():.1f}° "
-            f"(limit {np.degrees(limit):.0f}°)"
+            f"(limit {limit:.0f}°)"
         )
     if n_wide:
-        lines.append(f"    {n_wide} seams are wider than {np.degrees(limit):.0f}°")
+        lines.append(f"    {n_wide} seams are wider than {limit:.0f}°")
     if each:
         lines += [
             f"    segment {number}, {s.start}-{s.stop} from {s.clip} {s.donor_start}-"

@@ -1,7 +1,7 @@
 """How new a graft is: its poses compared with those of its base and of other grafts."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -40,21 +40,15 @@ class Newness:
     nearest: str = ""
 
     def __str__(self) -> str:
-        text = (
-            f"{self.new:.0%} of the frames are new; {np.degrees(self.changed):.1f}° from the base"
+        nearest = (
+            "" if self.apart is None else f", {np.degrees(self.apart):.1f}° from {self.nearest}"
         )
-        if self.apart is None:
-            return text
-        return f"{text}, {np.degrees(self.apart):.1f}° from {self.nearest}"
+        changed = np.degrees(self.changed)
+        return f"{self.new:.0%} of the frames are new; {changed:.1f}° from the base{nearest}"
 
     def as_dict(self) -> dict[str, float | str | None]:
         """Return the attributes by name."""
-        return {
-            "new": self.new,
-            "changed": self.changed,
-            "apart": self.apart,
-            "nearest": self.nearest or None,
-        }
+        return {**asdict(self), "nearest": self.nearest or None}
 
 
 def newness(graft: Graft, others: Sequence[Motion] = ()) -> Newness:
@@ -84,16 +78,14 @@ def newness(graft: Graft, others: Sequence[Motion] = ()) -> Newness:
     joints = grafted_joints(graft)
     blocks = _joint_angles(graft.base, graft.motion, joints)
     n_new = sum(int((own > NEW_ANGLE).any(axis=1).sum()) for own in blocks)
-    found = Newness(n_new / graft.base.n_frames, mean_angle(graft.base, graft.motion, joints))
     gaps = [
         (mean_angle(other, graft.motion, joints), other.name)
         for other in others
         if other.n_frames == graft.motion.n_frames
     ]
-    if not gaps:
-        return found
-    apart, nearest = min(gaps)
-    return Newness(found.new, found.changed, apart, nearest)
+    apart, nearest = min(gaps, default=(None, ""))
+    changed = mean_angle(graft.base, graft.motion, joints)
+    return Newness(n_new / graft.base.n_frames, changed, apart, nearest)
 
 
 def grafted_joints(graft: Graft) -> IntArray:

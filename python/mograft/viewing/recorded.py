@@ -11,8 +11,7 @@ from mograft.io.addresses import read_clip
 from mograft.library.discover import has_provenance
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
-from mograft.provenance.graft_record import ClipRecord, GraftRecord, read_clip_record
-from mograft.provenance.record_library import find_clip
+from mograft.provenance.graft_record import ClipRecord, GraftRecord, find_clip, read_clip_record
 from mograft.search.constraint_records import decode_constraint
 from mograft.search.constraints import Constraint
 from mograft.viewing.figure import Figure, TimelineRow
@@ -62,9 +61,9 @@ def _recorded_row(record: GraftRecord, group: str) -> TimelineRow:
         start=np.array([donor.frames[0] for donor in donors]),
         stop=np.array([donor.frames[1] for donor in donors]),
         cluster=np.full(len(donors), -1),
-        donor_clips=tuple(donor.donor.clip for donor in donors),
-        donor_start=np.array([donor.donor.frames[0] for donor in donors]),
-        donor_stop=np.array([donor.donor.frames[1] for donor in donors]),
+        donor_clips=tuple(donor.clip for donor in donors),
+        donor_start=np.array([donor.clip_frames[0] for donor in donors]),
+        donor_stop=np.array([donor.clip_frames[1] for donor in donors]),
         is_exchanged=np.array([not donor.is_own for donor in donors]),
         stretch=np.array(stretches),
         seam_angles=np.array(

@@ -37,9 +37,8 @@ from mograft.search.constraints import Constraint
 from mograft.solve.base import grafted_groups
 from mograft.synthesis.advice import advise
 from mograft.synthesis.graft import graft_many, kept_violations, repair
-from mograft.synthesis.graft_result import Graft
+from mograft.synthesis.graft_result import Graft, Substitution
 from mograft.synthesis.newness import newness
-from mograft.synthesis.substitution import Substitution
 
 _MAX_REPORTED = 20
 """Maximum number of grafts on a report page, and of earlier motions with which one is compared.
