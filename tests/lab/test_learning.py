@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.stats import ttest_1samp
 
 from lab.baselines.augmentation import N_COPIES, SCHEMES, LabelledClips, swap_sides
 from lab.experiments import learning
 from lab.measures.clip_features import clip_features
 from mograft import mirror, rotations
 from mograft.dancer import dance
+from tests.strategies import transform_motion
 
 
 @pytest.fixture(scope="module")
@@ -25,26 +27,18 @@ def test_scheme_adds_copies_of_every_clip_with_its_label(labelled_clips, name):
     if name == "mirror and noise":
         assert list(added.labels[: len(labelled_clips)]) == ["wave-right-hand", "run"] * 4
     else:
-        counts = {
-            label: list(labelled_clips.labels).count(label) for label in set(labelled_clips.labels)
-        }
-        found = {label: list(added.labels).count(label) for label in set(added.labels)}
-        assert found == {label: N_COPIES * k for label, k in counts.items() if n}
+        assert sorted(added.labels) == sorted([*labelled_clips.labels] * (n // len(labelled_clips)))
 
 
 @pytest.mark.parametrize("name", ["CutMix", "CutMix, same label", "grafts", "grafts, same label"])
 def test_scheme_keeps_legs_and_label_and_changes_the_arms(labelled_clips, name):
     added = SCHEMES[name](labelled_clips, np.random.default_rng(0))
-    originals = {
-        (clip.n_frames, clip.rotations[0, 0].tobytes()): (clip, label)
-        for clip, label in zip(labelled_clips.clips, labelled_clips.labels, strict=True)
-    }
+    pairs = zip(labelled_clips.clips, labelled_clips.labels, strict=True)
+    originals = {clip.rotations[:, 0].tobytes(): (clip, label) for clip, label in pairs}
     changes = []
     for clip, label in zip(added.clips, added.labels, strict=True):
-        base, expected = originals[clip.n_frames, clip.rotations[0, 0].tobytes()]
+        base, expected = originals[clip.rotations[:, 0].tobytes()]
         assert label == expected
-        same = (clip.rotations == base.rotations).all(axis=(0, 2))
-        assert same[0]
         changes.append(rotations.angle(clip.rotations, base.rotations).max())
     assert np.median(changes) > 0.2
 
@@ -56,19 +50,8 @@ def test_swap_sides_is_an_involution():
 
 
 def test_clip_features_do_not_depend_on_place_and_heading(labelled_clips):
-    from dataclasses import replace
-
-    from mograft.body import mass
-
     clip = labelled_clips.clips[0]
-    root, up = clip.locomotion_root(), mass.up_axis(clip)
-    turn = rotations.from_axis_angle(np.eye(3)[up], 1.0)
-    quats, positions = clip.rotations.copy(), clip.positions.copy()
-    shift = np.zeros(3)
-    shift[(up + 1) % 3] = 50.0
-    quats[:, root] = rotations.multiply(turn, quats[:, root])
-    positions[:, root] = rotations.rotate(turn, positions[:, root]) + shift
-    moved = replace(clip, rotations=quats, positions=positions, channel_values=None)
+    moved = transform_motion(clip, yaw=1.0, offset=(50.0, 0.0, 0.0))
     np.testing.assert_allclose(clip_features(moved), clip_features(clip), atol=1e-6)
     assert np.abs(clip_features(mirror(clip)) - clip_features(clip)).max() > 0.01
 
@@ -76,29 +59,24 @@ def test_clip_features_do_not_depend_on_place_and_heading(labelled_clips):
 def test_run_share_finds_planted_gain_and_no_gain_of_nothing(monkeypatch):
     """Training clips of one class are few and atypical; one scheme adds typical ones."""
     rng = np.random.default_rng(0)
-    centers = {"a": np.zeros(6), "b": np.full(6, 1.0)}
 
     def draw(n, shift):
         labels = np.array(["a", "b"] * (n // 2))
-        rows = [tuple(centers[one] + shift + rng.normal(0, 0.6, 6)) for one in labels]
-        return LabelledClips(tuple(rows), labels)
+        rows = (labels == "b")[:, None] + shift + rng.normal(0, 0.6, (n, 6))
+        return LabelledClips(tuple(map(tuple, rows)), labels)
 
     pool, test = draw(200, 0.8), draw(200, 0.0)
     monkeypatch.setattr(learning.clip_features, "clip_features", np.array)
     learning._captured_features.cache_clear()
-    schemes = {
-        "none": SCHEMES["none"],
-        "repeated": SCHEMES["repeated"],
-        "planted": lambda train, own: draw(2 * len(train), 0.0),  # noqa: ARG005
-    }
+    schemes = {name: SCHEMES[name] for name in ("none", "repeated")}
+    schemes["planted"] = lambda train, own: draw(2 * len(train), 0.0)  # noqa: ARG005
     found = learning.run_share(lambda seed: (pool, test), 0.1, 5, schemes)  # noqa: ARG005
     learning._captured_features.cache_clear()
     assert (found["train"], found["test"]) == (20, 200)
     for scores in found["scores"].values():
         assert learning.differences(scores, "planted")["interval"][0] > 0.05
         assert abs(learning.differences(scores, "none")["value"]) < 0.1
-        same = learning.differences(scores, "repeated")
-        assert same["value"] == 0
+        assert learning.differences(scores, "repeated")["value"] == 0
 
 
 def test_split_actions_tests_on_one_performer_only(labelled_clips):
@@ -111,10 +89,6 @@ def test_split_actions_tests_on_one_performer_only(labelled_clips):
 
 
 def test_mean_estimate_interval_is_students():
-    from scipy.stats import ttest_1samp
-
     values = np.random.default_rng(0).normal(size=10)
     expected = ttest_1samp(values, 0).confidence_interval(0.95)
-    assert learning.mean_estimate(values)["interval"] == pytest.approx(
-        [expected.low, expected.high]
-    )
+    assert learning.mean_estimate(values)["interval"] == pytest.approx([*expected])

@@ -42,6 +42,5 @@ def test_part_features_perturbed_group_leaves_other_group_unchanged(seed):
 def test_part_features_transformed_motion_are_unchanged(yaw, x, scale):
     other = replace(LIBRARY, clips=(transform_motion(CLIP, scale, yaw, (x, 0.0, -x)),))
     for group in ("lower", "upper"):
-        np.testing.assert_allclose(
-            part_features(other, group), part_features(LIBRARY, group), atol=1e-6
-        )
+        found, expected = part_features(other, group), part_features(LIBRARY, group)
+        np.testing.assert_allclose(found, expected, atol=1e-6)
