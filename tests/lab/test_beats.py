@@ -10,10 +10,7 @@ from hypothesis.extra import numpy as npst
 
 from lab.segmentations import beats
 from lab.studies.behaviour_pieces import metronome
-from mograft import Motion
 from mograft.dancer import dance
-from mograft.motion import rotations
-from tests.lab.behaviours import behaviours
 from tests.strategies import SEEDS, few_examples
 
 DEFAULT = beats.BeatParameters()
@@ -40,19 +37,6 @@ def test_beats_of_the_dancer_are_its_steps(seed):
     stride = np.mean(np.diff(np.flatnonzero(np.diff(sample.phase[first:stop]) < -0.5))) / 30.0
     found = beats.beat_interval(sample.motion[first:stop], DEFAULT)
     assert stride / found == pytest.approx(2.0, rel=0.05)
-
-
-@few_examples(10)
-@given(SEEDS, st.integers(2, 300))
-def test_beats_short_or_constant_motion_has_none(seed, n_frames):
-    motion, _ = behaviours(seed, [4.0])
-    short = motion[: min(n_frames, 89)]
-    assert not len(beats.cut_frames(short, DEFAULT))
-    jitter = np.random.default_rng(seed).normal(size=(n_frames, motion.n_joints, 3)) * 1e-4
-    quats = rotations.multiply(motion.rotations[:1], rotations.exp(jitter))
-    positions = np.repeat(motion.positions[:1], n_frames, axis=0)
-    still = Motion(motion.skeleton, motion.frame_time, quats, positions)
-    assert not len(beats.cut_frames(still, DEFAULT))
 
 
 @few_examples(60)

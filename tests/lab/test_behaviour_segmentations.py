@@ -9,46 +9,38 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 from lab.segmentations import METHODS as KINDS
-from lab.segmentations import gmm, pca, ppca
-from lab.segmentations.growing_scatter import GrowingScatter
+from lab.segmentations import beats, gmm, pca, ppca
 from lab.segmentations.poses import pose_features, principal_scores
 from mograft import Motion, Skeleton, rotations
 from tests.lab.behaviours import RATE, behaviours
 from tests.oracles import behaviour_cuts as oracle
 from tests.strategies import SEEDS, few_examples, motions, quaternions
 
-METHODS = pytest.mark.parametrize(
-    "method", [pca, ppca], ids=lambda method: method.__name__.rpartition(".")[2]
-)
+
+def name_of(module):
+    return module.__name__.rpartition(".")[2]
+
+
+METHODS = pytest.mark.parametrize("method", [pca, ppca], ids=name_of)
+WITH_BEATS = pytest.mark.parametrize("method", [beats, pca, ppca], ids=name_of)
 DURATIONS = st.lists(st.floats(4.5, 7.0), min_size=2, max_size=4)
 
 
 def found(method, motion, **parameters):
     """The cut frames that a method finds with given parameters."""
-    _, kind = KINDS[method.__name__.rpartition(".")[2]]
-    return method.cut_frames(motion, kind(**parameters))
+    return method.cut_frames(motion, KINDS[name_of(method)][1](**parameters))
 
 
-@METHODS
-@few_examples(8)
-@given(SEEDS, DURATIONS)
-def test_cut_frames_are_inner_frames_in_ascending_order(method, seed, seconds):
-    motion, _ = behaviours(seed, seconds)
-    cuts = found(method, motion)
-    assert cuts.dtype == np.int64
-    assert (np.diff(np.concatenate([[0], cuts, [motion.n_frames - 1]])) > 0).all()
-
-
-@METHODS
+@WITH_BEATS
 @few_examples(10)
 @given(motions(min_joints=1, max_frames=60))
 def test_cut_frames_short_motion_has_none(method, motion):
     assert not len(found(method, motion))
 
 
-@METHODS
+@WITH_BEATS
 @few_examples(10)
-@given(SEEDS, st.integers(1, 400), quaternions((5,)))
+@given(SEEDS, st.integers(2, 400), quaternions((5,)))
 def test_cut_frames_constant_motion_has_none(method, seed, n_frames, pose):
     motion, _ = behaviours(seed, [5.0])
     quats = motion.rotations[:1].copy()
@@ -61,22 +53,15 @@ def test_cut_frames_constant_motion_has_none(method, seed, n_frames, pose):
 
 
 @METHODS
-def test_cut_frames_single_joint_has_none(method):
-    quats = rotations.from_axis_angle([0, 1, 0], np.linspace(0, 60, 900))[:, None]
-    motion = Motion(Skeleton(["Hips"], [-1], [[0, 0, 0]]), 1 / 30, quats, np.zeros((900, 1, 3)))
-    assert not len(found(method, motion))
-
-
-@METHODS
 @few_examples(4)
 @given(SEEDS, DURATIONS, quaternions(()))
 def test_cut_frames_ignore_root_quaternion_signs_and_constant_joints(method, seed, seconds, turn):
     motion, _ = behaviours(seed, seconds)
     rng = np.random.default_rng(seed)
-    names = [*motion.skeleton.names, "still"]
-    parents = [*motion.skeleton.parents.tolist(), 0]
-    skeleton = Skeleton(names, parents, np.vstack([motion.skeleton.offsets, [[1.0, 0, 0]]]))
-    quats = np.concatenate([motion.rotations, motion.rotations[:1, :1].repeat(len(motion), 0)], 1)
+    own, quats = motion.skeleton, motion.rotations
+    offsets = np.vstack([own.offsets, [[1.0, 0, 0]]])
+    skeleton = Skeleton([*own.names, "still"], [*own.parents, 0], offsets)
+    quats = np.concatenate([quats, quats[:1, :1].repeat(len(motion), 0)], 1)
     quats[:, 0] = rotations.multiply(turn, rotations.exp(rng.normal(size=(len(motion), 3))))
     quats *= rng.choice([-1.0, 1.0], size=quats.shape[:2])[..., None]
     positions = np.tile(skeleton.offsets, (len(motion), 1, 1))
@@ -91,8 +76,11 @@ def test_cut_frames_ignore_root_quaternion_signs_and_constant_joints(method, see
 def test_cut_frames_known_changes_are_found(method, seed, seconds):
     motion, changes = behaviours(seed, seconds)
     cuts = found(method, motion)
-    for change in changes:
-        assert np.abs(cuts - change).min(initial=motion.n_frames) <= 0.6 * RATE
+    assert cuts.dtype == np.int64
+    assert (np.diff(np.concatenate([[0], cuts, [motion.n_frames - 1]])) > 0).all()
+    assert all(
+        np.abs(cuts - change).min(initial=motion.n_frames) <= 0.6 * RATE for change in changes
+    )
 
 
 @few_examples(15)
@@ -109,36 +97,6 @@ def test_pca_cut_frames_equal_oracle(seed, seconds):
     motion, _ = behaviours(seed, seconds)
     expected = oracle.pca_cuts(pose_features(motion), 60, 0.9, 2, 5, 3.0, 6)
     np.testing.assert_array_equal(found(pca, motion, step=0.2), expected)
-
-
-@few_examples(40)
-@given(
-    npst.arrays(np.float64, (12, 4), elements=st.floats(-1, 1)),
-    st.integers(2, 5),
-    st.integers(1, 3),
-)
-def test_growing_scatter_equals_numpy_covariance(rows, first, step):
-    growing = GrowingScatter(rows + 3)
-    counts = np.arange(first, 13, step)
-    for several in np.split(counts, [1, 3]):
-        means, scatters = growing.grow_through(several)
-        for n, mean, scatter in zip(several, means, scatters, strict=True):
-            np.testing.assert_allclose(mean, rows[:n].mean(axis=0) + 3, atol=1e-12)
-            expected = np.cov(rows[:n], rowvar=False) * (n - 1)
-            np.testing.assert_allclose(scatter, expected, atol=1e-12)
-
-
-@few_examples(8)
-@given(SEEDS, st.integers(1, 9))
-def test_ppca_window_distances_equal_mahalanobis_oracle(seed, step):
-    rng = np.random.default_rng(seed)
-    scores = rng.normal(size=(90, 5)) * [3, 2, 1, 0.3, 0.1]
-    found = [*ppca._window_distances(scores, 20, step, 0.95)]
-    expected = [
-        oracle.mean_mahalanobis(scores[:n], scores[n : n + 20], 0.95, 1e-6)
-        for n in range(20, 71, step)
-    ]
-    np.testing.assert_allclose(found, expected, rtol=1e-4)
 
 
 @few_examples(6)
@@ -158,8 +116,7 @@ def test_ppca_cut_frames_equal_oracle_that_computes_one_distance_at_a_time(
 @given(SEEDS, DURATIONS)
 def test_ppca_cut_frames_reversed_motion_are_reversed(seed, seconds):
     motion, _ = behaviours(seed, seconds)
-    flipped = (motion.rotations[::-1], motion.positions[::-1])
-    back = replace(motion, rotations=flipped[0], positions=flipped[1])
+    back = replace(motion, rotations=motion.rotations[::-1], positions=motion.positions[::-1])
     expected = motion.n_frames - 1 - found(ppca, motion)[::-1]
     np.testing.assert_allclose(found(ppca, back), expected, atol=1)
 
@@ -178,10 +135,9 @@ def test_ppca_poses_within_the_behaviour_before_are_found_backwards_only():
 def test_unite_near_cuts_replaces_runs_by_their_means(cuts, gap):
     united = ppca.unite_near_cuts(np.array(cuts, np.int64), gap)
     assert (np.diff(united) > 0).all()
-    distances = np.abs(np.array(cuts, float)[:, None] - united[None])
-    alone = [cut for cut in cuts if all(abs(cut - other) >= gap for other in cuts if other != cut)]
-    assert set(alone) <= set(united.tolist())
-    assert not len(cuts) or distances.min(axis=0).max() <= gap
+    alone = {cut for cut in cuts if all(abs(cut - other) >= gap for other in cuts if other != cut)}
+    assert alone <= set(united.tolist())
+    assert all(min(abs(cut - own) for cut in cuts) <= gap for own in united)
 
 
 @pytest.mark.parametrize("seed", range(3))

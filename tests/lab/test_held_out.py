@@ -16,9 +16,8 @@ def test_fit_on_all_clips_but_one_equals_library_with_appended_clip(library):
     fitted = fit_on(library, ~held)
     expected = Library.build(library.clips[0]).with_clip(library.clips[1])
     for group in library.groups.names:
-        np.testing.assert_allclose(
-            fitted.embedding[group].points, expected.embedding[group].points, atol=1e-4
-        )
+        points, other = (own.embedding[group].points for own in (fitted, expected))
+        np.testing.assert_allclose(points, other, atol=1e-4)
         np.testing.assert_array_equal(fitted.labels[group], expected.labels[group])
         assert fitted.sigma[group] == pytest.approx(expected.sigma[group], rel=1e-5)
     np.testing.assert_array_equal(fitted.is_donor, expected.is_donor)

@@ -28,11 +28,9 @@ def test_kappas_random_rates_equal_definition(seed):
     assert kappas.kappa("random").value == pytest.approx(0)
     found = kappas.difference("x", "random")
     assert found.accepted.value == pytest.approx(accepted[has_donor].mean() - low)
-    difference = found.kappa
-    assert difference.value == pytest.approx(matched)
-    assert difference.n == int(has_donor.any(axis=0).sum())
-    assert difference.low <= difference.value <= difference.high
-    assert kappas.kappa("x").n == int(has_donor.any(axis=0).sum())
+    assert found.kappa.value == pytest.approx(matched)
+    assert found.kappa.low <= found.kappa.value <= found.kappa.high
+    assert found.kappa.n == kappas.kappa("x").n == has_donor.any(axis=0).sum()
     assert kappas.mean(accepted, "segments").value == pytest.approx(np.nanmean(accepted))
 
 
