@@ -1,18 +1,24 @@
-"""Compatibility of parts whose dependence is known."""
+"""Compatibility of parts whose dependence is known, and what it is computed from."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from lab.donors import classifier, held_out
 from lab.donors import compatibility as module
+from lab.donors import held_out
 from lab.donors.compatibility import compatibility
 from lab.donors.donor_methods import RandomLength
 from lab.donors.held_out import fold_groups
+from lab.donors.kappa import Kappas
 from lab.donors.methods import Analogy, Ball, ByCost, Captured, Nearest, Random
-from mograft import InsufficientDataError, Library
+from lab.donors.part_features import part_features
+from mograft import InsufficientDataError, Library, rotations
+from mograft.dancer import dance
 from mograft.evaluation.two_sample import assign_folds
+from tests.strategies import SEEDS, few_examples, transform_motion
 
 METHODS = (Random(), RandomLength(), Analogy())
 
@@ -20,11 +26,6 @@ METHODS = (Random(), RandomLength(), Analogy())
 @pytest.fixture
 def library(single_clip_library):
     return single_clip_library
-
-
-@pytest.fixture(autouse=True)
-def two_parameters(monkeypatch):
-    monkeypatch.setattr(classifier, "PARAMETER_GRID", {"C": (1.0, 10.0), "gamma": (0.03,)})
 
 
 def replace_features(monkeypatch, library, *, is_dependent):
@@ -119,3 +120,79 @@ def test_compatibility_bases_donors_and_training_are_disjoint(library):
         assert sorted(joined.tolist()) == np.flatnonzero(library.is_donor).tolist()
         used = [set(groups[part].tolist()) for part in parts]
         assert sum(map(len, used)) == len(set.union(*used))
+
+
+@few_examples(40)
+@given(SEEDS)
+def test_kappas_random_rates_equal_definition(seed):
+    rng = np.random.default_rng(seed)
+    n = 60
+    captured, random = rng.uniform(0.5, 1, (3, n)), rng.uniform(0, 0.4, (3, n))
+    accepted = rng.uniform(0, 1, (3, n))
+    accepted[rng.random((3, n)) < 0.4] = np.nan
+    by_method = {"x": accepted, "captured": captured, "random": random}
+    kappas = Kappas(captured, random, by_method, np.arange(n) // 5, seed)
+    expected = (np.nanmean(accepted) - random.mean()) / (captured.mean() - random.mean())
+    assert kappas.kappa("x").value == pytest.approx(expected)
+    has_donor = np.isfinite(accepted)
+    low, high = random[has_donor].mean(), captured[has_donor].mean()
+    matched = (accepted[has_donor].mean() - low) / (high - low)
+    assert kappas.kappa("x", is_matched=True).value == pytest.approx(matched)
+    assert kappas.kappa("captured").value == pytest.approx(1)
+    assert kappas.kappa("random").value == pytest.approx(0)
+    found = kappas.difference("x", "random")
+    assert found.accepted.value == pytest.approx(accepted[has_donor].mean() - low)
+    assert found.kappa.value == pytest.approx(matched)
+    assert found.kappa.low <= found.kappa.value <= found.kappa.high
+    assert found.kappa.n == kappas.kappa("x").n == has_donor.any(axis=0).sum()
+    assert kappas.mean(accepted, "segments").value == pytest.approx(np.nanmean(accepted))
+
+
+def test_kappas_splits_that_differ_widen_interval():
+    rng = np.random.default_rng(0)
+    captured, random = np.ones((3, 200)), np.zeros((3, 200))
+    equal = np.tile(rng.uniform(0.4, 0.6, 200), (3, 1))
+    different = equal + np.array([[-0.3], [0.0], [0.3]])
+    blocks = np.arange(200) // 5
+    narrow, wide = (
+        Kappas(captured, random, {"x": accepted}, blocks, 0).kappa("x")
+        for accepted in (equal, different)
+    )
+    assert narrow.value == pytest.approx(wide.value)
+    assert wide.low < narrow.low - 0.1
+    assert wide.high > narrow.high + 0.1
+
+
+CLIP = dance(seed=7, strides=1).motion[:300]
+LIBRARY = Library.build(CLIP)
+
+
+def perturb(joints, rng):
+    """Return the clip with random rotations of joints, and a random path if the root is one."""
+    quats = CLIP.rotations.copy()
+    noise = rotations.exp(rng.normal(size=(len(CLIP), len(joints), 3)) * 0.5)
+    quats[:, joints] = rotations.multiply(quats[:, joints], noise)
+    positions = CLIP.positions.copy()
+    if 0 in joints:
+        positions[:, 0] += rng.normal(size=(len(CLIP), 3)) * 10
+    return replace(CLIP, rotations=quats, positions=positions, channel_values=None)
+
+
+@settings(max_examples=10)
+@given(SEEDS)
+def test_part_features_perturbed_group_leaves_other_group_unchanged(seed):
+    rng = np.random.default_rng(seed)
+    before = {group: part_features(LIBRARY, group) for group in ("lower", "upper")}
+    for changed, unchanged in (("upper", "lower"), ("lower", "upper")):
+        other = replace(LIBRARY, clips=(perturb(LIBRARY.joints(changed), rng),))
+        np.testing.assert_allclose(part_features(other, unchanged), before[unchanged], atol=1e-9)
+        assert np.abs(part_features(other, changed) - before[changed]).max() > 1e-3
+
+
+@settings(max_examples=10)
+@given(st.floats(-3, 3), st.floats(-500, 500), st.floats(0.01, 50))
+def test_part_features_transformed_motion_are_unchanged(yaw, x, scale):
+    other = replace(LIBRARY, clips=(transform_motion(CLIP, scale, yaw, (x, 0.0, -x)),))
+    for group in ("lower", "upper"):
+        found, expected = part_features(other, group), part_features(LIBRARY, group)
+        np.testing.assert_allclose(found, expected, atol=1e-6)
