@@ -1,12 +1,27 @@
-"""The experiments: constants, stored results, tables."""
+"""Experiments, studies and figures, and what the laboratory imports."""
 
+import ast
+import fnmatch
+import re
 from dataclasses import fields
 from functools import partial
+from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.stats import ttest_1samp
 
-from lab.experiments import cache, constants, run, sources, tables
-from mograft import Config
+import mograft
+from lab import figures, plots
+from lab.__main__ import SECTIONS, main
+from lab.baselines.augmentation import N_COPIES, SCHEMES, LabelledClips, swap_sides
+from lab.experiments import cache, constants, learning, run, sources, tables
+from lab.experiments.run import RESULTS, ROOT
+from lab.measures.clip_features import clip_features
+from lab.studies import compare
+from mograft import Config, mirror, rotations
+from mograft.dancer import dance
+from tests.strategies import transform_motion
 
 
 def test_constants_include_every_default_that_differs_from_the_paper():
@@ -39,10 +54,8 @@ def test_cache_returns_what_was_written_for_the_same_version_only(tmp_path):
 
 def test_input_version_depends_on_contents(tmp_path):
     path = tmp_path / "a.bvh"
-    path.write_text("one")
-    first = cache.input_version([path])
-    path.write_text("two")
-    assert cache.input_version([path]) != first
+    versions = {cache.input_version([path]) for text in ("one", "two") if path.write_text(text)}
+    assert len(versions) == 2
 
 
 def test_every_experiment_writes_its_tables(tmp_path):
@@ -78,3 +91,166 @@ def test_quick_run_writes_tables_of_recordings(tmp_path):
     arguments += ["--sources", "salsa A", "stage", "slow walks", "-o", str(tmp_path / "tables")]
     run.main(arguments)
     assert len(list((tmp_path / "tables").glob("*.csv"))) > 15
+
+
+STUDIES = [name for name in SECTIONS if name not in ("experiments", "compare", "figures")]
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_study_tiny_run_completes_without_output(name, capsys):
+    assert not main([name, "--tiny"])
+    assert capsys.readouterr().out == ""
+
+
+def test_unknown_section_is_refused_with_the_known_ones():
+    assert "behaviours" in main(["nothing"])
+
+
+@pytest.mark.parametrize(
+    "topics",
+    [
+        ("combinations", "quality", "balance"),
+        pytest.param(compare.TOPICS, marks=pytest.mark.thorough),
+    ],
+    ids=len,
+)
+def test_compare_measures_every_topic_and_draws_figures(small_library, topics):
+    found, figures = compare.compare(small_library, topics, runs=1 if len(topics) < 4 else 3)
+    assert found.keys() == {*topics, "refused"}
+    assert set(topics) & {"combinations", "quality", "detectability"} <= figures.keys()
+
+
+PAGE = (ROOT / "docs" / "evidence.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("draw", figures.DRAWN, ids=lambda draw: draw.__name__)
+def test_figure_is_small_and_the_same_twice(draw):
+    first, second = (plots.as_svg(draw(RESULTS)) for _ in range(2))
+    assert first == second
+    assert len(first) < 60_000
+
+
+def test_page_shows_every_figure_and_names_every_experiment():
+    shown = re.findall(r"\]\(figures/(\w+)\.svg\)", PAGE)
+    assert sorted(shown) == sorted(draw.__name__ for draw in figures.DRAWN)
+    named = re.findall(r"`([\w*-]+)\.csv`", PAGE)
+    stored = {path.stem for path in RESULTS.glob("*.csv")}
+    for name in named:
+        assert fnmatch.filter(stored, name), name
+    studies = {name for name in stored if name.startswith(("segmentations", "behaviours"))}
+    found = {name for pattern in named for name in fnmatch.filter(stored, pattern)}
+    assert stored - studies - found <= {"refused"}
+
+
+ROOT = Path(__file__).parents[2]
+PUBLIC = ("evaluation", "scenario", "dancer", "clustering", "constraints")
+TEXT = (ROOT / "lab" / "README.md").read_text(encoding="utf-8")
+LISTED = re.findall(r"^- `(mograft\.[\w.]+)`", TEXT, re.MULTILINE)
+
+
+def imported_names(folder):
+    """Yield the module and the names of each import from a package in the files of a folder."""
+    for path in (ROOT / folder).rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                yield node.module, {alias.name for alias in node.names}
+            elif isinstance(node, ast.Import):
+                yield from ((alias.name, set()) for alias in node.names)
+
+
+def test_lab_imports_public_names_and_listed_modules():
+    used = set()
+    for module, names in imported_names("lab"):
+        if module == "mograft":
+            assert names <= {*mograft.__all__, "evaluation"}
+        elif module.startswith("mograft.") and module.split(".")[1] not in PUBLIC:
+            used.add(module)
+    assert used == set(LISTED)
+    assert len(LISTED) <= 16
+
+
+def test_product_and_benches_do_not_import_the_lab():
+    modules = {m for name in ("python", "python-fbx", "benches") for m, _ in imported_names(name)}
+    assert "lab" not in {module.split(".")[0] for module in modules}
+
+
+@pytest.fixture(scope="module")
+def labelled_clips():
+    """Eight clips of two dancers: those of one label are slow, those of the other fast."""
+    clips = [take.motion for take in dance(seed=3, strides=1).takes(8)]
+    return LabelledClips(tuple(clips), np.array(["wave-left-hand", "run"] * 4))
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_scheme_adds_copies_of_every_clip_with_its_label(labelled_clips, name):
+    added = SCHEMES[name](labelled_clips, np.random.default_rng(0))
+    n = 0 if name == "none" else N_COPIES * len(labelled_clips)
+    assert len(added) == len(added.labels) == n
+    if name == "mirror and noise":
+        assert list(added.labels[: len(labelled_clips)]) == ["wave-right-hand", "run"] * 4
+    else:
+        assert sorted(added.labels) == sorted([*labelled_clips.labels] * (n // len(labelled_clips)))
+
+
+@pytest.mark.parametrize("name", ["CutMix", "CutMix, same label", "grafts", "grafts, same label"])
+def test_scheme_keeps_legs_and_label_and_changes_the_arms(labelled_clips, name):
+    added = SCHEMES[name](labelled_clips, np.random.default_rng(0))
+    pairs = zip(labelled_clips.clips, labelled_clips.labels, strict=True)
+    originals = {clip.rotations[:, 0].tobytes(): (clip, label) for clip, label in pairs}
+    changes = []
+    for clip, label in zip(added.clips, added.labels, strict=True):
+        base, expected = originals[clip.rotations[:, 0].tobytes()]
+        assert label == expected
+        changes.append(rotations.angle(clip.rotations, base.rotations).max())
+    assert np.median(changes) > 0.2
+
+
+def test_swap_sides_is_an_involution():
+    for label in ("walk", "wave-left-hand", "walk-turn-right", "raise-up-both-hands"):
+        assert swap_sides(swap_sides(label)) == label
+    assert swap_sides("walk-turn-right") == "walk-turn-left"
+
+
+def test_clip_features_do_not_depend_on_place_and_heading(labelled_clips):
+    clip = labelled_clips.clips[0]
+    moved = transform_motion(clip, yaw=1.0, offset=(50.0, 0.0, 0.0))
+    np.testing.assert_allclose(clip_features(moved), clip_features(clip), atol=1e-6)
+    assert np.abs(clip_features(mirror(clip)) - clip_features(clip)).max() > 0.01
+
+
+def test_run_share_finds_planted_gain_and_no_gain_of_nothing(monkeypatch):
+    """Training clips of one class are few and atypical; one scheme adds typical ones."""
+    rng = np.random.default_rng(0)
+
+    def draw(n, shift):
+        labels = np.array(["a", "b"] * (n // 2))
+        rows = (labels == "b")[:, None] + shift + rng.normal(0, 0.6, (n, 6))
+        return LabelledClips(tuple(map(tuple, rows)), labels)
+
+    pool, test = draw(200, 0.8), draw(200, 0.0)
+    monkeypatch.setattr(learning.clip_features, "clip_features", np.array)
+    learning._captured_features.cache_clear()
+    schemes = {name: SCHEMES[name] for name in ("none", "repeated")}
+    schemes["planted"] = lambda train, own: draw(2 * len(train), 0.0)  # noqa: ARG005
+    found = learning.run_share(lambda seed: (pool, test), 0.1, 5, schemes)  # noqa: ARG005
+    learning._captured_features.cache_clear()
+    assert (found["train"], found["test"]) == (20, 200)
+    for scores in found["scores"].values():
+        assert learning.differences(scores, "planted")["interval"][0] > 0.05
+        assert abs(learning.differences(scores, "none")["value"]) < 0.1
+        assert learning.differences(scores, "repeated")["value"] == 0
+
+
+def test_split_actions_tests_on_one_performer_only(labelled_clips):
+    groups = np.array([0, 0, 0, 1, 1, 1, 2, 2])
+    for seed in range(6):
+        pool, test = learning.split_actions(labelled_clips, groups, seed)
+        own = {groups[k] for k, clip in enumerate(labelled_clips.clips) if clip in test.clips}
+        assert own == {seed % 3}
+        assert len(pool) + len(test) == len(labelled_clips)
+
+
+def test_mean_estimate_interval_is_students():
+    values = np.random.default_rng(0).normal(size=10)
+    expected = ttest_1samp(values, 0).confidence_interval(0.95)
+    assert learning.mean_estimate(values)["interval"] == pytest.approx([*expected])
