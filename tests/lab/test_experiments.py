@@ -5,7 +5,6 @@ import fnmatch
 import re
 from dataclasses import fields
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -142,7 +141,6 @@ def test_page_shows_every_figure_and_names_every_experiment():
     assert stored - studies - found <= {"refused"}
 
 
-ROOT = Path(__file__).parents[2]
 PUBLIC = ("evaluation", "scenario", "dancer", "clustering", "constraints")
 TEXT = (ROOT / "lab" / "README.md").read_text(encoding="utf-8")
 LISTED = re.findall(r"^- `(mograft\.[\w.]+)`", TEXT, re.MULTILINE)

@@ -15,7 +15,7 @@ from lab.baselines.motion_arrays import MotionArrays
 from lab.experiments import generators, seam_tests
 from lab.experiments.pooling import Z, pool, subtract
 from lab.experiments.sources import Recordings
-from mograft import Library, rotations
+from mograft import rotations
 from mograft.dancer import dance
 from tests.strategies import SEEDS
 
@@ -23,8 +23,13 @@ ONE_SCALE = genmm.Settings(coarsest=1.0, noise=0.0)
 
 
 @pytest.fixture(scope="module")
-def library():
-    return Library.build([take.motion for take in dance(seed=4, strides=1).takes(2)])
+def recordings():
+    return Recordings("dancer", tuple(take.motion for take in dance(seed=4, strides=2).takes(3)))
+
+
+@pytest.fixture(scope="module")
+def library(recordings):
+    return recordings.library
 
 
 @given(SEEDS, st.integers(4, 30), st.integers(1, 3))
@@ -135,11 +140,6 @@ def error_of(estimate):
     return pytest.approx((high - low) / (2 * Z), abs=1e-9)
 
 
-@pytest.fixture(scope="module")
-def recordings():
-    return Recordings("dancer", tuple(take.motion for take in dance(seed=4, strides=2).takes(3)))
-
-
 @given(NUMBERS, ERRORS, st.integers(1, 9))
 def test_pool_equal_sources_divides_the_error_by_the_root(value, error, n):
     pooled = pool([as_estimate(value, error)] * n)
@@ -162,8 +162,7 @@ def test_pool_missing_interval_leaves_no_interval():
     assert pool([missing])["value"] is None
 
 
-def test_treat_every_treatment_has_the_same_donors(recordings):
-    library = recordings.library
+def test_treat_every_treatment_has_the_same_donors(library):
     chosen = seam_tests.choose_donors(library, 2)
     treated = {name: seam_tests.treat(library, chosen, name) for name in seam_tests.TREATMENTS}
     donors = {
@@ -185,9 +184,8 @@ def test_keep_own_keeps_exactly_the_segments_that_are_kept(data, n):
     np.testing.assert_array_equal(drawn, np.arange(100, 100 + n))
 
 
-def test_same_segments_and_random_donors_change_the_recording(recordings):
-    studio = catalogue.Studio(recordings.library, recordings)
-    base = recordings.library.clips[0]
+def test_same_segments_and_random_donors_change_the_recording(recordings, library):
+    studio, base = catalogue.Studio(library, recordings), library.clips[0]
     for motions in (studio.same_segments(0, 2), studio.random_donors(0, 2)):
         for motion in motions:
             assert_only_joints_change(motion, base, studio.joints, 0.1)
