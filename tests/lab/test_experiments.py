@@ -51,12 +51,6 @@ def test_cache_returns_what_was_written_for_the_same_version_only(tmp_path):
     assert store.read("retrieval", "salsa B", "aa-11-full") is None
 
 
-def test_input_version_depends_on_contents(tmp_path):
-    path = tmp_path / "a.bvh"
-    versions = {cache.input_version([path]) for text in ("one", "two") if path.write_text(text)}
-    assert len(versions) == 2
-
-
 def test_every_experiment_writes_its_tables(tmp_path):
     refusals = run.write_tables(run.measure_tiny(), {"salsa A": [1, 2, 3]}, tmp_path)
     written = {path.stem.split("-")[0] for path in tmp_path.glob("*.csv")}
@@ -92,6 +86,8 @@ def test_quick_run_writes_tables_of_recordings(tmp_path):
     assert len(list((tmp_path / "tables").glob("*.csv"))) > 15
 
 
+FEW_TOPICS = ("combinations", "quality", "balance")
+ALL_TOPICS = pytest.param(compare.TOPICS, marks=pytest.mark.thorough)
 STUDIES = [name for name in SECTIONS if name not in ("experiments", "compare", "figures")]
 
 
@@ -105,14 +101,7 @@ def test_unknown_section_is_refused_with_the_known_ones():
     assert "behaviours" in main(["nothing"])
 
 
-@pytest.mark.parametrize(
-    "topics",
-    [
-        ("combinations", "quality", "balance"),
-        pytest.param(compare.TOPICS, marks=pytest.mark.thorough),
-    ],
-    ids=len,
-)
+@pytest.mark.parametrize("topics", [FEW_TOPICS, ALL_TOPICS], ids=len)
 def test_compare_measures_every_topic_and_draws_figures(small_library, topics):
     found, figures = compare.compare(small_library, topics, runs=1 if len(topics) < 4 else 3)
     assert found.keys() == {*topics, "refused"}
@@ -134,8 +123,7 @@ def test_page_shows_every_figure_and_names_every_experiment():
     assert sorted(shown) == sorted(draw.__name__ for draw in figures.DRAWN)
     named = re.findall(r"`([\w*-]+)\.csv`", PAGE)
     stored = {path.stem for path in RESULTS.glob("*.csv")}
-    for name in named:
-        assert fnmatch.filter(stored, name), name
+    assert all(fnmatch.filter(stored, name) for name in named)
     studies = {name for name in stored if name.startswith(("segmentations", "behaviours"))}
     found = {name for pattern in named for name in fnmatch.filter(stored, pattern)}
     assert stored - studies - found <= {"refused"}
@@ -164,7 +152,6 @@ def test_lab_imports_public_names_and_listed_modules():
         elif module.startswith("mograft.") and module.split(".")[1] not in PUBLIC:
             used.add(module)
     assert used == set(LISTED)
-    assert len(LISTED) <= 16
 
 
 def test_product_and_benches_do_not_import_the_lab():

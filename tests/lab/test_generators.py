@@ -96,12 +96,6 @@ def test_cut_mix_joints_beyond_the_border_are_those_of_the_donor(library):
     np.testing.assert_array_equal(mixed.rotations[:, joints[weights == 1]], donor[:, weights == 1])
 
 
-def test_random_track_of_one_short_clip_contains_it(library):
-    clip, joints = library.clips[0][:40], library.joints("upper")
-    track = body_mixing.random_track([clip], joints, 32, np.random.default_rng(0))
-    np.testing.assert_array_equal(track, clip.rotations[:32][:, joints])
-
-
 def test_add_noise_angles_have_the_given_deviation(library):
     clip = library.clips[0]
     noisy = body_mixing.add_noise(clip, 2.0, np.random.default_rng(0))
