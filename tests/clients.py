@@ -148,11 +148,7 @@ def gltf_validator():
 def blender():
     """Return a function from a file and frames to the bone heads that Blender imports."""
     python = _blender_python()
-
-    def import_file(path, frames, rate):
-        return _run_blender(python, _IMPORT, [str(path), frames, rate])
-
-    return import_file
+    return lambda path, frames, rate: _run_blender(python, _IMPORT, [str(path), frames, rate])
 
 
 def blender_fbx():
@@ -180,11 +176,7 @@ def run_with_blender(script, *arguments):
 def blender_player():
     """Return a function from a glTF file and times in seconds, by action, to the bone heads."""
     python = _blender_python()
-
-    def play(path, times_by_action):
-        return _run_blender(python, _PLAY, [str(path), times_by_action])
-
-    return play
+    return lambda path, times_by_action: _run_blender(python, _PLAY, [str(path), times_by_action])
 
 
 def _blender_python():

@@ -1,6 +1,6 @@
 """Hypothesis strategies for motions and for dialects of BVH text."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from hypothesis import strategies as st
@@ -47,27 +47,16 @@ def skeletons(draw, max_joints=6):
     channels[0] = channels[0] or ("Zrotation",)
     counts = [parents.count(joint) for joint in range(n_joints)]
     offsets = npst.arrays(np.float64, 3, elements=coordinates())
-    sites = draw(
-        st.lists(
-            st.builds(
-                lambda joint, before, offset, name: mg.EndSite(
-                    joint, offset, before % (counts[joint] + 1), name
-                ),
-                st.integers(0, n_joints - 1),
-                st.integers(0, 9),
-                offsets,
-                st.just("") | names(),
-            ),
-            max_size=4,
-        )
-    )
-    skeleton = mg.Skeleton(
-        tuple(draw(names()) for _ in range(n_joints)),
-        np.array(parents),
-        np.array([draw(offsets) for _ in range(n_joints)]),
-        tuple(channels),
-        tuple(sites),
-    )
+
+    def end_site(joint, before, offset, name):
+        return mg.EndSite(joint, offset, before % (counts[joint] + 1), name)
+
+    joints, positions = st.integers(0, n_joints - 1), st.integers(0, 9)
+    site = st.builds(end_site, joints, positions, offsets, st.just("") | names())
+    sites = draw(st.lists(site, max_size=4))
+    joint_names = tuple(draw(names()) for _ in range(n_joints))
+    joint_offsets = np.array([draw(offsets) for _ in range(n_joints)])
+    skeleton = mg.Skeleton(joint_names, parents, joint_offsets, tuple(channels), tuple(sites))
     # End sites in depth-first order, as in a file.
     ordered, stack = [], [0]
     while stack:
@@ -76,9 +65,7 @@ def skeletons(draw, max_joints=6):
             ordered.append(item)
         else:
             stack += reversed(skeleton.children_and_sites[item])
-    return mg.Skeleton(
-        skeleton.names, skeleton.parents, skeleton.offsets, skeleton.channels, tuple(ordered)
-    )
+    return replace(skeleton, end_sites=tuple(ordered))
 
 
 @dataclass(frozen=True)
@@ -126,19 +113,19 @@ class Dialect:
     declared: int = 0
 
 
-def layouts():
-    """Dialects that differ from the standard one only in white space and number format."""
+def layouts(**fields):
+    """Dialects that differ from the standard one in white space, number format and `fields`."""
+    ends = st.lists(st.sampled_from(["\n", "\r\n", "\r"]), min_size=1, max_size=3)
     return st.builds(
         Dialect,
-        line_ends=st.lists(st.sampled_from(["\n", "\r\n", "\r"]), min_size=1, max_size=3).map(
-            tuple
-        ),
+        line_ends=ends.map(tuple),
         blank=st.sampled_from([" ", "   ", "\t", " \t "]),
         indent=st.sampled_from(["", "\t", "  "]),
         trailing=st.sampled_from(["", " ", "\t "]),
         blank_lines=st.booleans(),
         final_newline=st.booleans(),
         number=st.sampled_from(["repr", "plus", "digits", "exponent"]),
+        **fields,
     )
 
 
@@ -148,36 +135,26 @@ def dialects():
     labels = ["Frames: ", "Frames:", "frames : ", "FRAMES\t:", "Frames "]
     time_labels = ["Frame Time: ", "FrameTime:", "frame time :", "Frames Time: ", "FRAME  TIME: "]
     rows = ["a line each", "wrapped", "a value each", "joined", "one line"]
-    standard = Dialect()
+    others = {
+        "brace": [" ", ""],
+        "site": ["End site", "end  SITE"],
+        "comment": ["# exported", "// by hand"],
+        "frames": labels,
+        "frame_time": time_labels,
+        "count": ["{}.0", "{}.", "+{}"],
+        "rows": rows,
+        "encoding": ["utf-8-sig", "utf-16"],
+        "padding": ["\0\0", "\x1a"],
+        "declared": [-1, 7],
+    }
+    fields = {
+        name: st.just(getattr(Dialect(), name)) | st.sampled_from(values)
+        for name, values in others.items()
+    }
+    return layouts(case=cases, channel_case=cases, channels_first=st.booleans(), **fields)
 
-    def mostly(name, others):
-        return st.just(getattr(standard, name)) | st.sampled_from(others)
 
-    return st.builds(
-        Dialect,
-        line_ends=st.lists(st.sampled_from(["\n", "\r\n", "\r"]), min_size=1, max_size=3).map(
-            tuple
-        ),
-        blank=st.sampled_from([" ", "   ", "\t", " \t "]),
-        indent=st.sampled_from(["", "\t", "  "]),
-        trailing=st.sampled_from(["", " ", "\t "]),
-        blank_lines=st.booleans(),
-        final_newline=st.booleans(),
-        case=cases,
-        channel_case=cases,
-        brace=mostly("brace", [" ", ""]),
-        site=mostly("site", ["End site", "end  SITE"]),
-        comment=mostly("comment", ["# exported", "// by hand"]),
-        frames=mostly("frames", labels),
-        frame_time=mostly("frame_time", time_labels),
-        count=mostly("count", ["{}.0", "{}.", "+{}"]),
-        channels_first=st.booleans(),
-        number=st.sampled_from(["repr", "plus", "digits", "exponent"]),
-        rows=mostly("rows", rows),
-        encoding=mostly("encoding", ["utf-8-sig", "utf-16"]),
-        padding=mostly("padding", ["\0\0", "\x1a"]),
-        declared=mostly("declared", [-1, 7]),
-    )
+CASES = {"as is": str, "lower": str.lower, "upper": str.upper, "title": str.title}
 
 
 @dataclass
@@ -203,15 +180,7 @@ def to_text(clip, dialect):
     skeleton, values = clip.skeleton, clip.values
     out = _TextLines(dialect)
 
-    def keyword(word):
-        return {"as is": word, "lower": word.lower(), "upper": word.upper(), "title": word.title()}[
-            dialect.case
-        ]
-
-    def channel(word):
-        return {"as is": word, "lower": word.lower(), "upper": word.upper(), "title": word.title()}[
-            dialect.channel_case
-        ]
+    keyword, channel = CASES[dialect.case], CASES[dialect.channel_case]
 
     def number(value):
         text = repr(float(value))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from mograft import EndSite, Motion, Skeleton, read_bvh
+from mograft import EndSite, Skeleton, formats, read_bvh
 from mograft.motion import rotations
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
@@ -59,39 +59,52 @@ def skeleton_from_text(text, offsets=None):
 
 def with_names(skeleton, name):
     """Return the skeleton with names `name(joint index, old name)`."""
-    names = [name(joint, old) for joint, old in enumerate(skeleton.names)]
-    return Skeleton(
-        names, skeleton.parents, skeleton.offsets, skeleton.channels, skeleton.end_sites
+    return replace(skeleton, names=tuple(name(*own) for own in enumerate(skeleton.names)))
+
+
+def _under_joint(motion, name, offsets, path):
+    """Return the motion below a joint that moves along a path; world positions stay."""
+    below = Skeleton(
+        [name, *motion.skeleton.names],
+        [-1, *(motion.skeleton.parents + 1)],
+        offsets,
+        end_sites=tuple(replace(s, parent=s.parent + 1) for s in motion.skeleton.end_sites),
+    )
+    still = np.tile(rotations.IDENTITY, (motion.n_frames, 1, 1))
+    root = motion.positions[:, :1] - path
+    return replace(
+        motion,
+        skeleton=below,
+        rotations=np.concatenate([still, motion.rotations], axis=1),
+        positions=np.concatenate([path, root, motion.positions[:, 1:]], axis=1),
+        channel_values=None,
     )
 
 
 def with_joint_above_root(motion, share):
     """Return a motion whose root has a parent that moves by a share of the root's travel."""
-    own = motion.skeleton
-    skeleton = Skeleton(
-        ["World", *own.names],
-        [-1, *(own.parents + 1)],
-        np.concatenate([np.zeros((1, 3)), own.offsets]),
-    )
-    root = motion.positions[:, :1]
-    travel = share * root * [1.0, 0.0, 1.0]
-    quats = np.tile(rotations.IDENTITY, (motion.n_frames, 1, 1))
-    return Motion(
-        skeleton,
-        motion.frame_time,
-        np.concatenate([quats, motion.rotations], axis=1),
-        np.concatenate([travel, root - travel, motion.positions[:, 1:]], axis=1),
-        name=motion.name,
-    )
+    offsets = np.concatenate([np.zeros((1, 3)), motion.skeleton.offsets])
+    travel = share * motion.positions[:, :1] * [1.0, 0.0, 1.0]
+    return _under_joint(motion, "World", offsets, travel)
+
+
+def under_world_root(motion, *, moving_root=False):
+    """Return a motion whose root is a child of a helper joint on the floor, as in Bandai's files.
+
+    World positions are those of the motion. With `moving_root`, the helper moves along the floor.
+    """
+    rest = [np.zeros((1, 3)), motion.positions[0, :1], motion.skeleton.offsets[1:]]
+    path = np.zeros((motion.n_frames, 1, 3))
+    if moving_root:
+        path[:, 0, 0] = np.linspace(-300, 500, motion.n_frames)
+    return _under_joint(motion, "joint_Root", np.concatenate(rest), path)
 
 
 def with_order(skeleton, order):
     """Return the skeleton with another order of joints, parents first."""
     new_index = {old: new for new, old in enumerate(order)}
     parents = [new_index.get(int(skeleton.parents[old]), -1) for old in order]
-    sites = tuple(
-        EndSite(new_index[site.parent], site.offset, name=site.name) for site in skeleton.end_sites
-    )
+    sites = tuple(replace(s, parent=new_index[s.parent], before=0) for s in skeleton.end_sites)
     return Skeleton(
         [skeleton.names[old] for old in order],
         parents,
@@ -170,35 +183,8 @@ def human():
 
 
 def read_hierarchy(path):
-    """Return the skeleton of a valid BVH file, read independently of mograft."""
-    names, parents, offsets, channels, sites, stack = [], [], [], [], [], []
-    current = None
-    text = Path(path).read_text(encoding="utf-8", errors="replace")
-    for line in text.partition("\nMOTION")[0].splitlines():
-        words = line.split()
-        head = words[0].upper() if words else ""
-        if head in ("ROOT", "JOINT"):
-            names.append(line.strip().split(None, 1)[1].rstrip("{").strip())
-            parents.append(stack[-1] if stack else -1)
-            channels.append(())
-            current = len(names) - 1
-        elif head == "END":
-            current = None
-        elif head == "OFFSET":
-            offset = [float(word) for word in words[1:4]]
-            if stack[-1] is None:
-                sites.append(EndSite(stack[-2], offset))
-            else:
-                offsets.append(offset)
-        elif head == "CHANNELS":
-            channels[stack[-1]] = tuple(word.capitalize() for word in words[2:])
-        elif head == "MOTION":
-            break
-        if "{" in words:
-            stack.append(current)
-        if head == "}":
-            stack.pop()
-    return Skeleton(names, parents, offsets, channels, tuple(sites))
+    """Return the skeleton of a BVH file."""
+    return formats.scan_bvh(path).skeleton
 
 
 @cache
@@ -218,30 +204,3 @@ def mark_repeated_hierarchies(paths):
         path if path in firsts or path is None else pytest.param(path, marks=pytest.mark.thorough)
         for path in paths
     ]
-
-
-def under_world_root(motion, *, moving_root=False):
-    """Return a motion whose root is a child of a helper joint on the floor, as in Bandai's files.
-
-    World positions are those of the motion. With `moving_root`, the helper moves along the floor.
-    """
-    skeleton, n_frames = motion.skeleton, motion.n_frames
-    below = Skeleton(
-        ["joint_Root", *skeleton.names],
-        [-1, *(skeleton.parents + 1)],
-        np.concatenate([np.zeros((1, 3)), motion.positions[0, :1], skeleton.offsets[1:]]),
-        end_sites=tuple(replace(site, parent=site.parent + 1) for site in skeleton.end_sites),
-    )
-    still = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (n_frames, 1, 4))
-    path = np.zeros((n_frames, 1, 3))
-    if moving_root:
-        path[:, 0, 0] = np.linspace(-300, 500, n_frames)
-    positions = np.concatenate([path, motion.positions], axis=1)
-    positions[:, 1] -= path[:, 0]
-    return replace(
-        motion,
-        skeleton=below,
-        rotations=np.concatenate([still, motion.rotations], axis=1),
-        positions=positions,
-        channel_values=None,
-    )

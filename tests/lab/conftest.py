@@ -16,5 +16,5 @@ if not all(map(find_spec, ("matplotlib", "scipy", "sklearn"))):
 def small_parameter_grid():
     """Replace the parameter grid, whose search takes most of the time."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lab.donors.classifier.PARAMETER_GRID", {"C": (10.0,), "gamma": (0.03,)})
+        patch.setattr("lab.donors.classifier.PARAMETER_GRID", {"C": (1.0, 10.0), "gamma": (0.03,)})
         yield

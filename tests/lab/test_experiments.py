@@ -1,25 +1,26 @@
-"""The experiments: constants, stored results, tables."""
+"""Experiments, studies and figures, and what the laboratory imports."""
 
+import ast
+import fnmatch
+import re
 from dataclasses import fields
+from functools import partial
 
+import numpy as np
 import pytest
+from scipy.stats import ttest_1samp
 
-from lab.experiments import cache, constants, run, sources, tables
-from mograft import Config
-
-
-def test_constants_equal_those_of_the_program():
-    frozen = {own.name: own.value for own in constants.CONSTANTS}
-    expected = {
-        "Config.sigma": "rms",
-        "Config.sigma_scale": 0.75,
-        "Config.novelty": 10.0,
-        "Config.temperature": 0.25,
-        "Config.diversity": 3.0,
-        "Config.distance_weight": 4.0,
-        "Config.balance_weight": 30.0,
-    }
-    assert expected.items() <= frozen.items()
+import mograft
+from lab import figures, plots
+from lab.__main__ import SECTIONS, main
+from lab.baselines.augmentation import N_COPIES, SCHEMES, LabelledClips, swap_sides
+from lab.experiments import cache, constants, learning, run, sources, tables
+from lab.experiments.run import RESULTS, ROOT
+from lab.measures.clip_features import clip_features
+from lab.studies import compare
+from mograft import Config, mirror, rotations
+from mograft.dancer import dance
+from tests.strategies import transform_motion
 
 
 def test_constants_include_every_default_that_differs_from_the_paper():
@@ -35,56 +36,23 @@ def test_constants_include_every_default_that_differs_from_the_paper():
 
 
 def test_constants_chosen_on_a_source_make_it_a_development_source():
-    tested = [sources.SOURCES[name] for name in sources.TEST]
-    for source in tested:
+    for source in map(sources.SOURCES.get, sources.TEST):
         assert not source.pattern.startswith(("dance_", "database_", "paper_shape", "bandai_ds1"))
         # The development clips of set 1 are in the normal style.
         assert "dataset-1_*_normal" not in source.pattern
 
 
 def test_cache_returns_what_was_written_for_the_same_version_only(tmp_path):
-    store = cache.Cache(tmp_path)
-    store.write("retrieval", "salsa A", "aa-11-full", {"value": [1.5, None]})
-    assert store.read("retrieval", "salsa A", "aa-11-full") == {"value": [1.5, None]}
-    assert store.read("retrieval", "salsa A", "bb-11-full") is None
+    store, value = cache.Cache(tmp_path), {"value": [1.5, None]}
+    store.write("retrieval", "salsa A", "aa-11-full", value)
+    read = partial(store.read, "retrieval", "salsa A")
+    assert read("aa-11-full") == read("bb-11-full", is_any_version=True) == value
+    assert read("bb-11-full") is read("bb-22-full", is_any_version=True) is None
     assert store.read("retrieval", "salsa B", "aa-11-full") is None
-    found = store.read("retrieval", "salsa A", "bb-11-full", is_any_version=True)
-    assert found == {"value": [1.5, None]}
-    assert store.read("retrieval", "salsa A", "bb-22-full", is_any_version=True) is None
 
 
-def test_cache_not_a_number_raises_value_error(tmp_path):
-    with pytest.raises(ValueError, match="not JSON compliant"):
-        cache.Cache(tmp_path).write("x", "y", "z", {"value": float("nan")})
-    assert not list(tmp_path.glob("*.json"))
-
-
-def test_input_version_depends_on_contents(tmp_path):
-    path = tmp_path / "a.bvh"
-    path.write_text("one")
-    first = cache.input_version([path])
-    path.write_text("two")
-    assert cache.input_version([path]) != first
-
-
-def test_format_estimate_states_interval_and_n():
-    estimate = {"value": 0.25, "interval": [0.2, 0.3], "n": 7}
-    assert tables.format_estimate(estimate, 0, 100, " %") == "25 % (20 to 30), n = 7"
-    assert tables.format_estimate({**estimate, "value": None}) == "-"
-
-
-def test_experiments_have_known_sources():
-    for experiment in run.experiments():
-        assert set(experiment.SOURCES) <= set(sources.SOURCES), experiment.NAME
-
-
-@pytest.fixture(scope="module")
-def tiny_results():
-    return run.measure_tiny()
-
-
-def test_every_experiment_writes_its_tables(tiny_results, tmp_path):
-    refusals = run.write_tables(tiny_results, {"salsa A": [1, 2, 3]}, tmp_path)
+def test_every_experiment_writes_its_tables(tmp_path):
+    refusals = run.write_tables(run.measure_tiny(), {"salsa A": [1, 2, 3]}, tmp_path)
     written = {path.stem.split("-")[0] for path in tmp_path.glob("*.csv")}
     names = {own.NAME.split("-")[0] for own in run.experiments()}
     assert written == names - {name for name, *_ in refusals} | {"sources", "constants", "refused"}
@@ -93,10 +61,10 @@ def test_every_experiment_writes_its_tables(tiny_results, tmp_path):
 
 
 def test_spread_divides_estimates_into_columns(tmp_path):
-    table = tables.Table(
-        ("source", "angle", "share"),
-        [("a", "1.5 (1.0 to 2.0), n = 7", "80 (70 to 90), n = 3 (40 %)"), ("b", "-", "-")],
-    )
+    angle = tables.format_estimate({"value": 1.5, "interval": [1.0, 2.0], "n": 7}, 1)
+    none = tables.format_estimate({"value": None, "interval": None, "n": 7})
+    rows = [("a", angle, "80 (70 to 90), n = 3 (40 %)"), ("b", none, none)]
+    table = tables.Table(("source", "angle", "share"), rows)
     tables.write_csv(table, tmp_path / "x" / "y.csv")
     first, second = tables.read_csv(tmp_path / "x" / "y.csv")
     assert first == {
@@ -116,3 +84,158 @@ def test_quick_run_writes_tables_of_recordings(tmp_path):
     arguments += ["--sources", "salsa A", "stage", "slow walks", "-o", str(tmp_path / "tables")]
     run.main(arguments)
     assert len(list((tmp_path / "tables").glob("*.csv"))) > 15
+
+
+FEW_TOPICS = ("combinations", "quality", "balance")
+ALL_TOPICS = pytest.param(compare.TOPICS, marks=pytest.mark.thorough)
+STUDIES = [name for name in SECTIONS if name not in ("experiments", "compare", "figures")]
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_study_tiny_run_completes_without_output(name, capsys):
+    assert not main([name, "--tiny"])
+    assert capsys.readouterr().out == ""
+
+
+def test_unknown_section_is_refused_with_the_known_ones():
+    assert "behaviours" in main(["nothing"])
+
+
+@pytest.mark.parametrize("topics", [FEW_TOPICS, ALL_TOPICS], ids=len)
+def test_compare_measures_every_topic_and_draws_figures(small_library, topics):
+    found, figures = compare.compare(small_library, topics, runs=1 if len(topics) < 4 else 3)
+    assert found.keys() == {*topics, "refused"}
+    assert set(topics) & {"combinations", "quality", "detectability"} <= figures.keys()
+
+
+PAGE = (ROOT / "docs" / "evidence.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("draw", figures.DRAWN, ids=lambda draw: draw.__name__)
+def test_figure_is_small_and_the_same_twice(draw):
+    first, second = (plots.as_svg(draw(RESULTS)) for _ in range(2))
+    assert first == second
+    assert len(first) < 60_000
+
+
+def test_page_shows_every_figure_and_names_every_experiment():
+    shown = re.findall(r"\]\(figures/(\w+)\.svg\)", PAGE)
+    assert sorted(shown) == sorted(draw.__name__ for draw in figures.DRAWN)
+    named = re.findall(r"`([\w*-]+)\.csv`", PAGE)
+    stored = {path.stem for path in RESULTS.glob("*.csv")}
+    assert all(fnmatch.filter(stored, name) for name in named)
+    studies = {name for name in stored if name.startswith(("segmentations", "behaviours"))}
+    found = {name for pattern in named for name in fnmatch.filter(stored, pattern)}
+    assert stored - studies - found <= {"refused"}
+
+
+PUBLIC = ("evaluation", "scenario", "dancer", "clustering", "constraints")
+TEXT = (ROOT / "lab" / "README.md").read_text(encoding="utf-8")
+LISTED = re.findall(r"^- `(mograft\.[\w.]+)`", TEXT, re.MULTILINE)
+
+
+def imported_names(folder):
+    """Yield the module and the names of each import from a package in the files of a folder."""
+    for path in (ROOT / folder).rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                yield node.module, {alias.name for alias in node.names}
+            elif isinstance(node, ast.Import):
+                yield from ((alias.name, set()) for alias in node.names)
+
+
+def test_lab_imports_public_names_and_listed_modules():
+    used = set()
+    for module, names in imported_names("lab"):
+        if module == "mograft":
+            assert names <= {*mograft.__all__, "evaluation"}
+        elif module.startswith("mograft.") and module.split(".")[1] not in PUBLIC:
+            used.add(module)
+    assert used == set(LISTED)
+
+
+def test_product_and_benches_do_not_import_the_lab():
+    modules = {m for name in ("python", "python-fbx", "benches") for m, _ in imported_names(name)}
+    assert "lab" not in {module.split(".")[0] for module in modules}
+
+
+@pytest.fixture(scope="module")
+def labelled_clips():
+    """Eight clips of two dancers: those of one label are slow, those of the other fast."""
+    clips = [take.motion for take in dance(seed=3, strides=1).takes(8)]
+    return LabelledClips(tuple(clips), np.array(["wave-left-hand", "run"] * 4))
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_scheme_adds_copies_of_every_clip_with_its_label(labelled_clips, name):
+    added = SCHEMES[name](labelled_clips, np.random.default_rng(0))
+    n = 0 if name == "none" else N_COPIES * len(labelled_clips)
+    assert len(added) == len(added.labels) == n
+    if name == "mirror and noise":
+        assert list(added.labels[: len(labelled_clips)]) == ["wave-right-hand", "run"] * 4
+    else:
+        assert sorted(added.labels) == sorted([*labelled_clips.labels] * (n // len(labelled_clips)))
+
+
+@pytest.mark.parametrize("name", ["CutMix", "CutMix, same label", "grafts", "grafts, same label"])
+def test_scheme_keeps_legs_and_label_and_changes_the_arms(labelled_clips, name):
+    added = SCHEMES[name](labelled_clips, np.random.default_rng(0))
+    pairs = zip(labelled_clips.clips, labelled_clips.labels, strict=True)
+    originals = {clip.rotations[:, 0].tobytes(): (clip, label) for clip, label in pairs}
+    changes = []
+    for clip, label in zip(added.clips, added.labels, strict=True):
+        base, expected = originals[clip.rotations[:, 0].tobytes()]
+        assert label == expected
+        changes.append(rotations.angle(clip.rotations, base.rotations).max())
+    assert np.median(changes) > 0.2
+
+
+def test_swap_sides_is_an_involution():
+    for label in ("walk", "wave-left-hand", "walk-turn-right", "raise-up-both-hands"):
+        assert swap_sides(swap_sides(label)) == label
+    assert swap_sides("walk-turn-right") == "walk-turn-left"
+
+
+def test_clip_features_do_not_depend_on_place_and_heading(labelled_clips):
+    clip = labelled_clips.clips[0]
+    moved = transform_motion(clip, yaw=1.0, offset=(50.0, 0.0, 0.0))
+    np.testing.assert_allclose(clip_features(moved), clip_features(clip), atol=1e-6)
+    assert np.abs(clip_features(mirror(clip)) - clip_features(clip)).max() > 0.01
+
+
+def test_run_share_finds_planted_gain_and_no_gain_of_nothing(monkeypatch):
+    """Training clips of one class are few and atypical; one scheme adds typical ones."""
+    rng = np.random.default_rng(0)
+
+    def draw(n, shift):
+        labels = np.array(["a", "b"] * (n // 2))
+        rows = (labels == "b")[:, None] + shift + rng.normal(0, 0.6, (n, 6))
+        return LabelledClips(tuple(map(tuple, rows)), labels)
+
+    pool, test = draw(200, 0.8), draw(200, 0.0)
+    monkeypatch.setattr(learning.clip_features, "clip_features", np.array)
+    learning._captured_features.cache_clear()
+    schemes = {name: SCHEMES[name] for name in ("none", "repeated")}
+    schemes["planted"] = lambda train, own: draw(2 * len(train), 0.0)  # noqa: ARG005
+    found = learning.run_share(lambda seed: (pool, test), 0.1, 5, schemes)  # noqa: ARG005
+    learning._captured_features.cache_clear()
+    assert (found["train"], found["test"]) == (20, 200)
+    for scores in found["scores"].values():
+        assert learning.differences(scores, "planted")["interval"][0] > 0.05
+        assert abs(learning.differences(scores, "none")["value"]) < 0.1
+        assert learning.differences(scores, "repeated")["value"] == 0
+
+
+def test_split_actions_tests_on_one_performer_only(labelled_clips):
+    groups = np.array([0, 0, 0, 1, 1, 1, 2, 2])
+    for seed in range(6):
+        pool, test = learning.split_actions(labelled_clips, groups, seed)
+        own = {groups[k] for k, clip in enumerate(labelled_clips.clips) if clip in test.clips}
+        assert own == {seed % 3}
+        assert len(pool) + len(test) == len(labelled_clips)
+
+
+def test_mean_estimate_interval_is_students():
+    values = np.random.default_rng(0).normal(size=10)
+    expected = ttest_1samp(values, 0).confidence_interval(0.95)
+    assert learning.mean_estimate(values)["interval"] == pytest.approx([*expected])

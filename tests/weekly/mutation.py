@@ -90,12 +90,10 @@ class _Recorder:
             self.unusable.add(report.nodeid)
 
 
-class _FirstFailure:
-    name = None
-
+class _Failures(list):
     def pytest_runtest_logreport(self, report):
-        if report.failed and self.name is None:
-            self.name = report.nodeid
+        if report.failed:
+            self.append(report.nodeid)
 
 
 def _in_process(work, seconds):
@@ -140,8 +138,9 @@ def _run(files, mutant, tests):
     """Return the exit code of the tests with a mutant, and the first that fails."""
     changes = {mutant.module: lambda tree: Mutation(mutant.index).visit(tree)}
     sys.meta_path.insert(0, ChangedModules(files, changes))
-    failure = _FirstFailure()
-    return int(pytest.main([*OPTIONS, *tests], plugins=[failure])), failure.name
+    failures = _Failures()
+    code = int(pytest.main([*OPTIONS, *tests], plugins=[failures]))
+    return code, failures[0] if failures else None
 
 
 def judge(files, mutant, statements, seconds):
@@ -170,17 +169,14 @@ def shares(results):
     for result in results:
         for package in (result["module"].split(".")[1], "all"):
             packages[package].append(result["outcome"] in NOTICED)
-    parts = [
-        f"{name} {sum(of)}/{len(of)} = {sum(of) / len(of):.1%}" for name, of in packages.items()
-    ]
-    return ", ".join(sorted(parts))
+    counts = sorted((name, sum(of), len(of)) for name, of in packages.items())
+    return ", ".join(f"{name} {part}/{n} = {part / n:.1%}" for name, part, n in counts)
 
 
 def compare(results, earlier):
     """Print the shares of the mutants of both runs, and the survivors that were noticed before."""
     paired = [result for result in results if tuple(result["key"]) in earlier]
-    packages = {tuple(result["key"]): result["module"] for result in paired}
-    before = [{**earlier[key], "module": module} for key, module in packages.items()]
+    before = [{**earlier[tuple(own["key"])], "module": own["module"]} for own in paired]
     print(f"{len(paired)} in both runs, before: {shares(before)}")
     print(f"{len(paired)} in both runs, now: {shares(paired)}")
     for result, old in zip(paired, before, strict=True):
@@ -188,7 +184,7 @@ def compare(results, earlier):
             print(f"no longer noticed by {old['test']}: {result['key']}")
 
 
-def parse_arguments():
+def main():
     parser = argparse.ArgumentParser(prog="python -m tests.weekly.mutation")
     parser.add_argument("packages", nargs="+", metavar="PACKAGE", help="package or module")
     parser.add_argument("--sample", type=int, default=220, help="number of mutants (%(default)s)")
@@ -196,11 +192,7 @@ def parse_arguments():
     parser.add_argument("--minutes", type=float, default=600, help="start no mutant after these")
     parser.add_argument("--like", type=Path, help="results of an earlier run to compare with")
     parser.add_argument("--json", type=Path, default=Path("mutation.json"), help="results")
-    return parser.parse_args()
-
-
-def main():
-    options = parse_arguments()
+    options = parser.parse_args()
     end = time.monotonic() + 60 * options.minutes
     files = find_modules(options.packages)
     mutants = [mutant for module, file in files.items() for mutant in find_mutants(module, file)]

@@ -7,6 +7,7 @@ import tempfile
 import threading
 import warnings
 from collections.abc import Mapping, Sequence, Set
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +16,9 @@ from scipy.spatial.distance import pdist
 import mograft as mg
 import mograft.constraints as mc
 from mograft import clustering, formats
-from tests.weekly.attack.outcome import Outcome
 
 EXEMPT = {
-    "from_pybvh": "needs an optional package",
-    "to_pybvh": "needs an optional package",
-    "write_usd": "needs an optional package",
+    **dict.fromkeys(("from_pybvh", "to_pybvh", "write_usd"), "needs an optional package"),
     "write_video": "runs ffmpeg",
     "write_amass": "needs a file of AMASS",
     "read_offsets": "reads one JSON file, without a library or motion",
@@ -30,15 +28,8 @@ EXEMPT = {
 """Public functions that are not called, and why."""
 
 
-def write_file(write, suffix):
-    """Return the bytes of the file that a function writes."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"m{suffix}"
-        write(path)
-        return path.read_bytes()
-
-
-def read_back(read, write, suffix):
+def through_file(write, suffix, read=Path.read_bytes):
+    """Return what `read` returns for the file that `write` makes; by default its bytes."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"m{suffix}"
         write(path)
@@ -46,78 +37,11 @@ def read_back(read, write, suffix):
 
 
 def replay(library):
-    return read_back(
-        lambda path: mg.replay(path.with_suffix(".json"), library),
+    return through_file(
         lambda path: mg.write_graft(mg.graft(library, seed=4), path),
         ".bvh",
+        lambda path: mg.replay(path.with_suffix(".json"), library),
     )
-
-
-def points_of(library):
-    return np.array(library.embedding["lower"].points)
-
-
-FAR = (mc.Avoid(mc.Sphere((0.0, 900.0, 0.0), 5.0)),)
-CALLS = {
-    "discover_groups": lambda library: mg.discover_groups(library.clips[:2]),
-    "graft": lambda library: mg.graft(library, library.names[-1], seed=3),
-    "graft_many": lambda library: mg.graft_many(library, count=3, seed=1)[:],
-    "advise": lambda library: mg.advise(mg.graft(library, seed=2)),
-    "edit": lambda library: mg.edit(mg.graft(library, seed=4), reroll=[2]),
-    "graft_record": lambda library: mg.graft_record(mg.graft(library, seed=4)),
-    "repair": lambda library: mg.repair(library, constraints=FAR),
-    "replay": replay,
-    "write_graft": lambda library: write_file(
-        lambda path: mg.write_graft(mg.graft(library, seed=5), path), ".bvh"
-    ),
-    "write": lambda library: write_file(
-        lambda path: mg.write(mg.graft(library, seed=5), path), ".bvh"
-    ),
-    "report_page": lambda library: mg.report_page([mg.graft(library, seed=6)]).html,
-    "view": lambda library: mg.view(library.clips[0], groups=library.groups).html,
-    "join_pieces": lambda library: mg.join_pieces(stream_pieces(library), "joined"),
-    "candidates": lambda library: mg.candidates(library, 3, "upper"),
-    "candidates with constraints": lambda library: mg.candidates(library, 2, "upper", FAR),
-    "Library.to_dataframe": lambda library: [
-        library.to_dataframe(table) for table in ("segments", "clips", "points")
-    ],
-    "Library.relabelled": lambda library: library.relabelled(mg.Config(sigma_scale=0.7)).labels,
-    "Library.with_mirror_images": lambda library: library.with_mirror_images().segments,
-    "Library.with_clip": lambda library: library.with_clip(library.clips[0][5:]).boundary_states,
-    "Library.find_clip": lambda library: library.find_clip(library.clips[-1]),
-    "Library.clips": lambda library: list(library.clips),
-    "Library.samples": lambda library: [chunk.rows for chunk in library.samples.chunks()],
-    "Library.save": lambda library: read_back(mg.Library.open, library.save, ".mograft").labels,
-    "cut": lambda library: clustering.cut(points_of(library), 2.0),
-    "linkage": lambda library: clustering.linkage(points_of(library)),
-    "linkage_condensed": lambda library: clustering.linkage_condensed(pdist(points_of(library))),
-    "threshold": lambda library: clustering.threshold(points_of(library)),
-    "segment": lambda library: mg.segment(library.clips[0]),
-    "find_faults": lambda library: mg.find_faults(library.clips[0]),
-    "foot_skate": lambda library: mg.foot_skate(library.clips[0]),
-    "plant_feet": lambda library: mg.plant_feet(library.clips[0]),
-    "kinetic_energy": lambda library: mg.kinetic_energy(library.clips[0]),
-    "mirror": lambda library: mg.mirror(library.clips[0]),
-    "read_bvh": lambda library: mg.read_bvh(bvh_of(library)),
-    "scan_bvh": lambda library: formats.scan_bvh(bvh_of(library)).n_frames,
-    "write_bvh": lambda library: bvh_of(library).getvalue(),
-    "read": lambda library: read_back(
-        lambda path: mg.read(path)[0], lambda path: mg.write_bvh(library.clips[0], path), ".bvh"
-    ),
-    "read_npz": lambda library: read_back(
-        formats.read_npz, lambda path: formats.write_npz(library.clips[0], path), ".npz"
-    ),
-    "write_npz": lambda library: write_file(
-        lambda path: formats.write_npz(library.clips[0], path), ".npz"
-    ),
-    "write_csv": lambda library: write_file(
-        lambda path: formats.write_csv(library.clips[0], path), ".csv"
-    ),
-    "write_glb": lambda library: write_file(
-        lambda path: formats.write_glb(library.clips[0], path), ".glb"
-    ),
-}
-"""Calls by the name of the public function, each on a library with several clips."""
 
 
 def stream_pieces(library):
@@ -127,11 +51,63 @@ def stream_pieces(library):
     return stream.pieces()
 
 
-def bvh_of(library):
+def bvh_of(clip):
     file = io.BytesIO()
-    mg.write_bvh(library.clips[0], file)
+    mg.write_bvh(clip, file)
     file.seek(0)
     return file
+
+
+FAR = (mc.Avoid(mc.Sphere((0.0, 900.0, 0.0), 5.0)),)
+LIBRARY_CALLS = {
+    "discover_groups": lambda own: mg.discover_groups(own.clips[:2]),
+    "graft": lambda own: mg.graft(own, own.names[-1], seed=3),
+    "graft_many": lambda own: mg.graft_many(own, count=3, seed=1)[:],
+    "advise": lambda own: mg.advise(mg.graft(own, seed=2)),
+    "newness": lambda own: mg.newness(mg.graft(own, seed=2)),
+    "edit": lambda own: mg.edit(mg.graft(own, seed=4), reroll=[2]),
+    "graft_record": lambda own: mg.graft_record(mg.graft(own, seed=4)),
+    "repair": lambda own: mg.repair(own, constraints=FAR),
+    "replay": replay,
+    "write_graft": lambda own: through_file(lambda p: mg.write_graft(mg.graft(own), p), ".bvh"),
+    "write": lambda own: through_file(lambda p: mg.write(mg.graft(own), p), ".bvh"),
+    "report_page": lambda own: mg.report_page([mg.graft(own, seed=6)]).html,
+    "view": lambda own: mg.view(own.clips[0], groups=own.groups).html,
+    "join_pieces": lambda own: mg.join_pieces(stream_pieces(own), "joined"),
+    "candidates": lambda own: [mg.candidates(own, 3, "upper", far) for far in ((), FAR)],
+    "to_dataframe": lambda own: [own.to_dataframe(t) for t in ("segments", "clips", "points")],
+    "relabelled": lambda own: own.relabelled(mg.Config(sigma_scale=0.7)).labels,
+    "with_mirror_images": lambda own: own.with_mirror_images().segments,
+    "with_clip": lambda own: own.with_clip(own.clips[0][5:]).boundary_states,
+    "find_clip": lambda own: own.find_clip(own.clips[-1]),
+    "clips": lambda own: list(own.clips),
+    "samples": lambda own: [chunk.rows for chunk in own.samples.chunks()],
+    "save": lambda own: through_file(own.save, ".mograft", mg.Library.open).labels,
+}
+CLIP_CALLS = {
+    **{name: getattr(mg, name) for name in ("segment", "find_faults", "foot_skate", "plant_feet")},
+    **{name: getattr(mg, name) for name in ("kinetic_energy", "mirror")},
+    "read_bvh": lambda clip: mg.read_bvh(bvh_of(clip)),
+    "scan_bvh": lambda clip: formats.scan_bvh(bvh_of(clip)).n_frames,
+    "write_bvh": lambda clip: bvh_of(clip).getvalue(),
+    "read": lambda clip: through_file(
+        lambda path: mg.write_bvh(clip, path), ".bvh", lambda path: mg.read(path)[0]
+    ),
+    "read_npz": lambda clip: through_file(
+        lambda path: formats.write_npz(clip, path), ".npz", formats.read_npz
+    ),
+    "write_npz": lambda clip: through_file(lambda p: formats.write_npz(clip, p), ".npz"),
+    "write_csv": lambda clip: through_file(lambda p: formats.write_csv(clip, p), ".csv"),
+    "write_glb": lambda clip: through_file(lambda p: formats.write_glb(clip, p), ".glb"),
+}
+POINT_CALLS = {
+    "cut": lambda points: clustering.cut(points, 2.0),
+    "linkage": clustering.linkage,
+    "linkage_condensed": lambda points: clustering.linkage_condensed(pdist(points)),
+    "threshold": clustering.threshold,
+}
+CALLS = LIBRARY_CALLS | CLIP_CALLS | POINT_CALLS
+"""Calls by the name of the public function or method of libraries."""
 
 
 def fingerprint(value):
@@ -162,38 +138,33 @@ def _update(digest, value):
         digest.update(value if isinstance(value, bytes) else repr(value).encode())
 
 
-def run_calls(library, names):
-    """Return the `fingerprint` of the result of each call, by name."""
-    with warnings.catch_warnings():
+def run_call(library, name):
+    """Return the `fingerprint` of the result of a call."""
+    if name in LIBRARY_CALLS:
+        return fingerprint(LIBRARY_CALLS[name](library))
+    if name in CLIP_CALLS:
+        return fingerprint(CLIP_CALLS[name](library.clips[0]))
+    return fingerprint(POINT_CALLS[name](np.array(library.embedding["lower"].points)))
+
+
+def compare_threads(folder, n_threads=8):
+    """Make all calls in several threads on one opened library, each thread in another order."""
+    names = list(CALLS)
+
+    def work(number):
+        shift, found = number * len(names) // n_threads, []
+        for name in names[shift:] + names[:shift]:
+            start.wait()
+            try:
+                is_same = run_call(library, name) == expected[name]
+                found.append("" if is_same else f"{name}: another result")
+            except Exception as error:  # any error of a thread is a failure
+                found.append(f"{name}: {error!r}")
+        return found
+
+    with warnings.catch_warnings(), ThreadPoolExecutor(n_threads) as pool:
         warnings.simplefilter("ignore")
-        return {name: fingerprint(CALLS[name](library)) for name in names}
-
-
-def compare_threads(folder, n_threads=8, rounds=1):
-    """Run all calls in several threads on one opened library, each thread in another order."""
-    names, outcome = list(CALLS), Outcome()
-    expected = run_calls(mg.Library.open(folder), names)
-    for _ in range(rounds):
+        library = mg.Library.open(folder)
+        expected = {name: run_call(library, name) for name in names}
         library, start = mg.Library.open(folder), threading.Barrier(n_threads)
-
-        def work(number, library=library, start=start):
-            shift = number * len(names) // n_threads
-            for name in names[shift:] + names[:shift]:
-                start.wait()
-                try:
-                    found = fingerprint(CALLS[name](library))
-                except Exception as error:  # any error of a thread is a failure
-                    outcome.failures.append(f"{name}: {error!r}")
-                    continue
-                if found != expected[name]:
-                    outcome.failures.append(f"{name}: another result")
-
-        threads = [threading.Thread(target=work, args=(i,)) for i in range(n_threads)]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            for thread in threads:
-                thread.start()
-            for thread in threads:
-                thread.join()
-        outcome.trials += n_threads * len(names)
-    return outcome
+        return [message for found in pool.map(work, range(n_threads)) for message in found]

@@ -1,23 +1,24 @@
-"""Experiments with interrupted writes; each returns the number of trials and the failures."""
+"""Experiments with interrupted writes; each yields the defects of every trial, "" if none."""
 
+import contextlib
 import errno
+import io
+import os
 import shutil
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from mograft import LibraryError, write_bvh
 from mograft.dancer import dance
-from tests.weekly.attack.faults import FaultServer
+from tests.weekly.attack import faults
 from tests.weekly.attack.lost_writes import Disk
-from tests.weekly.attack.outcome import Outcome
 from tests.weekly.attack.write_paths import (
     WRITE_PATHS,
     hash_tree,
+    is_allowed,
     list_debris,
-    reset,
     visible_state,
 )
 
@@ -31,193 +32,130 @@ _FAULTS = (
 _LOSSES = ((0.0, 0.0), (1.0, 0.0), (0.5, 0.5))  # probabilities of names and data to be kept
 
 
-@dataclass(frozen=True)
-class Baseline:
-    """A command without faults: the states before and after it, its run, and the visible names."""
+class Attack:
+    """A command of `write_paths` in a folder, its old and new state, and its run without faults."""
 
-    old: dict[str, str]
-    new: dict[str, str]
-    run: object
-
-
-class CrashHarness:
-    """Runs the commands of `write_paths` with faults in a folder; a context manager."""
-
-    def __init__(self, folder, paths=WRITE_PATHS, n_frames=60):
-        self._folder, self.trial = folder, folder / "trial"
-        self.paths, self._n_frames = paths, n_frames
-        self._baselines = {}
+    def __init__(self, folder, path):
+        self.path, self.template, self.work = path, folder / "template", folder / "work"
         self._checked = set()  # folders from which the next start was tried
-
-    def __enter__(self):
         motion = dance(seed=5, strides=1).motion
-        inputs = self.trial / "in"
-        inputs.mkdir(parents=True)
-        for number, name in enumerate(("a", "b")):
-            start = 90 * number
-            write_bvh(motion[start : start + self._n_frames], inputs / f"{name}.bvh")
-        warm_folder = self._folder / "warm"
-        shutil.copytree(inputs, warm_folder / "in")
-        (warm_folder / "work").mkdir()
-        commands = [["index", str(inputs / "a.bvh"), "-o", str(inputs / "l")]]
-        commands.append(["index", str(warm_folder / "in/a.bvh"), "-o", str(warm_folder / "in/l")])
-        for path in self.paths:
-            commands += [path.fill(words, warm_folder) for words in (*path.prepare, path.again)]
-        self._server = FaultServer(self._folder, commands).__enter__()
-        return self
+        for name in ("in", "work"):
+            (folder / name).mkdir()
+        write_bvh(motion[:60], folder / "in/a.bvh")
+        write_bvh(motion[90:150], folder / "in/b.bvh")
+        self._run_here("index in/a.bvh -o in/l")
+        if path.prepare:
+            self._run_here(path.prepare)
+        self.old = visible_state(self.work)
+        shutil.copytree(self.work, self.template)
+        self._run_here(path.again)  # so that the forks need not import its modules
+        self.whole = self.run()
+        assert self.whole.code == 0, self.whole.output
+        self.new = visible_state(self.work)
 
-    def __exit__(self, *_):
-        self._server.__exit__()
+    def _fill(self, words):
+        is_path = ("in/", "work/")
+        folder = self.work.parent
+        return [str(folder / w) if f"{w}/".startswith(is_path) else w for w in words.split()]
 
-    def _template(self, path):
-        return self._folder / "templates" / path.name.replace(" ", "")
+    def _run_here(self, words):
+        texts = io.StringIO()
+        with contextlib.redirect_stdout(texts), contextlib.redirect_stderr(texts):
+            assert faults.run_command(self._fill(words)) == 0, texts.getvalue()
 
-    def baseline(self, path):
-        """Return the `Baseline` of a write path."""
-        if path.name not in self._baselines:
-            template = self._template(path)
-            work = self.trial / "work"
-            shutil.rmtree(work, ignore_errors=True)
-            work.mkdir(parents=True)
-            for words in path.prepare:
-                run = self._server.run(path.fill(words, self.trial), work)
-                assert run.code == 0, run.output
-            shutil.copytree(work, template / "work")
-            old = visible_state(work)
-            run = self._server.run(path.fill(path.words, self.trial), work, has_log=True)
-            assert run.code == 0, run.output
-            self._baselines[path.name] = Baseline(old, visible_state(work), run)
-        return self._baselines[path.name]
+    def run(self, *fault, **options):
+        """Run the command from its old state; see `faults.run`."""
+        shutil.rmtree(self.work)
+        shutil.copytree(self.template, self.work)
+        return faults.run(self._fill(self.path.words), self.work, *fault, **options)
 
-    def _run(self, path, *arguments, **options):
-        reset(self.trial, self._template(path))
-        words = path.fill(path.words, self.trial)
-        return self._server.run(words, self.trial / "work", *arguments, **options)
+    def check(self, run, what, *defects):
+        """Return the defects of the state after a run, and of the next start, as a message."""
+        found = "; ".join([*filter(None, defects), *self._find_defects(run)])
+        return found and f"{self.path.name}, {what}: {found}"
 
-    def _check(self, path, run, what, outcome):
-        """Check the state after a run, and that the next start works and leaves no debris."""
-        work, baseline = self.trial / "work", self.baseline(path)
-        outcome.trials += 1
-
-        def fail(message):
-            outcome.failures.append(f"{path.name}, {what}: {message}")
-
+    def _find_defects(self, run):
         try:
-            state = visible_state(work)
+            state = visible_state(self.work)
         except (LibraryError, OSError, ValueError) as error:
-            fail(f"the state cannot be read: {error}")
+            yield f"the state cannot be read: {error}"
             return
-        if not path.allows(state, baseline.old, baseline.new):
-            fail(f"the state is neither old nor new: {sorted(state)}")
-        if run.code == 0 and state != baseline.new:
-            fail("the command succeeded, but the state is not new")
+        if not is_allowed(state, self.old, self.new):
+            yield f"the state is neither old nor new: {sorted(state)}"
+        if run.code == 0 and state != self.new:
+            yield "the command succeeded, but the state is not new"
         if "Traceback" in run.output:
-            fail(f"traceback: {run.output[-300:]}")
-        tree = (path.name, hash_tree(work))
+            yield f"traceback: {run.output[-300:]}"
+        tree = hash_tree(self.work)
         if tree in self._checked:
             return  # the next start from the same files was tried
         self._checked.add(tree)
-        again = self._server.run(path.fill(path.again, self.trial), work)
+        again = faults.run(self._fill(self.path.again), self.work)
         if again.code:
-            fail(f"the next start fails: {again.output[-300:]}")
-            return
-        if visible_state(work) != baseline.new:
-            fail("the state after the next start is not new")
-        debris = list_debris(work, baseline.new)
-        if debris:
-            fail(f"the next start leaves {debris}")
+            yield f"the next start fails: {again.output[-300:]}"
+        elif visible_state(self.work) != self.new:
+            yield "the state after the next start is not new"
+        elif debris := list_debris(self.work, self.new):
+            yield f"the next start leaves {debris}"
 
-    def faults(self, path, every=1):
-        """Fail each `every`-th call in turn, once or for good, or end the process before it."""
-        outcome = Outcome()
-        for call in range(1, self.baseline(path).run.calls + 1, every):
-            for mode, number, further in _FAULTS:
-                if call // every % further:
-                    continue
-                run = self._run(path, mode, call, errno=number)
+
+def failed_calls(attack, scale):
+    """Fail a share of the calls in turn, once or for good, or end the process before them."""
+    every = round(1 / scale)
+    for call in range(1, attack.whole.calls + 1, every):
+        for mode, number, further in _FAULTS:
+            if call // every % further == 0:
+                run = attack.run(mode, call, errno=number)
+                missed = "no fault" if run.faults == 0 and run.calls >= call else ""
                 what = f"{mode} at call {call} ({errno.errorcode.get(number)})"
-                self._check(path, run, what, outcome)
-                if run.faults == 0 and run.calls >= call:
-                    outcome.failures.append(f"{path.name}: no fault at call {call}")
-        return outcome
-
-    def losses(self, path, every=1, seed=0):
-        """End the process at each `every`-th call in turn, and lose what was not synced."""
-        outcome, rng = Outcome(), np.random.default_rng(seed)
-        last = self.baseline(path).run.calls + 1  # without a kill: the command ends
-        for call in [*range(1, last, every), last]:
-            reset(self.trial, self._template(path))
-            disk = Disk(self.trial / "work")
-            words = path.fill(path.words, self.trial)
-            run = self._server.run(words, self.trial / "work", "kill", call, has_log=True)
-            disk.replay(run.log)
-            disk.load()
-            for keep_names, keep_data in _LOSSES:
-                disk.write_lost(rng, keep_names=keep_names, keep_data=keep_data)
-                what = f"losses after call {call - 1}, keeping {keep_names} {keep_data}"
-                self._check(path, run, what, outcome)
-        return outcome
-
-    def full_disk(self, path, every=1, *, every_byte=False):
-        """Let writes fail after numbers of bytes: every one, or before, in and after each write."""
-        outcome, baseline = Outcome(), self.baseline(path)
-        sizes = [int(line[1]) for line in baseline.run.log if line[0] == "write"]
-        stops = np.cumsum([0, *sizes])
-        counts = np.unique([stops - 1, stops, stops + 1, stops + np.append(sizes, 0) // 2])
-        if every_byte:
-            counts = np.arange(stops[-1] + 1)
-        visible = {name.split("/")[0] for name in (*baseline.old, *baseline.new)}
-        for count in counts[counts >= 0][::every].tolist():
-            run = self._run(path, "full", count)
-            debris = {entry.name for entry in (self.trial / "work").iterdir()} - visible
-            if debris:
-                outcome.failures.append(f"{path.name}, full at {count}: leaves {debris}")
-            if run.code == 0 and count < stops[-1]:
-                outcome.failures.append(f"{path.name}, full at {count}: exit code 0")
-            self._check(path, run, f"full after {count} bytes", outcome)
-        return outcome
-
-    def random_kills(self, path, count, seed=0):
-        """Kill the process at random moments of its run."""
-        outcome, rng = Outcome(), np.random.default_rng(seed)
-        seconds = self.baseline(path).run.seconds
-        for _ in range(count):
-            delay = float(rng.uniform(0.0, 1.1 * seconds))
-            run = self._run(path, seconds=delay)
-            self._check(path, run, f"killed after {delay:.4f} s", outcome)
-        return outcome
+                yield attack.check(run, what, missed)
 
 
-def try_all(experiment, scale, paths=WRITE_PATHS):
-    """Return the outcome of an experiment of `CrashHarness` for all commands.
+def lost_writes(attack, scale):
+    """End the process at a share of the calls in turn, and lose what was not synced."""
+    rng, last = np.random.default_rng(0), attack.whole.calls + 1  # at the last, the command ends
+    for call in [*range(1, last, round(1 / scale)), last]:
+        run, disk = attack.run("kill", call), Disk(attack.work, attack.template)
+        disk.replay(run.log)
+        for kept in _LOSSES:
+            disk.write_lost(rng, *kept)
+            yield attack.check(run, f"losses after call {call - 1}, keeping {kept}")
+
+
+def full_disks(attack, scale):
+    """Let writes fail after numbers of bytes: each of a small output, else around every write."""
+    sizes = [int(line[1]) for line in attack.whole.log if line[0] == "write"]
+    stops = np.cumsum([0, *sizes])
+    counts = np.unique([stops - 1, stops, stops + 1, stops + np.append(sizes, 0) // 2])
+    if stops[-1] < 2_000:
+        counts = np.arange(stops[-1] + 1)
+    for count in counts[counts >= 0][:: round(1 / scale)].tolist():
+        run = attack.run("full", count)
+        is_unseen = run.code == 0 and count < stops[-1]
+        debris = list_debris(attack.work, attack.old | attack.new)
+        yield attack.check(
+            run,
+            f"full after {count} bytes",
+            f"leaves {debris}" if debris else "",
+            "exit code 0" if is_unseen else "",
+        )
+
+
+def random_kills(attack, scale):
+    """Kill at random moments: 100 times commands that write libraries, 40 times others."""
+    rng, count = np.random.default_rng(0), 100 if "work/l" in attack.path.words else 40
+    for _ in range(max(1, round(scale * count))):
+        delay = float(rng.uniform(0.0, 1.1 * attack.whole.seconds))
+        yield attack.check(attack.run(seconds=delay), f"killed after {delay:.4f} s")
+
+
+def try_commands(experiment, scale, names=None):
+    """Yield the trials of an experiment with all commands, or those with the given names.
 
     `scale` is the share of calls, or of kills, that are tried.
     """
-    outcome = Outcome()
-    memory = Path("/dev/shm")  # what is not synced is lost in the model, not on the disk
-    temporary = tempfile.TemporaryDirectory(dir=memory if memory.is_dir() else None)
-    with temporary as folder, CrashHarness(Path(folder), paths) as harness:
-        for path in paths:
-            outcome.add(experiment(harness, path, scale))
-    return outcome
-
-
-def failed_calls(harness, path, scale):
-    """Fail calls in turn; see `CrashHarness.faults`."""
-    return harness.faults(path, round(1 / scale))
-
-
-def lost_writes(harness, path, scale):
-    """Lose what was not synced; see `CrashHarness.losses`."""
-    return harness.losses(path, round(1 / scale))
-
-
-def full_disks(harness, path, scale):
-    """Fill the disk: at every byte for the smallest command, else around every write."""
-    return harness.full_disk(path, round(1 / scale), every_byte=path.name == "groups")
-
-
-def random_kills(harness, path, scale):
-    """Kill at random moments: 100 times commands that write libraries, 40 times others."""
-    count = 100 if path.name.startswith("index") else 40
-    return harness.random_kills(path, max(1, round(scale * count)))
+    memory = "/dev/shm"  # what is not synced is lost in the model, not on the disk
+    for path in WRITE_PATHS:
+        if names is None or path.name in names:
+            with tempfile.TemporaryDirectory(dir=memory if os.path.isdir(memory) else None) as own:
+                yield from experiment(Attack(Path(own), path), scale)

@@ -1,92 +1,104 @@
-"""Commands with failing writes: a preloaded library fails, ends or logs the calls of a process."""
+"""Commands with failing writes: a preloaded library fails, ends or logs the calls of a process.
 
-import json
+Commands run in forks of a process that was started by `start`.
+"""
+
+import contextlib
+import ctypes
+import mmap
 import os
 import shutil
+import signal
 import subprocess
 import sys
-from dataclasses import dataclass
+import tempfile
+import time
+import traceback
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
+from mograft.cli import main
+
 _SOURCE = Path(__file__).with_name("io_faults.c")
-_ROOT = Path(__file__).resolve().parents[3]
+_MODES = ("none", "fail once", "fail from", "kill", "full")
 
 
-@dataclass(frozen=True)
-class Run:
-    """The end of a command: exit code (negative for a signal), output, counted calls and bytes."""
+class Run(NamedTuple):
+    """The end of a command: exit code (negative for a signal), output, numbers of calls and faults.
+
+    `log` has the words of each line of the preloaded library.
+    """
 
     code: int
     output: str
-    calls: int
-    bytes: int
-    faults: int
     seconds: float
-    log: tuple[tuple[str, ...], ...]
+    calls: int
+    faults: int
+    log: list[list[str]]
 
 
-def build_shim(folder):
-    """Compile the preloaded library in a folder; skip the test where that is impossible."""
-    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+def start(words):
+    """Run a module of Python with the preloaded library; return its end.
+
+    The test is skipped where the library cannot be compiled.
+    """
+    compiler = next(filter(shutil.which, ("cc", "gcc", "clang")), None)
     if not sys.platform.startswith("linux") or compiler is None:
         pytest.skip("needs Linux and a C compiler")
-    shim = folder / "io_faults.so"
-    command = [compiler, "-shared", "-fPIC", "-O1", "-o", shim, _SOURCE, "-ldl", "-lpthread"]
-    subprocess.run(command, check=True)
-    return shim
+    with tempfile.TemporaryDirectory() as folder:
+        shim = Path(folder) / "io_faults.so"
+        command = [compiler, "-shared", "-fPIC", "-O1", "-o", shim, _SOURCE, "-ldl", "-lpthread"]
+        subprocess.run(command, check=True)
+        environment = {**os.environ, "LD_PRELOAD": str(shim)}
+        environment |= {"OPENBLAS_NUM_THREADS": "1"}  # a process with threads is not forked
+        command = [sys.executable, "-m", *words]
+        return subprocess.run(command, env=environment, text=True, capture_output=True, check=False)
 
 
-class FaultServer:
-    """A process that runs commands of mograft in forked processes; a context manager.
+def run_command(words):
+    """Return the exit code of ``mograft`` with these arguments."""
+    try:
+        return main(words)
+    except SystemExit as error:
+        return error.code if isinstance(error.code, int) else 1
 
-    `warm` are commands that are run first, so that their modules are imported. `folder` is for
-    temporary files outside of the folders of commands.
+
+def run(words, root, mode="none", at=0, *, errno=5, seconds=None):
+    """Run ``mograft`` with `words` in a fork; calls on paths in the folder `root` can fail.
+
+    `mode` is one of `_MODES`: "fail once" fails call number `at` with `errno`, "fail from" also all
+    later ones, "kill" ends the process at the call, and "full" fails writes after `at` bytes. After
+    `seconds` the process is killed.
     """
-
-    def __init__(self, folder, warm):
-        self._folder = folder
-        environment = {**os.environ, "LD_PRELOAD": str(build_shim(folder)), "PYTHONPATH": ""}
-        environment["PYTHONPATH"] = os.pathsep.join([str(_ROOT), *sys.path])
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "tests.weekly.attack.fault_server", json.dumps(warm)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            env=environment,
-            cwd=folder,
-        )
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self._process.stdin.close()
-        self._process.wait()
-        self._process.stdout.close()
-
-    def run(self, words, root, mode="none", at=0, *, errno=5, seconds=None, has_log=False):
-        """Run ``mograft`` with `words`; calls on paths in the folder `root` can fail.
-
-        `mode` is one of `fault_server.MODES`: "fail once" fails call number `at` with `errno`,
-        "fail from" also all later ones, "kill" ends the process at the call, and "full" fails
-        writes after `at` bytes. After `seconds` the process is killed.
-        """
-        log, output = self._folder / "log", self._folder / "output"
-        request = {
-            "words": [str(word) for word in words],
-            "root": str(root),
-            "mode": mode,
-            "at": at,
-            "errno": errno,
-            "seconds": seconds,
-            "log": str(log) if has_log else "",
-            "output": str(output),
-        }
-        print(json.dumps(request), file=self._process.stdin, flush=True)
-        reply = json.loads(self._process.stdout.readline())
-        lines = log.read_text().splitlines() if has_log else []
-        return Run(
-            **reply, output=output.read_text(), log=tuple(tuple(line.split("\t")) for line in lines)
-        )
+    memory = mmap.mmap(-1, mmap.PAGESIZE)
+    counters = (ctypes.c_long * 3).from_buffer(memory)
+    with tempfile.TemporaryFile("w+") as output, tempfile.TemporaryFile("w+") as log:
+        start_time = time.perf_counter()
+        child = os.fork()
+        if not child:
+            code = 70
+            try:
+                for handle in (1, 2):
+                    os.dup2(output.fileno(), handle)
+                fault = (_MODES.index(mode), ctypes.c_long(at), errno)
+                arm = ctypes.CDLL(os.environ["LD_PRELOAD"]).faults_arm
+                arm(os.fsencode(root), *fault, log.fileno(), ctypes.byref(counters))
+                code = run_command(words)
+            except BaseException:  # reported like a traceback of the command
+                traceback.print_exc()
+            with contextlib.suppress(OSError):
+                sys.stdout.flush()
+                sys.stderr.flush()
+            os._exit(code)
+        if seconds is not None:
+            time.sleep(seconds)
+            os.kill(child, signal.SIGKILL)  # the child is not yet reaped
+        _, status = os.waitpid(child, 0)
+        used = time.perf_counter() - start_time
+        output.seek(0)
+        log.seek(0)
+        lines = [line.split("\t") for line in log.read().splitlines()]
+        code = os.waitstatus_to_exitcode(status)
+        return Run(code, output.read(), used, counters[0], counters[2], lines)

@@ -45,8 +45,6 @@ void faults_arm(const char *folder, int kind, long at, int error, int log, void 
     mode = kind;
 }
 
-void faults_disarm(void) { root_length = 0; }
-
 static const char *full_path(int folder, const char *path, char *buffer) {
     if (!path) return NULL;
     if (path[0] == '/') return path;

@@ -1,6 +1,5 @@
 """The files that a power failure may leave: writes and names that were not synced can be lost."""
 
-import os
 import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,7 +8,7 @@ from pathlib import Path
 @dataclass(eq=False)
 class _File:
     content: bytes | None = None  # None: that of the file on disk
-    is_synced: bool = True
+    is_synced: bool = False
 
 
 @dataclass(eq=False)
@@ -25,19 +24,16 @@ class Disk:
     after the last write, and a folder its entries only if the folder was, each folder by itself.
     """
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, before: Path) -> None:
+        """Start with the contents of the folder `before`, which are synced."""
         self._root = root
-        self._tree = self._scan(root)
+        self._tree = self._scan(before)
 
     def _scan(self, path):
-        folder = _Folder()
-        for entry in os.scandir(path):
-            own = Path(entry.path)
-            folder.entries[entry.name] = (
-                self._scan(own) if entry.is_dir() else _File(own.read_bytes())
-            )
-        folder.synced = dict(folder.entries)
-        return folder
+        if path.is_file():
+            return _File(path.read_bytes(), is_synced=True)
+        entries = {entry.name: self._scan(entry) for entry in path.iterdir()}
+        return _Folder(entries, dict(entries))
 
     def _find(self, path):
         found = self._tree
@@ -45,64 +41,60 @@ class Disk:
             found = found.entries[name]
         return found
 
-    def replay(self, log):
-        """Apply the lines of a log of the preloaded library."""
-        for call, _, path, *second in log:
-            target = Path(path)
-            if call == "sync":
-                node = self._find(target)
-                if isinstance(node, _Folder):
-                    node.synced = dict(node.entries)
-                else:
-                    node.is_synced = True
-                continue
-            if call == "write":
-                node = self._find(target)
-                node.content, node.is_synced = None, False
-                continue
-            parent = self._find(target.parent)
-            if call == "create":
-                parent.entries[target.name] = _File(None, is_synced=False)
-            elif call == "mkdir":
-                parent.entries[target.name] = _Folder()
-            elif call == "unlink":
-                del parent.entries[target.name]
-            elif call in ("link", "rename"):
-                source = Path(second[0])
-                parent.entries[target.name] = self._find(source)
-                if call == "rename":
-                    del self._find(source.parent).entries[source.name]
+    def _siblings(self, path):
+        return self._find(Path(path).parent).entries
 
-    def load(self):
-        """Read the contents of all files, before the folder changes further."""
+    def replay(self, log):
+        """Apply the lines of a log of the preloaded library, and read the files that it changed.
+
+        The folder must not have changed since.
+        """
+        for call, _, path, source in log:
+            match call:
+                case "sync" if isinstance(node := self._find(path), _Folder):
+                    node.synced = dict(node.entries)
+                case "sync":
+                    node.is_synced = True
+                case "write":
+                    node = self._find(path)
+                    node.content, node.is_synced = None, False
+                case "create" | "mkdir":
+                    self._siblings(path)[Path(path).name] = (
+                        _File() if call == "create" else _Folder()
+                    )
+                case "unlink":
+                    del self._siblings(path)[Path(path).name]
+                case "link" | "rename":
+                    self._siblings(path)[Path(path).name] = self._find(source)
+                    if call == "rename":
+                        del self._siblings(source)[Path(source).name]
         self._read(self._tree, self._root)
 
-    def write_lost(self, rng, *, keep_names, keep_data):
+    def write_lost(self, rng, keep_names, keep_data):
         """Replace the folder by one that a power failure may leave.
 
         Each folder keeps its present entries with the probability `keep_names`, and otherwise has
         those of its last sync. A file that was not synced keeps its content with the probability
-        `keep_data`, and otherwise loses its end. `load` must be called before.
+        `keep_data`, and otherwise loses its end. `replay` must be called before.
         """
         shutil.rmtree(self._root)
-        self._write(self._tree, self._root, (rng, keep_names, keep_data))
+        self._write(self._tree, self._root, rng, keep_names, keep_data)
 
-    def _read(self, folder, path):
-        for name, node in folder.entries.items():
-            if isinstance(node, _Folder):
-                self._read(node, path / name)
-            elif node.content is None:
-                node.content = (path / name).read_bytes()
+    def _read(self, node, path):
+        if isinstance(node, _Folder):
+            for name, entry in node.entries.items():
+                self._read(entry, path / name)
+        elif node.content is None:
+            node.content = path.read_bytes()
 
-    def _write(self, folder, path, loss):
-        rng, keep_names, keep_data = loss
-        path.mkdir()
-        entries = folder.entries if rng.random() < keep_names else folder.synced
-        for name, node in entries.items():
-            if isinstance(node, _Folder):
-                self._write(node, path / name, loss)
-                continue
-            content = node.content or b""
-            if not node.is_synced and rng.random() >= keep_data:
-                content = content[: rng.integers(len(content))] if content else b""
-            (path / name).write_bytes(content)
+    def _write(self, node, path, rng, keep_names, keep_data):
+        if isinstance(node, _Folder):
+            path.mkdir()
+            entries = node.entries if rng.random() < keep_names else node.synced
+            for name, entry in entries.items():
+                self._write(entry, path / name, rng, keep_names, keep_data)
+            return
+        content = node.content or b""
+        if content and not node.is_synced and rng.random() >= keep_data:
+            content = content[: rng.integers(len(content))]
+        path.write_bytes(content)

@@ -1,116 +1,76 @@
-"""The commands that write, each with its old state, its result and what must hold between them."""
+"""The commands that write, and the states in which they may leave a folder."""
 
 import hashlib
 import re
-import shutil
-from dataclasses import dataclass
-from pathlib import Path
+from typing import NamedTuple
 
 from mograft.library.files import storage
 
-Files = dict[str, str]
-"""The SHA-256 of each visible file by its name; for a library the hashes of its manifest."""
 
-
-@dataclass(frozen=True)
-class WritePath:
+class WritePath(NamedTuple):
     """A command that writes to the folder ``work``; the clips ``a.bvh``, ``b.bvh`` are in ``in``.
 
-    `words` are its arguments; ``{in}`` and ``{work}`` stand for the folders. `again` are those of
-    the next start, `prepare` are the commands that make the old state.
+    `words` are its arguments, and `prepare` those of the command that makes the old state.
     """
 
     name: str
-    words: tuple[str, ...]
-    again: tuple[str, ...]
-    prepare: tuple[tuple[str, ...], ...] = ()
-    # Names of files: the first is new only if the second is.
-    ordered: tuple[str, str] | None = None
+    words: str
+    prepare: str = ""
 
-    def fill(self, words, trial):
-        """Return arguments with the folders of a trial."""
-        folders = {"in": str(trial / "in"), "work": str(trial / "work")}
-        return [word.format(**folders) for word in words]
-
-    def allows(self, state, old, new):
-        """Return whether a state is the old or the new one, for several files one by one."""
-        if not set(state) <= set(old) | set(new):
-            return False
-        for name in set(old) | set(new):
-            if state.get(name) not in (old.get(name), new.get(name)):
-                return False
-        if self.ordered is not None:
-            first, second = self.ordered
-            is_new = state.get(first) == new.get(first) != old.get(first)
-            return not is_new or state.get(second) == new.get(second)
-        return True
+    @property
+    def again(self):
+        """The arguments of the next start."""
+        is_repeatable = self.words.endswith((" --force", " --add"))
+        return self.words if is_repeatable else f"{self.words} --force"
 
 
 _NUMBERS = re.compile(r"(?<=partial-)\d+|-\d+-[0-9a-f]+(?=\.part)")
-
-INDEX = ("index", "{in}/a.bvh", "-o", "{work}/l")
-GRAFT = ("graft", "{in}/a.bvh", "{in}/b.bvh", "-o", "{work}/g.bvh")
-CSV = ("lib", "export", "{in}/l", "--format", "csv", "-o", "{work}/tables")
-NPZ = ("lib", "export", "{in}/l", "--format", "npz", "-o", "{work}/tables.npz")
-GROUPS = ("groups", "{in}/a.bvh", "-o", "{work}/groups.toml")
-PAGE = ("view", "{in}/a.bvh", "-o", "{work}/page.html")
-GLB = ("export", "{in}/a.bvh", "-o", "{work}/a.glb")
-FORCE = ("--force",)
+_INDEX = "index in/a.bvh -o work/l"
+# The provenance holds the command, so that the next start has the same arguments.
+_GRAFT = "graft in/a.bvh in/b.bvh -o work/g.bvh --force"
 
 WRITE_PATHS = (
-    WritePath("index", INDEX, (*INDEX, *FORCE)),
-    WritePath(
-        "index --add",
-        ("index", "{in}", "-o", "{work}/l", "--add"),
-        ("index", "{in}", "-o", "{work}/l", "--add"),
-        (INDEX,),
-    ),
-    WritePath(
-        "index --force",
-        ("index", "{in}/b.bvh", "-o", "{work}/l", *FORCE),
-        ("index", "{in}/b.bvh", "-o", "{work}/l", *FORCE),
-        (INDEX,),
-    ),
-    # The provenance holds the command, so that the next start has the same arguments.
-    WritePath("graft", (*GRAFT, *FORCE), (*GRAFT, *FORCE), ordered=("g.bvh", "g.json")),
-    WritePath(
-        "graft --force",
-        (*GRAFT, *FORCE),
-        (*GRAFT, *FORCE),
-        (("graft", "{in}/b.bvh", "-o", "{work}/g.bvh"),),
-        ordered=("g.bvh", "g.json"),
-    ),
-    WritePath("lib export --format csv", CSV, (*CSV, *FORCE)),
-    WritePath("lib export --format npz", NPZ, (*NPZ, *FORCE)),
-    WritePath("groups", GROUPS, (*GROUPS, *FORCE)),
-    WritePath("view", PAGE, (*PAGE, *FORCE)),
-    WritePath("export", GLB, (*GLB, *FORCE)),
+    WritePath("index", _INDEX),
+    WritePath("index --add", "index in -o work/l --add", _INDEX),
+    WritePath("index --force", "index in/b.bvh -o work/l --force", _INDEX),
+    WritePath("graft", _GRAFT),
+    WritePath("graft --force", _GRAFT, "graft in/b.bvh -o work/g.bvh"),
+    WritePath("lib export --format csv", "lib export in/l --format csv -o work/tables"),
+    WritePath("lib export --format npz", "lib export in/l --format npz -o work/tables.npz"),
+    WritePath("groups", "groups in/a.bvh -o work/groups.toml"),
+    WritePath("view", "view in/a.bvh -o work/page.html"),
+    WritePath("export", "export in/a.bvh -o work/a.glb"),
 )
 
 
+def is_allowed(state, old, new):
+    """Return whether a state is the old or the new one, for several files one by one.
+
+    A new graft is allowed only with its new provenance.
+    """
+    is_mixed = all(state.get(name) in (old.get(name), new.get(name)) for name in state | old | new)
+    is_new_graft = state.get("g.bvh") == new.get("g.bvh") != old.get("g.bvh")
+    return is_mixed and (not is_new_graft or state.get("g.json") == new.get("g.json"))
+
+
 def visible_state(work):
-    """Return the `Files` that a user sees in a folder; raise LibraryError for a damaged library."""
-    state: Files = {}
-    for path in sorted(work.iterdir()):
-        if path.name.startswith("."):
-            continue
+    """Return the files that a user sees in a folder; raise LibraryError for a damaged library.
+
+    The result has the SHA-256 of each file by its name, and the hashes of libraries.
+    """
+    state = {}
+    for path in sorted(own for own in work.iterdir() if not own.name.startswith(".")):
         if (path / storage.MANIFEST).exists():
-            problems = storage.verify(path)
-            if problems:
+            if problems := storage.verify(path):
                 raise storage.LibraryError(f"{path}: {problems}")
-            files = storage.read_manifest(path)["files"]
             # Generations have other numbers after a failed write.
-            hashes = sorted(
+            state[path.name] = sorted(
                 (name.partition("/")[2].partition("-")[0], own["sha256"])
-                for name, own in files.items()
+                for name, own in storage.read_manifest(path)["files"].items()
             )
-            state[path.name] = repr(hashes)
-        elif path.is_dir():
-            for file in sorted(path.rglob("*")):
-                if file.is_file():
-                    state[str(file.relative_to(work))] = _hash(file)
         else:
-            state[path.name] = _hash(path)
+            files = [file for file in (path, *path.rglob("*")) if file.is_file()]
+            state |= {str(file.relative_to(work)): _hash(file) for file in files}
     return state
 
 
@@ -125,18 +85,10 @@ def list_debris(work, expected):
 
 def hash_tree(work):
     """Return a hash of all names and contents, without numbers of processes in names of drafts."""
-    digest = hashlib.sha256()
-    for path in sorted(work.rglob("*"), key=lambda path: _NUMBERS.sub("", str(path))):
-        name = _NUMBERS.sub("", str(path.relative_to(work)))
-        digest.update(f"{name} {_hash(path) if path.is_file() else ''}\n".encode())
-    return digest.hexdigest()
+    names = {path: _NUMBERS.sub("", str(path.relative_to(work))) for path in work.rglob("*")}
+    tree = [(name, _hash(path) if path.is_file() else "") for path, name in names.items()]
+    return hashlib.sha256(repr(sorted(tree)).encode()).hexdigest()
 
 
-def _hash(path: Path) -> str:
+def _hash(path):
     return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def reset(trial, template):
-    """Make the folder ``work`` of a trial a copy of that of the template."""
-    shutil.rmtree(trial / "work", ignore_errors=True)
-    shutil.copytree(template / "work", trial / "work")
