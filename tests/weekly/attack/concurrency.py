@@ -18,8 +18,6 @@ from mograft import clustering, formats
 from tests.weekly.attack.outcome import Outcome
 
 EXEMPT = {
-    "from_pybvh": "needs an optional package",
-    "to_pybvh": "needs an optional package",
     "write_usd": "needs an optional package",
     "write_video": "runs ffmpeg",
     "write_amass": "needs a file of AMASS",
