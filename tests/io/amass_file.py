@@ -4,7 +4,7 @@ import numpy as np
 
 from mograft.dancer import dance
 from mograft.io.smpl.joints import SMPL_H
-from mograft.io.smpl.stand_in import stand_in
+from mograft.io.smpl.rest import stand_in
 from mograft.library.conform import conform
 from mograft.motion import rotations
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 import mograft as mg
-from mograft.io.kimodo.joints import SKELETONS
+from mograft.io.kimodo import SKELETONS
 from mograft.motion import rotations
 from tests.strategies import smooth_rotations
 

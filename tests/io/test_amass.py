@@ -14,8 +14,7 @@ from mograft import formats
 from mograft.body.anatomy import anatomy
 from mograft.body.mass import mass_model, up_axis
 from mograft.io.smpl.joints import MODELS
-from mograft.io.smpl.rest import read_offsets, rest_skeleton
-from mograft.io.smpl.stand_in import STATURE, stand_in
+from mograft.io.smpl.rest import STATURE, read_offsets, rest_skeleton, stand_in
 from mograft.motion import rotations
 from tests.hierarchies import human
 from tests.io.amass_file import amass_arrays, write_arrays

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import mograft as mg
 from mograft.body.anatomy import anatomy
 from mograft.body.mass import mass_model, up_axis
-from mograft.io.kimodo.joints import SKELETONS, SOMA_30, SOMA_77
+from mograft.io.kimodo import SKELETONS, SOMA_30, SOMA_77
 from tests.hierarchies import DATA
 from tests.io.amass_file import write_arrays
 from tests.io.kimodo_file import kimodo_arrays

@@ -1,6 +1,5 @@
 """NPZ files that are damaged, claim too much, hold pickled objects, or have no known format."""
 
-import contextlib
 import io
 import subprocess
 import sys
@@ -8,18 +7,12 @@ import zipfile
 
 import numpy as np
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
 
 import mograft as mg
-from mograft import formats
-from mograft.dancer import dance
 from mograft.io.npz_archive import open_npz_archive
 from tests.fuzz import npz as fuzz_npz
-from tests.io.amass_file import amass_arrays, write_arrays
-from tests.io.kimodo_file import kimodo_arrays
+from tests.io.amass_file import write_arrays
 from tests.memory import PEAK_BYTES
-from tests.strategies import few_examples
 
 
 def header_of(shape, dtype="<f8"):
@@ -81,15 +74,7 @@ def test_npz_bomb_is_refused_in_bounded_memory(tmp_path):
     ("arrays", "message"),
     [
         ({"x": np.zeros(3)}, r"expected the arrays of mograft \(`format`\), AMASS .*, got x$"),
-        (
-            {"fps": np.array(30), "body_quats": np.zeros((3, 2, 4))},
-            "body_quats may hold quaternions, but .* xyzw or wxyz, and mograft does not guess it",
-        ),
-        ({"rotations": np.zeros((3, 2, 4))}, "rotations may hold quaternions"),
-        (
-            {"format": np.array("other/2")},
-            r"array `format`: expected mograft.motion/1, got other/2",
-        ),
+        ({"format": np.array("other/2")}, "`format`: expected mograft.motion/1, got other/2"),
         ({"format": np.array(None)}, "array `format`: expected numbers, got pickled objects"),
         ({"format": np.array("mograft.motion/1")}, "array `names`: expected this array, got none"),
     ],
@@ -151,46 +136,6 @@ def test_npz_without_memory_for_an_array_is_not_called_damaged(tmp_path, monkeyp
         archive.read("x", (3,))
 
 
-def test_npz_structured_array_is_described(tmp_path):
-    records = np.zeros(3, [("a", "<f8"), ("b", "<i4", (2,))])
-    archive = open_npz_archive(write_arrays(tmp_path / "a.npz", {"x": records}))
-    assert archive.headers["x"].dtype == records.dtype
-    assert archive.headers["x"].n_bytes == records.nbytes
-
-
-@pytest.fixture(scope="module")
-def valid_files(tmp_path_factory):
-    """Paths of valid files of all kinds."""
-    folder = tmp_path_factory.mktemp("valid")
-    formats.write_npz(dance(strides=1).motion[:3], folder / "m.npz")
-    write_arrays(folder / "a.npz", amass_arrays(156, 2))
-    np.savez_compressed(folder / "x.npz", **amass_arrays(165, 2))
-    write_arrays(folder / "k.npz", kimodo_arrays(30, 2)[0])
-    return sorted(folder.iterdir())
-
-
-CHANGES = st.lists(
-    st.tuples(st.booleans(), st.integers(0, 799), st.integers(0, 255)), min_size=1, max_size=4
-)
-
-
-@few_examples(150)
-@example(0, [(True, 2, 1)], None)  # a directory before the start of the file
-@given(st.integers(0, 3), CHANGES, st.none() | st.floats(0, 1))
-def test_npz_changed_bytes_give_motion_or_format_error(
-    tmp_path_factory, valid_files, kind, changes, rest
-):
-    content = bytearray(valid_files[kind].read_bytes())
-    for is_near_end, index, byte in changes:  # in the directory, or in the first header
-        content[-1 - index if is_near_end else index] = byte
-    if rest is not None:
-        del content[round(rest * len(content)) :]
-    path = tmp_path_factory.mktemp("fuzz") / "m.npz"
-    path.write_bytes(bytes(content))
-    with contextlib.suppress(mg.FormatError):
-        assert mg.read(path)[0].n_frames > 0
-
-
-@pytest.mark.parametrize("seed", [*fuzz_npz.SEEDS, *range(40)])
+@pytest.mark.parametrize("seed", [*fuzz_npz.SEEDS, *range(100)])
 def test_npz_fuzzed_file_gives_motion_or_format_error(tmp_path, seed):
     fuzz_npz.check(seed, tmp_path)

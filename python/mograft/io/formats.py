@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Protocol
 
 from mograft.io.clips import Clips
-from mograft.io.kimodo.joints import is_kimodo
+from mograft.io.kimodo import is_kimodo
 from mograft.io.smpl.joints import is_amass
 from mograft.motion.skeleton import Skeleton
 
@@ -58,10 +58,10 @@ def npz_arrays(path: Path) -> frozenset[str]:
 
 _BVH = Format("BVH", (".bvh",), "io.bvh.reader:open_bvh", lambda _, head: b"HIERARCHY" in head)
 _AMASS = Format(
-    "AMASS", (".npz",), "io.smpl.reader:open_amass", lambda path, _: is_amass(npz_arrays(path))
+    "AMASS", (".npz",), "io.smpl.amass:open_amass", lambda path, _: is_amass(npz_arrays(path))
 )
 _KIMODO = Format(
-    "Kimodo", (".npz",), "io.kimodo.reader:open_kimodo", lambda path, _: is_kimodo(npz_arrays(path))
+    "Kimodo", (".npz",), "io.kimodo:open_kimodo", lambda path, _: is_kimodo(npz_arrays(path))
 )
 _NPZ = Format(
     "NPZ",
@@ -73,7 +73,7 @@ _NPZ = Format(
 _GLTF = Format(
     "glTF",
     (".glb", ".gltf"),
-    "io.gltf.reader:open_gltf",
+    "io.gltf.document:open_gltf",
     lambda path, head: head.startswith(b"glTF") or path.suffix.lower() == ".gltf",
 )
 _FBX = Format(

@@ -12,8 +12,7 @@ from mograft._util.atomic import atomic_path
 from mograft.body.groups import JointGroups
 from mograft.io.bone_mesh import BoneMesh, bone_mesh, joint_group_indices
 from mograft.io.palette import linear_colours
-from mograft.io.single_precision import check_single_precision
-from mograft.io.units import ExportTransform
+from mograft.io.units import ExportTransform, check_single_precision
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton

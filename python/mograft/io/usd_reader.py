@@ -13,10 +13,9 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.names import unique_names
 from mograft.errors import FormatError
-from mograft.io.clips import Clips
+from mograft.io.clips import Clips, errors_of_file
+from mograft.io.gltf.animation import DEFAULT_RATE
 from mograft.io.gltf.nodes import Transforms, decompose, to_world
-from mograft.io.gltf.sampling import DEFAULT_RATE
-from mograft.io.named_errors import errors_of_file
 from mograft.io.rest_pose import RestPose, rebase
 from mograft.io.usd_crate import check_crate
 from mograft.motion import limits

@@ -16,7 +16,7 @@ from mograft.io.glb import write_glb
 from mograft.io.gltf.document import GltfFile, read_gltf_file
 from mograft.io.gltf.writer import Addition, append_animations, has_duration
 from mograft.io.npz import write_npz
-from mograft.io.smpl.writer import write_amass
+from mograft.io.smpl.amass import write_amass
 from mograft.io.usd import write_usd
 from mograft.library.discover import SourceFile
 from mograft.library.origin import ClipOrigin, find_clip_origin
