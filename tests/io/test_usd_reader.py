@@ -220,8 +220,13 @@ KEY = (np.zeros((1, 3)), [[0, 0, 0, 1.0]], np.ones((1, 3)))
         (["a", "a/b", "a/b"], ["a"], {0.0: KEY}, "expected different joints, got a/b more than"),
         (["a"], ["b"], {0.0: KEY}, "/f/walk: expected a Skeleton with the joints"),
         (["a"], ["a"], {0.0: KEY, 1e12: KEY}, "/f/walk: a duration of .* too long for 2 keys"),
-        (["a"], ["a"], {0.0: (np.zeros((2, 3)), *KEY[1:])}, "translations: expected 1 finite"),
-        (["a"], ["a"], {0.0: (np.full((1, 3), np.nan), *KEY[1:])}, "expected 1 finite values"),
+        (["a"], ["a"], {0.0: (np.zeros((2, 3)), *KEY[1:])}, "expected 1 finite translations"),
+        (
+            ["a"],
+            ["a"],
+            {0.0: (np.full((1, 3), np.nan), *KEY[1:])},
+            "expected 1 finite translations",
+        ),
         (["a"], ["a"], {0.0: (KEY[0], [[0, 0, 0, 0]], KEY[2])}, "expected unit quaternions"),
     ],
 )

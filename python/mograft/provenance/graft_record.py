@@ -11,7 +11,7 @@ from typing import Any, Self
 from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.errors import DAMAGE, ProvenanceError, join_names
-from mograft.io.bvh.decimals import check_digits
+from mograft.io.bvh.writer import check_digits
 from mograft.library.clip_table import skeleton_from_json
 from mograft.library.origin import LibraryOrigin
 from mograft.motion.skeleton import Skeleton

@@ -9,8 +9,7 @@ from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.atomic import write_bytes, write_json
 from mograft._util.validate import check_type
 from mograft.errors import suggest_name
-from mograft.io.bvh.decimals import check_digits
-from mograft.io.bvh.writer import write_bvh
+from mograft.io.bvh.writer import check_digits, write_bvh
 from mograft.io.csv import write_csv
 from mograft.io.glb import write_glb
 from mograft.io.gltf.document import GltfFile, read_gltf_file

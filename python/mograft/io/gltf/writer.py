@@ -110,18 +110,13 @@ def find_base_clip(file: GltfFile, base: Motion) -> int:
 
     Raises ValueError if no clip has the name, or its duration differs from that of `base`.
     """
-    name = base.name if base.clip is None else base.clip
+    name, expected = base.clip or base.name, f"`bases` must be clips of {file.container.path}"
     if name not in file.clip_names:
         hint = suggest_name(name, file.clip_names)
-        raise ValueError(
-            f"`bases` must be clips of {file.container.path}, which has no {name!r}{hint}"
-        )
+        raise ValueError(f"{expected}, which has no {name!r}{hint}")
     clip = file.clip_names.index(name)
     if not has_duration(file, clip, base):
-        raise ValueError(
-            f"`bases` must be clips of {file.container.path}, whose clip {name} does not last "
-            f"{base.duration:.6g} s"
-        )
+        raise ValueError(f"{expected}, whose clip {name} does not last {base.duration:.6g} s")
     return clip
 
 
@@ -135,11 +130,10 @@ def _add(file: GltfFile, motion: Motion, base: Motion | None) -> Addition:
     if base is None:
         return Addition(motion)
     check_type("bases", base, Motion)
-    if (base.n_frames, base.n_joints) != (motion.n_frames, motion.n_joints):
-        raise ValueError(
-            f"`bases` must have as many frames and joints as their motions, {motion.n_frames} and "
-            f"{motion.n_joints}, got {base.n_frames} and {base.n_joints}"
-        )
+    sizes = [f"{own.n_frames} and {own.n_joints}" for own in (motion, base)]
+    if sizes[0] != sizes[1]:
+        expected = f"as many frames and joints as their motions, {sizes[0]}"
+        raise ValueError(f"`bases` must have {expected}, got {sizes[1]}")
     return Addition(motion, base, find_base_clip(file, base))
 
 
