@@ -54,14 +54,6 @@ def test_read_amass_joint_positions_match_forward_kinematics(
     assert up_axis(motion) == 2
 
 
-@pytest.mark.parametrize("n_columns", COLUMNS)
-def test_read_amass_joints_are_a_human_of_known_names(n_columns):
-    known = anatomy(stand_in(model_of(n_columns)))
-    assert known.human
-    assert known.scheme == "names"
-    assert not known.unmatched
-
-
 def test_read_amass_without_skeleton_uses_stand_in_and_notes_it(tmp_path):
     clips = mg.read(write_arrays(tmp_path / "walk.npz", amass_arrays()))
     assert "stand-in of 1.7 m" in clips.notes[0]

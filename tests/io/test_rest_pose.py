@@ -46,3 +46,5 @@ def test_rebase_of_the_rest_pose_has_identity_rotations(seed, n_joints):
     identity = np.broadcast_to(rotations.IDENTITY, motion.rotations.shape)
     np.testing.assert_allclose(motion.rotations, identity, atol=1e-13)
     np.testing.assert_allclose(motion.world_positions()[0], places[0], atol=1e-12)
+    # Rounding does not give joints position channels.
+    assert [len(own) for own in motion.skeleton.channels] == [6, *[3] * (n_joints - 1)]

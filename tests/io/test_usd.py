@@ -9,13 +9,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mograft import EndSite, Motion, Skeleton, write_bvh
-from mograft.body.mass import mass_model
 from mograft.cli import main
 from mograft.formats import write_usd
 from mograft.io.usd import SUFFIXES, _joint_paths
-from mograft.motion import rotations
 from tests import strategies
-from tests.clients import blender
 from tests.io.glb_file import assert_equal_up_to_rotation
 from tests.strategies import HOSTILE_NAMES
 
@@ -102,27 +99,6 @@ def test_write_usd_stores_units_axes_names_and_colours(motion, tmp_path):
     assert len(np.unique(colours, axis=0)) == 4
 
 
-@pytest.mark.parametrize("axis", [[np.pi / 2, 0, 0], [0, 0, np.pi / 2], [np.pi, 0, 0]])
-def test_write_usd_any_up_axis_becomes_y(motion, tmp_path, axis):
-    tilt = rotations.exp(np.array(axis, float))
-    quats, positions = motion.rotations.copy(), motion.positions.copy()
-    quats[:, 0] = rotations.multiply(np.broadcast_to(tilt, quats[:, 0].shape), quats[:, 0])
-    positions[:, 0] = rotations.rotate(tilt, positions[:, 0])
-    write_usd(replace(motion, rotations=quats, positions=positions), tmp_path / "m.usdc")
-    stage, query, skin = open_figure(tmp_path / "m.usdc")
-    check_skin(query, skin, 30, matrices(query, 30)[:, :3, 3])
-    points = UsdGeom.Mesh(skin.GetPrim()).GetPointsAttr().Get()
-    assert skin.ComputeSkinnedPoints(query.ComputeSkinningTransforms(30), points)
-    # The fourth corner of a bone is its end, at the next joint.
-    ends = np.array(points)[3::24][: motion.n_joints - 1]
-    np.testing.assert_allclose(ends, matrices(query, 30)[1:, :3, 3], atol=1e-5)
-    actual = matrices(query, 30)[:, :3, 3]
-    expected = 0.01 * motion.world_positions()[30]
-    assert UsdGeom.GetStageUpAxis(stage) == "Y"
-    np.testing.assert_allclose(actual[:, 1], expected[:, 1], atol=1e-4)
-    assert_equal_up_to_rotation(actual, expected, 1e-4)
-
-
 def test_write_usd_passes_usd_validators(motion, tmp_path):
     lone = Skeleton(["x"], [-1], [[0, 0, 0]], end_sites=(EndSite(0, [0, 0, 0]),))
     motions = {
@@ -188,17 +164,3 @@ def test_export_command_usd_without_usd_core_names_the_extra(motion, tmp_path, c
     assert main([*command, str(tmp_path / "y.usd")]) == 1
     assert "pip install 'mograft[usd]'" in capsys.readouterr().err
     assert not (tmp_path / "y.usd").exists()
-
-
-@pytest.mark.client
-def test_write_usd_blender_joint_positions_agree(motion, tmp_path):
-    run = blender()
-    write_usd(motion, tmp_path / "m.usdc", scale=0.01)
-    frames = [0, 1, 29, motion.n_frames - 1]
-    report = run(tmp_path / "m.usdc", frames, motion.rate)
-    world = 0.01 * motion.world_positions()[frames]
-    names = motion.skeleton.names
-    actual = np.array([[heads[name] for name in names] for heads in report["heads"]])
-    # In Blender, z is up.
-    expected = np.stack([world[..., 0], -world[..., 2], world[..., 1]], axis=-1)
-    assert np.abs(actual - expected).max() < 1e-4 * 0.01 * mass_model(motion.skeleton).height

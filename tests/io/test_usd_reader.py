@@ -143,24 +143,6 @@ def test_read_usd_positions_match_usd_with_rest_rotations_scale_and_moving_prim(
         np.testing.assert_allclose(positions[frame], expected, atol=2e-3 if code == 3 else 1e-5)
 
 
-def test_read_usd_rest_pose_gives_identity_rotations(tmp_path):
-    rng = np.random.default_rng(0)
-    stage = Usd.Stage.CreateInMemory()
-    rest = [matrix(rng, rng.normal(size=3)) for _ in JOINTS]
-    define_figure(stage, "figure", JOINTS, rest)
-    keys = {
-        0.0: (
-            [m[:3, 3] for m in rest],
-            [Rotation.from_matrix(m[:3, :3]).as_quat() for m in rest],
-            np.ones((4, 3)),
-        )
-    }
-    define_animation(stage, "/figure/stand", JOINTS, keys)
-    motion = mg.read(save(stage, tmp_path / "a.usda"))["stand"]
-    assert_same_rotations(motion.rotations, np.tile([0, 0, 0, 1.0], (1, 4, 1)), atol=1e-6)
-    np.testing.assert_allclose(motion.positions[0], motion.skeleton.offsets, atol=1e-6)
-
-
 def test_read_usd_several_animations_and_roots(tmp_path):
     rng = np.random.default_rng(1)
     stage = Usd.Stage.CreateInMemory()
