@@ -69,8 +69,7 @@ def test_write_bvh_changed_joint_keeps_other_numbers(clip, data):
         np.testing.assert_allclose(off, 0.0, atol=1e-7)
 
 
-def digits_options():
-    return st.none() | st.integers(1, 12)
+DIGITS = st.none() | st.integers(1, 12)
 
 
 def angle_columns(skeleton):
@@ -79,7 +78,7 @@ def angle_columns(skeleton):
 
 
 @few_examples(40)
-@given(motions(), digits_options())
+@given(motions(), DIGITS)
 def test_write_bvh_computed_angles_are_off_by_half_a_unit_of_the_last_decimal(motion, digits):
     exact, written = motion.channel_numbers(), round_trip(motion, digits=digits).channel_values
     columns = angle_columns(motion.skeleton)
@@ -92,7 +91,7 @@ def test_write_bvh_computed_angles_are_off_by_half_a_unit_of_the_last_decimal(mo
 
 
 @few_examples(40)
-@given(motions() | clips().map(lambda clip: read(to_text(clip, Dialect()))), digits_options())
+@given(motions() | clips().map(lambda clip: read(to_text(clip, Dialect()))), DIGITS)
 def test_write_bvh_file_that_is_read_is_written_again_unchanged(motion, digits):
     first, second = io.BytesIO(), io.BytesIO()
     mg.write_bvh(motion, first, digits=digits)

@@ -56,24 +56,17 @@ def random_scene(rng, n_nodes=4, n_frames=3, *, is_scaled=True, **settings):
     def scales(shape):
         return rng.uniform(0.5, 2.0, shape) if is_scaled else np.ones(shape)
 
+    sizes = dict.fromkeys(fbx.VECTORS, 1) | {"T": 10, "R": 170, "pre": 170, "post": 170}
     nodes = [
         Node(
             f"joint{number}",
             int(rng.integers(number)) if number else -1,
-            T=vector(10),
-            R=vector(170),
             S=tuple(scales(3)),
             order=int(rng.integers(6)),
-            pre=vector(170),
-            post=vector(170),
-            rotation_offset=vector(1),
-            rotation_pivot=vector(1),
-            scaling_offset=vector(1),
-            scaling_pivot=vector(1),
+            **{name: vector(size) for name, size in sizes.items()},
         )
         for number in range(n_nodes)
     ]
-    sizes = {"T": 10, "R": 170}
     tracks = {
         (number, key): scales((n_frames, 3))
         if key == "S"

@@ -243,11 +243,6 @@ def test_write_glb_animations_adds_no_issue_of_khronos_validator(tmp_path_factor
 
 
 @pytest.mark.client
-def test_write_glb_animations_of_knight_pass_khronos_validator(knight):
-    assert not issue_codes(knight[0])
-
-
-@pytest.mark.client
 def test_blender_plays_old_and_new_animations(knight):
     path, base, motion = knight
     play = clients.blender_player()

@@ -11,8 +11,7 @@ from mograft import formats
 from mograft.motion import limits
 from tests.hierarchies import human
 from tests.io import fbx_scenes
-from tests.io.amass_file import amass_arrays
-from tests.io.kimodo_file import kimodo_arrays
+from tests.io.npz_files import amass_arrays, kimodo_arrays
 
 N_FRAMES = 12
 LIMITS = {
