@@ -101,6 +101,7 @@ def read_animation(container: Container, animation: int, nodes: frozenset[int]) 
     key_times: list[FloatArray] = []
     groups: dict[tuple[str, bool], list[tuple[int, int, int, object]]] = {}
     seen: set[tuple[object, object]] = set()
+    place = f"{own}.samplers"
     for position, channel in enumerate(channels):
         target = channel["target"]
         node, path = pair = target.get("node"), target.get("path")
@@ -110,8 +111,8 @@ def read_animation(container: Container, animation: int, nodes: frozenset[int]) 
             message = f"expected one track of the {path} of node {node}, got two"
             container.fail(f"{own}.channels[{position}]", message)
         seen.add(pair)
-        index, place = channel.get("sampler"), f"{own}.channels[{position}].sampler"
-        sampler, place = container.choose(samplers, index, place, "samplers"), f"{own}.samplers"
+        index = channel.get("sampler")
+        sampler = container.choose(samplers, index, own, "samplers")
         key = sampler.get("input")
         if type(key) is not int or key not in inputs:
             key_times.append(_read_times(container, key, f"{place}[{index}].input"))
