@@ -21,10 +21,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import mograft as mg
 from benches._common import run
 from mograft import formats
-from mograft.io.bvh.channels import channels_to_transforms
 from mograft.io.bvh.cursor import open_cursor
 from mograft.io.bvh.frames import read_frames
 from mograft.io.bvh.header import read_header
+from mograft.io.bvh.reader import channels_to_transforms
 
 MAX_LEVELS = 200
 N_RUNS = 3

@@ -6,19 +6,16 @@ from mograft.io.csv import write_csv
 from mograft.io.glb import write_glb
 from mograft.io.gltf.writer import write_glb_animations
 from mograft.io.npz import read_npz, write_npz
-from mograft.io.pybvh import from_pybvh, to_pybvh
+from mograft.io.smpl.amass import write_amass
 from mograft.io.smpl.rest import read_offsets
-from mograft.io.smpl.writer import write_amass
 from mograft.io.usd import write_usd
 
 __all__ = [
     "BvhSummary",
-    "from_pybvh",
     "read_bvh",
     "read_npz",
     "read_offsets",
     "scan_bvh",
-    "to_pybvh",
     "write_amass",
     "write_bvh",
     "write_csv",

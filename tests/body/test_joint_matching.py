@@ -6,9 +6,9 @@ import pytest
 import mograft as mg
 from mograft.body.joint_matching import match_joints
 from mograft.dancer import dance
-from mograft.io.kimodo.joints import SKELETONS
+from mograft.io.kimodo import SKELETONS
 from mograft.io.smpl.joints import MODELS
-from mograft.io.smpl.stand_in import stand_in
+from mograft.io.smpl.rest import stand_in
 from tests.hierarchies import human, skeleton_from_text
 
 CMU = (

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from mograft.cli import main
 from mograft.io.smpl.joints import SMPL_H
-from mograft.io.smpl.stand_in import stand_in
-from tests.io.amass_file import dance_arrays, write_arrays
+from mograft.io.smpl.rest import stand_in
+from tests.io.npz_files import dance_arrays, write_arrays
 
 SETTINGS = 'seed = 7\n[graft]\nvariety = 0.3\n[set]\nchoice = "viterbi"\n'
 TAGS = "clip,tags\na.bvh,walk,slow\n*.bvh,run\n"

@@ -29,7 +29,7 @@ def test_doctor_complete_installation_returns_0(capsys):
 
 
 @pytest.mark.parametrize(
-    ("name", "state", "code"), [("numpy", "broken", 1), ("pybvh", "absent", 0)]
+    ("name", "state", "code"), [("numpy", "broken", 1), ("shtab", "absent", 0)]
 )
 def test_doctor_absent_package_state_and_exit_code(capsys, monkeypatch, name, state, code):
     real = metadata.version

@@ -8,10 +8,10 @@ import pytest
 import mograft as mg
 from mograft import formats
 from mograft.io.smpl.joints import SMPL_H
-from mograft.io.smpl.stand_in import stand_in
+from mograft.io.smpl.rest import stand_in
 from mograft.stream.server import StreamServer
 from mograft.viewing.page import view
-from tests.io.amass_file import amass_arrays, dance_arrays, write_arrays
+from tests.io.npz_files import amass_arrays, dance_arrays, write_arrays
 from tests.library.test_matched_libraries import OTHER, PARTS
 
 

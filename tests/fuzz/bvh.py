@@ -14,43 +14,19 @@ import numpy as np
 import mograft as mg
 from mograft.io.bvh import cursor
 from tests.fuzz import limits, outcome
+from tests.io import bvh_helpers
 
 # Seeds of texts that failed in earlier versions.
 SEEDS = (15934, 73354)
 
-TEXT = b"""\
-HIERARCHY
-ROOT Hips
-{
-\tOFFSET 0.0 0.0 0.0
-\tCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
-\tJOINT Spine 1
-\t{
-\t\tOFFSET 0.0 10.0 0.0
-\t\tCHANNELS 3 Zrotation Xrotation Yrotation
-\t\tEnd Site tip
-\t\t{
-\t\t\tOFFSET 0.0 5.0 0.0
-\t\t}
-\t\tJOINT Head
-\t\t{
-\t\t\tOFFSET 0.0 20.0 1e-7
-\t\t\tCHANNELS 0
-\t\t}
-\t}
-}
-MOTION
-Frames: 3
-Frame Time: 0.04
-0.0 90.0 0.0 1.5 -2.25 3.0 4.0 -5.5 6.0
-0.5 90.5 1.0 2.5 -3.25 4.0 5.0 -6.5 7.0
-1.0 91.0 2.0 3.5 -4.25 5.0 6.0 -7.5 8.0
-"""
+TEXT = bvh_helpers.TEXT.replace("JOINT Spine", "JOINT Spine 1").replace("Site", "Site tip").encode()
+HEAD = b"\t\tJOINT Head\n\t\t{\n\t\t\tOFFSET 0.0 20.0 1e-7\n\t\t\tCHANNELS 0\n\t\t}\n"
+TEXT = TEXT.replace(b"5.0 0.0\n\t\t}\n", b"5.0 0.0\n\t\t}\n" + HEAD)
 TOKENS = [
     *b"HIERARCHY ROOT JOINT End Site { } OFFSET CHANNELS MOTION Frames: Frame Time: Frames".split(),
     *b"0 3 -3 6 1e5 1e308 1e309 -0 .5 5. nan inf 1,5 1_0 0x1 1.5-2 + - . e # // 9999999999".split(),
     *b"Xposition Zrotation zROTATION Wrotation 1000000000000000000000 1.#IND \xe9 \xff\xfe".split(),
-    b"\0", b"\x1a", b"\r", b"\n", b"\r\n", b"\t", b" ", b"\v", b"\xef\xbb\xbf", b"\xc2\xa0", b"",
+    b"\0", b"\x1a", b"\r", b"\n", b"\r\n", b"\t", b" ", b"\v", b"\xef\xbb\xbf", b"\xc2\xa0", b""
 ]  # fmt: skip
 
 

@@ -17,14 +17,14 @@ SEEDS = ()
 
 NUMBERS = [
     bytes(8), b"\xff" * 8, b"\xff\xff\xff\x7f" + bytes(4), b"\xff" * 7 + b"\x7f", b"\1" + bytes(7),
-    b"\0\0\0\0\0\0\xf0\x7f", b"\0\0\0\0\0\0\xf8\x7f", b"\xff" * 6 + b"\xef\x7f", b"\0\0\0\x80" * 2,
+    b"\0\0\0\0\0\0\xf0\x7f", b"\0\0\0\0\0\0\xf8\x7f", b"\xff" * 6 + b"\xef\x7f", b"\0\0\0\x80" * 2
 ]  # fmt: skip
 """Extreme integers and floats, little-endian."""
 
 TOKENS = [
     *b"0 -1 1 3 1e308 -1e309 nan inf 9223372036854775807 99999999999999999999 *2147483647".split(),
     *b'{ } "" "Model::hips" , : OO OP 1001 1002 L C U a: Properties70: Objects:'.split(),
-    b"\0", b"\n", b";", b'"', b"\xff", b"",
+    b"\0", b"\n", b";", b'"', b"\xff", b""
 ]  # fmt: skip
 
 

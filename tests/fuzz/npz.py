@@ -17,8 +17,7 @@ import numpy as np
 from mograft import formats
 from mograft.dancer import dance
 from tests.fuzz import limits, read_motions
-from tests.io.amass_file import amass_arrays
-from tests.io.kimodo_file import kimodo_arrays
+from tests.io.npz_files import amass_arrays, kimodo_arrays
 
 # Seeds of files that failed in earlier versions.
 SEEDS = (1264, 1473)

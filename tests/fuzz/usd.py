@@ -30,7 +30,7 @@ TOKENS = [
 ]
 WORDS = [
     bytes(8), b"\xff" * 8, b"\xff\xff\xff\x7f" + bytes(4), b"\xff" * 7 + b"\x7f", b"\1" + bytes(7),
-    b"\0\0\0\0\0\0\xf0\x7f", b"\0\0\0\0\0\0\xf8\x7f", b"\0\0\0\x80" * 2, b"\0\0\1" + bytes(5),
+    b"\0\0\0\0\0\0\xf0\x7f", b"\0\0\0\0\0\0\xf8\x7f", b"\0\0\0\x80" * 2, b"\0\0\1" + bytes(5)
 ]  # fmt: skip
 
 

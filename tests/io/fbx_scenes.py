@@ -3,8 +3,10 @@
 import struct
 import zlib
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 TICKS = 46_186_158_000
 """Ticks of FBX per second."""
@@ -125,12 +127,7 @@ class _Builder:
         values = [number, Label(*label), subtype]
         self.objects.append((kind, values, children))
         if parent is not None:
-            link = [
-                "OO" if slot is None else "OP",
-                number,
-                parent,
-                *([] if slot is None else [slot]),
-            ]
+            link = ["OO", number, parent] if slot is None else ["OP", number, parent, slot]
             self.connections.append(("C", link, []))
         return number
 
@@ -163,10 +160,8 @@ def _add_curves(builder, ticks, values, curve_node):
 
 def _add_take(builder, scene, take, models):
     ticks = _ticks(scene, take)
-    span = [
-        _number("LocalStart", int(ticks[0]), "KTime"),
-        _number("LocalStop", int(ticks[-1]), "KTime"),
-    ]
+    ends = {"LocalStart": ticks[0], "LocalStop": ticks[-1]}
+    span = [_number(name, int(tick), "KTime") for name, tick in ends.items()]
     label = (take.name, "AnimStack")
     stack = builder.add("AnimationStack", label, "", [("Properties70", [], span)])
     for number, layer in enumerate(take.layers):
@@ -175,20 +170,22 @@ def _add_take(builder, scene, take, models):
             _number("BlendMode", layer.mode, "enum"),
             _number("RotationAccumulationMode", 1, "enum"),  # by channel
         ]
-        children = [("Properties70", [], settings)]
-        layer_id = builder.add(
-            "AnimationLayer", (f"layer{number}", "AnimLayer"), "", children, stack
-        )
+        label, children = (f"layer{number}", "AnimLayer"), [("Properties70", [], settings)]
+        layer_id = builder.add("AnimationLayer", label, "", children, stack)
         for (node, key), values in layer.tracks.items():
             slot = PROPERTIES[key]
-            first = [
-                _number(f"d|{a}", float(v), "double") for a, v in zip("XYZ", values[0], strict=True)
-            ]
-            children = [("Properties70", [], first)]
+            first = zip("XYZ", map(float, values[0]), strict=True)
+            numbers = [_number(f"d|{axis}", value, "double") for axis, value in first]
+            children = [("Properties70", [], numbers)]
             label = (key, "AnimCurveNode")
             curve_node = builder.add("AnimationCurveNode", label, "", children, models[node], slot)
             builder.connect(curve_node, layer_id)
             _add_curves(builder, ticks, values, curve_node)
+
+
+def _header(version):
+    children = [("FBXHeaderVersion", [1003], []), ("FBXVersion", [version], [])]
+    return ("FBXHeaderExtension", [], children)
 
 
 def _document(scene, version):
@@ -202,20 +199,13 @@ def _document(scene, version):
             flags = [("TypeFlags", ["Skeleton"], [])]
             builder.add("NodeAttribute", ("", "NodeAttribute"), "LimbNode", flags, models[-1])
     if scene.bind:
-        poses = [
-            ("PoseNode", [], [("Node", [models[n]], []), ("Matrix", [np.ravel(m.T)], [])])
-            for n, m in scene.bind.items()
-        ]
-        children = [("Type", ["BindPose"], []), ("Version", [100], [])]
-        builder.add("Pose", ("pose", "Pose"), "BindPose", children + poses)
+        matrices = [[np.ravel(m.T)] for m in scene.bind.values()]
+        children = _bind_pose([models[n] for n in scene.bind], matrices)
+        builder.add("Pose", ("pose", "Pose"), "BindPose", children)
     for take in scene.takes:
         _add_take(builder, scene, take, models)
     return [
-        (
-            "FBXHeaderExtension",
-            [],
-            [("FBXHeaderVersion", [1003], []), ("FBXVersion", [version], [])],
-        ),
+        _header(version),
         _settings(scene),
         ("Objects", [], builder.objects),
         ("Connections", [], builder.connections),
@@ -226,99 +216,72 @@ def _document(scene, version):
 
 
 def _to_60(properties):
-    _, _, rows = properties
-    return (
-        "Properties60",
-        [],
-        [("Property", [r[1][0], r[1][1], "A", *r[1][4:]], []) for r in rows],
-    )
+    rows = [("Property", [r[1][0], r[1][1], "A", *r[1][4:]], []) for r in properties[2]]
+    return ("Properties60", [], rows)
+
+
+def _bind_pose(nodes, matrices):
+    """Return the children of a bind pose: references to nodes, and values of matrices."""
+    poses = [
+        ("PoseNode", [], [("Node", [node], []), ("Matrix", values, [])])
+        for node, values in zip(nodes, matrices, strict=True)
+    ]
+    return [("Type", ["BindPose"], []), ("Version", [100], []), *poses]
+
+
+def _channel_6100(axis, default, ticks, values):
+    """Return the channel of an axis; `values` are those of its keys, or None."""
+    if values is None:
+        return ("Channel", [axis], [("Default", [float(default)], [])])
+    keys = [
+        word for tick, v in zip(ticks, values, strict=True) for word in (int(tick), v, Word("L"))
+    ]
+    numbers = {"Default": [values[0]], "KeyVer": [4005], "KeyCount": [len(ticks)], "Key": keys}
+    return ("Channel", [axis], [(name, found, []) for name, found in numbers.items()])
+
+
+def _take_6100(scene, take):
+    ticks = _ticks(scene, take)
+    (layer,) = take.layers
+    models = []
+    for number, node in enumerate(scene.nodes):
+        parts = []
+        for key in "TRS":
+            track = layer.tracks.get((number, key))
+            columns = [None] * 3 if track is None else np.asarray(track, np.float32).T
+            columns = [own if own is None else own.astype(float).tolist() for own in columns]
+            rows = zip("XYZ", getattr(node, key), columns, strict=True)
+            axes = [_channel_6100(axis, default, ticks, values) for axis, default, values in rows]
+            parts.append(("Channel", [key], [*axes, ("LayerType", [1], [])]))
+        children = [("Version", [1.1], []), ("Channel", ["Transform"], parts)]
+        models.append(("Model", [Label(node.name, "Model")], children))
+    span = [int(ticks[0]), int(ticks[-1])]
+    times = [("LocalTime", span, []), ("ReferenceTime", span, [])]
+    return ("Take", [take.name], [("FileName", ["take.tak"], []), *times, *models])
 
 
 def _document_6100(scene):
-    objects, links, takes = [], [], []
-    for node in scene.nodes:
-        label = Label(node.name, "Model")
+    objects, links = [], []
+    labels = [Label(node.name, "Model") for node in scene.nodes]
+    for node, label in zip(scene.nodes, labels, strict=True):
         kind = "Limb" if node.kind == "LimbNode" else node.kind
-        objects.append(
-            ("Model", [label, kind], [("Version", [232], []), _to_60(_node_properties(node))])
-        )
-        parent = scene.nodes[node.parent].name if node.parent >= 0 else "Scene"
-        links.append(("Connect", ["OO", label, Label(parent, "Model")], []))
+        children = [("Version", [232], []), _to_60(_node_properties(node))]
+        objects.append(("Model", [label, kind], children))
+        parent = labels[node.parent] if node.parent >= 0 else Label("Scene", "Model")
+        links.append(("Connect", ["OO", label, parent], []))
     if scene.bind:
-        poses = [
-            (
-                "PoseNode",
-                [],
-                [
-                    ("Node", [Label(scene.nodes[n].name, "Model")], []),
-                    ("Matrix", list(map(float, np.ravel(m.T))), []),
-                ],
-            )
-            for n, m in scene.bind.items()
-        ]
-        children = [("Type", ["BindPose"], []), ("Version", [100], [])]
-        objects.append(("Pose", [Label("pose", "Pose"), "BindPose"], children + poses))
+        matrices = [list(map(float, np.ravel(m.T))) for m in scene.bind.values()]
+        children = _bind_pose([labels[n] for n in scene.bind], matrices)
+        objects.append(("Pose", [Label("pose", "Pose"), "BindPose"], children))
     name, values, children = _settings(scene)
     objects.append((name, values, [children[0], _to_60(children[1])]))
-    for take in scene.takes:
-        ticks = _ticks(scene, take)
-        (layer,) = take.layers
-        models = []
-        for number, node in enumerate(scene.nodes):
-            parts = []
-            for key in "TRS":
-                default = np.array([getattr(node, key)], float)
-                track = layer.tracks.get((number, key))
-                axes = []
-                for column, axis in enumerate("XYZ"):
-                    if track is None:
-                        axes.append(
-                            ("Channel", [axis], [("Default", [float(default[0, column])], [])])
-                        )
-                        continue
-                    keys = []
-                    for tick, value in zip(
-                        ticks, np.asarray(track, np.float32)[:, column], strict=True
-                    ):
-                        keys += [int(tick), float(value), Word("L")]
-                    axes.append(
-                        (
-                            "Channel",
-                            [axis],
-                            [
-                                ("Default", [keys[1]], []),
-                                ("KeyVer", [4005], []),
-                                ("KeyCount", [len(ticks)], []),
-                                ("Key", keys, []),
-                            ],
-                        )
-                    )
-                parts.append(("Channel", [key], [*axes, ("LayerType", [1], [])]))
-            models.append(
-                (
-                    "Model",
-                    [Label(node.name, "Model")],
-                    [("Version", [1.1], []), ("Channel", ["Transform"], parts)],
-                )
-            )
-        span = [int(ticks[0]), int(ticks[-1])]
-        takes.append(
-            (
-                "Take",
-                [take.name],
-                [
-                    ("FileName", ["take.tak"], []),
-                    ("LocalTime", span, []),
-                    ("ReferenceTime", span, []),
-                    *models,
-                ],
-            )
-        )
+    takes = [_take_6100(scene, take) for take in scene.takes]
+    current = ("Current", [scene.takes[0].name if scene.takes else ""], [])
     return [
-        ("FBXHeaderExtension", [], [("FBXHeaderVersion", [1003], []), ("FBXVersion", [6100], [])]),
+        _header(6100),
         ("Objects", [], objects),
         ("Connections", [], links),
-        ("Takes", [], [("Current", [scene.takes[0].name if scene.takes else ""], []), *takes]),
+        ("Takes", [], [current, *takes]),
     ]
 
 
@@ -375,17 +338,13 @@ def _binary_value(value):
     if isinstance(value, Label):
         data = value.name.encode() + b"\0\1" + value.group.encode()
         return b"S" + struct.pack("<I", len(data)) + data
+    if isinstance(value, str):
+        return b"S" + struct.pack("<I", len(value.encode())) + value.encode()
     if isinstance(value, Word):
         return b"C" + value.text.encode()
-    if isinstance(value, str):
-        data = value.encode()
-        return b"S" + struct.pack("<I", len(data)) + data
-    if isinstance(value, float):
-        return b"D" + struct.pack("<d", value)
-    if isinstance(value, np.int32):
-        return b"I" + struct.pack("<i", value)
-    if isinstance(value, int):
-        return b"L" + struct.pack("<q", value)
+    for kind, code in ((float, "Dd"), (np.int32, "Ii"), (int, "Lq")):
+        if isinstance(value, kind):
+            return code[:1].encode() + struct.pack(f"<{code[1]}", value)
     code = {"float64": b"d", "float32": b"f", "int64": b"l", "int32": b"i"}[value.dtype.name]
     packed = zlib.compress(value.tobytes()) if len(value) > 8 else value.tobytes()
     return code + struct.pack("<III", len(value), int(len(value) > 8), len(packed)) + packed
@@ -414,12 +373,10 @@ def to_binary(scene, version=7400):
     return data + bytes(25 if version >= 7500 else 13)
 
 
+KINDS = (("text", 7400), ("text", 6100), ("binary", 6100), ("binary", 7400), ("binary", 7700))
 CONTAINERS = {
-    "text 7400": lambda scene: to_text(scene, 7400),
-    "text 6100": lambda scene: to_text(scene, 6100),
-    "binary 6100": lambda scene: to_binary(scene, 6100),
-    "binary 7400": lambda scene: to_binary(scene, 7400),
-    "binary 7700": lambda scene: to_binary(scene, 7700),
+    f"{kind} {version}": partial(to_text if kind == "text" else to_binary, version=version)
+    for kind, version in KINDS
 }
 """Writers of the kinds of files; version 6100 has one layer."""
 
@@ -435,15 +392,10 @@ def _translation(vector):
 
 
 def _rotation(degrees, order="XYZ"):
+    """Return the matrix of rotations about fixed axes, the first axis of `order` first."""
     matrix = np.eye(4)
-    for axis in order:
-        one = "XYZ".index(axis)
-        angle = np.radians(degrees[one])
-        turn = np.eye(4)
-        j, k = (one + 1) % 3, (one + 2) % 3
-        turn[j, j] = turn[k, k] = np.cos(angle)
-        turn[k, j], turn[j, k] = np.sin(angle), -np.sin(angle)
-        matrix = turn @ matrix
+    angles = [degrees["XYZ".index(axis)] for axis in order]
+    matrix[:3, :3] = Rotation.from_euler(order.lower(), angles, degrees=True).as_matrix()
     return matrix
 
 
@@ -467,11 +419,10 @@ def world_matrices(scene, values):
     worlds, turns, shears, scales = [], [], [], []
     for node, local_values in zip(scene.nodes, values, strict=True):
         turn, scale, translation = _local(node, local_values)
-        if node.parent < 0:
-            parent, parent_turn, parent_shear, parent_scale = [np.eye(4)] * 4
-        else:
-            parent, parent_turn = worlds[node.parent], turns[node.parent]
-            parent_shear, parent_scale = shears[node.parent], scales[node.parent]
+        parent, parent_turn, parent_shear, parent_scale = (
+            own[node.parent] if node.parent >= 0 else np.eye(4)
+            for own in (worlds, turns, shears, scales)
+        )
         if node.inherit == INHERIT_RRSS:
             linear = parent_turn @ turn @ parent_shear @ scale
         elif node.inherit == INHERIT_RSRS:
@@ -506,14 +457,9 @@ def values_in_frame(scene, take, frame):
                 track = layer.tracks.get((number, key))
                 if track is None:
                     continue
-                layer_value = np.asarray(track, np.float32).astype(float)[frame]
-                weight = layer.weight / 100.0
-                if index == 0 or layer.mode == 1:
-                    value = layer_value
-                elif layer.mode == 0:
-                    value = value + weight * layer_value
-                else:
-                    value = (1 - weight) * value + weight * layer_value
+                other, weight = np.float32(track[frame]).astype(float), layer.weight / 100.0
+                kept = (1.0, 0.0, 1 - weight)[layer.mode if index else 1]
+                value = kept * value + (weight if kept else 1.0) * other
             values[key] = value
         result.append(values)
     return result
@@ -545,25 +491,18 @@ def scene_of_motions(motions, names):
         turns = "".join(c[0] for c in skeleton.channels[joint] if c.endswith("rotation"))
         frame = _rotation(axes[parent])[:3, :3] if parent >= 0 else np.eye(3)
         # Axes of the joint: those of the parent, pre-rotation, rotation, inverse post-rotation.
-        nodes.append(
-            Node(
-                name,
-                int(parent),
-                T=tuple(frame.T @ skeleton.offsets[joint]),
-                pre=tuple(_angles(frame.T)),
-                post=tuple(_angles(_rotation(axes[joint])[:3, :3].T)),
-                order=ORDERS.index(turns[::-1]),
-            )
-        )
+        values = {
+            "T": tuple(frame.T @ skeleton.offsets[joint]),
+            "pre": tuple(_angles(frame.T)),
+            "post": tuple(_angles(_rotation(axes[joint])[:3, :3].T)),
+        }
+        nodes.append(Node(name, int(parent), order=ORDERS.index(turns[::-1]), **values))
     return Scene(tuple(nodes), tuple(map(_take_of_motion, motions, names)))
 
 
 def _angles(matrix):
     """Return the angles of a rotation about X, then Y, then Z, in degrees."""
-    y = np.arcsin(np.clip(-matrix[2, 0], -1, 1))
-    x = np.arctan2(matrix[2, 1], matrix[2, 2])
-    z = np.arctan2(matrix[1, 0], matrix[0, 0])
-    return np.degrees([x, y, z])
+    return Rotation.from_matrix(matrix).as_euler("xyz", degrees=True)
 
 
 def _take_of_motion(motion, name):

@@ -9,6 +9,7 @@ import numpy as np
 
 from tests.io.glb_file import to_matrix
 
+_PATHS = ("translation", "rotation", "scale")
 _TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 _COMPONENTS = {"<f4": 5126, "i1": 5120, "u1": 5121, "<i2": 5122, "<u2": 5123, "<u4": 5125}
 
@@ -41,12 +42,9 @@ class Track:
             return start
         if cubic:
             leaving, reaching = gap * self.values[3 * k + 2], gap * self.values[3 * k + 3]
-            return (
-                (2 * u**3 - 3 * u**2 + 1) * start
-                + (u**3 - 2 * u**2 + u) * leaving
-                + (-2 * u**3 + 3 * u**2) * end
-                + (u**3 - u**2) * reaching
-            )
+            tangents = (u**3 - 2 * u**2 + u) * leaving, (u**3 - u**2) * reaching
+            value = (2 * u**3 - 3 * u**2 + 1) * start + tangents[0]
+            return value + (-2 * u**3 + 3 * u**2) * end + tangents[1]
         if self.path != "rotation":
             return start + u * (end - start)
         start, end = start / np.linalg.norm(start), end / np.linalg.norm(end)
@@ -73,11 +71,8 @@ class Scene:
 
     def local(self, node, time):
         """Return the local matrix of a node at a time; with None, its default."""
-        values = {
-            "translation": self.translations[node],
-            "rotation": self.rotations[node],
-            "scale": self.scales[node],
-        }
+        arrays = (self.translations, self.rotations, self.scales)
+        values = dict(zip(_PATHS, (array[node] for array in arrays), strict=True))
         for track in self.tracks:
             if track.node == node and time is not None:
                 values[track.path] = track.at(time)
@@ -104,21 +99,17 @@ class Scene:
             if index in self.matrices:
                 node["matrix"] = self.local(index, None).T.ravel().tolist()
             else:
-                node["translation"] = self.translations[index].tolist()
-                node["rotation"] = self.rotations[index].tolist()
-                node["scale"] = self.scales[index].tolist()
+                arrays = zip(_PATHS, (self.translations, self.rotations, self.scales), strict=True)
+                node |= {path: array[index].tolist() for path, array in arrays}
             nodes.append(node)
             if parent >= 0:
                 nodes[parent].setdefault("children", []).append(index)
         samplers, channels = [], []
         for track in self.tracks:
-            samplers.append(
-                {
-                    "input": builder.add(track.times[:, None], "<f4", may_vary=False),
-                    "output": builder.add(track.values, track.component),
-                    "interpolation": track.interpolation,
-                }
-            )
+            times = builder.add(track.times[:, None], "<f4", may_vary=False)
+            values = builder.add(track.values, track.component)
+            kind = track.interpolation
+            samplers.append({"input": times, "output": values, "interpolation": kind})
             target = {"node": track.node, "path": track.path}
             channels.append({"sampler": len(samplers) - 1, "target": target})
         document = {
@@ -144,11 +135,19 @@ class Builder:
 
     def _view(self, data, **fields):
         self.data += b"\0" * (-len(self.data) % 4)
-        self.views.append(
-            {"buffer": 0, "byteOffset": len(self.data), "byteLength": len(data), **fields}
-        )
+        place = {"buffer": 0, "byteOffset": len(self.data), "byteLength": len(data)}
+        self.views.append(place | fields)
         self.data += data
         return len(self.views) - 1
+
+    def _sparse(self, rows, stored, index_type):
+        view, component = (
+            self._view(rows.astype(index_type).tobytes()),
+            _COMPONENTS[str(index_type)],
+        )
+        indices = {"bufferView": view, "componentType": component}
+        values = {"bufferView": self._view(stored[rows].tobytes())}
+        return {"count": len(rows), "indices": indices, "values": values}
 
     def add(self, values, component, *, may_vary=True):
         """Add an accessor of stored values, at random sparse, strided, or with an offset."""
@@ -170,31 +169,14 @@ class Builder:
             data = b"\1" * 8 + rows.tobytes()
             accessor["bufferView"] = self._view(data, byteStride=stride)
         elif way == 2:  # some elements are sparse; without a buffer view, the others are zero
-            is_zero = (stored == 0).all(axis=1)
-            rows = np.flatnonzero(~is_zero)
-            if len(rows) == 0:
-                rows = np.array([0])
-            index_type = self.rng.choice(["u1", "<u2", "<u4"])
-            accessor["sparse"] = {
-                "count": len(rows),
-                "indices": {
-                    "bufferView": self._view(rows.astype(index_type).tobytes()),
-                    "componentType": _COMPONENTS[str(index_type)],
-                },
-                "values": {"bufferView": self._view(stored[rows].tobytes())},
-            }
+            rows = np.flatnonzero((stored != 0).any(axis=1))
+            rows = rows if len(rows) else np.array([0])
+            accessor["sparse"] = self._sparse(rows, stored, self.rng.choice(["u1", "<u2", "<u4"]))
         elif way == 3:  # one element is replaced
             damaged = stored.copy()
             damaged[-1] = 0
             accessor["bufferView"] = self._view(damaged.tobytes())
-            accessor["sparse"] = {
-                "count": 1,
-                "indices": {
-                    "bufferView": self._view(np.array([len(stored) - 1], "u1").tobytes()),
-                    "componentType": 5121,
-                },
-                "values": {"bufferView": self._view(stored[-1:].tobytes())},
-            }
+            accessor["sparse"] = self._sparse(np.array([len(stored) - 1]), stored, "u1")
         else:
             accessor["bufferView"] = self._view(stored.tobytes())
         self.accessors.append(accessor)
@@ -218,7 +200,7 @@ def random_scene(rng, *, scale, has_skin):
 
     tracks = []
     for node in range(n_nodes):
-        for path in ("translation", "rotation", "scale"):
+        for path in _PATHS:
             if rng.random() < 0.5 and not (path == "scale" and scale == "none"):
                 tracks.append(_random_track(rng, node, path, scales))
     if not tracks:
@@ -265,13 +247,9 @@ def pack_glb(document, binary):
     text = json.dumps(document).encode()
     text += b" " * (-len(text) % 4)
     binary += b"\0" * (-len(binary) % 4)
-    return b"".join(
-        [
-            struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(binary)),
-            struct.pack("<I4s", len(text), b"JSON") + text,
-            struct.pack("<I4s", len(binary), b"BIN\0") + binary,
-        ]
-    )
+    header = struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(binary))
+    chunk = struct.pack("<I4s", len(text), b"JSON") + text
+    return header + chunk + struct.pack("<I4s", len(binary), b"BIN\0") + binary
 
 
 def write_gltf(folder, document, binary, way):
@@ -302,18 +280,9 @@ def to_scene(glb, animation):
     tracks = []
     for channel in animation["channels"]:
         sampler = animation["samplers"][channel["sampler"]]
-        tracks.append(
-            Track(
-                channel["target"]["node"],
-                channel["target"]["path"],
-                sampler.get("interpolation", "LINEAR"),
-                glb.array(sampler["input"])[:, 0],
-                glb.array(sampler["output"]),
-            )
-        )
+        node, path = channel["target"]["node"], channel["target"]["path"]
+        times, values = glb.array(sampler["input"])[:, 0], glb.array(sampler["output"])
+        tracks.append(Track(node, path, sampler.get("interpolation", "LINEAR"), times, values))
     rest = {"translation": [0, 0, 0], "rotation": [0, 0, 0, 1], "scale": [1, 1, 1]}
-    arrays = (
-        np.array([node.get(path, default) for node in nodes], float)
-        for path, default in rest.items()
-    )
-    return Scene(parents, *arrays, tracks)
+    columns = ([node.get(path, default) for node in nodes] for path, default in rest.items())
+    return Scene(parents, *(np.array(column, float) for column in columns), tracks)

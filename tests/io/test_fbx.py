@@ -1,7 +1,9 @@
 """Laws of the FBX reader: world transforms, rest poses, takes, joints and recorded files."""
 
-import itertools
+import resource
+import struct
 import sys
+import zlib
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +14,8 @@ from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
 import mograft as mg
+from tests.fuzz import fbx as fuzz_fbx
+from tests.fuzz import outcome
 from tests.io import fbx_scenes as fbx
 from tests.io.fbx_scenes import Layer, Node, Scene, Take
 from tests.io.recorded_files import DATA
@@ -52,24 +56,17 @@ def random_scene(rng, n_nodes=4, n_frames=3, *, is_scaled=True, **settings):
     def scales(shape):
         return rng.uniform(0.5, 2.0, shape) if is_scaled else np.ones(shape)
 
+    sizes = dict.fromkeys(fbx.VECTORS, 1) | {"T": 10, "R": 170, "pre": 170, "post": 170}
     nodes = [
         Node(
             f"joint{number}",
             int(rng.integers(number)) if number else -1,
-            T=vector(10),
-            R=vector(170),
             S=tuple(scales(3)),
             order=int(rng.integers(6)),
-            pre=vector(170),
-            post=vector(170),
-            rotation_offset=vector(1),
-            rotation_pivot=vector(1),
-            scaling_offset=vector(1),
-            scaling_pivot=vector(1),
+            **{name: vector(size) for name, size in sizes.items()},
         )
         for number in range(n_nodes)
     ]
-    sizes = {"T": 10, "R": 170}
     tracks = {
         (number, key): scales((n_frames, 3))
         if key == "S"
@@ -265,13 +262,6 @@ def test_fbx_recorded_pose_matches_bvh_of_same_figure(pose):
     )
 
 
-def test_fbx_recorded_text_6100_matches_binary_7500():
-    old = mg.read(recorded_file("ufbx_maya_interpolation_modes_6100_ascii.fbx"))[0]
-    new = mg.read(recorded_file("ufbx_maya_interpolation_modes_7500_binary.fbx"))[0]
-    assert old.n_frames == new.n_frames
-    np.testing.assert_allclose(old.world_positions(), new.world_positions(), atol=1e-4)
-
-
 @pytest.mark.parametrize("take", ["Base", "Spin", "Wiggle"])
 def test_fbx_recorded_text_6100_matches_binary_7400_that_blender_reads(take):
     """A client test compares the binary file with the importer of Blender, which reads no text."""
@@ -284,54 +274,6 @@ def test_fbx_recorded_text_6100_matches_binary_7400_that_blender_reads(take):
         for motion in (old, new)
     ]
     np.testing.assert_allclose(*places, atol=1e-5)
-
-
-def keyed_value(keys, time):
-    """Return the value of a curve at `time` ticks; `keys` has the words of a text file."""
-    for (start, value, *mode), (stop, following, *_) in itertools.pairwise(keys):
-        if not start <= time < stop:
-            continue
-        if mode[0] == "L":
-            return value + (following - value) * (time - start) / (stop - start)
-        if mode[0] == "C":
-            return following if mode[1] == "n" and time > start else value
-        slopes = np.array(mode[2:4], float) / fbx.TICKS
-        weights = np.array(mode[5:7] or [1 / 3, 1 / 3], float) * (stop - start)
-        knots = np.array([start, start + weights[0], stop - weights[1], stop])
-        rises = slopes * weights * (1, -1) + (value, following)
-        low, high = 0.0, 1.0
-        for _ in range(60):
-            middle = (low + high) / 2
-            low, high = (middle, high) if bezier(knots, middle) < time else (low, middle)
-        return bezier(np.array([value, *rises, following]), low)
-    return keys[-1][1]
-
-
-def bezier(points, u):
-    return points @ np.array([(1 - u) ** 3, 3 * u * (1 - u) ** 2, 3 * u * u * (1 - u), u**3])
-
-
-def read_keys(text):
-    """Return the keys of the first animated channel of a text file of version 6100."""
-    words = "".join(text.split("Key:", 1)[1].split("Color")[0].split()).split(",")
-    keys = []
-    for word, following in itertools.pairwise([*words, ""]):
-        is_time = word.lstrip("-").isdigit() and len(word) > 8
-        keys += [[int(word), float(following)]] if is_time else []
-        if word.isalpha() or (not is_time and len(keys[-1]) > 2):
-            keys[-1].append(word)
-    return keys
-
-
-def test_fbx_recorded_interpolation_modes_match_own_curves():
-    path = recorded_file("ufbx_maya_interpolation_modes_6100_ascii.fbx")
-    motion = mg.read(path)[0]
-    keys = read_keys(path.read_text())
-    assert [mode for _, _, mode, *_ in keys] == list("UULLUUUCCCCU")
-    times = keys[0][0] + np.arange(motion.n_frames) * (fbx.TICKS // 24)
-    expected = [keyed_value(keys, time) for time in times]
-    extent = np.ptp(expected)
-    np.testing.assert_allclose(motion.positions[:, 0, 0], expected, atol=1e-5 * extent)
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path and path.stem)
@@ -352,3 +294,124 @@ def test_fbx_without_extension_error_names_installation(monkeypatch, tmp_path):
     path.write_bytes(b"; FBX 7.4.0 project file\n")
     with pytest.raises(ModuleNotFoundError, match=r"pip install 'mograft\[fbx\]'"):
         mg.read(path)
+
+
+def one_node(values=((1.0, 2.0, 3.0), (2.0, 3.0, 4.0)), first=0):
+    values = np.array(values)
+    takes = (Take("walk", len(values), (Layer({(0, "T"): values}),), first),)
+    return Scene((Node("hips"),), takes)
+
+
+def assert_refused(path, data, message):
+    path.write_bytes(data)
+    with pytest.raises(mg.FormatError, match=message) as caught:
+        mg.read(path)[0]
+    assert str(caught.value).startswith(f"{path}: ")
+    return caught.value
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "walk.fbx"
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"no FBX",
+        b"Kaydara FBX Binary  \0\x1a\0",
+        b"Kaydara FBX Binary  \0\x1a\0\xe8\x1c\0\0" + 99 * b"\xff",
+    ],
+)
+def test_fbx_other_content_is_refused(path, data):
+    assert_refused(path, data, "expected an FBX file, got one that the library ufbx cannot read: ")
+
+
+@pytest.mark.parametrize("version", [5800, 6000, 7800, 9000])
+@pytest.mark.parametrize("write", [fbx.to_text, fbx.to_binary])
+def test_fbx_other_version_is_refused(path, version, write):
+    known = 7400 if version > 7000 else 6100
+    data = write(one_node(), known).replace(struct.pack("<I", known), struct.pack("<I", version), 1)
+    for text in ("FBXVersion: {}", "FBX {0[0]}.{0[1]}.0"):
+        data = data.replace(text.format(str(known)).encode(), text.format(str(version)).encode())
+    assert_refused(path, data, rf"version.*\D{version}\b")
+
+
+@pytest.mark.parametrize("container", sorted(fbx.CONTAINERS))
+def test_fbx_truncated_file_is_refused_or_has_fewer_takes(path, container):
+    data = fbx.CONTAINERS[container](one_node())
+    n_refused = 0
+    for size in range(0, len(data) - 30, len(data) // 60):
+        path.write_bytes(data[:size])
+        clips = outcome(mg.read, path)
+        n_refused += isinstance(clips, mg.FormatError)
+        if not isinstance(clips, mg.FormatError):
+            assert "text" in container
+    assert n_refused
+
+
+def test_fbx_duration_beyond_size_of_file_is_refused(path):
+    data = fbx.to_text(one_node())
+    stop = str(fbx.TICKS // 30).encode()
+    claimed = data.replace(
+        b'"LocalStop", "KTime", "Time", "", ' + stop,
+        b'"LocalStop", "KTime", "Time", "", ' + str(fbx.TICKS * 10**7).encode(),
+    )
+    assert claimed != data
+    error = assert_refused(path, claimed, r"expected at most 2097152 frames .*, got 300000001")
+    assert error.place == "take 'walk'"
+
+
+def test_fbx_hierarchy_deeper_than_limit_is_refused(path):
+    nodes = tuple(Node(f"joint{number}", number - 1) for number in range(1001))
+    assert_refused(path, fbx.to_binary(Scene(nodes, one_node().takes)), "Node depth limit exceeded")
+    path.write_bytes(fbx.to_binary(Scene(nodes[:-2], one_node().takes)))
+    assert mg.read(path)[0].n_joints == 999
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 3e38])
+def test_fbx_transform_that_is_not_finite_is_refused(path, value):
+    scene = one_node(((0.0, 0.0, 0.0), (value, 0.0, 0.0)))
+    if np.isfinite(value):  # finite in the file, and not after three scales
+        layer = Layer({(0, "T"): np.full((2, 3), value)})
+        nodes = (Node("hips", S=(1e308,) * 3), Node("spine", 0, S=(1e308,) * 3), Node("head", 1))
+        scene = Scene(nodes, (Take("walk", 2, (layer,)),))
+    error = assert_refused(path, fbx.to_binary(scene), "expected finite|finite rest pose")
+    assert error.place in {"take 'walk'", None}
+
+
+def test_fbx_frame_rate_that_is_not_credible_needs_rate(path):
+    data = fbx.to_text(one_node())
+    mode = b'"TimeMode", "enum", "", "", 6'
+    custom = (
+        b'"TimeMode", "enum", "", "", 14\n\t\tP: "CustomFrameRate", "double", "Number", "", 1e300'
+    )
+    assert mode in data
+    path.write_bytes(data.replace(mode, custom))
+    with pytest.raises(mg.FormatError, match=r"GlobalSettings: expected a frame time .*1e-300"):
+        mg.read(path)
+    assert mg.read(path, rate=30)[0].n_frames == 2
+
+
+def test_fbx_array_of_16_gib_is_refused_in_bounded_memory(path):
+    packed = zlib.compress(bytes(1 << 20))
+    array = b"l" + struct.pack("<III", 1 << 31, 1, len(packed)) + packed
+    keys = np.arange(2) * (fbx.TICKS // 30)
+    small = b"l" + struct.pack("<III", 2, 0, 16) + keys.astype("<i8").tobytes()
+    data = fbx.to_binary(one_node())
+    assert data.count(small) == 3
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert_refused(path, data.replace(small, array, 1), "ufbx cannot read: Memory limit")
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 300_000
+
+
+@pytest.mark.parametrize("seed", [*range(40), *fuzz_fbx.SEEDS])
+def test_fbx_damaged_file_is_read_or_refused(tmp_path, seed):
+    fuzz_fbx.check(seed, tmp_path)
+
+
+def test_fbx_names_with_control_characters_are_printable(path):
+    scene = Scene((Node("hi\nps\t"), Node(" ", 0)), one_node().takes)
+    path.write_bytes(fbx.to_binary(scene))
+    assert mg.read(path)[0].skeleton.names == ("hi_ps_", "node2")

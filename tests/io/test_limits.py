@@ -11,8 +11,7 @@ from mograft import formats
 from mograft.motion import limits
 from tests.hierarchies import human
 from tests.io import fbx_scenes
-from tests.io.amass_file import amass_arrays
-from tests.io.kimodo_file import kimodo_arrays
+from tests.io.npz_files import amass_arrays, kimodo_arrays
 
 N_FRAMES = 12
 LIMITS = {
@@ -54,7 +53,7 @@ WRITERS = {
     "amass.npz": lambda _, path: np.savez(path, **amass_arrays(n_frames=N_FRAMES)),
     "kimodo.npz": lambda _, path: np.savez(path, **kimodo_arrays(n_frames=N_FRAMES)[0]),
 }
-"""Writers of a motion by the name of the file. AMASS and Kimodo determine the skeleton."""
+"""Writers of a motion by the name of the file."""
 
 
 def tightest(motion, name):
@@ -73,18 +72,13 @@ def tightest(motion, name):
     return motion.frame_time / factor, motion.frame_time * factor
 
 
-def make_cases():
-    for file in WRITERS:
-        for limit in LIMITS:
-            if file in ("amass.npz", "kimodo.npz") and limit in ("joints", "levels", "names"):
-                continue
-            # The file does not state the rate.
-            if file == "kimodo.npz" and limit in ("short frames", "long frames"):
-                continue
-            yield file, limit
+# AMASS and Kimodo determine the skeleton, and files of Kimodo do not state the rate.
+FIXED = {"amass.npz": ("joints", "levels", "names")}
+FIXED["kimodo.npz"] = (*FIXED["amass.npz"], "short frames", "long frames")
+CASES = [(file, own) for file in WRITERS for own in LIMITS if own not in FIXED.get(file, ())]
 
 
-@pytest.mark.parametrize(("file", "limit"), list(make_cases()))
+@pytest.mark.parametrize(("file", "limit"), CASES)
 def test_file_beyond_limit_raises_error_with_file_value_and_limit(tmp_path, file, limit):
     path = tmp_path / file
     WRITERS[file](make_motion(), path)

@@ -1,6 +1,5 @@
-"""NPZ files that are damaged, claim too much, hold pickled objects, or have no known format."""
+"""NPZ files: damaged ones, ones that claim too much or have no known format, those of Kimodo."""
 
-import contextlib
 import io
 import subprocess
 import sys
@@ -8,18 +7,19 @@ import zipfile
 
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
-from mograft import formats
-from mograft.dancer import dance
+from mograft.body.anatomy import anatomy
+from mograft.body.mass import mass_model, up_axis
+from mograft.io.kimodo import SKELETONS, SOMA_30, SOMA_77
 from mograft.io.npz_archive import open_npz_archive
 from tests.fuzz import npz as fuzz_npz
-from tests.io.amass_file import amass_arrays, write_arrays
-from tests.io.kimodo_file import kimodo_arrays
+from tests.hierarchies import DATA
+from tests.io.npz_files import kimodo_arrays, write_arrays
 from tests.memory import PEAK_BYTES
-from tests.strategies import few_examples
+from tests.strategies import SEEDS, assert_same_rotations, few_examples
 
 
 def header_of(shape, dtype="<f8"):
@@ -81,15 +81,7 @@ def test_npz_bomb_is_refused_in_bounded_memory(tmp_path):
     ("arrays", "message"),
     [
         ({"x": np.zeros(3)}, r"expected the arrays of mograft \(`format`\), AMASS .*, got x$"),
-        (
-            {"fps": np.array(30), "body_quats": np.zeros((3, 2, 4))},
-            "body_quats may hold quaternions, but .* xyzw or wxyz, and mograft does not guess it",
-        ),
-        ({"rotations": np.zeros((3, 2, 4))}, "rotations may hold quaternions"),
-        (
-            {"format": np.array("other/2")},
-            r"array `format`: expected mograft.motion/1, got other/2",
-        ),
+        ({"format": np.array("other/2")}, "`format`: expected mograft.motion/1, got other/2"),
         ({"format": np.array(None)}, "array `format`: expected numbers, got pickled objects"),
         ({"format": np.array("mograft.motion/1")}, "array `names`: expected this array, got none"),
     ],
@@ -151,46 +143,97 @@ def test_npz_without_memory_for_an_array_is_not_called_damaged(tmp_path, monkeyp
         archive.read("x", (3,))
 
 
-def test_npz_structured_array_is_described(tmp_path):
-    records = np.zeros(3, [("a", "<f8"), ("b", "<i4", (2,))])
-    archive = open_npz_archive(write_arrays(tmp_path / "a.npz", {"x": records}))
-    assert archive.headers["x"].dtype == records.dtype
-    assert archive.headers["x"].n_bytes == records.nbytes
-
-
-@pytest.fixture(scope="module")
-def valid_files(tmp_path_factory):
-    """Paths of valid files of all kinds."""
-    folder = tmp_path_factory.mktemp("valid")
-    formats.write_npz(dance(strides=1).motion[:3], folder / "m.npz")
-    write_arrays(folder / "a.npz", amass_arrays(156, 2))
-    np.savez_compressed(folder / "x.npz", **amass_arrays(165, 2))
-    write_arrays(folder / "k.npz", kimodo_arrays(30, 2)[0])
-    return sorted(folder.iterdir())
-
-
-CHANGES = st.lists(
-    st.tuples(st.booleans(), st.integers(0, 799), st.integers(0, 255)), min_size=1, max_size=4
-)
-
-
-@few_examples(150)
-@example(0, [(True, 2, 1)], None)  # a directory before the start of the file
-@given(st.integers(0, 3), CHANGES, st.none() | st.floats(0, 1))
-def test_npz_changed_bytes_give_motion_or_format_error(
-    tmp_path_factory, valid_files, kind, changes, rest
-):
-    content = bytearray(valid_files[kind].read_bytes())
-    for is_near_end, index, byte in changes:  # in the directory, or in the first header
-        content[-1 - index if is_near_end else index] = byte
-    if rest is not None:
-        del content[round(rest * len(content)) :]
-    path = tmp_path_factory.mktemp("fuzz") / "m.npz"
-    path.write_bytes(bytes(content))
-    with contextlib.suppress(mg.FormatError):
-        assert mg.read(path)[0].n_frames > 0
-
-
-@pytest.mark.parametrize("seed", [*fuzz_npz.SEEDS, *range(40)])
+@pytest.mark.parametrize("seed", [*fuzz_npz.SEEDS, *range(100)])
 def test_npz_fuzzed_file_gives_motion_or_format_error(tmp_path, seed):
     fuzz_npz.check(seed, tmp_path)
+
+
+FILES = sorted((DATA.parent / "data" / "npz").glob("kimodo*.npz"))
+
+
+@pytest.mark.parametrize("path", FILES or [None], ids=lambda path: path and path.stem)
+def test_read_kimodo_positions_equal_posed_joints(path):
+    if path is None:
+        pytest.skip("the Kimodo files are missing")
+    clips = mg.read(path)
+    motion = clips[0]
+    height = mass_model(motion.skeleton).height
+    with np.load(path) as data:
+        gaps = np.abs(motion.world_positions() - data["posed_joints"])
+    assert gaps.max() < 1e-4 * height
+    assert 1.5 < height < 2.0
+    assert up_axis(motion) == 1
+    assert motion.is_translated.tolist() == [True] + [False] * 29  # bones keep their lengths
+    assert clips.notes == (
+        "frames per second: 30, that of Kimodo's models; the file states none",
+        "arrays that are not part of the motion: foot_contacts",
+    )
+
+
+@few_examples(20)
+@given(st.sampled_from(sorted(SKELETONS)), SEEDS)
+def test_read_kimodo_recovers_rotations_and_offsets(tmp_path_factory, n_joints, seed):
+    arrays, expected = kimodo_arrays(n_joints, seed=seed)
+    path = write_arrays(tmp_path_factory.mktemp("kimodo") / "a.npz", arrays)
+    motion = mg.read(path)[0]
+    assert_same_rotations(motion.rotations, expected.rotations, atol=1e-5)
+    np.testing.assert_allclose(
+        motion.skeleton.offsets[1:], expected.skeleton.offsets[1:], atol=1e-5
+    )
+    np.testing.assert_allclose(motion.world_positions(), arrays["posed_joints"], atol=2e-5)
+    assert mg.read(path, rate=60)[0].n_frames == 9
+
+
+def test_read_kimodo_stretched_bone_keeps_positions(tmp_path):
+    arrays, _ = kimodo_arrays()
+    arrays["posed_joints"][2, 22:26] += np.float32(0.1)  # the left leg
+    motion = mg.read(write_arrays(tmp_path / "a.npz", arrays))[0]
+    np.testing.assert_allclose(motion.world_positions(), arrays["posed_joints"], atol=2e-5)
+    assert np.flatnonzero(motion.is_translated).tolist() == [0, 22]
+    assert motion.skeleton.channels[22][:3] == ("Xposition", "Yposition", "Zposition")
+
+
+def test_kimodo_skeletons_name_the_published_joints():
+    assert sorted(SKELETONS) == [22, 30, 34, 77]
+    for kind in (SOMA_30, SOMA_77):
+        known = anatomy(mg.Skeleton(kind.joints, kind.parents, np.ones((len(kind.joints), 3))))
+        assert known.human
+        assert known.scheme == "names"
+        assert [kind.joints[j] for j in known.joints("shank", side="left")] == ["LeftShin"]
+    assert {*SOMA_30.joints} < {*SOMA_77.joints}
+
+
+def change(**changes):
+    return kimodo_arrays()[0] | changes
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        (
+            change(posed_joints=np.zeros((5, 31, 3)), global_rot_mats=np.zeros((5, 31, 3, 3))),
+            r"`posed_joints`: expected 22 \(SMPL-X\), 30 .* joints, got 31",
+        ),
+        (
+            change(global_rot_mats=np.zeros((5, 30, 4))),
+            r"`global_rot_mats`: expected shape \(5, 30",
+        ),
+        (change(posed_joints=np.zeros((6, 30, 3))), r"`global_rot_mats`: expected shape \(6, 30"),
+        (change(posed_joints=np.zeros((1, 5, 30, 3))), "`posed_joints`: expected shape"),
+        (change(global_rot_mats=np.zeros((5, 30, 3, 3))), r"expected rotation .* at \[0, 0\]"),
+        (change(global_rot_mats=np.full((5, 30, 3, 3), 1e300)), "expected rotation matrices"),
+        (
+            change(global_rot_mats=np.tile(np.diag([1.0, 1, -1]), (5, 30, 1, 1))),
+            "expected rotation matrices",
+        ),
+        (change(posed_joints=np.full((5, 30, 3), np.nan)), "`posed_joints`: expected finite"),
+        (
+            change(posed_joints=np.zeros((0, 30, 3)), global_rot_mats=np.zeros((0, 30, 3, 3))),
+            "`posed_joints`: expected at least one frame",
+        ),
+    ],
+)
+def test_read_kimodo_wrong_array_raises_format_error_naming_it(tmp_path, arrays, message):
+    path = write_arrays(tmp_path / "walk.npz", arrays)
+    with pytest.raises(mg.FormatError, match=r"walk\.npz: array .*" + message):
+        mg.read(path)[0]

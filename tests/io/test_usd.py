@@ -1,5 +1,6 @@
-"""USD files, read back by the USD library, its validators and Blender."""
+"""USD files, read by the USD library and its validators, read back, and with wrong content."""
 
+import struct
 import sys
 from dataclasses import replace
 
@@ -7,20 +8,23 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
-from mograft import EndSite, Motion, Skeleton, write_bvh
-from mograft.body.mass import mass_model
+import mograft as mg
+from mograft import EndSite, Motion, Skeleton
 from mograft.cli import main
+from mograft.dancer import dance
 from mograft.formats import write_usd
+from mograft.io.units import ExportTransform
 from mograft.io.usd import SUFFIXES, _joint_paths
-from mograft.motion import rotations
 from tests import strategies
-from tests.clients import blender
 from tests.io.glb_file import assert_equal_up_to_rotation
-from tests.strategies import HOSTILE_NAMES
+from tests.strategies import assert_same_rotations, few_examples
 
 pxr = pytest.importorskip("pxr", reason="usd-core is not installed")
-from pxr import Usd, UsdGeom, UsdSkel, UsdValidation  # noqa: E402
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, UsdValidation, Vt  # noqa: E402
+
+from tests.fuzz import usd as fuzz_usd  # noqa: E402 - needs usd-core
 
 
 @given(st.lists(st.sampled_from(["A", "A_2", "A_3", "A_4", "A_2_2"]), min_size=1, max_size=6))
@@ -102,28 +106,7 @@ def test_write_usd_stores_units_axes_names_and_colours(motion, tmp_path):
     assert len(np.unique(colours, axis=0)) == 4
 
 
-@pytest.mark.parametrize("axis", [[np.pi / 2, 0, 0], [0, 0, np.pi / 2], [np.pi, 0, 0]])
-def test_write_usd_any_up_axis_becomes_y(motion, tmp_path, axis):
-    tilt = rotations.exp(np.array(axis, float))
-    quats, positions = motion.rotations.copy(), motion.positions.copy()
-    quats[:, 0] = rotations.multiply(np.broadcast_to(tilt, quats[:, 0].shape), quats[:, 0])
-    positions[:, 0] = rotations.rotate(tilt, positions[:, 0])
-    write_usd(replace(motion, rotations=quats, positions=positions), tmp_path / "m.usdc")
-    stage, query, skin = open_figure(tmp_path / "m.usdc")
-    check_skin(query, skin, 30, matrices(query, 30)[:, :3, 3])
-    points = UsdGeom.Mesh(skin.GetPrim()).GetPointsAttr().Get()
-    assert skin.ComputeSkinnedPoints(query.ComputeSkinningTransforms(30), points)
-    # The fourth corner of a bone is its end, at the next joint.
-    ends = np.array(points)[3::24][: motion.n_joints - 1]
-    np.testing.assert_allclose(ends, matrices(query, 30)[1:, :3, 3], atol=1e-5)
-    actual = matrices(query, 30)[:, :3, 3]
-    expected = 0.01 * motion.world_positions()[30]
-    assert UsdGeom.GetStageUpAxis(stage) == "Y"
-    np.testing.assert_allclose(actual[:, 1], expected[:, 1], atol=1e-4)
-    assert_equal_up_to_rotation(actual, expected, 1e-4)
-
-
-def test_write_usd_passes_usd_validators(motion, tmp_path):
+def test_write_usd_is_deterministic_and_passes_usd_validators(motion, tmp_path):
     lone = Skeleton(["x"], [-1], [[0, 0, 0]], end_sites=(EndSite(0, [0, 0, 0]),))
     motions = {
         "dance": motion,
@@ -135,13 +118,17 @@ def test_write_usd_passes_usd_validators(motion, tmp_path):
     context = UsdValidation.ValidationContext(rules)
     for name, item in motions.items():
         for ending in SUFFIXES:
-            path = tmp_path / f"{name}{ending}"
+            path, again = tmp_path / f"{name}{ending}", tmp_path / f"again{ending}"
             write_usd(item, path)
+            write_usd(item, again)
+            assert path.read_bytes() == again.read_bytes()
             found = context.Validate(Usd.Stage.Open(str(path)))
             assert [error.GetMessage() for error in found] == [], path.name
 
 
-@pytest.mark.parametrize("name", [*HOSTILE_NAMES, "Hips/Spine", "1st", "Hüfte", "엉덩이"])
+@pytest.mark.parametrize(
+    "name", [*strategies.HOSTILE_NAMES, "Hips/Spine", "1st", "Hüfte", "엉덩이"]
+)
 def test_write_usd_any_name_is_kept_as_joint_name(motion, tmp_path, name):
     names = (name,) * motion.n_joints
     renamed = replace(motion[:3], skeleton=replace(motion.skeleton, names=names), name=name)
@@ -153,15 +140,6 @@ def test_write_usd_any_name_is_kept_as_joint_name(motion, tmp_path, name):
         assert set(joint_names) == {encoded}
         assert stage.GetDefaultPrim().GetDisplayName() == (encoded or "motion")
         assert len(set(map(str, query.GetJointOrder()))) == motion.n_joints
-
-
-@pytest.mark.parametrize("ending", SUFFIXES)
-def test_write_usd_is_deterministic(motion, tmp_path, ending):
-    contents = []
-    for name in ("a", "b"):
-        write_usd(motion, tmp_path / f"{name}{ending}")
-        contents.append((tmp_path / f"{name}{ending}").read_bytes())
-    assert contents[0] == contents[1]
 
 
 def test_write_usd_invalid_argument_raises_error(motion, tmp_path):
@@ -178,7 +156,7 @@ def test_write_usd_invalid_argument_raises_error(motion, tmp_path):
 
 
 def test_export_command_usd_without_usd_core_names_the_extra(motion, tmp_path, capsys, monkeypatch):
-    write_bvh(motion, tmp_path / "a.bvh")
+    mg.write_bvh(motion, tmp_path / "a.bvh")
     command = ["export", str(tmp_path / "a.bvh"), "-o"]
     assert main([*command, str(tmp_path / "x.usda"), "--scale", "0.02", "--rate", "15"]) == 0
     assert "metres, y up" in capsys.readouterr().err
@@ -190,15 +168,262 @@ def test_export_command_usd_without_usd_core_names_the_extra(motion, tmp_path, c
     assert not (tmp_path / "y.usd").exists()
 
 
-@pytest.mark.client
-def test_write_usd_blender_joint_positions_agree(motion, tmp_path):
-    run = blender()
-    write_usd(motion, tmp_path / "m.usdc", scale=0.01)
-    frames = [0, 1, 29, motion.n_frames - 1]
-    report = run(tmp_path / "m.usdc", frames, motion.rate)
-    world = 0.01 * motion.world_positions()[frames]
-    names = motion.skeleton.names
-    actual = np.array([[heads[name] for name in names] for heads in report["heads"]])
-    # In Blender, z is up.
-    expected = np.stack([world[..., 0], -world[..., 2], world[..., 1]], axis=-1)
-    assert np.abs(actual - expected).max() < 1e-4 * 0.01 * mass_model(motion.skeleton).height
+@few_examples(30)
+@given(strategies.motions(max_frames=10), st.sampled_from(SUFFIXES), st.sampled_from([0.01, 1.0]))
+def test_read_usd_gives_what_write_usd_wrote(tmp_path_factory, motion, ending, scale):
+    path = tmp_path_factory.mktemp("usd") / f"m{ending}"
+    write_usd(motion, path, scale=scale)
+    (again,) = mg.read(path)
+    transform = ExportTransform.of(motion, scale)
+    expected = transform.points(motion.world_positions())
+    size = max(np.abs(expected).max(), scale)
+    np.testing.assert_allclose(again.world_positions(), expected, atol=1e-5 * size)
+    # The turn to y up is in the rest pose, so local rotations are those of the motion in its axes.
+    turn = transform.to_y_up
+    local = mg.rotations.multiply(
+        turn, mg.rotations.multiply(motion.rotations, mg.rotations.inverse(turn))
+    )
+    assert_same_rotations(again.rotations, local, atol=1e-5)
+    np.testing.assert_allclose(
+        again.skeleton.offsets, transform.points(motion.skeleton.offsets), atol=1e-6 * size
+    )
+    assert again.skeleton.names == motion.skeleton.names
+    np.testing.assert_array_equal(again.skeleton.parents, motion.skeleton.parents)
+    assert again.n_frames == motion.n_frames
+    assert again.rate == pytest.approx(motion.rate, rel=1e-6)
+    assert again.is_translated[1:].sum() == 0
+
+
+def test_read_usd_rate_resamples_and_notes_name_other_prims(tmp_path):
+    motion = dance(strides=1).motion[:61]
+    write_usd(motion, tmp_path / "dance.usdc")
+    clips = mg.read(tmp_path / "dance.usdc", rate=10)
+    assert clips.names == ("motion",)
+    assert clips[0].n_frames == 21
+    assert clips[0].duration == pytest.approx(motion.duration)
+    assert clips.notes == ("unit: 1 m, Y up", "prims that are not joints: 1 Mesh")
+
+
+def define_figure(stage, name, joints, rest, bind=None):
+    """A skeleton; `rest` and `bind` are lists of 4 x 4 arrays that act on column vectors."""
+    prim = UsdSkel.Skeleton.Define(stage, f"/{name}/skel")
+    prim.CreateJointsAttr(joints)
+    for attribute, matrices in (("Rest", rest), ("Bind", bind)):
+        if matrices is not None:
+            getattr(prim, f"Create{attribute}TransformsAttr")(
+                Vt.Matrix4dArray([Gf.Matrix4d(m.T.tolist()) for m in matrices])
+            )
+    return prim
+
+
+def define_animation(stage, path, joints, keys):
+    """An animation; `keys` maps a time code to translations, rotations (xyzw) and scales."""
+    animation = UsdSkel.Animation.Define(stage, path)
+    animation.CreateJointsAttr(joints)
+    for code, (translations, quats, scales) in keys.items():
+        animation.CreateTranslationsAttr().Set(
+            Vt.Vec3fArray.FromNumpy(np.float32(translations)), code
+        )
+        animation.CreateRotationsAttr().Set(Vt.QuatfArray.FromNumpy(np.float32(quats)), code)
+        animation.CreateScalesAttr().Set(Vt.Vec3hArray.FromNumpy(np.float16(scales)), code)
+    return animation
+
+
+def matrix(rng, shift):
+    result = np.eye(4)
+    result[:3, :3] = Rotation.random(random_state=rng).as_matrix()
+    result[:3, 3] = shift
+    return result
+
+
+def save(stage, path, codes_per_second=24.0):
+    stage.SetTimeCodesPerSecond(codes_per_second)
+    assert stage.GetRootLayer().Export(str(path))
+    return path
+
+
+JOINTS = ["hips", "hips/spine", "hips/spine/head", "hips/leg"]
+
+
+@few_examples(20)
+@given(strategies.SEEDS)
+def test_read_usd_positions_match_usd_with_rest_rotations_scale_and_moving_prim(
+    tmp_path_factory, seed
+):
+    rng = np.random.default_rng(seed)
+    stage = Usd.Stage.CreateInMemory()
+    root = UsdSkel.Root.Define(stage, "/figure")
+    shift, turn = root.AddTranslateOp(), root.AddRotateXYZOp()
+    for code in (1.0, 4.0):
+        shift.Set(Gf.Vec3d(code, 0, 1), code)
+        turn.Set(Gf.Vec3f(10 * code, 20, -30 * code), code)
+    rest = [matrix(rng, rng.normal(size=3)) for _ in JOINTS]
+    skeleton = define_figure(stage, "figure", JOINTS, rest, rest)
+    moved = [JOINTS[3], JOINTS[0], JOINTS[1]]  # in another order, without the head
+    keys = {
+        code: (
+            rng.normal(size=(3, 3)),
+            Rotation.random(3, random_state=rng).as_quat(),
+            rng.uniform(0.5, 1.5, (3, 1)) * np.ones(3),
+        )
+        for code in (1.0, 2.0, 4.0)
+    }
+    animation = define_animation(stage, "/figure/walk", moved, keys)
+    binding = UsdSkel.BindingAPI.Apply(skeleton.GetPrim())
+    binding.CreateAnimationSourceRel().SetTargets([animation.GetPath()])
+    path = save(stage, tmp_path_factory.mktemp("usd") / "a.usda")
+    (motion,) = mg.read(path)
+    assert motion.rate == pytest.approx(24)
+    assert motion.n_frames == 4
+    assert motion.skeleton.names == ("hips", "spine", "head", "leg")
+    cache = UsdSkel.Cache()
+    assert cache.Populate(root, Usd.PrimDefaultPredicate)
+    query = cache.GetSkelQuery(skeleton)
+    positions = motion.world_positions()
+    for frame, code in enumerate((1.0, 2.0, 3.0, 4.0)):
+        world = UsdGeom.XformCache(Usd.TimeCode(code))
+        transforms = query.ComputeJointWorldTransforms(world)
+        expected = [list(transform.ExtractTranslation()) for transform in transforms]
+        np.testing.assert_allclose(positions[frame], expected, atol=2e-3 if code == 3 else 1e-5)
+
+
+def test_read_usd_several_animations_and_roots(tmp_path):
+    rng = np.random.default_rng(1)
+    stage = Usd.Stage.CreateInMemory()
+    joints = ["left", "left/tip", "right"]
+    rest = [matrix(rng, [1, 0, 0]) for _ in joints]
+    bind = [rest[0], rest[0] @ rest[1], rest[2]]
+    define_figure(stage, "pair", joints, None, bind)
+    key = (rng.normal(size=(3, 3)), np.tile([0, 0, 0, 1.0], (3, 1)), np.ones((3, 3)))
+    for name in ("a", "b"):
+        define_animation(stage, f"/pair/{name}/walk", joints, {0.0: key, 0.5: key, 1.25: key})
+    clips = mg.read(save(stage, tmp_path / "a.usdc", 20.0))
+    assert clips.names == ("walk", "walk~2")
+    motion = clips["walk~2"]
+    # A joint above several roots; keys between time codes are sampled at 30 fps.
+    assert motion.skeleton.names == ("skel", "left", "tip", "right")
+    assert motion.skeleton.parents.tolist() == [-1, 0, 1, 0]
+    expected = np.array([np.zeros(3), *(m[:3, 3] for m in bind)])
+    np.testing.assert_allclose(motion.skeleton.rest_positions(), expected, atol=1e-9)
+    assert motion.duration == pytest.approx(1.25 / 20)
+    assert motion.n_frames == 3
+
+
+def test_read_usd_package_is_read(tmp_path):
+    from pxr import UsdUtils
+
+    motion = dance(strides=1).motion[:5]
+    write_usd(motion, tmp_path / "m.usdc")
+    assert UsdUtils.CreateNewUsdzPackage(str(tmp_path / "m.usdc"), str(tmp_path / "m.usdz"))
+    packed, plain = mg.read(tmp_path / "m.usdz")[0], mg.read(tmp_path / "m.usdc")[0]
+    np.testing.assert_array_equal(packed.rotations, plain.rotations)
+
+
+def test_read_usd_layer_outside_folder_raises_format_error(tmp_path):
+    (tmp_path / "inner").mkdir()
+    write_usd(dance(strides=1).motion[:5], tmp_path / "m.usda")
+    write_usd(dance(strides=1).motion[:5], tmp_path / "inner" / "m.usda")
+    for name, is_inside in (("./m.usda", True), ("../m.usda", False), (tmp_path / "m.usda", False)):
+        layer = Sdf.Layer.CreateNew(str(tmp_path / "inner" / "top.usda"))
+        layer.subLayerPaths.append(str(name))
+        layer.Save()
+        del layer
+        if is_inside:
+            assert len(mg.read(tmp_path / "inner" / "top.usda")) == 1
+        else:
+            with pytest.raises(mg.FormatError, match="expected layers in the folder of the file"):
+                mg.read(tmp_path / "inner" / "top.usda")
+
+
+KEY = (np.zeros((1, 3)), [[0, 0, 0, 1.0]], np.ones((1, 3)))
+
+
+@pytest.mark.parametrize(
+    ("joints", "moved", "keys", "message"),
+    [
+        ([], ["a"], {0.0: KEY}, "/f/skel: expected joints, got none"),
+        (["a/b", "a"], ["a"], {0.0: KEY}, "/f/skel: expected parents before children"),
+        (["a", "a/b", "a/b"], ["a"], {0.0: KEY}, "expected different joints, got a/b more than"),
+        (["a"], ["b"], {0.0: KEY}, "/f/walk: expected a Skeleton with the joints"),
+        (["a"], ["a"], {0.0: KEY, 1e12: KEY}, "/f/walk: a duration of .* too long for 2 keys"),
+        (["a"], ["a"], {0.0: (np.zeros((2, 3)), *KEY[1:])}, "expected 1 finite translations"),
+        (
+            ["a"],
+            ["a"],
+            {0.0: (np.full((1, 3), np.nan), *KEY[1:])},
+            "expected 1 finite translations",
+        ),
+        (["a"], ["a"], {0.0: (KEY[0], [[0, 0, 0, 0]], KEY[2])}, "expected unit quaternions"),
+    ],
+)
+def test_read_usd_wrong_content_raises_format_error(tmp_path, joints, moved, keys, message):
+    stage = Usd.Stage.CreateInMemory()
+    define_figure(stage, "f", joints, [np.eye(4)] * len(joints))
+    define_animation(stage, "/f/walk", moved, keys)
+    path = save(stage, tmp_path / "a.usda")
+    with pytest.raises(mg.FormatError, match=r"a\.usda: .*" + message):
+        mg.read(path)[0]
+
+
+@pytest.mark.parametrize("content", [b"#usda 1.0\n(", b"PXR-USDC" + bytes(80), b"PK\3\4", b""])
+def test_read_usd_damaged_file_raises_format_error(tmp_path, content):
+    for ending in (".usd", ".usda", ".usdc", ".usdz"):
+        path = tmp_path / f"a{ending}"
+        path.write_bytes(content)
+        with pytest.raises(mg.FormatError, match=rf"a\{ending}"):
+            mg.read(path)
+
+
+@pytest.mark.parametrize("seed", sorted({*fuzz_usd.SEEDS, *range(40)}))
+def test_read_usd_damaged_text_gives_motions_or_format_error(tmp_path, seed):
+    if seed in fuzz_usd.SEEDS or fuzz_usd.mutate(seed)[0] == "usda":
+        fuzz_usd.check(seed, tmp_path)
+
+
+@pytest.mark.parametrize("section", range(6))
+@pytest.mark.parametrize("claim", [2**30, 2**40, 2**63, 2**64 - 1])
+def test_read_usd_binary_file_with_too_large_section_raises_format_error(tmp_path, section, claim):
+    """A file of 2 KB that claims 10 GB makes usd-core allocate them."""
+    write_usd(dance(strides=1).motion[:5], tmp_path / "m.usdc")
+    data = bytearray((tmp_path / "m.usdc").read_bytes())
+    (contents,) = struct.unpack_from("<q", data, 16)
+    name, first, size = struct.unpack_from("<16sqq", data, contents + 8 + 32 * section)
+    place = name.rstrip(b"\0").decode()
+    struct.pack_into("<Q", data, first, claim)
+    path = tmp_path / "large.usdc"
+    path.write_bytes(data)
+    with pytest.raises(mg.FormatError, match=f"section {place}: expected at most"):
+        mg.read(path)
+    struct.pack_into("<q", data, contents + 24 + 32 * section, size + len(data))
+    path.write_bytes(data)
+    with pytest.raises(mg.FormatError, match=f"section {place}: expected an end"):
+        mg.read(path)
+    struct.pack_into("<q", data, 16, claim % 2**63)
+    path.write_bytes(data)
+    with pytest.raises(mg.FormatError, match=r"table of contents|position"):
+        mg.read(path)
+
+
+def test_read_usd_long_animation_of_few_keys_raises_format_error(tmp_path):
+    stage = Usd.Stage.CreateInMemory()
+    define_figure(stage, "f", ["a"], [np.eye(4)])
+    define_animation(stage, "/f/walk", ["a"], {0.0: KEY, 1e5: KEY})
+    path = save(stage, tmp_path / "a.usda")
+    with pytest.raises(mg.FormatError, match=r"a duration of .* choose a lower rate"):
+        mg.read(path)[0]
+    assert mg.read(path, rate=1)[0].n_frames > 1000
+
+
+def test_read_usd_skeleton_without_rest_pose_raises_format_error(tmp_path):
+    stage = Usd.Stage.CreateInMemory()
+    define_figure(stage, "f", ["a"], None)
+    path = save(stage, tmp_path / "a.usda")
+    with pytest.raises(mg.FormatError, match="expected restTransforms or bindTransforms"):
+        mg.read(path)
+
+
+def test_read_usd_without_usd_core_names_the_extra(tmp_path, monkeypatch):
+    write_usd(dance(strides=1).motion[:5], tmp_path / "m.usda")
+    monkeypatch.setitem(sys.modules, "pxr", None)
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'mograft\[usd\]'"):
+        mg.read(tmp_path / "m.usda")

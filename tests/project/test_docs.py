@@ -22,8 +22,8 @@ import pytest
 import mograft
 from mograft.cli import main
 from mograft.io.smpl.joints import SMPL_H
-from mograft.io.smpl.stand_in import stand_in
-from tests.io.amass_file import dance_arrays, write_arrays
+from mograft.io.smpl.rest import stand_in
+from tests.io.npz_files import dance_arrays, write_arrays
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

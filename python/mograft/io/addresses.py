@@ -1,30 +1,13 @@
 """Addresses of clips: ``path``, or ``path#clip`` for a clip of a file that holds several."""
 
 import os
-from collections import deque
-from typing import NamedTuple
+from functools import lru_cache
 
 from mograft.errors import FormatError, join_names
 from mograft.io.clips import Clips
 from mograft.io.formats import read
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
-
-_MAX_OPEN_FILES = 16
-_MAX_OPEN_BYTES = 16 << 20
-"""Limits of the files that `open_clips` keeps: their number, and their total size if there are
-several. A file is therefore not parsed again for each of its clips."""
-
-
-class _OpenFile(NamedTuple):
-    """The clips of a file that `open_clips` keeps."""
-
-    key: tuple[object, ...]  # path, state of the file, and arguments of `read`
-    size: int  # bytes
-    clips: Clips
-
-
-_OPEN: deque[_OpenFile] = deque(maxlen=_MAX_OPEN_FILES)  # without a lock, which forks would copy
 
 
 def join_address(path: str, clip: str | None) -> str:
@@ -78,11 +61,8 @@ def read_clip(
     names = clips.names if pattern is None else [clips.names[index] for index in found]
     if not names:
         raise FormatError("expected at least one motion, got none", path)
-    raise FormatError(
-        f"expected the name of one clip, as in {clips.address(found[0])}, got {len(names)} clips: "
-        f"{join_names(names)}",
-        path,
-    )
+    expected = f"the name of one clip, as in {clips.address(found[0])}"
+    raise FormatError(f"expected {expected}, got {len(names)} clips: {join_names(names)}", path)
 
 
 def find_addresses(address: str, *, skeleton: Skeleton | None = None) -> list[str]:
@@ -107,18 +87,21 @@ def find_addresses(address: str, *, skeleton: Skeleton | None = None) -> list[st
 def open_clips(path: str, *, rate: float | None = None, skeleton: Skeleton | None = None) -> Clips:
     """Return the clips of a file as `read` does.
 
-    The results of the last calls are kept, and returned again unless the file has changed.
+    The result of the last call is kept, and returned again unless the file has changed: a file is
+    not parsed again for each of its clips.
     """
     if not os.path.isfile(path):
         return read(path, rate=rate, skeleton=skeleton)
     status = os.stat(path)
     state = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
-    key = (path, state, rate, skeleton)
-    for opened in tuple(_OPEN):
-        if opened.key == key:
-            return opened.clips
-    clips = read(path, rate=rate, skeleton=skeleton)
-    _OPEN.append(_OpenFile(key, status.st_size, clips))
-    while len(_OPEN) > 1 and sum(opened.size for opened in tuple(_OPEN)) > _MAX_OPEN_BYTES:
-        _OPEN.popleft()
-    return clips
+    return _read_once(path, state, rate, skeleton)
+
+
+@lru_cache(maxsize=1)
+def _read_once(
+    path: str,
+    state: tuple[int, ...],  # noqa: ARG001 - part of the key
+    rate: float | None,
+    skeleton: Skeleton | None,
+) -> Clips:
+    return read(path, rate=rate, skeleton=skeleton)

@@ -1,13 +1,14 @@
 """`Clips`: the motions of one file, each of which is read when it is accessed."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import overload
 
 from mograft._util.validate import is_integer
-from mograft.errors import join_names, suggest_name
+from mograft.errors import FormatError, join_names, suggest_name
 from mograft.motion.motion import Motion
 
 
@@ -76,8 +77,10 @@ class Clips(Sequence[Motion]):
             raise ValueError(f"`names` must be different, got {join_names(self.names)}")
 
     def __repr__(self) -> str:
-        clips = "1 clip" if len(self) == 1 else f"{len(self)} clips"
-        return f"Clips({self.path.name}: {self.format}, {clips})"
+        return f"Clips({self.path.name}: {self.format}, {self._count()})"
+
+    def _count(self) -> str:
+        return "1 clip" if len(self) == 1 else f"{len(self)} clips"
 
     def __len__(self) -> int:
         return len(self.names)
@@ -102,8 +105,7 @@ class Clips(Sequence[Motion]):
             kind = type(index).__name__
             raise TypeError(f"the index of a clip must be an integer, name or slice, got {kind}")
         if not -len(self) <= index < len(self):
-            clips = "1 clip" if len(self) == 1 else f"{len(self)} clips"
-            raise IndexError(f"{self.path} has {clips}, got the index {index}")
+            raise IndexError(f"{self.path} has {self._count()}, got the index {index}")
         return self._load(range(len(self))[index])
 
     def _load(self, index: int) -> Motion:
@@ -113,15 +115,6 @@ class Clips(Sequence[Motion]):
         if (motion.path, motion.clip) == (self.path, clip):
             return motion
         return replace(motion, path=self.path, clip=clip)
-
-    @classmethod
-    def without_motions(cls, path: Path, format: str, notes: tuple[str, ...]) -> "Clips":  # noqa: A002 - the field
-        """Return the clips of a file that holds none."""
-
-        def load(index: int) -> Motion:
-            raise IndexError(index)
-
-        return cls(path, (), load, format, notes, ())
 
     def _unknown(self, name: str) -> ValueError:
         hint = suggest_name(name, self.names) or f"; its clips are {join_names(self.names)}"
@@ -136,11 +129,8 @@ class Clips(Sequence[Motion]):
         """
         if pattern in self.names:
             return [self.names.index(pattern)]
-        found = [
-            index
-            for index, name in enumerate(self.names)
-            if fnmatchcase(name, pattern) or fnmatchcase(name.rpartition("|")[2], pattern)
-        ]
+        pairs = [(name, name.rpartition("|")[2]) for name in self.names]
+        found = [i for i, pair in enumerate(pairs) if any(fnmatchcase(n, pattern) for n in pair)]
         if not found:
             raise self._unknown(pattern)
         return found
@@ -151,3 +141,36 @@ class Clips(Sequence[Motion]):
         The address of the only clip of a file is the path.
         """
         return str(self.path) if len(self) == 1 else f"{self.path}#{self.names[index]}"
+
+
+def single_clip(
+    path: Path,
+    format: str,  # noqa: A002 - the field of `Clips`
+    load: Callable[[], Motion],
+    rate: float | None,
+    *,
+    notes: Sequence[str] = (),
+    lengths: Sequence[ClipLength] | None = None,
+) -> Clips:
+    """Return the clips of a file with one motion, which has the name of the file.
+
+    `load` reads the motion; unless `rate` is None, it is resampled. `lengths` are those of `Clips`.
+    """
+
+    def read(_: int) -> Motion:
+        with errors_of_file(path):
+            motion = load()
+        return motion if rate is None else motion.resample(rate)
+
+    return Clips(path, (path.stem,), read, format, tuple(notes), lengths)
+
+
+@contextmanager
+def errors_of_file(path: str | Path, place: str | None = None) -> Iterator[None]:
+    """Convert ValueError and TypeError to `FormatError`, which names the file and the place."""
+    try:
+        yield
+    except FormatError:
+        raise
+    except (TypeError, ValueError) as error:
+        raise FormatError(str(error), path, place) from error

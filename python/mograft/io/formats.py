@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Protocol
 
 from mograft.io.clips import Clips
-from mograft.io.kimodo.joints import is_kimodo
+from mograft.io.kimodo import is_kimodo
 from mograft.io.smpl.joints import is_amass
 from mograft.motion.skeleton import Skeleton
 
@@ -57,42 +57,33 @@ def npz_arrays(path: Path) -> frozenset[str]:
 
 
 _BVH = Format("BVH", (".bvh",), "io.bvh.reader:open_bvh", lambda _, head: b"HIERARCHY" in head)
-_AMASS = Format(
-    "AMASS", (".npz",), "io.smpl.reader:open_amass", lambda path, _: is_amass(npz_arrays(path))
-)
-_KIMODO = Format(
-    "Kimodo", (".npz",), "io.kimodo.reader:open_kimodo", lambda path, _: is_kimodo(npz_arrays(path))
-)
-_NPZ = Format(
-    "NPZ",
-    (".npz",),
-    "io.npz:open_npz",
-    lambda path, _: {"format", "rotations", "parents"} <= npz_arrays(path),
-)
 
-_GLTF = Format(
-    "glTF",
-    (".glb", ".gltf"),
-    "io.gltf.reader:open_gltf",
-    lambda path, head: head.startswith(b"glTF") or path.suffix.lower() == ".gltf",
-)
-_FBX = Format(
-    "FBX",
-    (".fbx",),
-    "io.fbx:open_fbx",
-    lambda _, head: head.startswith((b"Kaydara FBX Binary", b"; FBX ")),
-    requires="mograft_fbx",
-)
 
-_USD = Format(
-    "USD",
-    (".usd", ".usda", ".usdc", ".usdz"),
-    "io.usd_reader:open_usd",
-    lambda path, head: head.startswith((b"#usda", b"PXR-USDC")) or path.suffix.lower() == ".usdz",
-    requires="pxr",
-)
+def _begins(*starts: bytes, suffix: str | None = None) -> Callable[[Path, bytes], bool]:
+    """Return the condition that a file begins with one of `starts`, or has a suffix."""
+    return lambda path, head: head.startswith(starts) or path.suffix.lower() == suffix
 
-FORMATS: tuple[Format, ...] = (_BVH, _GLTF, _FBX, _AMASS, _KIMODO, _NPZ, _USD)
+
+def _holds(condition: Callable[[frozenset[str]], bool]) -> Callable[[Path, bytes], bool]:
+    """Return the condition that a file is NPZ, and the names of its arrays meet a condition."""
+    return lambda path, _: condition(npz_arrays(path))
+
+
+_NPZ_ARRAYS = frozenset(("format", "rotations", "parents"))
+_FBX_STARTS = (b"Kaydara FBX Binary", b"; FBX ")
+_USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+_IS_USD = _begins(b"#usda", b"PXR-USDC", suffix=".usdz")
+_IS_GLTF = _begins(b"glTF", suffix=".gltf")
+
+FORMATS = (
+    _BVH,
+    Format("glTF", (".glb", ".gltf"), "io.gltf.document:open_gltf", _IS_GLTF),
+    Format("FBX", (".fbx",), "io.fbx:open_fbx", _begins(*_FBX_STARTS), "mograft_fbx"),
+    Format("AMASS", (".npz",), "io.smpl.amass:open_amass", _holds(is_amass)),
+    Format("Kimodo", (".npz",), "io.kimodo:open_kimodo", _holds(is_kimodo)),
+    Format("NPZ", (".npz",), "io.npz:open_npz", _holds(_NPZ_ARRAYS.issubset)),
+    Format("USD", _USD_SUFFIXES, "io.usd_reader:open_usd", _IS_USD, "pxr"),
+)
 """All formats, in order of precedence: if the content of a file matches several, the first is
 used. Of files in a folder with the same stem, those of the first format are used."""
 

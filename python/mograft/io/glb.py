@@ -15,8 +15,7 @@ from mograft.body.groups import JointGroups
 from mograft.io.bone_mesh import BoneMesh, bone_mesh, joint_group_indices
 from mograft.io.gltf.buffer import GltfBuffer
 from mograft.io.palette import linear_colours
-from mograft.io.single_precision import check_single_precision
-from mograft.io.units import ExportTransform
+from mograft.io.units import ExportTransform, check_single_precision
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -81,9 +80,8 @@ def write_glb(
         first.skeleton.check_same_hierarchy(clip.skeleton, clip.name or "a motion")
     transform = ExportTransform.of(first, scale)
     buffer = GltfBuffer()
-    document = _build_document(
-        buffer, clips, transform, joint_group_indices(first.skeleton, groups)
-    )
+    group_indices = joint_group_indices(first.skeleton, groups)
+    document = _build_document(buffer, clips, transform, group_indices)
     write_bytes(Path(path), buffer.pack(document))
 
 
@@ -104,33 +102,20 @@ def _build_document(
     inverse_bind[:, :3, :3] = rotations.rotate(from_y_up, np.eye(3)).T
     inverse_bind[:, :3, 3] = -rotations.rotate(from_y_up, rest)
     inverse_bind[:, 3, 3] = 1.0
-    columns = inverse_bind.transpose(0, 2, 1).astype("<f4")
+    columns = buffer.add(inverse_bind.transpose(0, 2, 1).astype("<f4"), "MAT4")
+    joints, metadata = list(range(skeleton.n_joints)), transform.metadata
+    offsets = skeleton.offsets
+    animations = [_build_animation(buffer, own, transform, offsets) for own in motions]
+    surface = {"metallicFactor": 0.0, "roughnessFactor": 0.8}
     return {
-        "asset": {
-            "version": "2.0",
-            "generator": f"mograft {VERSION}",
-            "extras": transform.metadata,
-        },
+        "asset": {"version": "2.0", "generator": f"mograft {VERSION}", "extras": metadata},
         "scene": 0,
         "scenes": [{"nodes": [0, skeleton.n_joints]}],
         "nodes": _build_nodes(skeleton, transform, rest[0]),
         "meshes": [{"name": "bones", "primitives": [mesh]}],
-        "materials": [
-            {
-                "name": "bones",
-                "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.8},
-            }
-        ],
-        "skins": [
-            {
-                "joints": list(range(skeleton.n_joints)),
-                "skeleton": 0,
-                "inverseBindMatrices": buffer.add(columns, "MAT4"),
-            }
-        ],
-        "animations": [
-            _build_animation(buffer, motion, transform, skeleton.offsets) for motion in motions
-        ],
+        "materials": [{"name": "bones", "pbrMetallicRoughness": surface}],
+        "skins": [{"joints": joints, "skeleton": 0, "inverseBindMatrices": columns}],
+        "animations": animations,
     }
 
 
@@ -193,10 +178,8 @@ def _build_mesh(buffer: GltfBuffer, mesh: BoneMesh, group_indices: IntArray) -> 
     colours = linear_colours(group_indices[vertex_joints])
     arrays = {"POSITION": points, "NORMAL": normals, "COLOR_0": colours}
     arrays = {name: array.astype("<f4") for name, array in arrays.items()}
-    attributes = {
-        name: buffer.add(
-            array, f"VEC{array.shape[1]}", has_bounds=name == "POSITION", is_vertex_data=True
-        )
-        for name, array in (arrays | {"JOINTS_0": joints, "WEIGHTS_0": weights}).items()
-    }
+    attributes: dict[str, int] = {}
+    for name, array in (arrays | {"JOINTS_0": joints, "WEIGHTS_0": weights}).items():
+        kind, has_bounds = f"VEC{array.shape[1]}", name == "POSITION"
+        attributes[name] = buffer.add(array, kind, has_bounds=has_bounds, is_vertex_data=True)
     return {"attributes": attributes, "material": 0}

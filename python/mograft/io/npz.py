@@ -10,10 +10,9 @@ import numpy.typing as npt
 
 from mograft._util.atomic import write_bytes
 from mograft.errors import FormatError, join_names
-from mograft.io.clips import Clips
-from mograft.io.named_errors import errors_of_file
+from mograft.io.clips import Clips, errors_of_file, single_clip
 from mograft.io.npz_archive import NpzArchive, open_npz_archive
-from mograft.io.single_precision import check_single_precision
+from mograft.io.units import check_single_precision
 from mograft.motion import limits
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import EndSite, Skeleton
@@ -111,42 +110,22 @@ def read_npz(path: str | os.PathLike[str]) -> Motion:
     """
     archive = open_npz_archive(Path(path))
     if "format" not in archive.headers:
-        raise FormatError(_describe_unknown(archive), os.fspath(path))
+        raise FormatError(
+            "expected the arrays of mograft (`format`), AMASS (`poses`, `trans`) or Kimodo "
+            "(`posed_joints`, `global_rot_mats`), got "
+            f"{join_names(sorted(archive.headers)) or 'no arrays'}",
+            archive.path,
+        )
     given = str(archive.read("format", ()))
     if given != _FORMAT:
-        raise FormatError(f"expected {_FORMAT}, got {given}", os.fspath(path), "array `format`")
+        raise archive.error("format", f"expected {_FORMAT}, got {given}")
     with errors_of_file(archive.path):
         return _to_motion(archive)
 
 
 def open_npz(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001
     """Return the clip of an NPZ file; see `mograft.io.formats.Opener`."""
-
-    def load(_: int) -> Motion:
-        motion = read_npz(path)
-        return motion if rate is None else motion.resample(rate)
-
-    return Clips(path, (path.stem,), load, "NPZ")
-
-
-def _describe_unknown(archive: NpzArchive) -> str:
-    """Return the error message for an NPZ file of an unknown format."""
-    headers = archive.headers
-    message = (
-        "expected the arrays of mograft (`format`), AMASS (`poses`, `trans`) or Kimodo "
-        f"(`posed_joints`, `global_rot_mats`), got {join_names(sorted(headers)) or 'no arrays'}"
-    )
-    quats = [
-        name
-        for name, header in headers.items()
-        if "quat" in name.lower() or (len(header.shape) > 1 and header.shape[-1] == 4)
-    ]
-    if quats:
-        message += (
-            f"; {join_names(quats)} may hold quaternions, but the file does not state whether they "
-            "are xyzw or wxyz, and mograft does not guess it"
-        )
-    return message
+    return single_clip(path, "NPZ", lambda: read_npz(path), rate)
 
 
 def _to_motion(archive: NpzArchive) -> Motion:
@@ -156,22 +135,19 @@ def _to_motion(archive: NpzArchive) -> Motion:
     n_frames = archive.header("rotations", ("n_frames", n_joints, 4)).shape[0]
     limits.check_joints(n_joints)
     limits.check_frames(n_frames)
-    sites = zip(
+    sites = map(
+        EndSite,
         archive.read_integers("end_parents", (n_sites,)).tolist(),
         archive.read_floats("end_offsets", (n_sites, 3)),
         archive.read_integers("end_before", (n_sites,)).tolist(),
-        archive.read_strings("end_names", (n_sites,)).tolist(),
-        strict=True,
+        archive.read_strings("end_names", (n_sites,)),
     )
     skeleton = Skeleton(
-        tuple(archive.read_strings("names", (n_joints,)).tolist()),
+        tuple(archive.read_strings("names", (n_joints,))),
         archive.read_integers("parents", (n_joints,)),
         archive.read_floats("offsets", (n_joints, 3)),
-        tuple(
-            tuple(channels.split())
-            for channels in archive.read_strings("channels", (n_joints,)).tolist()
-        ),
-        tuple(EndSite(*site) for site in sites),
+        tuple(tuple(own.split()) for own in archive.read_strings("channels", (n_joints,))),
+        tuple(sites),
     )
     quats = archive.read_floats("rotations", (n_frames, n_joints, 4))
     norms = np.linalg.norm(quats, axis=-1, keepdims=True)
@@ -180,7 +156,7 @@ def _to_motion(archive: NpzArchive) -> Motion:
         float(archive.read_floats("frame_time", ())),
         quats / np.where(norms > 0, norms, 1.0),
         archive.read_floats("positions", (n_frames, n_joints, 3)),
-        name=str(archive.read_strings("name", ())) or archive.path.stem,
+        name=str(archive.read("name", (), "U", "text")) or archive.path.stem,
         path=archive.path,
     )
 

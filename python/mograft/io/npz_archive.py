@@ -9,10 +9,8 @@ import threading
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 import numpy.lib.format as npy
@@ -37,13 +35,12 @@ _MAX_HEADER_BYTES = 10_000  # as NumPy, with the bytes before the text
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # those that NumPy writes
 
 
-@dataclass(frozen=True)
-class ArrayHeader:
+class ArrayHeader(NamedTuple):
     """Shape and type of an array, from the header in the file."""
 
     shape: tuple[int, ...]
-    dtype: np.dtype[Any]
     is_fortran: bool  # whether the first index varies fastest
+    dtype: np.dtype[Any]
     header_bytes: int  # size of the header
 
     @property
@@ -51,104 +48,79 @@ class ArrayHeader:
         """Size of all elements in bytes."""
         return math.prod(self.shape) * self.dtype.itemsize
 
-    @property
-    def is_pickled(self) -> bool:
-        """Whether the elements are pickled Python objects, which are never read."""
-        return bool(self.dtype.hasobject)
 
-
-@dataclass(frozen=True)
-class NpzArchive:
+class NpzArchive(NamedTuple):
     """The headers of all arrays of an NPZ file; `open_npz_archive` reads them."""
 
     path: Path
     headers: Mapping[str, ArrayHeader]
 
-    def read(self, name: str, shape: Shape) -> npt.NDArray[Any]:
+    def read(self, name: str, shape: Shape, kinds: str = "", content: str = "") -> npt.NDArray[Any]:
         """Return an array of the given shape; a string in `shape` stands for any length.
 
-        Raises `FormatError` if the array is missing, has another shape or more than 1 GiB, is
-        pickled or is damaged.
+        `kinds` holds the accepted kinds of its type, as NumPy abbreviates them, and `content`
+        describes them; by default all are accepted. Raises `FormatError` if the array is missing,
+        has another shape or type, or more than 1 GiB, is pickled or is damaged.
         """
         header = self.header(name, shape)
         if header.n_bytes > MAX_ARRAY_BYTES:
             gibibytes = header.n_bytes / 2**30
             raise self.error(name, f"expected at most 1 GiB, got {gibibytes:.1f} GiB")
+        if kinds and header.dtype.kind not in kinds:
+            raise self.error(name, f"expected {content}, got {header.dtype}")
         with _named_errors(self.path, name), zipfile.ZipFile(self.path) as archive:
             info = archive.getinfo(f"{name}.npy")
-            if info.file_size != header.header_bytes + header.n_bytes:
+            if (n_bytes := info.file_size - header.header_bytes) != header.n_bytes:
+                described = f"shape {header.shape} and type {header.dtype}"
                 raise self.error(
-                    name,
-                    f"expected {header.n_bytes} bytes for shape {header.shape} and type "
-                    f"{header.dtype}, got {info.file_size - header.header_bytes}",
+                    name, f"expected {header.n_bytes} bytes for {described}, got {n_bytes}"
                 )
             with archive.open(info) as member:
                 member.read(header.header_bytes)
-                data = member.read(header.n_bytes)
-        if len(data) != header.n_bytes:
-            raise self.error(name, f"expected {header.n_bytes} bytes, got {len(data)}")
-        elements = np.frombuffer(data, header.dtype)
-        if header.is_fortran:
-            return elements.reshape(header.shape[::-1]).T
-        return elements.reshape(header.shape)
+                elements = np.frombuffer(member.read(header.n_bytes), header.dtype)
+            return elements.reshape(header.shape, order="F" if header.is_fortran else "C")
 
     def read_floats(self, name: str, shape: Shape) -> FloatArray:
         """Return an array of finite real numbers as float64.
 
         Raises the errors of `read`, and `FormatError` if there are other elements.
         """
-        array = self.read(name, shape)
-        if array.dtype.kind not in "fiu":
-            raise self.error(name, f"expected real numbers, got {array.dtype}")
+        array = self.read(name, shape, "fiu", "real numbers")
         with np.errstate(over="ignore"):  # the range of float128 is larger
             floats = np.ascontiguousarray(array, np.float64).reshape(array.shape)
-        finite = np.isfinite(floats)
-        if not finite.all():
-            index = [int(i) for i in np.argwhere(~finite)[0]]
+        if not np.isfinite(floats).all():
+            index = np.argwhere(~np.isfinite(floats))[0].tolist()
             raise self.error(
                 name, f"expected finite numbers, got {floats[tuple(index)]} at {index}"
             )
         return floats
 
     def read_integers(self, name: str, shape: Shape) -> IntArray:
-        """Return an array of integers as int64.
+        """Return an array of integers as int64; errors are as for `read`."""
+        return self.read(name, shape, "iu", "integers").astype(np.int64)
 
-        Raises the errors of `read`, and `FormatError` if there are other elements.
-        """
-        array = self.read(name, shape)
-        if array.dtype.kind not in "iu":
-            raise self.error(name, f"expected integers, got {array.dtype}")
-        return array.astype(np.int64)
-
-    def read_strings(self, name: str, shape: Shape) -> npt.NDArray[np.str_]:
-        """Return an array of text.
-
-        Raises the errors of `read`, and `FormatError` if there are other elements or long texts.
-        """
+    def read_strings(self, name: str, shape: Shape) -> list[str]:
+        """Return the texts of an array; errors are as for `read`, also if texts are too long."""
         n_characters = self.header(name, shape).dtype.itemsize // 4
         if n_characters > limits.MAX_NAME_CHARACTERS:
             raise self.error(
                 name,
                 f"expected at most {limits.MAX_NAME_CHARACTERS} characters, got {n_characters}",
             )
-        array = self.read(name, shape)
-        if array.dtype.kind != "U":
-            raise self.error(name, f"expected text, got {array.dtype}")
-        return array
+        return self.read(name, shape, "U", "text").tolist()
 
     def header(self, name: str, shape: Shape) -> ArrayHeader:
         """Return the header of an array; shape and errors are as for `read`."""
         if name not in self.headers:
             raise self.error(name, "expected this array, got none of this name")
         header = self.headers[name]
-        fits = len(header.shape) == len(shape) and all(
-            isinstance(want, str) or want == length
-            for want, length in zip(shape, header.shape, strict=True)
-        )
-        if not fits:
-            wanted = ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "")
-            raise self.error(name, f"expected shape ({wanted}), got {header.shape}")
-        if header.is_pickled:
+        pairs = zip(shape, header.shape, strict=False)
+        if len(shape) != len(header.shape) or any(
+            want != length for want, length in pairs if not isinstance(want, str)
+        ):
+            wanted = str(shape).replace("'", "")
+            raise self.error(name, f"expected shape {wanted}, got {header.shape}")
+        if header.dtype.hasobject:
             raise self.error(name, "expected numbers, got pickled objects, which are not read")
         return header
 
@@ -170,13 +142,11 @@ def open_npz_archive(path: Path) -> NpzArchive:
             if name == info.filename:
                 continue
             with _named_errors(path, name):
-                if info.compress_type not in _METHODS or info.flag_bits & 1:
-                    raise ValueError(
-                        "expected an array without a password, uncompressed or deflated"
-                    )
+                if info.compress_type not in _METHODS:
+                    raise ValueError("expected an array that is uncompressed or deflated")
                 with archive.open(info) as member:
                     headers[name] = _read_header(member)
-    return NpzArchive(path, MappingProxyType(headers))
+    return NpzArchive(path, headers)
 
 
 def copy_npz_archive(
@@ -217,12 +187,12 @@ def _read_header(member: IO[bytes]) -> ArrayHeader:
     evaluate = npy.read_array_header_1_0 if is_first else npy.read_array_header_2_0
     try:
         with _PARSER:
-            shape, is_fortran, dtype = evaluate(start)
+            header = evaluate(start)
     except MemoryError:  # Python's parser raises it for deep expressions
         raise ValueError("expected the header of a NumPy array, got a deep expression") from None
-    if any(length < 0 for length in shape):
-        raise ValueError(f"expected a shape without negative lengths, got {shape}")
-    return ArrayHeader(shape, dtype, is_fortran, start.tell())
+    if min(header[0], default=0) < 0:
+        raise ValueError(f"expected a shape without negative lengths, got {header[0]}")
+    return ArrayHeader(*header, start.tell())
 
 
 @contextmanager

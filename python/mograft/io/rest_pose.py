@@ -6,6 +6,7 @@ the rest rotation. If G is the world rotation of a joint in the file and W its w
 rest pose of the file, then G W⁻¹ is its world rotation in mograft. World positions are the same.
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -26,10 +27,7 @@ counts as not translated. It covers the rounding of exporters that compute in si
 
 @dataclass(frozen=True, eq=False)
 class RestPose:
-    """The rest pose of a file: its joints in the order of the file's hierarchy.
-
-    Every parent precedes its children.
-    """
+    """The rest pose of a file: its joints in the order of the file's hierarchy, parents first."""
 
     names: tuple[str, ...]
     parents: IntArray  # shape (n_joints,); -1 at the root
@@ -74,23 +72,16 @@ def rebase(
     is_translated[0] = True
     positions[:, ~is_translated] = offsets[~is_translated]
     key = ("skeleton", is_translated.tobytes())
-    return Motion(
-        remember(rest, key, lambda: _skeleton(rest, is_translated)),
-        frame_time,
-        rotations.continuous_signs(_normalise(local)),
-        positions,
-        name=name,
-        path=path,
-        clip=clip,
-    )
+    skeleton = remember(rest, key, lambda: _skeleton(rest, is_translated))
+    quats = local / np.sqrt(np.einsum("...i,...i->...", local, local))[..., None]
+    quats = rotations.continuous_signs(quats)
+    return Motion(skeleton, frame_time, quats, positions, name=name, path=path, clip=clip)
 
 
 def _skeleton(rest: RestPose, is_translated: BoolArray) -> Skeleton:
     """Return the skeleton of a rest pose, with position channels where `is_translated`."""
     turns = ("Zrotation", "Xrotation", "Yrotation")
-    channels = [
-        (*CHANNELS[:3], *turns) if has_positions else turns for has_positions in is_translated
-    ]
+    channels = [(*CHANNELS[:3], *turns) if own else turns for own in is_translated]
     return Skeleton(rest.names, rest.parents, rest.offsets, tuple(channels))
 
 
@@ -116,7 +107,16 @@ def to_local(
     )
 
 
-def _normalise(quats: FloatArray) -> FloatArray:
-    """Return quaternions divided by their norms."""
-    norms = np.sqrt(np.einsum("...i,...i->...", quats, quats))
-    return quats / norms[..., None]
+def find_joints(parents: Sequence[int], is_member: Iterable[bool]) -> IntArray:
+    """Return the indices of the joints among the nodes of a tree, which are in preorder.
+
+    These are the members, their lowest common ancestor, and the nodes between them. The result is
+    empty if there are no members.
+    """
+    n_below = [int(own) for own in is_member]
+    for node in range(len(n_below) - 1, 0, -1):
+        n_below[parents[node]] += n_below[node]
+    counts = np.array(n_below)
+    found = np.flatnonzero(counts)
+    # The common ancestor is the last node in preorder that has all members at or below it.
+    return found[found >= np.flatnonzero(counts == counts[0])[-1]]

@@ -1,4 +1,4 @@
-"""Units and axes of exported files: metres, y up."""
+"""Units and axes of exported files: metres, y up, in single precision."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,6 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray
 from mograft.body.mass import mass_model, mean_world_positions, up_axis, up_sign
-from mograft.io.single_precision import check_single_precision
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -15,6 +14,7 @@ UNITS = {"m": 1.0, "CMU": 0.056444, "inch": 0.0254, "cm": 0.01, "mm": 0.001}
 """Metres per unit; the unit of the CMU recordings is 1/0.45 inches."""
 
 _HUMAN_HEIGHT = 1.7  # metres
+_MAX_SINGLE = 1e38  # sums of three such values are finite in single precision
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,3 +93,24 @@ def _rotation_to_y_up(motion: Motion, up_axis: int) -> FloatArray:
     if up_sign(motion.skeleton, mean_world_positions(motion)[:, up_axis]) < 0:
         rotation = rotations.multiply(np.array([0, 0, 1.0, 0]), rotation)
     return rotation
+
+
+def check_single_precision(
+    kind: str, values: FloatArray, skeleton: Skeleton, owner: str = "", hint: str = ""
+) -> None:
+    """Raise ValueError if a value is too large for single precision.
+
+    `values` have shape (n_joints, 3) or (n_frames, n_joints, 3). The message states what the values
+    are (`kind`, such as "position"), the joint, the frame, the motion (`owner`) and the value, and
+    ends with `hint`.
+    """
+    largest = np.abs(values).max(initial=0.0)
+    if largest <= _MAX_SINGLE:
+        return
+    index = tuple(np.argwhere(~(np.abs(values) <= _MAX_SINGLE))[0])
+    frame = f" in frame {index[0]}" if values.ndim == 3 else ""
+    owner = f" of {owner}" if owner else ""
+    raise ValueError(
+        f"the {kind} of {skeleton.names[index[-2]]}{frame}{owner} must be within the range of "
+        f"single precision, -1e38 to 1e38, got {values[index]:.6g}{hint}"
+    )

@@ -2,6 +2,7 @@
 
 import os
 import re
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,7 @@ from mograft._util.atomic import atomic_path
 from mograft.body.groups import JointGroups
 from mograft.io.bone_mesh import BoneMesh, bone_mesh, joint_group_indices
 from mograft.io.palette import linear_colours
-from mograft.io.single_precision import check_single_precision
-from mograft.io.units import ExportTransform
+from mograft.io.units import ExportTransform, check_single_precision
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -72,12 +72,9 @@ def write_usd(
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:
         raise ValueError(f"`path` must end in {', '.join(SUFFIXES)}, got {target.name}")
-    try:
-        from pxr import Usd
-    except ImportError as error:
-        raise ModuleNotFoundError(
-            "USD needs usd-core: pip install 'mograft[usd]'", name="usd-core"
-        ) from error
+    require_usd_core()
+    from pxr import Usd
+
     skeleton = motion.skeleton
     transform = ExportTransform.of(motion, scale)
     group_indices = joint_group_indices(skeleton, groups)
@@ -90,6 +87,15 @@ def write_usd(
     with atomic_path(target) as draft:
         if not stage.GetRootLayer().Export(str(draft)):
             raise OSError(f"{target} cannot be written")
+
+
+def require_usd_core() -> None:
+    """Raise ModuleNotFoundError, which names the extra, if usd-core is not installed."""
+    try:
+        import_module("pxr")
+    except ImportError as error:
+        message = "USD needs usd-core: pip install 'mograft[usd]'"
+        raise ModuleNotFoundError(message, name="usd-core") from error
 
 
 # The stage of pxr has no type.
@@ -120,9 +126,9 @@ def _define_skeleton(stage: Any, skeleton: Skeleton, transform: ExportTransform)
     check_single_precision("rest position", world_positions, skeleton)
     positions = transform.scale * skeleton.offsets
     positions[0] = world_positions[0]
+    world_quats = np.tile(transform.to_y_up, (skeleton.n_joints, 1))
     quats = np.tile(rotations.IDENTITY, (skeleton.n_joints, 1))
     quats[0] = transform.to_y_up
-    world_quats = np.tile(transform.to_y_up, (skeleton.n_joints, 1))
     prim.CreateBindTransformsAttr(_to_matrices(world_quats, world_positions))
     prim.CreateRestTransformsAttr(_to_matrices(quats, positions))
 
@@ -159,8 +165,8 @@ def _define_mesh(stage: Any, mesh: BoneMesh, group_indices: IntArray) -> None:  
     prim.CreateFaceVertexIndicesAttr(list(range(len(points))))
     prim.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals.astype(np.float32)))
     prim.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
-    low, high = points.min(axis=0).tolist(), points.max(axis=0).tolist()
-    prim.CreateExtentAttr([Gf.Vec3f(*low), Gf.Vec3f(*high)])
+    bounds = points.min(axis=0), points.max(axis=0)
+    prim.CreateExtentAttr([Gf.Vec3f(*corner.tolist()) for corner in bounds])
     colours = linear_colours(group_indices[joints]).astype(np.float32)
     display_colour = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(
         "displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex
@@ -169,9 +175,8 @@ def _define_mesh(stage: Any, mesh: BoneMesh, group_indices: IntArray) -> None:  
     skin = UsdSkel.BindingAPI.Apply(prim.GetPrim())
     skin.CreateSkeletonRel().SetTargets([_SKELETON])
     skin.CreateGeomBindTransformAttr(Gf.Matrix4d(1.0))
-    skin.CreateJointIndicesPrimvar(constant=False, elementSize=1).Set(
-        Vt.IntArray.FromNumpy(joints.astype(np.int32))
-    )
+    indices = Vt.IntArray.FromNumpy(joints.astype(np.int32))
+    skin.CreateJointIndicesPrimvar(constant=False, elementSize=1).Set(indices)
     weights = Vt.FloatArray.FromNumpy(np.ones(len(points), np.float32))
     skin.CreateJointWeightsPrimvar(constant=False, elementSize=1).Set(weights)
 

@@ -1,6 +1,7 @@
 """Read the motions of USD files: the animations of UsdSkel skeletons."""
 
 import os
+import struct
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -13,12 +14,11 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.names import unique_names
 from mograft.errors import FormatError
-from mograft.io.clips import Clips
-from mograft.io.gltf.nodes import Transforms, decompose, to_world
-from mograft.io.gltf.sampling import DEFAULT_RATE
-from mograft.io.named_errors import errors_of_file
+from mograft.io.clips import Clips, errors_of_file
+from mograft.io.gltf.animation import DEFAULT_RATE
+from mograft.io.gltf.nodes import Transforms, decompose, to_transforms, to_world
 from mograft.io.rest_pose import RestPose, rebase
-from mograft.io.usd_crate import check_crate
+from mograft.io.usd import require_usd_core
 from mograft.motion import limits
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -33,6 +33,13 @@ _MIN_POSE_LIMIT, _POSES_PER_BYTE = 1 << 21, 8
 """Limits of the frames of a motion, and of the poses of its joints: a constant, or a multiple of
 the keys and of the bytes of the layers if that is more. Two keys may claim any duration."""
 
+_MAGIC = b"PXR-USDC"
+_HEADER = struct.Struct("<8s8sq64x")  # magic, version, offset of the table of contents
+_SECTION = struct.Struct("<16sqq")  # name, first byte, size
+_COUNT = struct.Struct("<Q")
+_MIN_COUNT_LIMIT, _COUNTS_PER_BYTE = 1 << 16, 256
+"""Limits of the elements of a section of a binary file: the first constant, or the second one per
+byte of the file if that is more. Elements are compressed by LZ4, whose largest ratio is 255."""
 
 _VALUE_ERRORS = (AttributeError, OverflowError, RuntimeError, TypeError, ValueError)
 """Errors of values that have another type than that of the schema, and of names not in UTF-8."""
@@ -107,28 +114,25 @@ def _usd_errors(path: Path) -> Iterator[None]:
 
 def _open_stage(path: Path) -> Any:  # noqa: ANN401 - pxr has no types
     """Open a stage; raise `FormatError` if a layer is outside the folder of the file."""
-    try:
-        from pxr import Sdf, Usd
-    except ImportError as error:
-        raise ModuleNotFoundError(
-            "USD needs usd-core: pip install 'mograft[usd]'", name="usd-core"
-        ) from error
+    require_usd_core()
+    from pxr import Sdf, Usd
+
     with _usd_errors(path):
         folder = path.resolve().parent
         pending, known = [str(path)], set()
         while pending:
             name = pending.pop()
-            check_crate(Path(name))
+            _check_crate(Path(name))
             layer = Sdf.Layer.FindOrOpen(name)
             if layer is None or name in known:
                 continue
             known.add(name)
             for asset in layer.GetCompositionAssetDependencies():
                 target = layer.ComputeAbsolutePath(asset)
-                if not _is_inside(target, folder):
-                    raise FormatError(
-                        f"expected layers in the folder of the file, got {asset}", path, name
-                    )
+                # A layer may lie in a package, as in "a.usdz[b.usd]".
+                if not Path(target.partition("[")[0]).resolve().is_relative_to(folder):
+                    message = f"expected layers in the folder of the file, got {asset}"
+                    raise FormatError(message, path, name)
                 pending.append(target)
         stage = Usd.Stage.Open(str(path))
     if stage is None:
@@ -136,9 +140,42 @@ def _open_stage(path: Path) -> Any:  # noqa: ANN401 - pxr has no types
     return stage
 
 
-def _is_inside(target: str, folder: Path) -> bool:
-    """Return whether a layer lies in a folder, or in a package such as ``a.usdz[b.usd]`` in it."""
-    return Path(target.partition("[")[0]).resolve().is_relative_to(folder)
+def _check_crate(path: Path) -> None:
+    """Raise `FormatError` if a binary USD file states sections or elements that it cannot hold.
+
+    usd-core allocates memory for what the file states. Files of other formats are not checked. The
+    layout is that of ``pxr/usd/sdf/crateFile.h``: a header of 88 bytes, and sections that begin
+    with the number of their elements.
+    """
+    data = path.read_bytes() if path.is_file() else b""
+    size, limit = len(data), max(_MIN_COUNT_LIMIT, _COUNTS_PER_BYTE * len(data))
+    if not data.startswith(_MAGIC):
+        return
+
+    def check(is_valid: bool, place: str, message: str) -> None:  # noqa: FBT001 - a condition
+        if not is_valid:
+            raise FormatError(f"expected {message}", path, place)
+
+    def read(start: int, layout: struct.Struct, place: str) -> tuple[Any, ...]:
+        message = f"{layout.size} bytes from byte {start} on, got {size} in the file"
+        check(0 <= start <= size - layout.size, place, message)
+        return layout.unpack_from(data, start)
+
+    *_, contents = read(0, _HEADER, "header")
+    (n_sections,) = read(contents, _COUNT, "table of contents")
+    most = size // _SECTION.size
+    message = f"at most {most} sections in {size} bytes, got {n_sections}"
+    check(n_sections <= most, "table of contents", message)
+    for section in range(n_sections):
+        start = contents + _COUNT.size + section * _SECTION.size
+        name, first, length = read(start, _SECTION, f"section {section}")
+        place = f"section {name.rstrip(bytes(1)).decode('latin-1')}"
+        message = f"an end within {size} bytes, got {length} bytes from byte {first} on"
+        check(length >= 0 and first + length <= size, place, message)
+        # These sections begin with two counts.
+        for number in range(2 if name.startswith((b"TOKENS\0", b"PATHS\0")) else 1):
+            (count,) = read(first + number * _COUNT.size, _COUNT, place)
+            check(count <= limit, place, f"at most {limit} elements, got {count}")
 
 
 def _prims(stage: Any, kind: str) -> list[Any]:  # noqa: ANN401
@@ -156,46 +193,35 @@ def _read_figure(path: Path, prim: Any) -> _Figure:  # noqa: ANN401
     skeleton = UsdSkel.Skeleton(prim)
     place = str(prim.GetPath())
     joints = tuple(map(str, skeleton.GetJointsAttr().Get() or ()))
-    if not joints:
-        raise FormatError("expected joints, got none", path, place)
-    with errors_of_file(path, place):
-        limits.check_joints(len(joints))
-    repeated = [joint for joint, count in Counter(joints).items() if count > 1]
-    if repeated:
-        raise FormatError(
-            f"expected different joints, got {repeated[0]} more than once", path, place
-        )
     topology = UsdSkel.Topology(joints)
-    valid, reason = topology.Validate()
-    if not valid:
-        raise FormatError(f"expected parents before children: {reason}", path, place)
-    parents = np.array([0, *(topology.GetParent(joint) + 1 for joint in range(len(joints)))])
-    parents[0] = -1
-    given = tuple(map(str, skeleton.GetJointNamesAttr().Get() or ()))
-    names = given if len(given) == len(joints) else tuple(j.rpartition("/")[2] for j in joints)
     with errors_of_file(path, place):
+        if not joints:
+            raise ValueError("expected joints, got none")
+        limits.check_joints(len(joints))
+        repeated, count = Counter(joints).most_common(1)[0]
+        if count > 1:
+            raise ValueError(f"expected different joints, got {repeated} more than once")
+        valid, reason = topology.Validate()
+        if not valid:
+            raise ValueError(f"expected parents before children: {reason}")
+        parents = np.array([0, *(topology.GetParent(joint) + 1 for joint in range(len(joints)))])
+        parents[0] = -1
+        given = tuple(map(str, skeleton.GetJointNamesAttr().Get() or ()))
+        names = given if len(given) == len(joints) else tuple(j.rpartition("/")[2] for j in joints)
         limits.check_hierarchy(names, (parents[1:] - 1).tolist())
-    transforms = skeleton.GetRestTransformsAttr().Get()
-    if not transforms or len(transforms) != len(joints):
-        transforms = _bind_pose(skeleton, topology)
-    if transforms is None:
-        raise FormatError("expected restTransforms or bindTransforms of all joints", path, place)
-    world = UsdGeom.XformCache(Usd.TimeCode.Default()).GetLocalToWorldTransform(prim)
-    return _Figure(
-        path,
-        prim,
-        joints,
-        (prim.GetName(), *names),
-        parents,
-        _to_transforms(path, place, [world, *transforms]),
-    )
+        transforms = skeleton.GetRestTransformsAttr().Get()
+        if not transforms or len(transforms) != len(joints):
+            transforms = _bind_pose(skeleton, topology)
+        world = UsdGeom.XformCache(Usd.TimeCode.Default()).GetLocalToWorldTransform(prim)
+        rest = _to_transforms([world, *transforms])
+    return _Figure(path, prim, joints, (prim.GetName(), *names), parents, rest)
 
 
-def _bind_pose(skeleton: Any, topology: Any) -> list[Any] | None:  # noqa: ANN401
-    """Return local matrices of the bind pose, or None if the skeleton has no bind pose."""
+def _bind_pose(skeleton: Any, topology: Any) -> list[Any]:  # noqa: ANN401
+    """Return local matrices of the bind pose; raise ValueError if the skeleton has no bind pose."""
     bind = skeleton.GetBindTransformsAttr().Get()
     if not bind or len(bind) != topology.GetNumJoints():
-        return None
+        raise ValueError("expected restTransforms or bindTransforms of all joints")
     parents = [topology.GetParent(joint) for joint in range(len(bind))]
     return [
         matrix if parent < 0 else matrix * bind[parent].GetInverse()
@@ -203,13 +229,15 @@ def _bind_pose(skeleton: Any, topology: Any) -> list[Any] | None:  # noqa: ANN40
     ]
 
 
-def _to_transforms(path: Path, place: str, matrices: Sequence[Any]) -> Transforms:
-    """Return USD matrices as transforms of one frame. The matrices act on row vectors."""
+def _to_transforms(matrices: Sequence[Any]) -> Transforms:
+    """Return USD matrices as transforms of one frame. The matrices act on row vectors.
+
+    Raises ValueError if one is not finite.
+    """
     values = np.array([np.array(matrix).T for matrix in matrices], np.float64)
     if not np.isfinite(values).all():
-        raise FormatError("expected finite matrices", path, place)
-    parts = np.array([decompose(matrix) for matrix in values])
-    return Transforms(parts[None, :, :3], parts[None, :, 3:7], parts[None, :, 7:])
+        raise ValueError("expected finite matrices")
+    return to_transforms(np.array([decompose(matrix) for matrix in values]))
 
 
 def _find_figure(path: Path, animation: Any, figures: Sequence[_Figure]) -> _Figure:  # noqa: ANN401
@@ -227,11 +255,8 @@ def _find_figure(path: Path, animation: Any, figures: Sequence[_Figure]) -> _Fig
     for figure in figures:
         if joints <= {*figure.joints}:
             return figure
-    raise FormatError(
-        "expected a Skeleton with the joints of the animation, got none",
-        path,
-        str(animation.GetPath()),
-    )
+    message = "expected a Skeleton with the joints of the animation, got none"
+    raise FormatError(message, path, str(animation.GetPath()))
 
 
 def _sample(stage: Any, prim: Any, figure: _Figure, rate: float | None) -> Motion:  # noqa: ANN401
@@ -239,45 +264,41 @@ def _sample(stage: Any, prim: Any, figure: _Figure, rate: float | None) -> Motio
     from pxr import UsdSkel
 
     animation = UsdSkel.Animation(prim)
-    place = str(prim.GetPath())
     attributes = {name: prim.GetAttribute(name) for name in _CHANNELS}
     keys = np.unique([t for attribute in attributes.values() for t in attribute.GetTimeSamples()])
     codes_per_second = float(stage.GetTimeCodesPerSecond())
-    if not codes_per_second > 0:
-        text = f"expected timeCodesPerSecond above 0, got {codes_per_second:g}"
-        raise FormatError(text, figure.path)
-    if not np.isfinite(keys).all():
-        raise FormatError(
-            f"expected finite times of keys, got {keys[~np.isfinite(keys)][0]:g}",
-            figure.path,
-            place,
-        )
-    with errors_of_file(figure.path, place):
+    with errors_of_file(figure.path, str(prim.GetPath())):
+        if not codes_per_second > 0:
+            raise ValueError(f"expected timeCodesPerSecond above 0, got {codes_per_second:g}")
+        if not np.isfinite(keys).all():
+            invalid = keys[~np.isfinite(keys)][0]
+            raise ValueError(f"expected finite times of keys, got {invalid:g}")
         codes, frame_time = _choose_times(keys, codes_per_second, rate)
         limits.check_frame_time(frame_time)
         _check_poses(stage, len(codes) * len(figure.parents))
-    joints = list(map(str, animation.GetJointsAttr().Get() or ()))
-    node_of = {joint: node for node, joint in enumerate(figure.joints, 1)}
-    nodes = [node_of[joint] for joint in joints if joint in node_of]
-    rows = [row for row, joint in enumerate(joints) if joint in node_of]
-    local = figure.rest.of(np.arange(len(figure.parents)), len(codes))
-    for frame, code in enumerate(codes):
-        for name, attribute in attributes.items():
-            values = attribute.Get(code)
-            if values is None:
-                continue
-            array = np.array(values, np.float64)
-            if len(array) != len(joints) or not np.isfinite(array).all():
-                raise FormatError(
-                    f"expected {len(joints)} finite values at time code {code:g}",
-                    figure.path,
-                    f"{place}.{name}",
-                )
-            getattr(local, name)[frame, nodes] = array[rows]
-    _move_figure(figure, local, codes)
-    turned, positions = to_world(figure.parents, _normalise(figure, local, place))
-    first = figure.first
-    return rebase(figure.rest_pose(), turned[:, first:], positions[:, first:], frame_time)
+        joints = list(map(str, animation.GetJointsAttr().Get() or ()))
+        node_of = {joint: node for node, joint in enumerate(figure.joints, 1)}
+        rows = [row for row, joint in enumerate(joints) if joint in node_of]
+        nodes = [node_of[joints[row]] for row in rows]
+        local = figure.rest.of(np.arange(len(figure.parents)), len(codes))
+        for frame, code in enumerate(codes):
+            for name, attribute in attributes.items():
+                values = attribute.Get(code)
+                if values is None:
+                    continue
+                array = np.array(values, np.float64)
+                if len(array) != len(joints) or not np.isfinite(array).all():
+                    expected = f"{len(joints)} finite {name}"
+                    raise ValueError(f"expected {expected} at time code {code:g}")
+                getattr(local, name)[frame, nodes] = array[rows]
+        _move_figure(figure, local, codes)
+        norms = np.linalg.norm(local.rotations, axis=-1, keepdims=True)
+        if (norms < 1e-6).any():
+            raise ValueError("expected unit quaternions, got zero")
+    local = replace(local, rotations=local.rotations / norms)
+    turned, positions = to_world(figure.parents, local)
+    first, rest = figure.first, figure.rest_pose()
+    return rebase(rest, turned[:, first:], positions[:, first:], frame_time)
 
 
 def _choose_times(
@@ -316,9 +337,8 @@ def _check_poses(stage: Any, n_poses: int) -> None:  # noqa: ANN401
     n_bytes = sum(os.path.getsize(path) for path in paths if os.path.isfile(path))
     limit = max(_MIN_POSE_LIMIT, _POSES_PER_BYTE * n_bytes)
     if n_poses > limit:
-        raise ValueError(
-            f"expected at most {limit} poses of joints in files of this size, got {n_poses}"
-        )
+        expected = f"at most {limit} poses of joints in files of this size"
+        raise ValueError(f"expected {expected}, got {n_poses}")
 
 
 def _move_figure(figure: _Figure, local: Transforms, codes: FloatArray) -> None:
@@ -331,17 +351,9 @@ def _move_figure(figure: _Figure, local: Transforms, codes: FloatArray) -> None:
         prim = prim.GetParent()
     for frame, code in enumerate(codes if is_moving else ()):
         cache = UsdGeom.XformCache(Usd.TimeCode(code))
-        world = _to_transforms(figure.path, "", [cache.GetLocalToWorldTransform(figure.prim)])
+        world = _to_transforms([cache.GetLocalToWorldTransform(figure.prim)])
         for name in _CHANNELS:
             getattr(local, name)[frame, 0] = getattr(world, name)[0, 0]
-
-
-def _normalise(figure: _Figure, local: Transforms, place: str) -> Transforms:
-    """Return transforms with rotations of unit norm."""
-    norms = np.linalg.norm(local.rotations, axis=-1, keepdims=True)
-    if (norms < 1e-6).any():
-        raise FormatError("expected unit quaternions, got zero", figure.path, f"{place}.rotations")
-    return Transforms(local.translations, local.rotations / norms, local.scales)
 
 
 def _notes(stage: Any) -> tuple[str, ...]:  # noqa: ANN401

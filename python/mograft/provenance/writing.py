@@ -9,14 +9,13 @@ from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.atomic import write_bytes, write_json
 from mograft._util.validate import check_type
 from mograft.errors import suggest_name
-from mograft.io.bvh.decimals import check_digits
-from mograft.io.bvh.writer import write_bvh
+from mograft.io.bvh.writer import check_digits, write_bvh
 from mograft.io.csv import write_csv
 from mograft.io.glb import write_glb
 from mograft.io.gltf.document import GltfFile, read_gltf_file
 from mograft.io.gltf.writer import Addition, append_animations, has_duration
 from mograft.io.npz import write_npz
-from mograft.io.smpl.writer import write_amass
+from mograft.io.smpl.amass import write_amass
 from mograft.io.usd import write_usd
 from mograft.library.discover import SourceFile
 from mograft.library.origin import find_clip_origin

@@ -22,7 +22,7 @@ from mograft.io.bvh.writer import write_bvh
 from mograft.io.csv import write_csv
 from mograft.io.glb import write_glb
 from mograft.io.npz import write_npz
-from mograft.io.smpl.writer import write_amass
+from mograft.io.smpl.amass import write_amass
 from mograft.io.units import UNITS, guess_unit
 from mograft.io.usd import write_usd
 from mograft.motion.motion import Motion

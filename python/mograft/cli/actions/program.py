@@ -25,7 +25,6 @@ _USES_OF_PACKAGES = {
     "mograft-fbx": "FBX files",
     "pyarrow": "mograft lib export --format parquet",
     "shtab": "mograft completion",
-    "pybvh": "mograft.formats.to_pybvh, mograft.formats.from_pybvh",
     "scikit-learn": "mograft evaluate",
     "scipy": "mograft evaluate",
 }

@@ -270,12 +270,10 @@ class Cursor:
 
     def repairs(self) -> tuple[str, ...]:
         """Return one text for each kind of tolerated deviation, ordered by line."""
-        texts = []
-        for kind, (line, message) in sorted(self._repairs.items(), key=lambda item: item[1][0]):
-            n_more = self._n_repairs[kind] - 1
-            more = f" (and {n_more} more like it)" if n_more else ""
-            texts.append(f"line {line}: {message}{more}")
-        return tuple(texts)
+        counts = {kind: count - 1 for kind, count in self._n_repairs.items()}
+        more = {kind: f" (and {n} more like it)" if n else "" for kind, n in counts.items()}
+        found = sorted(self._repairs.items(), key=lambda item: item[1][0])
+        return tuple(f"line {line}: {text}{more[kind]}" for kind, (line, text) in found)
 
     def _count_to(self, offset: int) -> None:
         if offset <= self._counted:

@@ -5,6 +5,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -54,8 +55,7 @@ class _Open:
     n_end_sites: int = 0
 
 
-@dataclass(frozen=True)
-class _Joint:
+class _Joint(NamedTuple):
     name: bytes
     position: Position
     offset: Sequence[float]
@@ -64,41 +64,18 @@ class _Joint:
 
 @dataclass(frozen=True)
 class _Tree:
-    """The joints and end sites that were read, as columns, and the joints with open braces."""
+    """The joints and end sites that were read, and the joints with open braces."""
 
-    names: list[bytes] = field(default_factory=list)
-    positions: list[Position] = field(default_factory=list)
+    joints: list[_Joint] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)
-    channels: list[tuple[str, ...]] = field(default_factory=list)
-    offsets: list[Sequence[float]] = field(default_factory=list)
-    site_names: list[bytes] = field(default_factory=list)
-    site_positions: list[Position] = field(default_factory=list)
-    site_parents: list[int] = field(default_factory=list)
-    site_ranks: list[int] = field(default_factory=list)  # `EndSite.before`
-    site_offsets: list[Sequence[float]] = field(default_factory=list)
+    # Name, position, offset, index of the joint, and `EndSite.before`.
+    sites: list[tuple[bytes, Position, Sequence[float], int, int]] = field(default_factory=list)
     open: list[_Open] = field(default_factory=list)
-
-    def add(self, joint: _Joint) -> None:
-        """Add a joint whose brace is open; raise ValueError for too many joints or levels."""
-        limits.check_joints(len(self.names) + 1)
-        limits.check_levels(len(self.open) + 1)
-        self.parents.append(self.open[-1].joint if self.open else -1)
-        if self.open:
-            self.open[-1].n_children += 1
-        self.open.append(_Open(len(self.names)))
-        self.names.append(joint.name)
-        self.positions.append(joint.position)
-        self.channels.append(joint.channels)
-        self.offsets.append(joint.offset)
 
     def add_site(self, name: bytes, position: Position, offset: Sequence[float]) -> None:
         """Add an end site to the last open joint."""
         above = self.open[-1]
-        self.site_names.append(name)
-        self.site_positions.append(position)
-        self.site_parents.append(above.joint)
-        self.site_ranks.append(above.n_children)
-        self.site_offsets.append(offset)
+        self.sites.append((name, position, offset, above.joint, above.n_children))
         above.n_end_sites += 1
 
 
@@ -147,18 +124,21 @@ def _read_hierarchy(cursor: Cursor) -> Skeleton:
     cursor.expect(b"HIERARCHY")
     cursor.expect(b"ROOT")
     tree = _Tree()
-    tree.add(_read_joint(cursor, "ROOT"))
+    _add_joint(cursor, tree, _read_joint(cursor, "ROOT"))
     while tree.open:
         if not _read_usual_item(cursor, tree):
             _read_item(cursor, tree)
-    names = _decode_names(cursor, tree.names, tree.positions)
-    site_names = _decode_names(cursor, tree.site_names, tree.site_positions)
-    _check_names(cursor, names, tree.positions)
-    site_offsets = np.array(tree.site_offsets, np.float64).reshape(-1, 3)
-    sites = make_end_sites(tree.site_parents, site_offsets, tree.site_ranks, site_names)
-    offsets = np.array(tree.offsets, np.float64)
+    words, positions, offsets, channels = zip(*tree.joints, strict=True)
+    names = _decode_names(cursor, words, positions)
+    site_words, places, ends, parents, ranks = [*zip(*tree.sites, strict=True)] or [()] * 5
+    site_names = _decode_names(cursor, site_words, places)
+    _check_names(cursor, names, positions)
+    site_offsets = np.array(ends, np.float64).reshape(-1, 3)
+    sites = make_end_sites(parents, site_offsets, ranks, site_names)
     try:
-        return Skeleton(names, np.array(tree.parents), offsets, tuple(tree.channels), sites)
+        return Skeleton(
+            names, np.array(tree.parents), np.array(offsets, np.float64), channels, sites
+        )
     except ValueError as error:
         cursor.fail(str(error))
 
@@ -207,10 +187,17 @@ def _find_channels(text: bytes) -> tuple[str, ...] | None:
 
 
 def _add_joint(cursor: Cursor, tree: _Tree, joint: _Joint) -> None:
+    """Add a joint whose brace is open."""
     try:
-        tree.add(joint)
+        limits.check_joints(len(tree.joints) + 1)
+        limits.check_levels(len(tree.open) + 1)
     except ValueError as error:
         cursor.fail(str(error), joint.position)
+    tree.parents.append(tree.open[-1].joint if tree.open else -1)
+    if tree.open:
+        tree.open[-1].n_children += 1
+    tree.open.append(_Open(len(tree.joints)))
+    tree.joints.append(joint)
 
 
 def _read_item(cursor: Cursor, tree: _Tree) -> None:
@@ -223,11 +210,10 @@ def _read_item(cursor: Cursor, tree: _Tree) -> None:
     elif word == b"}":
         _check_end_sites(cursor, tree, tree.open.pop())
     else:
-        last = tree.open[-1].joint
-        cursor.fail(
-            f"expected JOINT, End Site or the }} of {describe_word(tree.names[last])} "
-            f"(line {tree.positions[last][0]}), got {describe_word(word)}"
-        )
+        last = tree.joints[tree.open[-1].joint]
+        owner = f"{describe_word(last.name)} (line {last.position[0]})"
+        expected = f"JOINT, End Site or the }} of {owner}"
+        cursor.fail(f"expected {expected}, got {describe_word(word)}")
 
 
 def _read_joint(cursor: Cursor, keyword: str) -> _Joint:
@@ -261,10 +247,9 @@ def _read_channels(cursor: Cursor, joint: bytes) -> list[str]:
         word = cursor.take_word()
         name = _CHANNEL_OF_WORD.get(word.lower())
         if name is None:
-            cursor.fail(
-                f"expected {count} channels from {CHANNELS[0]} to {CHANNELS[-1]} for "
-                f"{describe_word(joint)}, got {describe_word(word)} after {len(channels)}"
-            )
+            expected = f"{count} channels from {CHANNELS[0]} to {CHANNELS[-1]}"
+            owner, got = describe_word(joint), describe_word(word)
+            cursor.fail(f"expected {expected} for {owner}, got {got} after {len(channels)}")
         if name in channels:
             cursor.fail(f"expected each channel of {describe_word(joint)} once, got {name} again")
         if word != name.encode():
@@ -312,7 +297,8 @@ def _check_end_sites(cursor: Cursor, tree: _Tree, closed: _Open) -> None:
     """
     if closed.n_end_sites == (closed.n_children == 0):
         return
-    text, position = describe_word(tree.names[closed.joint]), tree.positions[closed.joint]
+    name, position, *_ = tree.joints[closed.joint]
+    text = describe_word(name)
     if closed.n_children or closed.n_end_sites:
         cursor.tolerate("end beside", f"{text} has an End Site and other children", position)
     else:

@@ -8,29 +8,35 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from mograft.io.bvh.channels import channels_to_transforms
+import numpy as np
+
+from mograft import _core
+from mograft._util.arrays import FloatArray
 from mograft.io.bvh.cursor import BvhFile, open_cursor
 from mograft.io.bvh.frames import count_frames, read_frames
 from mograft.io.bvh.header import read_header
-from mograft.io.clips import Clips
+from mograft.io.clips import ClipLength, Clips, single_clip
 from mograft.motion.motion import Motion
-from mograft.motion.skeleton import Skeleton
+from mograft.motion.skeleton import CHANNELS, Skeleton
+
+_CODES = {name: code for code, name in enumerate(CHANNELS)}
+"""Codes of channels: the axis, plus 3 if it is a rotation."""
 
 
 @dataclass(frozen=True, eq=False)
-class BvhSummary:
+class BvhSummary(ClipLength):
     """Skeleton, length and repairs of a BVH file, without the motion.
 
     Parameters
     ----------
+    n_frames : int
+        The number of frames found.
+    frame_time : float
+        Seconds from one frame to the next.
     path : str
         The file, or a name for the stream that was read.
     skeleton : Skeleton
         Joints, end sites and channels.
-    frame_time : float
-        Seconds from one frame to the next.
-    n_frames : int
-        The number of frames found.
     declared_frames : int
         The number of frames that the file declares.
     repairs : tuple of str
@@ -39,20 +45,8 @@ class BvhSummary:
 
     path: str
     skeleton: Skeleton
-    frame_time: float
-    n_frames: int
     declared_frames: int
     repairs: tuple[str, ...]
-
-    @property
-    def rate(self) -> float:
-        """Frames per second."""
-        return 1.0 / self.frame_time
-
-    @property
-    def duration(self) -> float:
-        """Seconds from the first frame to the last."""
-        return (self.n_frames - 1) * self.frame_time
 
     @property
     def counts_agree(self) -> bool:
@@ -175,9 +169,32 @@ def scan_bvh(source: BvhFile, *, strict: bool = False) -> BvhSummary:
 
 def open_bvh(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001
     """Return the clip of a BVH file; see `mograft.io.formats.Opener`."""
+    return single_clip(path, "BVH", lambda: read_bvh(path), rate)
 
-    def load(_: int) -> Motion:
-        motion = read_bvh(path)
-        return motion if rate is None else motion.resample(rate)
 
-    return Clips(path, (path.stem,), load, "BVH")
+def channels_to_transforms(
+    skeleton: Skeleton, values: FloatArray, *, add_offsets: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """Convert channel values, shape (n_frames, n_channels), to local rotations and positions.
+
+    Angles are in degrees, intrinsic, in the order of a joint's channels. Rotations, xyzw, have
+    shape (n_frames, n_joints, 4) and do not change sign from frame to frame. Positions, shape
+    (n_frames, n_joints, 3), are relative to the parent. A coordinate that has no channel is that of
+    the joint's offset. If `add_offsets`, the offsets are first added to the position channels; this
+    changes `values` in place.
+    """
+    counts = [len(channels) for channels in skeleton.channels]
+    joints = np.repeat(np.arange(skeleton.n_joints), counts)
+    codes = np.array([_CODES[name] for channels in skeleton.channels for name in channels], int)
+    axes, is_rotation = codes % 3, codes >= 3
+    moved = np.flatnonzero(~is_rotation)
+    joint, axis = joints[moved], axes[moved]
+    positions = np.empty((len(values), skeleton.n_joints, 3))
+    positions[:] = skeleton.offsets
+    if add_offsets:
+        values[:, moved] += skeleton.offsets[joint, axis]
+    positions[:, joint, axis] = values[:, moved]
+    turned = np.flatnonzero(is_rotation)
+    starts = np.searchsorted(joints[turned], np.arange(skeleton.n_joints + 1))
+    turns = list(zip(axes[turned].tolist(), turned.tolist(), strict=True))
+    return _core.from_channels(values, starts.tolist(), turns, np.pi / 180.0), positions

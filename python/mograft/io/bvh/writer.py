@@ -12,12 +12,21 @@ import numpy as np
 from mograft import _core
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.atomic import atomic_path
-from mograft._util.validate import check_type
+from mograft._util.validate import check_type, is_integer
 from mograft.io.bvh.cursor import BvhFile
-from mograft.io.bvh.decimals import check_digits, count_decimals, round_numbers
 from mograft.motion.limits import MAX_LEVELS
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import EndSite, Skeleton
+
+MAX_DECIMALS = 12
+"""Largest number of decimals to which angles are rounded.
+
+The spacing of float64 numbers near 180 is 3e-14.
+"""
+
+_SAMPLE_LENGTH = 4096  # numbers of which the decimals are counted, about
+_SHARE = 0.9  # of the numbers, which the result must reproduce
+_MAX_SCALED = 2.0**53  # integers below this are exact
 
 # Numbers that are formatted at a time.
 _BLOCK_LENGTH = 1 << 15
@@ -97,9 +106,8 @@ def _format_blocks(motion: Motion, digits: int | None) -> Iterator[bytes]:
     _check_names(skeleton)
     header, joints = _format_hierarchy(skeleton)
     is_in_order = joints == list(range(skeleton.n_joints))
-    yield "\n".join(
-        [*header, "MOTION", f"Frames: {motion.n_frames}", f"Frame Time: {motion.frame_time!r}", ""]
-    ).encode()
+    timing = f"MOTION\nFrames: {motion.n_frames}\nFrame Time: {motion.frame_time!r}\n"
+    yield "\n".join([*header, timing]).encode()
     is_angle = _find_angles(skeleton)
     if digits is None:
         digits = max(_count_read_decimals(motion, is_angle), _MIN_DECIMALS)
@@ -138,16 +146,15 @@ def _check_names(skeleton: Skeleton) -> None:
         joint = skeleton.names.index("")
         raise ValueError(f"joint {joint} must have a name in a BVH file, got an empty name")
     names = [*skeleton.names, *[site.name for site in skeleton.end_sites]]
-    for index, found in enumerate(map(_UNSUITABLE.search, names)):
-        if found:
-            site = index - skeleton.n_joints
+    for index, name in enumerate(names):
+        if _UNSUITABLE.search(name):
             owner = f"joint {index}"
-            if site >= 0:
-                parent = skeleton.end_sites[site].parent
-                owner = f"the end site of {skeleton.names[parent]}"
+            if index >= skeleton.n_joints:
+                site = skeleton.end_sites[index - skeleton.n_joints]
+                owner = f"the end site of {skeleton.names[site.parent]}"
             raise ValueError(
                 f"in a BVH file, the name of {owner} must not contain a line end, '{{' or a lone "
-                f"surrogate, or start or end with white space; got {names[index]!r}"
+                f"surrogate, or start or end with white space; got {name!r}"
             )
 
 
@@ -210,3 +217,38 @@ def _is_text_file(stream: IO[Any]) -> bool:
     except TypeError:
         return True
     return False
+
+
+def check_digits(digits: object) -> int:
+    """Return `digits` as an int; raise ValueError unless it is an integer from 1 to 12."""
+    if not is_integer(digits) or not 1 <= digits <= MAX_DECIMALS:
+        raise ValueError(f"`digits` must be an integer from 1 to {MAX_DECIMALS}, got {digits!r}")
+    return int(digits)
+
+
+def round_numbers(numbers: FloatArray, digits: int) -> FloatArray:
+    """Return numbers rounded to `digits` decimals, without negative zeros.
+
+    Numbers of at least 2**53 / 10**digits are returned unchanged: float64 numbers of this size have
+    no more decimals.
+    """
+    scale = 10.0**digits
+    is_small = np.abs(numbers) < _MAX_SCALED / scale
+    scaled = np.rint(np.where(is_small, numbers, 0.0) * scale)
+    return np.where(is_small, scaled / scale + 0.0, numbers)
+
+
+def count_decimals(numbers: FloatArray) -> int:
+    """Return the number of decimals with which numbers were written, at most 12.
+
+    This is the smallest number of decimals that reproduces nine tenths of the numbers that are not
+    integers. The other tenth may have been written with exponents. NaN is ignored. The result is 0
+    if all numbers are integers. Of more than about 4,096 numbers, only a sample is examined.
+    """
+    flat = numbers.ravel()
+    sample = flat[:: max(1, len(flat) // _SAMPLE_LENGTH)]
+    sample = sample[np.isfinite(sample) & (sample != np.rint(sample))]
+    for digits in range(MAX_DECIMALS):
+        if (round_numbers(sample, digits) == sample).sum() >= _SHARE * len(sample):
+            return digits
+    return MAX_DECIMALS

@@ -1,21 +1,31 @@
-"""`GltfFile`: the skeleton of a glTF file, and the animations that move it."""
+"""`GltfFile`: the skeleton of a glTF file, the animations that move it, and their motions."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from mograft._util.arrays import IntArray
+from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.containers import LazySequence
 from mograft._util.names import unique_names
 from mograft.errors import FormatError, join_names
-from mograft.io.gltf.animation import PATH_WIDTHS, animated_properties
+from mograft.io.clips import ClipLength, Clips, errors_of_file
+from mograft.io.gltf.animation import (
+    DEFAULT_RATE,
+    PATH_WIDTHS,
+    Animation,
+    animated_properties,
+    animation_names,
+    choose_times,
+    read_animation,
+    sample,
+)
 from mograft.io.gltf.container import Container, read_container
 from mograft.io.gltf.nodes import NodeTree, Transforms, read_nodes, to_world
-from mograft.io.named_errors import errors_of_file
-from mograft.io.rest_pose import RestPose
+from mograft.io.rest_pose import RestPose, find_joints, rebase
 from mograft.motion import limits
+from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
 
 
 class NoFigureError(FormatError):
@@ -32,34 +42,29 @@ class GltfFile:
 
     container: Container
     tree: NodeTree
-    joints: IntArray  # index of the node of each joint, shape (n_joints,)
-    above: IntArray  # nodes above the root joint, the root of the tree first
+    moved_nodes: IntArray  # indices of the nodes above the root joint, then of the joints
+    moved_parents: IntArray  # parents of `moved_nodes` as indices into them; -1 for the first
+    moved_rows: IntArray  # for each node of the file its index in `moved_nodes`, or -1
+    n_above: int  # number of nodes above the root joint
     rest: RestPose  # of the joints, from the default transforms of the nodes
+    moved_rest: Transforms  # the default transforms of `moved_nodes`, one frame
     clip_names: tuple[str, ...]  # all different
     animations: tuple[int, ...]  # index of the animation of each clip
     notes: tuple[str, ...]  # content that is not part of the motions
 
-    @cached_property
-    def moved_nodes(self) -> IntArray:
-        """The indices of the nodes above the root joint, then of the joints: parents first."""
-        return np.concatenate([self.above, self.joints])
+    @property
+    def joints(self) -> IntArray:
+        """Index of the node of each joint, shape (n_joints,)."""
+        return self.moved_nodes[self.n_above :]
 
-    @cached_property
-    def moved_parents(self) -> IntArray:
-        """The parent of each of `moved_nodes` as an index into them; -1 for the first."""
-        return local_parents(self.tree, self.moved_nodes)
+    def read(self, clip: int) -> Animation:
+        """Read the channels of a clip."""
+        moved = frozenset(self.moved_nodes.tolist())
+        return read_animation(self.container, self.animations[clip], moved)
 
-    @cached_property
-    def moved_rows(self) -> IntArray:
-        """For each node of the file its index in `moved_nodes`; 0 if it is not one of them."""
-        rows: IntArray = np.zeros(len(self.tree.names), np.int64)
-        rows[self.moved_nodes] = np.arange(len(self.moved_nodes))
-        return rows
-
-    @cached_property
-    def moved_rest(self) -> Transforms:
-        """The default transforms of `moved_nodes`, one frame."""
-        return self.tree.rest.of(self.moved_nodes, 1)
+    def sample(self, animation: Animation, times: FloatArray) -> Transforms:
+        """Return the local transforms of `moved_nodes` at the times of the frames."""
+        return sample(self.container, animation, times, self.moved_rest, self.moved_rows)
 
 
 def read_gltf_file(path: Path) -> GltfFile:
@@ -78,34 +83,40 @@ def read_gltf_file(path: Path) -> GltfFile:
         for properties in changed
     ]
     joints, left_out = _find_joints(container, tree, set().union(*animated))
-    above = np.array(tree.ancestors(int(joints[0]))[:0:-1], np.int64)
-    moved = {*above.tolist(), *joints.tolist()}
-    clips = [index for index, nodes in enumerate(animated) if nodes & moved]
-    names = unique_names(_animation_names(container, clips))
-    rest = rest_pose(tree, above, joints)
-    with errors_of_file(path, "nodes"):
-        limits.check_hierarchy(rest.names, rest.parents.tolist())
-    notes = [*left_out, *_find_notes(container, tree, moved, changed, clips)]
-    return GltfFile(container, tree, joints, above, rest, tuple(names), tuple(clips), tuple(notes))
-
-
-def rest_pose(tree: NodeTree, above: IntArray, joints: IntArray) -> RestPose:
-    """Return the rest pose of joints: the default world transforms of their nodes."""
-    nodes = np.concatenate([above, joints])
-    turned, positions = to_world(local_parents(tree, nodes), tree.rest.of(nodes, 1))
-    first = len(above)
-    parents = local_parents(tree, joints)
-    names = tuple(tree.names[node] for node in joints)
-    return RestPose(names, parents, turned[0, first:], positions[0, first:])
-
-
-def local_parents(tree: NodeTree, nodes: IntArray) -> IntArray:
-    """Return the parent of each of `nodes` as an index into `nodes`; -1 for the first."""
-    rows = np.full(len(tree.names), -1)
+    line = [int(joints[0])]
+    while (node := int(tree.parents[line[-1]])) >= 0:
+        line.append(node)
+    nodes, n_above = np.concatenate([line[:0:-1], joints]).astype(np.int64), len(line) - 1
+    rows: IntArray = np.full(len(tree.names), -1)
     rows[nodes] = np.arange(len(nodes))
     parents = rows[tree.parents[nodes]]
     parents[0] = -1
-    return parents
+    moved_rest = tree.rest.of(nodes, 1)
+    turned, places = to_world(parents, moved_rest)
+    rest = RestPose(
+        tuple(tree.names[node] for node in joints),
+        np.maximum(parents[n_above:] - n_above, -1),
+        turned[0, n_above:],
+        places[0, n_above:],
+    )
+    with errors_of_file(path, "nodes"):
+        limits.check_hierarchy(rest.names, rest.parents.tolist())
+    moved, names = set(nodes.tolist()), animation_names(container)
+    clips = [index for index, own in enumerate(animated) if own & moved]
+    notes = [*left_out, *_find_notes(container, tree, moved, changed, clips)]
+    return GltfFile(
+        container=container,
+        tree=tree,
+        moved_nodes=nodes,
+        moved_parents=parents,
+        moved_rows=rows,
+        n_above=n_above,
+        rest=rest,
+        moved_rest=moved_rest,
+        clip_names=tuple(unique_names([names[index] for index in clips])),
+        animations=tuple(clips),
+        notes=tuple(notes),
+    )
 
 
 def _find_joints(
@@ -126,56 +137,97 @@ def _find_joints(
         raise NoFigureError("expected a skin or an animation of nodes, got none", container.path)
     with errors_of_file(container.path, "nodes"):
         limits.check_joints(len(members))
-    figures: dict[int, list[int]] = {}
-    nodes = sorted(members)
-    for node, top in zip(nodes, tree.roots(nodes), strict=True):
-        figures.setdefault(top, []).append(node)
-    largest = max(figures.values(), key=len)
-    root = tree.common_ancestor(largest)
-    needed = {root}
-    for node in largest:
-        while node not in needed:
-            needed.add(node)
-            node = int(tree.parents[node])
-    others = [tree.names[top] for top, nodes in figures.items() if nodes is not largest]
-    note = [f"left out the figures below the nodes {join_names(others)}"] if others else []
-    return np.array([node for node in tree.below(root) if node in needed]), note
-
-
-def _animation_names(container: Container, animations: Sequence[int]) -> list[str]:
-    items = container.items("animations")
-    names = [items[index].get("name") for index in animations]
-    return [name if isinstance(name, str) else "" for name in names]
+    orders = map(tree.below, np.flatnonzero(tree.parents < 0).tolist())
+    pairs = [(members.intersection(order), order) for order in orders]
+    figures = sorted((pair for pair in pairs if pair[0]), key=lambda pair: min(pair[0]))
+    largest, order = max(figures, key=lambda pair: len(pair[0]))
+    rows = {node: row for row, node in enumerate(order)}
+    parents = [rows.get(parent, -1) for parent in tree.parents[order].tolist()]
+    joints = np.array(order)[find_joints(parents, [node in largest for node in order])]
+    others = [tree.names[pair[1][0]] for pair in figures if pair[1] is not order]
+    return joints, [f"left out the figures below the nodes {join_names(others)}"] if others else []
 
 
 def _find_notes(
     container: Container,
     tree: NodeTree,
     moved: set[int],
-    changed: Sequence[set[tuple[int | None, str]]],
-    clips: Sequence[int],
+    changed: list[set[tuple[int | None, str]]],
+    clips: list[int],
 ) -> list[str]:
     """Return notes on content that the motions do not contain."""
-    notes = []
-    others = [name for node, name in enumerate(tree.names) if node not in moved]
-    if others:
-        notes.append(f"nodes that are not joints: {join_names(others)}")
-    still = [index for index in range(len(changed)) if index not in clips]
-    if still:
-        names = [
-            name or f"animation {i}"
-            for name, i in zip(_animation_names(container, still), still, strict=True)
-        ]
-        notes.append(f"animations that move no joint: {join_names(names)}")
+    names = [name or f"animation {i}" for i, name in enumerate(animation_names(container))]
     properties = set().union(*changed)
-    lost = {node for node, path in properties if node is not None and path in PATH_WIDTHS} - moved
-    if lost:
-        names = [tree.names[node] for node in sorted(lost)]
-        notes.append(f"animated nodes that are not joints: {join_names(names)}")
+    animated = {node for node, path in properties if node is not None and path in PATH_WIDTHS}
+    listed = {
+        "nodes that are not joints": [n for i, n in enumerate(tree.names) if i not in moved],
+        "animations that move no joint": [n for i, n in enumerate(names) if i not in clips],
+        "animated nodes that are not joints": [tree.names[i] for i in sorted(animated - moved)],
+    }
+    notes = [f"{text}: {join_names(names)}" for text, names in listed.items() if names]
     paths = {path for index in clips for _, path in changed[index]}
-    unread = sorted(paths - PATH_WIDTHS.keys())
-    if unread:
+    if unread := sorted(paths - PATH_WIDTHS.keys()):
         notes.append(f"animated properties that are not read: {', '.join(unread)}")
     if "scale" in paths:
         notes.append("animated scale is part of the positions of the joints below")
     return notes
+
+
+def open_gltf(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001
+    """Return the clips of a glTF file; see `mograft.io.formats.Opener`."""
+    try:
+        file = read_gltf_file(path)
+    except NoFigureError as error:
+        return Clips(path, (), tuple[Motion, ...]().__getitem__, "glTF", (error.message,), ())
+    lengths = _Lengths(file, rate)
+    return Clips(path, file.clip_names, lengths.read_motion, "glTF", file.notes, lengths)
+
+
+@dataclass(frozen=True, eq=False)
+class _Lengths(LazySequence[ClipLength]):
+    """The lengths of the clips of a file; accessing a length reads the key times of the clip.
+
+    `rate` is in frames per second, or None.
+    """
+
+    file: GltfFile
+    rate: float | None
+
+    def __len__(self) -> int:
+        return len(self.file.animations)
+
+    def item(self, index: int) -> ClipLength:
+        """Return the length of a clip."""
+        return self._read_grid(index)[2]
+
+    def read_motion(self, clip: int) -> Motion:
+        """Return the motion of a clip, sampled from its first to its last key.
+
+        By default, the rate is that of the keys if these lie on a uniform grid of 12 to 500 frames
+        per second, else 30. Raises `FormatError` if the animation is invalid.
+        """
+        file, first = self.file, self.file.n_above
+        animation, times, length = self._read_grid(clip)
+        turned, positions = to_world(file.moved_parents, file.sample(animation, times))
+        name = file.clip_names[clip]
+        return rebase(
+            file.rest,
+            turned[:, first:],
+            positions[:, first:],
+            length.frame_time,
+            name=name,
+            path=file.container.path,
+            clip=name if len(file.clip_names) > 1 else None,
+        )
+
+    def _read_grid(self, clip: int) -> tuple[Animation, FloatArray, ClipLength]:
+        """Return the channels of a clip, the times of its frames, and its length."""
+        file, animation = self.file, self.file.read(clip)
+        n_nodes, n_bytes = len(file.moved_nodes), file.container.n_bytes
+        with errors_of_file(file.container.path, animation.place):
+            times = choose_times(animation.key_times, self.rate, n_nodes, n_bytes)
+            frame_time = 1.0 / (self.rate or DEFAULT_RATE)
+            if len(times) > 1:
+                frame_time = float(times[-1] - times[0]) / (len(times) - 1)
+            limits.check_frame_time(frame_time)
+        return animation, times, ClipLength(len(times), frame_time)

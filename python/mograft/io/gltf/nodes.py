@@ -4,14 +4,13 @@ A node has a translation, a rotation and a scale along its axes. The rotation of
 scale: the scale of a node moves the nodes below it, and is therefore part of world positions only.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
+from mograft.io.clips import errors_of_file
 from mograft.io.gltf.container import Container
-from mograft.io.named_errors import errors_of_file
 from mograft.motion import limits, rotations
 from mograft.motion.motion import forward_kinematics
 
@@ -33,12 +32,9 @@ class Transforms:
 
         One pose is repeated; `n_frames` must otherwise be the number of frames.
         """
-        return Transforms(
-            *(
-                np.repeat(array[:, nodes], n_frames // len(array), axis=0)
-                for array in (self.translations, self.rotations, self.scales)
-            )
-        )
+        arrays = (self.translations, self.rotations, self.scales)
+        count = n_frames // len(self.scales)
+        return Transforms(*(np.repeat(array[:, nodes], count, axis=0) for array in arrays))
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,40 +45,6 @@ class NodeTree:
     parents: IntArray  # shape (n_nodes,); -1 at roots
     children: tuple[tuple[int, ...], ...]
     rest: Transforms  # the default transforms: one frame
-
-    def ancestors(self, node: int) -> list[int]:
-        """Return the node and its ancestors, from the node to its root."""
-        line = [node]
-        while (node := int(self.parents[node])) >= 0:
-            line.append(node)
-        return line
-
-    def roots(self, nodes: Sequence[int]) -> list[int]:
-        """Return the root above each of `nodes`, in time linear in all nodes."""
-        parents, found = self.parents.tolist(), dict[int, int]()
-        for node in nodes:
-            line = []
-            while node not in found and parents[node] >= 0:
-                line.append(node)
-                node = parents[node]
-            root = found.setdefault(node, node)
-            found.update(dict.fromkeys(line, root))
-        return [found[node] for node in nodes]
-
-    def common_ancestor(self, nodes: Sequence[int]) -> int:
-        """Return the lowest common ancestor of `nodes`, which must have the same root.
-
-        Each node counts as an ancestor of itself. The time is linear in all nodes.
-        """
-        line, parents = self.ancestors(nodes[0]), self.parents.tolist()
-        ranks = {node: rank for rank, node in enumerate(line)}
-        seen, highest = set(line), 0
-        for node in nodes[1:]:
-            while node not in seen:
-                seen.add(node)
-                node = parents[node]
-            highest = max(highest, ranks.get(node, 0))
-        return line[highest]
 
     def below(self, root: int) -> list[int]:
         """Return a node and all nodes below it, parents first, in the order of the file."""
@@ -107,9 +69,8 @@ def read_nodes(container: Container) -> NodeTree:
         for child in below:
             container.item("nodes", child, place)
             if parents[child] >= 0:
-                container.fail(
-                    f"nodes[{child}]", f"expected one parent, got {parents[child]} and {index}"
-                )
+                message = f"expected one parent, got {parents[child]} and {index}"
+                container.fail(f"nodes[{child}]", message)
             parents[child] = index
         children.append(tuple(below))
     # With one parent per node, the nodes that no root reaches are those of cycles.
@@ -122,19 +83,16 @@ def read_nodes(container: Container) -> NodeTree:
         limits.check_levels(n_levels)
     if n_reached < len(items):
         container.fail("nodes", "expected trees, got nodes that are their own ancestors")
-    rest = [_read_transform(container, item, i) for i, item in enumerate(items)]
-    rows = np.array(rest).reshape(1, -1, 10)
-    names = tuple(_name(item.get("name"), i) for i, item in enumerate(items))
-    return NodeTree(
-        names,
-        parents,
-        tuple(children),
-        Transforms(rows[..., :3].copy(), rows[..., 3:7].copy(), rows[..., 7:].copy()),
-    )
+    rows = np.array([_read_transform(container, item, i) for i, item in enumerate(items)])
+    given = [item.get("name") for item in items]
+    names = tuple(n if isinstance(n, str) and n else f"node{i}" for i, n in enumerate(given))
+    return NodeTree(names, parents, tuple(children), to_transforms(rows))
 
 
-def _name(name: object, index: int) -> str:
-    return name if isinstance(name, str) and name else f"node{index}"
+def to_transforms(rows: FloatArray) -> Transforms:
+    """Return the transforms of one frame, given results of `decompose`, shape (n_nodes, 10)."""
+    rows = rows.reshape(1, -1, 10)
+    return Transforms(rows[..., :3].copy(), rows[..., 3:7].copy(), rows[..., 7:].copy())
 
 
 def _read_transform(container: Container, item: dict[str, object], index: int) -> list[float]:

@@ -3,31 +3,25 @@
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray
+from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.atomic import write_bytes
 from mograft._util.names import unique_names
 from mograft._util.validate import check_type
 from mograft.errors import suggest_name
-from mograft.io.gltf.animation import PATH_WIDTHS, Animation, read_animation
-from mograft.io.gltf.buffer import GltfBuffer
-from mograft.io.gltf.copying import copy_content
+from mograft.io.gltf.animation import PATH_WIDTHS, animation_names
+from mograft.io.gltf.buffer import GltfBuffer, Json, copy_content
 from mograft.io.gltf.document import GltfFile, read_gltf_file
-from mograft.io.gltf.local_tracks import (
-    changed_tracks,
-    differs_from_rest,
-    frame_times,
-    local_tracks,
-)
-from mograft.io.gltf.sampling import sample
+from mograft.io.gltf.nodes import SCALE_TOLERANCE, Transforms, remove_mirroring
+from mograft.io.rest_pose import POSITION_TOLERANCE, restore
+from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
-
-Json = dict[str, Any]
 
 
 def write_glb_animations(
@@ -116,26 +110,19 @@ def find_base_clip(file: GltfFile, base: Motion) -> int:
 
     Raises ValueError if no clip has the name, or its duration differs from that of `base`.
     """
-    name = base.name if base.clip is None else base.clip
+    name, expected = base.clip or base.name, f"`bases` must be clips of {file.container.path}"
     if name not in file.clip_names:
         hint = suggest_name(name, file.clip_names)
-        raise ValueError(
-            f"`bases` must be clips of {file.container.path}, which has no {name!r}{hint}"
-        )
+        raise ValueError(f"{expected}, which has no {name!r}{hint}")
     clip = file.clip_names.index(name)
     if not has_duration(file, clip, base):
-        raise ValueError(
-            f"`bases` must be clips of {file.container.path}, whose clip {name} does not last "
-            f"{base.duration:.6g} s"
-        )
+        raise ValueError(f"{expected}, whose clip {name} does not last {base.duration:.6g} s")
     return clip
 
 
 def has_duration(file: GltfFile, clip: int, base: Motion) -> bool:
     """Return whether the durations of a motion and a clip differ by at most a quarter frame."""
-    animation = _read_base(file, clip)
-    difference = abs(base.duration - (animation.stop - animation.start))
-    return difference <= 0.25 * base.frame_time
+    return abs(base.duration - file.read(clip).duration) <= 0.25 * base.frame_time
 
 
 def _add(file: GltfFile, motion: Motion, base: Motion | None) -> Addition:
@@ -143,18 +130,11 @@ def _add(file: GltfFile, motion: Motion, base: Motion | None) -> Addition:
     if base is None:
         return Addition(motion)
     check_type("bases", base, Motion)
-    if (base.n_frames, base.n_joints) != (motion.n_frames, motion.n_joints):
-        raise ValueError(
-            f"`bases` must have as many frames and joints as their motions, {motion.n_frames} and "
-            f"{motion.n_joints}, got {base.n_frames} and {base.n_joints}"
-        )
+    sizes = [f"{own.n_frames} and {own.n_joints}" for own in (motion, base)]
+    if sizes[0] != sizes[1]:
+        expected = f"as many frames and joints as their motions, {sizes[0]}"
+        raise ValueError(f"`bases` must have {expected}, got {sizes[1]}")
     return Addition(motion, base, find_base_clip(file, base))
-
-
-def _read_base(file: GltfFile, clip: int) -> Animation:
-    return read_animation(
-        file.container, file.animations[clip], frozenset(file.moved_nodes.tolist())
-    )
 
 
 def append_animations(
@@ -166,23 +146,18 @@ def append_animations(
         motion = addition.motion
         skeleton.check_same_hierarchy(motion.skeleton, motion.name or "a motion")
     document, buffer = copy_content(file.container)
-    old = file.container.items("animations")
-    names = [own["name"] if isinstance(own.get("name"), str) else "" for own in old]
-    names = unique_names([*names, *(own.motion.name or "motion" for own in additions)])[len(old) :]
+    old, given = animation_names(file.container), [own.motion.name or "motion" for own in additions]
+    names = unique_names([*old, *given])[len(old) :]
     tables = [_new_tables(file, addition) for addition in additions]
     document["nodes"] = _animated_nodes(file, {node for table in tables for node, _ in table.keys})
     document["animations"] = [
-        *old,
-        *(
-            _build_animation(file, buffer, table, addition.clip, name)
-            for table, addition, name in zip(tables, additions, names, strict=True)
-        ),
+        *file.container.items("animations"),
+        *map(partial(_build_animation, file, buffer), tables, additions, names),
     ]
     return tuple(names), buffer.pack(document)
 
 
-@dataclass(frozen=True, eq=False)
-class _NewTables:
+class _NewTables(NamedTuple):
     """The new tracks of an animation."""
 
     times: FloatArray  # seconds, shape (n_frames,)
@@ -191,25 +166,28 @@ class _NewTables:
 
 def _new_tables(file: GltfFile, addition: Addition) -> _NewTables:
     """Return the tracks of a motion that it does not share with its base clip."""
-    motion, nodes = addition.motion, file.moved_nodes
-    rest = file.moved_rest
-    if addition.clip is None or addition.base is None:
-        times = frame_times(0.0, motion)
-        tracks = local_tracks(file, motion, rest.of(np.arange(len(nodes)), motion.n_frames))
+    motion, base, clip = addition.motion, addition.base, addition.clip
+    animation = None if clip is None else file.read(clip)
+    start = 0.0 if animation is None else animation.start
+    times = np.linspace(start, start + motion.duration, motion.n_frames)
+    if animation is None or base is None:
+        local = file.moved_rest.of(np.arange(len(file.moved_nodes)), motion.n_frames)
+        quats, translations = _local_tracks(file, motion, local)
         is_turned = np.ones(motion.n_joints, bool)
-        is_moved = differs_from_rest(file, tracks)
+        rest = file.tree.rest.translations[0, file.joints]
+        reach = POSITION_TOLERANCE * np.abs(rest).max(initial=0.0)
+        is_moved = np.abs(translations - rest).max(axis=(0, 2)) > reach
+        is_moved[0] = True
     else:
-        animation = _read_base(file, addition.clip)
-        times = frame_times(animation.start, motion)
-        local = sample(animation, times, rest, file.moved_rows)
-        tracks = local_tracks(file, motion, local)
-        is_turned, is_moved = changed_tracks(file, motion, addition.base, local.scales)
+        local = file.sample(animation, times)
+        quats, translations = _local_tracks(file, motion, local)
+        is_turned, is_moved = _changed_tracks(file, motion, base, local.scales)
     values: dict[tuple[int, str], FloatArray] = {}
     for joint, node in enumerate(file.joints.tolist()):
         if is_moved[joint]:
-            values[node, "translation"] = tracks.translations[:, joint]
+            values[node, "translation"] = translations[:, joint]
         if is_turned[joint]:
-            values[node, "rotation"] = tracks.rotations[:, joint]
+            values[node, "rotation"] = quats[:, joint]
     return _NewTables(times, values)
 
 
@@ -222,17 +200,17 @@ def _animated_nodes(file: GltfFile, animated: set[int]) -> list[Json]:
     rest = file.tree.rest
     for node in animated:
         if "matrix" in nodes[node]:
-            kept = {name: value for name, value in nodes[node].items() if name != "matrix"}
-            nodes[node] = kept | {
+            nodes[node] = nodes[node] | {
                 "translation": rest.translations[0, node].tolist(),
                 "rotation": rest.rotations[0, node].tolist(),
                 "scale": rest.scales[0, node].tolist(),
             }
+            del nodes[node]["matrix"]
     return nodes
 
 
 def _build_animation(
-    file: GltfFile, buffer: GltfBuffer, tables: _NewTables, clip: int | None, name: str
+    file: GltfFile, buffer: GltfBuffer, tables: _NewTables, addition: Addition, name: str
 ) -> Json:
     """Append the keys of an animation to the buffer; return the animation.
 
@@ -240,8 +218,8 @@ def _build_animation(
     """
     samplers: list[Json] = []
     channels: list[Json] = []
-    if clip is not None:
-        _keep_channels(file, clip, tables, samplers, channels)
+    if addition.clip is not None:
+        _keep_channels(file, addition.clip, tables, samplers, channels)
     ends = sorted({0, len(tables.times) - 1})
     inputs: dict[int, int] = {}  # accessor of the key times, by number of keys
     for (node, path), values in tables.keys.items():
@@ -268,13 +246,88 @@ def _keep_channels(
         path = target.get("path")
         if path in PATH_WIDTHS and (target.get("node"), path) in tables.keys:
             continue
-        n_samplers = len(base["samplers"])
-        if type(index) is not int or not 0 <= index < n_samplers:
-            file.container.fail(
-                f"animations[{number}].channels",
-                f"expected an index of {n_samplers} samplers, got {index!r}",
-            )
+        place = f"animations[{number}].channels"
+        sampler = file.container.choose(base["samplers"], index, place, "samplers")
         if index not in kept:
             kept[index] = len(samplers)
-            samplers.append(base["samplers"][index])
+            samplers.append(sampler)
         channels.append({**channel, "sampler": kept[index]})
+
+
+def _local_tracks(
+    file: GltfFile, motion: Motion, nodes: Transforms
+) -> tuple[FloatArray, FloatArray]:
+    """Return local transforms that give the joints of a file the world transforms of a motion.
+
+    Rotations have shape (n_frames, n_joints, 4), translations (n_frames, n_joints, 3).
+    `nodes` holds, in every frame, the local transforms of `GltfFile.moved_nodes`. The transforms of
+    the nodes above the root joint and the scales of the joints are used as they are. If a parent
+    has a scale of 0, no translation gives the position, and the translation of `nodes` is returned.
+    """
+    world_turns, world_places = restore(file.rest, motion)
+    parents = file.moved_parents.tolist()
+    n_above, n_frames = file.n_above, motion.n_frames
+    half_turns, _ = remove_mirroring(
+        np.broadcast_to(rotations.IDENTITY, nodes.rotations.shape), nodes.scales
+    )
+    quats, shifts = np.empty(world_turns.shape), np.empty(world_places.shape)
+    # Of each node: world rotation without mirroring, axes with scale as columns, position.
+    turns: list[FloatArray] = []
+    axes: list[FloatArray] = []
+    places: list[FloatArray] = []
+    for node, parent in enumerate(parents):
+        joint = node - n_above
+        above = turns[parent] if parent >= 0 else np.tile(rotations.IDENTITY, (n_frames, 1))
+        base = axes[parent] if parent >= 0 else np.tile(np.eye(3), (n_frames, 1, 1))
+        origin = places[parent] if parent >= 0 else np.zeros((n_frames, 3))
+        mirror = half_turns[:, node]
+        if joint < 0:
+            own, shift = nodes.rotations[:, node], nodes.translations[:, node]
+            turns.append(rotations.multiply(above, rotations.multiply(own, mirror)))
+            places.append(origin + np.einsum("fij,fj->fi", base, shift))
+        else:
+            turns.append(world_turns[:, joint])
+            places.append(world_places[:, joint])
+            own = rotations.multiply(rotations.inverse(above), turns[node])
+            own = rotations.multiply(own, rotations.inverse(mirror))
+            quats[:, joint] = own
+            fallback = nodes.translations[:, node]
+            shifts[:, joint] = _solve(base, places[node] - origin, fallback)
+        columns = np.stack([rotations.rotate(own, np.eye(3)[i]) for i in range(3)], axis=-1)
+        axes.append(base @ (columns * nodes.scales[:, node, None, :]))
+    return rotations.continuous_signs(quats), shifts
+
+
+def _solve(axes: FloatArray, vectors: FloatArray, fallback: FloatArray) -> FloatArray:
+    """Return the coordinates of vectors, (n, 3), in terms of axes, the columns of (n, 3, 3).
+
+    Where the axes are singular, return `fallback`, (n, 3).
+    """
+    sizes = np.linalg.norm(axes, axis=1)
+    volumes = np.abs(np.linalg.det(axes))
+    is_regular = volumes > 1e-9 * sizes.max(axis=1) ** 3
+    found = fallback.copy()
+    found[is_regular] = np.linalg.solve(axes[is_regular], vectors[is_regular][..., None])[..., 0]
+    return found
+
+
+def _changed_tracks(
+    file: GltfFile, motion: Motion, base: Motion, scales: FloatArray
+) -> tuple[BoolArray, BoolArray]:
+    """Return whether each joint needs new rotations, and whether it needs new translations.
+
+    A joint needs none if its values in `base` are the same, bit for bit. `scales` are those of
+    `GltfFile.moved_nodes`. If the scales along the axes of a node differ, new rotations above a
+    joint require new translations of the joint, too.
+    """
+    is_equal = (motion.rotations == base.rotations).all(axis=2)
+    is_equal |= (motion.rotations == -base.rotations).all(axis=2)
+    is_turned = ~is_equal.all(axis=0)
+    is_moved = (motion.positions != base.positions).any(axis=(0, 2))
+    spread = np.ptp(scales, axis=2) > SCALE_TOLERANCE * np.abs(scales[..., 0])
+    if spread.any():
+        below = np.zeros(motion.n_joints, bool)
+        for joint, parent in enumerate(file.rest.parents.tolist()):
+            below[joint] = parent >= 0 and (below[parent] or is_turned[parent])
+        is_moved |= below
+    return is_turned, is_moved

@@ -1,25 +1,80 @@
 """Rest poses for SMPL joints, from a skeleton that the user gives, or from the stand-in skeleton.
 
 AMASS files contain rotations only, and the body models, which give the bone lengths, are licensed.
-The stand-in (`mograft.io.smpl.stand_in`) is a skeleton of published body proportions.
+The stand-in is a skeleton of published proportions of the body.
+
+Heights, breadths and limb lengths are those of Drillis and Contini (1966), as reproduced by Winter,
+Biomechanics and Motor Control of Human Movement, figure 4.1. As fractions of the stature: ankle
+0.039, knee 0.285, hip 0.530, shoulder 0.818, chin 0.870 and eye 0.936 above the floor; half the
+shoulder breadth 0.129; upper arm 0.186, forearm 0.146, hand 0.108. This project chose what that
+source does not give: half the distance of the hip joints 0.050, the pelvis 0.030 above them, the
+spine in four equal parts from there to the height of the shoulders, collars, balls of the feet,
+fingers and the depth of the face. The pose is a T-pose, as in SMPL: y up, the left side at +x,
+facing +z.
 """
 
 import json
 import os
 import re
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 
 from mograft._util.arrays import FloatArray
 from mograft.body.anatomy import anatomy
 from mograft.errors import FormatError, join_names, suggest_name
-from mograft.io.smpl.joints import BODY_JOINTS, PARENT_OF_JOINT, BodyModel, smpl_parents
-from mograft.io.smpl.stand_in import STATURE, stand_in
+from mograft.io.smpl.joints import (
+    BODY_JOINTS,
+    PARENT_OF_JOINT,
+    BodyModel,
+    smpl_channels,
+    smpl_parents,
+)
 from mograft.io.units import UNITS, guess_unit
 from mograft.motion.skeleton import EndSite, Skeleton
 
 MAX_OFFSETS_BYTES = 2**20
 """Largest file of offsets that is read."""
+
+STATURE = 1.7
+"""Stature of the stand-in in metres."""
+
+_PELVIS, _SHOULDER, _CHIN, _EYE = 0.560, 0.818, 0.870, 0.936
+_WRIST, _HAND = 0.129 + 0.186 + 0.146, 0.108
+_SPINE = [_PELVIS + (_SHOULDER - _PELVIS) * part / 4 for part in (1, 2, 3)]
+
+# Positions of the joints in the middle and on the left, as fractions of the stature.
+_POSITIONS = {
+    "pelvis": (0.0, _PELVIS, 0.0),
+    "spine1": (0.0, _SPINE[0], 0.0),
+    "spine2": (0.0, _SPINE[1], 0.0),
+    "spine3": (0.0, _SPINE[2], 0.0),
+    "neck": (0.0, _SHOULDER, 0.0),
+    "head": (0.0, _CHIN, 0.0),
+    "jaw": (0.0, 0.880, 0.010),
+    "left_eye_smplhf": (0.018, _EYE, 0.050),
+    "left_hip": (0.050, 0.530, 0.0),
+    "left_knee": (0.050, 0.285, 0.0),
+    "left_ankle": (0.050, 0.039, 0.0),
+    "left_foot": (0.050, 0.010, 0.075),
+    "left_collar": (0.040, 0.800, 0.0),
+    "left_shoulder": (0.129, _SHOULDER, 0.0),
+    "left_elbow": (0.129 + 0.186, _SHOULDER, 0.0),
+    "left_wrist": (_WRIST, _SHOULDER, 0.0),
+    "left_hand": (_WRIST + 0.5 * _HAND, _SHOULDER, 0.0),
+}
+# Share of the hand from the wrist to each joint of a finger, and the distance to its left or right.
+_FINGER_SHARES = {"thumb": (0.2, 0.38, 0.55)} | dict.fromkeys(
+    ("index", "middle", "ring", "pinky"), (0.5, 0.72, 0.86)
+)
+_FINGER_SIDES = {"thumb": 0.016, "index": 0.012, "middle": 0.0, "ring": -0.010, "pinky": -0.019}
+# From the joint to the end of its bone.
+_ENDS = {
+    "head": (0.0, 1.0 - _CHIN, 0.0),
+    "left_foot": (0.0, -0.010, 0.040),
+    "left_hand": (0.5 * _HAND, 0.0, 0.0),
+}
 
 # A bone begins at the first joint of a body part and ends at the first joint of the next part.
 _NEXT_PART = {
@@ -57,35 +112,66 @@ def read_offsets(path: str | os.PathLike[str]) -> Skeleton:
     OSError
         If the file cannot be read.
     """
-    with open(path, "rb") as file:
+    path = Path(path)
+    with path.open("rb") as file:
         data = file.read(MAX_OFFSETS_BYTES + 1)
     if len(data) > MAX_OFFSETS_BYTES:
-        raise FormatError("expected at most 1 MiB of joint offsets, got more", os.fspath(path))
+        raise FormatError("expected at most 1 MiB of joint offsets, got more", path)
     try:
         given = json.loads(data, parse_int=float)  # an int may be too large for a float
     except (ValueError, RecursionError) as error:
-        raise FormatError(f"expected JSON: {error}", os.fspath(path)) from error
+        raise FormatError(f"expected JSON: {error}", path) from error
     if not isinstance(given, dict):
         kind = type(given).__name__
-        raise FormatError(f"expected an object with joint offsets, got a {kind}", os.fspath(path))
+        raise FormatError(f"expected an object with joint offsets, got a {kind}", path)
     offsets: dict[str, FloatArray] = {"pelvis": np.zeros(3)}
     for key, value in given.items():
         name = _smpl_name(key)
         if name not in PARENT_OF_JOINT:
             hint = suggest_name(key, list(PARENT_OF_JOINT))
-            raise FormatError(f"expected the name of an SMPL joint{hint}", os.fspath(path), key)
+            raise FormatError(f"expected the name of an SMPL joint{hint}", path, key)
         is_vector = isinstance(value, list) and [type(x) for x in value] == [float] * 3
         if not is_vector or not np.isfinite(value).all():
-            raise FormatError("expected [x, y, z] in metres", os.fspath(path), key)
+            raise FormatError("expected [x, y, z] in metres", path, key)
         offsets[name] = np.array(value, np.float64)
     required = [*BODY_JOINTS, *(PARENT_OF_JOINT[name] for name in offsets if name != "pelvis")]
     missing = [name for name in dict.fromkeys(required) if name not in offsets]
     if missing:
-        raise FormatError(
-            f"expected all joints of the body, got none for {join_names(missing)}", os.fspath(path)
-        )
+        message = f"expected all joints of the body, got none for {join_names(missing)}"
+        raise FormatError(message, path)
     names = tuple(name for name in PARENT_OF_JOINT if name in offsets)
     return Skeleton(names, smpl_parents(names), np.array([offsets[name] for name in names]))
+
+
+@cache
+def stand_in(model: BodyModel) -> Skeleton:
+    """Return the stand-in skeleton for a body model, in metres, with the pelvis at the origin."""
+    joints, parents = model.joints, model.parents
+    positions = np.array([_position(name) for name in joints])
+    offsets = STATURE * (positions - positions[parents])
+    offsets[0] = 0.0
+    sites = tuple(
+        EndSite(joint, STATURE * _mirror(_ENDS, name))
+        for joint, name in enumerate(joints)
+        if name.replace("right", "left") in _ENDS
+    )
+    return Skeleton(joints, parents, offsets, smpl_channels(len(joints)), sites)
+
+
+def _position(name: str) -> FloatArray:
+    """Return the position of a joint as fractions of the stature."""
+    left = name.replace("right", "left")
+    if left in _POSITIONS:
+        return _mirror(_POSITIONS, name)
+    finger, joint = left.removeprefix("left_")[:-1], int(left[-1])
+    reach = _WRIST + _FINGER_SHARES[finger][joint - 1] * _HAND
+    return _mirror({left: (reach, _SHOULDER, _FINGER_SIDES[finger])}, name)
+
+
+def _mirror(vectors: dict[str, tuple[float, float, float]], name: str) -> FloatArray:
+    """Return the vector of a joint; those on the right are mirror images of those on the left."""
+    vector = np.array(vectors[name.replace("right", "left")])
+    return vector * [-1.0, 1.0, 1.0] if name.startswith("right") else vector
 
 
 def rest_skeleton(model: BodyModel, given: Skeleton | None) -> tuple[Skeleton, str]:

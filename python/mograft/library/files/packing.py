@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from mograft._util.arrays import FloatArray
-from mograft.io.bvh.channels import channels_to_transforms
+from mograft.io.bvh.reader import channels_to_transforms
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 

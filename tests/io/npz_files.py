@@ -1,12 +1,15 @@
-"""AMASS-like files: the arrays of the public releases with made motions."""
+"""Files like those of AMASS and Kimodo: the arrays of the public releases with made motions."""
 
 import numpy as np
 
+from mograft import Motion, Skeleton
 from mograft.dancer import dance
+from mograft.io.kimodo import SKELETONS
 from mograft.io.smpl.joints import SMPL_H
-from mograft.io.smpl.stand_in import stand_in
+from mograft.io.smpl.rest import stand_in
 from mograft.library.conform import conform
 from mograft.motion import rotations
+from tests.strategies import smooth_rotations
 
 
 def amass_arrays(n_columns=156, n_frames=30, seed=0, dtype=np.float64):
@@ -47,3 +50,23 @@ def write_arrays(path, arrays):
     """Write arrays as NPZ and return the path."""
     np.savez(path, **arrays)
     return path
+
+
+def kimodo_arrays(n_joints=30, n_frames=5, seed=0):
+    """World positions and rotation matrices of a random motion, and the motion."""
+    rng = np.random.default_rng(seed)
+    kind = SKELETONS[n_joints]
+    skeleton = Skeleton(kind.joints, kind.parents, rng.uniform(-0.3, 0.3, (n_joints, 3)))
+    quats = smooth_rotations(rng, n_frames, n_joints)
+    positions = np.tile(skeleton.offsets, (n_frames, 1, 1))
+    positions[:, 0] += rng.normal(1.0, size=(n_frames, 3))
+    motion = Motion(skeleton, 1 / 30, quats, positions)
+    world, places = motion.world_transforms()
+    axes = np.eye(3)[:, None, None]  # the columns of a matrix are the rotated axes
+    matrices = np.moveaxis(np.array([rotations.rotate(world, axis) for axis in axes]), 0, -1)
+    arrays = {
+        "posed_joints": places.astype(np.float32),
+        "global_rot_mats": matrices.astype(np.float32),
+        "foot_contacts": np.zeros((n_frames, 4), bool),
+    }
+    return arrays, motion

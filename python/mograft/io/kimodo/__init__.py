@@ -1,1 +1,0 @@
-"""NPZ files of Kimodo: joint positions and rotation matrices in the world."""
