@@ -3,7 +3,7 @@
 import numpy as np
 
 from mograft.blend.donor_timeline import SegmentTimes
-from mograft.blend.value_spaces import ROTATIONS
+from mograft.blend.seams import ROTATIONS
 
 STEP = 1e-5  # of a frame
 

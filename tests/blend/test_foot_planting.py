@@ -20,8 +20,8 @@ from mograft import (
     read_bvh,
 )
 from mograft._util.runs import find_runs
+from mograft.blend.foot_planting import limit_descent, limit_floor_speed
 from mograft.blend.foot_targets import foot_displacements, lowest_heights
-from mograft.blend.root_shift import limit_descent, limit_floor_speed
 from mograft.blend.two_bone_ik import bend_limb
 from mograft.body.contacts import Ground, detect_contacts, find_legs, foot_heights
 from mograft.body.mass import mass_model

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from mograft import Config
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
-from mograft.blend.seams import ClosedFrames
-from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS
+from mograft.blend.seams import ROTATIONS, TRANSLATIONS, ClosedFrames
 from mograft.motion import rotations
 from mograft.motion.resample import cubic, cubic_positions
 from mograft.motion.segments import Segments

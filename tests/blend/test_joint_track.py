@@ -4,8 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mograft.blend.joint_track import joint_track
-from mograft.blend.rigid_alignment import RootTransforms
+from mograft.blend.rigid_alignment import RootTransforms, joint_track
 from tests.strategies import motions
 
 

@@ -10,8 +10,13 @@ from hypothesis import strategies as st
 from mograft import Config, Library, _core, graft  # noqa: TID251 - the kernel by itself
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline, SegmentTimes
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
-from mograft.blend.seams import PieceTimes, SeamBoundaries, restrict_to_pieces
-from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS
+from mograft.blend.seams import (
+    ROTATIONS,
+    TRANSLATIONS,
+    PieceTimes,
+    SeamBoundaries,
+    restrict_to_pieces,
+)
 from mograft.motion import rotations
 from mograft.motion.resample import slerp
 from tests.blend.continuity import close_at, jumps, one_sided_velocities

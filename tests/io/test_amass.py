@@ -59,7 +59,6 @@ def test_read_amass_joint_positions_match_forward_kinematics(
 def test_read_amass_joints_are_a_human_of_known_names(n_columns):
     known = anatomy(stand_in(model_of(n_columns)))
     assert known.human
-    assert known.scheme == "names"
     assert not known.unmatched
 
 

@@ -64,7 +64,6 @@ def test_kimodo_skeletons_name_the_published_joints():
     for kind in (SOMA_30, SOMA_77):
         known = anatomy(mg.Skeleton(kind.joints, kind.parents, np.ones((len(kind.joints), 3))))
         assert known.human
-        assert known.scheme == "names"
         assert [kind.joints[j] for j in known.joints("shank", side="left")] == ["LeftShin"]
     # The smaller skeleton is a part of the larger one.
     for joint, parent in zip(SOMA_30.joints, SOMA_30.parents, strict=True):

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mograft.blend.value_spaces import ROTATIONS
+from mograft.blend.seams import ROTATIONS
 from mograft.motion import rotations
 from mograft.motion.resample import clip_states, cubic
 from mograft.stream.placed_donors import (

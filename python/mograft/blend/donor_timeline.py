@@ -10,9 +10,16 @@ import numpy.typing as npt
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, Item
 from mograft.blend.rigid_alignment import AlignmentTransform
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
-from mograft.blend.seams import ClosedFrames, PieceTimes, SeamBoundaries, restrict_to_pieces
+from mograft.blend.seams import (
+    ROTATIONS,
+    TRANSLATIONS,
+    ClosedFrames,
+    PieceTimes,
+    SeamBoundaries,
+    ValueSpace,
+    restrict_to_pieces,
+)
 from mograft.blend.time_warp import TimeWarp
-from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS, ValueSpace
 from mograft.config import Config
 from mograft.motion import rotations
 from mograft.motion.resample import clip_states, sample_clips

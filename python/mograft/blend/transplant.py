@@ -9,7 +9,7 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.channel_groups import ChannelKey, merge_axes, split_axes
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
 from mograft.blend.recombine import Part
-from mograft.blend.root_transplant import GraftedRoot
+from mograft.blend.root_motion import GraftedRoot
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.time_warp import ALIGNMENTS
 from mograft.blend.trunk_lean import TrunkLean

@@ -7,18 +7,24 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import IntArray, as_indices
-from mograft.body.hierarchy import unbranched_chain
 from mograft.body.joint_names import (
     ANIMAL_WORDS,
     ARM,
     LEG,
     OPPOSITE_SIDE,
-    PARTS,
     part_of_words,
     read_names,
 )
-from mograft.body.limb_structure import recognise_structure
+from mograft.body.limb_structure import recognise_structure, unbranched_chain
 from mograft.motion.skeleton import Skeleton
+
+_BONES_OF_END = {
+    "hand": ("forearm", "upper_arm"),
+    "finger": ("forearm", "upper_arm"),
+    "foot": ("shank", "thigh"),
+    "toe": ("shank", "thigh"),
+}
+"""For each part at the end of a limb: the parts of the lower and of the upper bone."""
 
 
 @dataclass(frozen=True)
@@ -35,14 +41,10 @@ class Anatomy:
     hips: int  # lowest common ancestor of all body parts: the root, or a joint below helper joints
     unmatched: tuple[int, ...]  # joints whose names are unknown
     details: tuple[int, ...]  # joints of the face, and markers
-    scheme: str  # "names", or "structure" if mirrored limbs gave parts that the names lack
     human: bool  # whether the names describe a human: two legs below hips, no tail, no paws
 
     def joints(self, *parts: str, side: str | None = None) -> list[int]:
         """Return the indices of the joints of the given body parts; `side` None means all sides."""
-        unknown = set(parts) - set(PARTS)
-        if unknown:
-            raise ValueError(f"`parts` must be among {', '.join(PARTS)}, got {sorted(unknown)}")
         return [
             joint
             for joint, (part, joint_side) in enumerate(zip(self.parts, self.sides, strict=True))
@@ -95,7 +97,6 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
         hips=hips,
         unmatched=tuple(joint for joint, part in enumerate(named) if not part),
         details=_details(skeleton, parts),
-        scheme="structure" if structural else "names",
         human=two_legs and parts[hips] == "pelvis" and not animal and not structural,
     )
 
@@ -121,6 +122,45 @@ def feature_joints(skeleton: Skeleton, joints: npt.ArrayLike) -> IntArray:
     known = anatomy(skeleton)
     kept = indices[~np.isin(indices, [*known.joints("finger", "toe"), *known.details])]
     return kept if len(kept) else indices
+
+
+def highest_of_part(skeleton: Skeleton, joint: int) -> int:
+    """Return the highest joint that is reached from `joint` upwards through joints of its part.
+
+    This skips roll joints. If the parent has another part, the result is `joint` itself.
+    """
+    parts = anatomy(skeleton).parts
+    while skeleton.parents[joint] >= 0 and parts[skeleton.parents[joint]] == parts[joint]:
+        joint = int(skeleton.parents[joint])
+    return joint
+
+
+@dataclass(frozen=True)
+class TwoBoneLimb:
+    """The joints of an arm or leg: shoulder or hip, elbow or knee, and a joint of hand or foot."""
+
+    start: int
+    middle: int
+    end: int
+
+
+def find_limb(skeleton: Skeleton, end: int) -> TwoBoneLimb | None:
+    """Return the limb whose two bones bring the joint `end` to a target.
+
+    The result is None if `end` is not part of a hand or foot, or if the limb above it does not have
+    two bones.
+    """
+    parts = anatomy(skeleton).parts
+    lower, upper = _BONES_OF_END.get(parts[end], ("", ""))
+    bones = (joint for joint in skeleton.ancestors(end) if parts[joint] in (lower, upper))
+    above = next(bones, -1)
+    if above < 0 or parts[above] != lower:
+        return None
+    middle = highest_of_part(skeleton, above)
+    start = int(skeleton.parents[middle])
+    if start < 0 or parts[start] != upper:
+        return None
+    return TwoBoneLimb(highest_of_part(skeleton, start), middle, end)
 
 
 def _resolve_ambiguous(

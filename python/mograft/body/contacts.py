@@ -7,8 +7,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.runs import find_runs
 from mograft._util.validate import check_type
-from mograft.body.anatomy import anatomy
-from mograft.body.hierarchy import highest_of_part
+from mograft.body.anatomy import anatomy, highest_of_part
 from mograft.body.mass import mass_model, mean_world_positions, up_axis
 from mograft.config import FRAME
 from mograft.motion import rotations
@@ -56,11 +55,11 @@ def find_legs(skeleton: Skeleton) -> tuple[Leg, ...]:
         lower = known.parts[above] if above >= 0 else ""
         if lower not in ("shank", "forearm"):
             continue
-        knee = highest_of_part(skeleton, known.parts, above)
+        knee = highest_of_part(skeleton, above)
         hip = int(skeleton.parents[knee])
         if hip < 0:
             continue
-        hip = highest_of_part(skeleton, known.parts, hip)
+        hip = highest_of_part(skeleton, hip)
         tip = found.bone[ankle] if toe is None else np.zeros(3)
         found_legs.append(Leg(side, hip, knee, ankle, toe, (tip[0], tip[1], tip[2])))
     return tuple(found_legs)

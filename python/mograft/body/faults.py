@@ -12,7 +12,6 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.runs import find_runs
 from mograft._util.validate import check_type
-from mograft.body.hierarchy import subtree_mask
 from mograft.motion import rotations
 from mograft.motion.motion import Motion, world_transforms
 
@@ -171,7 +170,7 @@ def _mean_steps(motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]:
     The third result is the extent of the figure in each frame, along the axis of greatest extent.
     """
     n = motion.n_frames
-    moving = subtree_mask(motion.skeleton, [motion.locomotion_root()])
+    moving = motion.skeleton.subtree_mask([motion.locomotion_root()])
     steps, passing, extents = np.empty(n - 1), np.empty(n - 2), np.empty(n)
     for start, stop in _step_blocks(n):
         frames = slice(start, stop + 2)

@@ -15,10 +15,11 @@ from mograft.body.group_entries import (
     Subtree,
     channels_of_entry,
     channels_of_joint,
+    groups_to_toml,
     is_joint,
     joint_label,
+    read_groups,
 )
-from mograft.body.groups_toml import groups_to_toml, read_groups
 from mograft.body.joint_names import ARM
 from mograft.errors import join_names, suggest_name
 from mograft.motion.skeleton import Skeleton

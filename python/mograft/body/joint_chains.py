@@ -7,7 +7,6 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.body.anatomy import anatomy, feature_joints
-from mograft.body.hierarchy import subtree_mask
 from mograft.body.joint_names import LEG
 from mograft.body.mass import mass_model, mean_world_positions, up_axis, up_sign
 from mograft.motion import rotations
@@ -104,7 +103,7 @@ class JointChains:
         required = {known.hips, *carriers}
         for joint in known.joints(*LEG):
             required |= set(skeleton.ancestors(joint)) - set(known.joints(*LEG))
-        below_hips = subtree_mask(skeleton, [known.hips])
+        below_hips = skeleton.subtree_mask([known.hips])
         is_required = supports | ~below_hips
         is_required[list(required)] = True
         found = np.zeros(self.n_chains, bool)

@@ -6,7 +6,6 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from mograft._util.arrays import FloatArray
-from mograft.body.hierarchy import unbranched_chain
 from mograft.body.joint_names import ARM, LEG
 from mograft.motion.skeleton import Skeleton
 
@@ -47,6 +46,14 @@ def recognise_structure(skeleton: Skeleton) -> tuple[list[str], list[str]]:
         for joint in shape.subtree[b]:
             sides[joint] = "right" if a_is_left else "left"
     return parts, sides
+
+
+def unbranched_chain(skeleton: Skeleton, first: int) -> list[int]:
+    """Return the joints from `first` down to the first leaf or joint with several children."""
+    chain = [first]
+    while len(skeleton.children[chain[-1]]) == 1:
+        chain += skeleton.children[chain[-1]]
+    return chain
 
 
 @dataclass(frozen=True)

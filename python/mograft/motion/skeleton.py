@@ -1,6 +1,6 @@
 """`Skeleton`: joints, their hierarchy, rest offsets and channels."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import (
+    BoolArray,
     FloatArray,
     IntArray,
     as_floats,
@@ -251,6 +252,14 @@ class Skeleton:
         if len(found) > 1:
             raise ValueError(f"expected one joint named {name!r}, got joints {found}")
         return found[0]
+
+    def subtree_mask(self, tops: Iterable[int]) -> BoolArray:
+        """Return whether each joint is one of `tops` or below one of them, shape (n_joints,)."""
+        is_inside = np.zeros(self.n_joints, dtype=bool)
+        is_inside[list(tops)] = True
+        for joint, parent in enumerate(self.parents.tolist()):
+            is_inside[joint] |= parent >= 0 and is_inside[parent]
+        return is_inside
 
     def rest_positions(self) -> FloatArray:
         """Return the world positions of the joints if no joint is rotated, shape (n_joints, 3)."""

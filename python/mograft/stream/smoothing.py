@@ -6,7 +6,7 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray
 from mograft.blend.seam_treatments.gradient import fit_donors
-from mograft.blend.value_spaces import ROTATIONS
+from mograft.blend.seams import ROTATIONS
 from mograft.config import Config
 from mograft.stream.placed_donors import MotionEnd, PlacedDonors, SampledDonors, place_donors
 
