@@ -132,14 +132,7 @@ def test_close_frames_out_of_reach_are_unchanged(lengths, seed, seam):
 @given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(NAMES), st.integers(1, 20))
 def test_close_any_number_of_frames_at_a_time_gives_same_bits(lengths, seed, seam, n_frames):
     layout = random_layout(lengths, seed, seam)
-    every = [
-        SEAM_TREATMENTS[seam].close(
-            values[layout.timeline.kept_rows],
-            layout._piece_times(layout.timeline.frame_times())[layout.timeline.kept_rows],
-            layout._boundaries[space is TRANSLATIONS],
-        )
-        for space, values in zip((ROTATIONS, TRANSLATIONS), layout._rows, strict=True)
-    ]
+    every = layout.close()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("mograft.blend.donor_timeline._FRAMES_PER_BLOCK", n_frames)
         for expected, found in zip(every, layout.close(), strict=True):
@@ -152,10 +145,10 @@ def test_restrict_to_pieces_keeps_those_of_the_times_and_one_on_each_side(
     lengths, seed, seam, data
 ):
     layout = random_layout(lengths, seed, seam)
-    times = layout._piece_times(layout.timeline.frame_times())
+    times = layout.piece_times(layout.timeline.frame_times())
     start = data.draw(st.integers(0, len(times.piece) - 1))
     own = times[start : start + data.draw(st.integers(1, 20))]
-    near, seams = restrict_to_pieces(own, layout._boundaries[0])
+    near, seams = restrict_to_pieces(own, layout.boundaries(ROTATIONS))
     assert len(seams.before) == len(near.durations) - 1
     assert len(near.durations) <= len(np.unique(own.piece)) + 2
     np.testing.assert_array_equal(near.durations[near.piece], own.durations[own.piece])

@@ -6,6 +6,7 @@ Lengths are in skeleton heights, so that no number depends on a file's unit.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -131,10 +132,15 @@ def plant_feet(
     """
     check_type("motion", motion, Motion)
     legs = find_legs(motion.skeleton)
-    contacts, movable = _checked_arguments(motion, len(legs), foot_contacts, movable_legs)
-    heights = np.full(contacts.shape, -np.inf)
-    if min_heights is not None:
-        heights = _checked_heights(min_heights, contacts.shape)
+    shape = (motion.n_frames, len(legs), 2)
+    contacts = detect_contacts(motion) if foot_contacts is None else foot_contacts
+    contacts = _check_shape("foot_contacts", contacts, shape, np.bool_)
+    movable = np.ones(len(legs), bool) if movable_legs is None else movable_legs
+    movable = _check_shape("movable_legs", movable, shape[1:2], np.bool_)
+    heights = np.full(shape, -np.inf) if min_heights is None else min_heights
+    heights = _check_shape("min_heights", heights, shape, np.float64)
+    if np.isnan(heights).any():
+        raise ValueError("`min_heights` must be numbers, got NaN")
     ground = Ground.below(motion, floor_reference)
     skate_before = skating_share(motion, ground)
     has_task = contacts.any() or min_heights is not None or floor_reference is not None
@@ -148,8 +154,8 @@ def plant_feet(
     displacements = np.zeros_like(points)
     bent_legs = np.flatnonzero(movable).tolist()
     for leg in bent_legs:
-        own = points[:, leg], planted[:, leg], heights[:, leg], lowest[:, leg]
-        displacements[:, leg] = foot_displacements(*own, ground, leg, motion.rate)
+        arrays = (values[:, leg] for values in (points, planted, heights, lowest))
+        displacements[:, leg] = foot_displacements(*arrays, ground, leg, motion.rate)
     planted &= movable[None, :, None]
     world_rotations, world_positions = motion.world_transforms()
     shift = np.zeros((motion.n_frames, 3))
@@ -160,25 +166,19 @@ def plant_feet(
         )
         room = points[:, ~movable] @ ground.up - lowest[:, ~movable]
         shift = _limit_shift(motion, shift, room, ground)
-    parts = [
-        bend_leg(
-            motion,
-            world_rotations,
-            world_positions + shift[:, None],
-            legs[leg],
-            points[:, leg] + shift[:, None],
-            displacements[:, leg] - shift[:, None],
-        )
-        for leg in bent_legs
-    ]
-    parts.append(_shifted_root(motion, world_rotations, shift) if shift.any() else None)
-    still = recombine(motion, [part for part in parts if part is not None], motion.name)
+    moved_positions = world_positions + shift[:, None]
+    parts = []
+    for leg in bent_legs:
+        own = points[:, leg] + shift[:, None], displacements[:, leg] - shift[:, None]
+        bent = bend_leg(motion, world_rotations, moved_positions, legs[leg], *own)
+        parts += [bent] if bent else []
+    parts += [_shifted_root(motion, world_rotations, shift)] if shift.any() else []
+    still = recombine(motion, parts, motion.name)
     errors = np.linalg.norm(ground.points(still) - (points + displacements), axis=-1)
     errors = np.where(planted, errors / ground.height, 0.0)
+    columns = planted.reshape(len(planted), -1).T
     return still, FeetReport(
-        plants=sum(
-            len(find_runs(planted[:, leg, point])) for leg, point in np.ndindex(planted.shape[1:])
-        ),
+        plants=sum(len(find_runs(column)) for column in columns),
         skate_before=skate_before,
         skate_after=skating_share(still, ground),
         moved_root=float(np.linalg.norm(shift, axis=1).max()) / ground.height,
@@ -196,36 +196,18 @@ def _limit_shift(motion: Motion, shift: FloatArray, room: FloatArray, ground: Gr
     path = motion.world_positions()[:, motion.locomotion_root()]
     shift = limit_floor_speed(shift, path, ground.up)
     room = np.maximum(room.min(axis=(1, 2), initial=np.inf), 0.0)
-    return limit_descent(shift, room, ground.up)
+    excess: FloatArray = np.maximum(-(shift @ ground.up) - room, 0.0)
+    return shift + excess[:, None] * ground.up
 
 
-def _checked_arguments(
-    motion: Motion,
-    n_legs: int,
-    foot_contacts: BoolArray | None,
-    movable_legs: Sequence[bool] | None,
-) -> tuple[BoolArray, BoolArray]:
-    """Check two arguments of `plant_feet` and return them; None is replaced by the default."""
-    contacts = detect_contacts(motion) if foot_contacts is None else np.asarray(foot_contacts, bool)
-    expected = (motion.n_frames, n_legs, 2)
-    if contacts.shape != expected:
-        raise ValueError(f"`foot_contacts` must have shape {expected}, got {contacts.shape}")
-    movable = np.ones(n_legs, bool) if movable_legs is None else np.array(movable_legs, bool)
-    if movable.shape != (n_legs,):
-        got = len(movable) if movable.ndim == 1 else repr(movable_legs)
-        raise ValueError(f"`movable_legs` must have {n_legs} entries, one per leg, got {got}")
-    return contacts, movable
-
-
-def _checked_heights(min_heights: npt.ArrayLike, shape: tuple[int, ...]) -> FloatArray:
-    """Return `min_heights` of `plant_feet` as an array of the given shape."""
-    heights = np.asarray(min_heights, np.float64)
-    if heights.shape != shape:
-        raise ValueError(f"`min_heights` must have shape {shape}, got {heights.shape}")
-    if np.isnan(heights).any():
-        index = np.argwhere(np.isnan(heights))[0].tolist()
-        raise ValueError(f"`min_heights` must be numbers, got NaN at {index}")
-    return heights
+def _check_shape(
+    name: str, value: npt.ArrayLike, shape: tuple[int, ...], kind: type[np.generic]
+) -> npt.NDArray[Any]:
+    """Return `value` as an array of `kind`; raise ValueError if it has another shape."""
+    array = np.array(value, kind)
+    if array.shape != shape:
+        raise ValueError(f"`{name}` must have shape {shape}, got {array.shape}")
+    return array
 
 
 def _shifted_root(motion: Motion, world_rotations: FloatArray, shift: FloatArray) -> Part:
@@ -284,15 +266,6 @@ def shift_for_reach(
     frames = (np.arange(len(nearest)) + windows.argmax(axis=1) - width).clip(0, len(nearest) - 1)
     smooth = [gaussian_filter(axis, _SMOOTHING_SECONDS * rate) for axis in nearest[frames].T]
     return project(np.stack(smooth, axis=1))
-
-
-def limit_descent(shift: FloatArray, room: FloatArray, up: FloatArray) -> FloatArray:
-    """Return a shift, (n_frames, 3), raised where it lowers a frame by more than `room`.
-
-    `room`, shape (n_frames,), is in the unit of the file.
-    """
-    excess: FloatArray = np.maximum(-(shift @ up) - room, 0.0)
-    return shift + excess[:, None] * up
 
 
 def limit_floor_speed(shift: FloatArray, path: FloatArray, up: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.blend.donor_timeline import DonorLayout, DonorTimeline, RootAlignment
+from mograft.blend.donor_timeline import DonorLayout, RootAlignment
 from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.seams import ROTATIONS, TRANSLATIONS
@@ -33,20 +33,12 @@ class GraftedRoot:
     rotation_column: int
     position_column: int
 
-    @classmethod
-    def from_columns(
-        cls, joint: int, up: int, joints: IntArray, moving: BoolArray
-    ) -> "GraftedRoot":
-        """Find the columns of the root; `moving` marks the joints with translation tracks."""
-        is_root = joints == joint
-        return cls(joint, up, int(np.argmax(is_root)), int(np.argmax(is_root[moving])))
-
     def close(
         self, layout: DonorLayout, base: Motion, clips: Sequence[Motion]
     ) -> tuple[DonorLayout, FloatArray, FloatArray]:
         """Align donors and close seams; return the layout, local rotations and translations."""
         layout = self.align(layout, base, clips)
-        quats, positions = layout.smooth(*layout.close())
+        quats, positions = layout.close()
         self.integrate(layout, quats, positions)
         self.to_local(base, quats, positions)
         return layout, quats, positions
@@ -60,9 +52,16 @@ class GraftedRoot:
         """
         layout = self._with_world_tracks(layout, clips)
         timeline, donors = layout.timeline, layout.timeline.donors
-        positions = [track[:, self.position_column, None] for track in layout.positions]
-        seams = layout.seams | timeline.find_seams(positions)
-        first, last = (self._donor_roots(layout, frames) for frames in (donors.start, donors.stop))
+        tracks = self._own_tracks(layout)
+        seams = layout.seams | timeline.find_seams(tracks[1])
+
+        def donor_roots(frames: IntArray) -> RootTransforms:
+            rows = list(zip(donors.clip.tolist(), frames.tolist(), strict=True))
+            return RootTransforms(
+                *(np.array([own[clip][row, 0] for clip, row in rows]) for own in tracks)
+            )
+
+        first, last = donor_roots(donors.start), donor_roots(donors.stop)
         quats, places = base[:1].world_transforms()
         target = RootTransforms(quats[:, self.joint], places[:, self.joint])
         moves = AlignmentTransform(np.empty((len(donors), 4)), np.empty((len(donors), 3)))
@@ -77,10 +76,8 @@ class GraftedRoot:
 
     def integrate(self, layout: DonorLayout, quats: FloatArray, positions: FloatArray) -> None:
         """Blend root velocities at seams and set the root, in place, to the integrated path."""
-        timeline = layout.timeline
-        times = timeline.frame_times()
-        source = self._source(layout)
-        inside = np.diff(times.segment) == 0
+        timeline, source = layout.timeline, self._source(layout)
+        inside = np.diff(timeline.frame_times().segment) == 0
         steps = np.diff(source.positions, axis=0)
         steps = np.where(np.arange(3) == self.up, 0.0, steps)[inside]
         rates = yaw_rates(source.rotations, self.up)[inside]
@@ -88,9 +85,7 @@ class GraftedRoot:
         velocities = blend_root_velocity(
             captured, timeline.cut, layout.seams, layout.config, timeline.rate
         )
-        source = RootTransforms(
-            timeline.merge_frames(source.rotations), timeline.merge_frames(source.positions)
-        )
+        source = source[timeline.kept_rows]
         root = integrate_root(velocities, captured, source, self._root(quats, positions), self.up)
         self._set_root(quats, positions, root)
 
@@ -129,28 +124,19 @@ class GraftedRoot:
             self._set_root(rotation, position, world)
         return replace(layout, rotations=quats, positions=places)
 
-    def _donor_roots(self, layout: DonorLayout, frames: IntArray) -> RootTransforms:
-        """Return the root's transform in one frame of each donor's clip, shape (n_donors,)."""
-        rows = list(zip(layout.timeline.donors.clip.tolist(), frames.tolist(), strict=True))
-        return RootTransforms(
-            np.array([layout.rotations[clip][row, self.rotation_column] for clip, row in rows]),
-            np.array([layout.positions[clip][row, self.position_column] for clip, row in rows]),
-        )
-
     def _source(self, layout: DonorLayout) -> RootTransforms:
         """Return the aligned root at the times of `frame_times`, before seams are closed."""
-        alignment = layout.timeline.alignment
-        assert alignment is not None
-        timeline: DonorTimeline = replace(
-            layout.timeline, alignment=RootAlignment(alignment.transforms, 0, 0)
-        )
-        times = timeline.frame_times()
+        assert layout.timeline.alignment is not None
+        alignment = replace(layout.timeline.alignment, rotation_column=0, position_column=0)
+        timeline = replace(layout.timeline, alignment=alignment)
+        times, own = timeline.frame_times(), self._own_tracks(layout)
+        quats, places = map(timeline.sample, (ROTATIONS, TRANSLATIONS), own, (times, times))
+        return RootTransforms(quats[:, 0], places[:, 0])
+
+    def _own_tracks(self, layout: DonorLayout) -> tuple[list[FloatArray], list[FloatArray]]:
+        """Return the rotations and translations of the root alone in each clip."""
         quats = [track[:, self.rotation_column, None] for track in layout.rotations]
-        places = [track[:, self.position_column, None] for track in layout.positions]
-        return RootTransforms(
-            timeline.sample(ROTATIONS, quats, times)[:, 0],
-            timeline.sample(TRANSLATIONS, places, times)[:, 0],
-        )
+        return quats, [track[:, self.position_column, None] for track in layout.positions]
 
 
 def root_velocity_weights(

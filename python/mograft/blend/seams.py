@@ -6,7 +6,7 @@ Treatments are functions of continuous time, so that they can be evaluated betwe
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Protocol, TypeAlias
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 
@@ -17,30 +17,43 @@ from mograft.motion.segments import Segments
 Pair: TypeAlias = tuple[FloatArray, FloatArray]
 
 
-class ValueSpace(Protocol):
+class ValueSpace:
     """Operations on rotations or on translations, called values, and on their differences.
 
     Values have shape (..., 4) or (..., 3). A delta is the difference from one value to another, a
-    velocity the rate of change of a value; both have shape (..., 3).
+    velocity the rate of change of a value; both have shape (..., 3). The base class has the
+    operations on translations, which are vectors.
     """
 
     def delta(self, start: FloatArray, end: FloatArray) -> FloatArray:
         """Return the shortest delta from `start` to `end`."""
+        return end - start
 
     def add(self, start: FloatArray, delta: FloatArray) -> FloatArray:
         """Return the value that differs from `start` by `delta`."""
+        return start + delta
 
-    def transport(self, delta: FloatArray, velocity: FloatArray) -> FloatArray:
+    def transport(self, delta: FloatArray, velocity: FloatArray) -> FloatArray:  # noqa: ARG002
         """Return the velocity of ``add(value, delta)`` for a value with the given velocity."""
+        return velocity
 
-    def delta_rate(self, delta: FloatArray, velocity: FloatArray) -> FloatArray:
+    def delta_rate(self, delta: FloatArray, velocity: FloatArray) -> FloatArray:  # noqa: ARG002
         """Return the rate of change of a delta whose end moves with a velocity."""
+        return velocity
 
     def hermite(self, values: Pair, velocities: Pair, t: FloatArray) -> FloatArray:
         """Return cubics at `t`, 0 to 1, from values and velocities (per unit of t) at both ends."""
+        t = t[:, None, None]
+        s = 1.0 - t
+        return (
+            values[0] * (s * s * (1.0 + 2.0 * t))
+            + values[1] * (t * t * (1.0 + 2.0 * s))
+            + velocities[0] * (t * s * s)
+            - velocities[1] * (t * t * s)
+        )
 
 
-class _Rotations:
+class _Rotations(ValueSpace):
     """Unit quaternions, xyzw; deltas are rotation vectors in the local axes of the joint."""
 
     def delta(self, start: FloatArray, end: FloatArray) -> FloatArray:
@@ -63,41 +76,12 @@ class _Rotations:
 
     def hermite(self, values: Pair, velocities: Pair, t: FloatArray) -> FloatArray:
         shape = values[0].shape
-        start, end, leaving, reaching = (
-            own.reshape(-1, own.shape[-1]) for own in (*values, *velocities)
-        )
-        times = np.repeat(t, shape[1])
-        return rotations.hermite(start, end, leaving, reaching, times).reshape(shape)
+        ends = (own.reshape(-1, own.shape[-1]) for own in (*values, *velocities))
+        return rotations.hermite(*ends, np.repeat(t, shape[1])).reshape(shape)
 
 
-class _Translations:
-    """Vectors; deltas are differences."""
-
-    def delta(self, start: FloatArray, end: FloatArray) -> FloatArray:
-        return end - start
-
-    def add(self, start: FloatArray, delta: FloatArray) -> FloatArray:
-        return start + delta
-
-    def transport(self, delta: FloatArray, velocity: FloatArray) -> FloatArray:  # noqa: ARG002
-        return velocity
-
-    def delta_rate(self, delta: FloatArray, velocity: FloatArray) -> FloatArray:  # noqa: ARG002
-        return velocity
-
-    def hermite(self, values: Pair, velocities: Pair, t: FloatArray) -> FloatArray:
-        t = t[:, None, None]
-        s = 1.0 - t
-        return (
-            values[0] * (s * s * (1.0 + 2.0 * t))
-            + values[1] * (t * t * (1.0 + 2.0 * s))
-            + velocities[0] * (t * s * s)
-            - velocities[1] * (t * t * s)
-        )
-
-
-ROTATIONS: ValueSpace = _Rotations()
-TRANSLATIONS: ValueSpace = _Translations()
+ROTATIONS = _Rotations()
+TRANSLATIONS = ValueSpace()
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -159,14 +143,8 @@ class SeamBoundaries:
 
     def __getitem__(self, seams: slice) -> "SeamBoundaries":
         """Return the boundaries of some successive seams."""
-        return SeamBoundaries(
-            self.space,
-            self.before[seams],
-            self.after[seams],
-            self.velocity_before[seams],
-            self.velocity_after[seams],
-            self.accelerations[seams],
-        )
+        arrays = {name: own[seams] for name, own in vars(self).items() if name != "space"}
+        return replace(self, **arrays)
 
 
 def restrict_to_pieces(
