@@ -1,6 +1,5 @@
 """Entries of joint groups: names, globs, indices, subtrees, single channels; groups as TOML."""
 
-import difflib
 import json
 import os
 import re
@@ -13,6 +12,7 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
+from mograft.errors import join_names, suggest_name
 from mograft.motion.skeleton import Skeleton
 
 
@@ -80,16 +80,12 @@ def channels_of_entry(entry: Entry, skeleton: Skeleton, group: str) -> set[tuple
         return {(joint, "") for joint in _joints_of_entry(entry, skeleton, group)}
     joints = _joints_of_entry(found[1], skeleton, group)
     for joint in sorted(joints):
+        label = f"group {group!r}: {joint_label(skeleton, joint)}"
         if (joint, found[2]) not in channels_of_joint(joint, skeleton):
-            raise ValueError(
-                f"group {group!r}: {joint_label(skeleton, joint)} must have three rotation "
-                f"channels to be divided, got {' '.join(skeleton.channels[joint]) or 'none'}"
-            )
+            got = " ".join(skeleton.channels[joint]) or "none"
+            raise ValueError(f"{label} must have three rotation channels to be divided, got {got}")
         if skeleton.parents[joint] < 0:
-            raise ValueError(
-                f"group {group!r}: {joint_label(skeleton, joint)} must be in one group as a whole, "
-                "because it is the root"
-            )
+            raise ValueError(f"{label} must be in one group as a whole, because it is the root")
     return {(joint, found[2]) for joint in joints}
 
 
@@ -99,19 +95,15 @@ def _joints_of_entry(entry: Entry, skeleton: Skeleton, group: str) -> set[int]:
         tops = _joints_of_entry(entry.joint, skeleton, group)
         return set(np.flatnonzero(skeleton.subtree_mask(tops)).tolist())
     if isinstance(entry, int):
-        if not 0 <= entry < skeleton.n_joints:
-            raise ValueError(
-                f"group {group!r}: joint index must be 0 to {skeleton.n_joints - 1}, got {entry}"
-            )
+        if not 0 <= entry < (n := skeleton.n_joints):
+            raise ValueError(f"group {group!r}: joint index must be 0 to {n - 1}, got {entry}")
         return {entry}
     names = skeleton.names
-    found = {joint for joint, name in enumerate(names) if name == entry}
-    found = found or {joint for joint, name in enumerate(names) if fnmatchcase(name, entry)}
+    matches = entry.__eq__ if entry in names else lambda name: fnmatchcase(name, entry)
+    found = {joint for joint, name in enumerate(names) if matches(name)}
     if not found:
-        close = difflib.get_close_matches(entry, names, n=3)
-        guess = f"did you mean {' or '.join(map(repr, close))}?"
-        hint = guess if close else f"joints are {', '.join(names)}"
-        raise ValueError(f"group {group!r}: no joint is named {entry!r}; {hint}")
+        hint = suggest_name(entry, names) or f"; joints are {join_names(names)}"
+        raise ValueError(f"group {group!r}: no joint is named {entry!r}{hint}")
     return found
 
 
@@ -139,19 +131,16 @@ def read_groups(source: str | os.PathLike[str]) -> tuple[dict[str, tuple[Entry, 
 
     The type of the base is not checked.
     """
-    text, place = str(source), "groups"
-    if not isinstance(source, str) or "\n" not in source:
-        place = str(source)
-        try:
-            text = Path(source).read_text(encoding="utf-8")
-        except UnicodeDecodeError as error:
-            raise ValueError(f"{place}: not UTF-8: {error}") from error
+    is_text = isinstance(source, str) and "\n" in source
+    place = "groups" if is_text else str(source)
     try:
+        text = str(source) if is_text else Path(source).read_text(encoding="utf-8")
         table = tomllib.loads(text)
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{place}: not UTF-8: {error}") from error
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"{place}: not valid TOML: {error}") from error
-    unknown = sorted(set(table) - {"base", "groups"})
-    if unknown or not isinstance(table.get("groups"), dict):
+    if set(table) - {"base", "groups"} or not isinstance(table.get("groups"), dict):
         got = ", ".join(table) or "nothing"
         raise ValueError(f"{place}: must contain a table [groups] and optionally base, got {got}")
     groups = {}
