@@ -51,19 +51,11 @@ def random_layout(lengths, seed, seam):
     return DonorLayout(timeline, [track], [positions], seams, Config(seam=seam))
 
 
+@pytest.mark.parametrize("space", [ROTATIONS, TRANSLATIONS])
 @few_examples(20)
 @given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(NAMES))
-def test_close_any_treatment_makes_rotations_continuous(lengths, seed, seam):
-    value, velocity = jumps(random_layout(lengths, seed, seam), ROTATIONS)
-    assert value < 1e-9
-    if seam in SMOOTH:
-        assert velocity < 1e-5
-
-
-@few_examples(20)
-@given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(NAMES))
-def test_close_any_treatment_makes_translations_continuous(lengths, seed, seam):
-    value, velocity = jumps(random_layout(lengths, seed, seam), TRANSLATIONS)
+def test_close_any_treatment_makes_values_continuous(space, lengths, seed, seam):
+    value, velocity = jumps(random_layout(lengths, seed, seam), space)
     assert value < 1e-9
     if seam in SMOOTH:
         assert velocity < 1e-5
@@ -212,12 +204,8 @@ def test_displacement_opposite_gaps_cancel_half_way():
     delta = np.array([[[0.3, -0.2, 0.5]]])
     pose = np.array([[rotations.IDENTITY]])
     other = rotations.exp(delta)
-    boundaries = SeamBoundaries(
-        ROTATIONS,
-        np.concatenate([pose, pose]),
-        np.concatenate([other, other]),
-        *[np.zeros((2, 1, 3))] * 2,
-    )
+    ends, still = (np.repeat(own, 2, axis=0) for own in (pose, other)), np.zeros((2, 1, 3))
+    boundaries = SeamBoundaries(ROTATIONS, *ends, still, still)
     times = PieceTimes(np.array([1]), np.array([0.5]), np.ones(3), 0.3)
     closed = SEAM_TREATMENTS["displacement"].close(pose, times, boundaries)
     np.testing.assert_allclose(closed, pose, atol=1e-15)

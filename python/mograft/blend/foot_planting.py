@@ -154,8 +154,8 @@ def plant_feet(
     displacements = np.zeros_like(points)
     bent_legs = np.flatnonzero(movable).tolist()
     for leg in bent_legs:
-        arrays = (values[:, leg] for values in (points, planted, heights, lowest))
-        displacements[:, leg] = foot_displacements(*arrays, ground, leg, motion.rate)
+        own = points[:, leg], planted[:, leg], heights[:, leg], lowest[:, leg]
+        displacements[:, leg] = foot_displacements(*own, ground, leg, motion.rate)
     planted &= movable[None, :, None]
     world_rotations, world_positions = motion.world_transforms()
     shift = np.zeros((motion.n_frames, 3))
@@ -169,8 +169,8 @@ def plant_feet(
     moved_positions = world_positions + shift[:, None]
     parts = []
     for leg in bent_legs:
-        own = points[:, leg] + shift[:, None], displacements[:, leg] - shift[:, None]
-        bent = bend_leg(motion, world_rotations, moved_positions, legs[leg], *own)
+        moved = points[:, leg] + shift[:, None], displacements[:, leg] - shift[:, None]
+        bent = bend_leg(motion, world_rotations, moved_positions, legs[leg], *moved)
         parts += [bent] if bent else []
     parts += [_shifted_root(motion, world_rotations, shift)] if shift.any() else []
     still = recombine(motion, parts, motion.name)

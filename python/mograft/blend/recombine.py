@@ -47,8 +47,16 @@ def recombine(base: Motion, parts: Iterable[Part], name: str) -> Motion:
         quats = quats.copy()
     for joint in dict.fromkeys(joint for joint, _ in single):
         _replace_channels(base, joint, single, quats, values)
-    arrays = {"rotations": quats, "positions": positions, "channel_values": values}
-    return replace(base, **arrays, name=name, path=None, clip=None, repairs=())
+    return replace(
+        base,
+        rotations=quats,
+        positions=positions,
+        channel_values=values,
+        name=name,
+        path=None,
+        clip=None,
+        repairs=(),
+    )
 
 
 def _mark_derived(

@@ -76,8 +76,9 @@ class _Rotations(ValueSpace):
 
     def hermite(self, values: Pair, velocities: Pair, t: FloatArray) -> FloatArray:
         shape = values[0].shape
-        ends = (own.reshape(-1, own.shape[-1]) for own in (*values, *velocities))
-        return rotations.hermite(*ends, np.repeat(t, shape[1])).reshape(shape)
+        a, b = (own.reshape(-1, 4) for own in values)
+        u, v = (own.reshape(-1, 3) for own in velocities)
+        return rotations.hermite(a, b, u, v, np.repeat(t, shape[1])).reshape(shape)
 
 
 ROTATIONS = _Rotations()

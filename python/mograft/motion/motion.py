@@ -136,10 +136,15 @@ class Motion:
         if not chosen:
             wanted = f"motion[{frames.start}:{frames.stop}]"
             raise ValueError(f"{wanted} selects none of the frames 0 to {self.n_frames - 1}")
-        names = ("rotations", "positions", "channel_values", "computed_values")
-        arrays = {name: getattr(self, name) for name in names}
-        own = {name: None if array is None else array[frames] for name, array in arrays.items()}
-        return replace(self, frame_time=self.frame_time * step, **own)
+        values, is_computed = self.channel_values, self.computed_values
+        return replace(
+            self,
+            frame_time=self.frame_time * step,
+            rotations=self.rotations[frames],
+            positions=self.positions[frames],
+            channel_values=None if values is None else values[frames],
+            computed_values=None if is_computed is None else is_computed[frames],
+        )
 
     @property
     def n_frames(self) -> int:
@@ -265,8 +270,9 @@ class Motion:
         last: FloatArray | None = None  # the frame before the block
         for start in range(0, self.n_frames, length):
             frames = slice(start, min(start + length, self.n_frames))
-            numbers = np.empty((frames.stop - start, skeleton.n_channels))
-            numbers[:] = np.nan if known is None else known[frames]
+            numbers = np.full((frames.stop - start, skeleton.n_channels), np.nan)
+            if known is not None:
+                numbers = known[frames].copy()
             is_missing = np.isnan(numbers)
             is_unknown = is_missing.all(axis=0).tolist()  # in the whole block
             unknown_joints: dict[str, list[int]] = {}  # by the order of their rotations
