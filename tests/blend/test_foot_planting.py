@@ -30,19 +30,7 @@ from mograft.constraints import KeepOriginal
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.hierarchies import DANCES, DATA, distinct_recordings, recording
-from tests.strategies import SEEDS, few_examples
-
-DEEP_RECORDINGS = (
-    *DANCES,
-    "dance_cmu60_salsa/60_09",
-    "dance_cmu94_indian_30fps/94_11_1",
-    "dance_perfume_test/B_test",
-    "dance_carousel_pair/Key1Intencity2Orbit_001_DancerB",
-    "dance_mass_snu/cart",
-    "bandai_ds1/dataset-1_punch_normal_002",
-    "database_vsports_basket/s_006_1_3",
-)
-"""Recordings whose feet planting once pushed into the floor."""
+from tests.strategies import SEEDS, few_examples, transform_motion
 
 
 @pytest.fixture(scope="module")
@@ -128,17 +116,7 @@ def test_detect_contacts_dancer_matches_stance(sample):
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 40.0])
 def test_detect_contacts_is_independent_of_unit(sample, scale):
     motion = sample.motion
-    other = replace(
-        motion,
-        skeleton=replace(
-            motion.skeleton.with_offsets(motion.skeleton.offsets * scale),
-            end_sites=tuple(
-                replace(site, offset=site.offset * scale) for site in motion.skeleton.end_sites
-            ),
-        ),
-        positions=motion.positions * scale,
-        channel_values=None,
-    )
+    other = transform_motion(motion, scale)
     np.testing.assert_array_equal(detect_contacts(other), detect_contacts(motion))
     assert foot_skate(other) == pytest.approx(foot_skate(motion))
 
@@ -310,14 +288,6 @@ def test_plant_feet_no_foot_is_deeper_than_in_floor_reference(recorded, contacts
     assert_no_deeper(still, motion, ground)
     excess = depths(still, ground) - np.maximum(depths(recorded, ground).max(axis=0), 0.0)
     assert excess[:, [True, True] if movable is None else movable].max() <= 0.001 + 1e-6
-
-
-@pytest.mark.filterwarnings("ignore")  # of faults in the recordings
-@pytest.mark.parametrize("name", DEEP_RECORDINGS)
-def test_plant_feet_recording_pushes_no_foot_below_its_depth(name):
-    motion = recording(name)
-    still, _ = plant_feet(motion)
-    assert_no_deeper(still, motion, Ground.of(motion))
 
 
 @given(SEEDS, st.integers(2, 40), st.floats(0.0, 3.0))
