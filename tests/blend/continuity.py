@@ -3,16 +3,17 @@
 import numpy as np
 
 from mograft.blend.donor_timeline import SegmentTimes
-from mograft.blend.value_spaces import ROTATIONS
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.seams import restrict_to_pieces
 
 STEP = 1e-5  # of a frame
 
 
 def close_at(layout, space, times):
     """Values of a layout at any times, with the gaps at seams closed."""
-    tracks = layout.rotations if space is ROTATIONS else layout.positions
-    values = layout.timeline.sample(space, tracks, times)
-    return layout._close(space, layout._piece_times(times), values)
+    values = layout.timeline.sample(space, layout.tracks(space), times)
+    near = restrict_to_pieces(layout.piece_times(times), layout.boundaries(space))
+    return SEAM_TREATMENTS[layout.config.seam].close(values, *near)
 
 
 def one_sided_velocities(space, curve, frames, side):

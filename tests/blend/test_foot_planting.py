@@ -20,8 +20,8 @@ from mograft import (
     read_bvh,
 )
 from mograft._util.runs import find_runs
+from mograft.blend.foot_planting import limit_floor_speed
 from mograft.blend.foot_targets import foot_displacements, lowest_heights
-from mograft.blend.root_shift import limit_descent, limit_floor_speed
 from mograft.blend.two_bone_ik import bend_limb
 from mograft.body.contacts import Ground, detect_contacts, find_legs, foot_heights
 from mograft.body.mass import mass_model
@@ -30,19 +30,7 @@ from mograft.constraints import KeepOriginal
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.hierarchies import DANCES, DATA, distinct_recordings, recording
-from tests.strategies import SEEDS, few_examples
-
-DEEP_RECORDINGS = (
-    *DANCES,
-    "dance_cmu60_salsa/60_09",
-    "dance_cmu94_indian_30fps/94_11_1",
-    "dance_perfume_test/B_test",
-    "dance_carousel_pair/Key1Intencity2Orbit_001_DancerB",
-    "dance_mass_snu/cart",
-    "bandai_ds1/dataset-1_punch_normal_002",
-    "database_vsports_basket/s_006_1_3",
-)
-"""Recordings whose feet planting once pushed into the floor."""
+from tests.strategies import SEEDS, few_examples, transform_motion
 
 
 @pytest.fixture(scope="module")
@@ -128,17 +116,7 @@ def test_detect_contacts_dancer_matches_stance(sample):
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 40.0])
 def test_detect_contacts_is_independent_of_unit(sample, scale):
     motion = sample.motion
-    other = replace(
-        motion,
-        skeleton=replace(
-            motion.skeleton.with_offsets(motion.skeleton.offsets * scale),
-            end_sites=tuple(
-                replace(site, offset=site.offset * scale) for site in motion.skeleton.end_sites
-            ),
-        ),
-        positions=motion.positions * scale,
-        channel_values=None,
-    )
+    other = transform_motion(motion, scale)
     np.testing.assert_array_equal(detect_contacts(other), detect_contacts(motion))
     assert foot_skate(other) == pytest.approx(foot_skate(motion))
 
@@ -312,26 +290,6 @@ def test_plant_feet_no_foot_is_deeper_than_in_floor_reference(recorded, contacts
     assert excess[:, [True, True] if movable is None else movable].max() <= 0.001 + 1e-6
 
 
-@pytest.mark.filterwarnings("ignore")  # of faults in the recordings
-@pytest.mark.parametrize("name", DEEP_RECORDINGS)
-def test_plant_feet_recording_pushes_no_foot_below_its_depth(name):
-    motion = recording(name)
-    still, _ = plant_feet(motion)
-    assert_no_deeper(still, motion, Ground.of(motion))
-
-
-@given(SEEDS, st.integers(1, 40))
-def test_limit_descent_lowers_at_most_by_room(seed, n_frames):
-    rng = np.random.default_rng(seed)
-    shift, room = rng.normal(size=(n_frames, 3)), rng.uniform(0.0, 2.0, n_frames)
-    up = np.eye(3)[int(rng.integers(3))] * rng.choice([-1.0, 1.0])
-    new = limit_descent(shift, room, up)
-    assert (new @ up >= -room - 1e-12).all()
-    enough = shift @ up >= -room
-    np.testing.assert_array_equal(new[enough], shift[enough])
-    np.testing.assert_allclose(new - (new @ up)[:, None] * up, shift - (shift @ up)[:, None] * up)
-
-
 @given(SEEDS, st.integers(2, 40), st.floats(0.0, 3.0))
 def test_limit_floor_speed_slow_shift_is_unchanged(seed, n, size):
     rng = np.random.default_rng(seed)
@@ -385,30 +343,22 @@ def test_plant_feet_without_contacts_returns_same_motion(sample):
 
 
 def test_plant_feet_invalid_arguments_raise_value_error(sample):
-    with pytest.raises(
-        ValueError, match=r"`foot_contacts` must have shape \(\d+, 2, 2\), got \(3, 2\)"
+    nan = np.full((sample.motion.n_frames, 2, 2), np.nan)
+    for name, value, message in (
+        ("foot_contacts", np.zeros((3, 2), bool), r"have shape \(\d+, 2, 2\), got \(3, 2\)"),
+        ("movable_legs", [True], r"have shape \(2,\), got \(1,\)"),
+        ("movable_legs", True, r"have shape \(2,\), got \(\)"),
+        ("min_heights", np.zeros((3, 2)), r"have shape \(\d+, 2, 2\), got \(3, 2\)"),
+        ("min_heights", nan, "be numbers, got NaN"),
     ):
-        plant_feet(sample.motion, np.zeros((3, 2), bool))
-    with pytest.raises(ValueError, match="`movable_legs` must have 2 entries, one per leg, got 1"):
-        plant_feet(sample.motion, movable_legs=[True])
-    with pytest.raises(
-        ValueError, match=r"`min_heights` must have shape \(\d+, 2, 2\), got \(3, 2\)"
-    ):
-        plant_feet(sample.motion, min_heights=np.zeros((3, 2)))
-    with pytest.raises(ValueError, match=r"`min_heights` must have shape .*, got \(1, 1\)"):
-        plant_feet(sample.motion, min_heights=[[0]])
-    heights = np.zeros((sample.motion.n_frames, 2, 2))
-    heights[7, 1, 0] = np.nan
-    with pytest.raises(ValueError, match=r"`min_heights` must be numbers, got NaN at \[7, 1, 0\]"):
-        plant_feet(sample.motion, min_heights=heights)
+        with pytest.raises(ValueError, match=f"`{name}` must {message}"):
+            plant_feet(sample.motion, **{name: value})
     other = Motion(Skeleton(["a"], [-1], [[0, 0, 0]]), 1, [[[0, 0, 0, 1.0]]], [[[0, 0, 0.0]]])
     for call in (plant_feet, support_polygons):
         with pytest.raises(SkeletonMismatchError, match="`floor_reference` lacks"):
             call(sample.motion, floor_reference=other)
         with pytest.raises(TypeError, match="`floor_reference` must be a Motion, got str"):
             call(sample.motion, floor_reference="a.bvh")
-    with pytest.raises(ValueError, match=r"`movable_legs` must have 2 entries, .* got True"):
-        plant_feet(sample.motion, movable_legs=True)
     with pytest.raises(ValueError, match="`feet` must be one of"):
         Config(feet="sometimes")
 

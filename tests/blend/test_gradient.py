@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from mograft import Config
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
-from mograft.blend.seams import ClosedFrames
-from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS
+from mograft.blend.seams import ROTATIONS, TRANSLATIONS, ClosedFrames
 from mograft.motion import rotations
 from mograft.motion.resample import cubic, cubic_positions
 from mograft.motion.segments import Segments
@@ -32,6 +31,11 @@ def random_layout(lengths, seed, speed=0.3, **config):
     positions = np.ascontiguousarray(rotations.log(track))
     seams = timeline.find_seams([track])
     return DonorLayout(timeline, [track], [positions], seams, Config(**config))
+
+
+def without_gradient(layout):
+    """Return the layout with "offset", from whose frames "gradient" starts."""
+    return replace(layout, config=replace(layout.config, seam="offset"))
 
 
 def terms(layout, space, tracks):
@@ -87,8 +91,7 @@ def objective(layout, space, tracks, solved):
 def test_gradient_translations_minimise_the_objective(lengths, seed, blend, other):
     """No other values of the frames that may change have a smaller sum."""
     layout = random_layout(lengths, seed, seam="gradient", seam_blend=blend)
-    _, closed = layout.close()
-    _, solved = layout.smooth(*layout.close())
+    (_, closed), (_, solved) = without_gradient(layout).close(), layout.close()
     at = objective(layout, TRANSLATIONS, layout.positions, solved)
     changed = np.flatnonzero((solved != closed).any(axis=(1, 2)))
     rng = np.random.default_rng(other)
@@ -106,8 +109,7 @@ def test_gradient_rotations_have_smaller_objective_than_offset(lengths, seed):
     seams = np.flatnonzero(layout.seams)
     gaps = layout.timeline.boundaries(ROTATIONS, layout.rotations, seams).gaps()
     assume(np.linalg.norm(gaps, axis=-1).max(initial=0.0) < np.radians(45.0))
-    closed, _ = layout.close()
-    solved, _ = layout.smooth(*layout.close())
+    (closed, _), (solved, _) = without_gradient(layout).close(), layout.close()
     np.testing.assert_allclose(np.linalg.norm(solved, axis=-1), 1.0, atol=1e-12)
     before = objective(layout, ROTATIONS, layout.rotations, closed)
     after = objective(layout, ROTATIONS, layout.rotations, solved)
@@ -118,8 +120,7 @@ def test_gradient_rotations_have_smaller_objective_than_offset(lengths, seed):
 @given(SEGMENT_LENGTHS, SEEDS, st.floats(0.0, 0.5))
 def test_gradient_changes_only_moving_joints_near_seams(lengths, seed, blend):
     layout = random_layout(lengths, seed, seam="gradient", seam_blend=max(blend, 1e-3))
-    closed, _ = layout.close()
-    solved, _ = layout.smooth(*layout.close())
+    (closed, _), (solved, _) = without_gradient(layout).close(), layout.close()
     seams = layout.timeline.cut.stop[:-1][layout.seams]
     far = np.ones(len(closed), bool)
     for seam in seams:
@@ -176,6 +177,5 @@ def test_gradient_of_smooth_donors_keeps_their_acceleration_at_the_seam():
     def peak(values):
         return np.linalg.norm(np.diff(values, 2, axis=0), axis=-1).max()
 
-    _, solved = layout.smooth(*layout.close())
-    _, offset = replace(layout, config=Config(seam="offset")).close()
+    (_, offset), (_, solved) = without_gradient(layout).close(), layout.close()
     assert peak(solved) < 0.5 * peak(offset)

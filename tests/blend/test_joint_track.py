@@ -4,26 +4,16 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mograft.blend.joint_track import joint_track
-from mograft.blend.rigid_alignment import RootTransforms
+from mograft.blend.rigid_alignment import RootTransforms, joint_track
 from tests.strategies import motions
 
 
 @given(motions(max_frames=20), st.data())
-def test_joint_track_any_joint_equals_world_transforms(motion, data):
-    joint = data.draw(st.integers(0, motion.n_joints - 1))
-    quats, positions = joint_track(motion, joint)
-    expected_quats, expected_positions = (track[:, joint] for track in motion.world_transforms())
-    scale = 1.0 + np.abs(motion.positions).max()
-    np.testing.assert_allclose(quats, expected_quats, atol=1e-12)
-    np.testing.assert_allclose(positions, expected_positions, atol=1e-12 * scale)
-
-
-@given(motions(max_frames=20), st.data())
-def test_root_transforms_any_joint_equal_world_transforms(motion, data):
+def test_tracks_of_any_joint_equal_world_transforms(motion, data):
     joint = data.draw(st.integers(0, motion.n_joints - 1))
     root = RootTransforms.from_motion(motion, joint)
     expected_quats, expected_positions = (track[:, joint] for track in motion.world_transforms())
     scale = 1.0 + np.abs(motion.positions).max()
-    np.testing.assert_allclose(root.rotations, expected_quats, atol=1e-12)
-    np.testing.assert_allclose(root.positions, expected_positions, atol=1e-12 * scale)
+    for quats, positions in (joint_track(motion, joint), (root.rotations, root.positions)):
+        np.testing.assert_allclose(quats, expected_quats, atol=1e-12)
+        np.testing.assert_allclose(positions, expected_positions, atol=1e-12 * scale)

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from mograft import Motion, Poses
 from mograft.blend.reach_completion import ReachLimits, complete_reaches, fade_corrections
 from mograft.blend.two_bone_ik import flexion_angles, mean_bend_axis
-from mograft.body.anatomy import anatomy
-from mograft.body.limbs import find_limb
+from mograft.body.anatomy import anatomy, find_limb
 from mograft.body.mass import mass_model
 from mograft.constraints import Reach
 from mograft.dancer import dance

@@ -9,12 +9,7 @@ from hypothesis import strategies as st
 from mograft import Config, Segments
 from mograft.blend.recombine import recombine
 from mograft.blend.rigid_alignment import RootTransforms
-from mograft.blend.root_motion import (
-    blend_root_velocity,
-    integrate_root,
-    root_velocity_weights,
-    yaw_rates,
-)
+from mograft.blend.root_motion import blend_root_velocity, integrate_root, yaw_rates
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.motion import rotations
@@ -75,31 +70,6 @@ def test_blend_root_velocity_any_treatment_is_bounded_and_local(lengths, seed, c
         is_near |= (frames - seam < blend * 30.0) & (frames > seam)
         is_near |= (seam - frames < blend * 30.0) & (frames < seam) & (not is_causal)
     np.testing.assert_array_equal(blended[~is_near], velocities[~is_near])
-
-
-@given(st.integers(4, 15), st.integers(4, 15), SEEDS)
-def test_blend_root_velocity_offset_meets_half_way(before, after, seed):
-    """No step exceeds that of the cubic at its steepest, over four frames."""
-    rng = np.random.default_rng(seed)
-    steps = np.repeat(rng.normal(size=(2, 4)), [before, after], axis=0)
-    faded = blend_root_velocity(
-        steps, tile_segments(np.array([before, after])), np.array([True]), Config(), 30.0
-    )
-    jump = np.abs(steps[before] - steps[before - 1])
-    assert (np.abs(np.diff(faded, axis=0)) <= 1.5 / 8 * jump + 1e-12).all()
-    mean = 0.5 * (faded[before - 1] + faded[before])
-    if before == after:
-        np.testing.assert_allclose(mean, 0.5 * (steps[0] + steps[-1]), atol=1e-12)
-
-
-@given(st.integers(1, 40), st.floats(0.0, 40.0), CONFIGS)
-def test_root_velocity_weights_fall_with_distance(length, frames, config):
-    at_distance, far, at_seam = (
-        root_velocity_weights(np.array(distance), np.array(length), config, 30.0)
-        for distance in (frames, 40.0, 0.0)
-    )
-    for weight, last, first in zip(at_distance, far, at_seam, strict=True):
-        assert last == 0.0 <= weight <= first
 
 
 @few_examples(10)

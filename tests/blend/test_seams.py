@@ -10,8 +10,13 @@ from hypothesis import strategies as st
 from mograft import Config, Library, _core, graft  # noqa: TID251 - the kernel by itself
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline, SegmentTimes
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
-from mograft.blend.seams import PieceTimes, SeamBoundaries, restrict_to_pieces
-from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS
+from mograft.blend.seams import (
+    ROTATIONS,
+    TRANSLATIONS,
+    PieceTimes,
+    SeamBoundaries,
+    restrict_to_pieces,
+)
 from mograft.motion import rotations
 from mograft.motion.resample import slerp
 from tests.blend.continuity import close_at, jumps, one_sided_velocities
@@ -46,19 +51,11 @@ def random_layout(lengths, seed, seam):
     return DonorLayout(timeline, [track], [positions], seams, Config(seam=seam))
 
 
+@pytest.mark.parametrize("space", [ROTATIONS, TRANSLATIONS])
 @few_examples(20)
 @given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(NAMES))
-def test_close_any_treatment_makes_rotations_continuous(lengths, seed, seam):
-    value, velocity = jumps(random_layout(lengths, seed, seam), ROTATIONS)
-    assert value < 1e-9
-    if seam in SMOOTH:
-        assert velocity < 1e-5
-
-
-@few_examples(20)
-@given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(NAMES))
-def test_close_any_treatment_makes_translations_continuous(lengths, seed, seam):
-    value, velocity = jumps(random_layout(lengths, seed, seam), TRANSLATIONS)
+def test_close_any_treatment_makes_values_continuous(space, lengths, seed, seam):
+    value, velocity = jumps(random_layout(lengths, seed, seam), space)
     assert value < 1e-9
     if seam in SMOOTH:
         assert velocity < 1e-5
@@ -127,14 +124,7 @@ def test_close_frames_out_of_reach_are_unchanged(lengths, seed, seam):
 @given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(NAMES), st.integers(1, 20))
 def test_close_any_number_of_frames_at_a_time_gives_same_bits(lengths, seed, seam, n_frames):
     layout = random_layout(lengths, seed, seam)
-    every = [
-        SEAM_TREATMENTS[seam].close(
-            values[layout.timeline.kept_rows],
-            layout._piece_times(layout.timeline.frame_times())[layout.timeline.kept_rows],
-            layout._boundaries[space is TRANSLATIONS],
-        )
-        for space, values in zip((ROTATIONS, TRANSLATIONS), layout._rows, strict=True)
-    ]
+    every = layout.close()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("mograft.blend.donor_timeline._FRAMES_PER_BLOCK", n_frames)
         for expected, found in zip(every, layout.close(), strict=True):
@@ -147,10 +137,10 @@ def test_restrict_to_pieces_keeps_those_of_the_times_and_one_on_each_side(
     lengths, seed, seam, data
 ):
     layout = random_layout(lengths, seed, seam)
-    times = layout._piece_times(layout.timeline.frame_times())
+    times = layout.piece_times(layout.timeline.frame_times())
     start = data.draw(st.integers(0, len(times.piece) - 1))
     own = times[start : start + data.draw(st.integers(1, 20))]
-    near, seams = restrict_to_pieces(own, layout._boundaries[0])
+    near, seams = restrict_to_pieces(own, layout.boundaries(ROTATIONS))
     assert len(seams.before) == len(near.durations) - 1
     assert len(near.durations) <= len(np.unique(own.piece)) + 2
     np.testing.assert_array_equal(near.durations[near.piece], own.durations[own.piece])
@@ -214,12 +204,8 @@ def test_displacement_opposite_gaps_cancel_half_way():
     delta = np.array([[[0.3, -0.2, 0.5]]])
     pose = np.array([[rotations.IDENTITY]])
     other = rotations.exp(delta)
-    boundaries = SeamBoundaries(
-        ROTATIONS,
-        np.concatenate([pose, pose]),
-        np.concatenate([other, other]),
-        *[np.zeros((2, 1, 3))] * 2,
-    )
+    ends, still = (np.repeat(own, 2, axis=0) for own in (pose, other)), np.zeros((2, 1, 3))
+    boundaries = SeamBoundaries(ROTATIONS, *ends, still, still)
     times = PieceTimes(np.array([1]), np.array([0.5]), np.ones(3), 0.3)
     closed = SEAM_TREATMENTS["displacement"].close(pose, times, boundaries)
     np.testing.assert_allclose(closed, pose, atol=1e-15)

@@ -13,9 +13,9 @@ from mograft import Config, Library, Segments, graft
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline, SegmentTimes
 from mograft.blend.recombine import recombine
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.seams import ROTATIONS, TRANSLATIONS
 from mograft.blend.time_warp import TimeWarp, warping_path
 from mograft.blend.transplant import GraftedGroup, transplant
-from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.motion.resample import cubic

@@ -12,7 +12,14 @@ from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from tests.hierarchies import human
-from tests.strategies import SEEDS, assert_same_rotations, few_examples, person, tile_segments
+from tests.strategies import (
+    SEEDS,
+    assert_same_rotations,
+    few_examples,
+    person,
+    tile_segments,
+    transform_motion,
+)
 
 UPPER = GraftedGroup(np.arange(7, 18))  # the chest and all joints below it
 CHEST, HEAD = 7, 17
@@ -82,29 +89,19 @@ def test_balanced_trunk_sways_less_than_one_that_keeps_only_its_lean():
 def test_balanced_equals_world_without_sway(a, b, frequency):
     """Without sway, or without a response to it, there is nothing to balance."""
     base, donor = person(a), person(b)
-    np.testing.assert_array_equal(
-        graft_upper(base, donor, "balanced").rotations, graft_upper(base, donor, "world").rotations
-    )
+    new, world = (graft_upper(base, donor, t).rotations for t in ("balanced", "world"))
+    np.testing.assert_array_equal(new, world)
     base, donor = swaying(frequency, 0.0), swaying(5.0, 0.0)
-    assert_same_rotations(
-        graft_upper(base, donor, "balanced").rotations, graft_upper(base, donor, "world").rotations
-    )
+    assert_same_rotations(*(graft_upper(base, donor, t).rotations for t in ("balanced", "world")))
 
 
 @few_examples(7)
 @given(SEEDS, SEEDS, st.floats(-3, 3), st.floats(-50, 50))
 def test_balanced_is_independent_of_place_and_heading_of_donor(a, b, yaw, shift):
     base, donor = (with_walk(person(seed), seed) for seed in (a, b))
-    turn = rotations.from_axis_angle([0, 1, 0], yaw)
-    quats, positions = donor.rotations.copy(), donor.positions.copy()
-    quats[:, 0] = rotations.multiply(turn, quats[:, 0])
-    positions[:, 0] = rotations.rotate(turn, positions[:, 0]) + np.array([shift, 0, -shift])
-    other = replace(donor, rotations=quats, positions=positions)
-    assert_same_rotations(
-        graft_upper(base, donor, "balanced").rotations,
-        graft_upper(base, other, "balanced").rotations,
-        1e-9,
-    )
+    other = transform_motion(donor, yaw=yaw, offset=(shift, 0.0, -shift))
+    found = (graft_upper(base, one, "balanced").rotations for one in (donor, other))
+    assert_same_rotations(*found, 1e-9)
 
 
 def with_walk(motion, seed):

@@ -98,35 +98,27 @@ def test_find_faults_small_noise_of_still_figure_is_empty(motion, frame):
 
 
 @given(figures, frames, st.floats(0.3, 9.0))
-def test_find_faults_jump_is_teleport_at_its_frames(motion, frame, distance):
-    positions = motion.positions.copy()
-    positions[frame:, 0, 0] += distance * np.ptp(motion.world_positions()[0], axis=0).max()
-    displaced = replace(motion, positions=positions)
-    assert fault_list(displaced) == [("teleport", (frame - 1, frame), None)]
+def test_find_faults_jump_is_teleport_and_displaced_frame_glitch(motion, frame, distance):
+    step = distance * np.ptp(motion.world_positions()[0], axis=0).max()
+    for stop, fault in (
+        (N_FRAMES, ("teleport", (frame - 1, frame), None)),
+        (frame + 1, ("glitch", (frame, frame), None)),
+    ):
+        positions = motion.positions.copy()
+        positions[frame:stop, 0, 0] += step
+        assert fault_list(replace(motion, positions=positions)) == [fault]
 
 
-@given(figures, frames, st.floats(0.3, 9.0))
-def test_find_faults_single_displaced_frame_is_glitch(motion, frame, distance):
-    positions = motion.positions.copy()
-    positions[frame, 0, 0] += distance * np.ptp(motion.world_positions()[0], axis=0).max()
-    assert fault_list(replace(motion, positions=positions)) == [("glitch", (frame, frame), None)]
-
-
-@given(figures, frames, st.sampled_from([3, 4, 6]), st.floats(50.0, 179.0))
-def test_find_faults_single_rotated_joint_is_glitch(motion, frame, joint, degrees):
-    quats = motion.rotations.copy()
-    quats[frame, joint] = rotations.multiply(
-        quats[frame, joint], rotations.from_axis_angle([1, 1, 0], np.radians(degrees))
-    )
-    assert ("glitch", (frame, frame), joint) in fault_list(replace(motion, rotations=quats))
-
-
-@given(figures, frames, st.sampled_from([2, 4, 6]), st.floats(160.0, 178.0))
-def test_find_faults_large_rotation_step_is_flip(motion, frame, joint, degrees):
-    quats = motion.rotations.copy()
-    flip = rotations.from_axis_angle([1, 0, 0], np.radians(degrees))
-    quats[frame:, joint] = rotations.multiply(quats[frame:, joint], flip)
-    assert ("flip", (frame - 1, frame), joint) in fault_list(replace(motion, rotations=quats))
+@given(figures, frames, st.sampled_from([3, 4, 6]), st.floats(50.0, 178.0))
+def test_find_faults_rotated_frame_is_glitch_and_rotation_step_flip(motion, frame, joint, degrees):
+    for axis, stop, angle, fault in (
+        ([1, 1, 0], frame + 1, degrees, ("glitch", (frame, frame), joint)),
+        ([1, 0, 0], N_FRAMES, 160.0 + degrees / 10.0, ("flip", (frame - 1, frame), joint)),
+    ):
+        quats = motion.rotations.copy()
+        turn = rotations.from_axis_angle(axis, np.radians(angle))
+        quats[frame:stop, joint] = rotations.multiply(quats[frame:stop, joint], turn)
+        assert fault in fault_list(replace(motion, rotations=quats))
 
 
 @given(figures, frames, st.integers(1, N_FRAMES), st.data())

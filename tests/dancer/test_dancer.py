@@ -12,10 +12,6 @@ from hypothesis import strategies as st
 from mograft.dancer import ARM_PATTERNS, LEG_STYLES, dance
 from mograft.motion import rotations
 
-LOWER = [
-    "Hips",
-    *[f"{side}{part}" for side in ("Left", "Right") for part in ("UpLeg", "Leg", "Foot")],
-]
 SIDES = {"Left": 1.0, "Right": -1.0}
 HEIGHT = 170.0  # cm, of the figure
 HEEL = [0.0, -7.0, -5.0]
@@ -119,17 +115,6 @@ def test_dance_default_has_about_6000_frames():
     assert repr(sample.motion).startswith("Motion(dance: 18 joints")
 
 
-def test_skeleton_has_24_lower_and_33_upper_channels():
-    skeleton = placed_dance().motion.skeleton
-    counts = dict(zip(skeleton.names, map(len, skeleton.channels), strict=True))
-    assert sum(counts.values()) == skeleton.n_channels == 57
-    assert sum(counts[name] for name in LOWER) == 24
-    upper = ["Spine", "Neck", "Head"]
-    upper += [f"{s}{part}" for s in SIDES for part in ("Shoulder", "Arm", "ForeArm", "Hand")]
-    assert sum(counts[name] for name in upper) == 33
-    assert set(counts) == {*LOWER, *upper}
-
-
 def test_skeleton_rest_pose_is_symmetric_t_pose():
     skeleton = placed_dance().motion.skeleton
     rest = dict(zip(skeleton.names, skeleton.rest_positions(), strict=True))
@@ -222,13 +207,13 @@ def test_takes_invalid_count_raises_value_error(n):
         ({"rate": -30.0}, ValueError, "`rate` must be above 0.*got -30"),
         ({"rate": np.nan}, ValueError, "`rate` must be finite"),
         ({"rate": "fast"}, TypeError, "`rate` must be real numbers"),
-        ({"strides": 0}, ValueError, "`strides` must be 1 or more, got 0"),
-        ({"strides": 1.5}, TypeError, "`strides` must be a whole number, got 1.5"),
-        ({"strides": True}, TypeError, "`strides` must be a whole number, got True"),
-        ({"seed": -1}, ValueError, "`seed` must be 0 or more, got -1"),
-        ({"seed": 0.5}, TypeError, "`seed` must be a whole number or a .*Generator, got 0.5"),
-        ({"seed": None}, TypeError, "`seed` must be a whole number or a .*Generator, got None"),
-        ({"seed": True}, TypeError, "`seed` must be a whole number or a .*Generator, got True"),
+        ({"strides": 0}, ValueError, "`strides` must be a whole number of at least 1, got 0"),
+        ({"strides": 1.5}, ValueError, "`strides` must be a whole number .*, got 1.5"),
+        ({"strides": True}, ValueError, "`strides` must be a whole number .*, got True"),
+        ({"seed": -1}, ValueError, "`seed` must be a whole number of at least 0, got -1"),
+        ({"seed": 0.5}, ValueError, "`seed` must be a whole number of at least 0, got 0.5"),
+        ({"seed": None}, ValueError, "`seed` must be a whole number of at least 0, got None"),
+        ({"seed": True}, ValueError, "`seed` must be a whole number of at least 0, got True"),
     ],
 )
 def test_dance_invalid_argument_raises_error_naming_it(arguments, error, message):
@@ -305,12 +290,6 @@ def test_toes_in_mid_swing_are_above_floor(sample):
         assert sample.tip(f"{side}Foot")[swings, 1].min() > 0.5
 
 
-@for_every_dance
-def test_feet_do_not_cross(sample):
-    left, right = (sample.to_local("Hips", sample.position(f"{side}Foot"))[:, 0] for side in SIDES)
-    assert (left - right).min() > 3.0
-
-
 # The joints.
 
 
@@ -353,14 +332,9 @@ def test_elbows_bend_outward_within_anatomical_range(sample):
 @for_every_dance
 def test_wrists_and_collar_bones_stay_within_anatomical_range(sample):
     for side in SIDES:
-        identity = np.broadcast_to(rotations.IDENTITY, sample.local_rotation("Hips").shape)
-        assert (
-            np.degrees(rotations.angle(sample.local_rotation(f"{side}Hand"), identity)).max() < 75
-        )
-        assert (
-            np.degrees(rotations.angle(sample.local_rotation(f"{side}Shoulder"), identity)).max()
-            < 25
-        )
+        for part, limit in (("Hand", 75), ("Shoulder", 25)):
+            quats = sample.local_rotation(f"{side}{part}")
+            assert np.degrees(rotations.angle(quats, rotations.IDENTITY)).max() < limit
 
 
 @for_every_dance
@@ -378,11 +352,13 @@ def test_arms_keep_distance_from_trunk_head_and_thighs(sample):
 
 
 @for_every_dance
-def test_arms_do_not_cross(sample):
+def test_limbs_do_not_cross(sample):
     hands = [sample.to_local("Spine", sample.tip(f"{side}Hand"))[:, 0] for side in SIDES]
     wrists = [sample.to_local("Spine", sample.position(f"{side}Hand"))[:, 0] for side in SIDES]
     assert min(hands[0].min(), wrists[0].min()) > 0
     assert max(hands[1].max(), wrists[1].max()) < 0
+    left, right = (sample.to_local("Hips", sample.position(f"{side}Foot"))[:, 0] for side in SIDES)
+    assert (left - right).min() > 3.0
 
 
 @for_every_dance

@@ -198,7 +198,6 @@ def test_kimodo_skeletons_name_the_published_joints():
     for kind in (SOMA_30, SOMA_77):
         known = anatomy(mg.Skeleton(kind.joints, kind.parents, np.ones((len(kind.joints), 3))))
         assert known.human
-        assert known.scheme == "names"
         assert [kind.joints[j] for j in known.joints("shank", side="left")] == ["LeftShin"]
     assert {*SOMA_30.joints} < {*SOMA_77.joints}
 

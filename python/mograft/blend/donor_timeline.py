@@ -10,9 +10,16 @@ import numpy.typing as npt
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, Item
 from mograft.blend.rigid_alignment import AlignmentTransform
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
-from mograft.blend.seams import ClosedFrames, PieceTimes, SeamBoundaries, restrict_to_pieces
+from mograft.blend.seams import (
+    ROTATIONS,
+    TRANSLATIONS,
+    ClosedFrames,
+    PieceTimes,
+    SeamBoundaries,
+    ValueSpace,
+    restrict_to_pieces,
+)
 from mograft.blend.time_warp import TimeWarp
-from mograft.blend.value_spaces import ROTATIONS, TRANSLATIONS, ValueSpace
 from mograft.config import Config
 from mograft.motion import rotations
 from mograft.motion.resample import clip_states, sample_clips
@@ -126,56 +133,44 @@ class DonorTimeline:
 
         `seams` are the indices of the segments that end with a seam.
         """
-        ending, starting = self.donors[seams], self.donors[seams + 1]
-        speed = np.tile((self.rate * self.donors.lengths / self.cut.lengths)[:, None], (1, 2))
-        if self.warp is not None:
-            speed *= np.where(self.warp.is_warped[:, None], self.warp.slopes[:, [0, -1]], 1.0)
-        speed = speed[..., None, None]
-        before, velocity_before, ending_acceleration = clip_states(tracks, ending.clip, ending.stop)
-        after, velocity_after, starting_acceleration = clip_states(
-            tracks, starting.clip, starting.start
-        )
-        if self.alignment is not None:
-            self.alignment.apply(space, before, seams, velocity_before)
-            self.alignment.apply(space, after, seams + 1, velocity_after)
-        velocity_before *= speed[seams, 1]
-        velocity_after *= speed[seams + 1, 0]
-        squared = (self.donors.lengths / self.cut.lengths)[:, None, None] ** 2
-        ending_acceleration *= squared[seams]
-        starting_acceleration *= squared[seams + 1]
-        if self.warp is not None:
-            last_three = self.cut.lengths[seams] - 2
-            self._replace_warped(ending_acceleration, space, tracks, seams, last_three)
-            first_three = np.zeros_like(last_three)
-            self._replace_warped(starting_acceleration, space, tracks, seams + 1, first_three)
-        accelerations = ending_acceleration + starting_acceleration
-        return SeamBoundaries(
-            space, before, after, velocity_before, velocity_after, 0.5 * accelerations
-        )
+        sides = []
+        for segments, frames, end, first in (
+            (seams, self.donors.stop, -1, self.cut.lengths - 2),
+            (seams + 1, self.donors.start, 0, np.zeros_like(self.cut.lengths)),
+        ):
+            donors = self.donors[segments]
+            states = clip_states(tracks, donors.clip, frames[segments])
+            values, velocities, accelerations = states
+            if self.alignment is not None:
+                self.alignment.apply(space, values, segments, velocities)
+            speed = self.rate * donors.lengths / self.cut.lengths[segments]
+            accelerations *= (donors.lengths / self.cut.lengths[segments])[:, None, None] ** 2
+            if self.warp is not None:
+                is_warped = self.warp.is_warped[segments]
+                speed *= np.where(is_warped, self.warp.slopes[segments, end], 1.0)
+                warped = segments[is_warped]
+                own = self._warped_accelerations(space, tracks, warped, first[warped])
+                accelerations[is_warped] = own
+            velocities *= speed[:, None, None]
+            sides.append(states)
+        (before, velocity_before, ending), (after, velocity_after, starting) = sides
+        mean = 0.5 * (ending + starting)
+        return SeamBoundaries(space, before, after, velocity_before, velocity_after, mean)
 
-    def _replace_warped(
-        self,
-        accelerations: FloatArray,
-        space: ValueSpace,
-        tracks: Sequence[FloatArray],
-        segments: IntArray,
-        first: IntArray,
-    ) -> None:
-        """Replace the accelerations of warped donors, per frame², in place.
+    def _warped_accelerations(
+        self, space: ValueSpace, tracks: Sequence[FloatArray], segments: IntArray, first: IntArray
+    ) -> FloatArray:
+        """Return the accelerations of warped donors, per frame².
 
-        Each becomes the second difference of three frames of the segment, from frame `first` on.
-        A warp ends with its donor: there are no warped frames beyond the seam.
+        Each is the second difference of three frames of the segment, from frame `first` on. A warp
+        ends with its donor: there are no warped frames beyond the seam.
         """
-        assert self.warp is not None
-        rows = np.flatnonzero(self.warp.is_warped[segments])
         captured = replace(self, alignment=None)
         a, b, c = (
-            captured.sample(
-                space, tracks, SegmentTimes(segments[rows], (first[rows] + k).astype(np.float64))
-            )
+            captured.sample(space, tracks, SegmentTimes(segments, (first + k).astype(np.float64)))
             for k in range(3)
         )
-        accelerations[rows] = space.delta(b, c) - space.delta(a, b)
+        return space.delta(b, c) - space.delta(a, b)
 
     def piece_times(self, seams: IntArray, times: SegmentTimes, blend: float) -> PieceTimes:
         """Convert times since the start of a segment to times since the start of a piece.
@@ -226,78 +221,50 @@ class DonorLayout:
     config: Config  # gives `seam`, `seam_window` and `seam_blend`
 
     def close(self) -> tuple[FloatArray, FloatArray]:
-        """Return the rotations and translations in all frames, with the gaps at seams closed."""
-        quats, positions = (
-            self._close_frames(space, rows)
-            for space, rows in zip((ROTATIONS, TRANSLATIONS), self._rows, strict=True)
-        )
-        return quats, positions
+        """Return rotations and translations of all frames with closed gaps, after `smooth`."""
+        return self._close(ROTATIONS), self._close(TRANSLATIONS)
 
-    def _close_frames(self, space: ValueSpace, rows: FloatArray) -> FloatArray:
-        """Return the values in all frames with the gaps at seams closed.
+    def tracks(self, space: ValueSpace) -> Sequence[FloatArray]:
+        """Return the tracks of rotations or of translations."""
+        return self.rotations if space is ROTATIONS else self.positions
 
-        `rows` are the values at the times of `frame_times`.
-        """
-        times, kept = self.timeline.frame_times(), self.timeline.kept_rows
-        pieces = self._piece_times(SegmentTimes(times.segment[kept], times.frames[kept]))
-        closed = np.empty((len(kept), *rows.shape[1:]))
+    def boundaries(self, space: ValueSpace) -> SeamBoundaries:
+        """Return the boundaries at all seams that the treatment closes."""
+        return self.timeline.boundaries(space, self.tracks(space), self._closed_seams)
+
+    def piece_times(self, times: SegmentTimes) -> PieceTimes:
+        """Convert times to those of the pieces between seams; see `DonorTimeline.piece_times`."""
+        return self.timeline.piece_times(self._closed_seams, times, self.config.seam_blend)
+
+    @property
+    def _closed_seams(self) -> IntArray:
+        """Indices of the segments whose end the treatment closes as a seam."""
+        spans_segments = SEAM_TREATMENTS[self.config.seam].spans_segments
+        return np.arange(len(self.seams)) if spans_segments else np.flatnonzero(self.seams)
+
+    def _close(self, space: ValueSpace) -> FloatArray:
+        timeline, config, treatment = self.timeline, self.config, SEAM_TREATMENTS[self.config.seam]
+        times, kept = timeline.frame_times(), timeline.kept_rows
+        rows, boundaries = timeline.sample(space, self.tracks(space), times), self.boundaries(space)
+        pieces = self.piece_times(times)[kept]
+        values = np.empty((len(kept), *rows.shape[1:]))
         # In blocks, so that no second array has all frames.
         for start in range(0, len(kept), _FRAMES_PER_BLOCK):
             block = slice(start, start + _FRAMES_PER_BLOCK)
-            closed[block] = self._close(space, pieces[block], rows[kept[block]])
-        return closed
-
-    @cached_property
-    def _rows(self) -> tuple[FloatArray, FloatArray]:
-        """Rotations and translations at the times of `frame_times`, before gaps are closed."""
-        times = self.timeline.frame_times()
-        return (
-            self.timeline.sample(ROTATIONS, self.rotations, times),
-            self.timeline.sample(TRANSLATIONS, self.positions, times),
-        )
-
-    def _piece_times(self, times: SegmentTimes) -> PieceTimes:
-        return self.timeline.piece_times(self._closed_seams, times, self.config.seam_blend)
-
-    def _close(self, space: ValueSpace, times: PieceTimes, values: FloatArray) -> FloatArray:
-        near = restrict_to_pieces(times, self._boundaries[space is TRANSLATIONS])
-        return SEAM_TREATMENTS[self.config.seam].close(values, *near)
-
-    @cached_property
-    def _closed_seams(self) -> IntArray:
-        """Indices of the segments whose end the treatment closes as a seam."""
-        if SEAM_TREATMENTS[self.config.seam].spans_segments:
-            return np.arange(len(self.seams))
-        return np.flatnonzero(self.seams)
-
-    @cached_property
-    def _boundaries(self) -> tuple[SeamBoundaries, SeamBoundaries]:
-        """The boundaries of rotations and of translations."""
-        return (
-            self.timeline.boundaries(ROTATIONS, self.rotations, self._closed_seams),
-            self.timeline.boundaries(TRANSLATIONS, self.positions, self._closed_seams),
-        )
-
-    def smooth(self, quats: FloatArray, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Apply `SeamTreatment.smooth` to the rotations and translations of all frames."""
-        rotations = self._smooth(ROTATIONS, quats)
-        return rotations, self._smooth(TRANSLATIONS, positions)
-
-    def _smooth(self, space: ValueSpace, values: FloatArray) -> FloatArray:
-        timeline, config = self.timeline, self.config
-        seams = np.flatnonzero(self.seams)
+            near = restrict_to_pieces(pieces[block], boundaries)
+            values[block] = treatment.close(rows[kept[block]], *near)
         closed = ClosedFrames(
             space=space,
             values=values,
             cut=timeline.cut,
-            seams=seams,
+            seams=np.flatnonzero(self.seams),
             window=round(config.seam_window * timeline.rate),
             blend=config.seam_blend * timeline.rate,
             rate=timeline.rate,
-            donor_rows=self._rows[space is TRANSLATIONS],
-            seam_accelerations=self._boundaries[space is TRANSLATIONS].accelerations,
+            donor_rows=rows,
+            seam_accelerations=boundaries.accelerations,
         )
-        return SEAM_TREATMENTS[config.seam].smooth(closed)
+        return treatment.smooth(closed)
 
 
 def _three_frames(

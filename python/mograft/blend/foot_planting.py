@@ -6,11 +6,13 @@ Lengths are in skeleton heights, so that no number depends on a file's unit.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import BoolArray, FloatArray
+from mograft._util.gaussian import gaussian_filter
 from mograft._util.runs import find_runs
 from mograft._util.validate import check_type
 from mograft.blend.foot_targets import (
@@ -20,13 +22,19 @@ from mograft.blend.foot_targets import (
     remove_sliding_frames,
 )
 from mograft.blend.recombine import Part, recombine
-from mograft.blend.root_shift import limit_descent, limit_floor_speed, shift_for_reach
 from mograft.blend.two_bone_ik import bend_leg
-from mograft.body.contacts import Ground, detect_contacts, find_legs, skating_share
+from mograft.body.contacts import Ground, Leg, detect_contacts, find_legs, skating_share
+from mograft.config import FRAME
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
 _MAX_ERROR = 1e-4  # skeleton heights; a foot farther from its plant counts as unreached
+
+_SMOOTHING_SECONDS = 3 * FRAME
+_MAX_LEG_SHARE = 0.995  # hip-ankle distance per leg length, unless the leg is straighter already
+_N_PROJECTIONS = 10
+_MAX_SWEEPS, _SPEED_MARGIN = 1000, 0.9999
+"""Maximum number of passes of `limit_floor_speed`, and their target as a share of the limit."""
 
 
 @dataclass(frozen=True)
@@ -124,10 +132,15 @@ def plant_feet(
     """
     check_type("motion", motion, Motion)
     legs = find_legs(motion.skeleton)
-    contacts, movable = _checked_arguments(motion, len(legs), foot_contacts, movable_legs)
-    heights = np.full(contacts.shape, -np.inf)
-    if min_heights is not None:
-        heights = _checked_heights(min_heights, contacts.shape)
+    shape = (motion.n_frames, len(legs), 2)
+    contacts = detect_contacts(motion) if foot_contacts is None else foot_contacts
+    contacts = _check_shape("foot_contacts", contacts, shape, np.bool_)
+    movable = np.ones(len(legs), bool) if movable_legs is None else movable_legs
+    movable = _check_shape("movable_legs", movable, shape[1:2], np.bool_)
+    heights = np.full(shape, -np.inf) if min_heights is None else min_heights
+    heights = _check_shape("min_heights", heights, shape, np.float64)
+    if np.isnan(heights).any():
+        raise ValueError("`min_heights` must be numbers, got NaN")
     ground = Ground.below(motion, floor_reference)
     skate_before = skating_share(motion, ground)
     has_task = contacts.any() or min_heights is not None or floor_reference is not None
@@ -153,25 +166,19 @@ def plant_feet(
         )
         room = points[:, ~movable] @ ground.up - lowest[:, ~movable]
         shift = _limit_shift(motion, shift, room, ground)
-    parts = [
-        bend_leg(
-            motion,
-            world_rotations,
-            world_positions + shift[:, None],
-            legs[leg],
-            points[:, leg] + shift[:, None],
-            displacements[:, leg] - shift[:, None],
-        )
-        for leg in bent_legs
-    ]
-    parts.append(_shifted_root(motion, world_rotations, shift) if shift.any() else None)
-    still = recombine(motion, [part for part in parts if part is not None], motion.name)
+    moved_positions = world_positions + shift[:, None]
+    parts = []
+    for leg in bent_legs:
+        moved = points[:, leg] + shift[:, None], displacements[:, leg] - shift[:, None]
+        bent = bend_leg(motion, world_rotations, moved_positions, legs[leg], *moved)
+        parts += [bent] if bent else []
+    parts += [_shifted_root(motion, world_rotations, shift)] if shift.any() else []
+    still = recombine(motion, parts, motion.name)
     errors = np.linalg.norm(ground.points(still) - (points + displacements), axis=-1)
     errors = np.where(planted, errors / ground.height, 0.0)
+    columns = planted.reshape(len(planted), -1).T
     return still, FeetReport(
-        plants=sum(
-            len(find_runs(planted[:, leg, point])) for leg, point in np.ndindex(planted.shape[1:])
-        ),
+        plants=sum(len(find_runs(column)) for column in columns),
         skate_before=skate_before,
         skate_after=skating_share(still, ground),
         moved_root=float(np.linalg.norm(shift, axis=1).max()) / ground.height,
@@ -189,36 +196,18 @@ def _limit_shift(motion: Motion, shift: FloatArray, room: FloatArray, ground: Gr
     path = motion.world_positions()[:, motion.locomotion_root()]
     shift = limit_floor_speed(shift, path, ground.up)
     room = np.maximum(room.min(axis=(1, 2), initial=np.inf), 0.0)
-    return limit_descent(shift, room, ground.up)
+    excess: FloatArray = np.maximum(-(shift @ ground.up) - room, 0.0)
+    return shift + excess[:, None] * ground.up
 
 
-def _checked_arguments(
-    motion: Motion,
-    n_legs: int,
-    foot_contacts: BoolArray | None,
-    movable_legs: Sequence[bool] | None,
-) -> tuple[BoolArray, BoolArray]:
-    """Check two arguments of `plant_feet` and return them; None is replaced by the default."""
-    contacts = detect_contacts(motion) if foot_contacts is None else np.asarray(foot_contacts, bool)
-    expected = (motion.n_frames, n_legs, 2)
-    if contacts.shape != expected:
-        raise ValueError(f"`foot_contacts` must have shape {expected}, got {contacts.shape}")
-    movable = np.ones(n_legs, bool) if movable_legs is None else np.array(movable_legs, bool)
-    if movable.shape != (n_legs,):
-        got = len(movable) if movable.ndim == 1 else repr(movable_legs)
-        raise ValueError(f"`movable_legs` must have {n_legs} entries, one per leg, got {got}")
-    return contacts, movable
-
-
-def _checked_heights(min_heights: npt.ArrayLike, shape: tuple[int, ...]) -> FloatArray:
-    """Return `min_heights` of `plant_feet` as an array of the given shape."""
-    heights = np.asarray(min_heights, np.float64)
-    if heights.shape != shape:
-        raise ValueError(f"`min_heights` must have shape {shape}, got {heights.shape}")
-    if np.isnan(heights).any():
-        index = np.argwhere(np.isnan(heights))[0].tolist()
-        raise ValueError(f"`min_heights` must be numbers, got NaN at {index}")
-    return heights
+def _check_shape(
+    name: str, value: npt.ArrayLike, shape: tuple[int, ...], kind: type[np.generic]
+) -> npt.NDArray[Any]:
+    """Return `value` as an array of `kind`; raise ValueError if it has another shape."""
+    array = np.array(value, kind)
+    if array.shape != shape:
+        raise ValueError(f"`{name}` must have shape {shape}, got {array.shape}")
+    return array
 
 
 def _shifted_root(motion: Motion, world_rotations: FloatArray, shift: FloatArray) -> Part:
@@ -229,3 +218,76 @@ def _shifted_root(motion: Motion, world_rotations: FloatArray, shift: FloatArray
         shift = rotations.rotate(rotations.inverse(world_rotations[:, parent]), shift)
     positions = motion.positions[:, root] + shift
     return Part(np.array([root]), motion.rotations[:, root][:, None], positions[:, None])
+
+
+def shift_for_reach(
+    legs: Sequence[Leg],
+    world_positions: FloatArray,
+    displacements: FloatArray,
+    is_planted: BoolArray,
+    rate: float,
+) -> FloatArray:
+    """Return a smooth shift of the root, (n_frames, 3), with which planted feet are within reach.
+
+    `world_positions`, shape (n_frames, n_joints, 3), are the positions of the joints.
+    `displacements`, shape (n_frames, n_legs, 3), lead from the ankles to their targets.
+    `is_planted`, shape (n_frames, n_legs), marks the legs whose ankle must reach its target. The
+    shift is 0 if all of them do so without it. `rate` is in frames per second.
+    """
+    centers, radii = [], []
+    for index, leg in enumerate(legs):
+        hip, knee, ankle = (world_positions[:, j] for j in (leg.hip, leg.knee, leg.ankle))
+        whole = np.linalg.norm(knee - hip, axis=1) + np.linalg.norm(ankle - knee, axis=1)
+        current = np.linalg.norm(ankle - hip, axis=1)
+        centers.append(ankle + displacements[:, index] - hip)
+        reach = np.maximum(_MAX_LEG_SHARE * whole, current)
+        radii.append(np.where(is_planted[:, index], reach, np.inf))
+
+    def project(shift: FloatArray) -> FloatArray:
+        """Project `shift`, for each leg in turn, onto the shifts by which its target is reached."""
+        for _ in range(_N_PROJECTIONS):
+            for center, radius in zip(centers, radii, strict=True):
+                offset = shift - center
+                distance = np.linalg.norm(offset, axis=1)
+                is_out = distance > radius * (1.0 + 1e-9)
+                shift = shift.copy()
+                scale = (radius[is_out] / distance[is_out])[:, None]
+                shift[is_out] = center[is_out] + offset[is_out] * scale
+        return shift
+
+    nearest = project(np.zeros((len(world_positions), 3)))
+    if not nearest.any():
+        return nearest
+    # Each frame takes the largest shift nearby before smoothing, so that the smooth shift is large
+    # enough: a correction after smoothing would be a jump.
+    width = round(2 * _SMOOTHING_SECONDS * rate)
+    sizes = np.pad(np.linalg.norm(nearest, axis=1), width, mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(sizes, 2 * width + 1)
+    frames = (np.arange(len(nearest)) + windows.argmax(axis=1) - width).clip(0, len(nearest) - 1)
+    smooth = [gaussian_filter(axis, _SMOOTHING_SECONDS * rate) for axis in nearest[frames].T]
+    return project(np.stack(smooth, axis=1))
+
+
+def limit_floor_speed(shift: FloatArray, path: FloatArray, up: FloatArray) -> FloatArray:
+    """Limit a shift so that the speed of the shifted path never exceeds the maximum of `path`.
+
+    Only the speed over the floor counts. `shift` is added to `path`; both have shape (n_frames, 3);
+    `up` is a unit vector. A shift that is slow enough is returned unchanged. Otherwise successive
+    floor positions that are too far apart are moved towards each other, repeatedly. If 1000 passes
+    are not enough, the horizontal shift is 0.
+    """
+    level = np.eye(3) - np.outer(up, up)
+    given, target = path @ level, (path + shift) @ level
+    limit = np.linalg.norm(np.diff(given, axis=0), axis=1).max(initial=0.0)
+    moved = target.copy()
+    for _ in range(_MAX_SWEEPS if limit > 0 else 0):
+        steps = np.diff(moved, axis=0)
+        speeds = np.linalg.norm(steps, axis=1)
+        fast = np.flatnonzero(speeds > limit)
+        if not len(fast):
+            return shift + (moved - target)
+        # The target is slightly below the limit, so that the iteration ends.
+        correction = 0.5 * (1.0 - _SPEED_MARGIN * limit / speeds[fast])[:, None] * steps[fast]
+        moved[fast] += correction
+        moved[fast + 1] -= correction
+    return shift + (given - target)

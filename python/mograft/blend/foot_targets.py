@@ -89,10 +89,8 @@ def foot_displacements(
     # A point in contact keeps its displacement, and the other one restores the length of the foot.
     # While neither is in contact, the point with the smaller weight moves more.
     heel, toe = holds[:, 0] * (1.0 - holds[:, 1]), holds[:, 1] * (1.0 - holds[:, 0])
-    heel_share = toe / np.where(toe + heel > 0, toe + heel, 1.0)
-    heel_share = np.where(
-        contacts[:, 1] > contacts[:, 0], 1.0, np.where(contacts[:, 0], 0.0, heel_share)
-    )[:, None]
+    share = np.where(contacts[:, 0], 0.0, toe / np.where(toe + heel > 0, toe + heel, 1.0))
+    heel_share = np.where(contacts[:, 1] > contacts[:, 0], 1.0, share)[:, None]
     foot = points[:, 1] - points[:, 0]
     target = foot + displacements[:, 1] - displacements[:, 0]
     length, new_length = (np.linalg.norm(v, axis=1, keepdims=True) for v in (foot, target))
@@ -172,8 +170,7 @@ def _lifts(
     width = max(round(_FADE_SECONDS * rate), 1)
     padded = np.pad(deficit, ((width, width), (0, 0)), mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1, axis=0)
-    greatest = windows.max(axis=2)
-    smooth = gaussian_filter_columns(greatest, 0.5 * width)
+    smooth = gaussian_filter_columns(windows.max(axis=2), 0.5 * width)
     # The lift is 0 during a contact and rises over the frames before and after it.
     is_free = np.pad(~stands, width, constant_values=True)
     free_windows = np.lib.stride_tricks.sliding_window_view(is_free, 2 * width + 1)
@@ -212,9 +209,8 @@ def _plants(
             # Without a known toe the foot has no length and no direction. The plant keeps its
             # height: vertical moves would add up from plant to plant.
             if length > 0:
-                position = other.position + _with_rise(
-                    offset, offset @ ground.up, length, ground.up
-                )
+                offset = _with_rise(offset, offset @ ground.up, length, ground.up)
+                position = other.position + offset
                 break
         plants[point].append(_Plant(first, last, position))
     return plants

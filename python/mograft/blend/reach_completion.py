@@ -9,7 +9,7 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.runs import dilate, find_runs
 from mograft.blend.recombine import Part, recombine
 from mograft.blend.two_bone_ik import bend_axes, bend_limb, flexion_angles, mean_bend_axis
-from mograft.body.limbs import TwoBoneLimb, find_limb
+from mograft.body.anatomy import TwoBoneLimb, find_limb
 from mograft.body.mass import mass_model
 from mograft.body.world_poses import Poses
 from mograft.motion import rotations
@@ -108,14 +108,13 @@ def complete_reaches(
     for reach in reaches:
         task, completion = _plan_task(motion, reach, limits, tasks, height)
         found.append(completion)
-        if task is not None:
-            tasks.append(task)
+        tasks += [task] if task else []
     if not tasks:
         return motion, tuple(found)
-    parts = []
-    for start in dict.fromkeys(task.limb.start for task in tasks):
-        own = [task for task in tasks if task.limb.start == start]
-        parts.append(_corrected_limb(motion, own, limits.n_blend, reference))
+    limbs: dict[int, list[_Task]] = {}
+    for task in tasks:
+        limbs.setdefault(task.limb.start, []).append(task)
+    parts = [_corrected_limb(motion, own, limits.n_blend, reference) for own in limbs.values()]
     result = recombine(motion, parts, motion.name)
     return result, measure_completions(found, result)
 
@@ -149,7 +148,10 @@ def _plan_task(
         reason = "KeepOriginal keeps these frames"
     else:
         task = _Task(limb, (first, last), np.array(reach.target))
-        limit = limits.distance * _limb_length(motion, limb, first)
+        _, positions = motion[first : first + 1].world_transforms()
+        upper, middle, lower = positions[0, [limb.start, limb.middle, limb.end]]
+        length = float(np.linalg.norm(upper - middle) + np.linalg.norm(lower - middle))
+        limit = limits.distance * length
         if distance > limit:
             reason = f"the limit is {limit / height:.3f} heights"
         elif any(task.touches(other, limits.n_blend) for other in tasks):
@@ -170,21 +172,9 @@ def _frames_of(reach: Reach, motion: Motion) -> Span:
 def _greatest_distance(motion: Motion, reach: Reach) -> float:
     """Return the maximum distance of the joint from the target in the frames of a `Reach`."""
     first, last = _frames_of(reach, motion)
-    _, positions = _world_window(motion, first, last + 1)
+    _, positions = motion[first : last + 1].world_transforms()
     own = positions[:, motion.skeleton.index(reach.joint)]
     return float(np.linalg.norm(own - np.array(reach.target), axis=1).max())
-
-
-def _limb_length(motion: Motion, limb: TwoBoneLimb, frame: int) -> float:
-    """Return the length of both bones of a limb in a frame."""
-    _, positions = _world_window(motion, frame, frame + 1)
-    start, middle, end = (positions[0, joint] for joint in (limb.start, limb.middle, limb.end))
-    return float(np.linalg.norm(start - middle) + np.linalg.norm(end - middle))
-
-
-def _world_window(motion: Motion, first: int, stop: int) -> tuple[FloatArray, FloatArray]:
-    """Return the world rotations and positions in the frames `first` to `stop` - 1."""
-    return motion[first:stop].world_transforms()
 
 
 def _corrected_limb(motion: Motion, tasks: Sequence[_Task], n_blend: int, reference: Poses) -> Part:
@@ -193,86 +183,52 @@ def _corrected_limb(motion: Motion, tasks: Sequence[_Task], n_blend: int, refere
     joints = np.array([limb.start, limb.middle])
     quats = motion.rotations[:, joints].copy()
     for end in dict.fromkeys(task.limb.end for task in tasks):
-        own = [task for task in tasks if task.limb.end == end]
         targets = np.full((motion.n_frames, 3), np.nan)
-        for task in own:
-            targets[task.frames[0] : task.frames[1] + 1] = task.target
-        usual = _usual_axis(reference, own[0].limb)
+        for task in tasks:
+            if task.limb.end == end:
+                targets[task.frames[0] : task.frames[1] + 1] = task.target
+        points = (reference.positions[:, joint] for joint in (*joints, end))
+        usual = mean_bend_axis(reference.rotations[:, limb.start], *points)
         is_changed = dilate(~np.isnan(targets[:, 0]), n_blend - 1)
         for first, stop in find_runs(is_changed).tolist():
-            window = _LimbWindow.build(motion, own[0].limb, first, stop, usual)
-            quats[first:stop] = window.correct(targets[first:stop], n_blend)
+            own = replace(limb, end=end)
+            quats[first:stop] = _correct(
+                motion[first:stop], own, targets[first:stop], n_blend, usual
+            )
     return Part(joints, quats, motion.positions[:, joints])
 
 
-def _usual_axis(reference: Poses, limb: TwoBoneLimb) -> FloatArray:
-    """Return the mean bend axis of a limb in `reference`, in the local axes of its first joint."""
-    points = (reference.positions[:, joint] for joint in (limb.start, limb.middle, limb.end))
-    return mean_bend_axis(reference.rotations[:, limb.start], *points)
+def _correct(
+    motion: Motion, limb: TwoBoneLimb, targets: FloatArray, n_blend: int, usual: FloatArray
+) -> FloatArray:
+    """Return the local rotations of a limb's first and middle joint, corrected, (n, 2, 4).
 
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _LimbWindow:
-    """A limb in successive frames, before it is corrected."""
-
-    points: tuple[FloatArray, FloatArray, FloatArray]  # of first, middle and end joint, (n, 3)
-    axes: FloatArray  # bend axes, (n, 3)
-    parents: FloatArray  # world rotations of the parents of first and middle joint, (n, 2, 4)
-    quats: FloatArray  # local rotations of these joints, (n, 2, 4)
-
-    @classmethod
-    def build(
-        cls, motion: Motion, limb: TwoBoneLimb, first: int, stop: int, usual: FloatArray
-    ) -> "_LimbWindow":
-        """Return the limb in the frames `first` to `stop` - 1.
-
-        `usual` is the mean bend axis of the limb, in the local axes of its first joint.
-        """
-        world_rotations, positions = _world_window(motion, first, stop)
-        joints = [limb.start, limb.middle]
-        above = motion.skeleton.parents[joints]
-        parents = np.where((above < 0)[:, None], rotations.IDENTITY, world_rotations[:, above])
-        start, middle, end = (positions[:, joint] for joint in (*joints, limb.end))
-        return cls(
-            points=(start, middle, end),
-            axes=bend_axes(world_rotations[:, limb.start], start, middle, end, usual),
-            parents=parents,
-            quats=motion.rotations[first:stop, joints],
-        )
-
-    def correct(self, targets: FloatArray, n_blend: int) -> FloatArray:
-        """Return the local rotations of first and middle joint after the correction, (n, 2, 4).
-
-        `targets`, shape (n, 3), is NaN in frames in which the correction fades.
-        """
-        frames = np.flatnonzero(~np.isnan(targets[:, 0]))
-        known = self._corrections(frames, targets[frames])
-        corrections = fade_corrections(frames, known, len(targets), n_blend)
-        flexions = flexion_angles(*self.points, self.axes)
-        half = 0.5 * (flexions - _add_flexion(flexions, corrections[:, 0]))[:, None]
-        at_middle = np.concatenate([np.sin(half) * self.axes, np.cos(half)], axis=1)
-        at_middle = _in_axes(self.parents[:, 1], at_middle)
-        changes = np.stack([rotations.exp(corrections[:, 1:]), at_middle], axis=1)
-        quats = rotations.multiply(changes, self.quats)
-        return quats / np.linalg.norm(quats, axis=-1, keepdims=True)
-
-    def _corrections(self, frames: IntArray, targets: FloatArray) -> FloatArray:
-        """Return the corrections that move the end to `targets` in the given frames.
-
-        The result has shape (n, 4). Column 0 is `added` of `_add_flexion` at the middle joint. The
-        other columns are the rotation vector at the first joint, in the axes of its parent.
-        Targets out of reach are first moved within reach.
-        """
-        start, middle, end = (points[frames] for points in self.points)
-        axes = self.axes[frames]
-        targets = _within_reach(start, middle, end, targets)
-        at_start, at_middle = bend_limb(start, middle, end, targets, axes)
-        flexions = flexion_angles(start, middle, end, axes)
-        bends = 2.0 * np.arctan2((at_middle[:, :3] * axes).sum(axis=1), at_middle[:, 3])
-        bends = np.remainder(bends + np.pi, 2.0 * np.pi) - np.pi
-        added = _subtract_flexion(flexions - bends, flexions)
-        vectors = rotations.log(_in_axes(self.parents[frames, 0], at_start))
-        return np.concatenate([added[:, None], vectors], axis=1)
+    `targets`, shape (n, 3), is NaN in frames in which the correction fades. `usual` is the mean
+    bend axis of the limb, in the local axes of its first joint.
+    """
+    world_rotations, positions = motion.world_transforms()
+    joints = [limb.start, limb.middle]
+    above = motion.skeleton.parents[joints]
+    parents = np.where((above < 0)[:, None], rotations.IDENTITY, world_rotations[:, above])
+    start, middle, end = (positions[:, joint] for joint in (*joints, limb.end))
+    axes = bend_axes(world_rotations[:, limb.start], start, middle, end, usual)
+    flexions = flexion_angles(start, middle, end, axes)
+    # Per frame: `added` of `_add_flexion` at the middle joint, and the rotation vector at the first
+    # joint, in the axes of its parent. Targets out of reach are first moved within reach.
+    frames = np.flatnonzero(~np.isnan(targets[:, 0]))
+    own, axis = (start[frames], middle[frames], end[frames]), axes[frames]
+    at_start, at_middle = bend_limb(*own, _within_reach(*own, targets[frames]), axis)
+    bends = 2.0 * np.arctan2((at_middle[:, :3] * axis).sum(axis=1), at_middle[:, 3])
+    bends = np.remainder(bends + np.pi, 2.0 * np.pi) - np.pi
+    added = _subtract_flexion(flexions[frames] - bends, flexions[frames])
+    vectors = rotations.log(_in_axes(parents[frames, 0], at_start))
+    known = np.concatenate([added[:, None], vectors], axis=1)
+    corrections = fade_corrections(frames, known, len(targets), n_blend)
+    half = 0.5 * (flexions - _add_flexion(flexions, corrections[:, 0]))[:, None]
+    at_middle = np.concatenate([np.sin(half) * axes, np.cos(half)], axis=1)
+    changes = [rotations.exp(corrections[:, 1:]), _in_axes(parents[:, 1], at_middle)]
+    quats = rotations.multiply(np.stack(changes, axis=1), motion.rotations[:, joints])
+    return quats / np.linalg.norm(quats, axis=-1, keepdims=True)
 
 
 def _within_reach(

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,25 +26,23 @@ class Part:
     angles: Mapping[ChannelKey, FloatArray] = field(default_factory=dict)
 
 
-class _Change(NamedTuple):
-    """The frames in which the rotations or positions of joints differ from those of the base."""
-
-    kind: str  # "rotation" or "position"
-    joints: IntArray
-    frames: BoolArray  # (n_frames, n_joints)
-
-
 def recombine(base: Motion, parts: Iterable[Part], name: str) -> Motion:
     """Replace the motion of joint groups in a base motion (paper, eq. 20).
 
     No joint is in two parts. All other joints keep the motion of the base, bit for bit. The result
     keeps each channel value whose rotation or translation equals that of the base.
     """
-    quats, positions, changes, single = _replace_parts(base, parts)
+    quats, positions = base.rotations, base.positions
     values = None if base.channel_values is None else base.channel_values.copy()
-    if values is not None:
-        for change in changes:
-            _mark_derived(values, base.skeleton, change)
+    single: dict[ChannelKey, FloatArray] = {}
+    # `parts` may be an iterator: the arrays of one part can be released before the next is made.
+    for part in parts:
+        quats, is_rotated = _replace_joints(quats, part.rotations, part.joints)
+        _mark_derived(values, base.skeleton, part.joints, is_rotated, "rotation")
+        if part.positions is not None:
+            positions, is_moved = _replace_joints(positions, part.positions, part.joints)
+            _mark_derived(values, base.skeleton, part.joints, is_moved, "position")
+        single |= part.angles
     if single and quats is base.rotations:
         quats = quats.copy()
     for joint in dict.fromkeys(joint for joint, _ in single):
@@ -62,34 +59,26 @@ def recombine(base: Motion, parts: Iterable[Part], name: str) -> Motion:
     )
 
 
-def _replace_parts(
-    base: Motion, parts: Iterable[Part]
-) -> tuple[FloatArray, FloatArray, list[_Change], dict[ChannelKey, FloatArray]]:
-    """Return new rotations and translations, their changes, and the angles of single channels.
+def _mark_derived(
+    values: FloatArray | None,
+    skeleton: Skeleton,
+    joints: IntArray,
+    is_changed: BoolArray,
+    kind: str,
+) -> None:
+    """Set changed channel values to NaN, in place: the writer derives them from the pose.
 
-    `parts` may be an iterator: the arrays of one part can then be released before the next is made.
+    `is_changed`, shape (n_frames, n_joints), marks the frames in which the values of `kind`,
+    "rotation" or "position", differ from those of the base.
     """
-    quats, positions = base.rotations, base.positions
-    changes: list[_Change] = []
-    single: dict[ChannelKey, FloatArray] = {}
-    for part in parts:
-        quats, is_rotated = _replace_joints(quats, part.rotations, part.joints)
-        changes.append(_Change("rotation", part.joints, is_rotated))
-        if part.positions is not None:
-            positions, is_moved = _replace_joints(positions, part.positions, part.joints)
-            changes.append(_Change("position", part.joints, is_moved))
-        single |= part.angles
-    return quats, positions, changes, single
-
-
-def _mark_derived(values: FloatArray, skeleton: Skeleton, change: _Change) -> None:
-    """Set changed channel values to NaN, in place: the writer derives them from the pose."""
-    for column, joint in enumerate(change.joints.tolist()):
+    if values is None:
+        return
+    for joint, is_own in zip(joints.tolist(), is_changed.T, strict=True):
         for index, channel in zip(
             skeleton.channel_columns[joint], skeleton.channels[joint], strict=True
         ):
-            if channel.endswith(change.kind):
-                values[change.frames[:, column], index] = np.nan
+            if channel.endswith(kind):
+                values[is_own, index] = np.nan
 
 
 def _replace_joints(

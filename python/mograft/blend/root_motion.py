@@ -1,17 +1,142 @@
-"""Root motion over the floor: velocities are blended at seams, and the path is their integral.
+"""The root of a transplant: alignment of donors, motion over the floor, local coordinates.
 
 Other joints return to their captured rotations after a seam. A root does not: its donor is aligned
 to the root's position and heading at the seam, and decaying an offset would cause a velocity spike.
+The velocities over the floor are blended at seams, and the path is their integral.
 """
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.blend.rigid_alignment import RootTransforms
+from mograft.blend.donor_timeline import DonorLayout, RootAlignment
+from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.seams import ROTATIONS, TRANSLATIONS
 from mograft.config import Config
 from mograft.motion import rotations
+from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
+
+
+@dataclass(frozen=True, eq=False)
+class GraftedRoot:
+    """A root joint whose motion is replaced by that of donors.
+
+    The columns are its indices among the joints of the rotation and translation tracks of a layout.
+    """
+
+    joint: int
+    up: int
+    rotation_column: int
+    position_column: int
+
+    def close(
+        self, layout: DonorLayout, base: Motion, clips: Sequence[Motion]
+    ) -> tuple[DonorLayout, FloatArray, FloatArray]:
+        """Align donors and close seams; return the layout, local rotations and translations."""
+        layout = self.align(layout, base, clips)
+        quats, positions = layout.close()
+        self.integrate(layout, quats, positions)
+        self.to_local(base, quats, positions)
+        return layout, quats, positions
+
+    def align(self, layout: DonorLayout, base: Motion, clips: Sequence[Motion]) -> DonorLayout:
+        """Align each donor to the previous one; return the layout with the root in world axes.
+
+        At a seam the next donor is rotated about the up axis and moved over the floor: its
+        root then starts at the position and heading at which the previous donor ends. The first
+        donor starts at those of the base.
+        """
+        layout = self._with_world_tracks(layout, clips)
+        timeline, donors = layout.timeline, layout.timeline.donors
+        tracks = self._own_tracks(layout)
+        seams = layout.seams | timeline.find_seams(tracks[1])
+
+        def donor_roots(frames: IntArray) -> RootTransforms:
+            rows = list(zip(donors.clip.tolist(), frames.tolist(), strict=True))
+            return RootTransforms(
+                *(np.array([own[clip][row, 0] for clip, row in rows]) for own in tracks)
+            )
+
+        first, last = donor_roots(donors.start), donor_roots(donors.stop)
+        quats, places = base[:1].world_transforms()
+        target = RootTransforms(quats[:, self.joint], places[:, self.joint])
+        moves = AlignmentTransform(np.empty((len(donors), 4)), np.empty((len(donors), 3)))
+        for index in range(len(donors)):
+            row = np.array([index])
+            if not index or seams[index - 1]:
+                move = AlignmentTransform.from_roots(first[row], target, self.up)
+            moves.yaws[row], moves.translations[row] = move.yaws, move.translations
+            target = move.apply(last[row])
+        alignment = RootAlignment(moves, self.rotation_column, self.position_column)
+        return replace(layout, timeline=replace(timeline, alignment=alignment), seams=seams)
+
+    def integrate(self, layout: DonorLayout, quats: FloatArray, positions: FloatArray) -> None:
+        """Blend root velocities at seams and set the root, in place, to the integrated path."""
+        timeline, source = layout.timeline, self._source(layout)
+        inside = np.diff(timeline.frame_times().segment) == 0
+        steps = np.diff(source.positions, axis=0)
+        steps = np.where(np.arange(3) == self.up, 0.0, steps)[inside]
+        rates = yaw_rates(source.rotations, self.up)[inside]
+        captured = np.concatenate([steps, rates[:, None]], axis=1)
+        velocities = blend_root_velocity(
+            captured, timeline.cut, layout.seams, layout.config, timeline.rate
+        )
+        source = source[timeline.kept_rows]
+        root = integrate_root(velocities, captured, source, self._root(quats, positions), self.up)
+        self._set_root(quats, positions, root)
+
+    def to_local(self, base: Motion, quats: FloatArray, positions: FloatArray) -> None:
+        """Convert the root's world rotations and positions to local ones, in place.
+
+        Where they equal the world values of the base, the base's local values are used.
+        """
+        if base.skeleton.parents[self.joint] < 0:
+            return
+        root, parent = self._root(quats, positions), base.skeleton.parents[self.joint]
+        base_rotations, base_positions = base.world_track(self.joint)
+        has_base_rotation = (root.rotations == base_rotations).all(axis=1)
+        has_base_position = (root.positions == base_positions).all(axis=1)
+        local = root.relative_to(RootTransforms(*base.world_track(int(parent))))
+        local.rotations[has_base_rotation] = base.rotations[has_base_rotation, self.joint]
+        local.positions[has_base_position] = base.positions[has_base_position, self.joint]
+        self._set_root(quats, positions, local)
+
+    def _root(self, quats: FloatArray, positions: FloatArray) -> RootTransforms:
+        """Return the rotations and positions of the root."""
+        return RootTransforms(quats[:, self.rotation_column], positions[:, self.position_column])
+
+    def _set_root(self, quats: FloatArray, positions: FloatArray, root: RootTransforms) -> None:
+        quats[:, self.rotation_column] = root.rotations
+        positions[:, self.position_column] = root.positions
+
+    def _with_world_tracks(self, layout: DonorLayout, clips: Sequence[Motion]) -> DonorLayout:
+        """Return the layout with the root's tracks in world coordinates."""
+        if clips[0].skeleton.parents[self.joint] < 0:
+            return layout
+        quats = [track.copy() for track in layout.rotations]
+        places = [track.copy() for track in layout.positions]
+        for clip, rotation, position in zip(clips, quats, places, strict=True):
+            world = RootTransforms(*clip.world_track(self.joint))
+            self._set_root(rotation, position, world)
+        return replace(layout, rotations=quats, positions=places)
+
+    def _source(self, layout: DonorLayout) -> RootTransforms:
+        """Return the aligned root at the times of `frame_times`, before seams are closed."""
+        assert layout.timeline.alignment is not None
+        alignment = replace(layout.timeline.alignment, rotation_column=0, position_column=0)
+        timeline = replace(layout.timeline, alignment=alignment)
+        times, own = timeline.frame_times(), self._own_tracks(layout)
+        quats, places = map(timeline.sample, (ROTATIONS, TRANSLATIONS), own, (times, times))
+        return RootTransforms(quats[:, 0], places[:, 0])
+
+    def _own_tracks(self, layout: DonorLayout) -> tuple[list[FloatArray], list[FloatArray]]:
+        """Return the rotations and translations of the root alone in each clip."""
+        quats = [track[:, self.rotation_column, None] for track in layout.rotations]
+        return quats, [track[:, self.position_column, None] for track in layout.positions]
 
 
 def root_velocity_weights(

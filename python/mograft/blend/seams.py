@@ -1,4 +1,4 @@
-"""Values and velocities at seams, and the interface of a seam treatment.
+"""Values and velocities at seams, of rotations or translations; the interface of a treatment.
 
 The paper's method is in section 4.5. A *piece* is the donor motion between two successive seams.
 Treatments are functions of continuous time, so that they can be evaluated between frames.
@@ -6,13 +6,91 @@ Treatments are functions of continuous time, so that they can be evaluated betwe
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.blend.value_spaces import ValueSpace
+from mograft.motion import rotations
 from mograft.motion.segments import Segments
+
+Pair: TypeAlias = tuple[FloatArray, FloatArray]
+
+
+class ValueSpace:
+    """Operations on rotations or on translations, called values, and on their differences.
+
+    Values have shape (..., 4) or (..., 3). A delta is the difference from one value to another, a
+    velocity the rate of change of a value; both have shape (..., 3). The base class has the
+    operations on translations, which are vectors.
+    """
+
+    def delta(self, start: FloatArray, end: FloatArray) -> FloatArray:
+        """Return the shortest delta from `start` to `end`."""
+        return end - start
+
+    def add(self, start: FloatArray, delta: FloatArray) -> FloatArray:
+        """Return the value that differs from `start` by `delta`."""
+        return start + delta
+
+    def transport(self, delta: FloatArray, velocity: FloatArray) -> FloatArray:  # noqa: ARG002
+        """Return the velocity of ``add(value, delta)`` for a value with the given velocity."""
+        return velocity
+
+    def delta_rate(self, delta: FloatArray, velocity: FloatArray) -> FloatArray:  # noqa: ARG002
+        """Return the rate of change of a delta whose end moves with a velocity."""
+        return velocity
+
+    def hermite(self, values: Pair, velocities: Pair, t: FloatArray) -> FloatArray:
+        """Return cubics at `t`, 0 to 1, from values and velocities (per unit of t) at both ends."""
+        t = t[:, None, None]
+        s = 1.0 - t
+        return (
+            values[0] * (s * s * (1.0 + 2.0 * t))
+            + values[1] * (t * t * (1.0 + 2.0 * s))
+            + velocities[0] * (t * s * s)
+            - velocities[1] * (t * t * s)
+        )
+
+
+class _Rotations(ValueSpace):
+    """Unit quaternions, xyzw; deltas are rotation vectors in the local axes of the joint."""
+
+    def delta(self, start: FloatArray, end: FloatArray) -> FloatArray:
+        return rotations.log(rotations.multiply(rotations.inverse(start), end))
+
+    def add(self, start: FloatArray, delta: FloatArray) -> FloatArray:
+        return rotations.multiply(start, rotations.exp(delta))
+
+    def transport(self, delta: FloatArray, velocity: FloatArray) -> FloatArray:
+        return rotations.rotate(rotations.inverse(rotations.exp(delta)), velocity)
+
+    def delta_rate(self, delta: FloatArray, velocity: FloatArray) -> FloatArray:
+        # The inverse of the right Jacobian of exp; its last factor tends to 1/12 at 0.
+        angle = np.linalg.norm(delta, axis=-1, keepdims=True)
+        is_small = angle < 1e-4
+        safe = np.where(is_small, 1.0, angle)
+        factor = np.where(is_small, 1.0 / 12.0, 1.0 / safe**2 - 0.5 / (safe * np.tan(0.5 * safe)))
+        product = _cross(delta, velocity)
+        return velocity + 0.5 * product + factor * _cross(delta, product)
+
+    def hermite(self, values: Pair, velocities: Pair, t: FloatArray) -> FloatArray:
+        shape = values[0].shape
+        a, b = (own.reshape(-1, 4) for own in values)
+        u, v = (own.reshape(-1, 3) for own in velocities)
+        return rotations.hermite(a, b, u, v, np.repeat(t, shape[1])).reshape(shape)
+
+
+ROTATIONS = _Rotations()
+TRANSLATIONS = ValueSpace()
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the cross product; faster than `np.cross` for a few vectors."""
+    product: FloatArray = np.empty_like(b)
+    for k, m, n in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        product[..., k] = a[..., m] * b[..., n] - a[..., n] * b[..., m]
+    return product
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,14 +144,8 @@ class SeamBoundaries:
 
     def __getitem__(self, seams: slice) -> "SeamBoundaries":
         """Return the boundaries of some successive seams."""
-        return SeamBoundaries(
-            self.space,
-            self.before[seams],
-            self.after[seams],
-            self.velocity_before[seams],
-            self.velocity_after[seams],
-            self.accelerations[seams],
-        )
+        arrays = {name: own[seams] for name, own in vars(self).items() if name != "space"}
+        return replace(self, **arrays)
 
 
 def restrict_to_pieces(

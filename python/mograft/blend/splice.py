@@ -36,11 +36,9 @@ def splice(
     # Angles that a writer derives depend on those of the frames before, so they are kept, too.
     values = before.channel_numbers()
     is_computed = before.is_computed(values)
-    for joint, columns in enumerate(before.skeleton.channel_columns):
-        for column in columns:
-            derived = np.full(before.n_frames, np.nan)
-            new = derived if after.channel_values is None else after.channel_values[:, column]
-            values[:, column] = np.where(from_after[:, joint], new, values[:, column])
+    counts = [len(columns) for columns in before.skeleton.channel_columns]
+    new = np.nan if after.channel_values is None else after.channel_values
+    values = np.where(np.repeat(from_after, counts, axis=1), new, values)
     positions = np.where(from_after[..., None], after.positions, before.positions)
     return replace(
         after,

@@ -9,7 +9,7 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.channel_groups import ChannelKey, merge_axes, split_axes
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
 from mograft.blend.recombine import Part
-from mograft.blend.root_transplant import GraftedRoot
+from mograft.blend.root_motion import GraftedRoot
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.time_warp import ALIGNMENTS
 from mograft.blend.trunk_lean import TrunkLean
@@ -85,30 +85,35 @@ def transplant(
     channels = [split_axes(clip, group.held) for clip in clips] if group.held else []
     if channels:
         seams |= timeline.find_seams(channels)
-    donor = _DonorTracks(timeline, clips, joints, moving, lean, seams, config)
     quats = np.empty((base.n_frames, len(joints), 4))
     positions = base.positions.take(joints, axis=1) if moving.any() else None
     blocks = _joint_blocks(cut, is_root, max(clip.n_frames for clip in clips))
     for block in blocks:
-        layout = donor.layout(block)
-        if is_root[block].any():
+        own, is_moving = joints[block], moving[block]
+        tracks = [lean.upright_tracks(clip, block) for clip in clips]
+        places = [clip.positions.take(own[is_moving], axis=1) for clip in clips]
+        layout = DonorLayout(timeline, tracks, places, seams, config)
+        if group.root in own.tolist():
             assert group.root is not None
-            root = GraftedRoot.from_columns(group.root, group.up, joints[block], moving[block])
+            columns = (int(np.argmax(ids == group.root)) for ids in (own, own[is_moving]))
+            root = GraftedRoot(group.root, group.up, *columns)
             layout, turned, moved = root.close(layout, base, clips)
-            donor = replace(donor, seams=layout.seams)
+            seams = layout.seams
         else:
-            turned, moved = layout.smooth(*layout.close())
+            turned, moved = layout.close()
         if len(blocks) == 1:
             quats = turned
         else:
             quats[:, block] = turned
         if positions is not None:
-            positions[:, block][:, moving[block]] = moved
+            positions[:, block][:, is_moving] = moved
     lean.restore(base, quats)
     angles = {}
     if channels:
-        angles = _channel_angles(base, group.held, donor.closed_channels(channels))
-    return Part(joints, quats, positions, cut.stop[:-1][donor.seams], angles)
+        still = [clip.positions[:, :0] for clip in clips]
+        closed, _ = DonorLayout(timeline, channels, still, seams, config).close()
+        angles = _channel_angles(base, group.held, closed)
+    return Part(joints, quats, positions, cut.stop[:-1][seams], angles)
 
 
 def seam_reach(config: Config) -> float:
@@ -117,39 +122,6 @@ def seam_reach(config: Config) -> float:
     Frames farther away change by at most 1/10,000 of a gap if the donor changes.
     """
     return config.seam_blend + SEAM_TREATMENTS[config.seam].coupling
-
-
-@dataclass(frozen=True, eq=False)
-class _DonorTracks:
-    """The motion of a joint group in the clips of its donors, and the seams between donors."""
-
-    timeline: DonorTimeline
-    clips: Sequence[Motion]
-    joints: IntArray
-    moving: BoolArray  # whether the translation of each joint is replaced
-    lean: TrunkLean
-    seams: BoolArray  # (n_segments - 1,): whether a segment ends with a seam
-    config: Config
-
-    def layout(self, block: slice) -> DonorLayout:
-        """Return the layout of some of the joints."""
-        moving = self.joints[block][self.moving[block]]
-        return DonorLayout(
-            self.timeline,
-            [self.lean.upright_tracks(clip, block) for clip in self.clips],
-            [clip.positions.take(moving, axis=1) for clip in self.clips],
-            self.seams,
-            self.config,
-        )
-
-    def closed_channels(self, channels: Sequence[FloatArray]) -> FloatArray:
-        """Return single channels as rotations, (n_frames, n_channels, 4), with closed gaps.
-
-        `channels` has the result of `split_axes` for each clip.
-        """
-        still = [clip.positions[:, :0] for clip in self.clips]
-        layout = DonorLayout(self.timeline, channels, still, self.seams, self.config)
-        return layout.smooth(*layout.close())[0]
 
 
 def _joint_blocks(cut: Segments, is_root: BoolArray, n_clip_frames: int) -> list[slice]:

@@ -7,18 +7,22 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import IntArray, as_indices
-from mograft.body.hierarchy import unbranched_chain
 from mograft.body.joint_names import (
     ANIMAL_WORDS,
     ARM,
     LEG,
     OPPOSITE_SIDE,
-    PARTS,
     part_of_words,
     read_names,
 )
-from mograft.body.limb_structure import recognise_structure
+from mograft.body.limb_structure import recognise_structure, unbranched_chain
 from mograft.motion.skeleton import Skeleton
+
+_BONES_OF_END = {
+    **dict.fromkeys(("hand", "finger"), ("forearm", "upper_arm")),
+    **dict.fromkeys(("foot", "toe"), ("shank", "thigh")),
+}
+"""For each part at the end of a limb: the parts of the lower and of the upper bone."""
 
 
 @dataclass(frozen=True)
@@ -35,19 +39,17 @@ class Anatomy:
     hips: int  # lowest common ancestor of all body parts: the root, or a joint below helper joints
     unmatched: tuple[int, ...]  # joints whose names are unknown
     details: tuple[int, ...]  # joints of the face, and markers
-    scheme: str  # "names", or "structure" if mirrored limbs gave parts that the names lack
     human: bool  # whether the names describe a human: two legs below hips, no tail, no paws
 
     def joints(self, *parts: str, side: str | None = None) -> list[int]:
         """Return the indices of the joints of the given body parts; `side` None means all sides."""
-        unknown = set(parts) - set(PARTS)
-        if unknown:
-            raise ValueError(f"`parts` must be among {', '.join(PARTS)}, got {sorted(unknown)}")
-        return [
-            joint
-            for joint, (part, joint_side) in enumerate(zip(self.parts, self.sides, strict=True))
-            if part in parts and side in (None, joint_side)
-        ]
+        kinds = enumerate(zip(self.parts, self.sides, strict=True))
+        return [joint for joint, (part, own) in kinds if part in parts and side in (None, own)]
+
+    def highest(self, part: str, skeleton: Skeleton) -> list[int]:
+        """Return the joints of a body part whose parents do not belong to it."""
+        above = skeleton.parents.tolist()
+        return [j for j in self.joints(part) if above[j] < 0 or self.parts[above[j]] != part]
 
 
 @lru_cache(maxsize=64)
@@ -65,9 +67,8 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
     """
     words, sides = read_names(skeleton.names)
     named = _resolve_ambiguous(skeleton, [*map(part_of_words, words)], words, sides)
-    legs = any(part in LEG for part in named)
-    arms = any(part in ARM for part in named)
-    guess, guessed_sides = [""] * skeleton.n_joints, [""] * skeleton.n_joints
+    legs, arms = (any(part in limb for part in named) for limb in (LEG, ARM))
+    guess = guessed_sides = [""] * skeleton.n_joints
     if not (legs and arms):
         guess, guessed_sides = recognise_structure(skeleton)
         if any(named):  # only the limbs without known names
@@ -83,9 +84,9 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
     parts = _fill(skeleton, known, hips)
     full_sides: list[str] = []
     for joint, parent in enumerate(skeleton.parents):
-        side = sides[joint] or guessed_sides[joint]
-        above = full_sides[parent] if parent >= 0 else ""
-        full_sides.append(side or (above if parts[joint] in (*ARM, *LEG, "pelvis") else ""))
+        inherits = parent >= 0 and parts[joint] in (*ARM, *LEG, "pelvis")
+        above = full_sides[parent] if inherits else ""
+        full_sides.append(sides[joint] or guessed_sides[joint] or above)
     structural = any(not part and guessed for part, guessed in zip(named, guess, strict=True))
     two_legs = {("thigh", "left"), ("thigh", "right")} <= set(zip(parts, full_sides, strict=True))
     animal = any(ANIMAL_WORDS & set(joint_words) for joint_words in words) or "tail" in parts
@@ -95,7 +96,6 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
         hips=hips,
         unmatched=tuple(joint for joint, part in enumerate(named) if not part),
         details=_details(skeleton, parts),
-        scheme="structure" if structural else "names",
         human=two_legs and parts[hips] == "pelvis" and not animal and not structural,
     )
 
@@ -121,6 +121,42 @@ def feature_joints(skeleton: Skeleton, joints: npt.ArrayLike) -> IntArray:
     known = anatomy(skeleton)
     kept = indices[~np.isin(indices, [*known.joints("finger", "toe"), *known.details])]
     return kept if len(kept) else indices
+
+
+def highest_of_part(skeleton: Skeleton, joint: int) -> int:
+    """Return the highest joint that is reached from `joint` upwards through joints of its part.
+
+    This skips roll joints. If the parent has another part, the result is `joint` itself.
+    """
+    parts = anatomy(skeleton).parts
+    while skeleton.parents[joint] >= 0 and parts[skeleton.parents[joint]] == parts[joint]:
+        joint = int(skeleton.parents[joint])
+    return joint
+
+
+@dataclass(frozen=True)
+class TwoBoneLimb:
+    """The joints of an arm or leg: shoulder or hip, elbow or knee, and a joint of hand or foot."""
+
+    start: int
+    middle: int
+    end: int
+
+
+def find_limb(skeleton: Skeleton, end: int) -> TwoBoneLimb | None:
+    """Return the limb whose two bones bring the joint `end` to a target.
+
+    The result is None if `end` is not part of a hand or foot, or if the limb above it does not have
+    two bones.
+    """
+    parts = anatomy(skeleton).parts
+    lower, upper = _BONES_OF_END.get(parts[end], ("", ""))
+    above = next((j for j in skeleton.ancestors(end) if parts[j] in (lower, upper)), 0)
+    middle = highest_of_part(skeleton, above)
+    start = int(skeleton.parents[middle])
+    if parts[above] != lower or start < 0 or parts[start] != upper:
+        return None
+    return TwoBoneLimb(highest_of_part(skeleton, start), middle, end)
 
 
 def _resolve_ambiguous(
@@ -215,10 +251,8 @@ def _fill(skeleton: Skeleton, known: list[str], hips: int) -> list[str]:
 
 def _comes_before(part: str, above: str) -> bool:
     """Return whether both parts are in one limb, and `part` is closer to the trunk than `above`."""
-    return any(
-        part in limb and above in limb and limb.index(part) < limb.index(above)
-        for limb in (ARM, LEG)
-    )
+    limbs = (limb for limb in (ARM, LEG) if part in limb and above in limb)
+    return any(limb.index(part) < limb.index(above) for limb in limbs)
 
 
 def _details(skeleton: Skeleton, parts: list[str]) -> tuple[int, ...]:
@@ -228,9 +262,8 @@ def _details(skeleton: Skeleton, parts: list[str]) -> tuple[int, ...]:
     """
     found = []
     for joint, parent in enumerate(skeleton.parents):
-        if parent < 0 or parts[joint] != parts[parent]:
-            continue
-        beside = len(skeleton.children[parent]) > 1 and not skeleton.children[joint]
-        if parts[joint] == "head" or (beside and parts[joint] not in ("finger", "toe", "tail")):
-            found.append(joint)
+        if parent >= 0 and parts[joint] == parts[parent]:
+            beside = len(skeleton.children[parent]) > 1 and not skeleton.children[joint]
+            if parts[joint] == "head" or (beside and parts[joint] not in ("finger", "toe", "tail")):
+                found.append(joint)
     return tuple(found)

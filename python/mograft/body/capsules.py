@@ -12,8 +12,6 @@ from mograft.body.anatomy import anatomy
 from mograft.body.mass import mass_model
 from mograft.motion.skeleton import Skeleton
 
-__all__ = ["RADII", "Capsules", "box_clearance", "capsules", "clearance"]
-
 RADII: Mapping[str, float] = {
     "pelvis": 0.075,
     "trunk": 0.075,
@@ -52,16 +50,14 @@ class Capsules:
         Hands and forearms are tested against pelvis, trunk, head, thighs, and the hand and forearm
         of the other side.
         """
-        kinds = list(zip(self.parts, self.sides, strict=True))
+        body, arms = ("pelvis", "trunk", "head", "thigh"), ("hand", "forearm")
+        kinds = list(enumerate(zip(self.parts, self.sides, strict=True)))
+        own = [(a, side) for a, (part, side) in kinds if part in arms]
         pairs = [
             (a, b)
-            for a, (part, side) in enumerate(kinds)
-            for b, (other, other_side) in enumerate(kinds)
-            if part in ("hand", "forearm")
-            and (
-                other in ("pelvis", "trunk", "head", "thigh")
-                or (other in ("hand", "forearm") and side != other_side)
-            )
+            for a, side in own
+            for b, (other, other_side) in kinds
+            if other in body or (other in arms and side != other_side)
         ]
         return np.array(pairs, np.int64).reshape(-1, 2)
 
@@ -71,59 +67,30 @@ class Capsules:
         `world_rotations`, xyzw, has shape (n_frames, n_joints, 4), `world_positions` (n_frames,
         n_joints, 3).
         """
-        return _core.capsule_ends(
-            np.ascontiguousarray(world_rotations),
-            np.ascontiguousarray(world_positions),
-            self.joints,
-            np.ascontiguousarray(self.bones),
+        quats, places, bones = map(
+            np.ascontiguousarray, (world_rotations, world_positions, self.bones)
         )
+        return _core.capsule_ends(quats, places, self.joints, bones)
 
 
-def capsules(skeleton: Skeleton, radii: Mapping[str, float] | None = None) -> Capsules:
-    """Return capsules around the bones of a skeleton.
+def capsules(skeleton: Skeleton) -> Capsules:
+    """Return capsules around the bones of a skeleton, one per bone.
 
-    Parameters
-    ----------
-    skeleton : Skeleton
-        The skeleton.
-    radii : mapping of str to float, optional
-        Radii in skeleton heights by body part, replacing those of `RADII`; 0 omits a part. An
-        unknown part or a negative radius raises ValueError.
-
-    Returns
-    -------
-    Capsules
-        One per bone; a bone of length 0 gives a sphere. The capsule of a hand reaches to the tip
-        of the longest finger. Fingers, joints of the face, markers and ancestors of the hips have
-        no capsule.
+    A bone of length 0 gives a sphere. The capsule of a hand reaches to the tip of the longest
+    finger. Fingers, joints of the face, markers and ancestors of the hips have no capsule.
     """
-    changed = {} if radii is None else dict(radii)
-    for part, radius in changed.items():
-        if part not in RADII:
-            raise ValueError(f"keys of `radii` must be among {', '.join(RADII)}, got {part!r}")
-        if not radius >= 0:
-            raise ValueError(f"the radius of {part!r} must not be negative, got {radius}")
-    radius_of_part = {**RADII, **changed}
     known, found = anatomy(skeleton), mass_model(skeleton)
     rest = skeleton.rest_positions()
-    joints = [
-        joint
-        for joint, part in enumerate(known.parts)
-        if radius_of_part.get(part, 0.0) > 0 and joint not in known.details
-    ]
+    joints = [j for j, part in enumerate(known.parts) if part in RADII and j not in known.details]
     bones = found.bone.copy()
     for joint in known.joints("hand"):
         fingers = [f for f in known.joints("finger") if joint in skeleton.ancestors(f)]
         reach = [rest[f] + found.bone[f] - rest[joint] for f in fingers]
         if reach:
             bones[joint] = max(reach, key=lambda vector: float(np.linalg.norm(vector)))
-    return Capsules(
-        np.array(joints, np.int64),
-        tuple(known.parts[joint] for joint in joints),
-        tuple(known.sides[joint] for joint in joints),
-        bones[joints],
-        np.array([radius_of_part[known.parts[joint]] for joint in joints]) * found.height,
-    )
+    parts, sides = (tuple(own[joint] for joint in joints) for own in (known.parts, known.sides))
+    radii = np.array([RADII[part] for part in parts]) * found.height
+    return Capsules(np.array(joints, np.int64), parts, sides, bones[joints], radii)
 
 
 def clearance(
@@ -153,10 +120,9 @@ def clearance(
         left, right = np.indices((len(radii), len(other_radii))).reshape(2, -1)
     else:
         left, right = np.ascontiguousarray(pairs.T, np.int64)
-    arrays = (np.ascontiguousarray(array) for array in (ends, radii, others, other_radii))
-    ends, radii, others, other_radii = arrays
-    at = np.ascontiguousarray(at, np.int64)
-    return _core.clearance(ends, radii, others, other_radii, at, (left, right))
+    first = np.ascontiguousarray(ends), np.ascontiguousarray(radii)
+    second = np.ascontiguousarray(others), np.ascontiguousarray(other_radii)
+    return _core.clearance(*first, *second, np.ascontiguousarray(at, np.int64), (left, right))
 
 
 def box_clearance(
@@ -169,10 +135,5 @@ def box_clearance(
     quaternion, xyzw, in `rotation`. If a capsule penetrates the box, the distance is minus the
     depth. Distances are exact to 1e-7 of the capsule length.
     """
-    return _core.box_clearance(
-        np.ascontiguousarray(ends),
-        np.ascontiguousarray(radii),
-        center.tolist(),
-        half.tolist(),
-        rotation.tolist(),
-    )
+    box = (own.tolist() for own in (center, half, rotation))
+    return _core.box_clearance(np.ascontiguousarray(ends), np.ascontiguousarray(radii), *box)

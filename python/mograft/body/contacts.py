@@ -7,8 +7,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.runs import find_runs
 from mograft._util.validate import check_type
-from mograft.body.anatomy import anatomy
-from mograft.body.hierarchy import highest_of_part
+from mograft.body.anatomy import anatomy, highest_of_part
 from mograft.body.mass import mass_model, mean_world_positions, up_axis
 from mograft.config import FRAME
 from mograft.motion import rotations
@@ -43,25 +42,20 @@ def find_legs(skeleton: Skeleton) -> tuple[Leg, ...]:
     """Return the legs that have a knee joint, left before right, then the forelegs of animals."""
     known, found = anatomy(skeleton), mass_model(skeleton)
     ends: list[tuple[str, int, int | None]] = [(f.side, f.ankle, f.toe) for f in found.feet]
-    if not known.human:
-        hands = [
-            hand
-            for hand in known.joints("hand")
-            if hand not in known.details and known.parts[skeleton.parents[hand]] != "hand"
-        ]
-        ends += [(known.sides[hand], hand, _longest_child(skeleton, hand)) for hand in hands]
+    lengths = np.linalg.norm(skeleton.offsets, axis=1)
+    for hand in () if known.human else known.highest("hand", skeleton):
+        if hand not in known.details:
+            longest = max(skeleton.children[hand], key=lambda child: lengths[child], default=None)
+            ends.append((known.sides[hand], hand, longest))
     found_legs = []
     for side, ankle, toe in ends:
         above = int(skeleton.parents[ankle])
-        lower = known.parts[above] if above >= 0 else ""
-        if lower not in ("shank", "forearm"):
-            continue
-        knee = highest_of_part(skeleton, known.parts, above)
+        knee = highest_of_part(skeleton, above)
         hip = int(skeleton.parents[knee])
-        if hip < 0:
+        if above < 0 or hip < 0 or known.parts[above] not in ("shank", "forearm"):
             continue
-        hip = highest_of_part(skeleton, known.parts, hip)
         tip = found.bone[ankle] if toe is None else np.zeros(3)
+        hip = highest_of_part(skeleton, hip)
         found_legs.append(Leg(side, hip, knee, ankle, toe, (tip[0], tip[1], tip[2])))
     return tuple(found_legs)
 
@@ -137,10 +131,8 @@ class Ground:
     @classmethod
     def of(cls, motion: Motion) -> "Ground":
         """Estimate the floor below each heel and toe as the 5th percentile of its height."""
-        found = mass_model(motion.skeleton)
-        up = np.zeros(3)
-        axis = up_axis(motion)
-        means = mean_world_positions(motion)
+        found, means = mass_model(motion.skeleton), mean_world_positions(motion)
+        up, axis = np.zeros(3), up_axis(motion)
         ankles = [foot.ankle for foot in found.feet]
         leg = means[found.hips] - means[ankles].mean(axis=0) if ankles else np.ones(3)
         up[axis] = -1.0 if leg[axis] < 0 else 1.0
@@ -184,11 +176,6 @@ class Ground:
         return points @ self.up - self.floors
 
 
-def _longest_child(skeleton: Skeleton, hand: int) -> int | None:
-    lengths = np.linalg.norm(skeleton.offsets, axis=1)
-    return max(skeleton.children[hand], key=lambda joint: float(lengths[joint]), default=None)
-
-
 def point_speeds(points: FloatArray, rate: float) -> FloatArray:
     """Return the speeds of points in units of length per second, shape (n_frames, ...).
 
@@ -221,11 +208,10 @@ def _remove_short_runs(marked: BoolArray, rate: float) -> BoolArray:
     A gap is short if it lasts at most 2/30 s and is not at an end of the mask. A run is short if it
     lasts less than 3/30 s.
     """
-    kept = np.ones(len(marked), bool)
+    kept = marked.copy()
     for start, stop in find_runs(~marked):
         is_inner = start > 0 and stop < len(marked)
-        if not is_inner or stop - start > round(_MAX_GAP_SECONDS * rate):
-            kept[start:stop] = False
+        kept[start:stop] = is_inner and stop - start <= round(_MAX_GAP_SECONDS * rate)
     for start, stop in find_runs(kept):
         if stop - start < round(_MIN_CONTACT_SECONDS * rate):
             kept[start:stop] = False

@@ -6,13 +6,13 @@ extent of the joints along an axis. Speeds are per second. No limit depends on u
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.runs import find_runs
 from mograft._util.validate import check_type
-from mograft.body.hierarchy import subtree_mask
 from mograft.motion import rotations
 from mograft.motion.motion import Motion, world_transforms
 
@@ -123,12 +123,11 @@ def find_faults(motion: Motion) -> tuple[Fault, ...]:
 
 def _frame_time(motion: Motion) -> Iterator[Fault]:
     seconds = motion.frame_time
-    if _MIN_FRAME_TIME <= seconds < _MAX_FRAME_TIME:
-        return
-    is_long = seconds >= _MAX_FRAME_TIME
-    guess = f"; is it a rate of {seconds:g} fps or {seconds:g} ms?" if is_long else ""
-    message = f"the frame time is {seconds:g} s{guess}"
-    yield Fault("frame_time", (0, motion.n_frames - 1), None, message)
+    if not _MIN_FRAME_TIME <= seconds < _MAX_FRAME_TIME:
+        is_long = seconds >= _MAX_FRAME_TIME
+        guess = f"; is it a rate of {seconds:g} fps or {seconds:g} ms?" if is_long else ""
+        message = f"the frame time is {seconds:g} s{guess}"
+        yield Fault("frame_time", (0, motion.n_frames - 1), None, message)
 
 
 def _implausible_steps(motion: Motion) -> Iterator[Fault]:
@@ -139,8 +138,7 @@ def _implausible_steps(motion: Motion) -> Iterator[Fault]:
     height = float(np.median(extents))
     if height == 0.0:
         return
-    steps, passing = steps / height, passing / height
-    rate = motion.rate
+    steps, passing, rate = steps / height, passing / height, motion.rate
     median = float(np.median(steps))
     # A lower bound, so that noise in a still motion is not a fault.
     floor = 1e-4 * _TELEPORT_SPEED / rate
@@ -171,15 +169,14 @@ def _mean_steps(motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]:
     The third result is the extent of the figure in each frame, along the axis of greatest extent.
     """
     n = motion.n_frames
-    moving = subtree_mask(motion.skeleton, [motion.locomotion_root()])
+    moving = motion.skeleton.subtree_mask([motion.locomotion_root()])
     steps, passing, extents = np.empty(n - 1), np.empty(n - 2), np.empty(n)
     for start, stop in _step_blocks(n):
         frames = slice(start, stop + 2)
         local = motion.rotations[frames], motion.positions[frames]
         positions = world_transforms(motion.skeleton, *local)[1][:, moving]
         extents[frames] = np.ptp(positions, axis=1).max(axis=-1)
-        own = _mean_lengths(positions[1:] - positions[:-1])
-        steps[start:stop] = own[: stop - start]
+        steps[start:stop] = _mean_lengths(positions[1:] - positions[:-1])[: stop - start]
         passing[start:stop] = _mean_lengths(positions[2:] - positions[:-2])
     return steps, passing, extents
 
@@ -189,10 +186,8 @@ def _step_blocks(n_frames: int) -> Iterator[tuple[int, int]]:
 
     Each has at least `_STEPS_PER_BLOCK` steps, except if there are fewer steps in all.
     """
-    n_steps = n_frames - 1
-    count = max(n_steps // _STEPS_PER_BLOCK, 1)
-    for number in range(count):
-        yield number * n_steps // count, (number + 1) * n_steps // count
+    count = max((n_frames - 1) // _STEPS_PER_BLOCK, 1)
+    return pairwise(number * (n_frames - 1) // count for number in range(count + 1))
 
 
 def _implausible_rotations(motion: Motion) -> Iterator[Fault]:
@@ -247,15 +242,10 @@ def _angle_wraps(motion: Motion) -> Iterator[Fault]:
     if motion.channel_values is None or motion.n_frames < 2:
         return
     skeleton = motion.skeleton
-    for joint, columns in enumerate(skeleton.channel_columns):
-        rotation_columns = [
-            column
-            for name, column in zip(skeleton.channels[joint], columns, strict=True)
-            if name.endswith("rotation")
-        ]
-        if not rotation_columns:
+    for joint, columns in enumerate(skeleton.rotation_columns):
+        if not columns:
             continue
-        steps = np.abs(np.diff(motion.channel_values[:, rotation_columns], axis=0))
+        steps = np.abs(np.diff(motion.channel_values[:, columns], axis=0))
         frames = np.flatnonzero(steps.max(axis=1) > 180.0)
         quats = motion.rotations[:, joint]
         frames = frames[rotations.angle(quats[frames], quats[frames + 1]) < _FLIP_ANGLE]
@@ -275,8 +265,5 @@ def _median_around(steps: FloatArray) -> FloatArray:
     reach = min(_MEDIAN_RADIUS, len(steps) - 1)
     padded = np.pad(steps, reach, mode="reflect")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
-    medians = np.empty(len(steps))
-    for start in range(0, len(steps), _STEPS_PER_BLOCK):
-        block = slice(start, start + _STEPS_PER_BLOCK)
-        medians[block] = np.median(windows[block], axis=-1)
-    return medians
+    blocks = _step_blocks(len(steps) + 1)
+    return np.concatenate([np.median(windows[start:stop], axis=-1) for start, stop in blocks])

@@ -1,14 +1,18 @@
-"""Entries of joint groups: joint names, globs, indices, subtrees and single channels."""
+"""Entries of joint groups: names, globs, indices, subtrees, single channels; groups as TOML."""
 
-import difflib
+import json
+import os
 import re
+import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import TypeGuard
+from pathlib import Path
+from typing import Any, TypeGuard
 
 import numpy as np
 
-from mograft.body.hierarchy import subtree_mask
+from mograft.errors import join_names, suggest_name
 from mograft.motion.skeleton import Skeleton
 
 
@@ -76,16 +80,12 @@ def channels_of_entry(entry: Entry, skeleton: Skeleton, group: str) -> set[tuple
         return {(joint, "") for joint in _joints_of_entry(entry, skeleton, group)}
     joints = _joints_of_entry(found[1], skeleton, group)
     for joint in sorted(joints):
+        label = f"group {group!r}: {joint_label(skeleton, joint)}"
         if (joint, found[2]) not in channels_of_joint(joint, skeleton):
-            raise ValueError(
-                f"group {group!r}: {joint_label(skeleton, joint)} must have three rotation "
-                f"channels to be divided, got {' '.join(skeleton.channels[joint]) or 'none'}"
-            )
+            got = " ".join(skeleton.channels[joint]) or "none"
+            raise ValueError(f"{label} must have three rotation channels to be divided, got {got}")
         if skeleton.parents[joint] < 0:
-            raise ValueError(
-                f"group {group!r}: {joint_label(skeleton, joint)} must be in one group as a whole, "
-                "because it is the root"
-            )
+            raise ValueError(f"{label} must be in one group as a whole, because it is the root")
     return {(joint, found[2]) for joint in joints}
 
 
@@ -93,21 +93,17 @@ def _joints_of_entry(entry: Entry, skeleton: Skeleton, group: str) -> set[int]:
     """Return the joints of a group entry."""
     if isinstance(entry, Subtree):
         tops = _joints_of_entry(entry.joint, skeleton, group)
-        return set(np.flatnonzero(subtree_mask(skeleton, tops)).tolist())
+        return set(np.flatnonzero(skeleton.subtree_mask(tops)).tolist())
     if isinstance(entry, int):
-        if not 0 <= entry < skeleton.n_joints:
-            raise ValueError(
-                f"group {group!r}: joint index must be 0 to {skeleton.n_joints - 1}, got {entry}"
-            )
+        if not 0 <= entry < (n := skeleton.n_joints):
+            raise ValueError(f"group {group!r}: joint index must be 0 to {n - 1}, got {entry}")
         return {entry}
     names = skeleton.names
-    found = {joint for joint, name in enumerate(names) if name == entry}
-    found = found or {joint for joint, name in enumerate(names) if fnmatchcase(name, entry)}
+    matches = entry.__eq__ if entry in names else lambda name: fnmatchcase(name, entry)
+    found = {joint for joint, name in enumerate(names) if matches(name)}
     if not found:
-        close = difflib.get_close_matches(entry, names, n=3)
-        guess = f"did you mean {' or '.join(map(repr, close))}?"
-        hint = guess if close else f"joints are {', '.join(names)}"
-        raise ValueError(f"group {group!r}: no joint is named {entry!r}; {hint}")
+        hint = suggest_name(entry, names) or f"; joints are {join_names(names)}"
+        raise ValueError(f"group {group!r}: no joint is named {entry!r}{hint}")
     return found
 
 
@@ -119,3 +115,57 @@ def joint_label(skeleton: Skeleton, joint: int, axis: str = "") -> str:
     name = skeleton.names[joint]
     label = name if skeleton.names.count(name) == 1 else f"{name} (index {joint})"
     return f"{label}.{axis}rotation" if axis else label
+
+
+def groups_to_toml(groups: Mapping[str, tuple[Entry, ...]], base: str) -> str:
+    """Return joint groups as TOML text; see `JointGroups.to_toml`."""
+    lines = [f"base = {_toml_value(base)}", "", "[groups]"]
+    for name, entries in groups.items():
+        values = [f"    {_toml_value(entry)}," for entry in entries]
+        lines += [f"{_toml_value(name)} = [", *values, "]"]
+    return "\n".join(lines) + "\n"
+
+
+def read_groups(source: str | os.PathLike[str]) -> tuple[dict[str, tuple[Entry, ...]], Any, str]:
+    """Read groups and base from TOML, and name the source for messages; see `from_toml`.
+
+    The type of the base is not checked.
+    """
+    is_text = isinstance(source, str) and "\n" in source
+    place = "groups" if is_text else str(source)
+    try:
+        text = str(source) if is_text else Path(source).read_text(encoding="utf-8")
+        table = tomllib.loads(text)
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{place}: not UTF-8: {error}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{place}: not valid TOML: {error}") from error
+    if set(table) - {"base", "groups"} or not isinstance(table.get("groups"), dict):
+        got = ", ".join(table) or "nothing"
+        raise ValueError(f"{place}: must contain a table [groups] and optionally base, got {got}")
+    groups = {}
+    for name, entries in table["groups"].items():
+        if not isinstance(entries, list):
+            raise ValueError(f"{place}: group {name!r} must be a list, got {entries!r}")
+        groups[name] = tuple(_read_entry(place, name, entry) for entry in entries)
+    return groups, table.get("base", "lower"), place
+
+
+def _toml_value(value: Entry) -> str:
+    """Return an entry in TOML syntax: strings are escaped as in JSON, and DEL in addition."""
+    if isinstance(value, Subtree):
+        return f"{{subtree = {_toml_value(value.joint)}}}"
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _read_entry(place: str, group: str, entry: object) -> Entry:
+    if isinstance(entry, dict) and set(entry) == {"subtree"}:
+        entry = entry["subtree"]
+        if is_joint(entry):
+            return subtree(entry)
+    elif is_joint(entry):
+        return entry
+    raise ValueError(
+        f'{place}: group {group!r} must contain names, indices or {{subtree = "name"}}, '
+        f"got {entry!r}"
+    )

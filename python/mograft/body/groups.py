@@ -1,6 +1,7 @@
 """`JointGroups`: the joint groups that are kept or exchanged as a whole."""
 
 import os
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -15,10 +16,11 @@ from mograft.body.group_entries import (
     Subtree,
     channels_of_entry,
     channels_of_joint,
+    groups_to_toml,
     is_joint,
     joint_label,
+    read_groups,
 )
-from mograft.body.groups_toml import groups_to_toml, read_groups
 from mograft.body.joint_names import ARM
 from mograft.errors import join_names, suggest_name
 from mograft.motion.skeleton import Skeleton
@@ -30,6 +32,10 @@ PRESETS: Mapping[str, tuple[str, ...]] = {
     "lower_torso_larm_rarm": ("lower", "torso", "larm", "rarm"),
     "lower_torso_head_larm_rarm": ("lower", "torso", "head", "larm", "rarm"),
 }
+
+
+_LABELS = {"upper": "upper body", "torso": "torso", "head": "neck or head", "arms": "arms"}
+_LABELS |= {"larm": "left arm", "rarm": "right arm"}
 
 
 @dataclass(frozen=True)
@@ -81,30 +87,25 @@ class JointGroups:
                 raise TypeError(f"group names must be str, got {name!r}")
             if isinstance(entries, str | Subtree) or not isinstance(entries, Iterable):
                 raise TypeError(f"group {name!r} must be a list of joints, got {entries!r}")
-            checked = tuple(int(e) if isinstance(e, np.integer) else e for e in entries)
-            for entry in checked:
-                if not isinstance(entry, Subtree) and not is_joint(entry):
-                    raise TypeError(
-                        f"group {name!r} must contain names, indices or subtree(...), got {entry!r}"
-                    )
-            if not checked:
+            own = groups[name] = tuple(int(e) if isinstance(e, np.integer) else e for e in entries)
+            wrong = [e for e in own if not isinstance(e, Subtree) and not is_joint(e)]
+            if wrong:
+                expected = "names, indices or subtree(...)"
+                raise TypeError(f"group {name!r} must contain {expected}, got {wrong[0]!r}")
+            if not own:
                 raise ValueError(f"group {name!r} must have at least one joint, got none")
-            groups[name] = checked
         if len(groups) < 2:
-            raise ValueError(
-                f"`groups` must have at least two entries, a base and one to exchange, "
-                f"got {list(groups)}"
-            )
+            expected = "at least two entries, a base and one to exchange"
+            raise ValueError(f"`groups` must have {expected}, got {list(groups)}")
         if not isinstance(self.base, str) or self.base not in groups:
             raise ValueError(f"`base` must be one of {', '.join(groups)}, got {self.base!r}")
         object.__setattr__(self, "groups", groups)
 
     def __repr__(self) -> str:
-        shown = [
-            f"{name}: {' '.join(e if isinstance(e, str) else repr(e) for e in entries)}"
-            for name, entries in self.groups.items()
-        ]
-        return f"JointGroups({'; '.join(shown)}; base {self.base})"
+        shown = ""
+        for name, entries in self.groups.items():
+            shown += f"{name}: {' '.join(e if isinstance(e, str) else repr(e) for e in entries)}; "
+        return f"JointGroups({shown}base {self.base})"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -171,10 +172,9 @@ class JointGroups:
             If an entry matches no joint, groups overlap, or a joint or channel is in no group.
             The message names them.
         """
-        shares = self._shares(skeleton)
         return {
             name: np.array(sorted({joint for joint, _ in channels}), dtype=np.int64)
-            for name, channels in shares.items()
+            for name, channels in self._shares(skeleton).items()
         }
 
     def divided_channels(self, skeleton: Skeleton) -> dict[str, dict[int, str]]:
@@ -206,12 +206,12 @@ class JointGroups:
         """
         found: dict[str, dict[int, str]] = {}
         for name, channels in self._shares(skeleton).items():
-            axes = {
-                joint: "".join(a for a in skeleton.rotation_order(joint) if (joint, a) in channels)
-                for joint in sorted({joint for joint, axis in channels if axis})
-            }
-            # A group that has all three channels of a joint has the whole joint.
-            found[name] = {joint: some for joint, some in axes.items() if len(some) < 3}
+            found[name] = {}
+            for joint in sorted({joint for joint, axis in channels if axis}):
+                order = skeleton.rotation_order(joint)
+                axes = "".join(axis for axis in order if (joint, axis) in channels)
+                if len(axes) < 3:  # a group that has all three channels has the whole joint
+                    found[name][joint] = axes
         return found
 
     def _shares(self, skeleton: Skeleton) -> dict[str, set[tuple[int, str]]]:
@@ -222,27 +222,24 @@ class JointGroups:
         for name, entries in self.groups.items():
             channels = {c for e in entries for c in channels_of_entry(e, skeleton, name)}
             divided = {joint for joint, axis in channels if axis}
-            for joint in sorted(j for j, axis in channels if not axis and j in divided):
-                raise ValueError(
-                    f"group {name!r} must contain joint {joint_label(skeleton, joint)} "
-                    "as a whole or by channels, got both"
-                )
+            for joint in sorted(divided & {joint for joint, axis in channels if not axis}):
+                label = joint_label(skeleton, joint)
+                expected = f"contain joint {label} as a whole or by channels"
+                raise ValueError(f"group {name!r} must {expected}, got both")
             for joint, axis in sorted(channels):
                 for key in [(joint, axis)] if axis else channels_of_joint(joint, skeleton):
                     if key in owner:
-                        raise ValueError(
-                            f"joint {joint_label(skeleton, joint, axis)} must be in one group, "
-                            f"got {owner[key]!r} and {name!r}"
-                        )
+                        label = joint_label(skeleton, joint, axis)
+                        got = f"{owner[key]!r} and {name!r}"
+                        raise ValueError(f"joint {label} must be in one group, got {got}")
                     owner[key] = name
             shares[name] = channels
-        missing = [
-            joint_label(skeleton, joint, axis if any(c in owner for c in channels) else "")
-            for joint in range(skeleton.n_joints)
-            for channels in [channels_of_joint(joint, skeleton)]
-            for _, axis in channels
-            if (joint, axis) not in owner
-        ]
+        missing: list[str] = []
+        for joint in range(skeleton.n_joints):
+            lacking = [c for c in channels_of_joint(joint, skeleton) if c not in owner]
+            is_whole = len(lacking) == len(channels_of_joint(joint, skeleton))
+            axes = [""] if is_whole else [axis for _, axis in lacking]
+            missing += [joint_label(skeleton, joint, axis) for axis in axes if lacking]
         if missing:
             shown = ", ".join(dict.fromkeys(missing))
             raise ValueError(f"every joint must be in a group, got none for {shown}")
@@ -302,13 +299,11 @@ def groups_of_joints(
 ) -> JointGroups:
     """Return groups with the joints `members`; entries are names where these are unique."""
     count = Counter(skeleton.names)
-    labels = [
-        name if count[name] == 1 and _is_encodable(name) else joint
-        for joint, name in enumerate(skeleton.names)
-    ]
-    groups = {
-        group: tuple(labels[joint] for joint in sorted(joints)) for group, joints in members.items()
-    }
+    labels: list[str | int] = list(skeleton.names)
+    for joint, name in enumerate(skeleton.names):
+        if count[name] > 1 or re.search("[\ud800-\udfff]", name):  # not encodable as UTF-8
+            labels[joint] = joint
+    groups = {group: tuple(labels[j] for j in sorted(joints)) for group, joints in members.items()}
     return JointGroups(groups, base=base)
 
 
@@ -347,24 +342,9 @@ def _check_parts(preset: str, skeleton: Skeleton, found: Mapping[str, list[int]]
     """
     known = anatomy(skeleton)
     missing = [] if known.joints("thigh", "shank", "foot") else ["legs"]
-    label_of_group = {
-        "upper": "upper body",
-        "torso": "torso",
-        "head": "neck or head",
-        "arms": "arms",
-        "larm": "left arm",
-        "rarm": "right arm",
-    }
-    missing += [
-        label for group, label in label_of_group.items() if group in found and not found[group]
-    ]
+    missing += [label for group, label in _LABELS.items() if not found.get(group, [True])]
     if missing:
         raise ValueError(
             f"preset {preset!r} needs {' and '.join(missing)}, found none among the joints "
             f"{join_names(skeleton.names)}; define the groups with JointGroups instead"
         )
-
-
-def _is_encodable(name: str) -> bool:
-    """Return whether a name can be encoded as UTF-8: it has no lone surrogate."""
-    return not any("\ud800" <= letter <= "\udfff" for letter in name)

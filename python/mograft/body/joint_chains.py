@@ -1,13 +1,13 @@
 """`JointChains`: the hierarchy as chains of joints between branchings, left and right as one."""
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Hashable
 from dataclasses import dataclass
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.body.anatomy import anatomy, feature_joints
-from mograft.body.hierarchy import subtree_mask
 from mograft.body.joint_names import LEG
 from mograft.body.mass import mass_model, mean_world_positions, up_axis, up_sign
 from mograft.motion import rotations
@@ -42,42 +42,38 @@ class JointChains:
         """Return the chains of a skeleton."""
         known = anatomy(skeleton)
         compared = {0, *feature_joints(skeleton, np.arange(skeleton.n_joints)).tolist()}
-        above = _compared_parents(skeleton, compared)
-        n_children = np.bincount(
-            [above[joint] for joint in compared if joint], minlength=skeleton.n_joints
-        )
-        nodes: dict[tuple[tuple[object, ...], int], list[int]] = {}
+        above: list[int] = []  # nearest compared ancestor of each joint; -1 for the root
+        for parent in skeleton.parents.tolist():
+            above.append(parent if parent < 0 or parent in compared else above[parent])
+        n_children = Counter(above[joint] for joint in compared)
+        nodes: dict[tuple[Hashable, int], list[int]] = {}
         parents: list[int] = []
-        chains: list[tuple[object, ...]] = []
         # Of each joint: the key of its chain, and its position in the chain.
-        place: dict[int, tuple[tuple[object, ...], int]] = {}
+        place: dict[int, tuple[Hashable, int]] = {}
         node_of_joint = np.zeros(skeleton.n_joints, np.int64)
-        ranks: dict[tuple[object, ...], int] = {}
-        for joint in range(skeleton.n_joints):
-            parent = above[joint]
+        ranks: Counter[Hashable] = Counter()
+        for joint, parent in enumerate(above):
+            node = int(node_of_joint[parent]) if parent >= 0 else -1
             if joint not in compared:
-                node_of_joint[joint] = node_of_joint[parent]
+                node_of_joint[joint] = node
                 continue
             if parent >= 0 and n_children[parent] == 1:
                 chain, position = place[parent]
                 place[joint] = chain, position + 1
             else:
-                node = int(node_of_joint[parent]) if parent >= 0 else -1
-                key = (node, known.parts[joint], known.sides[joint])
-                rank = ranks[key] = ranks.get(key, -1) + 1
-                place[joint] = (*key[:2], bool(key[2]), rank), 0
+                part, side = known.parts[joint], known.sides[joint]
+                place[joint] = (node, part, bool(side), ranks[node, part, side]), 0
+                ranks[node, part, side] += 1
             if place[joint] not in nodes:
-                nodes[place[joint]] = []
-                parents.append(int(node_of_joint[parent]) if parent >= 0 else -1)
-                chains.append(place[joint][0])
-            nodes[place[joint]].append(joint)
+                parents.append(node)
+            nodes.setdefault(place[joint], []).append(joint)
             node_of_joint[joint] = list(nodes).index(place[joint])
-        numbers = {chain: number for number, chain in enumerate(dict.fromkeys(chains))}
+        chains = list(dict.fromkeys(chain for chain, _ in nodes))
         return cls(
             skeleton=skeleton,
-            nodes=tuple(tuple(joints) for joints in nodes.values()),
+            nodes=tuple(map(tuple, nodes.values())),
             parents=np.array(parents, np.int64),
-            chains=np.array([numbers[chain] for chain in chains], np.int64),
+            chains=np.array([chains.index(chain) for chain, _ in nodes], np.int64),
             node_of_joint=node_of_joint,
         )
 
@@ -98,31 +94,17 @@ class JointChains:
         shape (n_joints,), marks. A chain must also be in the base group if all of its joints belong
         to the pelvis or to no body part.
         """
-        skeleton = self.skeleton
-        known = anatomy(skeleton)
-        carriers = set(skeleton.ancestors(known.hips))
-        required = {known.hips, *carriers}
-        for joint in known.joints(*LEG):
-            required |= set(skeleton.ancestors(joint)) - set(known.joints(*LEG))
-        below_hips = subtree_mask(skeleton, [known.hips])
-        is_required = supports | ~below_hips
+        skeleton, known = self.skeleton, anatomy(self.skeleton)
+        legs = known.joints(*LEG)
+        leg_ancestors = {above for joint in legs for above in skeleton.ancestors(joint)}
+        required = {known.hips, *skeleton.ancestors(known.hips), *(leg_ancestors - set(legs))}
+        is_required = supports | ~skeleton.subtree_mask([known.hips])
         is_required[list(required)] = True
         found = np.zeros(self.n_chains, bool)
         found[self.chains[self.node_of_joint[is_required]]] = True
-        is_beyond = np.zeros(self.n_chains, bool)
-        for joints, chain in zip(self.nodes, self.chains, strict=True):
-            is_beyond[chain] |= known.parts[joints[0]] not in ("pelvis", "other")
-        found |= ~is_beyond
+        is_limb = [known.parts[joints[0]] not in ("pelvis", "other") for joints in self.nodes]
+        found[np.setdiff1d(self.chains, self.chains[is_limb])] = True
         return found
-
-
-def _compared_parents(skeleton: Skeleton, compared: Iterable[int]) -> list[int]:
-    """Return the nearest compared ancestor of each joint; -1 for the root."""
-    kept = set(compared)
-    found: list[int] = []
-    for parent in skeleton.parents.tolist():
-        found.append(parent if parent < 0 or parent in kept else found[parent])
-    return found
 
 
 def support_shares(motion: Motion) -> FloatArray:

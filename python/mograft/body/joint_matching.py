@@ -15,13 +15,8 @@ from mograft.motion.skeleton import Skeleton
 _LIMB_PARTS = ("thigh", "shank", "foot", "upper_arm", "forearm", "hand")
 """Parts of which at least half of the joints must have a counterpart."""
 
-_FINGERS = (
-    ("thumb", r"thumb"),
-    ("index", r"index"),
-    ("middle", r"mid"),
-    ("ring", r"ring"),
-    ("little", r"pink|little"),
-)
+_FINGERS = ("thumb", "index", "mid", "ring", "pink|little")
+"""Patterns of the names of the fingers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +46,9 @@ def match_joints(skeleton: Skeleton, other: Skeleton, name: str = "a skeleton") 
     SkeletonMismatchError, which calls the other skeleton `name`, if fewer than half of the joints
     of arms and legs have a counterpart.
     """
-    own, theirs = anatomy(skeleton), anatomy(other)
-    own_chains, other_chains = _chains(skeleton, own), _chains(other, theirs)
+    own, other_chains = anatomy(skeleton), _chains(other, anatomy(other))
     sources = np.full(skeleton.n_joints, -1)
-    for key, chain in own_chains.items():
+    for key, chain in _chains(skeleton, own).items():
         for joint, source in _pair(chain, other_chains.get(key, []), key):
             sources[joint] = source
     _drop_reversed(skeleton, other, sources)
@@ -76,13 +70,8 @@ def _chains(skeleton: Skeleton, known: Anatomy) -> dict[Hashable, list[int]]:
 
     Each joint of the face and each joint outside the body is a chain of its own.
     """
-    above_hips = skeleton.ancestors(known.hips)
-    carried = {
-        above
-        for joint, part in enumerate(known.parts)
-        if part in (*ARM, "neck", "head")
-        for above in skeleton.ancestors(joint)
-    }
+    above_hips, upper = skeleton.ancestors(known.hips), known.joints(*ARM, "neck", "head")
+    carried = {above for joint in upper for above in skeleton.ancestors(joint)}
     chains: dict[Hashable, list[int]] = {"above the hips": list(above_hips), "hips": [known.hips]}
     for joint, (part, side) in enumerate(zip(known.parts, known.sides, strict=True)):
         if joint in above_hips or joint == known.hips:
@@ -111,9 +100,8 @@ def _pair(chain: Sequence[int], other: Sequence[int], key: Hashable) -> list[tup
         ranks = [len(long) - 1 if is_trunk else 0]
     else:
         ranks = [round(rank * (len(long) - 1) / (len(short) - 1)) for rank in range(len(short))]
-    if chain is short:
-        return [(joint, other[rank]) for joint, rank in zip(chain, ranks, strict=True)]
-    return [(chain[rank], joint) for joint, rank in zip(other, ranks, strict=True)]
+    pairs = [(joint, long[rank]) for joint, rank in zip(short, ranks, strict=True)]
+    return pairs if chain is short else [(b, a) for a, b in pairs]
 
 
 def _drop_reversed(skeleton: Skeleton, other: Skeleton, sources: IntArray) -> None:
@@ -126,8 +114,8 @@ def _drop_reversed(skeleton: Skeleton, other: Skeleton, sources: IntArray) -> No
 
 
 def _finger(name: str) -> str:
-    """Return the finger that a name means, or ""."""
-    return next((kind for kind, word in _FINGERS if re.search(word, name.casefold())), "")
+    """Return the pattern of the finger that a name means, or ""."""
+    return next((pattern for pattern in _FINGERS if re.search(pattern, name.casefold())), "")
 
 
 def _plain_name(name: str) -> str:

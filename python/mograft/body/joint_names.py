@@ -32,17 +32,11 @@ _WORDS_OF_PART = (
     ("clavicle", "clavicle collar scapula"),
     ("leg", "leg"),
     ("shoulder", "shoulder shldr"),
-    (
-        "head",
-        "head skull cranium face jaw eye eyes eyeball eyelid brow ear ears nose mouth lip lips"
-        " tongue teeth chin cheek hair muzzle snout beak",
-    ),
+    ("head", "head skull cranium face jaw eye eyes eyeball eyelid brow ear ears nose mouth lip"),
+    ("head", "lips tongue teeth chin cheek hair muzzle snout beak"),
     ("neck", "neck atlas"),
-    (
-        "trunk",
-        "spine chest torso abdomen back waist belly stomach thorax rib ribs ribcage sternum"
-        " lumbar breast pectoral pectorals pec",
-    ),
+    ("trunk", "spine chest torso abdomen back waist belly stomach thorax rib ribs ribcage"),
+    ("trunk", "sternum lumbar breast pectoral pectorals pec"),
     ("pelvis", "hips pelvis buttock sacrum"),
     ("hip", "hip"),
 )
@@ -126,16 +120,12 @@ def _split(run: str) -> tuple[str, ...]:
     """
     if run in _SIDE_OF_WORD:
         return (run,)
-    none: tuple[str, ...] = ()
-    options = [(none, run, none)]
-    if run[0] in _SIDE_OF_WORD:
-        options.append(((run[0],), run[1:], none))
-    if run[-1] in _SIDE_OF_WORD:
-        options.append((none, run[:-1], (run[-1],)))
-    for first, stem, last in options:
-        words = _cover(stem)
-        if words:
-            return (*first, *words, *last)
+    if words := _cover(run):
+        return words
+    if run[0] in _SIDE_OF_WORD and (words := _cover(run[1:])):
+        return (run[0], *words)
+    if run[-1] in _SIDE_OF_WORD and (words := _cover(run[:-1])):
+        return (*words, run[-1])
     return ()
 
 

@@ -6,7 +6,6 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from mograft._util.arrays import FloatArray
-from mograft.body.hierarchy import unbranched_chain
 from mograft.body.joint_names import ARM, LEG
 from mograft.motion.skeleton import Skeleton
 
@@ -20,8 +19,7 @@ def recognise_structure(skeleton: Skeleton) -> tuple[list[str], list[str]]:
     A joint with the part ``""`` has the part of its parent. A side is ``"left"``, ``"right"`` or
     ``""``.
     """
-    n_joints = skeleton.n_joints
-    parts, sides = [""] * n_joints, [""] * n_joints
+    parts, sides = [""] * skeleton.n_joints, [""] * skeleton.n_joints
     shape = _Shape.from_skeleton(skeleton)
     pairs, axis = _mirrored_pairs(shape)
     longest = max((shape.length(a) for a, _ in pairs), default=0.0)
@@ -42,11 +40,18 @@ def recognise_structure(skeleton: Skeleton) -> tuple[list[str], list[str]]:
     for a, b in pairs:
         gap = shape.middle[a] - shape.middle[b]
         a_is_left = (gap[np.argmax(np.abs(gap))] if left is None else gap @ left) >= 0
-        for joint in shape.subtree[a]:
-            sides[joint] = "left" if a_is_left else "right"
-        for joint in shape.subtree[b]:
-            sides[joint] = "right" if a_is_left else "left"
+        for first, side in zip((a, b) if a_is_left else (b, a), ("left", "right"), strict=True):
+            for joint in shape.subtree[first]:
+                sides[joint] = side
     return parts, sides
+
+
+def unbranched_chain(skeleton: Skeleton, first: int) -> list[int]:
+    """Return the joints from `first` down to the first leaf or joint with several children."""
+    chain = [first]
+    while len(skeleton.children[chain[-1]]) == 1:
+        chain += skeleton.children[chain[-1]]
+    return chain
 
 
 @dataclass(frozen=True)
@@ -73,14 +78,7 @@ class _Shape:
             subtree[parent] += subtree[joint]
             reach[parent] = max(reach[parent], lengths[joint] + reach[joint])
         middle = np.array([positions[joints].mean(axis=0) for joints in subtree])
-        return cls(
-            skeleton=skeleton,
-            positions=positions,
-            subtree=subtree,
-            middle=middle,
-            reach=reach,
-            tips=tips,
-        )
+        return cls(skeleton, positions, subtree, middle, reach=reach, tips=tips)
 
     def length(self, joint: int) -> float:
         """Return the length of the longest path from the parent of `joint` down through `joint`."""
@@ -100,9 +98,7 @@ def _mirrored_pairs(shape: _Shape) -> tuple[list[tuple[int, int]], list[int]]:
     axis = [0]
     for joint in axis:  # the loop extends the list
         children = shape.skeleton.children[joint]
-        limbs = children
-        if len(children) > _MAX_LIMBS:
-            limbs = tuple(sorted(sorted(children, key=shape.length)[-_MAX_LIMBS:]))
+        limbs = sorted(sorted(children, key=shape.length)[-_MAX_LIMBS:])
         scores = sorted(
             (score, a, b)
             for a, b in combinations(limbs, 2)

@@ -6,13 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, make_read_only, set_fields
+from mograft._util.arrays import BoolArray, FloatArray, make_read_only, set_fields
 from mograft._util.memo import remember
 from mograft._util.validate import check_choice
 from mograft.body.anatomy import Anatomy, anatomy
-from mograft.body.hierarchy import subtree_mask
 from mograft.body.joint_names import ARM, LEG
-from mograft.body.segment_masses import COLUMNS_OF_SEX, de_leva_masses, rod_masses
 from mograft.config import CHOICES
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -22,6 +20,39 @@ from mograft.motion.skeleton import Skeleton
 # means over human skeletons of several sources. The two single lengths have a standard deviation
 # of 0.04.
 _LEGS_AND_HEAD, _LEGS, _HEAD = 0.87, 0.525, 0.345
+# de Leva 1996, with hips and neck as the proximal ends of trunk and head. Mass in % of body mass,
+# then centre of mass from the proximal end and transverse radius of gyration, both in % of
+# segment length; each (male, female).
+_DE_LEVA = {
+    "head": ((6.94, 6.68), (50.0, 51.6), (31.5, 29.5)),
+    "trunk": ((43.46, 42.57), (48.6, 50.4), (30.6, 29.2)),
+    "upper_arm": ((2.71, 2.55), (57.7, 57.5), (26.9, 26.0)),
+    "forearm": ((1.62, 1.38), (45.7, 45.6), (26.5, 25.7)),
+    "hand": ((0.61, 0.56), (36.2, 34.3), (23.5, 20.8)),
+    "thigh": ((14.16, 14.78), (41.0, 36.1), (32.9, 36.4)),
+    "shank": ((4.33, 4.81), (44.0, 43.5), (24.6, 26.3)),
+    "foot": ((1.37, 1.29), (44.2, 40.1), (24.5, 27.9)),
+}
+# The segment to which the mass of a segment without joints is added.
+_FALLBACK_SEGMENT = {
+    "head": "trunk",
+    "hand": "forearm",
+    "forearm": "upper_arm",
+    "upper_arm": "trunk",
+    "foot": "shank",
+    "shank": "thigh",
+    "thigh": "trunk",
+}
+_SEGMENT_OF_PART = {
+    "pelvis": "trunk",
+    "clavicle": "trunk",
+    "tail": "trunk",
+    "neck": "head",
+    "finger": "hand",
+    "toe": "foot",
+}
+# Uniform rod about its middle: radius of gyration 1 / sqrt(12).
+_ROD_CENTER, _ROD_GYRATION = 0.5, 0.289
 
 
 @dataclass(frozen=True)
@@ -50,8 +81,7 @@ class MassModel:
     unmatched: tuple[str, ...]  # joints whose names are unknown
 
     def __post_init__(self) -> None:
-        for array in (self.mass, self.bone, self.center, self.gyration):
-            make_read_only(array)
+        set_fields(self, vars(self).copy())
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         set_fields(self, state)
@@ -72,19 +102,16 @@ class MassModel:
         return moments
 
 
-def mass_model(skeleton: Skeleton, *, sex: str = "mean") -> MassModel:
+def mass_model(skeleton: Skeleton) -> MassModel:
     """Return the mass model, stature and feet of a skeleton.
 
-    Humans with known joint names have the masses of de Leva, Journal of Biomechanics 29 (1996), for
-    the given sex: ``"female"``, ``"male"`` or their ``"mean"``. If a body part has several joints,
-    its mass is divided in proportion to bone length, and each bone is a uniform rod. The mass of a
-    part without joints is added to the next part towards the trunk. Joints of the face, markers and
-    ancestors of the hips have mass 0. In other skeletons each bone is a uniform rod with mass
-    proportional to its length.
+    Humans with known joint names have the masses of de Leva, Journal of Biomechanics 29 (1996), the
+    means of men and women. If a body part has several joints, its mass is divided in proportion to
+    bone length, and each bone is a uniform rod. The mass of a part without joints is added to the
+    next part towards the trunk. Joints of the face, markers and ancestors of the hips have mass 0.
+    In other skeletons each bone is a uniform rod with mass proportional to its length.
     """
-    if sex not in COLUMNS_OF_SEX:
-        raise ValueError(f"`sex` must be one of {', '.join(COLUMNS_OF_SEX)}, got {sex!r}")
-    return _cached_mass_model(_SkeletonKey.of(skeleton), sex)
+    return _cached_mass_model(_SkeletonKey.of(skeleton))
 
 
 @dataclass(frozen=True)
@@ -103,7 +130,7 @@ class _SkeletonKey:
 
 # Called several times per clip; the clips of one actor share their bones.
 @lru_cache(maxsize=64)
-def _cached_mass_model(key: _SkeletonKey, sex: str) -> MassModel:
+def _cached_mass_model(key: _SkeletonKey) -> MassModel:
     skeleton = key.skeleton
     known = anatomy(skeleton)
     bone = _bone_vectors(skeleton, known)
@@ -112,14 +139,13 @@ def _cached_mass_model(key: _SkeletonKey, sex: str) -> MassModel:
     has_mass[list(known.details)] = False
     limbs = [(p, s) for p, s in zip(known.parts, known.sides, strict=True) if p in ARM + LEG]
     if known.human and all(side for _, side in limbs):
-        model = "de Leva"
-        mass, center, gyration = de_leva_masses(known, lengths, has_mass, COLUMNS_OF_SEX[sex])
+        model, (mass, center, gyration) = "de Leva", _de_leva_masses(known, lengths, has_mass)
     else:
-        model = "rods"
-        mass, center, gyration = rod_masses(lengths, has_mass)
+        model, (mass, center, gyration) = "rods", _rod_masses(lengths, has_mass)
     head = next(iter(known.joints("head") or known.joints("neck")[::-1]), None)
     feet = _feet(skeleton, known)
     height, height_from = _height(skeleton, known.hips, head, feet)
+    unmatched = tuple(skeleton.names[joint] for joint in known.unmatched)
     return MassModel(
         model=model,
         height=height,
@@ -131,7 +157,7 @@ def _cached_mass_model(key: _SkeletonKey, sex: str) -> MassModel:
         hips=known.hips,
         head=head,
         feet=feet,
-        unmatched=tuple(skeleton.names[joint] for joint in known.unmatched),
+        unmatched=unmatched,
     )
 
 
@@ -148,20 +174,17 @@ def moments_of_inertia(body: MassModel, skeleton: Skeleton, inertia: str = "own"
     if inertia == "own":
         return body.inertia
     lengths = np.linalg.norm(body.bone, axis=1)
-    below_hips = subtree_mask(skeleton, [body.hips])
+    below_hips = skeleton.subtree_mask([body.hips])
     if inertia == "unit":
         return np.where(below_hips & (lengths > 0), 1.0, 0.0)
     joints = skeleton.rest_positions()
     centers = joints + body.bone * body.center[:, None]
     # Sum mass, first and second moments from the leaves upwards, then shift to the joint.
-    mass = body.mass.copy()
-    first = body.mass[:, None] * centers
+    mass, first = body.mass.copy(), body.mass[:, None] * centers
     second = body.mass * ((centers**2).sum(axis=1) + (body.gyration * lengths) ** 2)
     for joint in range(skeleton.n_joints - 1, 0, -1):
-        parent = skeleton.parents[joint]
-        mass[parent] += mass[joint]
-        first[parent] += first[joint]
-        second[parent] += second[joint]
+        for moment in (mass, first, second):
+            moment[skeleton.parents[joint]] += moment[joint]
     moments = second - 2 * (first * joints).sum(axis=1) + mass * (joints**2).sum(axis=1)
     return np.where(below_hips, np.maximum(moments, 0.0), 0.0) / body.height**2
 
@@ -217,8 +240,56 @@ def up_sign(skeleton: Skeleton, heights: FloatArray) -> float:
     """
     found = mass_model(skeleton)
     low = [foot.ankle for foot in found.feet] or [found.hips]
-    high = found.head if found.head is not None else found.hips
+    high = found.hips if found.head is None else found.head
     return -1.0 if heights[high] < heights[low].mean() else 1.0
+
+
+def _rod_masses(
+    lengths: FloatArray, has_mass: BoolArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return mass, centre of mass and radius of gyration of each bone as a uniform rod.
+
+    Masses are proportional to the lengths and sum to 1; if all lengths are 0, they are equal.
+    Joints without `has_mass` have mass 0. Centres, from the joint, and radii are in bone lengths.
+    """
+    weights = np.where(has_mass, lengths, 0.0)
+    total = float(weights.sum())
+    mass = weights / total if total > 0 else has_mass / max(int(has_mass.sum()), 1)
+    return mass, np.full(len(lengths), _ROD_CENTER), np.full(len(lengths), _ROD_GYRATION)
+
+
+def _de_leva_masses(
+    known: Anatomy, lengths: FloatArray, has_mass: BoolArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return mass, centre of mass and radius of gyration of each bone from de Leva's table.
+
+    The arrays have the form of those that `_rod_masses` returns. If a body segment has several
+    bones, its mass is divided in proportion to their lengths, and their centres and radii are those
+    of uniform rods.
+    """
+    members: dict[tuple[str, str], list[int]] = {}
+    for joint, (part, side) in enumerate(zip(known.parts, known.sides, strict=True)):
+        if has_mass[joint]:
+            segment = _SEGMENT_OF_PART.get(part, part)
+            is_central = segment in ("head", "trunk")
+            members.setdefault((segment, "" if is_central else side), []).append(joint)
+    segment_mass = dict.fromkeys(members, 0.0)
+    for segment, (mass_percent, _, _) in _DE_LEVA.items():
+        for side in ("",) if segment in ("head", "trunk") else ("left", "right"):
+            receiver = segment
+            while (key := (receiver, "" if receiver == "trunk" else side)) not in members:
+                receiver = _FALLBACK_SEGMENT[receiver]
+            segment_mass[key] += float(np.mean(mass_percent))
+    mass = np.zeros(len(lengths))
+    _, center, gyration = _rod_masses(lengths, has_mass)
+    for (segment, side), joints in members.items():
+        is_member = np.isin(np.arange(len(lengths)), joints)
+        mass += segment_mass[segment, side] * _rod_masses(lengths, is_member)[0]
+        bones = [joint for joint in joints if lengths[joint] > 0]
+        if len(bones) == 1:
+            _, centers, gyrations = _DE_LEVA[segment]
+            center[bones[0]], gyration[bones[0]] = np.mean([centers, gyrations], axis=1) / 100
+    return mass / mass.sum(), center, gyration
 
 
 def _bone_vectors(skeleton: Skeleton, known: Anatomy) -> FloatArray:
@@ -254,16 +325,9 @@ def _feet(skeleton: Skeleton, known: Anatomy) -> tuple[Foot, ...]:
     """Return the feet, left before right, each with its ankle and the joint at its ball."""
     lengths = np.linalg.norm(skeleton.offsets, axis=1)
     feet = []
-    for ankle in known.joints("foot"):
-        parent = int(skeleton.parents[ankle])
-        if parent >= 0 and known.parts[parent] == "foot":
-            continue
-        is_below = subtree_mask(skeleton, [ankle])
-        toes = [
-            joint
-            for joint in known.joints("toe")
-            if is_below[joint] and known.parts[skeleton.parents[joint]] != "toe"
-        ]
+    for ankle in known.highest("foot", skeleton):
+        is_below = skeleton.subtree_mask([ankle])
+        toes = [joint for joint in known.highest("toe", skeleton) if is_below[joint]]
         toe = max(toes, key=lambda t: (len(skeleton.children[t]), lengths[t]), default=None)
         feet.append(Foot(known.sides[ankle], ankle, toe))
     return tuple(sorted(feet, key=lambda foot: (foot.side != "left", foot.side, foot.ankle)))
@@ -282,24 +346,15 @@ def _height(
     upper = _path(skeleton, hips, head) if head is not None else 0.0
     if leg > 0 and upper > 0:
         return (leg + upper) / _LEGS_AND_HEAD, "legs and head"
-    if leg > 0:
-        return leg / _LEGS, "legs"
-    if upper > 0:
-        return upper / _HEAD, "head"
-    longest = _longest_path(skeleton)
-    return (longest, "longest path") if longest > 0 else (1.0, "nothing")
-
-
-def _longest_path(skeleton: Skeleton) -> float:
-    """Return the length of the longest path between two joints along the bones."""
-    reach = np.zeros(skeleton.n_joints)
-    longest = 0.0
+    if leg > 0 or upper > 0:
+        return (leg / _LEGS, "legs") if leg > 0 else (upper / _HEAD, "head")
+    reach, longest = np.zeros(skeleton.n_joints), 0.0
     for joint in range(skeleton.n_joints - 1, 0, -1):
         parent = skeleton.parents[joint]
         length = float(np.linalg.norm(skeleton.offsets[joint])) + reach[joint]
         longest = max(longest, reach[parent] + length)
         reach[parent] = max(reach[parent], length)
-    return longest
+    return (longest, "longest path") if longest > 0 else (1.0, "nothing")
 
 
 def _path(skeleton: Skeleton, a: int, b: int) -> float:

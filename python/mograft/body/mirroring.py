@@ -28,27 +28,19 @@ def partners(skeleton: Skeleton) -> IntArray:
     the other. A joint in the middle is its own partner. Raises ValueError if a joint has no
     partner.
     """
-    known = anatomy(skeleton)
-    found = np.zeros(skeleton.n_joints, np.int64)
-
-    def matching_children(parent: int, part: str, side: str) -> list[int]:
-        return [
-            child
-            for child in skeleton.children[parent]
-            if (known.parts[child], known.sides[child]) == (part, side)
-        ]
-
+    known, found = anatomy(skeleton), np.zeros(skeleton.n_joints, np.int64)
+    kinds = list(zip(known.parts, known.sides, strict=True))
     for joint, parent in enumerate(skeleton.parents.tolist()):
         if parent < 0:
             continue
-        part, side = known.parts[joint], known.sides[joint]
-        siblings = matching_children(parent, part, side)
-        counterparts = matching_children(int(found[parent]), part, OPPOSITE_SIDE[side])
+        part, side = kinds[joint]
+        siblings = [j for j in skeleton.children[parent] if kinds[j] == (part, side)]
+        opposite = part, OPPOSITE_SIDE[side]
+        counterparts = [j for j in skeleton.children[found[parent]] if kinds[j] == opposite]
         if len(siblings) != len(counterparts):
-            raise ValueError(
-                f"to mirror a skeleton, every left or right joint must have a partner on the other "
-                f"side; {skeleton.names[joint]} or one of its siblings has none"
-            )
+            expected = "every left or right joint must have a partner on the other side"
+            got = f"{skeleton.names[joint]} or one of its siblings has none"
+            raise ValueError(f"to mirror a skeleton, {expected}; {got}")
         found[joint] = counterparts[siblings.index(joint)]
     return found
 
@@ -210,15 +202,14 @@ def _partner_frames(motion: Motion, pair: IntArray, axis: int, tolerance: float)
         if not fits.any():
             worst = children[int(distance[distance.max(axis=1).argmin()].argmax())]
             name, partner = skeleton.names[worst], skeleton.names[pair[worst]]
-            raise ValueError(
-                f"bones must be symmetric to be mirrored, but the offset of {name} is not "
-                + ("in the mirror plane" if name == partner else f"the mirror image of {partner}'s")
-            )
+            image_of = f"the mirror image of {partner}'s"
+            wanted = "in the mirror plane" if name == partner else image_of
+            text = f"bones must be symmetric to be mirrored, but the offset of {name} is not"
+            raise ValueError(f"{text} {wanted}")
         to_partner = rotations.multiply(image[joint], frame[hub])
         expected = rotations.multiply(to_partner, mean[pair[joint]])
         # The hips have no reference pose: the first candidate of smallest distance is taken.
-        at_hub = joint == hub
-        cost = distance.sum(axis=1) if at_hub else rotations.angle(turns, expected)
+        cost = distance.sum(axis=1) if joint == hub else rotations.angle(turns, expected)
         frame[joint] = turns[int(np.where(fits, cost, np.inf).argmin())]
     return frame
 
@@ -229,8 +220,7 @@ def _cube_rotations() -> FloatArray:
     axes = rotations.from_euler(np.indices((4, 4, 4)).reshape(3, -1).T * (np.pi / 2), "ZYX")
     found: list[FloatArray] = []
     for quat in axes:
-        if all(rotations.angle(quat, other) > 1.0 for other in found):
-            found.append(quat)
+        found += [quat] if all(rotations.angle(quat, other) > 1.0 for other in found) else []
     return np.array(found)
 
 

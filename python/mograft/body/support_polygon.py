@@ -4,6 +4,7 @@ Lengths of the foot are those of an average adult, as multiples of the skeleton 
 """
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -154,10 +155,8 @@ def support_polygons(motion: Motion, *, floor_reference: Motion | None = None) -
     """
     ground = Ground.below(motion, floor_reference)
     if not ground.limbs:
-        raise InsufficientDataError(
-            "balance needs legs, but no leg is known among the joints "
-            f"{join_names(motion.skeleton.names)}"
-        )
+        names = f"among the joints {join_names(motion.skeleton.names)}"
+        raise InsufficientDataError(f"balance needs legs, but no leg is known {names}")
     axes = horizontal_axes(ground.up)
     touches, corners, carries = _soles(motion, ground)
     hulls = [convex_hull(points[is_used]) for points, is_used in zip(corners, carries, strict=True)]
@@ -221,10 +220,8 @@ def support_extents(
     axes = horizontal_axes(ground.up)
     for start in range(0, len(frames), _FRAMES_PER_BATCH):
         batch = slice(start, start + _FRAMES_PER_BATCH)
-        own = frames[batch]
-        poses = Motion(
-            motion.skeleton, motion.frame_time, motion.rotations[own], motion.positions[own]
-        )
+        quats, places = (own[frames[batch]] for own in (motion.rotations, motion.positions))
+        poses = Motion(motion.skeleton, motion.frame_time, quats, places)
         _, corners, carries = _soles(poses, ground)
         along = corners @ directions[batch][..., axes].swapaxes(1, 2)
         along[~carries] = -np.inf
@@ -274,11 +271,8 @@ def _sole_corners(
     tip_length = np.maximum(_FOOT_LENGTH * height - joint_distance, 0.0)
     heel, tip = ankle - _HEEL_LENGTH * height * ahead, toe + tip_length[:, None] * ahead
     edges = ((heel, _BALL_HALF_WIDTH), (toe, _BALL_HALF_WIDTH), (tip, _TIP_HALF_WIDTH))
-    corners = [
-        center + side * half_width * sideways
-        for center, half_width in edges
-        for side in (1.0, -1.0)
-    ]
+    pairs = product(edges, (1.0, -1.0))
+    corners = [center + side * width * sideways for (center, width), side in pairs]
     carries = [touches[:, 0], touches.any(axis=1), touches[:, 1]]
     return np.stack(corners, axis=1), np.repeat(np.stack(carries, axis=1), 2, axis=1)
 

@@ -17,19 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, as_floats, make_read_only, set_fields
-from mograft._util.validate import is_integer
-from mograft.dancer.plan import (
-    Plan,
-    StrArray,
-    make_clock,
-    make_foot,
-    make_pelvis,
-    make_plan,
-    make_route,
-)
-from mograft.dancer.pose import arm_pose, leg_pose, trunk_pose
-from mograft.dancer.skeleton import INDEX, JOINTS, OFFSETS, make_skeleton
+from mograft._util.arrays import BoolArray, FloatArray, as_floats, set_fields
+from mograft._util.validate import as_integer
+from mograft.dancer.plan import Plan, StrArray, make_clock, make_foot, make_plan, make_route
+from mograft.dancer.pose import arm_pose, leg_pose, pelvis_pose, trunk_pose
+from mograft.dancer.skeleton import INDEX, OFFSETS, make_skeleton
 from mograft.dancer.styles import ARM_PATTERNS, LEG_STYLES
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -60,8 +52,7 @@ class Dance:
     stance: BoolArray
 
     def __post_init__(self) -> None:
-        for array in (self.legs, self.arms, self.phase, self.stance):
-            make_read_only(array)
+        set_fields(self, vars(self).copy())
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         set_fields(self, state)
@@ -94,10 +85,11 @@ class Dance:
         if not 1 <= n <= len(self):
             raise ValueError(f"`n` must be 1 to {len(self)}, the number of frames, got {n}")
         bounds = np.linspace(0, len(self), n + 1).round().astype(int)
-        clips = [self[start:stop] for start, stop in pairwise(bounds)]
+        clips = (self[start:stop] for start, stop in pairwise(bounds))
+        names = (f"{self.motion.name}_{number}" for number in range(1, n + 1))
         return tuple(
-            replace(clip, motion=replace(clip.motion, name=f"{self.motion.name}_{number}"))
-            for number, clip in enumerate(clips, start=1)
+            replace(clip, motion=replace(clip.motion, name=name))
+            for clip, name in zip(clips, names, strict=True)
         )
 
 
@@ -121,9 +113,11 @@ def dance(seed: int | np.random.Generator = 0, *, rate: float = 30.0, strides: i
 
     Raises
     ------
-    TypeError, ValueError
+    ValueError
         If the seed is neither a non-negative integer nor a generator, the rate is not above 0,
         or `strides` is not a positive integer.
+    TypeError
+        If the rate is not a number.
 
     Examples
     --------
@@ -136,54 +130,33 @@ def dance(seed: int | np.random.Generator = 0, *, rate: float = 30.0, strides: i
     >>> first.motion.name
     'dance_1'
     """
-    generator = _generator(seed)
-    frames_per_second = float(as_floats("rate", rate, ()))
-    if frames_per_second <= 0:
-        raise ValueError(f"`rate` must be above 0 frames per second, got {frames_per_second}")
-    if not is_integer(strides):
-        raise TypeError(f"`strides` must be a whole number, got {strides!r}")
-    if strides < 1:
-        raise ValueError(f"`strides` must be 1 or more, got {strides}")
-
-    return perform(make_plan(generator, int(strides)), frames_per_second)
+    rng = seed
+    if not isinstance(rng, np.random.Generator):
+        rng = np.random.default_rng(as_integer("seed", rng))
+    rate = float(as_floats("rate", rate, ()))
+    if rate <= 0:
+        raise ValueError(f"`rate` must be above 0 frames per second, got {rate}")
+    return perform(make_plan(rng, as_integer("strides", strides, 1)), rate)
 
 
 def perform(plan: Plan, rate: float) -> Dance:
     """Return the dance of a plan at `rate` frames per second."""
-    clock = make_clock(plan, rate)
-    route = make_route(plan)
+    clock, route = make_clock(plan, rate), make_route(plan)
     feet = [make_foot(plan, route, clock, side) for side in (0, 1)]
-    pelvis, pelvis_positions = make_pelvis(plan, route, clock, feet)
-
-    quats = np.empty((len(clock), len(JOINTS), 4))
-    quats[:, 0] = pelvis
-    spine = INDEX["Spine"]
-    quats[:, spine : spine + 3] = trunk_pose(plan, route, clock, pelvis)
+    pelvis, pelvis_positions = pelvis_pose(plan, route, clock, feet)
+    trunk = trunk_pose(plan, route, clock, pelvis)
+    quats = np.empty((len(clock), len(OFFSETS), 4))
+    quats[:, 0], quats[:, INDEX["Spine"] : INDEX["Spine"] + 3] = pelvis, trunk
     for side, name in enumerate(("Left", "Right")):
         hip, shoulder = INDEX[f"{name}UpLeg"], INDEX[f"{name}Shoulder"]
         quats[:, hip : hip + 3] = leg_pose(pelvis, pelvis_positions, feet[side], OFFSETS[hip])
-        quats[:, shoulder : shoulder + 4] = arm_pose(plan, clock, quats[:, spine], side)
+        quats[:, shoulder : shoulder + 4] = arm_pose(plan, clock, trunk[:, 0], side)
     quats /= np.linalg.norm(quats, axis=-1, keepdims=True)
 
     positions = np.tile(OFFSETS, (len(clock), 1, 1))
     positions[:, 0] = pelvis_positions
     stride = plan.stride(clock)
-    return Dance(
-        Motion(
-            make_skeleton(), 1.0 / rate, rotations.continuous_signs(quats), positions, name="dance"
-        ),
-        plan.legs[stride],
-        plan.arms[stride],
-        clock - stride,
-        np.stack([foot.is_standing for foot in feet], axis=-1),
-    )
-
-
-def _generator(seed: int | np.random.Generator) -> np.random.Generator:
-    if isinstance(seed, np.random.Generator):
-        return seed
-    if not is_integer(seed):
-        raise TypeError(f"`seed` must be a whole number or a numpy.random.Generator, got {seed!r}")
-    if seed < 0:
-        raise ValueError(f"`seed` must be 0 or more, got {seed}")
-    return np.random.default_rng(int(seed))
+    quats = rotations.continuous_signs(quats)
+    motion = Motion(make_skeleton(), 1.0 / rate, quats, positions, name="dance")
+    stance = np.stack([foot.is_standing for foot in feet], axis=-1)
+    return Dance(motion, plan.legs[stride], plan.arms[stride], clock - stride, stance)

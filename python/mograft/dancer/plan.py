@@ -7,18 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.dancer.skeleton import (
-    ANKLE_BACK,
-    ANKLE_HEIGHT,
-    HEEL,
-    INDEX,
-    LEG_REACH,
-    OFFSETS,
-    TOE,
-    TOE_OUT,
-    X,
-    Y,
-)
+from mograft.dancer import skeleton as figure
+from mograft.dancer.skeleton import X, Y
 from mograft.dancer.styles import ARM_JITTER, ARM_PATTERNS, JITTER, LEG_STYLES, LegStyle
 from mograft.motion import rotations
 
@@ -26,6 +16,7 @@ StrArray: TypeAlias = npt.NDArray[np.str_]
 
 # Degrees. At 90 degrees, Euler angles in the order ZYX are singular (gimbal lock).
 _MAX_HEADING = 62.0
+_STEP = ("swing", "push", "heel_off", "strike", "lift")
 _GRID = 256  # nodes per stride of integrated curves
 _FADE = 0.8  # duration of the transition from one stride's values to the next, in strides
 
@@ -97,8 +88,7 @@ def _limit_heading(turns: FloatArray, signs: FloatArray) -> FloatArray:
     following ones is reversed, until `signs` changes.
     """
     signed = turns * signs
-    heading = 0.0
-    direction = 1.0
+    heading, direction = 0.0, 1.0
     for stride in range(len(turns)):
         if stride and signs[stride] != signs[stride - 1]:
             direction = 1.0
@@ -179,26 +169,22 @@ def make_foot(plan: Plan, route: Route, clock: FloatArray, side: int) -> Foot:
     """
     footholds, yaws = _footholds(plan, route, side)
     is_step = (footholds[1:] != footholds[:-1]).any(axis=1)
-    stride = plan.stride(clock)
-    swing = plan.values["swing"][stride]
-    middle = 0.25 + 0.5 * side
+    stride, middle = plan.stride(clock), 0.25 + 0.5 * side
+    swing, push, heel_off, strike, lift = (plan.values[name][stride] for name in _STEP)
     u = ((clock - stride - middle) / swing + 0.5).clip(0, 1)
-
-    push = plan.values["push"][stride]
     progress = _ease((u - push) / (0.92 - push))
     start, stop = footholds[stride], footholds[stride + 1]
     sole = start + progress[:, None] * (stop - start)
     yaw = yaws[stride] + progress * (yaws[stride + 1] - yaws[stride])
-    heel_off, strike, lift = (plan.values[name][stride] for name in ("heel_off", "strike", "lift"))
     pitch = heel_off * _bump(u / (0.58 + push)) - strike * _bump((u - 0.6) / 0.4)
     turned = rotations.from_axis_angle(Y, yaw)
     rolled = rotations.from_axis_angle(X, np.radians(np.where(is_step[stride], pitch, 0.0)))
     pivot = np.zeros_like(sole)
-    pivot[:, 1] = -ANKLE_HEIGHT
-    pivot[:, 2] = TOE + (HEEL - TOE) * _ease((u - 0.4 - push) / 0.35)
+    pivot[:, 1] = -figure.ANKLE_HEIGHT
+    pivot[:, 2] = figure.TOE + (figure.HEEL - figure.TOE) * _ease((u - 0.4 - push) / 0.35)
     ankle = sole + rotations.rotate(turned, pivot - rotations.rotate(rolled, pivot))
     lift = np.where(is_step[stride], lift * _bump((u - push) / (0.98 - push)), 0.0)
-    ankle[:, 1] += ANKLE_HEIGHT + lift
+    ankle[:, 1] += figure.ANKLE_HEIGHT + lift
     is_standing = (u <= 0) | (u >= 1) | ~is_step[stride]
     return Foot(ankle, rotations.multiply(turned, rolled), is_standing)
 
@@ -211,47 +197,16 @@ def _footholds(plan: Plan, route: Route, side: int) -> tuple[FloatArray, FloatAr
     """
     out = 1 - 2 * side
     middles = np.arange(0.0, plan.n_strides + 1) - 0.25 * out
-    width = plan.interpolate("width", middles)
-    beside = np.stack([out * width, np.zeros_like(width), np.full_like(width, -ANKLE_BACK)], -1)
+    beside = np.zeros((len(middles), 3))
+    beside[:, 0], beside[:, 2] = out * plan.interpolate("width", middles), -figure.ANKLE_BACK
     footholds = route.position(middles, beside)
-    yaws = route.heading(middles) + out * TOE_OUT
+    yaws = route.heading(middles) + out * figure.TOE_OUT
     for stride in range(plan.n_strides):
         # A foot stays in place if its step would be shorter than 2 cm and turn less than 4 degrees.
         gap = np.linalg.norm(footholds[stride + 1] - footholds[stride])
         if gap < 2.0 and abs(yaws[stride + 1] - yaws[stride]) < np.radians(4.0):
             footholds[stride + 1], yaws[stride + 1] = footholds[stride], yaws[stride]
     return footholds, yaws
-
-
-def make_pelvis(
-    plan: Plan, route: Route, clock: FloatArray, feet: list[Foot]
-) -> tuple[FloatArray, FloatArray]:
-    """Return rotations and positions of the pelvis, shapes (n_frames, 4) and (n_frames, 3).
-
-    The leg style sets the height of the pelvis; it is lowered where a leg would be too short.
-    """
-    beat = 2 * np.pi * clock
-    twist, roll, lean = (
-        np.radians(plan.interpolate(name, clock)) for name in ("twist", "roll", "lean")
-    )
-    yaw = route.heading(clock) + twist * np.cos(beat)
-    angles = np.stack([yaw, -roll * np.sin(beat), 0.4 * lean], axis=-1)
-    quats = rotations.from_euler(angles, "YZX")
-
-    aside = np.zeros((len(clock), 3))
-    aside[:, 0] = -plan.interpolate("sway", clock) * np.sin(beat)
-    positions = route.position(clock, aside)
-    bounce_phase = 2 * (beat - 2 * np.pi * plan.interpolate("lag", clock))
-    bounce = plan.interpolate("bounce", clock) * np.cos(bounce_phase)
-    target = plan.interpolate("height", clock) - bounce
-    limits = []
-    for foot, hip in zip(feet, ("LeftUpLeg", "RightUpLeg"), strict=True):
-        to_hip = rotations.rotate(quats, OFFSETS[INDEX[hip]])
-        gap = (positions + to_hip - foot.ankle)[:, [0, 2]]
-        below = np.sqrt(LEG_REACH**2 - (gap**2).sum(axis=-1))
-        limits.append(foot.ankle[:, 1] + below - to_hip[:, 1])
-    positions[:, 1] = soft_minimum(np.stack([target, *limits]), 1.5)
-    return quats, positions
 
 
 def _ease(t: FloatArray) -> FloatArray:
@@ -298,5 +253,4 @@ def _integral(rates: FloatArray) -> FloatArray:
 
     `rates` holds changes per stride at the nodes.
     """
-    areas = 0.5 * (rates[1:] + rates[:-1]) / _GRID
-    return np.concatenate([[0.0], np.cumsum(areas)])
+    return np.concatenate([[0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1]) / _GRID)])

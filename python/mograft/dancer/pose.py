@@ -3,21 +3,41 @@
 import numpy as np
 
 from mograft._util.arrays import FloatArray
+from mograft.dancer import skeleton as figure
 from mograft.dancer.plan import Foot, Plan, Route, soft_minimum, stride_transition
-from mograft.dancer.skeleton import (
-    ARM_REACH,
-    FOREARM,
-    INDEX,
-    OFFSETS,
-    SHANK,
-    THIGH,
-    UPPER_ARM,
-    X,
-    Y,
-    Z,
-)
+from mograft.dancer.skeleton import INDEX, OFFSETS, X, Y, Z
 from mograft.dancer.styles import ARM_PATTERNS, ArmPattern
 from mograft.motion import rotations
+
+_TILTS = ("twist", "roll", "lean")
+
+
+def pelvis_pose(
+    plan: Plan, route: Route, clock: FloatArray, feet: list[Foot]
+) -> tuple[FloatArray, FloatArray]:
+    """Return rotations and positions of the pelvis, shapes (n_frames, 4) and (n_frames, 3).
+
+    The leg style sets the height of the pelvis; it is lowered where a leg would be too short.
+    """
+    beat = 2 * np.pi * clock
+    twist, roll, lean = np.radians([plan.interpolate(name, clock) for name in _TILTS])
+    yaw = route.heading(clock) + twist * np.cos(beat)
+    angles = np.stack([yaw, -roll * np.sin(beat), 0.4 * lean], axis=-1)
+    quats = rotations.from_euler(angles, "YZX")
+
+    aside = -plan.interpolate("sway", clock) * np.sin(beat)
+    positions = route.position(clock, aside[:, None] * X)
+    bounce_phase = 2 * (beat - 2 * np.pi * plan.interpolate("lag", clock))
+    bounce = plan.interpolate("bounce", clock) * np.cos(bounce_phase)
+    target = plan.interpolate("height", clock) - bounce
+    limits = []
+    for foot, hip in zip(feet, ("LeftUpLeg", "RightUpLeg"), strict=True):
+        to_hip = rotations.rotate(quats, OFFSETS[INDEX[hip]])
+        gap = (positions + to_hip - foot.ankle)[:, [0, 2]]
+        below = np.sqrt(figure.LEG_REACH**2 - (gap**2).sum(axis=-1))
+        limits.append(foot.ankle[:, 1] + below - to_hip[:, 1])
+    positions[:, 1] = soft_minimum(np.stack([target, *limits]), 1.5)
+    return quats, positions
 
 
 def leg_pose(
@@ -32,25 +52,15 @@ def leg_pose(
     # The knee points to the mean of the forward directions of pelvis and foot.
     yaw = rotations.twist(foot.quats, 1)
     knee = rotations.rotate(pelvis, Z) + rotations.rotate(yaw, Z)
-    thigh, bend = _two_bone_ik(reach, knee, (THIGH, SHANK), -Y, X)
+    thigh, bend = _two_bone_ik(reach, knee, figure.LEG_BONES, -Y, X)
     shank = rotations.from_axis_angle(X, bend)
-    down = rotations.multiply(thigh, shank)
-    return np.stack(
-        [
-            rotations.multiply(rotations.inverse(pelvis), thigh),
-            shank,
-            rotations.multiply(rotations.inverse(down), foot.quats),
-        ],
-        axis=1,
-    )
+    to_shank = rotations.inverse(rotations.multiply(thigh, shank))
+    thigh = rotations.multiply(rotations.inverse(pelvis), thigh)
+    return np.stack([thigh, shank, rotations.multiply(to_shank, foot.quats)], axis=1)
 
 
 def _two_bone_ik(
-    reach: FloatArray,
-    pole: FloatArray,
-    lengths: tuple[float, float],
-    rest: FloatArray,
-    hinge: FloatArray,
+    reach: FloatArray, pole: FloatArray, lengths: FloatArray, rest: FloatArray, hinge: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Solve the inverse kinematics of a limb of two bones with the given lengths.
 
@@ -60,8 +70,7 @@ def _two_bone_ik(
     rotations of the first bone, shape (n, 4), and the angles of the middle joint in radians, shape
     (n,), which are 0 if the limb is straight.
     """
-    upper, lower = lengths
-    distance = np.linalg.norm(reach, axis=-1)
+    (upper, lower), distance = lengths, np.linalg.norm(reach, axis=-1)
     direction = reach / distance[:, None]
     axis = np.cross(pole, direction)
     axis /= np.linalg.norm(axis, axis=-1, keepdims=True)
@@ -80,9 +89,7 @@ def trunk_pose(plan: Plan, route: Route, clock: FloatArray, pelvis: FloatArray) 
     direction of travel and stays nearly level.
     """
     beat = 2 * np.pi * clock
-    twist, roll, lean = (
-        np.radians(plan.interpolate(name, clock)) for name in ("twist", "roll", "lean")
-    )
+    twist, roll, lean = np.radians([plan.interpolate(name, clock) for name in _TILTS])
     nod = np.radians(1.5) * np.cos(2 * beat)
     angles = np.stack([-2 * twist * np.cos(beat), 1.5 * roll * np.sin(beat), lean + nod], axis=-1)
     spine = rotations.from_euler(angles, "YZX")
@@ -106,28 +113,19 @@ def arm_pose(plan: Plan, clock: FloatArray, spine: FloatArray, side: int) -> Flo
     `spine` holds the local rotations of the spine. `side` is 0 for the left arm and 1 for the right
     arm, which is computed as a mirrored left arm.
     """
-    names = list(ARM_PATTERNS)
-    size = plan.interpolate("arms", clock)
-    mirrored_spine = _mirror(spine) if side else spine
-    poses = np.stack(
-        [_pattern_pose(ARM_PATTERNS[name][side], clock, size, mirrored_spine) for name in names]
-    )
+    names, size = list(ARM_PATTERNS), plan.interpolate("arms", clock)
+    spine, patterns = _mirror(spine) if side else spine, [ARM_PATTERNS[name] for name in names]
+    poses = np.stack([_pattern_pose(pair[side], clock, size, spine) for pair in patterns])
     indices = np.array([names.index(name) for name in plan.arms])
     padded = np.concatenate([indices[:1], indices, indices[-1:]])
     boundary, weight = stride_transition(clock, plan.n_strides)
     frame = np.arange(len(clock))
     before, after = poses[padded[boundary], frame], poses[padded[boundary + 1], frame]
     pose = before + weight[:, None] * (after - before)
-
-    quats = np.stack(
-        [
-            rotations.from_axis_angle(Z, pose[:, 0]),
-            rotations.multiply(_ARM_HOME, rotations.exp(pose[:, 1:4])),
-            rotations.from_axis_angle(-Y, pose[:, 4]),
-            rotations.exp(pose[:, 5:8]),
-        ],
-        axis=1,
-    )
+    shoulder = rotations.from_axis_angle(Z, pose[:, 0])
+    arm = rotations.multiply(_ARM_HOME, rotations.exp(pose[:, 1:4]))
+    forearm = rotations.from_axis_angle(-Y, pose[:, 4])
+    quats = np.stack([shoulder, arm, forearm, rotations.exp(pose[:, 5:8])], axis=1)
     return _mirror(quats) if side else quats
 
 
@@ -154,17 +152,15 @@ def _pattern_pose(
     arm = OFFSETS[INDEX["LeftShoulder"]] + rotations.rotate(shoulder, OFFSETS[INDEX["LeftArm"]])
     reach = wrist - arm
     distance = np.linalg.norm(reach, axis=-1)
-    within = soft_minimum(np.stack([distance, np.full_like(distance, ARM_REACH)]), 0.7)
+    within = soft_minimum(np.stack([distance, np.full_like(distance, figure.ARM_REACH)]), 0.7)
     reach = reach * (within / distance)[:, None]
-    bones = (UPPER_ARM, FOREARM)
-    upper, bend = _two_bone_ik(reach, np.array(pattern.elbow), bones, X, -Y)
+    upper, bend = _two_bone_ik(reach, np.array(pattern.elbow), figure.ARM_BONES, X, -Y)
     forearm = rotations.multiply(upper, rotations.from_axis_angle(-Y, bend))
     hand = np.zeros_like(reach)
     if pattern.hand is not None:
         aim = np.array(pattern.hand) / np.linalg.norm(pattern.hand)
-        hand = rotations.log(
-            rotations.shortest_arc(X, rotations.rotate(rotations.inverse(forearm), aim))
-        )
+        local_aim = rotations.rotate(rotations.inverse(forearm), aim)
+        hand = rotations.log(rotations.shortest_arc(X, local_aim))
     local = rotations.multiply(rotations.inverse(shoulder), upper)
     turn = rotations.log(rotations.multiply(rotations.inverse(_ARM_HOME), local))
     return np.concatenate([shrug[:, None], turn, bend[:, None], hand], axis=-1)

@@ -41,17 +41,17 @@ INDEX = {name: joint for joint, (name, _, _) in enumerate(JOINTS)}
 OFFSETS = np.array([offset for _, _, offset in JOINTS], dtype=np.float64)
 
 X, Y, Z = np.eye(3)
-THIGH, SHANK, UPPER_ARM, FOREARM = np.linalg.norm(
-    [OFFSETS[INDEX[end]] for end in ("LeftLeg", "LeftFoot", "LeftForeArm", "LeftHand")], axis=-1
-).tolist()
+# Lengths of thigh and shank, and of upper arm and forearm.
+LEG_BONES = -OFFSETS[[INDEX["LeftLeg"], INDEX["LeftFoot"]], 1]
+ARM_BONES = OFFSETS[[INDEX["LeftForeArm"], INDEX["LeftHand"]], 0]
 # The sole is ANKLE_HEIGHT below the ankle and extends along z from the heel to the toe.
 ANKLE_HEIGHT, TOE, HEEL = 7.0, 15.0, -5.0
 ANKLE_BACK = 3.0  # distance of the ankle behind the hip, which puts the hip over the sole
 TOE_OUT = np.radians(7.0)
 # Legs and arms are never fully extended: the direction of the bend would be undefined and its
 # speed unbounded.
-LEG_REACH = 0.994 * (THIGH + SHANK)
-ARM_REACH = 0.985 * (UPPER_ARM + FOREARM)
+LEG_REACH = 0.994 * LEG_BONES.sum()
+ARM_REACH = 0.985 * ARM_BONES.sum()
 
 
 def make_skeleton() -> Skeleton:

@@ -25,29 +25,29 @@ MAX_NAME_CHARACTERS = (1 << 16) - 1
 
 def check_joints(n_joints: int) -> None:
     """Raise ValueError if a skeleton has too many joints."""
-    if n_joints > MAX_JOINTS:
-        raise ValueError(f"expected at most {MAX_JOINTS} joints, got {n_joints}")
+    _check_maximum(MAX_JOINTS, "joints", n_joints)
 
 
 def check_levels(n_levels: int) -> None:
     """Raise ValueError if a hierarchy is too deep."""
-    if n_levels > MAX_LEVELS:
-        raise ValueError(f"expected at most {MAX_LEVELS} levels of joints, got {n_levels}")
+    _check_maximum(MAX_LEVELS, "levels of joints", n_levels)
 
 
 def check_frames(n_frames: float) -> None:
     """Raise ValueError if a motion has too many frames."""
-    if n_frames > MAX_FRAMES:
-        raise ValueError(f"expected at most {MAX_FRAMES} frames, got {n_frames:.16g}")
+    _check_maximum(MAX_FRAMES, "frames", n_frames)
+
+
+def _check_maximum(maximum: int, name: str, got: float) -> None:
+    if got > maximum:
+        raise ValueError(f"expected at most {maximum} {name}, got {got:.16g}")
 
 
 def check_frame_time(seconds: float, name: str = "a frame time") -> None:
     """Raise ValueError if a frame time is out of range; `name` describes it in the message."""
     if not MIN_FRAME_TIME <= seconds <= MAX_FRAME_TIME:
-        raise ValueError(
-            f"expected {name} of {MIN_FRAME_TIME:g} to {MAX_FRAME_TIME:g} seconds, "
-            f"got {seconds:.6g}"
-        )
+        expected = f"{name} of {MIN_FRAME_TIME:g} to {MAX_FRAME_TIME:g} seconds"
+        raise ValueError(f"expected {expected}, got {seconds:.6g}")
 
 
 def check_hierarchy(names: Sequence[str], parents: Iterable[int]) -> None:
@@ -58,9 +58,8 @@ def check_hierarchy(names: Sequence[str], parents: Iterable[int]) -> None:
     check_joints(len(names))
     longest = max(map(len, names), default=0)
     if longest > MAX_NAME_CHARACTERS:
-        raise ValueError(
-            f"expected names of at most {MAX_NAME_CHARACTERS} characters, got one of {longest}"
-        )
+        expected = f"names of at most {MAX_NAME_CHARACTERS} characters"
+        raise ValueError(f"expected {expected}, got one of {longest}")
     levels: list[int] = []
     for parent in parents:
         levels.append(levels[parent] + 1 if parent >= 0 else 1)

@@ -134,10 +134,8 @@ class Motion:
             raise ValueError(f"the step of the slice must be 1 or more, got {step}")
         chosen = range(*frames.indices(self.n_frames))
         if not chosen:
-            raise ValueError(
-                f"motion[{frames.start}:{frames.stop}] selects none of the frames 0 to "
-                f"{self.n_frames - 1}"
-            )
+            wanted = f"motion[{frames.start}:{frames.stop}]"
+            raise ValueError(f"{wanted} selects none of the frames 0 to {self.n_frames - 1}")
         values, is_computed = self.channel_values, self.computed_values
         return replace(
             self,
@@ -228,11 +226,9 @@ class Motion:
         rate = float(as_floats("rate", rate, ()))
         if rate <= 0:
             raise ValueError(f"`rate` must be above 0 frames per second, got {rate}")
-        # The duration is compared first, because a huge one cannot be rounded to an integer.
-        if (
-            self.duration * rate >= limits.MAX_FRAMES
-            or (intervals := max(round(self.duration * rate), 1)) >= limits.MAX_FRAMES
-        ):
+        # A huge duration cannot be rounded to an integer.
+        intervals = max(round(min(self.duration * rate, limits.MAX_FRAMES)), 1)
+        if intervals >= limits.MAX_FRAMES:
             raise ValueError(f"`rate` must give at most {limits.MAX_FRAMES} frames, got {rate:g}")
         if self.n_frames == 1 or intervals == self.n_frames - 1:
             return self
@@ -274,9 +270,8 @@ class Motion:
         last: FloatArray | None = None  # the frame before the block
         for start in range(0, self.n_frames, length):
             frames = slice(start, min(start + length, self.n_frames))
-            if known is None:
-                numbers = np.full((frames.stop - start, skeleton.n_channels), np.nan)
-            else:
+            numbers = np.full((frames.stop - start, skeleton.n_channels), np.nan)
+            if known is not None:
                 numbers = known[frames].copy()
             is_missing = np.isnan(numbers)
             is_unknown = is_missing.all(axis=0).tolist()  # in the whole block
@@ -297,7 +292,7 @@ class Motion:
                 near = self._first_known_angles(joint) if last is None else last[turns]
                 numbers[:, turns] = _fill_angles(numbers[:, turns], quats, order, near)
             for order, joints in unknown_joints.items():
-                self._fill_unknown_angles(numbers, frames, (order, joints), last)
+                self._fill_unknown_angles(numbers, frames, order, joints, last)
             last = numbers[-1].copy()  # callers may change the block
             yield numbers
 
@@ -305,26 +300,25 @@ class Motion:
         self,
         numbers: FloatArray,
         frames: slice,
-        turned: tuple[str, list[int]],
+        order: str,
+        joints: list[int],
         last: FloatArray | None,
     ) -> None:
         """Set the angles of joints of which none is known in `frames`, as `_fill_angles` does.
 
-        `turned` is the rotation order of the joints, and the joints; `last` is the frame before
-        `frames`. A few joints are computed at a time, because motions may be long.
+        `order` is the rotation order of `joints`; `last` is the frame before `frames`. A few joints
+        are computed at a time, because motions may be long.
         """
-        order, joints = turned
         axes, n_together = rotations.euler_axes(order), max(1, _BLOCK_ROWS // len(numbers))
         for start in range(0, len(joints), n_together):
             chosen = joints[start : start + n_together]
             columns = np.array([self.skeleton.rotation_columns[joint] for joint in chosen], int)
             quats = np.ascontiguousarray(self.rotations[frames, chosen].swapaxes(0, 1))
             near = np.zeros((len(chosen), 3))
-            if last is not None:
+            if last is None:
+                near[:, : len(order)] = np.radians([*map(self._first_known_angles, chosen)])
+            else:
                 near[:, : len(order)] = np.radians(last[columns])
-            elif self.channel_values is not None:
-                known = [self._first_known_angles(joint) for joint in chosen]
-                near[:, : len(order)] = np.radians(known)
             rows = zip(quats, near.tolist(), strict=True)
             angles = np.array([_core.to_euler(own, axes, (x, y, z)) for own, (x, y, z) in rows])
             numbers[:, columns] = np.degrees(angles[..., : len(order)]).swapaxes(0, 1)
@@ -334,13 +328,13 @@ class Motion:
 
         If there is no such frame, return zeros.
         """
-        columns = self.skeleton.rotation_columns[joint]
-        if self.channel_values is not None and columns:
-            for start in range(0, self.n_frames, _FRAMES_PER_BLOCK):
-                angles = self.channel_values[start : start + _FRAMES_PER_BLOCK, columns]
-                rows = np.flatnonzero(~np.isnan(angles).any(axis=1))
-                if len(rows):
-                    return angles[rows[0]]
+        columns, values = self.skeleton.rotation_columns[joint], self.channel_values
+        for start in range(0, len(values) if values is not None else 0, _FRAMES_PER_BLOCK):
+            assert values is not None
+            angles = values[start : start + _FRAMES_PER_BLOCK, columns]
+            rows = np.flatnonzero(~np.isnan(angles).any(axis=1))
+            if len(rows):
+                return angles[rows[0]]
         return np.zeros(len(columns))
 
     def is_computed(self, numbers: FloatArray, start: int = 0) -> BoolArray:

@@ -1,6 +1,6 @@
 """`Skeleton`: joints, their hierarchy, rest offsets and channels."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import (
+    BoolArray,
     FloatArray,
     IntArray,
     as_floats,
@@ -61,13 +62,10 @@ def make_end_sites(
     """
     rows = as_vectors("offsets", offsets, (len(parents),)).copy()
     make_read_only(rows)
-    sites = []
-    for parent, offset, rank, name in zip(parents, rows, before, names, strict=True):
-        site = object.__new__(EndSite)
-        fields = {"parent": parent, "offset": offset, "before": rank, "name": name}
-        site.__dict__.update(fields)
-        sites.append(site)
-    return tuple(sites)
+    sites = tuple(object.__new__(EndSite) for _ in rows)
+    for site, *own in zip(sites, parents, rows, before, names, strict=True):
+        site.__dict__.update(zip(("parent", "offset", "before", "name"), own, strict=True))
+    return sites
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,11 +116,9 @@ class Skeleton:
         if not n_joints:
             raise ValueError("`names` must hold at least one joint, got none")
         parents = as_indices("parents", self.parents, (n_joints,)).copy()
-        invalid = np.flatnonzero(parents >= np.arange(n_joints))
-        if len(invalid):
-            raise ValueError(
-                f"the parent of joint {invalid[0]} ({names[invalid[0]]}) must have a smaller index"
-            )
+        for joint in np.flatnonzero(parents >= np.arange(n_joints)).tolist():
+            label = f"joint {joint} ({names[joint]})"
+            raise ValueError(f"the parent of {label} must have a smaller index")
         if parents[0] != -1 or (parents[1:] < 0).any():
             raise ValueError("`parents` must be -1 at joint 0, the root, and nowhere else")
         check_hierarchy(names, parents.tolist())
@@ -131,23 +127,18 @@ class Skeleton:
         default = ((*CHANNELS[:3], *rotation), *[rotation] * (n_joints - 1))
         channels = tuple(tuple(names) for names in self.channels) or default
         if len(channels) != n_joints:
-            raise ValueError(
-                f"`channels` must have {n_joints} entries, one per joint, got {len(channels)}"
-            )
+            expected = f"{n_joints} entries, one per joint"
+            raise ValueError(f"`channels` must have {expected}, got {len(channels)}")
         for joint_channels in dict.fromkeys(channels):
             distinct = set(joint_channels)
             if not distinct <= set(CHANNELS) or len(distinct) != len(joint_channels):
                 name = names[channels.index(joint_channels)]
-                raise ValueError(
-                    f"the channels of {name} must be different names among {', '.join(CHANNELS)}, "
-                    f"got {joint_channels}"
-                )
+                expected = f"different names among {', '.join(CHANNELS)}"
+                raise ValueError(f"the channels of {name} must be {expected}, got {joint_channels}")
         for site in self.end_sites:
             if not 0 <= site.parent < n_joints:
-                raise ValueError(
-                    f"the parent of an end site must be the index of a joint, 0 to {n_joints - 1}, "
-                    f"got {site.parent}"
-                )
+                expected = f"the index of a joint, 0 to {n_joints - 1}, got {site.parent}"
+                raise ValueError(f"the parent of an end site must be {expected}")
         checked = {"names": names, "parents": parents, "offsets": offsets, "channels": channels}
         set_fields(self, checked | {"end_sites": tuple(self.end_sites)})
 
@@ -170,10 +161,10 @@ class Skeleton:
     @cached_property
     def children(self) -> tuple[tuple[int, ...], ...]:
         """Indices of each joint's child joints, in the order of the file."""
-        parents = self.parents[1:]
-        joints = (np.argsort(parents, kind="stable") + 1).tolist()
-        stops = np.cumsum(np.bincount(parents, minlength=self.n_joints)).tolist()
-        return tuple(tuple(joints[start:stop]) for start, stop in pairwise([0, *stops]))
+        children: list[list[int]] = [[] for _ in self.names]
+        for joint, parent in enumerate(self.parents[1:].tolist(), start=1):
+            children[parent].append(joint)
+        return tuple(map(tuple, children))
 
     @cached_property
     def children_and_sites(self) -> "tuple[tuple[int | EndSite, ...], ...]":
@@ -197,20 +188,16 @@ class Skeleton:
     @cached_property
     def channel_columns(self) -> tuple[range, ...]:
         """Range of the columns of each joint's channels in `Motion.channel_values`."""
-        counts = [len(channels) for channels in self.channels]
-        ends = np.cumsum(counts).tolist()
-        return tuple(range(end - count, end) for end, count in zip(ends, counts, strict=True))
+        ends = np.cumsum([0, *map(len, self.channels)]).tolist()
+        return tuple(range(start, end) for start, end in pairwise(ends))
 
     @cached_property
     def rotation_columns(self) -> tuple[list[int], ...]:
         """Columns of each joint's rotation channels in `Motion.channel_values`."""
+        pairs = zip(self.channel_columns, self.channels, strict=True)
         return tuple(
-            [
-                column
-                for column, name in zip(columns, names, strict=True)
-                if name.endswith("rotation")
-            ]
-            for columns, names in zip(self.channel_columns, self.channels, strict=True)
+            [column for column, name in zip(*own, strict=True) if name.endswith("rotation")]
+            for own in pairs
         )
 
     def rotation_order(self, joint: int) -> str:
@@ -220,10 +207,8 @@ class Skeleton:
     def ancestors(self, joint: int) -> list[int]:
         """Return the indices of the ancestors of a joint, from its parent to the root."""
         found = []
-        parent = int(self.parents[joint])
-        while parent >= 0:
-            found.append(parent)
-            parent = int(self.parents[parent])
+        while (joint := int(self.parents[joint])) >= 0:
+            found.append(joint)
         return found
 
     def common_ancestor(self, joints: Sequence[int]) -> int:
@@ -251,6 +236,14 @@ class Skeleton:
         if len(found) > 1:
             raise ValueError(f"expected one joint named {name!r}, got joints {found}")
         return found[0]
+
+    def subtree_mask(self, tops: Iterable[int]) -> BoolArray:
+        """Return whether each joint is one of `tops` or below one of them, shape (n_joints,)."""
+        is_inside = np.zeros(self.n_joints, dtype=bool)
+        is_inside[list(tops)] = True
+        for joint, parent in enumerate(self.parents.tolist()):
+            is_inside[joint] |= parent >= 0 and is_inside[parent]
+        return is_inside
 
     def rest_positions(self) -> FloatArray:
         """Return the world positions of the joints if no joint is rotated, shape (n_joints, 3)."""
@@ -282,18 +275,14 @@ class Skeleton:
             parts = [f"lacks {join_names(missing)}"] if missing else []
             parts += [f"also has {join_names(extra)}"] if extra else []
             raise SkeletonMismatchError(f"{name} {' and '.join(parts)}")
-        for joint, (ours, theirs) in enumerate(zip(self.names, other.names, strict=False)):
-            if ours != theirs:
-                raise SkeletonMismatchError(
-                    f"{name} must have its joints in the same order: "
-                    f"joint {joint} must be {ours}, got {theirs}"
-                )
         if len(self.names) != len(other.names):
-            raise SkeletonMismatchError(
-                f"{name} must have {len(self.names)} joints, got {len(other.names)}"
-            )
+            n_joints = f"{len(self.names)} joints, got {len(other.names)}"
+            raise SkeletonMismatchError(f"{name} must have {n_joints}")
+        for joint, (ours, theirs) in enumerate(zip(self.names, other.names, strict=True)):
+            if ours != theirs:
+                place = f"in the same order: joint {joint} must be {ours}, got {theirs}"
+                raise SkeletonMismatchError(f"{name} must have its joints {place}")
         joint = int(np.flatnonzero(self.parents != other.parents)[0])
         above = [skeleton.names[skeleton.parents[joint]] for skeleton in (self, other)]
-        raise SkeletonMismatchError(
-            f"the parent of {self.names[joint]} in {name} must be {above[0]}, got {above[1]}"
-        )
+        place = f"the parent of {self.names[joint]} in {name}"
+        raise SkeletonMismatchError(f"{place} must be {above[0]}, got {above[1]}")

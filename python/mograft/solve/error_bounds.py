@@ -7,7 +7,7 @@ donor. A ball that is clear of an obstacle proves that the errors of all candida
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray
-from mograft.blend.joint_track import joint_track
+from mograft.blend.rigid_alignment import joint_track
 from mograft.body.capsules import Capsules
 from mograft.body.world_poses import Poses
 from mograft.motion.motion import Motion

@@ -8,9 +8,8 @@ import numpy as np
 from mograft._util.arrays import BoolArray
 from mograft.blend.foot_planting import FeetReport, plant_feet
 from mograft.blend.reach_completion import ReachCompletion, ReachLimits, complete_reaches
+from mograft.body.anatomy import find_limb
 from mograft.body.contacts import detect_contacts, find_legs
-from mograft.body.hierarchy import subtree_mask
-from mograft.body.limbs import find_limb
 from mograft.motion.motion import Motion
 from mograft.scenario.realize import donor_contacts
 from mograft.search.constraints import Constraint, overlaps
@@ -161,7 +160,7 @@ def _broken_constraint(
     limb = find_limb(after.skeleton, after.skeleton.index(completion.reach.joint))
     if limb is None:
         return ""
-    joints = subtree_mask(after.skeleton, [limb.start])
+    joints = after.skeleton.subtree_mask([limb.start])
     first, last = completion.frames
     # A curve between two corrections of one limb has less than `2 * n_blend` frames.
     margin = 2 * n_blend

@@ -8,8 +8,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.seam_treatments.gradient import fit_donors
-from mograft.blend.seams import PieceTimes, SeamBoundaries
-from mograft.blend.value_spaces import ROTATIONS
+from mograft.blend.seams import ROTATIONS, PieceTimes, SeamBoundaries
 from mograft.config import Config
 from mograft.motion.resample import cubic
 
