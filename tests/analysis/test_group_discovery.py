@@ -26,7 +26,7 @@ from mograft.body.joint_chains import JointChains, support_shares
 from mograft.body.mirroring import partners
 from mograft.clustering import linkage_condensed
 from mograft.dancer import dance
-from mograft.library.group_choice import spread_evenly
+from mograft.library.build import spread_evenly
 from mograft.motion import rotations
 from tests.hierarchies import DATA, human, skeletons
 from tests.strategies import SEEDS, few_examples, person

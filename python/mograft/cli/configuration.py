@@ -19,8 +19,8 @@ from mograft.config_text import parse_fields
 from mograft.errors import suggest_name
 from mograft.io.addresses import open_clips, read_clip, split_address
 from mograft.io.smpl.rest import read_offsets
+from mograft.library.build import discover_groups
 from mograft.library.derive import BUILD_STAGES
-from mograft.library.group_choice import discover_groups
 from mograft.library.library import Library
 from mograft.library.spec import Match
 from mograft.motion.motion import Motion

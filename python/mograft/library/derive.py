@@ -22,7 +22,7 @@ from mograft.library.clusters import (
 )
 from mograft.library.data import LibraryData
 from mograft.library.files.stored_clips import ExtendedClips, ExtendedSamples
-from mograft.library.spec import ClipProperties, rates_match
+from mograft.library.spec import rates_match
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 
@@ -232,7 +232,7 @@ class DerivableLibrary(LibraryData):
         extended = replace(
             self,
             clips=ExtendedClips(self.clips, motion),
-            entries=(*self.entries, _clip_info(motion)),
+            entries=(*self.entries, ClipInfo.from_motion(motion)),
             segments=Segments.concatenate([self.segments, appended]),
             is_donor=np.concatenate([self.is_donor, np.zeros(n, bool)]),
             samples=ExtendedSamples(self.samples, samples),
@@ -245,23 +245,6 @@ class DerivableLibrary(LibraryData):
         if self.has_recipe:
             extended.set_recipe(type(self)._append_clip, self, motion, own_rate)
         return extended
-
-
-def _clip_info(motion: Motion) -> ClipInfo:
-    properties = ClipProperties.from_motion(motion)
-    return ClipInfo(
-        name=motion.name,
-        source_name=motion.name,
-        source_file=None,
-        source_rate=properties.rate,
-        rate_override=None,
-        source_frames=properties.n_frames,
-        n_frames=properties.n_frames,
-        root=properties.root,
-        up=properties.up,
-        faults=(),
-        tags=(),
-    )
 
 
 def _project(embedding: Embedding, samples: Samples) -> Embedding:

@@ -15,7 +15,7 @@ from mograft.library.files.loading import load_library
 
 # Imported where they are used: opening a library needs neither readers nor writers.
 if TYPE_CHECKING:
-    from mograft.library.plan import AddOptions, IngestOptions
+    from mograft.library.ingest_run import AddOptions, IngestOptions
 
 Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
 
@@ -148,7 +148,7 @@ class Library(DerivableLibrary):
         ['lower', 'upper']
         """
         from mograft.library.build import build_library
-        from mograft.library.plan import IngestPlan
+        from mograft.library.ingest_run import IngestPlan
 
         config = Config() if config is None else config
         plan = IngestPlan(config=config, groups=groups, strict=True, **options)
@@ -216,7 +216,7 @@ executor, progress
         ('dance', 1)
         """
         from mograft.library.indexing import index_folder
-        from mograft.library.plan import IngestPlan
+        from mograft.library.ingest_run import IngestPlan
 
         config = Config() if config is None else config
         plan = IngestPlan(config=config, groups=groups, strict=strict, is_packed=True, **options)
@@ -260,7 +260,7 @@ executor, progress
         contains are removed, with a warning.
         """
         from mograft.library.indexing import add_to_folder
-        from mograft.library.plan import IngestPlan
+        from mograft.library.ingest_run import IngestPlan
 
         if self.folder is None:
             raise ValueError("the library is in memory: save it first, or build it from all clips")

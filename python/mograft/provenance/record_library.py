@@ -10,10 +10,15 @@ import numpy as np
 from mograft.errors import LibraryError, ProvenanceError, join_names
 from mograft.io.addresses import join_address, read_clip, split_address
 from mograft.library.discover import SourceFile, scan_folder
+from mograft.library.ingest_run import IngestOptions
 from mograft.library.library import Library
-from mograft.library.origin import hash_library, is_mirrored, n_library_clips
-from mograft.library.partial import PartialClip, build_partial_library
-from mograft.library.plan import IngestOptions
+from mograft.library.origin import (
+    PartialClip,
+    build_partial_library,
+    hash_library,
+    is_mirrored,
+    n_library_clips,
+)
 from mograft.provenance.graft_record import ClipRecord, GraftRecord, SegmentRecord
 
 

@@ -14,7 +14,7 @@ from mograft.library.files.generation import GenerationWriter, write_generation
 from mograft.library.files.loading import EMBEDDING_ARRAYS
 from mograft.library.files.packing import pack
 from mograft.library.files.stored_clips import ExtendedClips, StoredClips
-from mograft.library.plan import check_storable
+from mograft.library.ingest_run import check_storable
 from mograft.motion.motion import Motion
 
 BoundaryParts = Mapping[str, Mapping[str, FloatArray | Iterator[FloatArray]]]
