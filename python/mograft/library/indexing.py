@@ -26,9 +26,8 @@ from mograft.library.discover import (
     relative_path,
 )
 from mograft.library.files.generation import GenerationWriter, write_generation
-from mograft.library.files.loading import load_library
 from mograft.library.files.saving import BoundaryParts, commit_library
-from mograft.library.files.storage import StoredLibrary
+from mograft.library.files.storage import StoredLibrary, load_library
 from mograft.library.files.stored_clips import RowRange, StoredClips, merge_ranges
 from mograft.library.ingest import ClipOrder, IngestedClip, PendingClip, ingest_all
 from mograft.library.ingest_run import (

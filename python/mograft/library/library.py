@@ -10,8 +10,7 @@ from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.library.derive import DerivableLibrary
 from mograft.library.discover import ClipSource
-from mograft.library.files import storage
-from mograft.library.files.loading import load_library
+from mograft.library.files.storage import load_library, read
 
 # Imported where they are used: opening a library needs neither readers nor writers.
 if TYPE_CHECKING:
@@ -322,4 +321,4 @@ executor, progress
         FileNotFoundError
             If the folder does not exist.
         """
-        return load_library(cls, storage.read(Path(path)))
+        return load_library(cls, read(Path(path)))

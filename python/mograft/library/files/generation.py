@@ -21,8 +21,13 @@ from mograft._util.lock import exclusive_lock
 from mograft.errors import LibraryError
 from mograft.library.clip_table import ClipLocation, ClipTable, skeleton_to_json, write_clip_table
 from mograft.library.data import LibraryData
-from mograft.library.files.array_files import ArrayWriter
-from mograft.library.files.integrity import DATABASE, MANIFEST, hash_files, manifest_checksum
+from mograft.library.files.array_files import (
+    DATABASE,
+    MANIFEST,
+    ArrayWriter,
+    hash_files,
+    manifest_checksum,
+)
 from mograft.library.files.packing import PackedMotion
 from mograft.library.files.storage import (
     FORMAT,

@@ -11,8 +11,8 @@ from mograft._util.arrays import FloatArray
 from mograft.library.clip_table import ClipInfo, ClipLocation, skeleton_to_json
 from mograft.library.data import LibraryData
 from mograft.library.files.generation import GenerationWriter, write_generation
-from mograft.library.files.loading import EMBEDDING_ARRAYS
 from mograft.library.files.packing import pack
+from mograft.library.files.storage import EMBEDDING_ARRAYS
 from mograft.library.files.stored_clips import ExtendedClips, StoredClips
 from mograft.library.ingest_run import check_storable
 from mograft.motion.motion import Motion

@@ -12,8 +12,7 @@ from mograft._util.arrays import FloatArray, IntArray, Packed
 from mograft._util.containers import LazySequence
 from mograft.analysis.embedding import CHUNK, Samples
 from mograft.library.clip_table import ClipTable
-from mograft.library.files.array_files import RowFile
-from mograft.library.files.integrity import damage_raises_library_error
+from mograft.library.files.array_files import RowFile, damage_raises_library_error
 from mograft.library.files.packing import PackedMotion, unpack
 from mograft.library.spec import LibrarySpec, rates_match
 from mograft.motion.motion import Motion
