@@ -54,7 +54,7 @@ def test_unpack_restores_packed_motion(motion, holes):
     numbers[:holes] = np.nan
     for values in (None, numbers):
         one = replace(motion, channel_values=values)
-        back = unpack(pack(one))
+        back = unpack(pack(one), one.n_frames, one.name, None, None)
         assert back.rotations.tobytes() == one.rotations.tobytes()
         assert back.positions.tobytes() == one.positions.tobytes()
         np.testing.assert_array_equal(back.channel_numbers(), one.channel_numbers())

@@ -25,7 +25,7 @@ from mograft.library.discover import (
     matching_values,
     relative_path,
 )
-from mograft.library.files.generation import GenerationWriter, write_generation
+from mograft.library.files.generation import MAX_SHARDS, GenerationWriter, write_generation
 from mograft.library.files.saving import BoundaryParts, commit_library
 from mograft.library.files.storage import StoredLibrary, load_library
 from mograft.library.files.stored_clips import RowRange, StoredClips, merge_ranges
@@ -227,9 +227,10 @@ def _ingest_additions(
 ) -> _Ingested:
     """Ingest pending clips; return the result for the kept and the new clips.
 
-    If the specification changes, or the files are fragmented, the kept clips are ingested again.
+    If the specification changes, or there are too many shards, the kept clips are ingested again.
     """
-    writer.link_base_shards()
+    if writer.base is not None:
+        writer.link_shards(writer.base)
     result = ingest_pending(pending, base.spec, plan, _store(writer))
     properties = [(clip.order, base.skeleton, clip.info) for clip in kept]
     # A changed file that no longer fits is left out, unless no clip would remain.
@@ -237,7 +238,7 @@ def _ingest_additions(
     # Clips matched by anatomy keep the specification: their properties are those of other joints.
     is_chosen = bool(properties) and plan.match == "names"
     spec = choose_spec(properties, plan) if is_chosen else base.spec
-    if spec.is_equivalent(base.spec) and not writer.is_fragmented([c.location for c in kept]):
+    if spec.is_equivalent(base.spec) and len(writer.shards) <= MAX_SHARDS:
         result = replace(result, clips=[*kept, *result.clips])
     else:
         writer.restart()
