@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from scipy.cluster import hierarchy
-from scipy.sparse import csr_array
 from scipy.spatial.distance import pdist
 from sklearn.base import clone
 from sklearn.cluster import AgglomerativeClustering
@@ -20,13 +18,13 @@ from sklearn.preprocessing import StandardScaler
 from sklearn.utils.estimator_checks import check_estimator
 
 from mograft import clustering
-from tests.analysis.test_clustering import by_first_appearance, clouds, clouds_without_ties
+from tests.analysis.test_clustering import by_first_appearance, clouds
 
 METRICS = ("euclidean", "sqeuclidean", "cosine", "correlation")
 
 
 @pytest.mark.filterwarnings("ignore:Estimator CompleteLinkage does not inherit:UserWarning")
-@pytest.mark.parametrize("parameters", [{}, {"metric": "sqeuclidean"}, {"compute_full_tree": True}])
+@pytest.mark.parametrize("parameters", [{}, {"metric": "sqeuclidean"}])
 def test_complete_linkage_passes_check_estimator(parameters):
     results = check_estimator(clustering.CompleteLinkage(**parameters), on_skip=None)
     found = {result["status"] for result in results}
@@ -72,48 +70,6 @@ def test_complete_linkage_threshold_is_exclusive(points, quantile):
     assert model.n_clusters_ == len(np.unique(model.labels_))
     inclusive = clustering.CompleteLinkage(None, distance_threshold=np.nextafter(threshold, np.inf))
     np.testing.assert_array_equal(inclusive.fit_predict(points), clustering.cut(points, threshold))
-
-
-@given(clouds_without_ties(max_points=60), st.integers(1, 10))
-def test_complete_linkage_n_clusters_equals_scipy(points, k):
-    k = min(k, len(points))
-    labels = clustering.CompleteLinkage(n_clusters=k).fit_predict(points)
-    expected = hierarchy.fcluster(hierarchy.complete(pdist(points)), k, "maxclust")
-    np.testing.assert_array_equal(labels, by_first_appearance(expected))
-
-
-@pytest.mark.parametrize(
-    ("parameters", "error", "message"),
-    [
-        ({"n_clusters": None}, ValueError, "Exactly one of n_clusters and distance_threshold"),
-        ({"distance_threshold": 1.0}, ValueError, "must be set, and the other must be None"),
-        ({"n_clusters": 0}, ValueError, "`n_clusters` must be between 1 and n_samples = 5, got 0"),
-        ({"n_clusters": 6}, ValueError, "`n_clusters` must be between 1 and n_samples = 5, got 6"),
-        ({"n_clusters": 2.5}, TypeError, "`n_clusters` must be a whole number, got 2.5"),
-        (
-            {"n_clusters": None, "distance_threshold": -1.0},
-            ValueError,
-            "`distance_threshold` must be 0 or more, got -1",
-        ),
-        (
-            {"n_clusters": None, "distance_threshold": 1.0, "compute_full_tree": False},
-            ValueError,
-            "compute_full_tree must be True if distance_threshold is set",
-        ),
-        ({"compute_full_tree": "no"}, ValueError, "`compute_full_tree` must be True, False or"),
-        ({"metric": "cityblock"}, ValueError, "`metric` must be one of .*, got 'cityblock'"),
-        ({"n_threads": 0}, ValueError, "`n_threads` must be 1 or more, got 0"),
-    ],
-)
-def test_complete_linkage_invalid_parameter_raises_at_fit(parameters, error, message):
-    model = clustering.CompleteLinkage(**parameters)
-    with pytest.raises(error, match=message):
-        model.fit(np.arange(10.0).reshape(5, 2))
-
-
-def test_complete_linkage_sparse_matrix_raises_type_error():
-    with pytest.raises(TypeError, match="Sparse data was passed for X, but dense data is required"):
-        clustering.CompleteLinkage().fit(csr_array(np.eye(4)))
 
 
 def test_complete_linkage_unknown_parameter_raises_value_error():
