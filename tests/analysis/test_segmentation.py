@@ -169,8 +169,3 @@ def test_segment_extreme_frame_time_is_refused_by_name(seconds):
 def test_concatenate_segments_invalid_parts_raise(parts, error, message):
     with pytest.raises(error, match=message):
         Segments.concatenate(parts)
-
-
-def test_segment_config_of_wrong_type_raises_type_error():
-    with pytest.raises(TypeError, match="`config` must be a Config, got int"):
-        segment(dance(strides=1).motion, config=3)

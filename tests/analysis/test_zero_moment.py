@@ -50,29 +50,9 @@ def test_zero_moment_operators_match_quadrature(seed, seconds):
     np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
 
 
-@given(SEEDS, st.integers(2, 12), st.floats(0.02, 5.0))
-def test_zero_moment_operators_match_the_sum_of_a_line_and_sines(seed, n_samples, seconds):
-    base, donors = 0.01 * np.random.default_rng(seed).normal(size=(2, 3, n_samples, 2))
-    durations = np.array([seconds, 2.0 * seconds, 0.5])
-    expected = balance_oracle.zero_moment_shifts(base, donors, durations)
-    found = zero_moment_shifts(base, donors, durations)
-    np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
-
-
 def margins_of(motion, config=CAPTURED):
     track = ZeroMomentTrack.of(motion, CUT, Ground.of(motion), config, root=0, up=1)
     return support_margins(motion, CUT, track, config, up=1)
-
-
-def test_support_margins_tell_points_inside_from_points_outside_of_the_polygon(motion):
-    """Points farther than 0.01 heights from the edge, about the zero-moment point of the base."""
-    margins = margins_of(motion).reshape(-1, N_DIRECTIONS)
-    balance = dynamic_balance(motion)
-    frames = np.rint(CUT.start[:, None] + CUT.lengths[:, None] * np.linspace(0, 1, 10))
-    distance = balance.distance[frames.ravel().astype(int)]
-    known = np.isfinite(margins).all(axis=1) & (np.abs(distance) > 0.02)
-    assert known.sum() > 10
-    np.testing.assert_array_equal((margins[known] < 0).any(axis=1), distance[known] > 0)
 
 
 def test_support_margins_are_distances_of_one_point_to_the_support_polygon(motion):
