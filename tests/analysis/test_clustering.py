@@ -91,15 +91,6 @@ def test_linkage_any_threads_and_memory_limit_gives_one_valid_tree(points, resou
     assert hierarchy.is_monotonic(tree)
 
 
-@given(clouds(kinds=["lattice", "single precision"]), RESOURCES, st.floats(0, 1))
-def test_cut_at_and_next_to_height_equals_fcluster_of_tree(points, resources, quantile):
-    tree = clustering.linkage(points)
-    height = np.quantile(tree[:, 2], quantile)
-    for diameter in (height, np.nextafter(height, 0), np.nextafter(height, np.inf)):
-        expected = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
-        np.testing.assert_array_equal(clustering.cut(points, diameter, **resources), expected)
-
-
 @given(clouds(kinds=["lattice", "single precision"]))
 def test_linkage_condensed_equals_linkage_of_points(points):
     distances = pdist(points)

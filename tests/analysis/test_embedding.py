@@ -11,9 +11,16 @@ from sklearn.decomposition import PCA
 
 from mograft import Config, Motion, Segments, segment
 from mograft._util.linalg import GRID
-from mograft.analysis.embedding import Samples, embed, features, mean_rotations, moments, normalise
-from mograft.analysis.principal_components import Spread
-from mograft.analysis.principal_components import pca as components_of
+from mograft.analysis.embedding import (
+    Samples,
+    Spread,
+    embed,
+    features,
+    mean_rotations,
+    moments,
+    normalise,
+)
+from mograft.analysis.embedding import pca as components_of
 from mograft.motion import rotations
 from tests.oracles import analysis as oracle
 from tests.strategies import (
@@ -225,16 +232,6 @@ def test_embed_too_few_or_equal_segments_warns_and_returns_none():
         samples = normalise([motion], segments, ROBUST, **NORMALISATION)
         with pytest.warns(UserWarning, match=message):
             assert embed_all(samples, range(4)) is None
-
-
-def test_embed_rotations_near_half_turn_from_mean_warns():
-    motion = random_motion(np.random.default_rng(3), 2)
-    quats = motion.rotations.copy()
-    quats[:, 1] = rotations.from_axis_angle([1, 0, 0], np.linspace(-3.14, 3.14, len(quats)))
-    rotated = replace(motion, rotations=quats)
-    samples = normalise([rotated], segment(rotated), ROBUST, **NORMALISATION)
-    with pytest.warns(UserWarning, match="nearly a half turn from the mean"):
-        embed_all(samples, [1])
 
 
 def test_embed_cached_features_do_not_change_result(monkeypatch):
