@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from mograft._util.cut_frames import freeze_cut_frames
 from mograft._util.names import automatic_number, is_automatic
+from mograft._util.validate import freeze_cut_frames
 from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders, library_folder
 from mograft.cli.output import show_progress

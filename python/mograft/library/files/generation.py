@@ -15,9 +15,8 @@ import numpy.typing as npt
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.arrays import Packed
-from mograft._util.atomic import sync
+from mograft._util.atomic import exclusive_lock, sync
 from mograft._util.cleanup import clean_up_by
-from mograft._util.lock import exclusive_lock
 from mograft.errors import LibraryError, join_names
 from mograft.library.clip_table import ClipLocation, ClipTable, skeleton_to_json, write_clip_table
 from mograft.library.data import LibraryData
