@@ -64,21 +64,6 @@ def height_of(motion):
     return mass_model(motion.skeleton).height
 
 
-def test_build_scaled_skeleton_has_the_same_points(motion):
-    skeleton = motion.skeleton
-    sites = [replace(site, offset=site.offset * 2.5) for site in skeleton.end_sites]
-    scaled = replace(
-        motion,
-        skeleton=replace(skeleton, offsets=skeleton.offsets * 2.5, end_sites=sites),
-        positions=motion.positions * 2.5,
-        channel_values=None,
-    )
-    pair = Library.build([motion, scaled])
-    half = len(pair.segments) // 2
-    for embedding in pair.embedding.values():
-        np.testing.assert_allclose(embedding.points[:half], embedding.points[half:], atol=1e-5)
-
-
 def test_build_other_hierarchy_raises_skeleton_mismatch(motion):
     names = list(motion.skeleton.names)
     names[3] = "Hoof"

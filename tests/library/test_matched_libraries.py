@@ -134,13 +134,6 @@ def test_add_to_library_matched_by_anatomy_equals_index(files, tmp_path):
     assert_same_libraries(part.add(files), whole)
 
 
-def test_index_of_names_leaves_other_hierarchy_out(files, tmp_path):
-    library = Library.index(files, tmp_path / "l")
-    assert len(library.clips) == 2
-    (reason,) = library.refused.values()
-    assert "unless joints are matched by anatomy" in reason
-
-
 @pytest.mark.filterwarnings("ignore:joints matched by anatomy")
 def test_mirror_images_of_matched_clips_are_those_of_the_converted_motion():
     library = build([PARTS["a"], OTHER["b"]]).with_mirror_images()

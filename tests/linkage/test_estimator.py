@@ -1,6 +1,5 @@
 """`CompleteLinkage` with scikit-learn: its checks, its own estimator, and its tools."""
 
-import pickle
 import subprocess
 import sys
 
@@ -9,10 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
-from sklearn.base import clone
 from sklearn.cluster import AgglomerativeClustering
-from sklearn.metrics import silhouette_score
-from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.estimator_checks import check_estimator
@@ -82,41 +78,6 @@ def test_complete_linkage_repr_lists_changed_parameters():
     assert repr(clustering.CompleteLinkage(3, metric="cosine")) == (
         "CompleteLinkage(n_clusters=3, metric='cosine')"
     )
-
-
-def test_complete_linkage_clone_and_pickle_keep_parameters_and_results():
-    points = np.random.default_rng(3).standard_normal((60, 4))
-    model = clustering.CompleteLinkage(None, distance_threshold=2.5, metric="sqeuclidean").fit(
-        points
-    )
-    copy = clone(model)
-    assert copy.get_params() == model.get_params()
-    assert not hasattr(copy, "labels_")
-    restored = pickle.loads(pickle.dumps(model))
-    np.testing.assert_array_equal(restored.labels_, model.labels_)
-
-
-def test_complete_linkage_in_pipeline_equals_separate_steps():
-    points = np.random.default_rng(3).standard_normal((60, 4)) * [1, 10, 100, 1000]
-    pipeline = make_pipeline(StandardScaler(), clustering.CompleteLinkage(4))
-    scaled = StandardScaler().fit_transform(points)
-    expected = clustering.CompleteLinkage(4).fit_predict(scaled)
-    np.testing.assert_array_equal(pipeline.fit_predict(points), expected)
-    assert "CompleteLinkage" in pipeline._repr_html_()
-
-
-def test_complete_linkage_grid_search_finds_number_of_groups():
-    rng = np.random.default_rng(0)
-    centres = np.array([[0.0, 0.0], [9.0, 0.0], [0.0, 9.0], [9.0, 9.0]])
-    points = np.repeat(centres, 20, axis=0) + rng.standard_normal((80, 2))
-    search = GridSearchCV(
-        clustering.CompleteLinkage(),
-        {"n_clusters": [2, 3, 4, 5, 6]},
-        scoring=lambda model, X: silhouette_score(X, model.fit_predict(X)),
-        cv=[(np.arange(80), np.arange(80))],
-    ).fit(points)
-    assert search.best_params_ == {"n_clusters": 4}
-    assert search.best_estimator_.n_clusters_ == 4
 
 
 def test_complete_linkage_data_frame_names_and_set_output():

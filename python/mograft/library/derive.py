@@ -52,11 +52,10 @@ class DerivableLibrary(LibraryData):
         ValueError
             If an option of segmentation or embedding differs; the message names it.
         """
-        current = self.config
-        changed = config.changed_fields(current)
+        changed = config.changed_fields(self.config)
         for name in [name for stage in BUILD_STAGES for name in changed.get(stage, ())]:
             raise ValueError(
-                f"`{name}` must be {getattr(current, name)!r}, the value with which the "
+                f"`{name}` must be {getattr(self.config, name)!r}, the value with which the "
                 f"library was built; got {getattr(config, name)!r}"
             )
         relabelled = replace(self, config=config)

@@ -71,8 +71,7 @@ def index_folder(
 def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], plan: IngestPlan) -> None:
     """Add clips to a library in a folder; see `Library.add`."""
     with write_generation(path, add=True) as writer:
-        if writer.base is None:
-            raise RuntimeError("the writer has no previous generation to add clips to")
+        assert writer.base is not None
         # Another process may have added clips since the library was opened.
         base = load_library(LibraryData, writer.base)
         files = {info.source_file.address: info for info in base.entries if info.source_file}
@@ -229,8 +228,8 @@ def _ingest_additions(
 
     If the specification changes, or there are too many shards, the kept clips are ingested again.
     """
-    if writer.base is not None:
-        writer.link_shards(writer.base)
+    assert writer.base is not None
+    writer.link_shards(writer.base)
     result = ingest_pending(pending, base.spec, plan, _store(writer))
     properties = [(clip.order, base.skeleton, clip.info) for clip in kept]
     # A changed file that no longer fits is left out, unless no clip would remain.
@@ -252,8 +251,7 @@ def _ingest_additions(
 def _pending_again(base: LibraryData, kept: Sequence[_IndexedClip]) -> Iterator[PendingClip]:
     """Yield the `kept` clips as clips to ingest, which are read when they are ingested."""
     clips = base.clips
-    if not isinstance(clips, StoredClips):
-        raise TypeError("the library must be stored in a folder")
+    assert isinstance(clips, StoredClips)
     index_of = {location: index for index, location in enumerate(clips.table.locations)}
     for clip in kept:
         info, read = clip.info, partial(clips.original, index_of[clip.location], as_read=True)
