@@ -214,12 +214,13 @@ class DerivableLibrary(LibraryData):
         samples = sample_segments(motion, segments, self.spec, self.config)
         states = [boundary_states(motion, segments)]
         held = self.groups.divided_channels(self.skeleton)
-        embedding = {
-            group: None
-            if known is None
-            else _project(known, restrict_samples(samples, self.skeleton, held[group]))
-            for group, known in self.embedding.items()
-        }
+        embedding: dict[str, Embedding | None] = dict.fromkeys(self.embedding)
+        for group, own in self.embedding.items():
+            if own is not None:
+                part = restrict_samples(samples, self.skeleton, held[group])
+                matrix = features(part, own.joints, own.reference, has_root=own.has_root)
+                points = np.concatenate([own.points, own.project(matrix)])
+                embedding[group] = replace(own, points=points)
         n, sigma = len(segments), self.sigma
         labels = {
             group: np.concatenate(
@@ -244,12 +245,6 @@ class DerivableLibrary(LibraryData):
         if self.has_recipe:
             extended.set_recipe(type(self)._append_clip, self, motion, own_rate)
         return extended
-
-
-def _project(embedding: Embedding, samples: Samples) -> Embedding:
-    """Return the embedding with the points of new segments appended, given their samples."""
-    matrix = features(samples, embedding.joints, embedding.reference, has_root=embedding.has_root)
-    return replace(embedding, points=np.concatenate([embedding.points, embedding.project(matrix)]))
 
 
 def _ignore(stage: str, done: int, total: int) -> None:
