@@ -184,14 +184,12 @@ def find_clip_origin(library: LibraryData, clip: int) -> ClipOrigin:
     if isinstance(library.clips, PartialClips):
         return library.clips.origins[clip]
     clips, _, is_extended = _original_clips(library)
-    if is_extended and clip == len(library.entries) - 1:
-        file = find_source_file(library.clips[clip], library.spec)
-        return ClipOrigin(source_file=file, is_in_library=False)
-    index = clip % len(clips)
+    is_base = is_extended and clip == len(library.entries) - 1
+    index = clip if is_base else clip % len(clips)
     file = library.entries[index].source_file
     if file is None:
         file = find_source_file(library.clips[index], library.spec)
-    return ClipOrigin(source_file=file, is_mirrored=index != clip)
+    return ClipOrigin(source_file=file, is_mirrored=index != clip, is_in_library=not is_base)
 
 
 def find_source_file(motion: Motion, spec: LibrarySpec | None = None) -> SourceFile | None:
