@@ -25,7 +25,7 @@ _HOMES = {
     "io.bvh.writer": "write_bvh",
     "io.clips": "Clips",
     "io.formats": "read",
-    "library.group_choice": "discover_groups",
+    "library.build": "discover_groups",
     "library.library": "Library",
     "motion.motion": "Motion",
     "motion.segments": "Segments",

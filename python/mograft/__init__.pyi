@@ -31,7 +31,7 @@ from mograft.io.bvh.reader import read_bvh as read_bvh
 from mograft.io.bvh.writer import write_bvh as write_bvh
 from mograft.io.clips import Clips as Clips
 from mograft.io.formats import read as read
-from mograft.library.group_choice import discover_groups as discover_groups
+from mograft.library.build import discover_groups as discover_groups
 from mograft.library.library import Library as Library
 from mograft.motion import resample as resample
 from mograft.motion import rotations as rotations

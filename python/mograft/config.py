@@ -6,8 +6,7 @@ from dataclasses import Field, dataclass, field, fields, replace
 from numbers import Real
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
-from mograft._util.cut_frames import freeze_cut_frames
-from mograft._util.validate import check_choice, is_integer, python_scalar
+from mograft._util.validate import check_choice, freeze_cut_frames, is_integer, python_scalar
 from mograft.errors import suggest_name
 
 FRAME = 1.0 / 30.0

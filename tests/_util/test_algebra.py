@@ -1,13 +1,18 @@
-"""Properties of matrix products and eigenvectors that carry the same bits for any thread count."""
+"""Sums, eigenvectors, runs and percentiles equal their definitions, whatever the threads."""
 
 from fractions import Fraction
+from itertools import groupby
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 
+from mograft._util import high_percentile
+from mograft._util.high_percentile import HighPercentile
 from mograft._util.linalg import GRID, eigenvectors, product, round_to_grid
+from mograft._util.runs import dilate, find_runs
 from tests.strategies import SEEDS
 
 SIZES = st.integers(1, 40)
@@ -36,20 +41,6 @@ def test_round_to_grid_returns_nearest_multiple(seed, exponent):
 
 def test_round_to_grid_returns_positive_zeros():
     assert not np.signbit(round_to_grid(np.array([-0.0, -GRID / 2, -1e-300]))).any()
-
-
-@given(SEEDS, SIZES, st.integers(1, 300), SIZES)
-def test_product_reordered_sums_keeps_bits(seed, m, k, n):
-    a, b = random_rows(seed, m, k), directions(seed + 1, k, n)
-    order = np.random.default_rng(seed).permutation(k)
-    assert product(a[:, order], b[order]).tobytes() == product(a, b).tobytes()
-
-
-@given(SEEDS, SIZES, st.integers(1, 300), SIZES)
-def test_product_row_does_not_depend_on_other_rows(seed, m, k, n):
-    a, b = random_rows(seed, m, k), directions(seed + 1, k, n)
-    alone = np.concatenate([product(row[None], b) for row in a])
-    assert alone.tobytes() == product(a, b).tobytes()
 
 
 @given(SEEDS, st.integers(1, 5), st.integers(1, 20), st.integers(1, 5))
@@ -118,6 +109,67 @@ def test_eigenvectors_entries_of_equal_size_take_sign_from_first(seed, n):
     assert again.tobytes() == first.tobytes()
 
 
-def test_eigenvectors_non_square_matrix_raises_value_error():
-    with pytest.raises(ValueError, match="square"):
-        eigenvectors(np.ones((2, 3)), 1)
+MASKS = st.lists(st.booleans(), max_size=30).map(lambda marks: np.array(marks, bool))
+
+
+@given(MASKS)
+def test_find_runs_matches_itertools_groupby(mask):
+    groups = [(value, len(list(run))) for value, run in groupby(mask.tolist())]
+    stops = np.cumsum([length for _, length in groups], dtype=int)
+    expected = [
+        [stop - length, stop]
+        for (value, length), stop in zip(groups, stops.tolist(), strict=True)
+        if value
+    ]
+    assert find_runs(mask).tolist() == expected
+
+
+@given(MASKS, st.integers(0, 4))
+def test_dilate_marks_positions_within_the_distance(mask, steps):
+    marked = np.flatnonzero(mask)
+    expected = [bool((np.abs(marked - i) <= steps).any()) for i in range(len(mask))]
+    before = mask.copy()
+    assert dilate(mask, steps).tolist() == expected
+    np.testing.assert_array_equal(mask, before)
+
+
+MATRICES = hnp.arrays(
+    np.float64,
+    st.tuples(st.integers(1, 200), st.integers(1, 3)),
+    elements=st.one_of(st.integers(0, 3).map(float), st.floats(-1e3, 1e3)),
+)
+
+
+@given(
+    MATRICES,
+    st.sampled_from([50.0, 90.0, 99.0, 99.9, 100.0]),
+    st.lists(st.tuples(st.integers(-9, 210), st.integers(-9, 210)), min_size=1, max_size=4),
+    st.integers(0, 250),
+    st.data(),
+)
+def test_percentile_without_rows_equals_that_of_remaining_rows(
+    values, percentile, ranges, slack, data
+):
+    columns = data.draw(st.permutations(range(values.shape[1])))[:2]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(high_percentile, "SLACK", slack)
+        found = HighPercentile(values, percentile)
+        for first, stop in ranges:
+            rows = np.arange(len(values))
+            rest = values[(rows < first) | (rows >= stop)][:, columns]
+            result = found.without(first, stop, np.array(columns))
+            if not len(rest):
+                assert result is None
+                continue
+            np.testing.assert_array_equal(result, np.percentile(rest, percentile, axis=0))
+
+
+def test_percentile_reads_all_rows_once_however_many_ranges_are_left_out(monkeypatch):
+    values = np.random.default_rng(1).random((20_000, 1))
+    found = HighPercentile(values, 99.9)
+    kept = found.without(0, 0, np.array([0]))
+    monkeypatch.setattr(np, "percentile", None)
+    monkeypatch.setattr(np, "argpartition", None)
+    for first in range(0, 19_000, 500):
+        assert found.without(first, first + 1000, np.array([0])) <= values.max()
+    np.testing.assert_array_equal(found.without(5, 5, np.array([0])), kept)

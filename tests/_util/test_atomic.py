@@ -1,4 +1,4 @@
-"""Properties of atomic writes: kills, errors, links, permissions, long names."""
+"""Properties of atomic writes and locks: kills, errors, links, permissions, long names."""
 
 import json
 import os
@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mograft._util.atomic import atomic_path, write_bytes, write_json, write_text
+from mograft._util.atomic import atomic_path, exclusive_lock, write_bytes, write_json, write_text
 from tests.strategies import few_examples
 
 KILLED_SCRIPT = """
@@ -126,3 +126,33 @@ def test_write_json_any_document_gives_the_text_of_dumps(tmp_path_factory, docum
     path = tmp_path_factory.getbasetemp() / "document.json"
     write_json(path, document)
     assert path.read_bytes() == (json.dumps(document, indent=1) + "\n").encode()
+
+
+HOLD_SCRIPT = """
+import sys
+from pathlib import Path
+from mograft._util.atomic import exclusive_lock
+with exclusive_lock(Path(sys.argv[1])):
+    print("locked", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_exclusive_lock_held_by_other_process_raises_until_it_ends(tmp_path):
+    path = tmp_path / ".lock"
+    command = [sys.executable, "-c", HOLD_SCRIPT, str(path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout.readline().strip() == b"locked"
+        with pytest.raises(BlockingIOError), exclusive_lock(path):
+            pass
+        process.kill()
+    with exclusive_lock(path):
+        pass
+    assert path.read_bytes() == b""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has other locks")
+def test_exclusive_lock_without_platform_support_raises_os_error(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "fcntl", None)
+    with pytest.raises(OSError, match="no file locks"), exclusive_lock(tmp_path / ".lock"):
+        pass

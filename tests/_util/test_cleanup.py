@@ -25,11 +25,17 @@ def test_clean_up_block_ends_calls_action_once(error):
 posix_only = pytest.mark.skipif(os.name != "posix", reason="the platform has no such signals")
 
 
+PRELUDE = """
+import hashlib, os, signal, sys, threading, time
+from mograft._util.cleanup import clean_up, clean_up_by
+from mograft._util.signals import delay_signals, end_on_signals
+"""
+
+
 def run_python(code):
-    """Run a program; return its exit code, stdout and stderr."""
-    child = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False
-    )
+    """Run a program after `PRELUDE`; return its exit code, stdout and stderr."""
+    command = [sys.executable, "-c", PRELUDE + code]
+    child = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     return child.returncode, child.stdout, child.stderr
 
 
@@ -48,14 +54,12 @@ def assert_ends_soon(code, expected):
 
 def test_clean_up_process_exits_calls_action_once():
     code = """
-import sys
-from mograft._util.cleanup import clean_up_by
 blocks = [clean_up_by(lambda each=each: print(each)) for each in range(3)]
 for block in blocks:
     block.__enter__()
 blocks[1].__exit__(None, None, None)
 """
-    returncode, out, err = run_python(code + "import os; sys.stdout.flush(); sys.exit(5)")
+    returncode, out, err = run_python(code + "sys.stdout.flush(); sys.exit(5)")
     # Python also closes the generators of the blocks after the exit handlers; cleanup may repeat.
     assert (returncode, out.split()[:3], err) == (5, ["1", "2", "0"], "")
 
@@ -63,13 +67,10 @@ blocks[1].__exit__(None, None, None)
 @posix_only
 def test_clean_up_forked_child_leaves_parents_files():
     code = """
-import os, sys
-from mograft._util.cleanup import clean_up_by
 block = clean_up_by(lambda: print("action", flush=True))
 block.__enter__()
 child = os.fork()
 if child == 0:
-    from mograft._util.cleanup import clean_up
     clean_up()
     os._exit(0)
 os.waitpid(child, 0)
@@ -91,9 +92,6 @@ block.__exit__(None, None, None)
 )
 def test_signal_ends_process_with_cleanup_and_without_unwinding(name, code, text):
     program = f"""
-import os, signal
-from mograft._util.cleanup import clean_up_by
-from mograft._util.signals import end_on_signals
 end_on_signals()
 try:
     with clean_up_by(lambda: os.write(1, b"clean")):
@@ -108,9 +106,6 @@ finally:
 def test_signal_within_kernel_ends_process_soon():
     # The main thread is in C code for minutes: its handler is not called.
     program = """
-import hashlib, os, threading, time
-from mograft._util.cleanup import clean_up_by
-from mograft._util.signals import end_on_signals
 end_on_signals()
 with clean_up_by(lambda: os.write(1, b"clean")):
     threading.Timer(0.2, lambda: os.kill(os.getpid(), 15)).start()
@@ -122,9 +117,6 @@ with clean_up_by(lambda: os.write(1, b"clean")):
 @posix_only
 def test_signal_with_blocked_cleanup_ends_process_soon():
     program = """
-import signal, time
-from mograft._util.cleanup import clean_up_by
-from mograft._util.signals import end_on_signals
 end_on_signals()
 with clean_up_by(lambda: time.sleep(600)):
     signal.raise_signal(signal.SIGTERM)
@@ -135,9 +127,7 @@ with clean_up_by(lambda: time.sleep(600)):
 @posix_only
 def test_signal_ignored_at_start_stays_ignored():
     program = """
-import signal
 signal.signal(signal.SIGHUP, signal.SIG_IGN)
-from mograft._util.signals import end_on_signals
 end_on_signals()
 signal.raise_signal(signal.SIGHUP)
 print("alive")
@@ -148,8 +138,6 @@ print("alive")
 @posix_only
 def test_delay_signals_handles_after_block():
     program = """
-import os, signal
-from mograft._util.signals import delay_signals, end_on_signals
 end_on_signals()
 with delay_signals():
     signal.raise_signal(signal.SIGTERM)

@@ -1,7 +1,6 @@
 """Complete linkage: the tree against a greedy oracle and SciPy, cuts and thresholds."""
 
 import signal
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +11,6 @@ from scipy.cluster import hierarchy
 from scipy.spatial.distance import pdist
 
 from mograft import clustering
-
-REAL = Path(__file__).parents[3] / "shared" / "data" / "embedding_bandai_60k.npy"
 
 COORDINATES = {
     "lattice": st.integers(-2, 2).map(float),
@@ -80,17 +77,6 @@ def by_first_appearance(labels):
     return np.argsort(np.argsort(first))[inverse]
 
 
-@st.composite
-def clouds_without_ties(draw, max_points=200):
-    """Points whose pairwise distances are all different."""
-    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
-    shape = draw(st.integers(2, max_points)), draw(st.integers(1, 20))
-    points = draw(st.sampled_from([rng.standard_normal, rng.standard_cauchy]))(shape)
-    distances = pdist(points)
-    assume(len(np.unique(distances)) == len(distances))
-    return points
-
-
 @given(clouds(max_points=12), RESOURCES)
 def test_linkage_equals_greedy_search(points, resources):
     np.testing.assert_array_equal(clustering.linkage(points, **resources), greedy(points))
@@ -105,31 +91,6 @@ def test_linkage_any_threads_and_memory_limit_gives_one_valid_tree(points, resou
     assert hierarchy.is_monotonic(tree)
 
 
-@given(clouds_without_ties(), RESOURCES)
-def test_linkage_distinct_distances_equals_scipy(points, resources):
-    expected = hierarchy.complete(pdist(points))
-    np.testing.assert_array_equal(clustering.linkage(points, **resources), expected)
-
-
-@given(clouds_without_ties(max_points=60), RESOURCES, st.floats(0, 1))
-def test_cut_between_heights_equals_scipy(points, resources, quantile):
-    tree = hierarchy.complete(pdist(points))
-    heights = np.concatenate([[0.0], tree[:, 2]])
-    low = int(quantile * (len(heights) - 2))
-    diameter = heights[low : low + 2].mean()
-    expected = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
-    np.testing.assert_array_equal(clustering.cut(points, diameter, **resources), expected)
-
-
-@given(clouds(kinds=["lattice", "single precision"]), RESOURCES, st.floats(0, 1))
-def test_cut_at_and_next_to_height_equals_fcluster_of_tree(points, resources, quantile):
-    tree = clustering.linkage(points)
-    height = np.quantile(tree[:, 2], quantile)
-    for diameter in (height, np.nextafter(height, 0), np.nextafter(height, np.inf)):
-        expected = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
-        np.testing.assert_array_equal(clustering.cut(points, diameter, **resources), expected)
-
-
 @given(clouds(kinds=["lattice", "single precision"]))
 def test_linkage_condensed_equals_linkage_of_points(points):
     distances = pdist(points)
@@ -138,22 +99,6 @@ def test_linkage_condensed_equals_linkage_of_points(points):
     tree = clustering.linkage(points)
     np.testing.assert_array_equal(clustering.linkage_condensed(distances), tree)
     np.testing.assert_array_equal(clustering.linkage_condensed(distances, memory_limit=0), tree)
-
-
-def test_linkage_recorded_embedding_equals_scipy():
-    if not REAL.exists():
-        pytest.skip(f"needs the embedded motions of {REAL.name}")
-    points = np.load(REAL)[::30].astype(np.float64)
-    tree = clustering.linkage(points, memory_limit=0)
-    np.testing.assert_array_equal(tree, hierarchy.complete(pdist(points)))
-    for diameter in (3.525, 13.590):
-        expected = hierarchy.fcluster(tree, diameter, "distance")
-        labels = clustering.cut(points, diameter, memory_limit=0)
-        np.testing.assert_array_equal(labels, by_first_appearance(expected))
-    for k in (2, 40, 900):
-        expected = by_first_appearance(hierarchy.fcluster(tree, k, "maxclust"))
-        labels = clustering.CompleteLinkage(n_clusters=k).fit_predict(points)
-        np.testing.assert_array_equal(labels, expected)
 
 
 def difficult_clouds(n):

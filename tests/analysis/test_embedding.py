@@ -11,9 +11,16 @@ from sklearn.decomposition import PCA
 
 from mograft import Config, Motion, Segments, segment
 from mograft._util.linalg import GRID
-from mograft.analysis.embedding import Samples, embed, features, mean_rotations, moments, normalise
-from mograft.analysis.principal_components import Spread
-from mograft.analysis.principal_components import pca as components_of
+from mograft.analysis.embedding import (
+    Samples,
+    Spread,
+    embed,
+    features,
+    mean_rotations,
+    moments,
+    normalise,
+)
+from mograft.analysis.embedding import pca as components_of
 from mograft.motion import rotations
 from tests.oracles import analysis as oracle
 from tests.strategies import (
@@ -43,6 +50,11 @@ def matrix_of(motion, config, joints=None):
     if not config.keep_heading:
         reference[joints == 0] = rotations.IDENTITY
     return features(samples, joints, reference, has_root=0 in joints)
+
+
+def embed_all(samples, joints):
+    means = mean_rotations(samples, samples.n_joints)
+    return embed(samples, np.array(joints), means, ROBUST, root=0, group="all")
 
 
 def poses(quats):
@@ -95,17 +107,6 @@ def test_features_equal_oracle(motion, config):
         config,
     )
     np.testing.assert_allclose(matrix_of(motion, config), expected, atol=1e-9)
-
-
-def test_features_seven_joints_with_root_have_241_columns():
-    rng = np.random.default_rng(0)
-    motion = random_motion(rng, n_joints=7)
-    matrix = matrix_of(motion, PAPER)
-    assert matrix.shape[1] == 240 + 1
-    constant = matrix.std(axis=0) < 1e-9
-    assert constant.sum() == 3
-    without_root = matrix_of(motion, PAPER, np.arange(1, 7))
-    assert without_root.shape[1] == 3 * 6 * 10 + 1
 
 
 def random_motion(rng, n_joints):
@@ -202,14 +203,7 @@ def test_pca_floors_reduce_weight_of_nearly_constant_features():
 def test_embedding_project_reproduces_points():
     motion = random_motion(np.random.default_rng(3), 4)
     samples = normalise([motion], segment(motion), ROBUST, **NORMALISATION)
-    embedding = embed(
-        samples,
-        np.arange(4),
-        mean_rotations(samples, samples.rotations.shape[2]),
-        ROBUST,
-        root=0,
-        group="all",
-    )
+    embedding = embed_all(samples, range(4))
     matrix = features(samples, embedding.joints, embedding.reference, has_root=True)
     np.testing.assert_allclose(embedding.project(matrix), embedding.points, atol=1e-10)
 
@@ -237,34 +231,7 @@ def test_embed_too_few_or_equal_segments_warns_and_returns_none():
     ):
         samples = normalise([motion], segments, ROBUST, **NORMALISATION)
         with pytest.warns(UserWarning, match=message):
-            assert (
-                embed(
-                    samples,
-                    np.arange(4),
-                    mean_rotations(samples, samples.rotations.shape[2]),
-                    ROBUST,
-                    root=0,
-                    group="all",
-                )
-                is None
-            )
-
-
-def test_embed_rotations_near_half_turn_from_mean_warns():
-    motion = random_motion(np.random.default_rng(3), 2)
-    quats = motion.rotations.copy()
-    quats[:, 1] = rotations.from_axis_angle([1, 0, 0], np.linspace(-3.14, 3.14, len(quats)))
-    rotated = replace(motion, rotations=quats)
-    samples = normalise([rotated], segment(rotated), ROBUST, **NORMALISATION)
-    with pytest.warns(UserWarning, match="nearly a half turn from the mean"):
-        embed(
-            samples,
-            np.array([1]),
-            mean_rotations(samples, samples.rotations.shape[2]),
-            ROBUST,
-            root=0,
-            group="arm",
-        )
+            assert embed_all(samples, range(4)) is None
 
 
 def test_embed_cached_features_do_not_change_result(monkeypatch):
@@ -277,13 +244,6 @@ def test_embed_cached_features_do_not_change_result(monkeypatch):
     expected = None
     for room in (0, 8 * 700, 8 * 1500, 1 << 30):
         monkeypatch.setattr(embedding, "CACHE_BYTES", room)
-        result = embed(
-            samples,
-            np.arange(4),
-            mean_rotations(samples, samples.rotations.shape[2]),
-            ROBUST,
-            root=0,
-            group="all",
-        )
+        result = embed_all(samples, range(4))
         expected = result.points if expected is None else expected
         np.testing.assert_array_equal(result.points, expected)

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft._util.gaussian import gaussian_filter
-from mograft.analysis.online_segmentation import OnlineSegmenter
-from mograft.analysis.segmentation import extrema
+from mograft.analysis.segmentation import OnlineSegmenter, extrema
 from mograft.dancer import dance
 from tests.strategies import SEEDS
 

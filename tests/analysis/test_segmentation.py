@@ -171,6 +171,32 @@ def test_concatenate_segments_invalid_parts_raise(parts, error, message):
         Segments.concatenate(parts)
 
 
-def test_segment_config_of_wrong_type_raises_type_error():
-    with pytest.raises(TypeError, match="`config` must be a Config, got int"):
-        segment(dance(strides=1).motion, config=3)
+DANCER = dance(strides=1, seed=3).motion
+
+
+def bounds_of(segments):
+    return np.append(segments.start, segments.stop[-1])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"method": "energi"}, "`segmentation` must be one of 'energy', .*; did you mean 'energy'"),
+        ({"method": [5, 4]}, "cut frames in `method` must be ascending whole numbers"),
+        ({"method": [4.5]}, "cut frames in `method` must be ascending whole numbers"),
+        ({"method": [[1, 2], [3]]}, "cut frames in `method` must be ascending whole numbers"),
+        ({"method": [10**6]}, f"must be at most {DANCER.n_frames - 1}, its last frame"),
+        ({"method": lambda _: "a"}, "cut frames that `segmentation` returned for dance"),
+        ({"method": {"waltz": [5]}}, "must have cut frames for every clip, got none for 'dance'"),
+    ],
+)
+def test_invalid_method_raises_value_error(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        segment(DANCER, **arguments)
+
+
+@given(st.sets(st.integers(0, DANCER.n_frames - 1), max_size=20).map(sorted))
+def test_given_cut_frames_are_neither_merged_nor_split(frames):
+    expected = np.unique([0, *frames, DANCER.n_frames - 1])
+    for method in (frames, lambda _: np.array(frames), {DANCER.name: frames}):
+        np.testing.assert_array_equal(bounds_of(segment(DANCER, method=method)), expected)

@@ -127,15 +127,3 @@ def test_conform_skeletons_that_differ_in_end_sites_gives_their_end_sites():
         target = replace(DANCE.skeleton, end_sites=sites)
         result = conform(renamed, target, up=1, root=0)
         assert len(result.skeleton.end_sites) == len(sites)
-
-
-def test_conform_other_figure_raises_skeleton_mismatch_error():
-    worm = mg.Motion(
-        mg.Skeleton(["a", "b"], [-1, 0], np.ones((2, 3))),
-        0.1,
-        np.tile(rotations.IDENTITY, (2, 2, 1)),
-        np.ones((2, 2, 3)),
-        name="worm",
-    )
-    with pytest.raises(mg.SkeletonMismatchError, match="worm cannot be matched by anatomy"):
-        conform(worm, DANCE.skeleton, up=1, root=0)

@@ -83,21 +83,6 @@ def test_index_remembers_format_clip_and_hash(several, tmp_path):
     assert set(library.to_dataframe("clips")["file_clip"]) == set(NAMES)
 
 
-def test_add_changed_file_replaces_its_clips(several, tmp_path):
-    folder = tmp_path / "clips"
-    shutil.copytree(several, folder)
-    library = mg.Library.index(folder, tmp_path / "l")
-    before = hash_library(library)
-    assert hash_library(library.add(folder)) == before
-    formats.write_glb(
-        [replace(DANCE[300:400], name=name) for name in NAMES], folder / "sub" / "pack.glb"
-    )
-    changed = library.add(folder)
-    assert sorted(changed.names) == sorted(NAMES)
-    assert {info.n_frames for info in changed.entries} == {100}
-    assert hash_library(changed) != before
-
-
 @given(st.sets(st.sampled_from(NAMES), min_size=1), st.sets(st.sampled_from(NAMES), min_size=1))
 @few_examples(4)
 def test_add_changed_file_equals_index_of_the_changed_file(tmp_path_factory, before, after):

@@ -37,24 +37,17 @@ def test_index_existing_folder_is_kept_without_force(clip_folder, stored_library
         Library.index(DANCE, tmp_path / "no")
 
 
-def make_foreign_year(folder):
-    (folder / "2024").mkdir()
-    (folder / "2024" / "tax.pdf").write_bytes(b"tax")
-
-
-def make_foreign_manifest(folder):
-    (folder / "manifest.json").write_text('{"format": "web app", "version": 1}')
-
-
-def make_foreign_link(folder):
-    (folder / "0009").symlink_to(folder / "0001", target_is_directory=True)
-
-
-@pytest.mark.parametrize("change", [make_foreign_year, make_foreign_manifest, make_foreign_link])
+@pytest.mark.parametrize("change", ["folder of a year", "manifest", "link"])
 @pytest.mark.parametrize("source", ["folder", "missing"])
 def test_index_force_leaves_folders_that_hold_foreign_files(clip_folder, tmp_path, change, source):
-    Library.index(clip_folder / "c.bvh", tmp_path / "l")
-    change(tmp_path / "l")
+    folder = Library.index(clip_folder / "c.bvh", tmp_path / "l").folder
+    if change == "manifest":
+        (folder / "manifest.json").write_text('{"format": "web app", "version": 1}')
+    elif change == "link":
+        (folder / "0009").symlink_to(folder / "0001", target_is_directory=True)
+    else:
+        (folder / "2024").mkdir()
+        (folder / "2024" / "tax.pdf").write_bytes(b"tax")
     before = list_files(tmp_path / "l")
     clips = clip_folder if source == "folder" else tmp_path / "no.bvh"
     with pytest.raises((LibraryError, OSError, ValueError)):

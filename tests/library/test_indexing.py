@@ -185,18 +185,19 @@ def test_index_any_executor_gives_the_same_library(
     clip_folder, stored_library, tmp_path, monkeypatch, kind
 ):
     monkeypatch.setattr(ingest, "BATCH_CLIPS", 1)  # five clips in several batches
+
+    def check(executor):
+        indexed = Library.index(clip_folder, tmp_path / "l", executor=executor)
+        assert_same_libraries(indexed, stored_library)
+        files = [info.source_file.path for info in stored_library.entries]
+        assert_same_libraries(Library.build(files, executor=executor), stored_library)
+
     if kind == "threads":
         with ThreadPoolExecutor(2) as pool:
-            assert_same_libraries(
-                Library.index(clip_folder, tmp_path / "l", executor=pool), stored_library
-            )
+            check(pool)
     elif kind == "processes":
         with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-            assert_same_libraries(
-                Library.index(clip_folder, tmp_path / "l", executor=pool), stored_library
-            )
-            files = [info.source_file.path for info in stored_library.entries]
-            assert_same_libraries(Library.build(files, executor=pool), stored_library)
+            check(pool)
     else:
         dask = pytest.importorskip("dask", reason="needs the extra dask")
         distributed = pytest.importorskip("distributed", reason="needs the extra dask")
@@ -211,10 +212,7 @@ def test_index_any_executor_gives_the_same_library(
             ) as cluster,
             distributed.Client(cluster) as client,
         ):
-            assert_same_libraries(
-                Library.index(clip_folder, tmp_path / "l", executor=client.get_executor()),
-                stored_library,
-            )
+            check(client.get_executor())
 
 
 @pytest.mark.parametrize("is_stored", [True, False])

@@ -54,9 +54,7 @@ def test_library_matched_by_anatomy_equals_that_of_one_figure():
 def test_library_of_names_refuses_other_hierarchy_and_names_the_remedy():
     with pytest.raises(SkeletonMismatchError, match="unless joints are matched by anatomy"):
         Library.build([PARTS["a"], OTHER["b"]])
-    with pytest.raises(
-        ValueError, match="`match` must be 'names' or 'anatomy', got 'anatomi'; did"
-    ):
+    with pytest.raises(ValueError, match="`match` must be one of 'names', 'anatomy', got 'anat"):
         Library.build([PARTS["a"]], match="anatomi")
 
 
@@ -134,13 +132,6 @@ def test_add_to_library_matched_by_anatomy_equals_index(files, tmp_path):
     whole = Library.index(files, tmp_path / "whole", match="anatomy")
     part = Library.index([files / "a.bvh", files / "c.bvh"], tmp_path / "part", match="anatomy")
     assert_same_libraries(part.add(files), whole)
-
-
-def test_index_of_names_leaves_other_hierarchy_out(files, tmp_path):
-    library = Library.index(files, tmp_path / "l")
-    assert len(library.clips) == 2
-    (reason,) = library.refused.values()
-    assert "unless joints are matched by anatomy" in reason
 
 
 @pytest.mark.filterwarnings("ignore:joints matched by anatomy")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mograft import Config, Library
+from mograft import Library
 from mograft.analysis.zero_moment import ZeroMomentTrack, support_margins
 from mograft.body.contacts import Ground
 from mograft.dancer import dance
@@ -62,7 +62,3 @@ def test_extended_library_has_the_balance_of_the_appended_motion(library):
     np.testing.assert_allclose(
         found.mass_offsets(segments), expected.mass_offsets(every), atol=1e-6
     )
-
-
-def test_paper_configuration_has_no_balance_costs():
-    assert Config.paper().balance_weight == 0

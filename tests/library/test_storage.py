@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from mograft import Config, JointGroups, Library, LibraryError
 from mograft.analysis import embedding
 from mograft.analysis.embedding import Samples
-from mograft.library.files import integrity, storage, stored_clips
+from mograft.library.files import array_files, storage, stored_clips
 from mograft.library.files.packing import pack, unpack
 from mograft.library.files.stored_clips import RowRange
 from mograft.motion import limits
@@ -54,7 +54,7 @@ def test_unpack_restores_packed_motion(motion, holes):
     numbers[:holes] = np.nan
     for values in (None, numbers):
         one = replace(motion, channel_values=values)
-        back = unpack(pack(one))
+        back = unpack(pack(one), one.n_frames, one.name, None, None)
         assert back.rotations.tobytes() == one.rotations.tobytes()
         assert back.positions.tobytes() == one.positions.tobytes()
         np.testing.assert_array_equal(back.channel_numbers(), one.channel_numbers())
@@ -207,7 +207,7 @@ def test_open_foreign_or_newer_library_raises_library_error(small_library, tmp_p
 def seal(folder, **changes):
     """Write the manifest of a library with changed entries and a new checksum."""
     document = json.loads((folder / "manifest.json").read_text()) | changes
-    document["checksum"] = integrity.manifest_checksum(document)
+    document["checksum"] = array_files.manifest_checksum(document)
     (folder / "manifest.json").write_text(json.dumps(document))
 
 

@@ -14,147 +14,61 @@ from mograft import clustering
 NAN = np.array([[0.0, 1.0], [2.0, 3.0], [4.0, np.nan]])
 INF = np.array([[0.0, 1.0], [-np.inf, 3.0], [4.0, 5.0]])
 POINTS = np.array([[0.0, 1.0], [2.0, 3.0], [4.0, 6.0]])
-PEER = AgglomerativeClustering(linkage="complete")
-
-
-def scipy_tree(points, metric="euclidean"):
-    return hierarchy.linkage(points, "complete", metric)
+TEXTS = [["a", "b"], ["c", "d"]]
 
 
 def fit(points, **parameters):
     return clustering.CompleteLinkage(**parameters).fit(points)
 
 
-def peer_fit(points, **parameters):
-    return AgglomerativeClustering(linkage="complete", **parameters).fit(points)
+PEERS = {
+    clustering.linkage: lambda points, metric="euclidean": hierarchy.linkage(
+        points, "complete", metric
+    ),
+    clustering.linkage_condensed: lambda distances: hierarchy.complete(np.array(distances)),
+    fit: lambda points, **own: AgglomerativeClustering(linkage="complete", **own).fit(points),
+}
 
 
-TABLE = [
-    # our call, the peer's call, error, message
-    (
-        lambda: clustering.linkage(NAN),
-        lambda: scipy_tree(NAN),
-        ValueError,
-        r"finite, got NaN at \[2, 1\]",
-    ),
-    (
-        lambda: clustering.linkage(INF),
-        lambda: scipy_tree(INF),
-        ValueError,
-        r"finite, got -inf at \[1, 0\]",
-    ),
-    (lambda: fit(NAN), lambda: peer_fit(NAN), ValueError, r"nan at \[2, 1\]"),
-    (lambda: fit(INF), lambda: peer_fit(INF), ValueError, r"-inf at \[1, 0\]"),
-    (
-        lambda: clustering.linkage(NAN, metric="cosine"),
-        lambda: scipy_tree(NAN, "cosine"),
-        ValueError,
-        r"finite, got NaN at \[2, 1\]",
-    ),
-    (
-        lambda: clustering.linkage(POINTS[:1]),
-        lambda: scipy_tree(POINTS[:1]),
-        ValueError,
-        r"`points` must have shape \(n >= 2, n_axes >= 1\), got \(1, 2\)",
-    ),
-    (
-        lambda: clustering.linkage(POINTS[:0]),
-        lambda: scipy_tree(POINTS[:0]),
-        ValueError,
-        r"got \(0, 2\)",
-    ),
-    (lambda: fit(POINTS[:1]), lambda: peer_fit(POINTS[:1]), ValueError, "n_samples = 1"),
-    (
-        lambda: clustering.linkage_condensed([]),
-        lambda: hierarchy.complete(np.array([])),
-        ValueError,
-        "`distances` must have shape",
-    ),
-    (
-        lambda: clustering.linkage_condensed(np.ones(4)),
-        lambda: hierarchy.complete(np.ones(4)),
-        ValueError,
-        "`distances` must have n.* elements .*got 4",
-    ),
-    (
-        lambda: clustering.linkage_condensed([1.0, np.nan, 2.0]),
-        lambda: hierarchy.complete(np.array([1.0, np.nan, 2.0])),
-        ValueError,
-        r"`distances` must be finite and not negative, got NaN at \[1\]",
-    ),
-    (
-        lambda: clustering.linkage(POINTS, metric="nearest"),
-        lambda: scipy_tree(POINTS, "nearest"),
-        ValueError,
-        "`metric` must be one of euclidean, sqeuclidean, cosine, correlation, got 'nearest'",
-    ),
-    (
-        lambda: clustering.linkage([["a", "b"], ["c", "d"]]),
-        lambda: scipy_tree([["a", "b"], ["c", "d"]]),
-        (TypeError, ValueError),
-        "`points` must be real numbers, got <U1",
-    ),
-    (
-        lambda: fit([["a", "b"], ["c", "d"]]),
-        lambda: peer_fit([["a", "b"], ["c", "d"]]),
-        ValueError,
-        "could not convert string to float",
-    ),
-    (
-        lambda: fit(POINTS + 1j),
-        lambda: peer_fit(POINTS + 1j),
-        ValueError,
-        "Complex data not supported",
-    ),
-    (
-        lambda: fit(csr_array(POINTS)),
-        lambda: peer_fit(csr_array(POINTS)),
-        TypeError,
-        "Sparse data was passed for X, but dense data is required",
-    ),
-    (
-        lambda: fit(POINTS, n_clusters=0),
-        lambda: peer_fit(POINTS, n_clusters=0),
-        ValueError,
-        "`n_clusters` must be between 1 and n_samples = 3, got 0",
-    ),
-    (
-        lambda: fit(POINTS, n_clusters=4),
-        lambda: peer_fit(POINTS, n_clusters=4),
-        ValueError,
-        "`n_clusters` must be between 1 and n_samples = 3, got 4",
-    ),
-    (
-        lambda: fit(POINTS, n_clusters=1.5),
-        lambda: peer_fit(POINTS, n_clusters=1.5),
-        TypeError,
-        r"`n_clusters` must be a whole number, got 1\.5",
-    ),
-    (
-        lambda: fit(POINTS, n_clusters=None, distance_threshold=-1.0),
-        lambda: peer_fit(POINTS, n_clusters=None, distance_threshold=-1.0),
-        ValueError,
-        "`distance_threshold` must be 0 or more, got -1",
-    ),
-    (
-        lambda: fit(POINTS, n_clusters=2, distance_threshold=1.0),
-        lambda: peer_fit(POINTS, n_clusters=2, distance_threshold=1.0),
-        ValueError,
-        "Exactly one of n_clusters and distance_threshold",
-    ),
-    (
-        lambda: fit(POINTS, n_clusters=None),
-        lambda: peer_fit(POINTS, n_clusters=None),
-        ValueError,
-        "Exactly one of n_clusters and distance_threshold",
-    ),
-    (
-        lambda: fit(POINTS, n_clusters=None, distance_threshold=1.0, compute_full_tree=False),
-        lambda: peer_fit(POINTS, n_clusters=None, distance_threshold=1.0, compute_full_tree=False),
-        ValueError,
-        "compute_full_tree must be True if distance_threshold is set",
-    ),
-]
+@pytest.mark.parametrize(
+    ("call", "data", "options", "error", "message"),
+    [
+        (clustering.linkage, NAN, {}, ValueError, r"finite, got NaN at \[2, 1\]"),
+        (clustering.linkage, INF, {}, ValueError, r"finite, got -inf at \[1, 0\]"),
+        (clustering.linkage, NAN, {"metric": "cosine"}, ValueError, r"got NaN at \[2, 1\]"),
+        (clustering.linkage, POINTS[:1], {}, ValueError, r"shape \(n >= 2, .*, got \(1, 2\)"),
+        (clustering.linkage, POINTS[:0], {}, ValueError, r"got \(0, 2\)"),
+        (clustering.linkage, POINTS, {"metric": "near"}, ValueError, "`metric` must .*'near'"),
+        (clustering.linkage, TEXTS, {}, (TypeError, ValueError), "must be real numbers, got <U1"),
+        (clustering.linkage_condensed, [], {}, ValueError, "`distances` must have shape"),
+        (clustering.linkage_condensed, np.ones(4), {}, ValueError, "have n.* elements .*got 4"),
+        (clustering.linkage_condensed, [1.0, np.nan, 2.0], {}, ValueError, r"got NaN at \[1\]"),
+        (fit, NAN, {}, ValueError, r"nan at \[2, 1\]"),
+        (fit, INF, {}, ValueError, r"-inf at \[1, 0\]"),
+        (fit, POINTS[:1], {}, ValueError, "n_samples = 1"),
+        (fit, TEXTS, {}, ValueError, "could not convert string to float"),
+        (fit, POINTS + 1j, {}, ValueError, "Complex data not supported"),
+        (fit, csr_array(POINTS), {}, TypeError, "Sparse data was passed for X, but dense"),
+        (fit, POINTS, {"n_clusters": 0}, ValueError, "`n_clusters` must be 1 or more, got 0"),
+        (fit, POINTS, {"n_clusters": 4}, ValueError, "at most n_samples = 3, got 4"),
+        (fit, POINTS, {"n_clusters": 1.5}, TypeError, r"must be a whole number, got 1\.5"),
+        (fit, POINTS, {"metric": "near"}, ValueError, "`metric` must be one of .*, got 'near'"),
+        (fit, POINTS, {"n_clusters": None}, ValueError, "Exactly one of n_clusters and dist"),
+        (fit, POINTS, {"distance_threshold": 1.0}, ValueError, "Exactly one of n_clusters"),
+        (
+            fit,
+            POINTS,
+            {"n_clusters": None, "distance_threshold": -1.0},
+            ValueError,
+            "`distance_threshold` must be 0 or more, got -1",
+        ),
+    ],
+)
+def test_invalid_input_raises_error_of_peer(call, data, options, error, message):
+    with pytest.raises(error, match=message):
+        call(data, **options)
+    with pytest.raises(error):
+        PEERS[call](data, **options)
 
 
 def test_linkage_excessive_limits_have_no_effect():
@@ -170,10 +84,7 @@ def test_linkage_excessive_limits_have_no_effect():
         ("max_diameter", lambda given: clustering.cut(POINTS, given)),
         ("kind", lambda given: clustering.threshold(POINTS, [given])),
         ("scale", lambda given: clustering.threshold(POINTS, scale=given)),
-        (
-            "distance_threshold",
-            lambda given: fit(POINTS, n_clusters=None, distance_threshold=given),
-        ),
+        ("distance_threshold", lambda t: fit(POINTS, n_clusters=None, distance_threshold=t)),
     ],
 )
 def test_number_arguments_of_other_type_raise_type_error(name, call, given):
@@ -181,89 +92,53 @@ def test_number_arguments_of_other_type_raise_type_error(name, call, given):
         call(given)
 
 
-@pytest.mark.parametrize(("call", "peer", "error", "message"), TABLE, ids=range(len(TABLE)))
-def test_invalid_input_raises_error_of_peer(call, peer, error, message):
+@pytest.mark.parametrize(
+    ("call", "data", "options", "error", "message"),
+    [
+        # errors that the peers do not raise, or not by index
+        (clustering.cut, POINTS, {"max_diameter": -1.0}, ValueError, "must be 0 or more, got -1"),
+        (clustering.cut, POINTS, {"max_diameter": np.nan}, ValueError, "0 or more, got nan"),
+        (clustering.linkage_condensed, [1.0, -1.0, 2.0], {}, ValueError, r"got -1 at \[1\]"),
+        (
+            clustering.linkage,
+            POINTS * [[1], [0], [0]],
+            {"metric": "cosine"},
+            ValueError,
+            "no zero rows for metric 'cosine', got row 1",
+        ),
+        (
+            clustering.linkage,
+            [[0.1, 0.2], [0.1, 0.1]],
+            {"metric": "correlation"},
+            ValueError,
+            "no constant rows for metric 'correlation', got row 1",
+        ),
+        (
+            clustering.linkage,
+            POINTS * 1e200,
+            {"metric": "sqeuclidean"},
+            ValueError,
+            r"squared distances below 1\.8e308",
+        ),
+        (clustering.linkage, POINTS + 1j, {}, TypeError, "must be real numbers, got complex128"),
+        (clustering.linkage, csr_array(POINTS), {}, TypeError, "must be dense, got a sparse"),
+        (clustering.linkage, POINTS, {"n_threads": 0}, ValueError, "must be 1 or more, got 0"),
+        (clustering.linkage, POINTS, {"n_threads": 1.5}, TypeError, "must be a whole number"),
+        (clustering.linkage, POINTS, {"memory_limit": -1}, ValueError, "must be 0 or more"),
+        (clustering.linkage, POINTS, {"max_memory": -1}, ValueError, "must be 0 or more"),
+        (clustering.linkage, POINTS, {"max_memory": 10}, MemoryError, r"\d+ bytes, the limit is"),
+        (
+            clustering.linkage_condensed,
+            np.ones(3),
+            {"max_memory": 10},
+            MemoryError,
+            "the call needs about 24 bytes, the limit is 10",
+        ),
+    ],
+)
+def test_invalid_input_raises_error(call, data, options, error, message):
     with pytest.raises(error, match=message):
-        call()
-    with pytest.raises(error):
-        peer()
-
-
-OWN = [
-    # errors that the peers do not raise, or not by index
-    (lambda: clustering.cut(POINTS, -1.0), ValueError, "`max_diameter` must be 0 or more, got -1"),
-    (
-        lambda: clustering.cut(POINTS, np.nan),
-        ValueError,
-        "`max_diameter` must be 0 or more, got nan",
-    ),
-    (
-        lambda: clustering.linkage_condensed([1.0, -1.0, 2.0]),
-        ValueError,
-        r"`distances` must be finite and not negative, got -1 at \[1\]",
-    ),
-    (
-        lambda: clustering.linkage(POINTS * [[1], [0], [0]], metric="cosine"),
-        ValueError,
-        "`points` must have no zero rows for metric 'cosine', got row 1",
-    ),
-    (
-        lambda: clustering.cut([[0.1, 0.2], [0.1, 0.1]], 1.0, metric="correlation"),
-        ValueError,
-        "`points` must have no constant rows for metric 'correlation', got row 1",
-    ),
-    (
-        lambda: clustering.linkage(POINTS * 1e200, metric="sqeuclidean"),
-        ValueError,
-        r"`points` must have squared distances below 1\.8e308",
-    ),
-    (
-        lambda: clustering.linkage(POINTS + 1j),
-        TypeError,
-        "`points` must be real numbers, got complex128",
-    ),
-    (
-        lambda: clustering.linkage(csr_array(POINTS)),
-        TypeError,
-        "`points` must be dense, got a sparse",
-    ),
-    (
-        lambda: clustering.linkage(POINTS, n_threads=0),
-        ValueError,
-        "`n_threads` must be 1 or more, got 0",
-    ),
-    (
-        lambda: clustering.linkage(POINTS, n_threads=1.5),
-        TypeError,
-        "`n_threads` must be a whole number",
-    ),
-    (
-        lambda: clustering.linkage(POINTS, max_memory=10),
-        MemoryError,
-        r"the call needs about \d+ bytes, the limit is 10",
-    ),
-    (
-        lambda: clustering.linkage_condensed(np.ones(3), max_memory=10),
-        MemoryError,
-        "the call needs about 24 bytes, the limit is 10",
-    ),
-    (
-        lambda: clustering.cut(POINTS, 1.0, max_memory=-1),
-        ValueError,
-        "`max_memory` must be 0 or more",
-    ),
-    (
-        lambda: clustering.linkage(POINTS, memory_limit=-1),
-        ValueError,
-        "`memory_limit` must be 0 or more",
-    ),
-]
-
-
-@pytest.mark.parametrize(("call", "error", "message"), OWN, ids=range(len(OWN)))
-def test_invalid_input_raises_error(call, error, message):
-    with pytest.raises(error, match=message):
-        call()
+        call(data, **options)
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the limit is that of Linux")

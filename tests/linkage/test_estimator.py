@@ -1,6 +1,5 @@
 """`CompleteLinkage` with scikit-learn: its checks, its own estimator, and its tools."""
 
-import pickle
 import subprocess
 import sys
 
@@ -8,25 +7,20 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from scipy.cluster import hierarchy
-from scipy.sparse import csr_array
 from scipy.spatial.distance import pdist
-from sklearn.base import clone
 from sklearn.cluster import AgglomerativeClustering
-from sklearn.metrics import silhouette_score
-from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.estimator_checks import check_estimator
 
 from mograft import clustering
-from tests.analysis.test_clustering import by_first_appearance, clouds, clouds_without_ties
+from tests.analysis.test_clustering import by_first_appearance, clouds
 
 METRICS = ("euclidean", "sqeuclidean", "cosine", "correlation")
 
 
 @pytest.mark.filterwarnings("ignore:Estimator CompleteLinkage does not inherit:UserWarning")
-@pytest.mark.parametrize("parameters", [{}, {"metric": "sqeuclidean"}, {"compute_full_tree": True}])
+@pytest.mark.parametrize("parameters", [{}, {"metric": "sqeuclidean"}])
 def test_complete_linkage_passes_check_estimator(parameters):
     results = check_estimator(clustering.CompleteLinkage(**parameters), on_skip=None)
     found = {result["status"] for result in results}
@@ -74,48 +68,6 @@ def test_complete_linkage_threshold_is_exclusive(points, quantile):
     np.testing.assert_array_equal(inclusive.fit_predict(points), clustering.cut(points, threshold))
 
 
-@given(clouds_without_ties(max_points=60), st.integers(1, 10))
-def test_complete_linkage_n_clusters_equals_scipy(points, k):
-    k = min(k, len(points))
-    labels = clustering.CompleteLinkage(n_clusters=k).fit_predict(points)
-    expected = hierarchy.fcluster(hierarchy.complete(pdist(points)), k, "maxclust")
-    np.testing.assert_array_equal(labels, by_first_appearance(expected))
-
-
-@pytest.mark.parametrize(
-    ("parameters", "error", "message"),
-    [
-        ({"n_clusters": None}, ValueError, "Exactly one of n_clusters and distance_threshold"),
-        ({"distance_threshold": 1.0}, ValueError, "must be set, and the other must be None"),
-        ({"n_clusters": 0}, ValueError, "`n_clusters` must be between 1 and n_samples = 5, got 0"),
-        ({"n_clusters": 6}, ValueError, "`n_clusters` must be between 1 and n_samples = 5, got 6"),
-        ({"n_clusters": 2.5}, TypeError, "`n_clusters` must be a whole number, got 2.5"),
-        (
-            {"n_clusters": None, "distance_threshold": -1.0},
-            ValueError,
-            "`distance_threshold` must be 0 or more, got -1",
-        ),
-        (
-            {"n_clusters": None, "distance_threshold": 1.0, "compute_full_tree": False},
-            ValueError,
-            "compute_full_tree must be True if distance_threshold is set",
-        ),
-        ({"compute_full_tree": "no"}, ValueError, "`compute_full_tree` must be True, False or"),
-        ({"metric": "cityblock"}, ValueError, "`metric` must be one of .*, got 'cityblock'"),
-        ({"n_threads": 0}, ValueError, "`n_threads` must be 1 or more, got 0"),
-    ],
-)
-def test_complete_linkage_invalid_parameter_raises_at_fit(parameters, error, message):
-    model = clustering.CompleteLinkage(**parameters)
-    with pytest.raises(error, match=message):
-        model.fit(np.arange(10.0).reshape(5, 2))
-
-
-def test_complete_linkage_sparse_matrix_raises_type_error():
-    with pytest.raises(TypeError, match="Sparse data was passed for X, but dense data is required"):
-        clustering.CompleteLinkage().fit(csr_array(np.eye(4)))
-
-
 def test_complete_linkage_unknown_parameter_raises_value_error():
     with pytest.raises(ValueError, match=r"`params` must be among n_clusters, .*, got 'linkage'"):
         clustering.CompleteLinkage().set_params(linkage="complete")
@@ -126,41 +78,6 @@ def test_complete_linkage_repr_lists_changed_parameters():
     assert repr(clustering.CompleteLinkage(3, metric="cosine")) == (
         "CompleteLinkage(n_clusters=3, metric='cosine')"
     )
-
-
-def test_complete_linkage_clone_and_pickle_keep_parameters_and_results():
-    points = np.random.default_rng(3).standard_normal((60, 4))
-    model = clustering.CompleteLinkage(None, distance_threshold=2.5, metric="sqeuclidean").fit(
-        points
-    )
-    copy = clone(model)
-    assert copy.get_params() == model.get_params()
-    assert not hasattr(copy, "labels_")
-    restored = pickle.loads(pickle.dumps(model))
-    np.testing.assert_array_equal(restored.labels_, model.labels_)
-
-
-def test_complete_linkage_in_pipeline_equals_separate_steps():
-    points = np.random.default_rng(3).standard_normal((60, 4)) * [1, 10, 100, 1000]
-    pipeline = make_pipeline(StandardScaler(), clustering.CompleteLinkage(4))
-    scaled = StandardScaler().fit_transform(points)
-    expected = clustering.CompleteLinkage(4).fit_predict(scaled)
-    np.testing.assert_array_equal(pipeline.fit_predict(points), expected)
-    assert "CompleteLinkage" in pipeline._repr_html_()
-
-
-def test_complete_linkage_grid_search_finds_number_of_groups():
-    rng = np.random.default_rng(0)
-    centres = np.array([[0.0, 0.0], [9.0, 0.0], [0.0, 9.0], [9.0, 9.0]])
-    points = np.repeat(centres, 20, axis=0) + rng.standard_normal((80, 2))
-    search = GridSearchCV(
-        clustering.CompleteLinkage(),
-        {"n_clusters": [2, 3, 4, 5, 6]},
-        scoring=lambda model, X: silhouette_score(X, model.fit_predict(X)),
-        cv=[(np.arange(80), np.arange(80))],
-    ).fit(points)
-    assert search.best_params_ == {"n_clusters": 4}
-    assert search.best_estimator_.n_clusters_ == 4
 
 
 def test_complete_linkage_data_frame_names_and_set_output():

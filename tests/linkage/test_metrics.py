@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.cluster import hierarchy
 from scipy.spatial.distance import pdist
@@ -16,34 +16,6 @@ from tests.memory import PEAK_BYTES
 
 METRICS = ("euclidean", "sqeuclidean", "cosine", "correlation")
 EPSILON = np.finfo(float).eps
-
-
-@st.composite
-def directions(draw, max_points=100):
-    """Points with distinct directions, of any length, with nearly parallel ones."""
-    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
-    n, n_axes = draw(st.integers(2, max_points)), draw(st.integers(3, 200))
-    points = rng.standard_normal((n, n_axes)) + draw(st.sampled_from([0.0, 3.0]))
-    scales = draw(st.sampled_from([0, 3, 100]))
-    return points * 10.0 ** rng.uniform(-scales, scales, (n, 1))
-
-
-@given(directions(), st.sampled_from(METRICS[2:]), st.floats(0, 1))
-def test_angular_metrics_equal_scipy(points, metric, quantile):
-    # SciPy squares coordinates without scaling them; ours may be of any size.
-    scaled = points / np.abs(points).max(axis=1, keepdims=True)
-    distances = pdist(scaled, metric)
-    rounding = 8 * EPSILON * points.shape[1]
-    assume(np.diff(np.sort(distances)).min(initial=1.0) > 4 * rounding)
-    expected = hierarchy.complete(distances)
-    tree = clustering.linkage(points, metric=metric)
-    np.testing.assert_array_equal(tree[:, [0, 1, 3]], expected[:, [0, 1, 3]])
-    np.testing.assert_allclose(tree[:, 2], expected[:, 2], rtol=0, atol=rounding)
-    heights = np.concatenate([[0.0], expected[:, 2]])
-    low = int(quantile * (len(heights) - 2))
-    limit = heights[low : low + 2].mean()
-    labels = by_first_appearance(hierarchy.fcluster(expected, limit, "distance"))
-    np.testing.assert_array_equal(clustering.cut(points, limit, metric=metric), labels)
 
 
 @given(clouds(kinds=["lattice", "single precision"]))

@@ -1,6 +1,5 @@
-"""Atomic file writes: a file is replaced as a whole or not at all."""
+"""Atomic file writes: a file is replaced as a whole or not at all. Locks between processes."""
 
-import contextlib
 import errno
 import hashlib
 import json
@@ -10,9 +9,9 @@ import shutil
 import stat
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from mograft._util.cleanup import clean_up_by
 
@@ -41,7 +40,7 @@ def atomic_path(target: Path) -> Iterator[Path]:
         draft = folder / path.name
         yield draft
         sync(draft)
-        with contextlib.suppress(OSError):  # no such file, or a file system without permissions
+        with suppress(OSError):  # no such file, or a file system without permissions
             draft.chmod(stat.S_IMODE(path.stat().st_mode))
         draft.replace(path)
         sync(path.parent)
@@ -141,3 +140,37 @@ def write_json(path: Path, document: Mapping[str, Any]) -> None:
     with atomic_path(path) as draft, draft.open("x", encoding="utf-8", newline="") as stream:
         stream.writelines(encoder.iterencode(document))
         stream.write("\n")
+
+
+@contextmanager
+def exclusive_lock(path: Path) -> Iterator[None]:
+    """Lock a file until the block ends; raise BlockingIOError if the file is already locked.
+
+    The file is created if it does not exist, stays empty and is not removed. The operating system
+    releases the lock when the process ends, for whatever reason. The lock excludes other processes
+    and other calls in this process. Raises OSError if the platform or the file system has no locks.
+    The lock is ``flock`` on POSIX, and `msvcrt.locking` of the first byte on Windows.
+    """
+    with path.open("ab") as stream:
+        _acquire(stream, path)
+        yield
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _acquire(stream: IO[bytes], path: Path) -> None:
+        os.lseek(stream.fileno(), 0, os.SEEK_SET)
+        try:
+            msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)
+        except PermissionError as error:
+            raise BlockingIOError(errno.EAGAIN, "is locked", str(path)) from error
+
+else:
+
+    def _acquire(stream: IO[bytes], path: Path) -> None:
+        try:
+            import fcntl
+        except ModuleNotFoundError as error:
+            raise OSError(errno.ENOLCK, "this platform has no file locks", str(path)) from error
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, TypeVar, overload
+from typing import TypeVar, overload
 
 K = TypeVar("K")
 V = TypeVar("V")
@@ -15,11 +15,8 @@ class FrozenMapping(Mapping[K, V]):
     The values must be hashable for the mapping to be hashable.
     """
 
-    __slots__ = ("_items",)
-    _items: dict[K, V]
-
     def __init__(self, items: Mapping[K, V] | None = None) -> None:
-        object.__setattr__(self, "_items", dict(items or {}))
+        self._items = dict(items or {})
 
     def __getitem__(self, key: K) -> V:
         return self._items[key]
@@ -35,12 +32,6 @@ class FrozenMapping(Mapping[K, V]):
 
     def __repr__(self) -> str:
         return repr(self._items)
-
-    def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError(f"cannot assign to {name!r} of an immutable mapping")
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self._items,)
 
 
 class LazySequence(Sequence[T]):

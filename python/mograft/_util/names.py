@@ -40,15 +40,12 @@ def as_words(name: str, words: object) -> str | Collection[str]:
     """
     if isinstance(words, str):
         return words
-    several = words
-    if isinstance(words, Iterable) and not isinstance(words, list | tuple | set | frozenset):
-        # Arrays without axes are iterable by type only.
-        several = tuple(words) if getattr(words, "ndim", 1) else None
-    if not isinstance(several, list | tuple | set | frozenset) or not all(
-        isinstance(word, str) for word in several
-    ):
-        raise TypeError(f"`{name}` must be a name or several names, got {words!r}")
-    return several
+    # Arrays without axes are iterable by type only.
+    if isinstance(words, Iterable) and getattr(words, "ndim", None) != 0:
+        several = words if isinstance(words, list | tuple | set | frozenset) else tuple(words)
+        if all(isinstance(word, str) for word in several):
+            return several
+    raise TypeError(f"`{name}` must be a name or several names, got {words!r}")
 
 
 def unique_names(names: Sequence[str]) -> list[str]:
@@ -84,10 +81,8 @@ def automatic_number(name: str) -> int | None:
     Raises ValueError if it is not a whole number of at least 2.
     """
     _, colon, number = name.partition(":")
-    if not colon:
-        return None
-    if not (number.isascii() and number.isdigit() and int(number) >= 2):
+    if colon and not (number.isascii() and number.isdigit() and int(number) >= 2):
         raise ValueError(
             f"`groups` must be auto or auto:N with a whole number N of at least 2, got {name!r}"
         )
-    return int(number)
+    return int(number) if colon else None

@@ -109,29 +109,14 @@ def delay_signals() -> Iterator[None]:
     except ValueError:  # only the main thread may set handlers
         yield
         return
-    mask = _block_interrupt()
+    if sys.platform != "win32":  # which has no masks of signals
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        _restore_mask(mask)
+        if sys.platform != "win32":
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         for number, handler in previous.items():
             signal.signal(number, handler)
     for number in received:
         signal.raise_signal(number)
-
-
-if sys.platform == "win32":
-
-    def _block_interrupt() -> None:
-        """Do nothing: Windows has no masks of signals."""
-
-    def _restore_mask(mask: None) -> None:
-        """Do nothing: Windows has no masks of signals."""
-
-else:
-
-    def _block_interrupt() -> set[int]:
-        return set(signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}))
-
-    def _restore_mask(mask: set[int]) -> None:
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)

@@ -1,12 +1,13 @@
 """Checks of single arguments and dataclass fields; messages name the argument."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, TypeGuard
 
 import numpy as np
 
 from mograft._util.arrays import as_floats
+from mograft._util.containers import FrozenMapping
 from mograft.errors import suggest_name
 
 
@@ -43,20 +44,17 @@ def coerce_vector(owner: object, name: str) -> None:
 
 def check_positive(owner: object, name: str) -> None:
     """Raise ValueError unless the field `name` is above 0, TypeError if it is not a number."""
-    if not _number(owner, name) > 0:
-        raise ValueError(f"`{name}` must be above 0, got {getattr(owner, name)}")
+    _require(owner, name, "be above 0", lambda value: value > 0)
 
 
 def check_not_negative(owner: object, name: str) -> None:
     """Raise ValueError unless the field `name` is at least 0, TypeError if it is not a number."""
-    if not _number(owner, name) >= 0:
-        raise ValueError(f"`{name}` must not be negative, got {getattr(owner, name)}")
+    _require(owner, name, "not be negative", lambda value: value >= 0)
 
 
 def check_finite(owner: object, name: str) -> None:
     """Raise ValueError unless the field `name` is finite, TypeError if it is not a number."""
-    if not math.isfinite(_number(owner, name)):
-        raise ValueError(f"`{name}` must be finite, got {getattr(owner, name)}")
+    _require(owner, name, "be finite", math.isfinite)
 
 
 def python_scalar(owner: object, name: str) -> Any:  # noqa: ANN401 - whatever the field holds
@@ -68,8 +66,39 @@ def python_scalar(owner: object, name: str) -> Any:  # noqa: ANN401 - whatever t
     return value
 
 
-def _number(owner: object, name: str) -> float:
-    value: float = python_scalar(owner, name)
+def _require(owner: object, name: str, rule: str, is_valid: Callable[[float], bool]) -> None:
+    value = python_scalar(owner, name)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError(f"`{name}` must be a number, got {value!r}")
-    return value
+    if not is_valid(value):
+        raise ValueError(f"`{name}` must {rule}, got {value}")
+
+
+def freeze_cut_frames(clips: Mapping[Any, Any]) -> FrozenMapping[str, tuple[int, ...]]:
+    """Return an immutable copy of a mapping from clip name to cut frames.
+
+    Raises ValueError unless every key is a string and its value holds ascending whole numbers of at
+    least 0.
+    """
+    for name in clips:
+        if not isinstance(name, str):
+            raise ValueError(f"`segmentation` must map names of clips to frames, got {name!r}")
+    about = "of `segmentation` for the clip"
+    return FrozenMapping({key: as_cut_frames(clips[key], f"{about} {key!r}") for key in clips})
+
+
+def as_cut_frames(frames: object, source: str) -> tuple[int, ...]:
+    """Return cut frames as a tuple; `source` follows "cut frames" in the message of an error.
+
+    Raises ValueError unless they are ascending whole numbers of at least 0.
+    """
+    try:
+        array = np.asarray(frames)
+    except ValueError:
+        array = np.asarray(frames, object)
+    is_whole = array.ndim == 1 and (array.dtype.kind in "iu" or not array.size)
+    if not is_whole or (array < 0).any() or (np.diff(array.astype(np.int64)) <= 0).any():
+        raise ValueError(
+            f"cut frames {source} must be ascending whole numbers of at least 0, got {frames!r}"
+        )
+    return tuple(int(frame) for frame in array)

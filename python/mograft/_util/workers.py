@@ -54,8 +54,8 @@ class _Worker:
         # Spawned, not forked, as threads and open files do not survive a fork.
         context = multiprocessing.get_context("spawn")
         self._connection, far_end = context.Pipe()
-        self._process = context.Process(target=_serve, args=(far_end,), daemon=True)
-        self._process.start()
+        self.process = context.Process(target=_serve, args=(far_end,), daemon=True)
+        self.process.start()
         far_end.close()  # now only the process has it open
 
     def call(self, function: Callable[[], T]) -> T:
@@ -78,11 +78,7 @@ class _Worker:
     def end(self) -> None:
         """Close the pipe, and wait until the process has ended."""
         self._connection.close()
-        self._process.join()
-
-    def kill(self) -> None:
-        """End the process at once."""
-        self._process.kill()
+        self.process.join()
 
 
 class _Pool(ThreadPoolExecutor):
@@ -124,7 +120,7 @@ class _Pool(ThreadPoolExecutor):
     def kill(self) -> None:
         """End the processes at once; calls that have begun raise MograftError."""
         for worker in self._started:
-            worker.kill()
+            worker.process.kill()
 
 
 def _serve(connection: Connection) -> None:

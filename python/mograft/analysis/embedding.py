@@ -2,7 +2,7 @@
 
 import os
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Protocol
@@ -11,8 +11,7 @@ import numpy as np
 
 from mograft import _core
 from mograft._util.arrays import FloatArray, IntArray, Packed
-from mograft._util.linalg import product
-from mograft.analysis.principal_components import MIN_DEVIATION, Spread, pca
+from mograft._util.linalg import eigenvectors, product
 from mograft.config import FRAME, Config
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -25,6 +24,14 @@ their last bits depend on this number only."""
 
 CACHE_BYTES = 1 << 27
 """Bytes of features that are kept between the two passes."""
+
+MIN_DEVIATION = 1e-6
+"""Features with a smaller standard deviation are dropped. Samples are stored in single
+precision, which rounds rotations by 6e-8."""
+
+_MIN_VARIANCE_RATIO = 1e-6
+"""Components with a smaller share of the largest variance are dropped. Their scores are below a
+thousandth of the first component's, and the rounding of the samples decides their axes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,6 +227,68 @@ def mean_rotations(samples: Source, n_joints: int) -> FloatArray:
     return rotations.mean_of_products(summed)
 
 
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Mean and scatter matrix of the rows of a matrix.
+
+    The bits of the mean and of the diagonal of the scatter matrix do not depend on the number of
+    BLAS threads; the last bits of the other entries do.
+    """
+
+    n: int  # number of rows
+    mean: FloatArray  # (n_features,)
+    scatter: FloatArray  # Σ (row - mean)(row - mean)ᵀ, (n_features, n_features)
+
+    @classmethod
+    def of(cls, chunks: Iterable[FloatArray]) -> "Spread":
+        """Compute mean and scatter matrix of a matrix, given as one or more chunks of its rows.
+
+        The mean of each chunk is subtracted before products are computed, and the chunks are merged
+        by the formula of Chan, Golub and LeVeque. This avoids the subtraction of nearly equal
+        numbers, so the scatter of a constant feature is zero up to rounding.
+        """
+        n, mean, scatter = 0, np.zeros(0), np.zeros((0, 0))
+        for rows in chunks:
+            chunk_mean = rows.mean(axis=0)
+            centred = rows - chunk_mean
+            within = centred.T @ centred
+            # numpy.einsum adds without BLAS, on whose threads the scales would depend otherwise.
+            np.fill_diagonal(within, np.einsum("ij,ij->j", centred, centred))
+            if not n:
+                n, mean, scatter = len(rows), chunk_mean, within
+                continue
+            shift, total = chunk_mean - mean, n + len(rows)
+            scatter += within
+            scatter += np.outer(shift, shift) * (n * len(rows) / total)
+            mean = mean + shift * (len(rows) / total)
+            n = total
+        return cls(n, mean, scatter)
+
+    @property
+    def deviation(self) -> FloatArray:
+        """Standard deviation of each feature, with divisor n - 1; 0 for a single row."""
+        return np.sqrt(np.diag(self.scatter) / max(self.n - 1, 1))
+
+
+def pca(
+    spread: Spread, n_components: int, floors: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Compute the principal components of the correlation matrix (eq. 7 to 11).
+
+    Returns three arrays. The first has the scale of each feature: the larger one of its standard
+    deviation and its entry in `floors`, or infinity if the standard deviation is below 1e-6. The
+    second, shape (n_features, at most n_components), has the loadings of one component in each
+    column; see `eigenvectors`. The third has the variances along all components, descending.
+    """
+    deviation = spread.deviation
+    scale = np.where(deviation < MIN_DEVIATION, np.inf, np.maximum(deviation, floors))
+    correlation = spread.scatter / (spread.n - 1) / scale / scale[:, None]
+    variances, components = eigenvectors(correlation, min(n_components, spread.n - 1))
+    variances = np.maximum(variances, 0.0)
+    rank = int((variances > _MIN_VARIANCE_RATIO * variances[0]).sum())
+    return scale, components[:, :rank], variances
+
+
 def embed(
     samples: Source, joints: IntArray, means: FloatArray, config: Config, *, root: int, group: str
 ) -> Embedding | None:
@@ -230,7 +299,7 @@ def embed(
     twice, chunk by chunk. If there are fewer than three segments, or all segments are alike, the
     result is None, with a warning that names `group`.
     """
-    n, n_joints = len(samples), len(joints)
+    n = len(samples)
     has_root = bool((joints == root).any())
     reference = means[joints]
     if has_root and not config.keep_heading:
@@ -250,23 +319,7 @@ def embed(
                 cache.append(matrix)
             yield matrix
 
-    n_rotations = 3 * config.samples * n_joints
-    n_near_half_turn = 0
-
-    def counted_matrices() -> Iterator[FloatArray]:
-        nonlocal n_near_half_turn
-        for matrix in matrices():
-            n_near_half_turn += _count_near_half_turn(matrix[:, :n_rotations])
-            yield matrix
-
-    spread = Spread.of(counted_matrices())
-    share = n_near_half_turn / max(n * config.samples * n_joints, 1)
-    if share > 0.001:
-        warnings.warn(
-            f"group {group}: {share:.1%} of its joint rotations are nearly a half turn from "
-            "the mean; similar segments may fall into different clusters",
-            stacklevel=2,
-        )
+    spread = Spread.of(matrices())
     # The last feature, the length, is not sufficient to distinguish segments: a clip at rest is
     # cut into equal parts.
     if n < 3 or (spread.deviation[:-1] < MIN_DEVIATION).all():
@@ -276,7 +329,7 @@ def embed(
         warnings.warn(message, stacklevel=2)
         return None
     floors = np.full(len(spread.mean), config.rotation_floor)
-    floors[n_rotations:-1] = config.position_floor
+    floors[3 * config.samples * len(joints) : -1] = config.position_floor
     floors[-1] = config.length_floor
     scale, components, variances = pca(spread, config.components, floors)
     embedding = Embedding(
@@ -291,10 +344,3 @@ def embed(
     )
     points = np.concatenate([embedding.project(matrix) for matrix in matrices()])
     return replace(embedding, points=points)
-
-
-def _count_near_half_turn(vectors: FloatArray) -> int:
-    """Count the rotation vectors whose angle is above π - 0.1; they are discontinuous at π."""
-    vectors = vectors.reshape(len(vectors), -1, 3)
-    squared = np.einsum("nvi,nvi->nv", vectors, vectors)
-    return int(np.count_nonzero(squared > (np.pi - 0.1) ** 2))

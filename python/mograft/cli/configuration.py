@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from mograft._util.cut_frames import freeze_cut_frames
 from mograft._util.names import automatic_number, is_automatic
+from mograft._util.validate import freeze_cut_frames
 from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders, library_folder
 from mograft.cli.output import show_progress
@@ -19,8 +19,8 @@ from mograft.config_text import parse_fields
 from mograft.errors import suggest_name
 from mograft.io.addresses import open_clips, read_clip, split_address
 from mograft.io.smpl.rest import read_offsets
+from mograft.library.build import discover_groups
 from mograft.library.derive import BUILD_STAGES
-from mograft.library.group_choice import discover_groups
 from mograft.library.library import Library
 from mograft.library.spec import Match
 from mograft.motion.motion import Motion

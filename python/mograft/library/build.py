@@ -1,14 +1,14 @@
-"""Build a library in memory."""
+"""Build a library in memory; choose its joint groups: given, of a preset, or discovered."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import TypeVar, Unpack
 
 import numpy as np
 
-from mograft._util.arrays import IntArray
-from mograft._util.names import unique_names
+from mograft._util.names import automatic_number, is_automatic, unique_names
 from mograft.analysis.embedding import Embedding, Samples
+from mograft.analysis.group_discovery import MAX_CLIPS, GroupDiscovery, discover_in_segments
 from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.library.clip_table import ClipInfo
@@ -20,15 +20,15 @@ from mograft.library.clusters import (
 )
 from mograft.library.data import LibraryData
 from mograft.library.discover import ClipSource
-from mograft.library.group_choice import choose_groups, spread_evenly
-from mograft.library.ingest import ClipOrder, IngestedClip
-from mograft.library.ingest_run import ingest_fitting, warn_of_clips
-from mograft.library.plan import IngestPlan
+from mograft.library.ingest import IngestedClip
+from mograft.library.ingest_run import IngestOptions, IngestPlan, ingest_fitting, warn_of_clips
 from mograft.library.spec import LibrarySpec
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
+from mograft.motion.skeleton import Skeleton
 
 L = TypeVar("L", bound=LibraryData)
+T = TypeVar("T")
 
 
 def build_library(
@@ -36,11 +36,11 @@ def build_library(
 ) -> L:
     """Build a library in memory; see `Library.build`."""
     found = enumerate(plan.find_clips(sources))
-    pending = [plan.pending(ClipOrder(index), clip) for index, clip in found]
-    result = ingest_fitting(pending, plan, lambda own, clip: (own.info(clip), clip), lambda: None)
-    clips = [clip for _, clip in result.clips]
+    pending = [plan.pending((index, ()), clip) for index, clip in found]
+    result = ingest_fitting(pending, plan, lambda clip: clip, lambda: None)
+    clips = result.clips
     groups = choose_groups(plan, result.spec.skeleton, spread_evenly(clips))
-    entries = name_clips([info for info, _ in result.clips])
+    entries = name_clips([clip.info for clip in clips])
     warn_of_clips(entries, result.spec.rate, result.match_notes, stacklevel=3)
     return assemble(library_type, clips, entries, groups, result.spec, plan.config, plan.report)
 
@@ -66,9 +66,13 @@ def assemble(
     else:
         embedding, labels, sigma = compare_segments(samples, groups, spec, config, report)
     return library_type(
-        clips=_named_motions(clips, entries),
+        clips=tuple(
+            clip.clip if clip.clip.name == info.name else replace(clip.clip, name=info.name)
+            for clip, info in zip(clips, entries, strict=True)
+            if isinstance(clip.clip, Motion)
+        ),
         entries=tuple(entries),
-        segments=join_segments([(clip.segments.start, clip.segments.stop) for clip in clips]),
+        segments=join_segments([clip.segments for clip in clips]),
         is_donor=np.concatenate([clip.is_donor for clip in clips]),
         groups=groups,
         config=config,
@@ -94,19 +98,120 @@ def name_clips(entries: Sequence[ClipInfo]) -> tuple[ClipInfo, ...]:
     )
 
 
-def _named_motions(
-    clips: Sequence[IngestedClip], entries: Sequence[ClipInfo]
-) -> tuple[Motion, ...]:
-    """Return the motions of ingested clips, renamed to their unique names in the library."""
-    return tuple(
-        clip.clip if clip.clip.name == info.name else replace(clip.clip, name=info.name)
-        for clip, info in zip(clips, entries, strict=True)
-        if isinstance(clip.clip, Motion)
+def join_segments(clips: Sequence[Segments]) -> Segments:
+    """Return the segments of several clips, given those of each clip."""
+    return Segments(
+        np.concatenate([own.start for own in clips]),
+        np.concatenate([own.stop for own in clips]),
+        np.repeat(np.arange(len(clips)), [len(own) for own in clips]),
     )
 
 
-def join_segments(ends: Sequence[tuple[IntArray, IntArray]]) -> Segments:
-    """Return the segments of several clips; `ends` holds the starts and the stops of each clip."""
-    clip: IntArray = np.repeat(np.arange(len(ends)), [len(start) for start, _ in ends])
-    starts, stops = zip(*ends, strict=True)
-    return Segments(np.concatenate(starts), np.concatenate(stops), clip)
+def discover_groups(
+    clips: ClipSource | Iterable[ClipSource],
+    n: int | None = None,
+    *,
+    config: Config | None = None,
+    seed: int = 0,
+    **options: Unpack[IngestOptions],
+) -> GroupDiscovery:
+    """Discover groups of joints that move together, with the measures behind them.
+
+    Parameters
+    ----------
+    clips : Motion, address, folder or glob, or several
+        Clips of one hierarchy, as for `Library.build`. Of more than 64 clips, 64 at equal
+        intervals are used.
+    n : int, optional
+        The number of groups, at least 2. Default: the number at the largest gap between the
+        heights of the linkage tree.
+    config : Config, optional
+        Provides the parameters of segmentation and the number of samples per segment.
+    seed : int
+        Seed of the random permutations that measure the dependence of independent joints.
+    **options
+        `include_grafts`, `rate`, `match`, `hierarchy`, `skeleton`, `frame_rates` and `executor`, as
+        for `Library.build`.
+
+    Returns
+    -------
+    GroupDiscovery
+        The groups, the dependences and the linkage tree, for `mograft.plot.groups`. The base group
+        is the first: the hips with their ancestors, and all chains of joints that carry the body,
+        such as the legs. Names are those of the presets if the body parts are the same.
+
+    Raises
+    ------
+    ValueError
+        If `n` is below 2 or above the number of chains, the clips have fewer than three
+        segments, or no joint beside the base moves.
+    SkeletonMismatchError
+        If the hierarchies of the clips differ.
+    FormatError, FileNotFoundError
+        If a file is invalid; if a path, folder or glob holds no file.
+
+    Notes
+    -----
+    `docs/groups.md` describes the method.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> discovery = discover_groups(dance(strides=2).motion, 3)
+    >>> discovery.groups.names
+    ('lower', 'torso', 'arms')
+    >>> [len(unit) for unit in discovery.units]
+    [7, 1, 2, 8]
+    """
+    plan = IngestPlan(config=Config() if config is None else config, **options)
+    found = enumerate(spread_evenly(plan.find_clips(clips)))
+    pending = [plan.pending((index, ()), clip) for index, clip in found]
+    result = ingest_fitting(pending, plan, lambda clip: clip, lambda: None)
+    return _discover(result.clips, n, plan.config, seed)
+
+
+def discover_in_library(library: LibraryData, n: int | None = None) -> GroupDiscovery:
+    """Discover `n` groups in the clips of a library; the groups of the library have no effect."""
+    motions = []
+    for clip in spread_evenly(range(len(library.entries))):
+        own = library.segments.of_clip(clip)
+        is_donor = library.is_donor[own]
+        if is_donor.any():
+            motions.append((library.clips[clip], library.segments[own[is_donor]]))
+    return discover_in_segments(motions, n, library.config)
+
+
+def choose_groups(
+    plan: IngestPlan, skeleton: Skeleton, clips: Iterable[IngestedClip]
+) -> JointGroups:
+    """Return the groups of the plan: given, of a preset, or discovered in some clips.
+
+    `clips` is used only if the plan names automatic groups, such as ``auto:3``. Clips must hold
+    motions: packed motions are ignored.
+    """
+    groups = plan.groups
+    if not isinstance(groups, str):
+        return groups
+    if not is_automatic(groups):
+        return JointGroups.preset(groups, skeleton)
+    return _discover(clips, automatic_number(groups), plan.config, 0).groups
+
+
+def spread_evenly(items: Sequence[T]) -> list[T]:
+    """Return at most `MAX_CLIPS` of the items, at equal intervals, the first and last included."""
+    if len(items) <= MAX_CLIPS:
+        return list(items)
+    chosen = np.linspace(0, len(items) - 1, MAX_CLIPS).round().astype(int)
+    return [items[index] for index in chosen.tolist()]
+
+
+def _discover(
+    clips: Iterable[IngestedClip], n: int | None, config: Config, seed: int
+) -> GroupDiscovery:
+    """Discover groups in ingested clips; segments that are excluded as donors are left out."""
+    motions = (
+        (clip.clip, clip.segments[clip.is_donor])
+        for clip in clips
+        if isinstance(clip.clip, Motion) and clip.is_donor.any()
+    )
+    return discover_in_segments(motions, n, config, seed)

@@ -13,10 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mograft._util.arrays import BoolArray, IntArray
+from mograft.body.mass import up_axis
 from mograft.errors import LibraryError
 from mograft.library.discover import SourceFile, relative_path
 from mograft.library.files.packing import PackedContent
-from mograft.library.spec import ClipProperties
+from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.motion.skeleton import EndSite, Skeleton
 
@@ -31,19 +32,33 @@ class ClipInfo(NamedTuple):
     rate_override: float | None  # the true rate if the caller gave it, because the file's is wrong
     source_frames: int  # number of frames before resampling
     n_frames: int  # number of frames at the library's rate
-    root: int  # as in `ClipProperties`
-    up: int  # as in `ClipProperties`
+    root: int  # the joint that carries the body; -1 if no joint changes its position
+    up: int  # the axis that points up: 0, 1 or 2
     faults: tuple[str, ...]  # messages of the faults that exclude segments as donors
     tags: tuple[str, ...]  # words by which donors can be chosen
 
-    def properties(self, skeleton: Skeleton) -> ClipProperties:
-        """Return the `ClipProperties` of the clip, whose skeleton is given."""
-        return ClipProperties(
-            skeleton=skeleton,
-            rate=self.source_rate,
-            n_frames=self.source_frames,
-            root=self.root,
-            up=self.up,
+    @classmethod
+    def from_motion(
+        cls,
+        motion: Motion,
+        source_file: SourceFile | None = None,
+        rate_override: float | None = None,
+        tags: tuple[str, ...] = (),
+    ) -> "ClipInfo":
+        """Return the metadata of a motion at its true rate, before it is resampled or checked."""
+        is_moving = bool(np.ptp(motion.positions, axis=0).any())
+        return cls(
+            name=motion.name,
+            source_name=motion.name,
+            source_file=source_file,
+            source_rate=motion.rate,
+            rate_override=rate_override,
+            source_frames=motion.n_frames,
+            n_frames=motion.n_frames,
+            root=motion.locomotion_root() if is_moving else -1,
+            up=up_axis(motion),
+            faults=(),
+            tags=tags,
         )
 
 

@@ -57,7 +57,9 @@ class Conformer:
         carrier = root if sources[root] < 0 and root in skeleton.ancestors(hips) else None
         is_free = self._free_joints(motion)
         is_free[hips] &= carrier is None
-        turn = _turn_up(motion, up)
+        axis = up_axis(motion)
+        sign = up_sign(motion.skeleton, mean_world_positions(motion)[:, axis])
+        turn = rotations.shortest_arc(sign * np.eye(3)[axis], np.eye(3)[up])
         world_rotations, world_positions = motion.world_transforms()
         targets = self.scale * rotations.rotate(turn, world_positions)
         quats = np.tile(rotations.IDENTITY, (motion.n_frames, skeleton.n_joints, 1))
@@ -281,13 +283,6 @@ def _offsets(
                 is_set[absent] = True
         offsets[joint] = arm - offsets[between].sum(axis=0)
     return offsets
-
-
-def _turn_up(motion: Motion, up: int) -> FloatArray:
-    """Return the rotation from the up direction of a motion to the axis `up`, xyzw."""
-    axis = up_axis(motion)
-    sign = up_sign(motion.skeleton, mean_world_positions(motion)[:, axis])
-    return rotations.shortest_arc(sign * np.eye(3)[axis], np.eye(3)[up])
 
 
 def _with_position_channels(skeleton: Skeleton, is_free: BoolArray) -> Skeleton:

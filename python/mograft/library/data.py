@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal, Self, SupportsIndex
 
 import numpy as np
+import numpy.typing as npt
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.html_table import notebook_table
@@ -17,10 +18,9 @@ from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.errors import suggest_name
 from mograft.library.clip_table import ClipInfo
-from mograft.library.files.stored_clips import ExtendedSamples, StoredClips, StoredSamples
+from mograft.library.files.stored_clips import ExtendedSamples, StoredSamples
 from mograft.library.segment_balance import LibraryBalance
 from mograft.library.spec import LibrarySpec
-from mograft.library.tables import Columns
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.motion.skeleton import Skeleton
@@ -28,6 +28,25 @@ from mograft.search.balance import SegmentBalance
 from mograft.search.boundary_states import BoundaryStates
 from mograft.search.copies import SegmentParts
 from mograft.search.segment_pool import SegmentPool
+
+Column = npt.NDArray[Any] | list[str]
+
+
+class Columns(dict[str, Column]):
+    """The columns of a table by name, of equal length: arrays of numbers, or lists of texts.
+
+    ``pandas.DataFrame``, ``polars.DataFrame`` and ``pyarrow.table`` accept it like any other dict.
+    Notebooks show its first rows.
+    """
+
+    def __repr__(self) -> str:
+        return f"Columns({len(next(iter(self.values()), ()))} rows: {', '.join(self)})"
+
+    def _repr_html_(self) -> str:
+        n_rows = len(next(iter(self.values()), ()))
+        lists = [own if isinstance(own, list) else own.tolist() for own in self.values()]
+        return notebook_table(f"{n_rows} rows", tuple(self), zip(*lists, strict=True), n_rows)
+
 
 _RECIPE = "_recipe"
 """Name of the attribute that `LibraryData.set_recipe` sets: a function and its arguments."""
@@ -72,9 +91,7 @@ class LibraryData:
         return _RECIPE in self.__dict__
 
     def __repr__(self) -> str:
-        groups = ", ".join(
-            f"{name} {labels.max() + 1} clusters" for name, labels in self.labels.items()
-        )
+        groups = ", ".join(f"{name} {own.max() + 1} clusters" for name, own in self.labels.items())
         n = len(self.entries)
         clips = "1 clip" if n == 1 else f"{n} clips"
         return f"{type(self).__name__}({clips}, {len(self.segments)} segments, {groups})"
@@ -153,12 +170,8 @@ class LibraryData:
 
     def file_name(self, clip: int) -> str | None:
         """Return the name of the file from which a clip was read, or None if it is unknown."""
-        source_file = self.entries[clip].source_file
-        if source_file is not None:
-            return Path(source_file.path).name
-        if isinstance(self.clips, StoredClips):
-            return None
-        path = self.clips[clip].path
+        file = self.entries[clip].source_file
+        path = self.clips[clip].path if file is None else Path(file.path)
         return None if path is None else path.name
 
     def joints(self, group: str) -> IntArray:
@@ -183,9 +196,9 @@ class LibraryData:
     def _build_pool(self, group: str) -> SegmentPool:
         _check_group(group, self.boundary_states)
         base = self.groups.base
-        embedding = self.embedding[base]
-        held, joints = self.groups.divided_channels(self.skeleton), self.joints(group)
-        states = restrict_ends(self.boundary_states[group], joints, self.skeleton, held[group])
+        embedding, joints = self.embedding[base], self.joints(group)
+        held = self.groups.divided_channels(self.skeleton)[group]
+        states = restrict_ends(self.boundary_states[group], joints, self.skeleton, held)
         boundary = BoundaryStates(**states)
         return SegmentPool(
             self.segments,
@@ -196,9 +209,7 @@ class LibraryData:
             points=None if embedding is None else embedding.points,
             sigma=self.sigma[base],
             balance=self._balance_of(joints),
-            parts=SegmentParts(
-                self.samples, boundary, self.skeleton, joints, self.root, held[group]
-            ),
+            parts=SegmentParts(self.samples, boundary, self.skeleton, joints, self.root, held),
         )
 
     def _balance_of(self, joints: IntArray) -> SegmentBalance | None:
@@ -214,14 +225,7 @@ class LibraryData:
 
     @cached_property
     def _balance(self) -> LibraryBalance:
-        return LibraryBalance(
-            clips=self.clips,
-            segments=self.segments,
-            samples=self.samples,
-            skeleton=self.skeleton,
-            spec=self.spec,
-            config=self.config,
-        )
+        return LibraryBalance(self.clips, self.segments, self.samples, self.spec, self.config)
 
     def find_clip(self, motion: Motion) -> int | None:
         """Return the index of the first clip with the poses of a motion; None if there is none."""

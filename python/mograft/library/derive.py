@@ -22,7 +22,7 @@ from mograft.library.clusters import (
 )
 from mograft.library.data import LibraryData
 from mograft.library.files.stored_clips import ExtendedClips, ExtendedSamples
-from mograft.library.spec import ClipProperties, rates_match
+from mograft.library.spec import rates_match
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 
@@ -52,11 +52,10 @@ class DerivableLibrary(LibraryData):
         ValueError
             If an option of segmentation or embedding differs; the message names it.
         """
-        current = self.config
-        changed = config.changed_fields(current)
+        changed = config.changed_fields(self.config)
         for name in [name for stage in BUILD_STAGES for name in changed.get(stage, ())]:
             raise ValueError(
-                f"`{name}` must be {getattr(current, name)!r}, the value with which the "
+                f"`{name}` must be {getattr(self.config, name)!r}, the value with which the "
                 f"library was built; got {getattr(config, name)!r}"
             )
         relabelled = replace(self, config=config)
@@ -215,12 +214,13 @@ class DerivableLibrary(LibraryData):
         samples = sample_segments(motion, segments, self.spec, self.config)
         states = [boundary_states(motion, segments)]
         held = self.groups.divided_channels(self.skeleton)
-        embedding = {
-            group: None
-            if known is None
-            else _project(known, restrict_samples(samples, self.skeleton, held[group]))
-            for group, known in self.embedding.items()
-        }
+        embedding: dict[str, Embedding | None] = dict.fromkeys(self.embedding)
+        for group, own in self.embedding.items():
+            if own is not None:
+                part = restrict_samples(samples, self.skeleton, held[group])
+                matrix = features(part, own.joints, own.reference, has_root=own.has_root)
+                points = np.concatenate([own.points, own.project(matrix)])
+                embedding[group] = replace(own, points=points)
         n, sigma = len(segments), self.sigma
         labels = {
             group: np.concatenate(
@@ -232,7 +232,7 @@ class DerivableLibrary(LibraryData):
         extended = replace(
             self,
             clips=ExtendedClips(self.clips, motion),
-            entries=(*self.entries, _clip_info(motion)),
+            entries=(*self.entries, ClipInfo.from_motion(motion)),
             segments=Segments.concatenate([self.segments, appended]),
             is_donor=np.concatenate([self.is_donor, np.zeros(n, bool)]),
             samples=ExtendedSamples(self.samples, samples),
@@ -245,29 +245,6 @@ class DerivableLibrary(LibraryData):
         if self.has_recipe:
             extended.set_recipe(type(self)._append_clip, self, motion, own_rate)
         return extended
-
-
-def _clip_info(motion: Motion) -> ClipInfo:
-    properties = ClipProperties.from_motion(motion)
-    return ClipInfo(
-        name=motion.name,
-        source_name=motion.name,
-        source_file=None,
-        source_rate=properties.rate,
-        rate_override=None,
-        source_frames=properties.n_frames,
-        n_frames=properties.n_frames,
-        root=properties.root,
-        up=properties.up,
-        faults=(),
-        tags=(),
-    )
-
-
-def _project(embedding: Embedding, samples: Samples) -> Embedding:
-    """Return the embedding with the points of new segments appended, given their samples."""
-    matrix = features(samples, embedding.joints, embedding.reference, has_root=embedding.has_root)
-    return replace(embedding, points=np.concatenate([embedding.points, embedding.project(matrix)]))
 
 
 def _ignore(stage: str, done: int, total: int) -> None:

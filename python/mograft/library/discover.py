@@ -20,7 +20,7 @@ from typing import NamedTuple, TypeVar
 
 from mograft.errors import MograftError, join_names
 from mograft.io.addresses import find_addresses, join_address, open_clips, split_address
-from mograft.io.formats import FORMATS, Format, find_format, recognize_format
+from mograft.io.formats import FORMATS, find_format, recognize_format
 from mograft.motion.motion import Motion
 
 ClipSource = Motion | str | PathLike[str]
@@ -168,14 +168,6 @@ def _expand_file(address: str) -> list[str]:
     return [address] if is_bvh else find_addresses(address)
 
 
-def _has_clip(file: Path, form: Format) -> bool:
-    """Return whether a file holds a motion; raise the error of `read` if it cannot be opened.
-
-    A BVH file is not opened.
-    """
-    return form.name == "BVH" or len(open_clips(str(file))) > 0
-
-
 def _find_in_folder(folder: str) -> list[FoundClip]:
     """Return the clips of the files in a folder.
 
@@ -193,7 +185,8 @@ def _find_in_folder(folder: str) -> list[FoundClip]:
             missing.setdefault(form.name, []).append(file.name)
             continue
         try:
-            addresses = _expand_file(str(file)) if _has_clip(file, form) else []
+            has_clip = form.name == "BVH" or len(open_clips(str(file))) > 0
+            addresses = _expand_file(str(file)) if has_clip else []
         except (MograftError, OSError, ValueError):
             addresses = [str(file)]
         folders, is_graft = file.relative_to(folder).parts[:-1], has_provenance(file)

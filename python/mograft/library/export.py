@@ -11,9 +11,8 @@ import numpy as np
 
 from mograft._util.atomic import atomic_path, draft_folder, sync
 from mograft.io.csv import without_formula
-from mograft.library.data import library_tables
+from mograft.library.data import Column, library_tables
 from mograft.library.library import Library
-from mograft.library.tables import Column
 
 
 def export_tables(

@@ -4,6 +4,7 @@ import os
 import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.embedding import CHUNK
 from mograft.errors import MograftError, join_names
 from mograft.io.addresses import find_addresses, open_clips, split_address
-from mograft.library.build import join_segments, name_clips
+from mograft.library.build import choose_groups, join_segments, name_clips, spread_evenly
 from mograft.library.clip_table import ClipInfo, ClipLocation
 from mograft.library.clusters import compare_segments, feature_joints_by_group
 from mograft.library.data import LibraryData
@@ -24,22 +25,21 @@ from mograft.library.discover import (
     matching_values,
     relative_path,
 )
-from mograft.library.files.generation import GenerationWriter, write_generation
-from mograft.library.files.loading import load_library
+from mograft.library.files.generation import MAX_SHARDS, GenerationWriter, write_generation
 from mograft.library.files.saving import BoundaryParts, commit_library
-from mograft.library.files.storage import StoredLibrary
+from mograft.library.files.storage import StoredLibrary, load_library
 from mograft.library.files.stored_clips import RowRange, StoredClips, merge_ranges
-from mograft.library.group_choice import choose_groups, spread_evenly
-from mograft.library.ingest import ClipOrder, IngestedClip, IngestTask, PendingClip, ingest_all
+from mograft.library.ingest import ClipOrder, IngestedClip, PendingClip, ingest_all
 from mograft.library.ingest_run import (
+    IngestPlan,
     IngestResult,
-    choose_library_spec,
+    choose_spec,
     ingest_fitting,
     ingest_pending,
     warn_of_clips,
 )
-from mograft.library.plan import IngestPlan
 from mograft.motion.motion import Motion
+from mograft.motion.segments import Segments
 from mograft.search.boundary_states import BoundaryStates
 
 
@@ -50,14 +50,9 @@ class _IndexedClip:
     order: ClipOrder
     info: ClipInfo
     location: ClipLocation
-    start: IntArray  # its segments, shape (n_segments,)
-    stop: IntArray
+    segments: Segments
     is_donor: BoolArray  # whether each segment may be a donor
-    is_new: bool  # whether the clip was ingested for this generation
-    first_row: int  # index of its first segment: of all new clips, or in the previous generation
-
-    def __len__(self) -> int:
-        return len(self.start)
+    old_row: int | None = None  # first segment in the previous generation; None for a new clip
 
 
 _Ingested = IngestResult[_IndexedClip]
@@ -76,8 +71,7 @@ def index_folder(
 def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], plan: IngestPlan) -> None:
     """Add clips to a library in a folder; see `Library.add`."""
     with write_generation(path, add=True) as writer:
-        if writer.base is None:
-            raise RuntimeError("the writer has no previous generation to add clips to")
+        assert writer.base is not None
         # Another process may have added clips since the library was opened.
         base = load_library(LibraryData, writer.base)
         files = {info.source_file.address: info for info in base.entries if info.source_file}
@@ -99,21 +93,12 @@ def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], plan: 
         _complete(writer, plan, result, base=base, pending=pending)
 
 
-def _store(writer: GenerationWriter) -> Callable[[PendingClip, IngestedClip], _IndexedClip]:
+def _store(writer: GenerationWriter) -> Callable[[IngestedClip], _IndexedClip]:
     """Return the function that writes an ingested clip to a generation."""
 
-    def store(pending: PendingClip, clip: IngestedClip) -> _IndexedClip:
-        location = writer.write_clip(clip)
-        return _IndexedClip(
-            order=pending.order,
-            info=pending.info(clip),
-            location=location,
-            start=clip.segments.start,
-            stop=clip.segments.stop,
-            is_donor=clip.is_donor,
-            is_new=True,
-            first_row=location.first_row,
-        )
+    def store(clip: IngestedClip) -> _IndexedClip:
+        order, _, info = clip.properties
+        return _IndexedClip(order, info, writer.write_clip(clip), clip.segments, clip.is_donor)
 
     return store
 
@@ -132,7 +117,7 @@ def _pending_files(
                 "`sources` must be files, got a Motion; store motions by Library.build and save"
             )
         by_path[_path_key(found.source, folder)] = found
-    return [plan.pending(ClipOrder(0, path), by_path[path]) for path in sorted(by_path)]
+    return [plan.pending((0, path), by_path[path]) for path in sorted(by_path)]
 
 
 def _path_key(address: str, folder: Path) -> tuple[str, ...]:
@@ -150,11 +135,10 @@ def _is_new_or_changed(clip: PendingClip, files: Mapping[str, ClipInfo]) -> bool
 
     `files` holds the metadata of the library's clips by address.
     """
-    task = clip.task()
-    info = files.get(task.label)
+    info = files.get(clip.label)
     if info is None or info.source_file is None:
         return True
-    if task.rate_override is not None and task.rate_override != info.rate_override:
+    if clip.rate_override not in (None, info.rate_override):
         return True
     known = info.source_file
     try:
@@ -175,7 +159,7 @@ def _stale_addresses(
     changed files no longer contain. Do not warn about clips whose address has changed: the address
     of the only clip of a file has no name.
     """
-    changed = {split_address(clip.task().label)[0] for clip in pending}
+    changed = {split_address(clip.label)[0] for clip in pending}
     known: dict[str, list[SourceFile]] = {}
     for info in files.values():
         if info.source_file is not None and info.source_file.path in changed:
@@ -212,35 +196,24 @@ def _kept_clips(
     address of a clip are added to its metadata.
     """
     replaced = {clip.order for clip in pending}
-    indices = np.arange(len(base.entries) + 1)
-    bounds = np.searchsorted(base.segments.clip, indices).tolist()
+    bounds = np.searchsorted(base.segments.clip, np.arange(len(base.entries) + 1)).tolist()
     kept = []
     clips = zip(base.entries, stored.table.locations, strict=True)
     for index, (info, location) in enumerate(clips):
-        order = ClipOrder(1, (f"{index:09}",))
+        order: ClipOrder = (1, (f"{index:09}",))
         if info.source_file is not None:
             address = info.source_file.address
             if address in stale:
                 continue
-            order = ClipOrder(0, _path_key(address, stored.folder))
+            order = (0, _path_key(address, stored.folder))
             tags = dict.fromkeys(chain(info.tags, *matching_values(plan.tags, FoundClip(address))))
             if len(tags) > len(info.tags):
                 info = info._replace(tags=tuple(tags))
         if order in replaced:
             continue
         rows = slice(bounds[index], bounds[index + 1])
-        kept.append(
-            _IndexedClip(
-                order=order,
-                info=info,
-                location=location,
-                start=base.segments.start[rows],
-                stop=base.segments.stop[rows],
-                is_donor=base.is_donor[rows],
-                is_new=False,
-                first_row=rows.start,
-            )
-        )
+        cut = base.segments[rows]
+        kept.append(_IndexedClip(order, info, location, cut, base.is_donor[rows], rows.start))
     return kept
 
 
@@ -253,21 +226,18 @@ def _ingest_additions(
 ) -> _Ingested:
     """Ingest pending clips; return the result for the kept and the new clips.
 
-    If the specification changes, or the files are fragmented, the kept clips are ingested again.
+    If the specification changes, or there are too many shards, the kept clips are ingested again.
     """
-    writer.link_base_shards()
+    assert writer.base is not None
+    writer.link_shards(writer.base)
     result = ingest_pending(pending, base.spec, plan, _store(writer))
-    properties = [(clip.order, clip.info.properties(base.skeleton)) for clip in kept]
-    properties += [
-        (order, clip)
-        for order, clip in result.properties
-        # A changed file that no longer fits is left out, unless no clip would remain.
-        if clip.skeleton.has_same_hierarchy(base.skeleton)
-    ]
+    properties = [(clip.order, base.skeleton, clip.info) for clip in kept]
+    # A changed file that no longer fits is left out, unless no clip would remain.
+    properties += [own for own in result.properties if own[1].has_same_hierarchy(base.skeleton)]
     # Clips matched by anatomy keep the specification: their properties are those of other joints.
     is_chosen = bool(properties) and plan.match == "names"
-    spec = choose_library_spec(properties, plan) if is_chosen else base.spec
-    if spec.is_equivalent(base.spec) and not writer.is_fragmented([c.location for c in kept]):
+    spec = choose_spec(properties, plan) if is_chosen else base.spec
+    if spec.is_equivalent(base.spec) and len(writer.shards) <= MAX_SHARDS:
         result = replace(result, clips=[*kept, *result.clips])
     else:
         writer.restart()
@@ -279,18 +249,14 @@ def _ingest_additions(
 
 
 def _pending_again(base: LibraryData, kept: Sequence[_IndexedClip]) -> Iterator[PendingClip]:
-    """Yield the `kept` clips as clips to ingest; a clip is read when its task is called."""
+    """Yield the `kept` clips as clips to ingest, which are read when they are ingested."""
     clips = base.clips
-    if not isinstance(clips, StoredClips):
-        raise TypeError("the library must be stored in a folder")
+    assert isinstance(clips, StoredClips)
     index_of = {location: index for index, location in enumerate(clips.table.locations)}
     for clip in kept:
-
-        def task(clip: _IndexedClip = clip) -> IngestTask:
-            motion = clips.original(index_of[clip.location], as_read=True)
-            return IngestTask(motion, clip.info.rate_override, clip.info.source_file)
-
-        yield PendingClip(clip.order, task, known=clip.info)
+        info, read = clip.info, partial(clips.original, index_of[clip.location], as_read=True)
+        file = info.source_file
+        yield PendingClip(clip.order, read, (), info.rate_override, file, known=info)
 
 
 def _complete(
@@ -313,17 +279,19 @@ def _complete(
     groups = choose_groups(plan, spec.skeleton, _sample_motions(pending, plan, result))
     clips = sorted(result.clips, key=lambda clip: clip.order)
     entries = name_clips([clip.info for clip in clips])
-    ranges = [RowRange(clip.location.shard, clip.location.first_row, len(clip)) for clip in clips]
+    ranges = [
+        RowRange(clip.location.shard, clip.location.first_row, len(clip.segments)) for clip in clips
+    ]
     samples = writer.samples(ranges, config.samples, spec.skeleton.n_joints)
     warn_of_clips(entries, spec.rate, result.match_notes, stacklevel=4)
-    if base is not None and not pending and not any(clip.is_new for clip in clips):
+    if base is not None and not pending and not any(clip.old_row is None for clip in clips):
         embedding, labels, sigma = base.embedding, base.labels, base.sigma
     else:
         embedding, labels, sigma = compare_segments(samples, groups, spec, config, plan.report)
     library = LibraryData(
         clips=(),
         entries=entries,
-        segments=join_segments([(clip.start, clip.stop) for clip in clips]),
+        segments=join_segments([clip.segments for clip in clips]),
         is_donor=np.concatenate([clip.is_donor for clip in clips]),
         groups=groups,
         config=config,
@@ -348,8 +316,7 @@ def _sample_motions(
     """Ingest some of the clips that were not refused, as motions; read only when they are used."""
     accepted = {clip.order for clip in result.clips}
     sample = spread_evenly([clip for clip in pending if clip.order in accepted])
-    tasks = (clip.task() for clip in sample)
-    for clip in ingest_all(tasks, result.spec, plan.config, plan.executor, is_packed=False):
+    for clip in ingest_all(sample, result.spec, plan.config, plan.executor, is_packed=False):
         if isinstance(clip, IngestedClip):
             yield clip
 
@@ -364,7 +331,12 @@ def _boundary_parts(
 
     They are read from the files of `writer` for new clips, and from `base` for the others.
     """
-    runs = merge_ranges(RowRange(int(clip.is_new), clip.first_row, len(clip)) for clip in clips)
+    runs = merge_ranges(
+        RowRange(1, clip.location.first_row, len(clip.segments))
+        if clip.old_row is None
+        else RowRange(0, clip.old_row, len(clip.segments))
+        for clip in clips
+    )
 
     def parts(group: str, key: str, joints: IntArray) -> Iterator[FloatArray]:
         for is_new, first, n in runs:

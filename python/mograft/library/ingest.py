@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
 from itertools import islice
-from typing import NamedTuple
+from typing import TypeAlias
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from mograft.io.addresses import read_clip, split_address
 from mograft.library.clip_table import ClipInfo
 from mograft.library.discover import SourceFile
 from mograft.library.files.packing import PackedMotion, pack
-from mograft.library.spec import ClipProperties, LibrarySpec, describe_match, rates_match
+from mograft.library.spec import LibrarySpec, describe_match, rates_match
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
@@ -44,21 +44,41 @@ _MAX_PENDING_BATCHES = 16
 """Batches that are submitted and not yet consumed; bounds memory."""
 
 
+ClipOrder: TypeAlias = tuple[int, tuple[str, ...]]
+"""Sort key of clips in a library: a rank and a path.
+
+In a library in memory, the rank is the index of the clip, and the path is empty. In a folder, the
+rank is 0 for clips of files and 1 for others; the path has the parts of the file's path relative
+to the library and the name of the clip, or the index of a clip without a file.
+"""
+
+ClipProperties: TypeAlias = tuple[ClipOrder, Skeleton, ClipInfo]
+"""The order of a clip, its skeleton and its metadata, which determine the specification."""
+
+
 @dataclass(frozen=True, eq=False)
-class IngestTask:
+class PendingClip:
     """A clip to ingest."""
 
-    source: Motion | str  # the clip, or its address
+    order: ClipOrder
+    source: Motion | str | Callable[[], Motion]  # the clip, its address, or a function to read it
+    tags: tuple[str, ...] = ()
     rate_override: float | None = None  # frames per second, if the file gives a wrong rate
     source_file: SourceFile | None = None  # the file from which a motion was read earlier
     as_read: bool = False  # whether the motion is an unchanged result of a reader
+    known: ClipInfo | None = None  # the metadata of a clip of the previous generation
 
     @property
     def label(self) -> str:
         """Name of the clip in messages: its address or, without one, the name of the motion."""
         if self.source_file is not None:
             return self.source_file.address
-        return self.source if isinstance(self.source, str) else self.source.name or "a clip"
+        return self.source if isinstance(self.source, str) else self.motion().name or "a clip"
+
+    def motion(self) -> Motion:
+        """Return the motion of a clip whose source is not an address."""
+        assert not isinstance(self.source, str)
+        return self.source if isinstance(self.source, Motion) else self.source()
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,33 +86,17 @@ class IngestedClip:
     """The result of the ingest of a clip: its segments, their samples and boundary states."""
 
     clip: Motion | PackedMotion  # a motion at the library's rate, or packed as it was read
-    name: str  # of the motion; may be empty
-    source_file: SourceFile | None
-    rate_override: float | None  # as in `IngestTask`
-    properties: ClipProperties
-    n_frames: int  # at the library's rate
+    properties: ClipProperties  # before it was converted to the hierarchy of the library
     segments: Segments
     is_donor: BoolArray  # whether each segment may be a donor: it has no disqualifying fault
-    faults: tuple[str, ...]  # messages of the disqualifying faults
     samples: Packed  # rows of `Samples` in single precision
     boundary_states: Mapping[str, FloatArray]  # result of `boundary_states`, all joints
     match_note: str = ""  # joints without a counterpart, if the clip has another hierarchy
 
-    def info(self, tags: tuple[str, ...]) -> ClipInfo:
-        """Return the metadata of the clip, whose name need not be unique."""
-        return ClipInfo(
-            name=self.name,
-            source_name=self.name,
-            source_file=self.source_file,
-            source_rate=self.properties.rate,
-            rate_override=self.rate_override,
-            source_frames=self.properties.n_frames,
-            n_frames=self.n_frames,
-            root=self.properties.root,
-            up=self.properties.up,
-            faults=self.faults,
-            tags=tags,
-        )
+    @property
+    def info(self) -> ClipInfo:
+        """The metadata of the clip, whose name need not be unique."""
+        return self.properties[2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,34 +106,6 @@ class RefusedClip:
     label: str  # its address or name
     error: Exception
     properties: ClipProperties | None  # None if the clip could not be read
-
-
-class ClipOrder(NamedTuple):
-    """Sort key of clips in a library.
-
-    In a library in memory, `rank` is the index of the clip, and `path` is empty. In a folder,
-    `rank` is 0 for clips of files and 1 for others; `path` has the parts of the file's path
-    relative to the library and the name of the clip, or the index of a clip without a file.
-    """
-
-    rank: int
-    path: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class PendingClip:
-    """A clip to ingest."""
-
-    order: ClipOrder
-    task: Callable[[], IngestTask]  # called when the clip is ingested; it may read the motion
-    tags: tuple[str, ...] = ()
-    known: ClipInfo | None = None  # the metadata of a clip of the previous generation
-
-    def info(self, clip: IngestedClip) -> ClipInfo:
-        """Return the metadata of the clip, given the result of its ingest."""
-        if self.known is None:
-            return clip.info(self.tags)
-        return self.known._replace(n_frames=clip.n_frames, faults=clip.faults)
 
 
 def boundary_states(motion: Motion, segments: Segments) -> dict[str, FloatArray]:
@@ -168,38 +144,33 @@ def sample_segments(
     )
 
 
-def read_properties(task: IngestTask, rest: Skeleton | None) -> tuple[IngestTask, ClipProperties]:
-    """Read a clip; return a task that holds the motion, and the properties of the clip.
+def read_pending(
+    clip: PendingClip, rest: Skeleton | None
+) -> tuple[PendingClip, Motion, ClipProperties]:
+    """Read a clip; return it with the motion as read, the motion at its true rate, and properties.
 
     `rest` is the field of `LibrarySpec`. Raise one of `INGEST_ERRORS` if the clip cannot be read or
     has a single frame.
     """
-    task, motion = _read(task, rest)
-    return task, ClipProperties.from_motion(motion)
-
-
-def _read(task: IngestTask, rest: Skeleton | None) -> tuple[IngestTask, Motion]:
-    """Read a clip; return a task that holds the motion as read, and the motion at its true rate.
-
-    Raise one of `INGEST_ERRORS` if the clip cannot be read or has a single frame.
-    """
-    label, source = task.label, task.source
+    label, source, rate = clip.label, clip.source, clip.rate_override
     if isinstance(source, str):
         try:
             source.encode()
         except UnicodeEncodeError as error:
             raise ValueError(f"the file name must be UTF-8, got {source!r}") from error
-        source = read_clip(source, skeleton=rest)
-        source_file = SourceFile.from_path(split_address(label)[0], source.clip)
-        task = replace(task, source=source, source_file=source_file, as_read=True)
-    if source.n_frames < 2:
+        motion = read_clip(source, skeleton=rest)
+        source_file = SourceFile.from_path(split_address(source)[0], motion.clip)
+        clip = replace(clip, source=motion, source_file=source_file, as_read=True)
+    read = clip.motion()
+    if read.n_frames < 2:
         raise ValueError(f"`{label}` must have at least 2 frames, got 1")
-    rate = task.rate_override
-    return task, source if rate is None else replace(source, frame_time=1.0 / rate)
+    motion = read if rate is None else replace(read, frame_time=1.0 / rate)
+    info = clip.known or ClipInfo.from_motion(motion, clip.source_file, rate, clip.tags)
+    return clip, motion, (clip.order, motion.skeleton, info)
 
 
 def ingest(
-    task: IngestTask, spec: LibrarySpec, config: Config, *, is_packed: bool
+    pending: PendingClip, spec: LibrarySpec, config: Config, *, is_packed: bool
 ) -> IngestedClip | RefusedClip:
     """Read, segment and sample one clip.
 
@@ -208,11 +179,10 @@ def ingest(
     cannot be segmented, or does not fit the hierarchy of `spec`.
     """
     reuse_freed_arrays()
-    label, properties = task.label, None
+    label, properties = pending.label, None
     try:
-        task, motion = _read(task, spec.rest)
-        properties = ClipProperties.from_motion(motion)
-        own = motion.skeleton
+        pending, motion, properties = read_pending(pending, spec.rest)
+        order, own, info = properties
         motion = spec.fit(motion, motion.name or label)
         match_note = "" if motion.skeleton is own else describe_match(spec.skeleton, own)
         resampled = motion if rates_match(motion.rate, spec.rate) else motion.resample(spec.rate)
@@ -221,19 +191,12 @@ def ingest(
         samples = sample_segments(resampled, segments, spec, config)
     except INGEST_ERRORS as error:
         return RefusedClip(label, error, properties)
-    clip: Motion | PackedMotion = resampled
-    if is_packed and isinstance(task.source, Motion):
-        clip = pack(task.source, as_read=task.as_read)
+    info = info._replace(n_frames=resampled.n_frames, faults=faults)
     return IngestedClip(
-        clip=clip,
-        name=motion.name,
-        source_file=task.source_file,
-        rate_override=task.rate_override,
-        properties=properties,
-        n_frames=resampled.n_frames,
+        clip=pack(pending.motion(), as_read=pending.as_read) if is_packed else resampled,
+        properties=(order, own, info),
         segments=segments,
         is_donor=is_donor,
-        faults=faults,
         samples=samples.pack(),
         boundary_states=boundary_states(resampled, segments),
         match_note=match_note,
@@ -241,23 +204,24 @@ def ingest(
 
 
 def ingest_all(
-    tasks: Iterable[IngestTask],
+    clips: Iterable[PendingClip],
     spec: LibrarySpec,
     config: Config,
     executor: Executor | None,
     *,
     is_packed: bool,
 ) -> Iterator[IngestedClip | RefusedClip]:
-    """Ingest clips, and yield the results in the order of the tasks.
+    """Ingest clips, and yield the results in the same order.
 
-    Tasks are taken from the iterable when they are needed. Without an executor, the calling thread
-    ingests the clips. `is_packed` is as for `ingest`.
+    A clip whose source is a function is read when it is ingested, or sent to the `executor`.
+    Without an executor, the calling thread ingests the clips. `is_packed` is as for `ingest`.
     """
+    loaded = (replace(own, source=own.motion()) if callable(own.source) else own for own in clips)
     if executor is None:
-        for task in tasks:
-            yield ingest(task, spec, config, is_packed=is_packed)
+        for clip in loaded:
+            yield ingest(clip, spec, config, is_packed=is_packed)
         return
-    remaining = iter(tasks)
+    remaining = iter(loaded)
     batches = iter(lambda: list(islice(remaining, BATCH_CLIPS)), [])
     pending: deque[Future[list[IngestedClip | RefusedClip]]] = deque()
     try:
@@ -273,9 +237,9 @@ def ingest_all(
 
 
 def _ingest_batch(
-    tasks: Sequence[IngestTask], spec: LibrarySpec, config: Config, *, is_packed: bool
+    clips: Sequence[PendingClip], spec: LibrarySpec, config: Config, *, is_packed: bool
 ) -> list[IngestedClip | RefusedClip]:
-    return [ingest(task, spec, config, is_packed=is_packed) for task in tasks]
+    return [ingest(clip, spec, config, is_packed=is_packed) for clip in clips]
 
 
 def _check_faults(motion: Motion, segments: Segments) -> tuple[BoolArray, tuple[str, ...]]:

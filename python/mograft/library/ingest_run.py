@@ -1,29 +1,43 @@
-"""Ingest of all clips of a library, with the specification that they determine."""
+"""Ingest of all clips of a library: the options, and the specification that the clips determine."""
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Generic, TypeVar
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from itertools import chain
+from typing import Generic, TypedDict, TypeVar
 
 import numpy as np
 
+from mograft._util.validate import check_choice, check_type
+from mograft.body.anatomy import anatomy
+from mograft.body.groups import JointGroups
+from mograft.config import Config
 from mograft.errors import SkeletonMismatchError, join_names
+from mograft.io.addresses import absolute_address
 from mograft.library.clip_table import ClipInfo
+from mograft.library.clusters import Progress
+from mograft.library.discover import (
+    ClipSource,
+    FoundClip,
+    exclude_grafts,
+    find_clips,
+    matching_values,
+)
 from mograft.library.ingest import (
     INGEST_ERRORS,
     ClipOrder,
+    ClipProperties,
     IngestedClip,
     PendingClip,
     ingest_all,
-    read_properties,
+    read_pending,
 )
-from mograft.library.plan import IngestPlan
-from mograft.library.spec import ClipProperties, LibrarySpec, choose_spec, rates_match
+from mograft.library.spec import MATCHES, LibrarySpec, Match, rates_match
+from mograft.motion.skeleton import Skeleton
 
 T = TypeVar("T")
-Properties = Sequence[tuple[ClipOrder, ClipProperties]]
-Store = Callable[[PendingClip, IngestedClip], T]
-"""Called with each ingested clip; returns what is kept of it."""
 
 _MAX_SAMPLED_CLIPS = 9
 """Clips from which the library specification is guessed before all clips are read."""
@@ -35,13 +49,115 @@ _MAX_FAULTS = 3
 """Faults per clip that warnings name."""
 
 
+class AddOptions(TypedDict, total=False):
+    """Keyword arguments of all of `Library.build`, `index` and `add`, which document them."""
+
+    include_grafts: bool
+    frame_rates: Mapping[str, float] | None
+    tags: Mapping[str, Iterable[str]] | None
+    executor: Executor | None
+    progress: Progress | None
+
+
+class IngestOptions(AddOptions, total=False):
+    """Keyword arguments of `Library.build` and `index`; `add` takes those of `AddOptions` only."""
+
+    rate: float | None
+    match: Match
+    skeleton: Skeleton | None
+    hierarchy: Skeleton | None
+
+
+_OPTION_TYPES: Mapping[str, type] = {
+    "skeleton": Skeleton,
+    "hierarchy": Skeleton,
+    "frame_rates": Mapping,
+    "tags": Mapping,
+    "executor": Executor,
+}
+"""Types of the options that may be None."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class IngestPlan:
+    """The options of a library that is built, as in `Library.build`.
+
+    It passes down unchanged from the methods of `Library` to the ingest of clips and to storage.
+    """
+
+    config: Config
+    groups: JointGroups | str = "lower_upper"
+    strict: bool = True  # whether a clip that is refused ends the run with an error
+    is_packed: bool = False  # as for `ingest`
+    include_grafts: bool = False
+    rate: float | None = None
+    match: Match = "names"
+    skeleton: Skeleton | None = None  # the rest pose of files that store none
+    hierarchy: Skeleton | None = None  # of the library, if clips are matched by anatomy
+    frame_rates: Mapping[str, float] | None = None
+    tags: Mapping[str, Iterable[str]] | None = None
+    executor: Executor | None = None
+    progress: Progress | None = None
+
+    def __post_init__(self) -> None:
+        check_choice("match", self.match, MATCHES)
+        check_type("config", self.config, Config)
+        if self.is_packed:
+            check_storable(self.config)
+        for name, kind in _OPTION_TYPES.items():
+            if getattr(self, name) is not None:
+                check_type(name, getattr(self, name), kind)
+        if self.progress is not None and not callable(self.progress):
+            raise TypeError(f"`progress` must be a function, got {type(self.progress).__name__}")
+        if self.hierarchy is not None and self.match != "anatomy":
+            raise ValueError("`match` must be 'anatomy' if `hierarchy` is given, got 'names'")
+
+    def find_clips(self, sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
+        """Find the clips that `sources` stand for.
+
+        Grafts that are found in folders are left out, unless `include_grafts` is true.
+        """
+        found = find_clips(sources)
+        return found if self.include_grafts else exclude_grafts(found)
+
+    def pending(self, order: ClipOrder, found: FoundClip) -> PendingClip:
+        """Return a found clip as a clip to ingest, with its tags and the rate of `frame_rates`.
+
+        Raise ValueError if the rate is not above 0.
+        """
+        rates = matching_values(self.frame_rates, found)
+        if rates and not 0 < rates[-1] < float("inf"):
+            raise ValueError(
+                f"values of `frame_rates` must be above 0 frames per second, got {rates[-1]}"
+            )
+        source = found.source
+        if isinstance(source, str):
+            source = absolute_address(source)
+        tags = tuple(dict.fromkeys(chain(found.folders, *matching_values(self.tags, found))))
+        return PendingClip(order, source, tags, float(rates[-1]) if rates else None)
+
+    def report(self, stage: str, done: int, total: int) -> None:
+        """Report progress."""
+        if self.progress is not None:
+            self.progress(stage, done, total)
+
+
+def check_storable(config: Config) -> None:
+    """Raise ValueError if a library with this configuration cannot be stored."""
+    if callable(config.segmentation):
+        raise ValueError(
+            "`segmentation` of a stored library must be 'energy' or the cut frames of each clip, "
+            f"got the function {config.segmentation!r}"
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class IngestResult(Generic[T]):
     """The result of the ingest of several clips."""
 
     spec: LibrarySpec  # with which they were ingested
-    clips: list[T]  # what `Store` returned for each clip that was not refused
-    properties: Properties  # of all clips that could be read
+    clips: list[T]  # what `store` returned for each clip that was not refused
+    properties: Sequence[ClipProperties]  # of all clips that could be read
     errors: Mapping[str, Exception]  # of refused clips, by address or name
     match_notes: Mapping[str, Sequence[str]]  # names of clips matched by anatomy, by note
 
@@ -52,7 +168,10 @@ class IngestResult(Generic[T]):
 
 
 def ingest_fitting(
-    pending: Sequence[PendingClip], plan: IngestPlan, store: Store[T], restart: Callable[[], object]
+    pending: Sequence[PendingClip],
+    plan: IngestPlan,
+    store: Callable[[IngestedClip], T],
+    restart: Callable[[], object],
 ) -> IngestResult[T]:
     """Ingest clips with the library specification that they determine.
 
@@ -62,7 +181,7 @@ def ingest_fitting(
     pending, spec = _guess_spec(list(pending), plan)
     while True:
         result = ingest_pending(pending, spec, plan, store)
-        chosen = choose_library_spec(result.properties, plan)
+        chosen = choose_spec(result.properties, plan)
         if chosen.is_equivalent(spec):
             if plan.strict:
                 result.raise_first_error()
@@ -72,23 +191,25 @@ def ingest_fitting(
 
 
 def ingest_pending(
-    pending: Sequence[PendingClip], spec: LibrarySpec, plan: IngestPlan, store: Store[T]
+    pending: Sequence[PendingClip],
+    spec: LibrarySpec,
+    plan: IngestPlan,
+    store: Callable[[IngestedClip], T],
 ) -> IngestResult[T]:
     """Ingest clips with a specification, and call `store` with each clip that is not refused."""
     clips: list[T] = []
-    properties: list[tuple[ClipOrder, ClipProperties]] = []
+    properties: list[ClipProperties] = []
     errors: dict[str, Exception] = {}
     notes: dict[str, list[str]] = {}
-    tasks = (clip.task() for clip in pending)
-    results = ingest_all(tasks, spec, plan.config, plan.executor, is_packed=plan.is_packed)
-    for done, (clip, result) in enumerate(zip(pending, results, strict=True), start=1):
+    results = ingest_all(pending, spec, plan.config, plan.executor, is_packed=plan.is_packed)
+    for done, result in enumerate(results, start=1):
         plan.report("reading", done, len(pending))
         if result.properties is not None:
-            properties.append((clip.order, result.properties))
+            properties.append(result.properties)
         if isinstance(result, IngestedClip):
             if result.match_note:
-                notes.setdefault(result.match_note, []).append(result.name)
-            clips.append(store(clip, result))
+                notes.setdefault(result.match_note, []).append(result.info.source_name)
+            clips.append(store(result))
         elif result.properties is None and plan.strict:
             raise result.error
         else:
@@ -101,12 +222,12 @@ def ingest_pending(
 
 
 def _mismatch_remedy(
-    pending: Sequence[PendingClip], properties: Properties, spec: LibrarySpec
+    pending: Sequence[PendingClip], properties: Sequence[ClipProperties], spec: LibrarySpec
 ) -> str:
     """Return a text that names a new clip with the hierarchy of `spec`; "" if there is none."""
-    fitting = {order for order, own in properties if own.skeleton.has_same_hierarchy(spec.skeleton)}
+    fitting = {order for order, own, _ in properties if own.has_same_hierarchy(spec.skeleton)}
     new = (clip for clip in pending if clip.known is None and clip.order in fitting)
-    label = next((clip.task().label for clip in new), None)
+    label = next((clip.label for clip in new), None)
     if label is None:
         return ""
     more = f" and {len(fitting) - 1} more" if len(fitting) > 1 else ""
@@ -116,10 +237,40 @@ def _mismatch_remedy(
     )
 
 
-def choose_library_spec(properties: Properties, plan: IngestPlan) -> LibrarySpec:
-    """Choose the library specification; the order of ingest does not affect it."""
-    clips = [clip for _, clip in sorted(properties, key=lambda pair: pair[0])]
-    return choose_spec(clips, plan.rate, plan.match, plan.skeleton, plan.hierarchy)
+def choose_spec(properties: Sequence[ClipProperties], plan: IngestPlan) -> LibrarySpec:
+    """Choose the library specification from the properties of at least one clip, in any order.
+
+    Its hierarchy (joint names and parents) is `hierarchy` of the plan or, by default, the one that
+    most clips have. Only the clips with this hierarchy determine the other parameters: the most
+    frequent root, the up axis of the longest clip and, unless the plan has a `rate`, the rate with
+    the most frames. Ties go to the first clip. If no clip has the given `hierarchy`, all clips
+    determine rate and up axis, and the hips are the root.
+    """
+    by_hierarchy: dict[tuple[object, ...], list[tuple[Skeleton, ClipInfo]]] = {}
+    for _, skeleton, info in sorted(properties, key=lambda own: own[0]):
+        key = (skeleton.names, skeleton.parents.tobytes())
+        by_hierarchy.setdefault(key, []).append((skeleton, info))
+    fitting, hierarchy = max(by_hierarchy.values(), key=len), plan.hierarchy
+    if hierarchy is not None:
+        fitting = by_hierarchy.get((hierarchy.names, hierarchy.parents.tobytes()), [])
+    skeleton = hierarchy or fitting[0][0]
+    roots = Counter(info.root for _, info in fitting if info.root >= 0)
+    if not fitting:
+        fitting = list(chain(*by_hierarchy.values()))
+        roots = Counter([anatomy(skeleton).hips])
+    frames: dict[float, int] = {}
+    for _, info in fitting:
+        rate = next((own for own in frames if rates_match(info.source_rate, own)), info.source_rate)
+        frames[rate] = frames.get(rate, 0) + info.source_frames
+    _, longest = max(fitting, key=lambda own: (own[1].source_frames - 1) / own[1].source_rate)
+    return LibrarySpec(
+        skeleton=skeleton,
+        rate=max(frames, key=lambda own: frames[own]) if plan.rate is None else plan.rate,
+        root=roots.most_common(1)[0][0] if roots else 0,
+        up=longest.up,
+        match=plan.match,
+        rest=plan.skeleton,
+    )
 
 
 def _guess_spec(
@@ -127,26 +278,23 @@ def _guess_spec(
 ) -> tuple[list[PendingClip], LibrarySpec]:
     """Guess the specification from a few clips; return the clips and the specification.
 
-    The tasks of these clips then hold the motions, so that no file is read twice. Raise an error if
-    no clip can be used.
+    The sources of these clips are then the motions, so that no file is read twice. Raise an error
+    if no clip can be used.
     """
     n = len(pending)
     sampled = np.unique(np.linspace(0, n - 1, _MAX_SAMPLED_CLIPS).round().astype(int)).tolist()
-    properties: list[tuple[ClipOrder, ClipProperties]] = []
+    properties: list[ClipProperties] = []
     errors: list[Exception] = []
     for index in [*sampled, *range(n)]:
         if properties and index not in sampled:
             break
-        clip = pending[index]
         try:
-            task, own = read_properties(clip.task(), plan.skeleton)
+            pending[index], _, own = read_pending(pending[index], plan.skeleton)
+            properties.append(own)
         except INGEST_ERRORS as error:
             errors.append(error)
-        else:
-            pending[index] = replace(clip, task=lambda task=task: task)
-            properties.append((clip.order, own))
     if properties:
-        return pending, choose_library_spec(properties, plan)
+        return pending, choose_spec(properties, plan)
     if plan.strict:
         raise errors[0]
     raise ValueError(f"no clip can be used: {errors[0]}") from errors[0]

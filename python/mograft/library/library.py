@@ -10,12 +10,11 @@ from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.library.derive import DerivableLibrary
 from mograft.library.discover import ClipSource
-from mograft.library.files import storage
-from mograft.library.files.loading import load_library
+from mograft.library.files.storage import load_library, read
 
 # Imported where they are used: opening a library needs neither readers nor writers.
 if TYPE_CHECKING:
-    from mograft.library.plan import AddOptions, IngestOptions
+    from mograft.library.ingest_run import AddOptions, IngestOptions
 
 Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
 
@@ -148,7 +147,7 @@ class Library(DerivableLibrary):
         ['lower', 'upper']
         """
         from mograft.library.build import build_library
-        from mograft.library.plan import IngestPlan
+        from mograft.library.ingest_run import IngestPlan
 
         config = Config() if config is None else config
         plan = IngestPlan(config=config, groups=groups, strict=True, **options)
@@ -216,7 +215,7 @@ executor, progress
         ('dance', 1)
         """
         from mograft.library.indexing import index_folder
-        from mograft.library.plan import IngestPlan
+        from mograft.library.ingest_run import IngestPlan
 
         config = Config() if config is None else config
         plan = IngestPlan(config=config, groups=groups, strict=strict, is_packed=True, **options)
@@ -260,7 +259,7 @@ executor, progress
         contains are removed, with a warning.
         """
         from mograft.library.indexing import add_to_folder
-        from mograft.library.plan import IngestPlan
+        from mograft.library.ingest_run import IngestPlan
 
         if self.folder is None:
             raise ValueError("the library is in memory: save it first, or build it from all clips")
@@ -322,4 +321,4 @@ executor, progress
         FileNotFoundError
             If the folder does not exist.
         """
-        return load_library(cls, storage.read(Path(path)))
+        return load_library(cls, read(Path(path)))

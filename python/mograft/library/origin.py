@@ -1,26 +1,33 @@
-"""The origin of a library and of its clips: folder, files, and SHA-256 of what they hold."""
+"""The origin of a library and of its clips, and libraries that are read again from origins."""
 
 import hashlib
 import json
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from mograft._util.containers import LazySequence
-from mograft.body.mirroring import MirroredClips
+from mograft.body.groups import JointGroups
+from mograft.body.mirroring import MirroredClips, mirror
+from mograft.config import Config
 from mograft.errors import MograftError
 from mograft.io.addresses import join_address, read_clip
+from mograft.library.build import assemble
 from mograft.library.clip_table import skeleton_to_json
 from mograft.library.data import LibraryData
 from mograft.library.derive import BUILD_STAGES
 from mograft.library.discover import SourceFile
 from mograft.library.files.stored_clips import ExtendedClips, StoredClips
+from mograft.library.ingest import IngestedClip, PendingClip, boundary_states, ingest
 from mograft.library.spec import LibrarySpec, Match, rates_match
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
+
+L = TypeVar("L", bound=LibraryData)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,24 +74,30 @@ class PartialClips(LazySequence[Motion]):
         return self.motions[index]
 
 
-@dataclass(frozen=True)
-class _Derivation:
-    """How a library was derived from the library of its original clips."""
+@dataclass(frozen=True, kw_only=True)
+class PartialClip:
+    """A clip to read, by the file that holds it."""
 
-    clips: Sequence[Motion]  # the original clips
-    is_mirrored: bool  # whether `with_mirror_images` appended clips
-    is_extended: bool  # whether `with_clip` appended a clip
+    name: str  # in the library
+    address: str
+    rate_override: float | None  # frames per second, if the file gives a wrong rate
+    is_mirrored: bool  # whether the clip is the mirror image of the clip in the file
+    is_in_library: bool  # False for a base outside the library
+    tags: tuple[str, ...]
 
-    @classmethod
-    def of(cls, library: LibraryData) -> "_Derivation":
-        clips = library.clips
-        is_extended = isinstance(clips, ExtendedClips)
-        if isinstance(clips, ExtendedClips):
-            clips = clips.library_clips
-        is_mirrored = isinstance(clips, MirroredClips)
-        if isinstance(clips, MirroredClips):
-            clips = clips.clips
-        return cls(clips, is_mirrored, is_extended)
+
+def _original_clips(library: LibraryData) -> tuple[Sequence[Motion], bool, bool]:
+    """Return the clips from which a library was derived, and how it was derived.
+
+    The other results state whether `with_mirror_images` and `with_clip` appended clips.
+    """
+    clips = library.clips
+    is_extended = isinstance(clips, ExtendedClips)
+    if isinstance(clips, ExtendedClips):
+        clips = clips.library_clips
+    if isinstance(clips, MirroredClips):
+        return clips.clips, True, is_extended
+    return clips, False, is_extended
 
 
 def is_partial(library: LibraryData) -> bool:
@@ -94,12 +107,12 @@ def is_partial(library: LibraryData) -> bool:
 
 def is_mirrored(library: LibraryData) -> bool:
     """Return whether `Library.with_mirror_images` appended the mirror images of the clips."""
-    return _Derivation.of(library).is_mirrored
+    return _original_clips(library)[1]
 
 
 def n_library_clips(library: LibraryData) -> int:
     """Return the number of clips of a library; an appended base motion is not counted."""
-    return len(library.entries) - _Derivation.of(library).is_extended
+    return len(library.entries) - _original_clips(library)[2]
 
 
 def find_library_origin(library: LibraryData) -> LibraryOrigin:
@@ -109,13 +122,12 @@ def find_library_origin(library: LibraryData) -> LibraryOrigin:
     """
     if isinstance(library.clips, PartialClips):
         return library.clips.library
-    derivation = _Derivation.of(library)
-    clips = derivation.clips
+    clips, has_images, _ = _original_clips(library)
     return LibraryOrigin(
         folder=clips.folder if isinstance(clips, StoredClips) else None,
         sha256=hash_library(library),
         n_clips=len(clips),
-        is_mirrored=derivation.is_mirrored,
+        is_mirrored=has_images,
         rate=float(library.rate),
         root=int(library.root),
         up=int(library.up),
@@ -133,7 +145,7 @@ def hash_library(library: LibraryData) -> str:
     library has the same hash in memory and in a folder.
     """
     clips = []
-    for index in range(len(_Derivation.of(library).clips)):
+    for index in range(len(_original_clips(library)[0])):
         info = library.entries[index]
         file = info.source_file
         content = (
@@ -171,15 +183,13 @@ def find_clip_origin(library: LibraryData, clip: int) -> ClipOrigin:
     """Return the origin of a clip of a library."""
     if isinstance(library.clips, PartialClips):
         return library.clips.origins[clip]
-    derivation = _Derivation.of(library)
-    if derivation.is_extended and clip == len(library.entries) - 1:
-        file = find_source_file(library.clips[clip], library.spec)
-        return ClipOrigin(source_file=file, is_in_library=False)
-    index = clip % len(derivation.clips)
+    clips, _, is_extended = _original_clips(library)
+    is_base = is_extended and clip == len(library.entries) - 1
+    index = clip if is_base else clip % len(clips)
     file = library.entries[index].source_file
     if file is None:
         file = find_source_file(library.clips[index], library.spec)
-    return ClipOrigin(source_file=file, is_mirrored=index != clip)
+    return ClipOrigin(source_file=file, is_mirrored=index != clip, is_in_library=not is_base)
 
 
 def find_source_file(motion: Motion, spec: LibrarySpec | None = None) -> SourceFile | None:
@@ -203,3 +213,54 @@ def find_source_file(motion: Motion, spec: LibrarySpec | None = None) -> SourceF
         and np.array_equal(read.positions, motion.positions)
     )
     return source_file if is_same else None
+
+
+def build_partial_library(
+    library_type: type[L],
+    clips: Sequence[PartialClip],
+    groups: JointGroups,
+    config: Config,
+    origin: LibraryOrigin,
+) -> L:
+    """Return a library of some clips of a whole library, cut into the same segments.
+
+    `origin` is the origin of the whole library. The segments are the same because those of a clip
+    depend only on the clip, the configuration and the library specification. Every segment is a
+    cluster by itself. Raise an error of `read_clip` if a file cannot be read, and ValueError if a
+    clip does not fit.
+    """
+    spec = LibrarySpec(
+        skeleton=origin.hierarchy or read_clip(clips[0].address, skeleton=origin.rest).skeleton,
+        rate=origin.rate,
+        root=origin.root,
+        up=origin.up,
+        match=origin.match,
+        rest=origin.rest,
+    )
+    ingested = [_ingest(clip, config, spec) for clip in clips]
+    entries = [own.info._replace(name=clip.name) for clip, own in zip(clips, ingested, strict=True)]
+    origins = tuple(
+        ClipOrigin(
+            source_file=info.source_file,
+            is_mirrored=clip.is_mirrored,
+            is_in_library=clip.is_in_library,
+        )
+        for clip, info in zip(clips, entries, strict=True)
+    )
+    library = assemble(library_type, ingested, entries, groups, spec, config, None)
+    return replace(library, clips=PartialClips(tuple(library.clips), origins, origin))
+
+
+def _ingest(clip: PartialClip, config: Config, spec: LibrarySpec) -> IngestedClip:
+    """Read a clip, and mirror it if required."""
+    pending = PendingClip((0, ()), clip.address, clip.tags, clip.rate_override)
+    result = ingest(pending, spec, config, is_packed=False)
+    if not isinstance(result, IngestedClip):
+        raise result.error
+    motion = result.clip
+    assert isinstance(motion, Motion)
+    if clip.is_mirrored:
+        motion = mirror(motion)
+        states = boundary_states(motion, result.segments)
+        result = replace(result, boundary_states=states)
+    return replace(result, clip=replace(motion, name=clip.name))

@@ -19,7 +19,6 @@ from mograft.library.files.stored_clips import ExtendedSamples, StoredSamples
 from mograft.library.spec import LibrarySpec
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
-from mograft.motion.skeleton import Skeleton
 
 _MAX_KNOWN_MARGINS = 1 << 24
 """Largest number of support margins that are kept: 128 MiB."""
@@ -39,7 +38,6 @@ class LibraryBalance:
     clips: Sequence[Motion]
     segments: Segments
     samples: Samples | StoredSamples | ExtendedSamples
-    skeleton: Skeleton
     spec: LibrarySpec
     config: Config
     # Offsets by the joints of a group, shape (n_segments, n_samples, 2); NaN if not yet computed.
@@ -60,7 +58,7 @@ class LibraryBalance:
         for start in range(0, len(missing), CHUNK):
             batch = missing[start : start + CHUNK]
             samples = self.samples.select(batch)
-            known[batch] = mass_offsets(samples, self.skeleton, joints, root, up)
+            known[batch] = mass_offsets(samples, self.spec.skeleton, joints, root, up)
         return known[segments]
 
     def support_margins(self, segments: IntArray) -> FloatArray:

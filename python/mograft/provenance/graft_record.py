@@ -16,10 +16,16 @@ from mograft.io.addresses import join_address, read_clip, split_address
 from mograft.io.bvh.writer import check_digits
 from mograft.library.clip_table import skeleton_from_json
 from mograft.library.discover import SourceFile, scan_folder
+from mograft.library.ingest_run import IngestOptions
 from mograft.library.library import Library
-from mograft.library.origin import LibraryOrigin, hash_library, is_mirrored, n_library_clips
-from mograft.library.partial import PartialClip, build_partial_library
-from mograft.library.plan import IngestOptions
+from mograft.library.origin import (
+    LibraryOrigin,
+    PartialClip,
+    build_partial_library,
+    hash_library,
+    is_mirrored,
+    n_library_clips,
+)
 from mograft.provenance.document import SCHEMA, SEVERAL_SCHEMA
 from mograft.search.constraints import Span
 

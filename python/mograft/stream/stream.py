@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray
 from mograft._util.validate import as_integer, check_type
-from mograft.analysis.online_segmentation import OnlineSegmenter
+from mograft.analysis.segmentation import OnlineSegmenter
 from mograft.blend.recombine import Part, recombine
 from mograft.library.library import Library
 from mograft.motion.motion import Motion

@@ -37,14 +37,10 @@ def as_floats(name: str, value: npt.ArrayLike) -> Floats:
     array = as_array(name, value)
     if array.size and array.dtype.kind not in "fiub":
         raise TypeError(f"`{name}` must be real numbers, got {array.dtype}")
-    floats: Floats
-    if array.dtype in (np.float16, np.float32):
-        floats = array.astype(np.float32, copy=False)
-    else:
-        floats = array.astype(np.float64, copy=False)
-    if floats.flags.c_contiguous or floats.flags.f_contiguous:
-        return floats
-    return floats.copy(order="C")
+    is_single = array.dtype in (np.float16, np.float32)
+    floats: Floats = np.asarray(array, np.float32) if is_single else np.asarray(array, np.float64)
+    is_contiguous = floats.flags.c_contiguous or floats.flags.f_contiguous
+    return floats if is_contiguous else floats.copy(order="C")
 
 
 def as_array(name: str, value: npt.ArrayLike) -> npt.NDArray[Any]:
@@ -55,13 +51,13 @@ def as_array(name: str, value: npt.ArrayLike) -> npt.NDArray[Any]:
         raise ValueError(f"`{name}` must be an array, got rows of different lengths") from None
 
 
-def as_count(name: str, value: int, minimum: int) -> int:
+def as_count(name: str, value: object, minimum: int) -> int:
     """Return `value` as an int.
 
     Raises TypeError if it is not a whole number, ValueError if it is less than `minimum`.
     """
     try:
-        count = operator.index(value)
+        count = operator.index(value)  # type: ignore[arg-type]
     except TypeError:
         raise TypeError(f"`{name}` must be a whole number, got {value!r}") from None
     if count < minimum:
@@ -84,17 +80,6 @@ def check_amount(name: str, value: float) -> None:
     """Raise TypeError unless `value` is a number, ValueError if it is negative or not finite."""
     if not 0.0 <= _as_number(name, value) < np.inf:
         raise ValueError(f"`{name}` must be a finite number of at least 0, got {value}")
-
-
-def as_cluster_count(name: str, value: float) -> int:
-    """Return `value` as a number of clusters, at least 1; floats such as 2.0 are accepted.
-
-    Raises TypeError if it is not a number, ValueError if it is not whole or below 1.
-    """
-    number = _as_number(name, value)
-    if not number.is_integer():
-        raise ValueError(f"`{name}` must be a whole number for 'maxclust', got {value}")
-    return as_count(name, int(number), 1)
 
 
 def _as_number(name: str, value: float) -> float:

@@ -9,15 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ._checks import (
-    FloatArray,
-    IntArray,
-    as_array,
-    as_cluster_count,
-    as_count,
-    as_floats,
-    as_height,
-)
+from ._checks import FloatArray, IntArray, as_array, as_count, as_floats, as_height
 
 __all__ = ["TruncatedTree", "cophenet", "fcluster", "leaves_list", "truncate"]
 
@@ -85,23 +77,21 @@ def fcluster(
     """
     checked = _as_tree(tree)
     heights, n = checked[:, 2], len(checked) + 1
-    if criterion == "distance":
-        limit = as_height("t", t)
-    elif criterion == "maxclust":
-        n_clusters = as_cluster_count("t", t)
+    if criterion not in ("distance", "maxclust"):
+        raise ValueError(f"`criterion` must be 'distance' or 'maxclust', got {criterion!r}")
+    limit = as_height("t", t)
+    if criterion == "maxclust":
+        n_clusters = as_count("t", int(t) if limit.is_integer() else t, 1)
         if n_clusters >= n:
             return np.arange(1, n + 1)
         limit = heights[n - 1 - n_clusters]
-    else:
-        raise ValueError(f"`criterion` must be 'distance' or 'maxclust', got {criterion!r}")
     top = top_clusters(checked, int(np.searchsorted(heights, limit, side="right")))[:n]
     # SciPy numbers a part that is a single point after the other part.
     is_swapped = (checked[:, 0] < n) & (checked[:, 1] >= n)
     swapped = np.where(is_swapped[:, None], checked[:, [1, 0, 2, 3]], checked)
     order = _order(swapped)
-    is_next = np.diff(top[order], prepend=-1) != 0
     labels = np.empty(n, dtype=np.int64)
-    labels[order] = np.cumsum(is_next)
+    labels[order] = np.cumsum(np.diff(top[order], prepend=-1) != 0)
     return labels
 
 
@@ -215,10 +205,9 @@ def truncate(
     n = len(checked) + 1
     if (p is None) == (distance is None):
         raise ValueError(f"exactly one of `p` and `distance` must be given, got {p} and {distance}")
-    if p is not None:
+    if distance is None:
         n_replaced = n - min(as_count("p", p, 1), n)
     else:
-        assert distance is not None
         limit = as_height("distance", distance)
         n_replaced = int(np.searchsorted(checked[:, 2], limit, side="right"))
     top = top_clusters(checked, n_replaced)[:n]

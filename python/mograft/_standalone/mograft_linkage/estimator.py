@@ -1,24 +1,16 @@
 """Complete linkage with the interface of a scikit-learn estimator."""
 
-import operator
-from typing import Literal, Self
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 
-from ._checks import Floats, IntArray, as_height
+from ._checks import Floats, IntArray, as_count, as_height
 from ._metrics import Metric
 from .clustering import linkage
 from .dendrogram import labels_after_merges
 
-_PARAMETERS = (
-    "n_clusters",
-    "distance_threshold",
-    "metric",
-    "compute_full_tree",
-    "n_threads",
-    "memory_limit",
-)
+_PARAMETERS = ("n_clusters", "distance_threshold", "metric", "n_threads", "memory_limit")
 
 
 class CompleteLinkage:
@@ -32,11 +24,8 @@ class CompleteLinkage:
         Height at and above which clusters are not merged, in the unit of the metric.
     metric : {"euclidean", "sqeuclidean", "cosine", "correlation"}
         As for `linkage`.
-    compute_full_tree : {"auto", True, False}
-        Has no effect, because the tree is always complete. As in scikit-learn, False must not
-        be combined with `distance_threshold`.
     n_threads, memory_limit : int, optional
-        As for `linkage`. `threads` is accepted as an older name of `n_threads`.
+        As for `linkage`.
 
     Attributes
     ----------
@@ -65,8 +54,8 @@ class CompleteLinkage:
     - labels are numbered in the order of first points; there the same partition has other numbers;
     - `distances_` always exists;
     - with tied distances, the tree may be another valid one, see `linkage`;
-    - there are no parameters `linkage`, `connectivity`, `memory` and `compute_distances`, and no
-      metric "precomputed": `linkage_condensed` takes distances.
+    - there are no parameters `linkage`, `connectivity`, `memory`, `compute_distances` and
+      `compute_full_tree`, and no metric "precomputed": `linkage_condensed` takes distances.
 
     The class does not inherit from scikit-learn's `BaseEstimator` and works without scikit-learn.
 
@@ -85,14 +74,12 @@ class CompleteLinkage:
         *,
         distance_threshold: float | None = None,
         metric: Metric = "euclidean",
-        compute_full_tree: bool | Literal["auto"] = "auto",
         n_threads: int | None = None,
         memory_limit: int | None = None,
     ) -> None:
         self.n_clusters = n_clusters
         self.distance_threshold = distance_threshold
         self.metric = metric
-        self.compute_full_tree = compute_full_tree
         self.n_threads = n_threads
         self.memory_limit = memory_limit
 
@@ -122,13 +109,11 @@ class CompleteLinkage:
             As for `linkage`, and if not exactly one of `n_clusters` and `distance_threshold` is
             given, or it is out of range.
         """
-        names = _feature_names(X)
-        points = _as_samples(X)
+        names, points = _feature_names(X), _as_samples(X)
         n = len(points)
         limit = self._limit(n)
-        tree = linkage(
-            points, metric=self.metric, n_threads=self.n_threads, memory_limit=self.memory_limit
-        )
+        n_threads, memory_limit = self.n_threads, self.memory_limit
+        tree = linkage(points, metric=self.metric, n_threads=n_threads, memory_limit=memory_limit)
         heights = tree[:, 2].copy()
         # scikit-learn does not merge at the threshold itself.
         n_merges = int(np.searchsorted(heights, limit)) if self.n_clusters is None else n - limit
@@ -156,24 +141,12 @@ class CompleteLinkage:
                 "Exactly one of n_clusters and distance_threshold must be set, and the other must "
                 f"be None, got {self.n_clusters} and {self.distance_threshold}"
             )
-        if self.compute_full_tree not in (True, False, "auto"):
-            raise ValueError(
-                f"`compute_full_tree` must be True, False or 'auto', got {self.compute_full_tree!r}"
-            )
-        if self.distance_threshold is not None:
-            if not self.compute_full_tree:
-                raise ValueError("compute_full_tree must be True if distance_threshold is set")
+        if self.n_clusters is None:
+            assert self.distance_threshold is not None
             return as_height("distance_threshold", self.distance_threshold)
-        try:
-            n_clusters = operator.index(self.n_clusters)  # type: ignore[arg-type]
-        except TypeError:
-            raise TypeError(
-                f"`n_clusters` must be a whole number, got {self.n_clusters!r}"
-            ) from None
-        if not 1 <= n_clusters <= n:
-            raise ValueError(
-                f"`n_clusters` must be between 1 and n_samples = {n}, got {n_clusters}"
-            )
+        n_clusters = as_count("n_clusters", self.n_clusters, 1)
+        if n_clusters > n:
+            raise ValueError(f"`n_clusters` must be at most n_samples = {n}, got {n_clusters}")
         return n_clusters
 
     def __sklearn_tags__(self) -> object:
@@ -185,14 +158,11 @@ class CompleteLinkage:
 
 def _feature_names(points: object) -> npt.NDArray[np.object_] | None:
     """Return the column names of a data frame if all are strings, as scikit-learn does."""
-    columns = getattr(points, "columns", None)
-    if columns is None:
-        return None
-    names = np.array(list(columns), dtype=object)
-    are_strings = [isinstance(name, str) for name in names]
-    if any(are_strings) and not all(are_strings):
+    names = list(getattr(points, "columns", ()))
+    n_strings = sum(isinstance(name, str) for name in names)
+    if 0 < n_strings < len(names):
         raise TypeError("X must have column names that are all strings, or none that is a string")
-    return names if any(are_strings) else None
+    return np.array(names, dtype=object) if n_strings else None
 
 
 def _as_samples(points: npt.ArrayLike) -> Floats:

@@ -17,7 +17,7 @@ from mograft.io.addresses import join_address, open_clips, read_clip, split_addr
 from mograft.io.bvh.reader import read_bvh
 from mograft.io.clips import Clips
 from mograft.io.formats import find_format
-from mograft.library.group_choice import discover_groups
+from mograft.library.build import discover_groups
 from mograft.library.spec import describe_match
 from mograft.motion.skeleton import Skeleton
 

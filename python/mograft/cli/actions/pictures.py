@@ -34,8 +34,8 @@ from mograft.cli.syntax.commands import PlotOptions, ViewOptions
 from mograft.cli.syntax.frames import resolve_frames
 from mograft.config import Config
 from mograft.io.addresses import read_clip, split_address
+from mograft.library.build import discover_groups, discover_in_library
 from mograft.library.discover import has_provenance
-from mograft.library.group_choice import discover_groups, discover_in_library
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.viewing import plot

@@ -15,14 +15,18 @@ import numpy.typing as npt
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.arrays import Packed
-from mograft._util.atomic import sync
+from mograft._util.atomic import exclusive_lock, sync
 from mograft._util.cleanup import clean_up_by
-from mograft._util.lock import exclusive_lock
-from mograft.errors import LibraryError
+from mograft.errors import LibraryError, join_names
 from mograft.library.clip_table import ClipLocation, ClipTable, skeleton_to_json, write_clip_table
 from mograft.library.data import LibraryData
-from mograft.library.files.array_files import ArrayWriter
-from mograft.library.files.integrity import DATABASE, MANIFEST, hash_files, manifest_checksum
+from mograft.library.files.array_files import (
+    DATABASE,
+    MANIFEST,
+    ArrayWriter,
+    hash_files,
+    manifest_checksum,
+)
 from mograft.library.files.packing import PackedMotion
 from mograft.library.files.storage import (
     FORMAT,
@@ -36,12 +40,8 @@ from mograft.library.files.stored_clips import RowRange, StoredSamples, merge_ra
 from mograft.library.ingest import IngestedClip
 from mograft.motion.skeleton import Skeleton
 
-_MAX_SHARDS = 16
+MAX_SHARDS = 16
 """Generations whose clips may lie in separate files; beyond that all clips are written again."""
-
-_MIN_USED_SHARE = 0.5
-"""Share of the bytes in older ``frames`` files that clips must use; below that all clips are
-written again."""
 
 
 class GenerationWriter:
@@ -57,48 +57,38 @@ class GenerationWriter:
 
     def __init__(self, root: Path, final: Path, base: StoredLibrary | None, number: int) -> None:
         self.base, self.final = base, final
-        self.shards: list[str] = []
         self._root = root
         self._generation = f"{number:04d}"
-        self._linked_hashes: dict[str, dict[str, Any]] = {}
         self._writers: dict[str, ArrayWriter] = {}
+        self.folder = root / self._generation
+        self.restart()
+
+    def restart(self) -> None:
+        """Discard everything that was written or linked; the folder of the generation is empty."""
+        self.abandon()
+        if self.folder.exists():
+            shutil.rmtree(self.folder)
+        self.folder.mkdir()
+        self.shards: list[str] = []
+        self._linked_hashes: dict[str, dict[str, Any]] = {}
+        self._writers.clear()
         self._written: list[str] = []
         self._skeletons: dict[str, tuple[int, Skeleton]] = {}
-        self.folder = root / self._generation
-        self.folder.mkdir()
 
-    def link_base_shards(self) -> None:
+    def link_shards(self, base: StoredLibrary) -> None:
         """Link the shards of the previous generation into the new one."""
-        if self.base is None:
-            raise RuntimeError("the writer has no previous generation to link")
-        manifest = self.base.manifest
-        for shard in manifest["shards"]:
+        for shard in base.manifest["shards"]:
             self.shards.append(shard)
             for stem in ("frames", "samples"):
                 name = f"{stem}-{shard}.npy"
-                source = f"{manifest['generation']}/{name}"
-                self._link(self.base.folder / source, name)
-                self._linked_hashes[f"{self._generation}/{name}"] = manifest["files"][source]
-        for skeleton in self.base.table.skeletons:
+                source = f"{base.manifest['generation']}/{name}"
+                try:
+                    os.link(base.folder / source, self.folder / name)
+                except OSError:  # some file systems have no hard links
+                    shutil.copyfile(base.folder / source, self.folder / name)
+                self._linked_hashes[f"{self._generation}/{name}"] = base.manifest["files"][source]
+        for skeleton in base.table.skeletons:
             self._skeleton_index(skeleton)
-
-    def _link(self, source: Path, name: str) -> None:
-        try:
-            os.link(source, self.folder / name)
-        except OSError:
-            # Some file systems have no hard links.
-            shutil.copyfile(source, self.folder / name)
-
-    def restart(self) -> None:
-        """Discard everything that was written or linked, so that writing can begin again."""
-        self.abandon()
-        for path in self.folder.iterdir():
-            path.unlink()
-        self._linked_hashes.clear()
-        self._written.clear()
-        self._skeletons.clear()
-        self.shards.clear()
-        self._writers.clear()
 
     def write_clip(self, clip: IngestedClip) -> ClipLocation:
         """Write the packed motion, the samples and the boundary states of a clip."""
@@ -155,34 +145,15 @@ class GenerationWriter:
         No clip may be written afterwards. `ranges` are the rows of each clip in the shards, in the
         order of the library. `n_samples` is the number of samples per segment.
         """
-        self._close_shards()
+        self._close("frames-", "samples-")
         paths = [self.folder / f"samples-{shard}.npy" for shard in self.shards]
         return StoredSamples.from_paths(paths, merge_ranges(ranges), n_samples, n_joints)
 
-    def _close_shards(self) -> None:
-        for name in [name for name in self._writers if name.startswith(("samples-", "frames-"))]:
-            self._close(name)
-
-    def _close(self, name: str) -> None:
-        self._writers.pop(name).close()
-        self._written.append(f"{name}.npy")
-
-    def is_fragmented(self, locations: Sequence[ClipLocation]) -> bool:
-        """Return whether the clips should be written again, all to one shard.
-
-        `locations` are those of the clips that stay in the library. Clips should be written again
-        if there are more than 16 shards, or if the clips that stay use less than half of the bytes
-        in the older shards.
-        """
-        if len(self.shards) > _MAX_SHARDS:
-            return True
-        n_bytes_used = 8 * sum(location.n_numbers for location in locations)
-        n_bytes = sum(
-            (self.folder / f"frames-{shard}.npy").stat().st_size
-            for shard in self.shards
-            if shard != self._generation
-        )
-        return n_bytes_used < _MIN_USED_SHARE * n_bytes
+    def _close(self, *starts: str) -> None:
+        """Complete the arrays whose names begin with any of `starts`."""
+        for name in [name for name in self._writers if name.startswith(starts)]:
+            self._writers.pop(name).close()
+            self._written.append(f"{name}.npy")
 
     def write_array(
         self, name: str, dtype: str, parts: Iterator[npt.NDArray[Any]] | npt.NDArray[Any]
@@ -191,26 +162,19 @@ class GenerationWriter:
         (self.folder / name).parent.mkdir(exist_ok=True)
         for part in [parts] if isinstance(parts, np.ndarray) else parts:
             self._writer(name, dtype, part.shape[1:]).append(part)
-        if name in self._writers:
-            self._close(name)
+        self._close(name)
 
     def write_clip_table(self, library: LibraryData, locations: Sequence[ClipLocation]) -> None:
         """Write the database of a library whose clips were written at `locations`."""
-        table = ClipTable(
-            entries=library.entries,
-            locations=tuple(locations),
-            skeletons=tuple(skeleton for _, skeleton in self._skeletons.values()),
-            refused=library.refused,
-        )
-        path = self.folder / DATABASE
-        write_clip_table(
-            path, self.final, table, library.segments, library.is_donor, library.labels
-        )
+        skeletons = tuple(skeleton for _, skeleton in self._skeletons.values())
+        table = ClipTable(library.entries, tuple(locations), skeletons, library.refused)
+        segments, is_donor, labels = library.segments, library.is_donor, library.labels
+        write_clip_table(self.folder / DATABASE, self.final, table, segments, is_donor, labels)
         self._written.append(DATABASE)
 
     def commit(self, metadata: Mapping[str, Any]) -> None:
         """Write the manifest with `metadata`, which makes this generation the current one."""
-        self._close_shards()
+        self._close("frames-", "samples-")
         self.abandon()  # each group has its part of the boundary states
         for path in self.folder.glob("edges-*.npy"):
             path.unlink()
@@ -258,8 +222,7 @@ def write_generation(
     exists = final.exists() and (not final.is_dir() or any(final.iterdir()))
     if exists and not add and not force:
         raise FileExistsError(17, "exists; force=True replaces it", str(path))
-    generation = _write_in_place(final, add=add) if exists or add else _write_new(final)
-    with generation as writer:
+    with _write_in_place(final, add=add) if exists or add else _write_new(final) as writer:
         try:
             yield writer
         finally:
@@ -304,29 +267,25 @@ def _check_is_library(folder: Path) -> None:
 
     The library may be damaged.
     """
-    reason = None
-    if not _has_library_manifest(folder):
-        reason = f"it is not a mograft library: it has no valid {MANIFEST}; move it away first"
-    else:
-        foreign = sorted(
-            path.name
-            for path in folder.iterdir()
-            if path.name not in (MANIFEST, LOCK) and not _is_replaceable(path)
-        )
-        if foreign:
-            listed = ", ".join(foreign[:3])
-            reason = f"it also holds other files, such as {listed}; move them away"
-    if reason:
-        raise LibraryError(f"{folder} is not overwritten: {reason}")
-
-
-def _has_library_manifest(folder: Path) -> bool:
-    """Return whether the folder has the manifest of a library, even a truncated one."""
-    try:
+    text = ""
+    with contextlib.suppress(OSError):
         text = (folder / MANIFEST).read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return False
-    return re.match(rf'\s*{{\s*"format":\s*"{re.escape(FORMAT)}"', text) is not None
+    # The manifest may be truncated.
+    if re.match(rf'\s*{{\s*"format":\s*"{re.escape(FORMAT)}"', text) is None:
+        raise LibraryError(
+            f"{folder} is not overwritten: it is not a mograft library: it has no valid "
+            f"{MANIFEST}; move it away first"
+        )
+    foreign = [
+        path.name
+        for path in folder.iterdir()
+        if path.name not in (MANIFEST, LOCK) and not _is_replaceable(path)
+    ]
+    if foreign:
+        raise LibraryError(
+            f"{folder} is not overwritten: it also holds other files, such as "
+            f"{join_names(sorted(foreign), 3)}; move them away"
+        )
 
 
 def _is_replaceable(path: Path) -> bool:
@@ -346,12 +305,8 @@ def _is_replaceable(path: Path) -> bool:
 
 def _remove(path: Path) -> None:
     """Remove a generation or the draft of a manifest; leave any other path unchanged."""
-    if not path.exists() or not _is_replaceable(path):
-        return
-    if path.is_dir():
-        shutil.rmtree(path, ignore_errors=True)
-    else:
-        path.unlink(missing_ok=True)
+    if path.exists() and _is_replaceable(path):
+        shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
 
 
 def _remove_old_generations(folder: Path) -> None:

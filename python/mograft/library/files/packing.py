@@ -27,10 +27,6 @@ class PackedMotion:
     numbers: FloatArray  # shape (n,); the arrays one after the other
     skeleton: Skeleton
     frame_time: float  # seconds
-    n_frames: int
-    name: str
-    path: str | None  # the file from which the motion was read
-    clip: str | None  # name of the motion in the file, if the file holds several
     repairs: tuple[str, ...]  # deviations that the reader tolerated
 
 
@@ -47,18 +43,9 @@ def pack(motion: Motion, *, as_read: bool = False) -> PackedMotion:
     if values is not None and (as_read or _determines_poses(values, motion)):
         content = "channels"
     parts = [motion.rotations, motion.positions] if content != "channels" else []
-    parts += [values] if content != "poses" and values is not None else []
-    return PackedMotion(
-        content=content,
-        numbers=np.concatenate([part.ravel() for part in parts]),
-        skeleton=motion.skeleton,
-        frame_time=motion.frame_time,
-        n_frames=motion.n_frames,
-        name=motion.name,
-        path=None if motion.path is None else str(motion.path),
-        clip=motion.clip,
-        repairs=motion.repairs,
-    )
+    parts += [] if values is None else [values]
+    numbers = np.concatenate([part.ravel() for part in parts])
+    return PackedMotion(content, numbers, motion.skeleton, motion.frame_time, motion.repairs)
 
 
 def _determines_poses(values: FloatArray, motion: Motion) -> bool:
@@ -73,9 +60,11 @@ def _determines_poses(values: FloatArray, motion: Motion) -> bool:
     )
 
 
-def unpack(packed: PackedMotion) -> Motion:
-    """Return the motion that was packed."""
-    skeleton, n_frames = packed.skeleton, packed.n_frames
+def unpack(
+    packed: PackedMotion, n_frames: int, name: str, path: str | None, clip: str | None
+) -> Motion:
+    """Return the motion that was packed; the other arguments are fields of the motion."""
+    skeleton = packed.skeleton
     numbers = np.array(packed.numbers, np.float64)
     values: FloatArray | None = None
     if packed.content == "channels":
@@ -94,8 +83,8 @@ def unpack(packed: PackedMotion) -> Motion:
         quats,
         positions,
         channel_values=values,
-        name=packed.name,
-        path=None if packed.path is None else Path(packed.path),
-        clip=packed.clip,
+        name=name,
+        path=None if path is None else Path(path),
+        clip=clip,
         repairs=packed.repairs,
     )

@@ -11,10 +11,10 @@ from mograft._util.arrays import FloatArray
 from mograft.library.clip_table import ClipInfo, ClipLocation, skeleton_to_json
 from mograft.library.data import LibraryData
 from mograft.library.files.generation import GenerationWriter, write_generation
-from mograft.library.files.loading import EMBEDDING_ARRAYS
 from mograft.library.files.packing import pack
+from mograft.library.files.storage import EMBEDDING_ARRAYS
 from mograft.library.files.stored_clips import ExtendedClips, StoredClips
-from mograft.library.plan import check_storable
+from mograft.library.ingest_run import check_storable
 from mograft.motion.motion import Motion
 
 BoundaryParts = Mapping[str, Mapping[str, FloatArray | Iterator[FloatArray]]]
@@ -29,13 +29,11 @@ def save_library(library: LibraryData, path: Path, *, force: bool) -> None:
     with write_generation(path, force=force) as writer:
         entries: list[ClipInfo] = []
         locations: list[ClipLocation] = []
-        first_row = 0
-        counts = np.bincount(library.segments.clip, minlength=len(library.entries)).tolist()
-        for index, count in enumerate(counts):
+        first_rows = np.searchsorted(library.segments.clip, np.arange(len(library.entries)))
+        for index, first_row in enumerate(first_rows.tolist()):
             info, clip = _saved_clip(library, index)
             entries.append(info)
             locations.append(writer.write_frames(pack(clip), first_row))
-            first_row += count
         for chunk in library.samples.chunks():
             writer.write_samples(chunk.pack())
         saved = replace(library, entries=tuple(entries))
@@ -52,9 +50,9 @@ def _saved_clip(library: LibraryData, index: int) -> tuple[ClipInfo, Motion]:
     if isinstance(library.clips, StoredClips):
         return info, library.clips.original(index, as_read=True)
     clip = library.clips[index]
-    n_frames = clip.n_frames
-    info = info._replace(source_rate=clip.rate, rate_override=None, source_frames=n_frames)
-    return info, clip
+    return info._replace(
+        source_rate=clip.rate, rate_override=None, source_frames=clip.n_frames
+    ), clip
 
 
 def commit_library(

@@ -6,19 +6,23 @@ writers hold an exclusive one (`mograft.library.files.generation`).
 """
 
 import json
+import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
+from mograft.analysis.embedding import Embedding
+from mograft.body.groups import JointGroups
+from mograft.config import Config
 from mograft.errors import LibraryError
-from mograft.library.clip_table import ClipTable, read_clip_table
-from mograft.library.files.array_files import map_array
-from mograft.library.files.integrity import (
+from mograft.library.clip_table import ClipTable, read_clip_table, skeleton_from_json
+from mograft.library.data import LibraryData
+from mograft.library.files.array_files import (
     DATABASE,
     MANIFEST,
     check_manifest,
@@ -26,11 +30,19 @@ from mograft.library.files.integrity import (
     compare_hashes,
     damage,
     damage_raises_library_error,
+    map_array,
 )
-from mograft.library.files.stored_clips import RowRange, StoredSamples, merge_ranges
+from mograft.library.files.stored_clips import RowRange, StoredClips, StoredSamples, merge_ranges
+from mograft.library.spec import LibrarySpec
+from mograft.motion.segments import Segments
 
 FORMAT, FORMAT_VERSION = "mograft.library", 1
 LOCK = ".lock"
+
+L = TypeVar("L", bound=LibraryData)
+
+EMBEDDING_ARRAYS = ("points", "reference", "mean", "scale", "components", "variances")
+"""Fields of `Embedding` that are stored as arrays of floats."""
 
 _MAX_READ_ATTEMPTS = 8
 """How many times reading is attempted if other processes replace the generation meanwhile."""
@@ -120,6 +132,72 @@ def _read_generation(folder: Path, manifest: dict[str, Any]) -> StoredLibrary:
     with damage_raises_library_error(folder, DATABASE):
         table = read_clip_table(folder / prefix / DATABASE)
     return StoredLibrary(folder, manifest, table, arrays)
+
+
+def load_library(library_type: type[L], stored: StoredLibrary) -> L:
+    """Return a stored library as a `library_type`, with memory-mapped arrays.
+
+    Raise LibraryError if the files do not fit together.
+    """
+    with damage_raises_library_error(stored.folder, MANIFEST):
+        return _load_library(library_type, stored)
+
+
+def _load_library(library_type: type[L], stored: StoredLibrary) -> L:
+    """Return a stored library as a `library_type`."""
+    manifest, arrays = stored.manifest, stored.arrays
+    groups = JointGroups.from_toml(manifest["groups"])
+    embedding: dict[str, Embedding | None] = {}
+    labels, states = {}, {}
+    for group, about in manifest["group"].items():
+        prefix = about["folder"] + "/"
+        own = {key.removeprefix(prefix): arrays[key] for key in arrays if key.startswith(prefix)}
+        labels[group] = own.pop("labels")
+        embedding[group] = None
+        if about["compared"]:
+            embedding[group] = Embedding(
+                joints=np.array(own.pop("joints")),
+                has_root=about["has_root"],
+                **{name: own.pop(name) for name in EMBEDDING_ARRAYS},
+            )
+        states[group] = own
+    frames = [arrays[f"frames-{shard}"] for shard in manifest["shards"]]
+    spec = LibrarySpec(
+        skeleton=skeleton_from_json(manifest["skeleton"]),
+        rate=manifest["rate"],
+        root=manifest["root"],
+        up=manifest["up"],
+        match=manifest["match"],
+        rest=None if manifest["rest"] is None else skeleton_from_json(manifest["rest"]),
+    )
+    library = library_type(
+        clips=StoredClips(stored.table, frames, spec, stored.folder),
+        entries=stored.table.entries,
+        segments=Segments(arrays["starts"], arrays["stops"], arrays["clips"]),
+        is_donor=arrays["donors"],
+        groups=groups,
+        config=Config.from_dict(manifest["config"]),
+        spec=spec,
+        embedding=embedding,
+        labels=labels,
+        sigma={group: about["sigma"] for group, about in manifest["group"].items()},
+        boundary_states=states,
+        samples=stored.samples,
+        refused=stored.table.refused,
+        folder=stored.folder,
+    )
+    folder = Path(os.path.abspath(stored.folder))
+    return library.set_recipe(_reopen, library_type, folder, manifest["checksum"])
+
+
+def _reopen(library_type: type[L], folder: Path, checksum: str) -> L:
+    """Open the library of a pickle; raise LibraryError if the library in the folder has changed."""
+    stored = read(folder)
+    if stored.manifest["checksum"] != checksum:
+        raise LibraryError(
+            f"{folder} has changed since the library was pickled; open and pickle it again"
+        )
+    return load_library(library_type, stored)
 
 
 def verify(folder: Path) -> list[str]:

@@ -12,8 +12,7 @@ from mograft._util.arrays import FloatArray, IntArray, Packed
 from mograft._util.containers import LazySequence
 from mograft.analysis.embedding import CHUNK, Samples
 from mograft.library.clip_table import ClipTable
-from mograft.library.files.array_files import RowFile
-from mograft.library.files.integrity import damage_raises_library_error
+from mograft.library.files.array_files import RowFile, damage_raises_library_error
 from mograft.library.files.packing import PackedMotion, unpack
 from mograft.library.spec import LibrarySpec, rates_match
 from mograft.motion.motion import Motion
@@ -60,22 +59,18 @@ class StoredClips(LazySequence[Motion]):
         name that the file gives.
         """
         info, location = self.table.entries[index], self.table.locations[index]
-        start, frame_time = location.first_number, location.frame_time
-        if info.rate_override is not None and not as_read:
-            frame_time = 1.0 / info.rate_override
+        file, start, rate = info.source_file, location.first_number, info.rate_override
         packed = PackedMotion(
             content=location.content,
             numbers=self._frames[location.shard][start : start + location.n_numbers],
             skeleton=self.table.skeletons[location.skeleton],
-            frame_time=frame_time,
-            n_frames=info.source_frames,
-            name=info.source_name if as_read else info.name,
-            path=None if info.source_file is None else info.source_file.path,
-            clip=None if info.source_file is None else info.source_file.clip,
+            frame_time=location.frame_time if as_read or rate is None else 1.0 / rate,
             repairs=location.repairs,
         )
+        name = info.source_name if as_read else info.name
+        path, clip = (None, None) if file is None else (file.path, file.clip)
         with damage_raises_library_error(self.folder, f"clip {index}"):
-            return unpack(packed)
+            return unpack(packed, info.source_frames, name, path, clip)
 
 
 class ExtendedClips(LazySequence[Motion]):
@@ -138,22 +133,16 @@ class StoredSamples:
 
     def select(self, indices: IntArray) -> Samples:
         """Return the samples of some segments, in the order of `indices`."""
+        rows = np.empty((len(indices), self.n_samples * (4 * self.n_joints + 3) + 1), np.float32)
         starts = np.cumsum([0, *(item.n for item in self.ranges)])
         range_of = np.searchsorted(starts, indices, side="right") - 1
-        found: list[Packed] = []
-        for index, number in zip(indices.tolist(), range_of, strict=True):
+        for row, (index, number) in enumerate(zip(indices.tolist(), range_of, strict=True)):
             shard, first, _ = self.ranges[number]
-            found.append(self.files[shard].read(first + index - int(starts[number]), 1))
-        width = self.n_samples * (4 * self.n_joints + 3) + 1
-        rows = np.concatenate(found) if found else np.empty((0, width), np.float32)
+            rows[row] = self.files[shard].read(first + index - int(starts[number]), 1)
         return Samples(rows, self.n_samples, self.n_joints)
 
     def chunks(self) -> Iterator[Samples]:
         """Yield the samples of `CHUNK` segments at a time, also if several files hold them."""
-        for rows in self._row_chunks():
-            yield Samples(rows, self.n_samples, self.n_joints)
-
-    def _row_chunks(self) -> Iterator[Packed]:
         parts: list[Packed] = []
         n_collected = 0
         for shard, first, n in self.ranges:
@@ -163,10 +152,14 @@ class StoredSamples:
                 parts.append(self.files[shard].read(first + n_read, count))
                 n_collected, n_read = n_collected + count, n_read + count
                 if n_collected == CHUNK:
-                    yield parts[0] if len(parts) == 1 else np.concatenate(parts)
+                    yield self._join(parts)
                     parts, n_collected = [], 0
         if parts:
-            yield np.concatenate(parts)
+            yield self._join(parts)
+
+    def _join(self, parts: Sequence[Packed]) -> Samples:
+        rows = parts[0] if len(parts) == 1 else np.concatenate(parts)
+        return Samples(rows, self.n_samples, self.n_joints)
 
 
 @dataclass(frozen=True)
