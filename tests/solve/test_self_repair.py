@@ -18,8 +18,13 @@ from mograft.body.mass import mass_model
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.solve.assembly import Assembly, Excerpt
-from mograft.solve.defects import MAX_ADDED_DEPTH, MAX_JERK_RATIO, MAX_SEAM_RATIO, DefectMeasure
-from mograft.solve.floor_points import FloorPoints
+from mograft.solve.defects import (
+    MAX_ADDED_DEPTH,
+    MAX_JERK_RATIO,
+    MAX_SEAM_RATIO,
+    DefectMeasure,
+    FloorPoints,
+)
 from mograft.solve.plan import GraftPlan
 from mograft.solve.self_repair import self_repair
 from mograft.synthesis.graft_building import build_graft
