@@ -16,9 +16,8 @@ from mograft.search.constraints import find_violations, overlaps
 from mograft.search.donor_choice import cost_model
 from mograft.search.donor_constraints import limit_config
 from mograft.solve.assembly import assemble, donor_excess, donor_excesses
-from mograft.solve.donor_poses import candidate_poses
 from mograft.solve.donor_repair import repair_donors
-from mograft.solve.donor_trellis import build_trellis, candidate_violations
+from mograft.solve.donor_trellis import build_trellis, candidate_poses, candidate_violations
 from mograft.solve.search_problem import SearchProblem
 from mograft.solve.violations import find_donor_violations
 from tests.oracles.capsules import capsule_distances

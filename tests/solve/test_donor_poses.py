@@ -8,8 +8,7 @@ from mograft.blend.rigid_alignment import RootTransforms
 from mograft.search.costs import INFEASIBLE_PENALTY
 from mograft.search.trellis import DonorTrellis
 from mograft.search.viterbi import viterbi
-from mograft.solve.donor_poses import advance_root, candidate_poses, split_by_count
-from mograft.solve.donor_trellis import build_trellis
+from mograft.solve.donor_trellis import advance_root, build_trellis, candidate_poses, split_by_count
 from tests.strategies import SEEDS
 
 

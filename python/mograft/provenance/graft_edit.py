@@ -25,8 +25,7 @@ from mograft.search.constraints import Constraint, Span
 from mograft.search.donor_constraints import Ban, DonorReference
 from mograft.search.trellis import DonorSequences
 from mograft.solve.plan import GraftPlan
-from mograft.solve.search_problem import SearchProblem, check_constraints
-from mograft.solve.segment_references import check_groups, resolve_segments
+from mograft.solve.search_problem import SearchProblem, check_constraints, resolve_segments
 from mograft.synthesis.graft_building import finish_graft
 from mograft.synthesis.graft_result import Graft
 
@@ -163,9 +162,8 @@ def _resolve_edits(graft: Graft, edits: Sequence[Edit], problem: SearchProblem) 
     """
     groups = list(problem.pools)
     check_constraints(edits, problem.base_poses)
-    check_groups(edits, groups)
     rules: list[Edit] = []
-    for edit in resolve_segments(edits, problem.base_segments, graft.library):
+    for edit in resolve_segments(edits, groups, problem.base_segments, graft.library):
         assert isinstance(edit, Edit)
         if edit.frames is not None:
             segment_span("frames", edit.frames, problem.base_segments)

@@ -12,7 +12,15 @@ from mograft._util.validate import as_integer, check_not_negative, check_positiv
 from mograft.config import Config
 from mograft.errors import join_names, suggest_name
 from mograft.motion.segments import Segments
-from mograft.search.constraints import Clip, Constraint, Span, Violation, as_span, overlaps
+from mograft.search.constraints import (
+    Clip,
+    Constraint,
+    Span,
+    Violation,
+    as_span,
+    build_violation,
+    overlaps,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -371,8 +379,8 @@ class MaxAngle(Constraint):
     Examples
     --------
     >>> import math
-    >>> MaxAngle(math.radians(20)).violation("upper", 37, math.radians(25)).message
-    'MaxAngle is violated at frame 37: seam angle of upper 25.0°, limit 20.0°'
+    >>> round(MaxAngle(math.radians(20)).limit, 3)
+    0.349
     """
 
     limit: float
@@ -382,24 +390,6 @@ class MaxAngle(Constraint):
         check_positive(self, "limit")
         if self.weight is not None or self.frames is not None:
             raise ValueError("MaxAngle accepts neither weight nor frames: it applies to every seam")
-
-    def violation(self, group: str, frame: int, angle: float) -> Violation:
-        """Return the violation at a seam of `group`.
-
-        `frame` is that of the seam in the base motion, `angle` its mean joint angle in radians.
-        """
-        message = (
-            f"MaxAngle is violated at frame {frame}: seam angle of {group} "
-            f"{np.degrees(angle):.1f}°, limit {np.degrees(self.limit):.1f}°"
-        )
-        return Violation(
-            constraint=self,
-            frames=(frame, frame),
-            worst=frame,
-            error=angle / self.limit,
-            joint="",
-            message=message,
-        )
 
 
 def limit_config(config: Config, constraints: Sequence[Constraint]) -> Config:
@@ -417,7 +407,13 @@ def find_seam_violations(
     radians.
     """
     return [
-        constraint.violation(group, frame, angle)
+        build_violation(
+            constraint,
+            (frame, frame),
+            angle / constraint.limit,
+            f"seam angle of {group} {np.degrees(angle):.1f}°, "
+            f"limit {np.degrees(constraint.limit):.1f}°",
+        )
         for constraint in constraints
         if isinstance(constraint, MaxAngle)
         for frame, angle in zip(frames, angles, strict=True)

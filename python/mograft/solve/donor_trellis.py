@@ -11,15 +11,21 @@ from dataclasses import replace
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.blend.rigid_alignment import RootTransforms
+from mograft.analysis.channel_groups import merge_axes, split_axes
+from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
 from mograft.body.world_poses import Poses
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+from mograft.motion.resample import resample_segment_positions, resample_segments
+from mograft.motion.segments import Segments
 from mograft.search.constraints import Constraint
 from mograft.search.costs import ConstraintViolations
 from mograft.search.trellis import DonorSequences, DonorTrellis
 from mograft.solve.assembly import assemble
-from mograft.solve.donor_poses import advance_root, candidate_poses, split_by_count
 from mograft.solve.error_bounds import find_evaluated_positions
 from mograft.solve.search_problem import SearchProblem
+
+_POSES_PER_CHUNK = 20_000  # poses that are evaluated at a time: some hundred megabytes
 
 
 def build_trellis(problem: SearchProblem, group: str, chosen: DonorSequences) -> DonorTrellis:
@@ -130,3 +136,140 @@ def _trellis(
         problem.cost_models[group],
         constraint_costs,
     )
+
+
+def split_by_count(items: IntArray, counts: IntArray) -> list[IntArray]:
+    """Split items into consecutive chunks of about 20,000 poses each.
+
+    `counts` has the number of poses of each item. Without items the result is empty.
+    """
+    chunk = np.cumsum(counts) // _POSES_PER_CHUNK
+    return np.split(items, np.flatnonzero(np.diff(chunk)) + 1) if len(items) else []
+
+
+def candidate_poses(
+    problem: SearchProblem,
+    group: str,
+    positions: IntArray,
+    donors: IntArray,
+    context: Motion | None = None,
+    root_start: RootTransforms | None = None,
+) -> Poses:
+    """Return the world poses of the body if donors replace base segments in one group.
+
+    Each of `donors` replaces the base segment at the same entry of `positions`; both have shape
+    (n,). Seams are not treated. The result has all frames of the first position, then of the
+    second, and so on. Other joints move as in `context`, by default the base. If the group contains
+    the root, each donor is rotated about the up axis and translated over the floor: its
+    first frame then has the position and heading of its entry of `root_start`. By default
+    `root_start` has the root transforms of the context.
+    """
+    context = problem.base if context is None else context
+    segments = problem.base_segments
+    counts = segments.lengths[positions] + 1
+    starts = np.cumsum(counts) - counts
+    step = np.arange(counts.sum()) - np.repeat(starts, counts)
+    frames = np.repeat(segments.start[positions], counts) + step
+    local, offsets = context.rotations[frames], context.positions[frames]
+    taken = problem.library.segments[donors]
+    _insert_rotations(problem, group, taken, counts, frames, local)
+    if group == problem.root_group:
+        root = problem.library.root
+        donor_roots = _resample_roots(problem, taken, counts)
+        if root_start is None:
+            at_start = segments.start[positions]
+            root_start = RootTransforms.from_motion(context, root)[at_start]
+        transform = AlignmentTransform.from_roots(
+            donor_roots[starts], root_start, problem.library.up
+        )
+        moved = transform[np.repeat(np.arange(len(positions)), counts)].apply(donor_roots)
+        moved = moved.relative_to_parent(context, frames, root)
+        local[:, root], offsets[:, root] = moved.rotations, moved.positions
+    motion = replace(problem.base, rotations=local, positions=offsets, channel_values=None)
+    return problem.base_poses.with_poses(frames, *motion.world_transforms())
+
+
+def advance_root(
+    problem: SearchProblem, donors: IntArray, root_start: RootTransforms
+) -> RootTransforms:
+    """Return the root transforms at the ends of n donors, given those at their starts."""
+    library = problem.library
+    taken = library.segments[donors]
+    first, last = _empty_roots(len(donors)), _empty_roots(len(donors))
+    for clip in np.unique(taken.clip):
+        in_clip = taken.clip == clip
+        root = RootTransforms.from_motion(library.clips[clip], library.root)
+        for ends, frames in ((first, taken.start[in_clip]), (last, taken.stop[in_clip])):
+            ends.rotations[in_clip] = root.rotations[frames]
+            ends.positions[in_clip] = root.positions[frames]
+    return AlignmentTransform.from_roots(first, root_start, library.up).apply(last)
+
+
+def _insert_rotations(
+    problem: SearchProblem,
+    group: str,
+    taken: Segments,
+    counts: IntArray,
+    frames: IntArray,
+    local: FloatArray,
+) -> None:
+    """Write the resampled rotations of donors to the group's joints in `local`, in place.
+
+    `taken` are the donors and `counts` their numbers of frames after resampling. `frames` has the
+    frame of the base for each row of `local`.
+    """
+    library = problem.library
+    axes = problem.divided_channels[group]
+    joints = problem.group_specs[group].whole_joints
+    lean = problem.trunk_leans[group]
+    clip_of_row = np.repeat(taken.clip, counts)
+    for clip in np.unique(taken.clip):
+        in_clip, rows, motion = taken.clip == clip, clip_of_row == clip, library.clips[clip]
+        needed = _captured_frames(taken[in_clip])
+        tracks = lean.upright_tracks(motion)[needed], split_axes(motion, axes)[needed]
+        resampled = resample_segments(
+            np.concatenate(tracks, axis=1),
+            np.searchsorted(needed, taken.start[in_clip]),
+            np.searchsorted(needed, taken.stop[in_clip]),
+            counts[in_clip],
+        )
+        local[np.ix_(rows, joints)] = resampled[:, : len(joints)]
+        for (joint, axis), angle in merge_axes(resampled[:, len(joints) :], axes).items():
+            order = problem.base.skeleton.rotation_order(joint)
+            euler = rotations.to_euler(local[rows, joint], order)
+            euler[:, order.index(axis)] = angle
+            local[rows, joint] = rotations.from_euler(euler, order)
+    if lean.columns:
+        trunk = joints[list(lean.columns)]
+        inverse = rotations.inverse(lean.base_leans[frames])
+        local[:, trunk] = rotations.multiply(inverse, local[:, trunk])
+
+
+def _captured_frames(donors: Segments) -> IntArray:
+    """Return the frames of a clip that are in any of the donors, which are all of this clip.
+
+    A clip has many times as many frames as a chunk of donors, so that copying and checking all of
+    them for each chunk would take time that grows with the square of its length.
+    """
+    counts = donors.lengths + 1
+    offsets = donors.start - (np.cumsum(counts) - counts)
+    return np.unique(np.repeat(offsets, counts) + np.arange(counts.sum()))
+
+
+def _resample_roots(problem: SearchProblem, taken: Segments, counts: IntArray) -> RootTransforms:
+    """Return the root transforms of donors in their clips, resampled to `counts` frames each."""
+    library = problem.library
+    found = _empty_roots(int(counts.sum()))
+    clip_of_row = np.repeat(taken.clip, counts)
+    for clip in np.unique(taken.clip):
+        in_clip, rows = taken.clip == clip, clip_of_row == clip
+        root = RootTransforms.from_motion(library.clips[clip], library.root)
+        bounds = taken.start[in_clip], taken.stop[in_clip], counts[in_clip]
+        turns = resample_segments(root.rotations[:, None], *bounds)
+        places = resample_segment_positions(root.positions[:, None], *bounds)
+        found.rotations[rows], found.positions[rows] = turns[:, 0], places[:, 0]
+    return found
+
+
+def _empty_roots(n: int) -> RootTransforms:
+    return RootTransforms(np.empty((n, 4)), np.empty((n, 3)))

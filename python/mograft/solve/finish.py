@@ -1,7 +1,7 @@
 """The last steps of a graft: feet are planted, and limbs brought to the targets of `Reach`."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,22 +23,16 @@ from mograft.solve.search_problem import SearchProblem
 _MAX_INCREASE = 1e-6  # tolerances; a smaller increase of a violation is rounding
 
 
-@dataclass(frozen=True, eq=False)
-class FinishedMotion:
-    """A motion with planted feet and completed reaches, and what was changed."""
-
-    motion: Motion
-    feet: FeetReport | None  # None if no foot was planted
-    completions: tuple[ReachCompletion, ...]
-
-
 def finish_motion(
     problem: SearchProblem,
     motion: Motion,
     donors: DonorSequences,
     reaches: Sequence[Reach] | None = None,
-) -> FinishedMotion:
+) -> tuple[Motion, FeetReport | None, tuple[ReachCompletion, ...]]:
     """Plant the feet of an assembled motion, and bring limbs to the targets of `reaches`.
+
+    Return the motion, a report on the feet, which is None if no foot was planted, and the changes
+    of limbs.
 
     By default `reaches` are those among the constraints, except those of weight 0 and instances of
     subclasses, which provenance cannot restore.
@@ -47,7 +41,7 @@ def finish_motion(
     if reaches is None:
         reaches = [own for own in problem.constraints if type(own) is Reach and own.weight != 0]
     finished, completions = _finish_reaches(problem, planted, reaches)
-    return FinishedMotion(finished, feet, completions)
+    return finished, feet, completions
 
 
 def _plant_feet(
@@ -64,10 +58,9 @@ def _plant_feet(
         return motion, None
     legs = find_legs(skeleton)
     donors_of = {
-        int(joint): sequence
+        joint: sequence
         for group, sequence in donors.items()
-        for joint in library.joints(group)
-        if joint not in problem.divided_channels[group]
+        for joint in problem.whole_joints[group].tolist()
     }
     exchanged = {
         joint for joint, sequence in donors_of.items() if (sequence != problem.scenario).any()
@@ -100,10 +93,12 @@ def _finish_reaches(
     config = problem.config
     if not reaches or not config.reach_ik:
         return motion, ()
+    is_exchanged = np.zeros(problem.base.n_joints, bool)
+    is_exchanged[np.concatenate(list(problem.whole_joints.values()))] = True
     limits = ReachLimits(
         distance=config.reach_ik,
         n_blend=max(round(config.seam_blend * motion.rate), 1),
-        is_movable=_exchanged_joints(problem),
+        is_movable=is_exchanged,
         is_kept=_kept_frames(problem),
     )
     if not _other_constraints(problem):
@@ -124,15 +119,6 @@ def _finish_reaches(
                 accepted.append(reach)
         completions.append(completion)
     return finished, tuple(completions)
-
-
-def _exchanged_joints(problem: SearchProblem) -> BoolArray:
-    """Return whether each joint is in a grafted group with all its channels, (n_joints,)."""
-    is_exchanged = np.zeros(problem.base.n_joints, bool)
-    for group in problem.pools:
-        joints = problem.library.joints(group)
-        is_exchanged[np.setdiff1d(joints, list(problem.divided_channels[group]))] = True
-    return is_exchanged
 
 
 def _kept_frames(problem: SearchProblem) -> BoolArray:

@@ -17,7 +17,7 @@ from mograft.motion.motion import Motion
 from mograft.search.costs import is_infeasible
 from mograft.search.trellis import DonorSequences, DonorTrellis
 from mograft.solve.assembly import assemble, pose_excess
-from mograft.solve.donor_poses import advance_root, candidate_poses, split_by_count
+from mograft.solve.donor_trellis import advance_root, candidate_poses, split_by_count
 from mograft.solve.search_problem import SearchProblem
 
 _MAX_ITERATIONS = 64  # substitutions that are made, at most

@@ -17,7 +17,7 @@ from mograft.motion.skeleton import Skeleton
 from mograft.search.boundary_states import pose_gaps
 from mograft.search.constraints import Constraint, Violation, find_violations
 from mograft.search.donor_constraints import find_seam_violations
-from mograft.solve.base import grafted_groups
+from mograft.solve.plan import grafted_groups
 from mograft.stream.base_buffer import BOUNDARY_MARGIN, BaseBuffer
 from mograft.stream.checks import (
     check_free_frames,

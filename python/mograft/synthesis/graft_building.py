@@ -47,8 +47,8 @@ def finish_graft(
     problem of the assembly may have fewer candidates than `problem`, as in an edit.
     """
     donors = assembly.donors
-    finished = finish_motion(problem, assembly.motion, donors, reaches)
-    motion = adjust(finished.motion)
+    motion, feet, completions = finish_motion(problem, assembly.motion, donors, reaches)
+    motion = adjust(motion)
     return Graft(
         motion=motion,
         base=problem.base,
@@ -65,8 +65,8 @@ def finish_graft(
         seed=seed,
         index=index,
         violations=tuple(find_motion_violations(problem, motion, donors)),
-        feet=finished.feet,
-        reach_completions=measure_completions(finished.completions, motion),
+        feet=feet,
+        reach_completions=measure_completions(completions, motion),
     )
 
 
