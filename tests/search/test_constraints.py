@@ -18,8 +18,8 @@ from mograft.search.donor_constraints import limit_config
 from mograft.solve.assembly import assemble, donor_excess, donor_excesses
 from mograft.solve.donor_repair import repair_donors
 from mograft.solve.donor_trellis import build_trellis, candidate_poses, candidate_violations
+from mograft.solve.finish import find_donor_violations
 from mograft.solve.search_problem import SearchProblem
-from mograft.solve.violations import find_donor_violations
 from tests.oracles.capsules import capsule_distances
 from tests.strategies import SEEDS, SEGMENT_LENGTHS, few_examples, vectors
 

@@ -23,8 +23,7 @@ from mograft.search.donor_choice import (
     unique_sequences,
 )
 from mograft.search.segment_pool import SegmentPool
-from mograft.search.trellis import DonorTrellis
-from mograft.search.viterbi import Trellis, viterbi
+from mograft.search.trellis import DonorTrellis, Trellis, viterbi
 from tests.oracles import search as oracle
 from tests.strategies import SEEDS, few_examples
 

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from mograft import Config
 from mograft.search.costs import INFEASIBLE_PENALTY
 from mograft.search.donor_choice import cost_model
-from mograft.search.trellis import DonorTrellis
-from mograft.search.viterbi import viterbi
+from mograft.search.trellis import DonorTrellis, viterbi
 from tests.oracles import balance as balance_oracle
 from tests.oracles import search as oracle
 from tests.strategies import SEEDS, few_examples
@@ -88,7 +87,7 @@ def test_added_imbalances_of_runs_of_base_segments_match_the_formula(make_pool, 
     margins = pool.balance.support_margins(base)
     expected = balance_oracle.added_imbalances(shifts, margins, np.arange(len(base)))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("mograft.search.balance._SEGMENTS_PER_BATCH", size)
+        patch.setattr("mograft.search.segment_pool._SEGMENTS_PER_BATCH", size)
         found = pool.added_imbalances(base, donors)
     np.testing.assert_allclose(found, expected, atol=1e-11)
     np.testing.assert_array_equal(found, replace(pool).added_imbalances(base, donors))

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chisquare
 
-from mograft.search.viterbi import ComputedMatrices, Trellis, diverse, k_best, sample, viterbi
+from mograft.search.trellis import ComputedMatrices, Trellis, diverse, k_best, sample, viterbi
 from tests.oracles import search as oracle
 from tests.strategies import SEEDS, few_examples
 

@@ -10,8 +10,12 @@ from hypothesis import given, settings
 import mograft as mg
 import mograft.constraints as mc
 from mograft.dancer import dance
-from mograft.solve.donor_trellis import candidate_poses, candidate_violations
-from mograft.solve.error_bounds import find_evaluated_positions, reachable_balls
+from mograft.solve.donor_trellis import (
+    candidate_poses,
+    candidate_violations,
+    find_evaluated_positions,
+    reachable_balls,
+)
 from tests.oracles.constraints import candidate_amounts
 from tests.strategies import SEEDS, few_examples
 

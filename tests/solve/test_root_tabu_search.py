@@ -10,9 +10,9 @@ import mograft as mg
 import mograft.constraints as mc
 from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
 from mograft.solve.assembly import assemble, donor_excess, donor_excesses, pose_excess
+from mograft.solve.donor_repair import rank_substitutions, tabu_search
 from mograft.solve.donor_trellis import build_trellis, candidate_poses
 from mograft.solve.plan import GraftPlan
-from mograft.solve.root_tabu_search import rank_substitutions, tabu_search
 from mograft.synthesis.graft_building import build_graft
 from tests.strategies import SEEDS
 

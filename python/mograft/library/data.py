@@ -24,10 +24,9 @@ from mograft.library.tables import Columns
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.motion.skeleton import Skeleton
-from mograft.search.balance import SegmentBalance
 from mograft.search.boundary_states import BoundaryStates
 from mograft.search.copies import SegmentParts
-from mograft.search.segment_pool import SegmentPool
+from mograft.search.segment_pool import SegmentBalance, SegmentPool
 
 _RECIPE = "_recipe"
 """Name of the attribute that `LibraryData.set_recipe` sets: a function and its arguments."""

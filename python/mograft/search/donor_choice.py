@@ -12,8 +12,15 @@ from mograft._util.arrays import FloatArray, IntArray, split_by_counts
 from mograft.config import Config
 from mograft.search.costs import INFEASIBLE_PENALTY, CostModel, SimilarityCostModel, is_infeasible
 from mograft.search.segment_pool import SegmentPool
-from mograft.search.trellis import DonorSequences, DonorTrellis
-from mograft.search.viterbi import Trellis, diverse, k_best, sample, viterbi
+from mograft.search.trellis import (
+    DonorSequences,
+    DonorTrellis,
+    Trellis,
+    diverse,
+    k_best,
+    sample,
+    viterbi,
+)
 
 _MAX_REPEATED_DRAWS = 100  # drawing ends after this many draws in a row without a new result
 

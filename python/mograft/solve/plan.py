@@ -17,16 +17,13 @@ from mograft.scenario.realize import realize_scenario
 from mograft.search.constraints import Constraint, Violation
 from mograft.search.donor_choice import DONOR_CHOICES, unique_sequences
 from mograft.search.segment_pool import SegmentPool
-from mograft.search.trellis import DonorSequences, DonorTrellis
-from mograft.search.viterbi import viterbi
+from mograft.search.trellis import DonorSequences, DonorTrellis, viterbi
 from mograft.solve.assembly import Assembly
-from mograft.solve.donor_repair import repair_donors
+from mograft.solve.donor_repair import repair_donors, tabu_search
 from mograft.solve.donor_trellis import build_trellis, candidate_violations
-from mograft.solve.finish import finish_motion
-from mograft.solve.root_tabu_search import tabu_search
+from mograft.solve.finish import find_motion_violations, finish_motion
 from mograft.solve.search_problem import SearchProblem
 from mograft.solve.self_repair import RepairedWindow, self_repair
-from mograft.solve.violations import find_motion_violations
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,7 +32,7 @@ from mograft.search.costs import (
 from mograft.search.donor_choice import DONOR_CHOICES
 from mograft.search.neighbourhoods import FEWEST_DONORS, NEIGHBOURHOODS
 from mograft.search.pose_constraints import AvoidSelf, with_captured_depth
-from mograft.search.viterbi import Trellis
+from mograft.search.trellis import Trellis
 from mograft.solve.search_problem import driven_joints
 from mograft.stream.base_buffer import BaseBuffer
 from mograft.stream.base_clusters import BaseClusters

@@ -11,10 +11,9 @@ from mograft.motion.motion import Motion
 from mograft.search.pose_constraints import Reach
 from mograft.search.trellis import DonorSequences
 from mograft.solve.assembly import Assembly
-from mograft.solve.finish import finish_motion
+from mograft.solve.finish import find_motion_violations, finish_motion
 from mograft.solve.plan import GraftPlan
 from mograft.solve.search_problem import SearchProblem
-from mograft.solve.violations import find_motion_violations
 from mograft.synthesis.graft_request import GraftRequest
 from mograft.synthesis.graft_result import Graft
 from mograft.synthesis.substitution import Seam, Substitution
