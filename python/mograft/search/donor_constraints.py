@@ -22,6 +22,8 @@ from mograft.search.constraints import (
     overlaps,
 )
 
+_NO_DONOR = "`donor` must be a segment index or (clip, first frame, last frame), got {!r}"
+
 
 @dataclass(frozen=True, kw_only=True)
 class _GroupConstraint(Constraint):
@@ -108,13 +110,9 @@ class _ClipConstraint(Constraint):
                 raise ValueError(f"`tags` must be {expected}; got {tag!r}")
             selected |= tagged
         inside: BoolArray = selected[donors.clip]
-        if self.clip_frames is not None:
-            first, last = self.clip_frames
-            if whole:
-                inside = inside & (donors.start >= first) & (donors.stop <= last)
-            else:
-                inside = inside & overlaps(donors, self.clip_frames)
-        return inside
+        if self.clip_frames is None or not whole:
+            return inside & overlaps(donors, self.clip_frames)
+        return inside & (donors.start >= self.clip_frames[0]) & (donors.stop <= self.clip_frames[1])
 
     def describe_selection(self) -> str:
         """Return the selected clips, tags and frames as text."""
@@ -265,10 +263,7 @@ class Use(_SegmentConstraint):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.donor is None or isinstance(self.donor, str):
-            raise ValueError(
-                "`donor` must be a segment index or (clip, first frame, last frame), "
-                f"got {self.donor!r}"
-            )
+            raise ValueError(_NO_DONOR.format(self.donor))
 
     def donor_errors(self, base: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
         """As `Constraint.donor_errors`."""
@@ -327,9 +322,7 @@ def _as_clip_span(donor: object) -> tuple[str, int, int]:
     """Return `donor` as (clip name, first frame, last frame); raise ValueError if it is not."""
     parts = tuple(donor) if isinstance(donor, Sequence) else ()
     if len(parts) != 3 or not isinstance(parts[0], str):
-        raise ValueError(
-            f"`donor` must be a segment index or (clip, first frame, last frame), got {donor!r}"
-        )
+        raise ValueError(_NO_DONOR.format(donor))
     return (parts[0], *as_span("donor", parts[1:]))
 
 

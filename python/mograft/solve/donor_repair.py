@@ -10,7 +10,8 @@ motion, and assembles the best-ranked ones.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
@@ -69,7 +70,7 @@ def repair_donors(
 
     Return the sequences with the smallest total violation among all that were tried; ties go to the
     first. Only donors at violated positions and next to them change. The donors of a group that
-    contains the root do not change: see `mograft.solve.donor_repair`.
+    contains the root do not change: see `tabu_search`.
     """
     if not any(constraint.is_hard for constraint in problem.constraints):
         return donors
@@ -255,15 +256,6 @@ def _least_violating(
     return best
 
 
-@dataclass(frozen=True, eq=False)
-class _Solution:
-    """Donor sequences, their motion after `finish` of `tabu_search`, and its total violation."""
-
-    violation: float
-    donors: DonorSequences
-    motion: Motion
-
-
 def tabu_search(
     problem: SearchProblem,
     donors: DonorSequences,
@@ -291,37 +283,35 @@ def tabu_search(
     )
     tenure = min(_MAX_TENURE, sum(len(own) > 1 for own in trellis.candidates) // 2)
 
-    def evaluate(sequences: DonorSequences) -> _Solution:
+    def evaluate(sequences: DonorSequences) -> tuple[float, Motion]:
         motion = finish(assemble(problem, sequences), sequences)
-        violation = float(pose_excess(problem, problem.poses_of(motion)).sum())
-        return _Solution(violation, sequences, motion)
+        return float(pose_excess(problem, problem.poses_of(motion)).sum()), motion
 
-    current = evaluate(donors)
-    best = current
+    best, current = donors, donors
+    least, motion = evaluate(donors)
     free_from, idle = np.zeros(len(problem.base_segments), np.int64), 0
     for iteration in range(_MAX_ITERATIONS):
-        if best.violation == 0 or idle == _MAX_ITERATIONS_WITHOUT_GAIN:
+        if least == 0 or idle == _MAX_ITERATIONS_WITHOUT_GAIN:
             break
         positions, given, _ = rank_substitutions(
-            problem, trellis, current.donors, current.motion, free_from <= iteration
+            problem, trellis, current, motion, free_from <= iteration
         )
-        tried: list[tuple[_Solution, int]] = []
-        for position, donor in zip(
-            positions[:_N_ASSEMBLED].tolist(), given[:_N_ASSEMBLED].tolist(), strict=True
-        ):
-            sequence = current.donors[group].copy()
-            sequence[position] = donor
-            tried.append((evaluate({**current.donors, group: sequence}), position))
-            if tried[-1][0].violation < best.violation:
+        tried: list[tuple[float, Motion, DonorSequences, int]] = []
+        pairs = zip(positions.tolist(), given.tolist(), strict=True)
+        for position, donor in islice(pairs, _N_ASSEMBLED):
+            changed = {**current, group: current[group].copy()}
+            changed[group][position] = donor
+            tried.append((*evaluate(changed), changed, position))
+            if tried[-1][0] < least:
                 break
         if not tried:
             break
-        current, changed = min(tried, key=lambda one: one[0].violation)
-        free_from[changed] = iteration + 1 + tenure
+        violation, motion, current, position = min(tried, key=lambda one: one[0])
+        free_from[position] = iteration + 1 + tenure
         idle += 1
-        if current.violation < best.violation:
-            best, idle = current, 0
-    return best.donors
+        if violation < least:
+            least, best, idle = violation, current, 0
+    return best
 
 
 def rank_substitutions(
