@@ -167,12 +167,6 @@ def test_replay_completion_of_another_constraint_raises_provenance_error(library
         mg.replay(document, library)
 
 
-def test_config_paper_disables_reach_ik():
-    assert mg.Config.paper().reach_ik == 0.0
-    with pytest.raises(ValueError, match="`reach_ik` must not be negative"):
-        mg.Config(reach_ik=-0.1)
-
-
 def test_graft_reach_of_weight_zero_and_derived_class_is_not_completed(library):
     class Wish(mc.Reach):
         pass

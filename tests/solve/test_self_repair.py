@@ -159,16 +159,6 @@ def test_self_repair_keeps_exchanged_parts_of_recordings_at_120_fps():
     assert counts[1] >= 0.9 * counts[0] > 0
 
 
-def test_graft_without_defects_is_unchanged_by_self_repair(library, monkeypatch):
-    monkeypatch.setattr("mograft.solve.defects.MAX_SEAM_RATIO", 1e6)
-    monkeypatch.setattr("mograft.solve.defects.MAX_JERK_RATIO", 1e6)
-    monkeypatch.setattr("mograft.solve.defects.MAX_ADDED_DEPTH", 1e6)
-    for seed in range(4):
-        before, after = graft_pair(library, seed=seed)
-        assert not after.self_repairs
-        assert before.motion.rotations.tobytes() == after.motion.rotations.tobytes()
-
-
 def with_glitch(motion, frame, joints, degrees):
     """Return a motion in which joints are turned in a single frame."""
     quats = motion.rotations.copy()
