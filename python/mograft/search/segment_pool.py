@@ -143,9 +143,8 @@ class SegmentPool:
         lists: list[IntArray] = []
         for start in range(0, len(scenario), POSITIONS_PER_BATCH):
             positions = scenario[start : start + POSITIONS_PER_BATCH]
-            lists += self._keep_fitting(
-                positions, self.neighbours(positions, config), config, model
-            )
+            neighbours = self.neighbours(positions, config)
+            lists += self._keep_fitting(positions, neighbours, config, model)
         return lists
 
     def _keep_fitting(

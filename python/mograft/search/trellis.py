@@ -63,10 +63,9 @@ class ComputedMatrices(Sequence[FloatArray]):
         known = self._find(chosen)
         if known is not None:
             return known
-        first = min(self._positions[0], self._positions[-1])
-        end = max(self._positions[0], self._positions[-1]) + 1
+        first, last = sorted((self._positions[0], self._positions[-1]))
         start = chosen - (chosen - first) % self._block_length
-        matrices = self._compute(start, min(start + self._block_length, end))
+        matrices = self._compute(start, min(start + self._block_length, last + 1))
         self._blocks.clear()
         self._blocks[start] = matrices  # with several threads, for a moment one block of each
         return matrices[chosen - start]
@@ -341,10 +340,8 @@ class DonorTrellis:
     def _flat(self) -> tuple[IntArray, IntArray]:
         """Where each position starts among all candidates, and the `_keys` of all candidates."""
         counts = np.array([len(own) for own in self.candidates], np.int64)
-        keys = self._keys(
-            np.repeat(np.arange(len(counts)), counts), np.concatenate(self.candidates)
-        )
-        return np.cumsum(counts) - counts, keys
+        positions = np.repeat(np.arange(len(counts)), counts)
+        return np.cumsum(counts) - counts, self._keys(positions, np.concatenate(self.candidates))
 
     @staticmethod
     def _keys(positions: IntArray, segments: IntArray) -> IntArray:

@@ -27,6 +27,7 @@ from mograft.solve.donor_trellis import (
     advance_root,
     candidate_poses,
     candidate_violations,
+    group_trellis,
     split_by_count,
 )
 from mograft.solve.search_problem import SearchProblem
@@ -275,12 +276,7 @@ def tabu_search(
     group = problem.root_group
     if group is None or group not in trellises or not problem.is_constrained_frame.any():
         return donors
-    trellis = DonorTrellis.build(
-        problem.pools[group],
-        problem.scenario,
-        trellises[group].candidates,
-        problem.cost_models[group],
-    )
+    trellis = group_trellis(problem, group, trellises[group].candidates)
     tenure = min(_MAX_TENURE, sum(len(own) > 1 for own in trellis.candidates) // 2)
 
     def evaluate(sequences: DonorSequences) -> tuple[float, Motion]:

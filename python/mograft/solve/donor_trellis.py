@@ -44,10 +44,10 @@ def build_trellis(problem: SearchProblem, group: str, chosen: DonorSequences) ->
     """
     if group == problem.root_group:
         return _build_root_trellis(problem, group, chosen)
-    if not problem.constraints:
-        return _trellis(problem, group, None)
-    costs = [own.costs() for own in candidate_violations(problem, group, chosen)]
-    return _trellis(problem, group, costs)
+    costs = None
+    if problem.constraints:
+        costs = [own.costs() for own in candidate_violations(problem, group, chosen)]
+    return group_trellis(problem, group, problem.candidates[group], costs)
 
 
 def candidate_violations(
@@ -110,7 +110,8 @@ def _build_root_trellis(problem: SearchProblem, group: str, chosen: DonorSequenc
 
     Each candidate is evaluated at the root transform to which the cheapest path before it leads.
     """
-    trellis = _trellis(problem, group, problem.origin_costs(group))
+    costs = problem.origin_costs(group)
+    trellis = group_trellis(problem, group, problem.candidates[group], costs)
     if not problem.is_constrained_position.any():
         return trellis
     context = assemble(problem, chosen) if chosen else problem.base
@@ -123,27 +124,26 @@ def _build_root_trellis(problem: SearchProblem, group: str, chosen: DonorSequenc
         if position:
             through = total[:, None] + trellis.costs.pairwise[position - 1]
             total, root_start = through.min(axis=0), ends[through.argmin(axis=0)]
-        costs = np.zeros(len(donors))
+        own = np.zeros(len(donors))
         if problem.is_constrained_position[position]:
             positions = np.full(len(donors), position)
             poses = candidate_poses(problem, group, positions, donors, context, root_start)
-            costs = candidate_pose_violations(problem, group, positions, poses).costs()
-        constraint_costs.append(costs)
-        total = total + trellis.costs.unary[position] + costs
+            own = candidate_pose_violations(problem, group, positions, poses).costs()
+        constraint_costs.append(own)
+        total = total + trellis.costs.unary[position] + own
         ends = advance_root(problem, donors, root_start)
     return replace(trellis, costs=trellis.costs.add_unary(constraint_costs))
 
 
-def _trellis(
-    problem: SearchProblem, group: str, constraint_costs: list[FloatArray] | None
+def group_trellis(
+    problem: SearchProblem,
+    group: str,
+    candidates: Sequence[IntArray],
+    costs: Sequence[FloatArray] | None = None,
 ) -> DonorTrellis:
-    return DonorTrellis.build(
-        problem.pools[group],
-        problem.scenario,
-        problem.candidates[group],
-        problem.cost_models[group],
-        constraint_costs,
-    )
+    """Return the trellis of some candidates of a group; `costs` are those of constraints."""
+    pool, model = problem.pools[group], problem.cost_models[group]
+    return DonorTrellis.build(pool, problem.scenario, candidates, model, costs)
 
 
 def split_by_count(items: IntArray, counts: IntArray) -> list[IntArray]:
@@ -330,17 +330,9 @@ def reachable_balls(problem: SearchProblem, group: str, context: Motion) -> Pose
         bones=np.zeros((n, 3)),
         radii=np.array(list(radii.values())) + slack,
     )
-    rotations = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (*centers.shape[:2], 4))
-    return Poses(
-        skeleton=skeleton,
-        frames=np.arange(context.n_frames),
-        rotations=rotations,
-        positions=centers,
-        frame_time=problem.base_poses.frame_time,
-        capsules=shape,
-        height=problem.base_poses.height,
-        up=problem.base_poses.up,
-    )
+    quats = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (*centers.shape[:2], 4))
+    balls = problem.base_poses.with_poses(np.arange(context.n_frames), quats, centers)
+    return replace(balls, capsules=shape)
 
 
 def _error_bound(constraint: Constraint, balls: Poses) -> FloatArray:
