@@ -15,7 +15,7 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.runs import find_runs
-from mograft._util.validate import as_integer, check_not_negative
+from mograft._util.validate import check_not_negative, is_integer
 from mograft.body.world_poses import Poses
 from mograft.motion.segments import Segments
 
@@ -225,15 +225,11 @@ def as_span(name: str, span: object) -> Span:
     `name` is the name of the argument in the error.
     """
     ends = tuple(span) if isinstance(span, Sequence | np.ndarray) else ()
-    try:
-        first, last = (as_integer(name, end) for end in ends)
-    except ValueError:
-        first, last = 0, -1
-    if first > last:
+    if len(ends) != 2 or not all(map(is_integer, ends)) or not 0 <= ends[0] <= ends[1]:
         raise ValueError(
             f"`{name}` must be a first and a last frame, ascending or equal, got {span}"
         )
-    return first, last
+    return int(ends[0]), int(ends[1])
 
 
 def no_errors(poses: Poses) -> Errors:

@@ -211,13 +211,11 @@ def prune_dead_ends(
     second holds, for each position but the last, the seam angles in radians between kept candidates
     of the position (rows) and of the next (columns).
     """
-    kept = [candidates[-1]] if len(candidates) else []
-    kept_angles: list[FloatArray] = []
+    kept, kept_angles = list(candidates[-1:]), list[FloatArray]()
     for segments in reversed(candidates[:-1]):
         angles = pool.seam_angles(segments, kept[-1])
-        passing = np.flatnonzero((angles <= config.max_angle).any(axis=1))
-        if not len(passing):
-            passing = np.arange(len(segments))
+        passing = (angles <= config.max_angle).any(axis=1)
+        passing |= not passing.any()
         kept.append(segments[passing])
         kept_angles.append(angles[passing])
     return kept[::-1], kept_angles[::-1]

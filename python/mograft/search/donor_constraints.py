@@ -97,9 +97,10 @@ class _ClipConstraint(Constraint):
         for pattern in _as_names(self.clips):
             matches = [fnmatch.fnmatchcase(name, pattern) for name in names]
             if not any(matches):
+                hint = suggest_name(pattern, names)
+                listed = join_names(names)
                 raise ValueError(
-                    f"`clips` must match at least one of {join_names(names)}; got {pattern!r}"
-                    f"{suggest_name(pattern, names)}"
+                    f"`clips` must match at least one of {listed}; got {pattern!r}{hint}"
                 )
             selected |= matches
         for tag in _as_names(self.tags):
@@ -212,10 +213,8 @@ class _SegmentConstraint(_GroupConstraint):
     def _is_donor(self, donors: Segments, clips: Sequence[Clip]) -> BoolArray:
         """Return which of `donors` are in the clip of `self.donor` and overlap its frames."""
         if isinstance(self.donor, int):
-            raise ValueError(
-                "`donor` can be a segment index only in `graft`; "
-                f"here give the clip and the first and last frame of the donor, got {self.donor}"
-            )
+            expected = "`donor` must be (clip, first frame, last frame) outside of `graft`"
+            raise ValueError(f"{expected}, got {self.donor}")
         name, span = self.donor, None
         if isinstance(self.donor, tuple):
             name, *frames = self.donor

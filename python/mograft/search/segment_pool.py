@@ -268,9 +268,9 @@ class SegmentPool:
         """Return the `unary_costs` of balance and similar poses, which take longest to compute."""
         costs = model.similarity(self.pose_differences(base, donors))
         costs[base == donors] = 0.0
-        if not model.config.balance_weight > 0:
-            return costs
-        return costs + model.balance(self.added_imbalances(base, donors))
+        if model.config.balance_weight > 0:
+            costs = costs + model.balance(self.added_imbalances(base, donors))
+        return costs
 
     def pairwise_costs(self, left: IntArray, right: IntArray, model: CostModel) -> FloatArray:
         """Return the seam costs from each left to each right segment, shape (n_left, n_right)."""
@@ -290,8 +290,7 @@ class SegmentPool:
             ends, starts = boundary.last_velocity, boundary.first_velocity
             costs = model.pairwise(angles, velocity_gaps_along(ends, starts, *along))
             matrices = split_by_counts(costs, counts[:-1] * counts[1:])
-            shapes = pairwise(counts.tolist())
-            found += [own.reshape(shape) for own, shape in zip(matrices, shapes, strict=True)]
+            found += map(np.ndarray.reshape, matrices, pairwise(counts.tolist()))
         return found
 
     @cached_property

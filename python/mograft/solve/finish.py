@@ -83,7 +83,6 @@ def _plant_feet(
     contacts, heights = donor_contacts(library, problem.base_segments, sources)
     return plant_feet(
         motion,
-        # Contacts of the donors' feet, and contacts detected in the new motion.
         contacts | detect_contacts(motion),
         movable_legs=problem.movable_legs,
         move_root=library.root in donors_of,
@@ -162,12 +161,8 @@ def _broken_constraint(
     # A curve between two corrections of one limb has less than `2 * n_blend` frames.
     margin = 2 * n_blend
     frames = np.arange(max(first - margin, 0), min(last + margin + 1, after.n_frames))
-    poses = [
-        problem.base_poses.with_poses(
-            frames, *motion[frames[0] : frames[-1] + 1].world_transforms()
-        )
-        for motion in (before, after)
-    ]
+    cuts = (motion[frames[0] : frames[-1] + 1].world_transforms() for motion in (before, after))
+    poses = [problem.base_poses.with_poses(frames, *own) for own in cuts]
     for constraint in _other_constraints(problem):
         old, new = (excess(constraint.errors(own, joints)[0]) for own in poses)
         if (new > old + _MAX_INCREASE).any():
