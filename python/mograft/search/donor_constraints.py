@@ -215,10 +215,8 @@ class _SegmentConstraint(_GroupConstraint):
         if isinstance(self.donor, int):
             expected = "`donor` must be (clip, first frame, last frame) outside of `graft`"
             raise ValueError(f"{expected}, got {self.donor}")
-        name, span = self.donor, None
-        if isinstance(self.donor, tuple):
-            name, *frames = self.donor
-            span = (frames[0], frames[1])
+        name, *frames = self.donor if isinstance(self.donor, tuple) else (self.donor,)
+        span = (int(frames[0]), int(frames[1])) if frames else None
         is_clip = np.array([clip.name == name for clip in clips], bool)
         return is_clip[donors.clip] & overlaps(donors, span)
 

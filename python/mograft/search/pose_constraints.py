@@ -290,13 +290,8 @@ class KeepOut(PoseConstraint):
         at = poses.skeleton.index(self.joint)
         if joints is not None and not joints[at]:
             return no_errors(poses)
-        point = Capsules(
-            joints=np.array([at]),
-            parts=("",),
-            sides=("",),
-            bones=np.zeros((1, 3)),
-            radii=np.zeros(1),
-        )
+        joint, bones, radii = np.array([at]), np.zeros((1, 3)), np.zeros(1)
+        point = Capsules(joints=joint, parts=("",), sides=("",), bones=bones, radii=radii)
         distance, _ = self.region.distances(replace(poses, capsules=point), np.array([0]))
         depth = distance if self.inside else -distance
         error = np.maximum(depth, 0.0) / (self.tolerance * poses.height)

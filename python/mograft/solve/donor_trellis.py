@@ -323,13 +323,8 @@ def reachable_balls(problem: SearchProblem, group: str, context: Motion) -> Pose
     for column, joint in enumerate(radii):
         centers[:, column] = joint_track(context, joint)[1]
     slack = _POSITION_SLACK * np.abs(centers).max(initial=0.0)
-    shape = Capsules(
-        joints=np.arange(n),
-        parts=("",) * n,
-        sides=("",) * n,
-        bones=np.zeros((n, 3)),
-        radii=np.array(list(radii.values())) + slack,
-    )
+    names, bones, sizes = ("",) * n, np.zeros((n, 3)), np.array(list(radii.values())) + slack
+    shape = Capsules(joints=np.arange(n), parts=names, sides=names, bones=bones, radii=sizes)
     quats = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (*centers.shape[:2], 4))
     balls = problem.base_poses.with_poses(np.arange(context.n_frames), quats, centers)
     return replace(balls, capsules=shape)
@@ -341,12 +336,8 @@ def _error_bound(constraint: Constraint, balls: Poses) -> FloatArray:
     It is infinite for constraints other than the library's own on obstacles: subclasses and other
     obstacles may measure anything.
     """
+    if type(constraint) is KeepOut and not constraint.inside:
+        constraint = Avoid(constraint.region, frames=constraint.frames)
     if type(constraint) is Avoid and type(constraint.obstacle) in _OBSTACLES:
         return constraint.errors(balls)[0]
-    if (
-        type(constraint) is KeepOut
-        and not constraint.inside
-        and type(constraint.region) in _OBSTACLES
-    ):
-        return Avoid(constraint.region, frames=constraint.frames).errors(balls)[0]
     return np.where(constraint.applies(balls.frames), np.inf, 0.0)
