@@ -35,8 +35,7 @@ from mograft.dancer import dance
 from mograft.search.boundary_states import BoundaryStates
 from mograft.search.donor_choice import cost_model
 from mograft.search.segment_pool import SegmentPool
-from mograft.search.trellis import DonorTrellis
-from mograft.search.viterbi import Trellis, viterbi
+from mograft.search.trellis import DonorTrellis, Trellis, viterbi
 from mograft.solve.assembly import assemble
 from mograft.solve.search_problem import SearchProblem
 from tests.oracles import capsules as capsules_oracle

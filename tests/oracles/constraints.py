@@ -3,7 +3,7 @@
 import numpy as np
 
 from mograft.solve.assembly import assemble
-from mograft.solve.donor_poses import candidate_poses
+from mograft.solve.donor_trellis import candidate_poses
 
 
 def candidate_amounts(problem, group, chosen):

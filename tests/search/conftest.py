@@ -5,9 +5,8 @@ import pytest
 
 from mograft import Segments
 from mograft.analysis.zero_moment import N_DIRECTIONS
-from mograft.search.balance import SegmentBalance
 from mograft.search.boundary_states import BoundaryStates
-from mograft.search.segment_pool import SegmentPool
+from mograft.search.segment_pool import SegmentBalance, SegmentPool
 from tests.strategies import smooth_rotations
 
 

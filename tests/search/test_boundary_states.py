@@ -46,15 +46,6 @@ def test_gaps_along_are_bit_for_bit_those_of_neighbouring_positions(make_pool, s
         np.testing.assert_array_equal(found, np.concatenate(expected))
 
 
-@given(SEEDS)
-def test_gaps_between_neighbours_of_a_clip_are_zero(make_pool, seed):
-    boundary = make_pool(seed).boundary
-    gaps = pose_gaps(boundary.last[:-1], boundary.first[1:])
-    np.testing.assert_allclose(np.diag(gaps), 0.0, atol=1e-15)
-    velocities = velocity_gaps(boundary.last_velocity[:-1], boundary.first_velocity[1:])
-    np.testing.assert_array_equal(np.diag(velocities), 0.0)
-
-
 def test_boundary_states_concatenate_restores_slices(make_pool):
     boundary = make_pool(1).boundary
     whole = BoundaryStates.concatenate([boundary[:5], boundary[np.arange(5, 12)]])

@@ -121,8 +121,8 @@ def test_search_keeps_cheapest_of_those_preselected(make_pool, seed, most, facto
             patch.setattr(f"mograft.search.{module}.POSITIONS_PER_BATCH", batch)
             patch.setattr(f"mograft.search.{module}.PRESELECTION", factor)
         patch.setattr("mograft.search.segment_pool._NEIGHBOURS_PER_BATCH", batch)
-        patch.setattr("mograft.search.balance._SEGMENTS_PER_BATCH", factor)
-        patch.setattr("mograft.search.balance._MAX_KNOWN_PAIRS", batch)
+        patch.setattr("mograft.search.segment_pool._SEGMENTS_PER_BATCH", factor)
+        patch.setattr("mograft.search.segment_pool._MAX_KNOWN_PAIRS", batch)
         limited = pool.candidate_lists(scenario, config, model)
         lists = pool.candidate_lists(scenario, config)
         trellises = [DonorTrellis.build(pool, scenario, own, model) for own in (limited, lists)]

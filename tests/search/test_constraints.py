@@ -10,17 +10,15 @@ from hypothesis import strategies as st
 
 import mograft as mg
 import mograft.constraints as mc
-from mograft.body.capsules import capsules
 from mograft.dancer import dance
 from mograft.search.constraints import find_violations, overlaps
 from mograft.search.donor_choice import cost_model
 from mograft.search.donor_constraints import limit_config
 from mograft.solve.assembly import assemble, donor_excess, donor_excesses
-from mograft.solve.donor_poses import candidate_poses
 from mograft.solve.donor_repair import repair_donors
-from mograft.solve.donor_trellis import build_trellis, candidate_violations
+from mograft.solve.donor_trellis import build_trellis, candidate_poses
+from mograft.solve.finish import find_donor_violations
 from mograft.solve.search_problem import SearchProblem
-from mograft.solve.violations import find_donor_violations
 from tests.oracles.capsules import capsule_distances
 from tests.strategies import SEEDS, SEGMENT_LENGTHS, few_examples, vectors
 
@@ -97,19 +95,9 @@ def test_half_space_and_large_box_agree(poses):
 def test_character_distance_follows_its_motion(motion, poses):
     near = mc.Character(motion[:200], offset=(50.0, 0, 0))
     error, _ = mc.Avoid(near).errors(poses)
-    body = poses.capsules
-    for frame in (0, 77, 199):
-        distances = []
-        for a in range(len(body)):
-            for b in range(len(body)):
-                one, other = poses.ends[frame, a], poses.ends[frame, b] + [50.0, 0, 0]
-                s, t = np.meshgrid(np.linspace(0, 1, 40), np.linspace(0, 1, 40))
-                points = one[0] + s[..., None] * (one[1] - one[0])
-                others = other[0] + t[..., None] * (other[1] - other[0])
-                distance = np.linalg.norm(points - others, axis=-1).min()
-                distances.append(distance - body.radii[a] - body.radii[b])
-        depth = max(-min(distances), 0) / poses.height
-        assert error[frame] * 0.005 == pytest.approx(depth, abs=2e-3)
+    radii, moved = poses.capsules.radii, poses.ends + np.array([50.0, 0, 0])
+    depths = -capsule_distances(poses.ends, radii, moved, radii).min(axis=(1, 2))
+    np.testing.assert_allclose(error * 0.005, depths.clip(min=0) / poses.height, atol=1e-9)
     late = mc.Avoid(mc.Character(motion[:200], (50.0, 0, 0), delay=1.0)).errors(poses)[0]
     shifted = mg.Poses.from_motion(motion[:200])
     first = mc.Avoid(mc.Character(motion[:1], (50.0, 0, 0))).errors(shifted)[0]
@@ -149,15 +137,6 @@ def test_avoid_self_captured_motion_satisfies_it(poses):
     depth = constraint.self_collision_depth(poses)
     captured = mc.AvoidSelf(captured=depth)
     assert captured.errors(poses)[0].max() <= 1e-9
-    # A hand inside the chest is a collision.
-    body, positions = poses.capsules, poses.positions.copy()
-    skeleton = poses.skeleton
-    positions[5, skeleton.index(HAND)] = positions[5, skeleton.index("Spine")] + [0, 15.0, 0]
-    bent = poses.with_poses(poses.frames, poses.rotations, positions)
-    error, joint = captured.errors(bent)
-    assert error[5] > 1
-    assert skeleton.names[joint[5]] == HAND
-    assert len(body) == len(capsules(skeleton))
 
 
 def scatter_limbs(poses, rng, frames=8):
@@ -225,56 +204,21 @@ def test_find_violations_reports_runs_with_worst_frame(poses):
 # Grafts with constraints
 
 
-def test_candidate_poses_match_assembled_motion(library):
-    """Without seams the candidate poses equal those of the assembled motion."""
-    problem = build_problem(library, [])
-    captured_segments = problem.scenario[:6]
-    poses = candidate_poses(problem, "upper", np.arange(6), captured_segments)
-    world = library.clips[0].world_positions()
-    np.testing.assert_allclose(poses.positions, world[poses.frames], atol=1e-9)
-
-
-def test_candidate_errors_match_single_evaluation(library):
-    ball = mc.Avoid(mc.Sphere((30.0, 130.0, 40.0), 40.0))
-    soft = mc.Reach(HAND, (0.0, 150.0, 0.0), 50, weight=2.0)
-    problem = build_problem(library, [ball, soft])
-    found = candidate_violations(problem, "upper", {})
-    joints = problem.driven_joints["upper"]
-    for position in (0, 3, 9):
-        for at, donor in enumerate(problem.candidates["upper"][position]):
-            poses = candidate_poses(problem, "upper", np.array([position]), np.array([donor]))
-            assert found[position].hard[at] == ball.errors(poses, joints)[0].max()
-            expected = 2.0 * soft.errors(poses, joints)[0].max() ** 2
-            assert found[position].soft[at] == pytest.approx(expected)
-
-
 def test_excess_of_a_range_matches_whole_motion(library):
     problem = build_problem(library, [mc.KeepOut(HAND, mc.HalfSpace((0, 900, 0), (0, 1, 0)))])
     trellis = build_trellis(problem, "upper", {})
     rng = np.random.default_rng(0)
-    for _ in range(5):
-        donors = {"upper": np.array([rng.choice(candidates) for candidates in trellis.candidates])}
-        full_error = donor_excess(problem, donors)["upper"]
-        first = int(rng.integers(0, len(problem.base_segments) - 4))
-        subset = donor_excesses(problem, [donors], first, first + 3)["upper"][0]
-        begin, end = problem.base_segments.start[first], problem.base_segments.stop[first + 2]
-        assert subset.min() > 0
-        # Seams far away have a small influence: see `seam_reach`.
-        np.testing.assert_allclose(subset, full_error[begin : end + 1], rtol=1e-4)
-
-
-def test_batch_assembly_matches_single_assembly(library):
-    problem = build_problem(library, [mc.KeepOut(HAND, mc.HalfSpace((0, 900, 0), (0, 1, 0)))])
-    trellis = build_trellis(problem, "upper", {})
-    rng = np.random.default_rng(1)
-    donor_sets = [
-        {"upper": np.array([rng.choice(candidates) for candidates in trellis.candidates])}
-        for _ in range(4)
+    alternatives = [
+        {"upper": np.array([rng.choice(own) for own in trellis.candidates])} for _ in range(4)
     ]
-    batch = donor_excesses(problem, donor_sets, 3, 9)["upper"]
-    for donors, found in zip(donor_sets, batch, strict=True):
-        single = donor_excesses(problem, [donors], 3, 9)["upper"][0]
-        np.testing.assert_allclose(found, single, rtol=1e-4)
+    for first in rng.integers(0, len(problem.base_segments) - 4, 3).tolist():
+        subsets = donor_excesses(problem, alternatives, first, first + 3)["upper"]
+        begin, end = problem.base_segments.start[first], problem.base_segments.stop[first + 2]
+        assert subsets.min() > 0
+        for donors, subset in zip(alternatives, subsets, strict=True):
+            # Seams far away have a small influence: see `seam_reach`.
+            full_error = donor_excess(problem, donors)["upper"]
+            np.testing.assert_allclose(subset, full_error[begin : end + 1], rtol=1e-4)
 
 
 @pytest.mark.parametrize("choice", ["viterbi", "sample", "nearest", "random"])
@@ -305,11 +249,6 @@ def test_clip_frames_and_base_frames_are_independent(library):
             assert s.clip == "second"
             assert 100 <= s.donor_start < s.donor_stop <= 400
     assert sum(not s.is_own for s in graft.substitutions) > 5
-    excluding = mc.NotFrom("second", clip_frames=(100, 400), frames=(0, 300))
-    graft = mg.graft(library, constraints=[excluding])
-    for s in graft.substitutions:
-        if s.clip == "second" and s.start < 300:
-            assert s.donor_stop <= 100 or s.donor_start >= 400
 
 
 def test_not_from_partial_overlap_excludes_donor():
@@ -501,19 +440,6 @@ def reachable_target(problem, rng):
     return tuple(motion.world_positions()[frame, motion.skeleton.index(HAND)]), frame
 
 
-def test_reach_reachable_target_is_met(library):
-    problem, rng = build_problem(library, []), np.random.default_rng(5)
-    n_met = 0
-    for _ in range(10):
-        target, frame = reachable_target(problem, rng)
-        graft = mg.graft(library, constraints=[mc.Reach(HAND, target, frame)])
-        at = graft.motion.world_positions()[frame, graft.motion.skeleton.index(HAND)]
-        distance = np.linalg.norm(at - target) / problem.base_poses.height
-        assert (distance <= 0.03) == (not graft.violations)
-        n_met += distance <= 0.03
-    assert n_met >= 7
-
-
 @few_examples(8)
 @given(SEEDS)
 @example(448)  # two segments share the frame
@@ -588,22 +514,6 @@ def test_avoid_is_satisfied_for_every_choice(library):
             assert after.max() <= 1.0
 
 
-def test_repair_search_is_local(library):
-    problem = build_problem(library, [avoid_sphere_at_hand(library)])
-    trellises = {"upper": build_trellis(problem, "upper", {})}
-    rng = np.random.default_rng(3)
-    random_donors = {
-        "upper": np.array([rng.choice(candidates) for candidates in trellises["upper"].candidates])
-    }
-    repaired_donors = repair_donors(problem, random_donors, trellises)
-    near = (problem.base_segments.stop >= 270 - 60) & (problem.base_segments.start <= 330 + 60)
-    np.testing.assert_array_equal(repaired_donors["upper"][~near], random_donors["upper"][~near])
-    before, after = (
-        donor_excess(problem, donors)["upper"].sum() for donors in (random_donors, repaired_donors)
-    )
-    assert after <= before
-
-
 def test_repair_without_violation_returns_captured_motion(library):
     graft = mg.repair(library, constraints=[mc.Avoid(mc.Sphere((0.0, 9000.0, 0.0), 5.0))])
     base = library.clips[0]
@@ -623,11 +533,6 @@ def test_violations_describe_the_finished_motion(library, changes):
         worst.append(after.max())
     before, _ = avoid.errors(mg.Poses.from_motion(library.clips[0]))
     assert worst[0] < before.max()
-    far = mc.Reach(HAND, (0.0, 9000.0, 0.0), 300)
-    graft = mg.graft(other, constraints=[far])
-    (violation,) = graft.violations
-    error, _ = far.errors(mg.Poses.from_motion(graft.motion))
-    assert violation.error == pytest.approx(error.max())
 
 
 def test_soft_constraints_lower_error_without_violation(library):
@@ -737,16 +642,13 @@ def test_report_prints_the_limit_of_seam_gaps(library):
         ),
         (lambda: mc.MaxAngle(0.1, weight=1.0), "MaxAngle accepts neither weight nor frames"),
         (lambda: mc.AvoidSelf(captured=-1), "`captured` must not be negative, got -1"),
+        (lambda: mc.Custom(5), "`function` must be callable, got 5"),
+        (lambda: mg.repair("clips", constraints=[]), "`library` must be a Library, got str"),
     ],
 )
 def test_constraint_invalid_arguments_raise(make, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises((TypeError, ValueError), match=message):
         make()
-
-
-def test_custom_function_that_is_not_callable_raises_type_error():
-    with pytest.raises(TypeError, match="`function` must be callable, got 5"):
-        mc.Custom(5)
 
 
 @pytest.mark.parametrize(
@@ -767,11 +669,6 @@ def test_repair_invalid_widest_raises_value_error(library, widest):
     far = mc.Reach(HAND, (0.0, 9999.0, 0.0), 200)
     with pytest.raises(ValueError, match="`widest` must be a finite number above 0, got"):
         mg.repair(library, constraints=[far], widest=widest)
-
-
-def test_repair_of_no_library_raises_type_error():
-    with pytest.raises(TypeError, match="`library` must be a Library, got str"):
-        mg.repair("clips", constraints=[])
 
 
 @pytest.mark.parametrize("kind", [list, np.array])

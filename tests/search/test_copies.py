@@ -113,15 +113,6 @@ def test_candidates_refuse_a_copy_with_its_reason():
     assert twin not in [own.segment for own in found.allowed]
 
 
-def test_graft_of_a_clip_beside_its_copy_says_that_only_copies_exist():
-    take = dance(seed=1, strides=1).motion[:200]
-    config = mg.Config(sigma_scale=0.01)
-    library = mg.Library.build([take, replace(take, name="copy")], config=config)
-    graft = mg.graft(library)
-    assert all(own.is_own for own in graft.substitutions)
-    assert "only copies of the captured part): add other clips" in mg.advise(graft)[1]
-
-
 def test_stream_over_a_clip_of_its_library_takes_nothing_from_it():
     take = dance(seed=2, strides=1).motion
     library = mg.Library.build([take, replace(take, name="copy")])

@@ -39,24 +39,6 @@ def test_cluster_members_have_the_label_of_the_base_segment(seed, sigma):
 
 
 @pytest.mark.parametrize("name", tuple(NEIGHBOURHOODS))
-@given(SEEDS, SIGMAS)
-def test_membership_is_reflexive_and_symmetric(name, seed, sigma):
-    _, _, members = find_members(name, seed, sigma, is_grid=True)
-    is_member = np.zeros((N, N), bool)
-    for base, found in enumerate(members):
-        is_member[base, found] = True
-    assert is_member.diagonal().all()
-    np.testing.assert_array_equal(is_member, is_member.T)
-
-
-@given(SEEDS, SIGMAS, st.floats(1.0, 3.0))
-def test_ball_of_a_larger_threshold_contains_the_smaller_one(seed, sigma, factor):
-    _, _, narrow = find_members("ball", seed, sigma)
-    _, _, wide = find_members("ball", seed, sigma * factor)
-    assert all(set(few) <= set(many) for few, many in zip(narrow, wide, strict=True))
-
-
-@pytest.mark.parametrize("name", tuple(NEIGHBOURHOODS))
 @given(SEEDS)
 def test_members_do_not_depend_on_the_other_base_segments(name, seed):
     labels, points, members = find_members(name, seed, 2.0)

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from mograft import Config
 from mograft.search.costs import INFEASIBLE_PENALTY
 from mograft.search.donor_choice import cost_model
-from mograft.search.trellis import DonorTrellis
-from mograft.search.viterbi import viterbi
+from mograft.search.trellis import DonorTrellis, viterbi
 from tests.oracles import balance as balance_oracle
 from tests.oracles import search as oracle
 from tests.strategies import SEEDS, few_examples
@@ -88,7 +87,7 @@ def test_added_imbalances_of_runs_of_base_segments_match_the_formula(make_pool, 
     margins = pool.balance.support_margins(base)
     expected = balance_oracle.added_imbalances(shifts, margins, np.arange(len(base)))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("mograft.search.balance._SEGMENTS_PER_BATCH", size)
+        patch.setattr("mograft.search.segment_pool._SEGMENTS_PER_BATCH", size)
         found = pool.added_imbalances(base, donors)
     np.testing.assert_allclose(found, expected, atol=1e-11)
     np.testing.assert_array_equal(found, replace(pool).added_imbalances(base, donors))
@@ -126,42 +125,6 @@ def test_seam_costs_that_are_computed_again_equal_those_that_are_stored(make_poo
         for one, other in zip(stored.pairwise, computed.pairwise, strict=True):
             np.testing.assert_array_equal(other, one)
         np.testing.assert_array_equal(viterbi(computed), viterbi(stored))
-
-
-@given(SEEDS)
-def test_trellis_of_a_tenth_of_the_amplitude_has_the_same_seam_costs(make_pool, seed):
-    """All angles and velocities are scaled by 1/10: typical gaps and scales follow."""
-    rng = np.random.default_rng(seed)
-    pool = make_pool(seed)
-    angles, speeds = rng.uniform(-0.1, 0.1, (13, 3)), rng.uniform(-0.5, 0.5, (13, 3, 1))
-
-    def scale_poses(factor):
-        quats = np.stack([np.sin(factor * angles / 2), np.cos(factor * angles / 2)], axis=-1)
-        quats = np.concatenate([np.zeros((13, 3, 2)), quats], axis=-1)
-        velocities = factor * speeds * [0.0, 0.0, 1.0]
-        boundary = replace(
-            pool.boundary,
-            first=quats[:-1],
-            last=quats[1:],
-            first_velocity=velocities[:-1],
-            last_velocity=velocities[1:],
-        )
-        return replace(pool, boundary=boundary)
-
-    trellises = [build(scale_poses(factor), ROBUST) for factor in (1.0, 0.1)]
-    for large, small in zip(*(trellis.costs.pairwise for trellis in trellises), strict=True):
-        np.testing.assert_allclose(large, small, rtol=1e-6, atol=1e-9)
-
-
-@given(SEEDS)
-def test_cheapest_sequence_without_novelty_is_the_captured_one(make_pool, seed):
-    pool = make_pool(seed, n_labels=2)
-    config = Config(max_angle=0.4, max_stretch=2.0, novelty=0.0, distance_weight=0.0)
-    trellis = build(pool, config)
-    path = viterbi(trellis.costs)
-    donors = trellis.donor_sequence(path)
-    assert (pool.seam_angles_along(donors) <= 0.4).all()
-    assert trellis.costs.cost(path) == pytest.approx(0.0, abs=1e-12)
 
 
 @given(SEEDS)

@@ -6,10 +6,8 @@ from hypothesis import given, settings
 import mograft as mg
 from mograft.blend.rigid_alignment import RootTransforms
 from mograft.search.costs import INFEASIBLE_PENALTY
-from mograft.search.trellis import DonorTrellis
-from mograft.search.viterbi import viterbi
-from mograft.solve.donor_poses import advance_root, candidate_poses, split_by_count
-from mograft.solve.donor_trellis import build_trellis
+from mograft.search.trellis import DonorTrellis, viterbi
+from mograft.solve.donor_trellis import advance_root, build_trellis, candidate_poses, split_by_count
 from tests.strategies import SEEDS
 
 

@@ -9,7 +9,7 @@ import mograft as mg
 import mograft.constraints as mc
 from mograft.dancer import dance
 from mograft.search.obstacles import Sphere
-from mograft.solve.kept_joints import find_kept_violations
+from mograft.solve.finish import find_kept_violations
 from mograft.synthesis import graft as graft_module
 
 

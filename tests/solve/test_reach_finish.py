@@ -126,21 +126,6 @@ def test_graft_completion_is_reported_and_replayed(library):
     assert mg.graft_record(again) == document
 
 
-def test_graft_both_hands_and_a_later_frame_are_completed_and_replayed(library):
-    constraints = [
-        mc.Reach(HAND, aside(library, 0.05), FRAME),
-        mc.Reach("RightHand", aside(library, 0.04, "RightHand"), FRAME),
-        mc.Reach(HAND, aside(library, 0.05, frame=FRAME + 7), FRAME + 7),
-    ]
-    graft = mg.graft(library, constraints=constraints, seed=3)
-    for reach, completion in zip(constraints, graft.reach_completions, strict=True):
-        assert (completion.reach, completion.is_moved) == (reach, True)
-        error = position(graft.motion, reach.joint, reach.frame) - reach.target
-        assert np.abs(error).max() < 1e-9
-    replayed = mg.replay(mg.graft_record(graft), library)
-    assert (replayed.motion.rotations == graft.motion.rotations).all()
-
-
 def test_graft_edited_reach_is_completed_and_replayed(library):
     near, far = aside(library, 0.05), aside(library, 0.3, "RightHand", 300)
     constraints = [mc.Reach("RightHand", far, 300), mc.Reach(HAND, near, FRAME)]
@@ -165,12 +150,6 @@ def test_replay_completion_of_another_constraint_raises_provenance_error(library
     document["reach_ik"][0]["number"] = 0
     with pytest.raises(mg.ProvenanceError, match="Reach"):
         mg.replay(document, library)
-
-
-def test_config_paper_disables_reach_ik():
-    assert mg.Config.paper().reach_ik == 0.0
-    with pytest.raises(ValueError, match="`reach_ik` must not be negative"):
-        mg.Config(reach_ik=-0.1)
 
 
 def test_graft_reach_of_weight_zero_and_derived_class_is_not_completed(library):

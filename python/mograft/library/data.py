@@ -24,10 +24,9 @@ from mograft.library.spec import LibrarySpec
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.motion.skeleton import Skeleton
-from mograft.search.balance import SegmentBalance
 from mograft.search.boundary_states import BoundaryStates
 from mograft.search.copies import SegmentParts
-from mograft.search.segment_pool import SegmentPool
+from mograft.search.segment_pool import SegmentBalance, SegmentPool
 
 Column = npt.NDArray[Any] | list[str]
 

@@ -20,8 +20,7 @@ from mograft.search.constraints import Constraint, Span, as_span, overlaps
 from mograft.search.donor_constraints import Ban, DonorReference, KeepOriginal, Use
 from mograft.search.trellis import DonorSequences
 from mograft.solve.plan import GraftPlan
-from mograft.solve.search_problem import SearchProblem, check_constraints
-from mograft.solve.segment_references import check_groups, resolve_segments
+from mograft.solve.search_problem import SearchProblem, check_constraints, resolve_segments
 from mograft.synthesis.graft_building import finish_graft
 from mograft.synthesis.graft_result import Graft
 
@@ -163,9 +162,8 @@ def _resolve_edits(
     """
     groups = list(problem.pools)
     check_constraints(edits, problem.base_poses)
-    check_groups(edits, groups)
     rules: list[Constraint] = []
-    for edit in resolve_segments(edits, problem.base_segments, graft.library):
+    for edit in resolve_segments(edits, groups, problem.base_segments, graft.library):
         if edit.frames is not None:
             _segment_span("frames", edit.frames, problem.base_segments)
         if isinstance(edit, Ban) and edit.donor is None:

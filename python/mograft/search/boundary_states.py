@@ -1,7 +1,7 @@
 """Poses and velocities at the ends of segments, and the gaps between them at seams."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -73,19 +73,11 @@ class BoundaryStates:
         return len(self.first)
 
     def __getitem__(self, index: IntArray | slice) -> "BoundaryStates":
-        return BoundaryStates(
-            first=self.first[index],
-            last=self.last[index],
-            first_velocity=self.first_velocity[index],
-            last_velocity=self.last_velocity[index],
-        )
+        return BoundaryStates(**{name: states[index] for name, states in vars(self).items()})
 
     @staticmethod
     def concatenate(parts: "Sequence[BoundaryStates]") -> "BoundaryStates":
         """Join the boundary states of several sets of segments, in order."""
-        return BoundaryStates(
-            first=np.concatenate([part.first for part in parts]),
-            last=np.concatenate([part.last for part in parts]),
-            first_velocity=np.concatenate([part.first_velocity for part in parts]),
-            last_velocity=np.concatenate([part.last_velocity for part in parts]),
-        )
+        names = [field.name for field in fields(BoundaryStates)]
+        joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        return BoundaryStates(**joined)

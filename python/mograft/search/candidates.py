@@ -7,7 +7,6 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.html_table import notebook_table
-from mograft.config import Config
 from mograft.search.costs import CostModel, length_fits
 from mograft.search.segment_pool import SegmentPool
 
@@ -110,44 +109,41 @@ def list_candidates(
     its clip. No limit refuses the donors that `Use` requires.
     """
     segments, config = pool.segments, model.config
-    neighbours = pool.neighbours(np.array([segment]), config)[0]
-    members = neighbours if verdicts is None else verdicts.members
+    if verdicts is None:
+        members = pool.neighbours(np.array([segment]), config)[0]
+        n = len(members)
+        verdicts = ConstraintVerdicts(members, np.zeros(n), [()] * n, np.zeros(n, bool))
+    members = verdicts.members
     length, base = int(segments.lengths[segment]), np.full(len(members), segment)
     fits = length_fits(segments.lengths[base], segments.lengths[members], pool.rate, config)
     is_copy = pool.are_copies(base, members)
-    costs = pool.unary_costs(base, members, model)
-    if verdicts is not None:
-        costs = costs + verdicts.costs
-    before, after = np.zeros(len(members)), np.zeros(len(members))
-    if segment > 0 and segments.clip[segment - 1] == segments.clip[segment]:
-        neighbour = np.array([segment - 1])
-        before = pool.seam_angles(neighbour, members)[0]
-        costs = costs + pool.pairwise_costs(neighbour, members, model)[0]
-    if segment + 1 < len(segments) and segments.clip[segment + 1] == segments.clip[segment]:
-        neighbour = np.array([segment + 1])
-        after = pool.seam_angles(members, neighbour)[:, 0]
-        costs = costs + pool.pairwise_costs(members, neighbour, model)[:, 0]
+    costs, gaps = pool.unary_costs(base, members, model) + verdicts.costs, np.zeros((2, len(base)))
+    for side, neighbour in enumerate((segment - 1, segment + 1)):
+        near = np.array([neighbour])
+        if 0 <= neighbour < len(segments) and segments.clip[neighbour] == segments.clip[segment]:
+            left, right = (members, near) if side else (near, members)
+            gaps[side] = pool.seam_angles(left, right).ravel()
+            costs = costs + pool.pairwise_costs(left, right, model).ravel()
     distances = np.full(len(members), np.nan)
     if pool.points is not None:
         distances = np.linalg.norm(pool.points[members] - pool.points[segment], axis=1)
+    max_stretch = max(config.max_stretch, config.length_slack * pool.rate / length)
+    relation = "above" if config.length_slack > 0 else "not below"
     listed: list[Candidate] = []
     for i in np.lexsort((members, distances, members != segment)).tolist():
-        member = int(members[i])
+        member, is_forced = int(members[i]), bool(verdicts.is_forced[i])
         stretch = abs(length - int(segments.lengths[member])) / length
         reasons: list[str] = []
-        is_forced = verdicts is not None and bool(verdicts.is_forced[i])
         if member != segment and not is_forced:
             if not pool.is_donor[member]:
                 reasons.append("excluded donor: a recording fault overlaps it")
             if is_copy[i]:
                 reasons.append("copy: it moves the group as the base segment does")
-            slack = config.length_slack * pool.rate / length
-            reasons += [] if fits[i] else [_describe_length(stretch, slack, config)]
-            angle, limit = np.degrees([max(before[i], after[i]), config.max_angle]).tolist()
+            if not fits[i]:
+                reasons.append(f"length: {stretch:.2f} is {relation} {max_stretch:.2f}")
+            angle, limit = np.degrees([gaps[:, i].max(), config.max_angle]).tolist()
             if angle > limit:
                 reasons.append(f"seam: {angle:.1f}° is above {limit:.1f}°")
-        if verdicts is not None:
-            reasons += verdicts.reasons[i]
         listed.append(
             Candidate(
                 segment=member,
@@ -155,10 +151,10 @@ def list_candidates(
                 start=int(segments.start[member]),
                 stop=int(segments.stop[member]),
                 stretch=stretch,
-                gap_before=float(before[i]),
-                gap_after=float(after[i]),
+                gap_before=float(gaps[0, i]),
+                gap_after=float(gaps[1, i]),
                 distance=float(distances[i]),
-                refused="; ".join(reasons),
+                refused="; ".join([*reasons, *verdicts.reasons[i]]),
                 cost=float(costs[i]),
                 is_forced=is_forced,
             )
@@ -168,15 +164,6 @@ def list_candidates(
         refused=tuple(candidate for candidate in listed if candidate.refused),
         elsewhere=len(segments) - len(members),
     )
-
-
-def _describe_length(stretch: float, slack: float, config: Config) -> str:
-    """Return why a length does not fit; `slack` is `Config.length_slack`, relative as `stretch`."""
-    limit, relation = (
-        max(config.max_stretch, slack),
-        "above" if config.length_slack > 0 else "not below",
-    )
-    return f"length: {stretch:.2f} is {relation} {limit:.2f}"
 
 
 def count_combinations(labels: IntArray, n_groups: int) -> int:

@@ -11,26 +11,13 @@ from mograft.search.constraints import Constraint
 Record = dict[str, Any]
 
 _KINDS: Mapping[str, type] = {
-    kind.__name__: kind
-    for kind in (
-        donor_constraints.Ban,
-        donor_constraints.KeepOriginal,
-        donor_constraints.MaxAngle,
-        donor_constraints.MaxStretch,
-        donor_constraints.NotFrom,
-        donor_constraints.OnlyFrom,
-        donor_constraints.Use,
-        obstacles.Box,
-        obstacles.Capsule,
-        obstacles.Character,
-        obstacles.HalfSpace,
-        obstacles.Sphere,
-        pose_constraints.Avoid,
-        pose_constraints.AvoidSelf,
-        pose_constraints.Face,
-        pose_constraints.KeepOut,
-        pose_constraints.Reach,
+    name: getattr(module, name)
+    for module, names in (
+        (donor_constraints, "Ban KeepOriginal MaxAngle MaxStretch NotFrom OnlyFrom Use"),
+        (obstacles, "Box Capsule Character HalfSpace Sphere"),
+        (pose_constraints, "Avoid AvoidSelf Face KeepOut Reach"),
     )
+    for name in names.split()
 }
 
 
@@ -71,11 +58,8 @@ def _encode(value: Any, encode_motion: Callable[[Motion], Record]) -> Any:  # no
     if isinstance(value, Motion):
         return encode_motion(value)
     if is_dataclass(value):
-        own = {
-            field.name: _encode(getattr(value, field.name), encode_motion)
-            for field in fields(value)
-            if field.init
-        }
+        names = [field.name for field in fields(value) if field.init]
+        own = {name: _encode(getattr(value, name), encode_motion) for name in names}
         return {"kind": type(value).__name__, **own}
     if isinstance(value, set | frozenset):
         value = sorted(value)
@@ -107,6 +91,5 @@ def _decode(value: Any, decode_motion: Callable[[Record], Motion]) -> Any:  # no
     kind = _KINDS.get(value["kind"])
     if kind is None:
         raise ValueError(f"unknown constraint or obstacle {value['kind']!r}")
-    return kind(
-        **{name: _decode(own, decode_motion) for name, own in value.items() if name != "kind"}
-    )
+    items = ((name, own) for name, own in value.items() if name != "kind")
+    return kind(**{name: _decode(own, decode_motion) for name, own in items})

@@ -15,7 +15,7 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.runs import find_runs
-from mograft._util.validate import as_integer, check_not_negative
+from mograft._util.validate import check_not_negative, is_integer
 from mograft.body.world_poses import Poses
 from mograft.motion.segments import Segments
 
@@ -30,12 +30,10 @@ class Clip(Protocol):
     @property
     def name(self) -> str:
         """Name of the clip."""
-        ...
 
     @property
     def tags(self) -> Sequence[str]:
         """Tags of the clip."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,6 +152,33 @@ class Violation:
     message: str
 
 
+def build_violation(
+    constraint: Constraint,
+    frames: Span,
+    error: float,
+    description: str,
+    worst: int | None = None,
+    joint: str = "",
+) -> Violation:
+    """Return a violation whose message names the class, the frames and the joint.
+
+    `description` describes the error. `worst` is the frame of the greatest error; None if the error
+    is that of all `frames`.
+    """
+    first, last = frames
+    where = f"at frame {first}" if first == last else f"in frames {first} to {last}"
+    where += "" if worst is None or first == last else f", worst at {worst}"
+    by = f" by {joint}" if joint and joint not in description else ""
+    return Violation(
+        constraint=constraint,
+        frames=frames,
+        worst=first if worst is None else worst,
+        error=error,
+        joint=joint,
+        message=f"{type(constraint).__name__} is violated {where}{by}: {description}",
+    )
+
+
 def find_violations(
     constraints: Sequence[Constraint], poses: Poses, joints: BoolArray | None = None
 ) -> list[Violation]:
@@ -167,31 +192,15 @@ def find_violations(
     for constraint in constraints:
         if not constraint.is_hard:
             continue
-        error, joint_of_error = constraint.errors(poses, joints)
-        for start, stop in find_runs(error > 1.0).tolist():
-            worst = start + int(error[start:stop].argmax())
-            joint = "" if joint_of_error[worst] < 0 else poses.skeleton.names[joint_of_error[worst]]
+        errors, joint_of_error = constraint.errors(poses, joints)
+        for start, stop in find_runs(errors > 1.0).tolist():
+            at = start + int(errors[start:stop].argmax())
+            error, index = float(errors[at]), int(joint_of_error[at])
             frames = (int(poses.frames[start]), int(poses.frames[stop - 1]))
-            at = int(poses.frames[worst])
-            description = constraint.describe_error(float(error[worst]), poses.height)
-            name = type(constraint).__name__
-            where = (
-                f"at frame {at}"
-                if frames[0] == frames[1]
-                else (f"in frames {frames[0]} to {frames[1]}, worst at {at}")
-            )
-            by = f" by {joint}" if joint and joint not in description else ""
-            message = f"{name} is violated {where}{by}: {description}"
-            found.append(
-                Violation(
-                    constraint=constraint,
-                    frames=frames,
-                    worst=at,
-                    error=float(error[worst]),
-                    joint=joint,
-                    message=message,
-                )
-            )
+            description = constraint.describe_error(error, poses.height)
+            joint = "" if index < 0 else poses.skeleton.names[index]
+            worst = int(poses.frames[at])
+            found.append(build_violation(constraint, frames, error, description, worst, joint))
     return found
 
 
@@ -205,11 +214,8 @@ def overlaps(segments: Segments, frames: Span | None) -> BoolArray:
     if frames is None:
         return np.ones(len(segments), bool)
     first, last = frames
-    if first == last:
-        selected: BoolArray = (segments.start <= first) & (segments.stop >= first)
-    else:
-        selected = (segments.start < last) & (segments.stop > first)
-    return selected
+    reach = int(first == last)
+    return np.logical_and(segments.start < last + reach, segments.stop > first - reach)
 
 
 def as_span(name: str, span: object) -> Span:
@@ -219,15 +225,11 @@ def as_span(name: str, span: object) -> Span:
     `name` is the name of the argument in the error.
     """
     ends = tuple(span) if isinstance(span, Sequence | np.ndarray) else ()
-    try:
-        first, last = (as_integer(name, end) for end in ends)
-    except ValueError:
-        first, last = 0, -1
-    if first > last:
+    if len(ends) != 2 or not all(map(is_integer, ends)) or not 0 <= ends[0] <= ends[1]:
         raise ValueError(
             f"`{name}` must be a first and a last frame, ascending or equal, got {span}"
         )
-    return first, last
+    return int(ends[0]), int(ends[1])
 
 
 def no_errors(poses: Poses) -> Errors:

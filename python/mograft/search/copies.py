@@ -54,10 +54,10 @@ class SegmentParts:
 
     def select_ends(self, boundary: BoundaryStates) -> tuple[FloatArray, FloatArray]:
         """Return the compared poses in first and last frame, each (n, n_compared, 4)."""
-        ends, columns = (boundary.first, boundary.last), list(self._compared.values())
-        if len(columns) in (0, ends[0].shape[1]):
-            return ends
-        return ends[0][:, columns], ends[1][:, columns]
+        first, last, columns = boundary.first, boundary.last, list(self._compared.values())
+        if len(columns) in (0, first.shape[1]):
+            return first, last
+        return first[:, columns], last[:, columns]
 
     def poses(self, samples: Samples) -> FloatArray:
         """Return the rotations of the group in samples, (n_segments, n_samples, n_joints, 4)."""

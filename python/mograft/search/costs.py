@@ -45,13 +45,10 @@ def length_fits(base: IntArray, donor: IntArray, rate: float, config: Config) ->
     it is ``|base - donor| <= max(max_stretch · base, length_slack · rate)``. The rule is relative
     to the base segment, so it is not symmetric.
     """
-    gap = np.abs(base - donor)
-    limit = config.max_stretch * base
-    tolerance = 1e-9 * base
-    fits: BoolArray = gap < limit - tolerance
+    gap, limit, tolerance = np.abs(base - donor), config.max_stretch * base, 1e-9 * base
     if config.length_slack > 0:
-        fits = gap <= np.maximum(limit, config.length_slack * rate) + tolerance
-    return fits
+        return gap <= np.maximum(limit, config.length_slack * rate) + tolerance
+    return gap < limit - tolerance
 
 
 @dataclass(frozen=True)
@@ -230,9 +227,8 @@ class ConstraintViolations:
 
     def split(self, counts: Sequence[int]) -> "list[ConstraintViolations]":
         """Return the violations of consecutive sets of candidates; `counts` holds their sizes."""
-        parts = (split_by_counts(own, np.array(counts)) for own in (self.hard, self.soft))
-        sets = zip(*parts, strict=True)
-        return [ConstraintViolations(hard, soft) for hard, soft in sets]
+        hard, soft = (split_by_counts(own, np.array(counts)) for own in (self.hard, self.soft))
+        return list(map(ConstraintViolations, hard, soft))
 
     @property
     def is_feasible(self) -> BoolArray:
@@ -259,11 +255,9 @@ def origin_violations(
     array of n violation amounts per constraint; amounts are 0 outside the constraint's frames, and
     if it does not apply to the group.
     """
-    amounts = []
-    for constraint in constraints:
-        if not constraint.applies_to_group(group):
-            amounts.append(np.zeros(len(donors)))
-            continue
-        amount = constraint.donor_errors(base, donors, clips)
-        amounts.append(np.where(overlaps(frames, constraint.frames), amount, 0.0))
-    return amounts
+    return [
+        np.where(overlaps(frames, own.frames), own.donor_errors(base, donors, clips), 0.0)
+        if own.applies_to_group(group)
+        else np.zeros(len(donors))
+        for own in constraints
+    ]

@@ -6,13 +6,21 @@ from itertools import chain, islice, product
 from typing import ClassVar, Protocol
 
 import numpy as np
+from numpy.random import Generator
 
 from mograft._util.arrays import FloatArray, IntArray, split_by_counts
 from mograft.config import Config
 from mograft.search.costs import INFEASIBLE_PENALTY, CostModel, SimilarityCostModel, is_infeasible
 from mograft.search.segment_pool import SegmentPool
-from mograft.search.trellis import DonorSequences, DonorTrellis
-from mograft.search.viterbi import Trellis, diverse, k_best, sample, viterbi
+from mograft.search.trellis import (
+    DonorSequences,
+    DonorTrellis,
+    Trellis,
+    diverse,
+    k_best,
+    sample,
+    viterbi,
+)
 
 _MAX_REPEATED_DRAWS = 100  # drawing ends after this many draws in a row without a new result
 
@@ -23,21 +31,17 @@ class DonorSource(Protocol):
     @property
     def config(self) -> Config:
         """The configuration."""
-        ...
 
     @property
     def pools(self) -> Mapping[str, SegmentPool]:
         """The segments of the library for each grafted group, with the data for the search."""
-        ...
 
     @property
     def trellises(self) -> Mapping[str, DonorTrellis]:
         """The candidates and their costs at each position, for each grafted group."""
-        ...
 
     def feasible_candidates(self, group: str) -> Sequence[IntArray]:
         """Return the candidates of a group at each position that satisfy the hard constraints."""
-        ...
 
 
 class DonorChoice(ABC):
@@ -48,12 +52,10 @@ class DonorChoice(ABC):
     allows_self_repair: ClassVar[bool] = True  # whether donors may be replaced after the choice
 
     @abstractmethod
-    def draw(
-        self, source: DonorSource, count: int, rng: np.random.Generator
-    ) -> list[DonorSequences]:
+    def draw(self, source: DonorSource, count: int, rng: Generator) -> list[DonorSequences]:
         """Return different donor sequences for `count` motions; fewer if no others exist."""
 
-    def choose_path(self, trellis: Trellis, config: Config, rng: np.random.Generator) -> IntArray:
+    def choose_path(self, trellis: Trellis, config: Config, rng: Generator) -> IntArray:
         """Return one path through a trellis.
 
         A `Stream` uses only the first donor of the path and then searches again.
@@ -67,9 +69,7 @@ class Viterbi(DonorChoice):
     After each motion, donors like its own become more expensive, so that later motions differ.
     """
 
-    def draw(
-        self, source: DonorSource, count: int, rng: np.random.Generator
-    ) -> list[DonorSequences]:
+    def draw(self, source: DonorSource, count: int, rng: Generator) -> list[DonorSequences]:
         """As `DonorChoice.draw`."""
         paths = {}
         for group, trellis in source.trellises.items():
@@ -86,15 +86,11 @@ class Best(DonorChoice):
     # Neighbours in rank differ by few donors; repair would make them equal.
     allows_self_repair = False
 
-    def draw(
-        self, source: DonorSource, count: int, rng: np.random.Generator
-    ) -> list[DonorSequences]:
+    def draw(self, source: DonorSource, count: int, rng: Generator) -> list[DonorSequences]:
         """As `DonorChoice.draw`."""
-        trellises = source.trellises
-        paths = {group: k_best(trellis.costs, count) for group, trellis in trellises.items()}
-        costs = [
-            [trellises[group].costs.cost(path) for path in own] for group, own in paths.items()
-        ]
+        costs_of = {group: trellis.costs for group, trellis in source.trellises.items()}
+        paths = {group: k_best(own, count) for group, own in costs_of.items()}
+        costs = [list(map(costs_of[group].cost, own)) for group, own in paths.items()]
         return _sequences(source, paths, cheapest_combinations(costs, count))
 
 
@@ -104,12 +100,13 @@ class Sample(DonorChoice):
     After each motion, donors like its own become more expensive, as for `Viterbi`.
     """
 
-    def draw(
-        self, source: DonorSource, count: int, rng: np.random.Generator
-    ) -> list[DonorSequences]:
+    def draw(self, source: DonorSource, count: int, rng: Generator) -> list[DonorSequences]:
         """As `DonorChoice.draw`."""
         trellises, config = source.trellises, source.config
         costs = {group: trellis.costs for group, trellis in trellises.items()}
+        charge_of = {
+            group: charges(source.pools[group], own, config) for group, own in trellises.items()
+        }
 
         def draw_once() -> DonorSequences:
             return {
@@ -117,20 +114,15 @@ class Sample(DonorChoice):
                 for group, trellis in trellises.items()
             }
 
-        charge_of = {
-            group: charges(source.pools[group], trellis, config)
-            for group, trellis in trellises.items()
-        }
-
         def charge(donors: DonorSequences) -> None:
             for group, trellis in trellises.items():
-                path = trellis.path(donors[group])
-                costs[group] = costs[group].add_unary(charge_of[group](path))
+                added = charge_of[group](trellis.path(donors[group]))
+                costs[group] = costs[group].add_unary(added)
 
         captured = {group: trellis.scenario for group, trellis in trellises.items()}
         return _draw_different(draw_once, count, charge, captured)
 
-    def choose_path(self, trellis: Trellis, config: Config, rng: np.random.Generator) -> IntArray:
+    def choose_path(self, trellis: Trellis, config: Config, rng: Generator) -> IntArray:
         """As `DonorChoice.choose_path`."""
         return sample(trellis, config.temperature, rng)
 
@@ -150,9 +142,7 @@ class Random(DonorChoice):
     is_limited = False
     allows_self_repair = False  # a repaired draw is not uniform
 
-    def draw(
-        self, source: DonorSource, count: int, rng: np.random.Generator
-    ) -> list[DonorSequences]:
+    def draw(self, source: DonorSource, count: int, rng: Generator) -> list[DonorSequences]:
         """As `DonorChoice.draw`."""
         config = source.config
         pruned = {
@@ -165,7 +155,7 @@ class Random(DonorChoice):
 
         return _draw_different(draw_once, count)
 
-    def choose_path(self, trellis: Trellis, config: Config, rng: np.random.Generator) -> IntArray:
+    def choose_path(self, trellis: Trellis, config: Config, rng: Generator) -> IntArray:
         """As `DonorChoice.choose_path`: uniform over the paths without infeasible penalty."""
         unary = tuple(np.where(is_infeasible(own), own, 0.0) for own in trellis.unary)
         pairwise = tuple(
@@ -221,38 +211,30 @@ def prune_dead_ends(
     second holds, for each position but the last, the seam angles in radians between kept candidates
     of the position (rows) and of the next (columns).
     """
-    kept = [candidates[-1]] if len(candidates) else []
-    kept_angles: list[FloatArray] = []
+    kept, kept_angles = list(candidates[-1:]), list[FloatArray]()
     for segments in reversed(candidates[:-1]):
         angles = pool.seam_angles(segments, kept[-1])
-        passing = np.flatnonzero((angles <= config.max_angle).any(axis=1))
-        if not len(passing):
-            passing = np.arange(len(segments))
+        passing = (angles <= config.max_angle).any(axis=1)
+        passing |= not passing.any()
         kept.append(segments[passing])
         kept_angles.append(angles[passing])
     return kept[::-1], kept_angles[::-1]
 
 
 def draw_uniform(
-    candidates: Sequence[IntArray],
-    angles: Sequence[FloatArray],
-    config: Config,
-    rng: np.random.Generator,
+    candidates: Sequence[IntArray], angles: Sequence[FloatArray], config: Config, rng: Generator
 ) -> IntArray:
     """Draw a donor at every position; the arguments are those that `prune_dead_ends` returns.
 
     Each donor is drawn uniformly from the candidates whose seam with the previous donor is within
     `max_angle`. If there are none, the candidate with the smallest seam angle is taken.
     """
-    sequence: list[int] = []
-    index = 0
-    for position, segments in enumerate(candidates):
-        if position == 0:
-            index = int(rng.integers(len(segments)))
-        else:
-            gaps = angles[position - 1][index]
-            passing = np.flatnonzero(gaps <= config.max_angle)
-            index = int(rng.choice(passing)) if len(passing) else int(np.argmin(gaps))
+    index = int(rng.integers(len(candidates[0])))
+    sequence = [candidates[0][index]]
+    for segments, matrix in zip(candidates[1:], angles, strict=True):
+        gaps = matrix[index]
+        passing = np.flatnonzero(gaps <= config.max_angle)
+        index = int(rng.choice(passing)) if len(passing) else int(np.argmin(gaps))
         sequence.append(segments[index])
     return np.array(sequence, np.int64)
 
@@ -265,12 +247,8 @@ def cheapest_combinations(costs: Sequence[Sequence[float]], count: int) -> list[
     """
     sums: list[tuple[float, tuple[int, ...]]] = [(0.0, ())]
     for own in costs:
-        extended = [
-            (total + cost, (*indices, index))
-            for total, indices in sums
-            for index, cost in enumerate(own)
-        ]
-        sums = sorted(extended)[:count]
+        pairs = product(sums, enumerate(own))
+        sums = sorted((total + cost, (*rank, i)) for (total, rank), (i, cost) in pairs)[:count]
     return [indices for _, indices in sums]
 
 
@@ -323,11 +301,9 @@ def _draw_different(
     results: list[DonorSequences] = []
     known: set[bytes] = set()
     while len(results) < count:
-        for _ in range(_MAX_REPEATED_DRAWS):
-            donors = draw()
-            if _key(donors) not in known:
-                break
-        else:
+        draws = (draw() for _ in range(_MAX_REPEATED_DRAWS))
+        donors = next((own for own in draws if _key(own) not in known), None)
+        if donors is None:
             break
         results.append(donors)
         known |= {_key(own) for own in (donors, captured) if own is not None}

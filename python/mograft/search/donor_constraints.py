@@ -12,7 +12,17 @@ from mograft._util.validate import as_integer, check_not_negative, check_positiv
 from mograft.config import Config
 from mograft.errors import join_names, suggest_name
 from mograft.motion.segments import Segments
-from mograft.search.constraints import Clip, Constraint, Span, Violation, as_span, overlaps
+from mograft.search.constraints import (
+    Clip,
+    Constraint,
+    Span,
+    Violation,
+    as_span,
+    build_violation,
+    overlaps,
+)
+
+_NO_DONOR = "`donor` must be a segment index or (clip, first frame, last frame), got {!r}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,9 +97,10 @@ class _ClipConstraint(Constraint):
         for pattern in _as_names(self.clips):
             matches = [fnmatch.fnmatchcase(name, pattern) for name in names]
             if not any(matches):
+                hint = suggest_name(pattern, names)
+                listed = join_names(names)
                 raise ValueError(
-                    f"`clips` must match at least one of {join_names(names)}; got {pattern!r}"
-                    f"{suggest_name(pattern, names)}"
+                    f"`clips` must match at least one of {listed}; got {pattern!r}{hint}"
                 )
             selected |= matches
         for tag in _as_names(self.tags):
@@ -100,13 +111,9 @@ class _ClipConstraint(Constraint):
                 raise ValueError(f"`tags` must be {expected}; got {tag!r}")
             selected |= tagged
         inside: BoolArray = selected[donors.clip]
-        if self.clip_frames is not None:
-            first, last = self.clip_frames
-            if whole:
-                inside = inside & (donors.start >= first) & (donors.stop <= last)
-            else:
-                inside = inside & overlaps(donors, self.clip_frames)
-        return inside
+        if self.clip_frames is None or not whole:
+            return inside & overlaps(donors, self.clip_frames)
+        return inside & (donors.start >= self.clip_frames[0]) & (donors.stop <= self.clip_frames[1])
 
     def describe_selection(self) -> str:
         """Return the selected clips, tags and frames as text."""
@@ -206,14 +213,10 @@ class _SegmentConstraint(_GroupConstraint):
     def _is_donor(self, donors: Segments, clips: Sequence[Clip]) -> BoolArray:
         """Return which of `donors` are in the clip of `self.donor` and overlap its frames."""
         if isinstance(self.donor, int):
-            raise ValueError(
-                "`donor` can be a segment index only in `graft`; "
-                f"here give the clip and the first and last frame of the donor, got {self.donor}"
-            )
-        name, span = self.donor, None
-        if isinstance(self.donor, tuple):
-            name, *frames = self.donor
-            span = (frames[0], frames[1])
+            expected = "`donor` must be (clip, first frame, last frame) outside of `graft`"
+            raise ValueError(f"{expected}, got {self.donor}")
+        name, *frames = self.donor if isinstance(self.donor, tuple) else (self.donor,)
+        span = (int(frames[0]), int(frames[1])) if frames else None
         is_clip = np.array([clip.name == name for clip in clips], bool)
         return is_clip[donors.clip] & overlaps(donors, span)
 
@@ -257,10 +260,7 @@ class Use(_SegmentConstraint):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.donor is None or isinstance(self.donor, str):
-            raise ValueError(
-                "`donor` must be a segment index or (clip, first frame, last frame), "
-                f"got {self.donor!r}"
-            )
+            raise ValueError(_NO_DONOR.format(self.donor))
 
     def donor_errors(self, base: Segments, donors: Segments, clips: Sequence[Clip]) -> FloatArray:
         """As `Constraint.donor_errors`."""
@@ -319,9 +319,7 @@ def _as_clip_span(donor: object) -> tuple[str, int, int]:
     """Return `donor` as (clip name, first frame, last frame); raise ValueError if it is not."""
     parts = tuple(donor) if isinstance(donor, Sequence) else ()
     if len(parts) != 3 or not isinstance(parts[0], str):
-        raise ValueError(
-            f"`donor` must be a segment index or (clip, first frame, last frame), got {donor!r}"
-        )
+        raise ValueError(_NO_DONOR.format(donor))
     return (parts[0], *as_span("donor", parts[1:]))
 
 
@@ -371,8 +369,8 @@ class MaxAngle(Constraint):
     Examples
     --------
     >>> import math
-    >>> MaxAngle(math.radians(20)).violation("upper", 37, math.radians(25)).message
-    'MaxAngle is violated at frame 37: seam angle of upper 25.0°, limit 20.0°'
+    >>> round(MaxAngle(math.radians(20)).limit, 3)
+    0.349
     """
 
     limit: float
@@ -382,24 +380,6 @@ class MaxAngle(Constraint):
         check_positive(self, "limit")
         if self.weight is not None or self.frames is not None:
             raise ValueError("MaxAngle accepts neither weight nor frames: it applies to every seam")
-
-    def violation(self, group: str, frame: int, angle: float) -> Violation:
-        """Return the violation at a seam of `group`.
-
-        `frame` is that of the seam in the base motion, `angle` its mean joint angle in radians.
-        """
-        message = (
-            f"MaxAngle is violated at frame {frame}: seam angle of {group} "
-            f"{np.degrees(angle):.1f}°, limit {np.degrees(self.limit):.1f}°"
-        )
-        return Violation(
-            constraint=self,
-            frames=(frame, frame),
-            worst=frame,
-            error=angle / self.limit,
-            joint="",
-            message=message,
-        )
 
 
 def limit_config(config: Config, constraints: Sequence[Constraint]) -> Config:
@@ -417,7 +397,13 @@ def find_seam_violations(
     radians.
     """
     return [
-        constraint.violation(group, frame, angle)
+        build_violation(
+            constraint,
+            (frame, frame),
+            angle / constraint.limit,
+            f"seam angle of {group} {np.degrees(angle):.1f}°, "
+            f"limit {np.degrees(constraint.limit):.1f}°",
+        )
         for constraint in constraints
         if isinstance(constraint, MaxAngle)
         for frame, angle in zip(frames, angles, strict=True)

@@ -1,8 +1,7 @@
 """Neighbourhoods of base segments: the values of `Config.neighbourhood`."""
 
-from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -54,95 +53,72 @@ class ClusterMembers:
         return self.order[rows], distances[rows]
 
 
-class Neighbourhood(ABC):
-    """Rule that decides which segments are similar enough in the base group to be candidates."""
+@dataclass(frozen=True)
+class Neighbourhood:
+    """Rule that decides which segments are similar enough in the base group to be candidates.
 
-    inside: ClassVar[str]  # relation of a segment in the neighbourhood, as in "same cluster"
-    outside: ClassVar[str]  # completes "12 segments are ..." for the other segments
-    reach: ClassVar[float] = 1.0  # how far donors may be if too few are inside, in radii
+    `find_members` takes the cluster and the point of every segment, the cluster diameter threshold
+    and the base segments. The points are None if there is no embedding. It returns the segments in
+    the neighbourhood of each base segment, ascending, the base segment itself included.
 
-    @abstractmethod
-    def find_members(
-        self, labels: IntArray, points: FloatArray | None, sigma: float, base: IntArray
-    ) -> list[IntArray]:
-        """Return the segments in the neighbourhood of each base segment, ascending.
-
-        A neighbourhood contains the base segment itself. `labels` and `points` have the cluster and
-        the point of every segment; `points` is None if there is no embedding. `sigma` is the
-        cluster diameter threshold; for a ball it is the radius.
-        """
-
-    @abstractmethod
-    def find_near(
-        self, members: ClusterMembers, point: FloatArray, sigma: float
-    ) -> tuple[IntArray, FloatArray]:
-        """Return the segments in the neighbourhood of a new point, ascending, and their distances.
-
-        `sigma` is the cluster diameter threshold.
-        """
-
-
-class _Cluster(Neighbourhood):
-    """Neighbourhood that consists of the cluster of the base segment (paper, 4.3)."""
-
-    inside = "same cluster"
-    outside = "in other clusters"
-
-    def find_members(
-        self, labels: IntArray, points: FloatArray | None, sigma: float, base: IntArray
-    ) -> list[IntArray]:
-        """As `Neighbourhood.find_members`."""
-        order = np.argsort(labels, kind="stable")
-        first, last = (
-            np.searchsorted(labels[order], labels[base], side) for side in ("left", "right")
-        )
-        return [order[low:high] for low, high in zip(first.tolist(), last.tolist(), strict=True)]
-
-    def find_near(
-        self, members: ClusterMembers, point: FloatArray, sigma: float
-    ) -> tuple[IntArray, FloatArray]:
-        """As `Neighbourhood.find_near`."""
-        return members.find_nearest_cluster(point, sigma)
-
-
-class _Ball(Neighbourhood):
-    """Neighbourhood of all segments within a radius of the base segment in the embedding.
-
-    The radius is the cluster diameter threshold.
+    `find_near` takes the segments, a new point and the cluster diameter threshold. It returns the
+    segments in the neighbourhood of the point, ascending, and their distances. For a ball the
+    threshold is the radius.
     """
 
-    inside = "within the ball"
-    outside = "outside the ball"
-    reach = 2.0
-
-    def find_members(
-        self, labels: IntArray, points: FloatArray | None, sigma: float, base: IntArray
-    ) -> list[IntArray]:
-        """As `Neighbourhood.find_members`.
-
-        Memory is linear in the numbers of segments and of results: distances are computed for one
-        base segment at a time, and only to the segments whose first component differs by at most
-        the radius.
-        """
-        if points is None:
-            return [base[index : index + 1] for index in range(len(base))]
-        order = np.argsort(points[:, 0], kind="stable")
-        by_first = points[order]
-        reach = sigma * (1.0 + 1e-9)  # the sum below is rounded
-        first = np.searchsorted(by_first[:, 0], points[base, 0] - reach, side="left")
-        last = np.searchsorted(by_first[:, 0], points[base, 0] + reach, side="right")
-        found: list[IntArray] = []
-        for low, high, point in zip(first.tolist(), last.tolist(), points[base], strict=True):
-            distances = np.linalg.norm(by_first[low:high] - point, axis=1)
-            found.append(np.sort(order[low:high][distances <= sigma]))
-        return found
-
-    def find_near(
-        self, members: ClusterMembers, point: FloatArray, sigma: float
-    ) -> tuple[IntArray, FloatArray]:
-        """As `Neighbourhood.find_near`."""
-        return members.find_within(point, sigma)
+    inside: str  # relation of a segment in the neighbourhood, as in "same cluster"
+    outside: str  # completes "12 segments are ..." for the other segments
+    reach: float  # how far donors may be if too few are inside, in radii
+    find_members: Callable[[IntArray, FloatArray | None, float, IntArray], list[IntArray]]
+    find_near: Callable[[ClusterMembers, FloatArray, float], tuple[IntArray, FloatArray]]
 
 
-NEIGHBOURHOODS: dict[str, Neighbourhood] = {"cluster": _Cluster(), "ball": _Ball()}
+def _cluster_members(
+    labels: IntArray, _points: FloatArray | None, _sigma: float, base: IntArray
+) -> list[IntArray]:
+    """Return the cluster of each base segment (paper, 4.3)."""
+    order = np.argsort(labels, kind="stable")
+    first = np.searchsorted(labels[order], labels[base], side="left")
+    last = np.searchsorted(labels[order], labels[base], side="right")
+    return [order[low:high] for low, high in zip(first.tolist(), last.tolist(), strict=True)]
+
+
+def _ball_members(
+    _labels: IntArray, points: FloatArray | None, sigma: float, base: IntArray
+) -> list[IntArray]:
+    """Return all segments within a radius of each base segment in the embedding.
+
+    Memory is linear in the numbers of segments and of results: distances are computed for one base
+    segment at a time, and only to the segments whose first component differs by at most the radius.
+    """
+    if points is None:
+        return [base[index : index + 1] for index in range(len(base))]
+    order = np.argsort(points[:, 0], kind="stable")
+    by_first = points[order]
+    reach = sigma * (1.0 + 1e-9)  # the sum below is rounded
+    first = np.searchsorted(by_first[:, 0], points[base, 0] - reach, side="left")
+    last = np.searchsorted(by_first[:, 0], points[base, 0] + reach, side="right")
+    found: list[IntArray] = []
+    for low, high, point in zip(first.tolist(), last.tolist(), points[base], strict=True):
+        distances = np.linalg.norm(by_first[low:high] - point, axis=1)
+        found.append(np.sort(order[low:high][distances <= sigma]))
+    return found
+
+
+NEIGHBOURHOODS: dict[str, Neighbourhood] = {
+    "cluster": Neighbourhood(
+        inside="same cluster",
+        outside="in other clusters",
+        reach=1.0,
+        find_members=_cluster_members,
+        find_near=ClusterMembers.find_nearest_cluster,
+    ),
+    "ball": Neighbourhood(
+        inside="within the ball",
+        outside="outside the ball",
+        reach=2.0,
+        find_members=_ball_members,
+        find_near=ClusterMembers.find_within,
+    ),
+}
 """The neighbourhoods by their names in `Config.neighbourhood`."""

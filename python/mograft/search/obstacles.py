@@ -30,7 +30,6 @@ class Obstacle(Protocol):
         they are minus the penetration depth if the capsule penetrates the object. Ties go to the
         first capsule. Without capsules the distance is infinite and the index -1.
         """
-        ...
 
 
 @dataclass(frozen=True)
@@ -129,14 +128,9 @@ class Box:
 
     def distances(self, poses: Poses, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
         """As `Obstacle.distances`."""
-        distances = box_clearance(
-            poses.ends[:, capsule_indices],
-            poses.capsules.radii[capsule_indices],
-            np.array(self.center, float),
-            np.array(self.half, float),
-            np.array(self.rotation, float),
-        )
-        return _minimum(distances, capsule_indices)
+        ends, radii = poses.ends[:, capsule_indices], poses.capsules.radii[capsule_indices]
+        box = (np.array(own, float) for own in (self.center, self.half, self.rotation))
+        return _minimum(box_clearance(ends, radii, *box), capsule_indices)
 
 
 @dataclass(frozen=True)
@@ -169,9 +163,8 @@ class HalfSpace:
         """As `Obstacle.distances`."""
         normal = np.array(self.normal, float) / np.linalg.norm(self.normal)
         heights = (poses.ends[:, capsule_indices] - np.array(self.point, float)) @ normal
-        return _minimum(
-            heights.min(axis=2) - poses.capsules.radii[capsule_indices], capsule_indices
-        )
+        radii = poses.capsules.radii[capsule_indices]
+        return _minimum(heights.min(axis=2) - radii, capsule_indices)
 
 
 @dataclass(frozen=True, eq=False)

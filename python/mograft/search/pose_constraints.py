@@ -86,10 +86,9 @@ class Avoid(PoseConstraint):
 
     def describe_error(self, error: float, height: float) -> str:
         """As `Constraint.describe_error`."""
-        depth = error * self.tolerance
+        depth, limit = error * self.tolerance, self.tolerance
         return (
-            f"penetration depth {depth:.3f} heights ({depth * height:.3g}), "
-            f"tolerance {self.tolerance:.3f}"
+            f"penetration depth {depth:.3f} heights ({depth * height:.3g}), tolerance {limit:.3f}"
         )
 
 
@@ -138,11 +137,8 @@ class AvoidSelf(PoseConstraint):
 
     def describe_error(self, error: float, height: float) -> str:
         """As `Constraint.describe_error`."""
-        depth = error * self.tolerance
-        return (
-            f"self-collision {depth:.3f} heights deeper than captured, "
-            f"tolerance {self.tolerance:.3f}"
-        )
+        depth, limit = error * self.tolerance, self.tolerance
+        return f"self-collision {depth:.3f} heights deeper than captured, tolerance {limit:.3f}"
 
 
 @dataclass(frozen=True)
@@ -239,9 +235,8 @@ class Face(PoseConstraint):
         check_positive(self, "tolerance")
 
     def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
-        at = mass_model(poses.skeleton).head
-        if self.joint is not None:
-            at = poses.skeleton.index(self.joint)
+        skeleton = poses.skeleton
+        at = mass_model(skeleton).head if self.joint is None else skeleton.index(self.joint)
         if at is None:
             raise ValueError("`joint` must be given: the skeleton has no head")
         if joints is not None and not joints[at]:
@@ -295,13 +290,8 @@ class KeepOut(PoseConstraint):
         at = poses.skeleton.index(self.joint)
         if joints is not None and not joints[at]:
             return no_errors(poses)
-        point = Capsules(
-            joints=np.array([at]),
-            parts=("",),
-            sides=("",),
-            bones=np.zeros((1, 3)),
-            radii=np.zeros(1),
-        )
+        joint, bones, radii = np.array([at]), np.zeros((1, 3)), np.zeros(1)
+        point = Capsules(joints=joint, parts=("",), sides=("",), bones=bones, radii=radii)
         distance, _ = self.region.distances(replace(poses, capsules=point), np.array([0]))
         depth = distance if self.inside else -distance
         error = np.maximum(depth, 0.0) / (self.tolerance * poses.height)
@@ -309,11 +299,8 @@ class KeepOut(PoseConstraint):
 
     def describe_error(self, error: float, height: float) -> str:
         """As `Constraint.describe_error`."""
-        where = "outside" if self.inside else "inside"
-        return (
-            f"{self.joint} is {error * self.tolerance:.3f} heights {where}, "
-            f"tolerance {self.tolerance:.3f}"
-        )
+        where, depth = "outside" if self.inside else "inside", error * self.tolerance
+        return f"{self.joint} is {depth:.3f} heights {where}, tolerance {self.tolerance:.3f}"
 
 
 @dataclass(frozen=True)
@@ -375,9 +362,7 @@ def with_captured_depth(constraints: Sequence[Constraint], captured: Poses) -> l
 
 def _capsules_of(capsules: Capsules, joints: BoolArray | None) -> IntArray:
     """Return the indices of the capsules of the joints in a mask; None means all joints."""
-    if joints is None:
-        return np.arange(len(capsules))
-    return np.flatnonzero(joints[capsules.joints])
+    return np.flatnonzero(np.ones(len(capsules)) if joints is None else joints[capsules.joints])
 
 
 def _rest_forward(skeleton: Skeleton, up: int) -> FloatArray:
@@ -401,6 +386,4 @@ def _rest_forward(skeleton: Skeleton, up: int) -> FloatArray:
 
 def _check_obstacle(name: str, value: object) -> None:
     if not callable(getattr(value, "distances", None)):
-        raise TypeError(
-            f"`{name}` must be an obstacle such as Sphere, Capsule or Box, got {value!r}"
-        )
+        raise TypeError(f"`{name}` must be an obstacle such as Sphere or Box, got {value!r}")

@@ -1,19 +1,20 @@
 """The segments of a library for one joint group: possible donors, and their costs and gaps."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
 from mograft import _core
-from mograft._util.arrays import BoolArray, FloatArray, IntArray, split_by_counts
+from mograft._util.arrays import BoolArray, FloatArray, IntArray, make_read_only, split_by_counts
 from mograft.analysis.embedding import Samples
+from mograft.analysis.zero_moment import added_imbalances, zero_moment_operators
 from mograft.config import Config
 from mograft.motion import rotations
 from mograft.motion.segments import Segments
-from mograft.search.balance import SegmentBalance
 from mograft.search.boundary_states import (
     BoundaryStates,
     pose_gaps,
@@ -25,12 +26,71 @@ from mograft.search.copies import SegmentParts
 from mograft.search.costs import PRESELECTION, CostModel, SeamScales, length_fits
 from mograft.search.neighbourhoods import FEWEST_DONORS, NEIGHBOURHOODS
 
+_SEGMENTS_PER_BATCH = 1 << 12  # base segments whose support margins are in memory
+_MAX_KNOWN_PAIRS = 1 << 22  # base segments and donors whose effect is kept
 POSITIONS_PER_BATCH = 1024  # base segments whose candidates are evaluated together
 _NEIGHBOURS_PER_BATCH = 1 << 19  # base segments and neighbours that are compared together
 _N_TYPICAL_SEAMS = 512  # seams from which the typical gaps are measured
 # Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018: 1/g and 1/g² of the
 # root g of g³ = g + 1. Their multiples modulo 1 fill the square evenly.
 _QUASI_RANDOM_STEPS = (0.7548776662466927, 0.5698402909980532)
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentBalance:
+    """The effect of donors on the balance of base segments, computed from two functions.
+
+    Both functions take indices of segments, shape (n,). They return the results for these segments
+    of the functions of `mograft.analysis.zero_moment` that have the same names.
+    """
+
+    mass_offsets: Callable[[IntArray], FloatArray]  # of the grafted group
+    support_margins: Callable[[IntArray], FloatArray]  # of the whole body
+    # The last results of `added_imbalances`, by the hash of the arguments: all grafts on one base
+    # evaluate the same candidates.
+    _known: dict[bytes, FloatArray] = field(init=False, default_factory=dict)
+
+    def added_imbalances(self, base: IntArray, donors: IntArray, seconds: FloatArray) -> FloatArray:
+        """Return by how much donors raise the imbalance of base segments, shape (n,).
+
+        See `mograft.analysis.zero_moment.added_imbalances`. `base` and `donors` have shape (n,).
+        `seconds` has the durations of all segments.
+        """
+        key = hashlib.sha256(np.stack([base, donors]).data).digest()
+        known = self._known.get(key)
+        if known is not None:
+            return known
+        added = np.zeros(len(base))
+        others = np.flatnonzero(donors != base)
+        starts = np.flatnonzero(np.diff(base[others], prepend=-1))
+        for first in range(0, len(starts), _SEGMENTS_PER_BATCH):
+            bounds = np.append(starts, len(others))[first : first + _SEGMENTS_PER_BATCH + 1]
+            batch = others[bounds[0] : bounds[-1]]
+            counts = np.diff(bounds)
+            added[batch] = self._compute(base[others[bounds[:-1]]], donors[batch], counts, seconds)
+        make_read_only(added)
+        keys = list(self._known)  # other threads may add results
+        self._known[key] = added
+        n_known = sum(map(len, list(self._known.values())))
+        while n_known > _MAX_KNOWN_PAIRS and keys:
+            n_known -= len(self._known.pop(keys.pop(0), ()))
+        return added
+
+    def _compute(
+        self, bases: IntArray, donors: IntArray, counts: IntArray, seconds: FloatArray
+    ) -> FloatArray:
+        """Return the `added_imbalances` of donors.
+
+        `donors` holds the donors of the first of `bases`, then those of the next, and so on;
+        `counts` are their numbers.
+        """
+        is_needed = np.zeros(len(seconds), bool)
+        is_needed[bases] = is_needed[donors] = True
+        rows = np.cumsum(is_needed) - 1
+        offsets = self.mass_offsets(np.flatnonzero(is_needed))
+        operators = zero_moment_operators(offsets.shape[1], seconds[bases])
+        margins = self.support_margins(bases)
+        return added_imbalances(offsets, (rows[bases], operators, margins), rows[donors], counts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +143,8 @@ class SegmentPool:
         lists: list[IntArray] = []
         for start in range(0, len(scenario), POSITIONS_PER_BATCH):
             positions = scenario[start : start + POSITIONS_PER_BATCH]
-            lists += self._keep_fitting(
-                positions, self.neighbours(positions, config), config, model
-            )
+            neighbours = self.neighbours(positions, config)
+            lists += self._keep_fitting(positions, neighbours, config, model)
         return lists
 
     def _keep_fitting(
@@ -209,9 +268,9 @@ class SegmentPool:
         """Return the `unary_costs` of balance and similar poses, which take longest to compute."""
         costs = model.similarity(self.pose_differences(base, donors))
         costs[base == donors] = 0.0
-        if not model.config.balance_weight > 0:
-            return costs
-        return costs + model.balance(self.added_imbalances(base, donors))
+        if model.config.balance_weight > 0:
+            costs = costs + model.balance(self.added_imbalances(base, donors))
+        return costs
 
     def pairwise_costs(self, left: IntArray, right: IntArray, model: CostModel) -> FloatArray:
         """Return the seam costs from each left to each right segment, shape (n_left, n_right)."""
@@ -231,8 +290,7 @@ class SegmentPool:
             ends, starts = boundary.last_velocity, boundary.first_velocity
             costs = model.pairwise(angles, velocity_gaps_along(ends, starts, *along))
             matrices = split_by_counts(costs, counts[:-1] * counts[1:])
-            shapes = pairwise(counts.tolist())
-            found += [own.reshape(shape) for own, shape in zip(matrices, shapes, strict=True)]
+            found += map(np.ndarray.reshape, matrices, pairwise(counts.tolist()))
         return found
 
     @cached_property

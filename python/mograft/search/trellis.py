@@ -1,15 +1,21 @@
-"""Trellises of donors: the candidates at every position of a base motion and their costs."""
+"""Trellises of donors, and exact searches for paths through them.
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+A path takes one candidate index per position: the cheapest, the k cheapest, random and diverse
+paths. Each search walks the trellis once from the end to the start, accumulating the least cost (or
+the weight) of all continuations of each candidate, and then once forwards to read off the path.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import overload
 
 import numpy as np
 
+from mograft import _core
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.search.costs import PRESELECTION, CostModel
 from mograft.search.segment_pool import POSITIONS_PER_BATCH, SegmentPool
-from mograft.search.viterbi import ComputedMatrices, Trellis
 
 _MAX_STORED_SEAM_COSTS = 1 << 24
 """Costs of seams that are stored: 128 MiB. More are computed again in each pass over a trellis."""
@@ -19,6 +25,266 @@ _SEGMENT_BITS = (1 << _N_SEGMENT_BITS) - 1
 
 DonorSequences = dict[str, IntArray]
 """The donor sequence of each grafted group: the donor segment at each position."""
+
+
+class ComputedMatrices(Sequence[FloatArray]):
+    """Pairwise costs that are computed when they are read, a block of positions at a time.
+
+    `compute` takes `start` and `stop`, and returns the matrices of the positions `start` to
+    `stop` - 1. `compute_row` takes a position and a candidate, and returns that row of the matrix.
+    `positions` are the positions of the matrices in this sequence. The block that was computed last
+    is kept; a sequence and its slices keep one block together. The first block of a slice begins at
+    the first position of the slice, and no block exceeds the slice.
+    """
+
+    def __init__(
+        self,
+        compute: Callable[[int, int], list[FloatArray]],
+        compute_row: Callable[[int, int], FloatArray],
+        positions: range,
+        block_length: int,
+        blocks: dict[int, list[FloatArray]] | None = None,
+    ) -> None:
+        self._compute, self._compute_row, self._positions = compute, compute_row, positions
+        self._block_length, self._blocks = block_length, {} if blocks is None else blocks
+
+    def __len__(self) -> int:
+        return len(self._positions)
+
+    @overload
+    def __getitem__(self, index: int) -> FloatArray: ...
+    @overload
+    def __getitem__(self, index: slice) -> "ComputedMatrices": ...
+    def __getitem__(self, index: int | slice) -> "FloatArray | ComputedMatrices":
+        chosen = self._positions[index]
+        if isinstance(chosen, range):
+            functions = self._compute, self._compute_row
+            return ComputedMatrices(*functions, chosen, self._block_length, self._blocks)
+        known = self._find(chosen)
+        if known is not None:
+            return known
+        first, last = sorted((self._positions[0], self._positions[-1]))
+        start = chosen - (chosen - first) % self._block_length
+        matrices = self._compute(start, min(start + self._block_length, last + 1))
+        self._blocks.clear()
+        self._blocks[start] = matrices  # with several threads, for a moment one block of each
+        return matrices[chosen - start]
+
+    def row(self, index: int, candidate: int) -> FloatArray:
+        """Return the costs from a candidate to all candidates of the next position."""
+        chosen = self._positions[index]
+        known = self._find(chosen)
+        return self._compute_row(chosen, candidate) if known is None else known[candidate]
+
+    def _find(self, position: int) -> FloatArray | None:
+        """Return the matrix of a position if the block that is kept has it."""
+        for start, matrices in list(self._blocks.items()):
+            if start <= position < start + len(matrices):
+                return matrices[position - start]
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class Trellis:
+    """Unary costs of the candidates at each position, and pairwise costs to the next position."""
+
+    unary: tuple[FloatArray, ...]  # for each position shape (n_candidates,); infinite if forbidden
+    pairwise: Sequence[FloatArray]  # for each position but the last shape (n, n of the next)
+
+    def __len__(self) -> int:
+        return len(self.unary)
+
+    def cost(self, path: IntArray) -> float:
+        """Return the total cost of a path, which holds the candidate index at each position."""
+        indices = path.tolist()
+        unary = sum(float(costs[i]) for costs, i in zip(self.unary, indices, strict=True))
+        pairs = zip(self.pairwise, indices[:-1], indices[1:], strict=True)
+        return unary + sum(float(costs[i, j]) for costs, i, j in pairs)
+
+    def add_unary(self, costs: Sequence[FloatArray]) -> "Trellis":
+        """Return the trellis with `costs`, one array per position, added to the unary costs."""
+        summed = (unary + further for unary, further in zip(self.unary, costs, strict=True))
+        return replace(self, unary=tuple(summed))
+
+    def map_costs(self, function: Callable[[FloatArray], FloatArray]) -> "Trellis":
+        """Return the trellis with `function` applied to all unary and pairwise costs."""
+        return Trellis(tuple(map(function, self.unary)), tuple(map(function, self.pairwise)))
+
+    def slice(self, start: int, stop: int) -> "Trellis":
+        """Return the trellis of the positions from `start` up to, not including, `stop`."""
+        return Trellis(self.unary[start:stop], self.pairwise[start : stop - 1])
+
+    def restrict_first(self, indices: IntArray) -> "Trellis":
+        """Return the trellis with only the candidates `indices` at the first position."""
+        first = [own[indices] for own in self.pairwise[:1]]
+        return Trellis((self.unary[0][indices], *self.unary[1:]), (*first, *self.pairwise[1:]))
+
+    def slice_within(self, path: IntArray, start: int, stop: int) -> "Trellis":
+        """Return the trellis of positions `start` to `stop - 1`; the others are fixed as in `path`.
+
+        The unary costs of the first and last position include the pairwise costs to the fixed
+        candidates beside them.
+        """
+        unary, first = list(self.unary[start:stop]), max(start - 1, 0)
+        near = self.pairwise[first:stop]  # one slice: computed matrices are computed once
+        if start > 0:
+            unary[0] = unary[0] + near[0][path[start - 1]]
+        if stop < len(self):
+            unary[-1] = unary[-1] + near[-1][:, path[stop]]
+        return Trellis(tuple(unary), near[start - first : stop - 1 - first])
+
+    def pairwise_row(self, position: int, index: int) -> FloatArray:
+        """Return the pairwise costs of one candidate to all candidates of the next position."""
+        if isinstance(self.pairwise, ComputedMatrices):
+            return self.pairwise.row(position, index)
+        return self.pairwise[position][index]
+
+    def conditional_costs(self, path: IntArray) -> list[FloatArray]:
+        """Return the cost of each candidate at each position with all other positions as in `path`.
+
+        The cost is the candidate's unary cost plus the pairwise costs with both neighbours on the
+        path.
+        """
+        costs = list(self.unary)
+        for position, pairwise in enumerate(self.pairwise):
+            costs[position] = costs[position] + pairwise[:, path[position + 1]]
+            costs[position + 1] = costs[position + 1] + pairwise[path[position]]
+        return costs
+
+
+def viterbi(trellis: Trellis) -> IntArray:
+    """Return the cheapest path.
+
+    Ties go to the path with the lowest first index, then the lowest second, and so on. Time is
+    O(Σ n_p n_{p+1}) for n_p candidates at position p. The algorithm is that of Viterbi, IEEE Trans.
+    Information Theory 13 (1967), run from the last position to the first.
+
+    Examples
+    --------
+    >>> step = np.array([[0.0, 2.0], [2.0, 0.0]])
+    >>> viterbi(Trellis((np.array([0.0, 1.0]), np.array([3.0, 0.0])), (step,)))
+    array([1, 1])
+    """
+    if not len(trellis):
+        return np.zeros(0, np.int64)
+    to_end = [trellis.unary[-1]]
+    for unary, pairwise in zip(trellis.unary[-2::-1], trellis.pairwise[::-1], strict=True):
+        to_end.append(unary + (pairwise + to_end[-1]).min(axis=1))
+    to_end.reverse()
+    path = [int(to_end[0].argmin())]
+    for position, onward in enumerate(to_end[1:]):
+        path.append(int((trellis.pairwise_row(position, path[-1]) + onward).argmin()))
+    return np.array(path, np.int64)
+
+
+def k_best(trellis: Trellis, count: int) -> list[IntArray]:
+    """Return the `count` cheapest paths, in ascending order of cost; ties as in `viterbi`.
+
+    There are fewer if fewer paths have a finite cost. The algorithm is the list Viterbi algorithm,
+    in which every candidate keeps its `count` cheapest continuations (Seshadri and Sundberg, IEEE
+    Trans. Communications 42, 1994).
+
+    Examples
+    --------
+    >>> trellis = Trellis((np.array([0.0, 1.0]), np.array([0.0, 5.0])), (np.zeros((2, 2)),))
+    >>> [path.tolist() for path in k_best(trellis, 3)]
+    [[0, 0], [1, 0], [0, 1]]
+    """
+    if not len(trellis):
+        return [np.zeros(0, np.int64)] if count else []
+    # Row i of `to_end` holds the costs of the cheapest continuations of candidate i, ascending.
+    to_end = trellis.unary[-1][:, None]
+    links: list[tuple[IntArray, IntArray]] = []
+    for unary, pairwise in zip(trellis.unary[-2::-1], trellis.pairwise[::-1], strict=True):
+        width = to_end.shape[1]
+        through = (pairwise[:, :, None] + to_end).reshape(len(unary), -1)
+        order = np.argsort(through, axis=1, kind="stable")[:, :count]
+        links.append((order // width, order % width))
+        to_end = unary[:, None] + np.take_along_axis(through, order, axis=1)
+    width = to_end.shape[1]
+    order = np.argsort(to_end.ravel(), kind="stable")[:count]
+    paths = []
+    for start in order[np.isfinite(to_end.ravel()[order])].tolist():
+        index, rank = divmod(start, width)
+        path = [index]
+        for successors, ranks in reversed(links):
+            index, rank = int(successors[index, rank]), int(ranks[index, rank])
+            path.append(index)
+        paths.append(np.array(path, np.int64))
+    return paths
+
+
+def sample(trellis: Trellis, temperature: float, rng: np.random.Generator) -> IntArray:
+    """Draw a path with probability proportional to exp(-cost / temperature).
+
+    One random number is drawn per position. The method is forward filtering, backward sampling
+    (Carter and Kohn, Biometrika 81, 1994) with the directions exchanged: weights are summed from
+    the last position to the first, in logarithms, and the path is drawn from the first to the last.
+    """
+    if not len(trellis):
+        return np.zeros(0, np.int64)
+    if isinstance(trellis.pairwise, ComputedMatrices):
+        return _sample_stepwise(trellis, temperature, rng.random(len(trellis)))
+    counts = np.array([len(costs) for costs in trellis.unary])
+    pairwise = np.concatenate([np.zeros(0), *(costs.ravel() for costs in trellis.pairwise)])
+    draws = rng.random(len(trellis))
+    return _core.sample(counts, np.concatenate(trellis.unary), pairwise, temperature, draws)
+
+
+def _sample_stepwise(trellis: Trellis, temperature: float, draws: FloatArray) -> IntArray:
+    """Draw a path as the kernel does; only a block of the pairwise costs is in memory."""
+    weights = [-trellis.unary[-1] / temperature]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for unary, pairwise in zip(trellis.unary[-2::-1], trellis.pairwise[::-1], strict=True):
+            onward = weights[-1] - pairwise / temperature
+            top = onward.max(axis=1)
+            top = np.where(np.isfinite(top), top, 0.0)
+            sums = np.exp(onward - top[:, None]).sum(axis=1)
+            weights.append(-unary / temperature + (top + np.log(sums)))
+        path: list[int] = []
+        for position, (ends, draw) in enumerate(zip(reversed(weights), draws, strict=True)):
+            if position:
+                ends = ends - trellis.pairwise_row(position - 1, path[-1]) / temperature
+            sums = np.cumsum(np.exp(ends - ends.max()))
+            index = int(np.searchsorted(sums, draw * sums[-1], side="right"))
+            path.append(min(index, len(ends) - 1))
+    return np.array(path, np.int64)
+
+
+def diverse(
+    trellis: Trellis,
+    count: int,
+    charges: Callable[[IntArray], Sequence[FloatArray]],
+    captured: IntArray | None = None,
+) -> list[IntArray]:
+    """Return different paths; each is the cheapest after costs are added for the earlier ones.
+
+    `charges` returns the costs to add to the unary costs of all candidates after a path. The first
+    path is that of `viterbi`; only it may be `captured`. If the cheapest path is an earlier one,
+    the cheapest new path is returned instead. There are fewer than `count` paths if no new one
+    exists.
+
+    Examples
+    --------
+    >>> trellis = Trellis((np.array([0.0, 1.0]), np.array([0.0, 5.0])), (np.zeros((2, 2)),))
+    >>> [path.tolist() for path in diverse(trellis, 2, lambda path: 9.0 * np.eye(2)[path])]
+    [[0, 0], [1, 1]]
+    """
+    paths: list[IntArray] = []
+    seen: set[bytes] = set()
+    while len(paths) < count:
+        path = viterbi(trellis)
+        if path.tobytes() in seen:
+            # One more path than there are in `seen`, so at least one is new if any is left.
+            others = (p for p in k_best(trellis, len(seen) + 1) if p.tobytes() not in seen)
+            unseen = next(others, None)
+            if unseen is None:
+                break
+            path = unseen
+        paths.append(path)
+        seen |= {own.tobytes() for own in (path, captured) if own is not None}
+        trellis = trellis.add_unary(charges(path))
+    return paths
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,10 +340,8 @@ class DonorTrellis:
     def _flat(self) -> tuple[IntArray, IntArray]:
         """Where each position starts among all candidates, and the `_keys` of all candidates."""
         counts = np.array([len(own) for own in self.candidates], np.int64)
-        keys = self._keys(
-            np.repeat(np.arange(len(counts)), counts), np.concatenate(self.candidates)
-        )
-        return np.cumsum(counts) - counts, keys
+        positions = np.repeat(np.arange(len(counts)), counts)
+        return np.cumsum(counts) - counts, self._keys(positions, np.concatenate(self.candidates))
 
     @staticmethod
     def _keys(positions: IntArray, segments: IntArray) -> IntArray:

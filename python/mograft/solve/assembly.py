@@ -73,11 +73,10 @@ class Assembly:
     ) -> "Assembly":
         """Assemble donor sequences; `known` has the parts of groups that are known already."""
         parts = dict(known or {})
+        base, segments = problem.base, problem.base_segments
         for group, sequence in donors.items():
             if group not in parts:
-                parts[group] = transplant_group(
-                    problem, group, problem.base, problem.base_segments, sequence
-                )
+                parts[group] = transplant_group(problem, group, base, segments, sequence)
         motion = recombine(problem.base, [parts[group] for group in donors], name)
         return cls(problem, donors, motion, parts)
 
@@ -103,10 +102,10 @@ def pose_excess(problem: SearchProblem, poses: Poses) -> FloatArray:
 
     It is the sum over the grafted groups of max(0, greatest violation amount - 1).
     """
-    total = np.zeros(len(poses))
-    for joints in problem.driven_joints.values():
-        total += _joint_excess(problem, poses, joints)
-    return total
+    zeros = np.zeros(len(poses))
+    return sum(
+        (_joint_excess(problem, poses, own) for own in problem.driven_joints.values()), zeros
+    )
 
 
 def donor_excess(problem: SearchProblem, donors: DonorSequences) -> dict[str, FloatArray]:
@@ -137,11 +136,10 @@ def donor_excesses(
     frames = np.tile(np.arange(begin, end + 1), len(alternatives))
     poses = problem.base_poses.with_poses(frames, *motion.world_transforms())
     wanted = slice(int(segments.start[first]) - begin, int(segments.stop[stop - 1]) - begin + 1)
-    found = {}
-    for group in problem.pools:
-        own = _joint_excess(problem, poses, problem.driven_joints[group])
-        found[group] = own.reshape(len(alternatives), -1)[:, wanted]
-    return found
+    return {
+        group: _joint_excess(problem, poses, joints).reshape(len(alternatives), -1)[:, wanted]
+        for group, joints in problem.driven_joints.items()
+    }
 
 
 def _joint_excess(problem: SearchProblem, poses: Poses, joints: BoolArray) -> FloatArray:
@@ -155,16 +153,14 @@ def _joint_excess(problem: SearchProblem, poses: Poses, joints: BoolArray) -> Fl
 def assemble_excerpts(problem: SearchProblem, excerpts: Sequence[Excerpt]) -> Motion:
     """Assemble excerpts of donor sequences, and return their motions one after the other."""
     segments, base = problem.base_segments, problem.base
-    frames, starts, stops, n_frames = [], [], [], 0
-    for excerpt in excerpts:
-        own = segments[excerpt.first : excerpt.stop]
-        shift = n_frames - int(own.start[0])
-        starts.append(own.start + shift)
-        stops.append(own.stop + shift)
-        frames.append(np.arange(own.start[0], own.stop[-1] + 1))
-        n_frames += len(frames[-1])
-    joined = Segments(np.concatenate(starts), np.concatenate(stops))
-    kept = np.concatenate(frames)
+    cuts = [segments[own.first : own.stop] for own in excerpts]
+    frames = [np.arange(own.start[0], own.stop[-1] + 1) for own in cuts]
+    kept, begins = np.concatenate(frames), np.cumsum([0, *map(len, frames[:-1])])
+    pairs = [(own, begin - own.start[0]) for own, begin in zip(cuts, begins, strict=True)]
+    joined = Segments(
+        np.concatenate([own.start + shift for own, shift in pairs]),
+        np.concatenate([own.stop + shift for own, shift in pairs]),
+    )
     motion = replace(
         base, rotations=base.rotations[kept], positions=base.positions[kept], channel_values=None
     )

@@ -12,10 +12,8 @@ from mograft.search.constraints import Constraint
 from mograft.search.costs import ConstraintViolations, infeasible_costs, origin_violations
 from mograft.search.donor_choice import cost_model
 from mograft.search.donor_constraints import limit_config
-from mograft.solve.donor_poses import candidate_poses
-from mograft.solve.donor_trellis import pose_amounts
-from mograft.solve.search_problem import SearchProblem
-from mograft.solve.segment_references import used_donors
+from mograft.solve.donor_trellis import candidate_poses, pose_amounts
+from mograft.solve.search_problem import SearchProblem, used_donors
 
 
 def candidates(

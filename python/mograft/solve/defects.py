@@ -13,12 +13,15 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.high_percentile import HighPercentile
 from mograft._util.memo import remember
 from mograft._util.runs import dilate
-from mograft.body.anatomy import feature_joints
+from mograft.body.anatomy import anatomy, feature_joints
+from mograft.body.contacts import Ground
 from mograft.body.derivatives import greatest_derivatives, world_jerk
 from mograft.body.mass import mass_model
+from mograft.motion import rotations
 from mograft.motion.motion import Motion
+from mograft.motion.segments import Segments
+from mograft.motion.skeleton import Skeleton
 from mograft.solve.assembly import Excerpt
-from mograft.solve.floor_points import FloorPoints
 from mograft.solve.search_problem import SearchProblem
 
 MEASURES = ("seam acceleration", "seam jerk", "world jerk", "floor depth")
@@ -69,58 +72,52 @@ class DefectMeasure:
         """Return the amounts at each position of each excerpt, shape (n_positions, 4).
 
         `motion` is the result of `assemble_excerpts`; the columns are `MEASURES`. The amounts at a
-        seam count for the positions on both sides.
+        seam count for the positions on both sides. The others are 0 unless the position or one next
+        to it has a substitution.
         """
-        segments = self.problem.base_segments
-        begins = [int(segments.start[own.first]) for own in excerpts]
-        lengths = [
-            int(segments.stop[own.stop - 1]) + 1 - begin
-            for own, begin in zip(excerpts, begins, strict=True)
-        ]
-        shifts = np.cumsum([0, *lengths[:-1]]) - begins
-        seams = self._seam_amounts(motion, excerpts, shifts.tolist())
-        jerks = self._jerk_amounts(motion, excerpts, shifts.tolist())
-        depths = self._depth_amounts(motion, excerpts, shifts.tolist())
-        return [
-            np.column_stack([*own[0], *own[1:]]) for own in zip(seams, jerks, depths, strict=True)
-        ]
+        peaks = greatest_derivatives(motion, self._joints, self._step)
+        depths, found, n_frames = self._floor_points.depths(motion), [], 0
+        for excerpt in excerpts:
+            positions = slice(excerpt.first, excerpt.stop)
+            cut, donors = self.problem.base_segments[positions], excerpt.donors_of(self.group)
+            first, last = int(cut.start[0]), int(cut.stop[-1])
+            # Frame f of the base is frame f + shift of `motion`.
+            shift, n_frames = n_frames - first, n_frames + last - first + 1
+            is_changed = donors != self.problem.scenario[positions]
+            is_near = dilate(is_changed)
+            seams = self._seam_amounts(cut, donors, is_changed, peaks, shift)
+            jerks = self._jerk_amounts(motion, cut, donors, is_near, shift)
+            ratios = depths[first + shift : last + 1 + shift] / self._depth_limits(first, last + 1)
+            deepest = np.maximum.reduceat(ratios.max(axis=1, initial=0.0), cut.start - first)
+            found.append(np.column_stack([*seams, jerks, np.where(is_near, deepest, 0.0)]))
+        return found
 
     def _seam_amounts(
-        self, motion: Motion, excerpts: Sequence[Excerpt], shifts: Sequence[int]
-    ) -> list[FloatArray]:
-        """Return the measures at seams, divided by their limits, (2, n_positions) for each excerpt.
+        self,
+        cut: Segments,
+        donors: IntArray,
+        is_changed: BoolArray,
+        peaks: tuple[FloatArray, FloatArray],
+        shift: int,
+    ) -> FloatArray:
+        """Return acceleration and jerk at seams, divided by their limits, (2, n_positions).
 
-        The rows are acceleration and jerk. Each seam counts for the positions on both sides.
-        `shifts` has one entry for each excerpt: frame f of the base is frame f + shift of `motion`.
+        `peaks` are those of the new motion. A seam is where a donor before or after it is not the
+        base segment.
         """
-        cut, base = self.problem.base_segments, self.problem.base
-        peaks = greatest_derivatives(motion, self._joints, self._step)
-        amounts = []
-        for excerpt, shift in zip(excerpts, shifts, strict=True):
-            positions = self._seams(excerpt)
-            frames = cut.stop[positions]
-            first, last = int(cut.start[excerpt.first]), int(cut.stop[excerpt.stop - 1])
-            peak = self._peaks_about(frames + shift, peaks, first + shift, last + shift)
-            reference = self._clip_peaks(base, frames)
-            # Most seams are within the limit by the base alone.
-            above = (peak > MAX_SEAM_RATIO * reference).any(axis=0)
-            known = self._donor_peaks(excerpt.donors[self.group], positions[above])
-            reference[:, above] = np.maximum(reference[:, above], known)
-            ratios = peak / np.maximum(reference, _LEAST) / MAX_SEAM_RATIO
-            own, before = np.zeros((2, excerpt.stop - excerpt.first)), positions - excerpt.first
-            own[:, before] = ratios
-            own[:, before + 1] = np.maximum(own[:, before + 1], ratios)
-            amounts.append(own)
+        before = np.flatnonzero(is_changed[:-1] | is_changed[1:])
+        frames, ends = cut.stop[before], (int(cut.start[0]) + shift, int(cut.stop[-1]) + shift)
+        peak = self._peaks_about(frames + shift, peaks, *ends)
+        reference = self._clip_peaks(self.problem.base, frames)
+        # Most seams are within the limit by the base alone.
+        above = (peak > MAX_SEAM_RATIO * reference).any(axis=0)
+        known = self._donor_peaks(donors[before[above]], donors[before[above] + 1])
+        reference[:, above] = np.maximum(reference[:, above], known)
+        ratios = peak / np.maximum(reference, _LEAST) / MAX_SEAM_RATIO
+        amounts = np.zeros((2, len(cut)))
+        amounts[:, before] = ratios
+        amounts[:, before + 1] = np.maximum(amounts[:, before + 1], ratios)
         return amounts
-
-    def _seams(self, excerpt: Excerpt) -> IntArray:
-        """Return the positions before seams: at p or p + 1 the donor is not the base segment."""
-        is_changed = self._is_changed(excerpt)
-        return excerpt.first + np.flatnonzero(is_changed[:-1] | is_changed[1:])
-
-    def _is_changed(self, excerpt: Excerpt) -> BoolArray:
-        captured = self.problem.scenario[excerpt.first : excerpt.stop]
-        return excerpt.donors_of(self.group) != captured
 
     def _peaks_about(
         self, frames: IntArray, derivatives: tuple[FloatArray, FloatArray], first: int, last: int
@@ -129,7 +126,8 @@ class DefectMeasure:
 
         Only frames from `first` to `last` count.
         """
-        around = frames[:, None] + np.arange(-self._half_width, self._half_width + 1)
+        half_width = max(round(_SEAM_SECONDS * self.problem.base.rate), 1)
+        around = frames[:, None] + np.arange(-half_width, half_width + 1)
         found = []
         # A second difference reaches one step to both sides, a third one step further.
         for values, reach in zip(derivatives, (1, 2), strict=True):
@@ -144,20 +142,16 @@ class DefectMeasure:
         Near means within `_SEAM_SECONDS`.
         """
         joints, step = self._joints, self._step
-        derivatives = remember(
-            clip,
-            ("derivatives", joints.tobytes(), step),
-            lambda: greatest_derivatives(clip, joints, step),
-        )
+        key = ("derivatives", joints.tobytes(), step)
+        derivatives = remember(clip, key, lambda: greatest_derivatives(clip, joints, step))
         return self._peaks_about(frames, derivatives, 0, clip.n_frames - 1)
 
-    def _donor_peaks(self, donors: IntArray, positions: IntArray) -> FloatArray:
+    def _donor_peaks(self, left: IntArray, right: IntArray) -> FloatArray:
         """Return the greatest acceleration and jerk near seams in the clips of both donors, (2, n).
 
-        `positions` are those before the seams.
+        `left` are the donors before the seams, `right` those after them.
         """
         library, segments = self.problem.library, self.problem.library.segments
-        left, right = donors[positions], donors[positions + 1]
         clips = segments.clip[np.concatenate([left, right])]
         frames = np.concatenate([segments.stop[left], segments.start[right]])
         peaks = np.zeros((2, len(frames)))
@@ -167,71 +161,43 @@ class DefectMeasure:
         return np.maximum(*np.split(peaks, 2, axis=1))
 
     def _jerk_amounts(
-        self, motion: Motion, excerpts: Sequence[Excerpt], shifts: Sequence[int]
-    ) -> list[FloatArray]:
-        """Return, for each excerpt, the greatest ratio of world jerk to its limit in each segment.
-
-        The ratio is 0 in segments that are neither exchanged nor next to an exchanged segment.
-        """
-        cut, step = self.problem.base_segments, self._step
-        found = []
-        for excerpt, shift in zip(excerpts, shifts, strict=True):
-            begin, stop = int(cut.start[excerpt.first]), int(cut.stop[excerpt.stop - 1]) + 1
-            bounds = np.append(cut.start[excerpt.first : excerpt.stop], stop)
-            is_near = dilate(self._is_changed(excerpt))
-            amounts = np.zeros(len(is_near))
-            # In blocks, because the jerk and the limits of all frames take much memory.
-            for first in range(0, len(is_near), _POSITIONS_PER_BLOCK):
-                block = slice(first, first + _POSITIONS_PER_BLOCK)
-                own = bounds[first : first + _POSITIONS_PER_BLOCK + 1]
-                jerk = self._jerk_between(motion, int(own[0]) + shift, int(own[-1]) + shift)
-                # A third difference reaches from one step before to two behind.
-                jerk[: max(begin + step - int(own[0]), 0)] = 0.0
-                jerk[max(max(stop - 2 * step, begin + step) - int(own[0]), 0) :] = 0.0
-                amounts[block] = self._jerk_ratios(jerk, own, is_near[block], excerpt)
-            found.append(amounts)
-        return found
-
-    def _jerk_between(self, motion: Motion, start: int, stop: int) -> FloatArray:
-        """Return the world jerk of the measured joints in some frames of a motion."""
-        first = max(start - self._step, 0)
-        near = motion[first : stop + 2 * self._step]
-        return world_jerk(near, self._driven_joints, self._step)[start - first : stop - first]
-
-    def _jerk_ratios(
-        self, jerk: FloatArray, bounds: IntArray, is_near: BoolArray, excerpt: Excerpt
+        self, motion: Motion, cut: Segments, donors: IntArray, is_near: BoolArray, shift: int
     ) -> FloatArray:
-        """Return the greatest ratio of world jerk to its limit at successive positions.
+        """Return the greatest ratio of world jerk to its limit at each position."""
+        begin, stop, step = int(cut.start[0]), int(cut.stop[-1]) + 1, self._step
+        bounds, amounts = np.append(cut.start, stop), np.zeros(len(cut))
+        # In blocks, because the jerk and the limits of all frames take much memory.
+        for start in range(0, len(cut), _POSITIONS_PER_BLOCK):
+            own = bounds[start : start + _POSITIONS_PER_BLOCK + 1]
+            first, end = int(own[0]), int(own[-1])
+            low = max(first + shift - step, 0)
+            jerk = world_jerk(motion[low : end + shift + 2 * step], self._driven_joints, step)
+            jerk = jerk[first + shift - low : end + shift - low]
+            # A third difference reaches from one step before to two behind.
+            jerk[: max(begin + step - first, 0)] = 0.0
+            jerk[max(max(stop - 2 * step, begin + step) - first, 0) :] = 0.0
+            limits, starts = self._jerk_limits(first, end), own[:-1] - first
+            block = slice(start, start + len(starts))
+            amounts[block] = _greatest_ratios(jerk, limits, starts) * is_near[block]
+            # Most positions are within the limits by the base alone.
+            for position in (start + np.flatnonzero(amounts[block] > 1.0)).tolist():
+                frames = slice(int(cut.start[position]) - first, int(cut.stop[position]) - first)
+                joints = np.flatnonzero((jerk[frames] > limits[frames]).any(axis=0))
+                near = donors[max(position - 1, 0) : position + 2]
+                known = self._donor_jerk_limits(near, joints)
+                limits[frames, joints] = np.maximum(limits[frames, joints], known)
+            amounts[block] = _greatest_ratios(jerk, limits, starts) * is_near[block]
+        return amounts
 
-        `bounds` has the first frames of the positions in the base, and the frame after the last
-        position; `jerk` is the world jerk in these frames. The result is 0 unless `is_near`.
-        """
-        cut, begin = self.problem.base_segments, int(bounds[0])
-        limits = self._jerk_limits(slice(begin, int(bounds[-1])))
+    def _donor_jerk_limits(self, donors: IntArray, joints: IntArray) -> FloatArray:
+        """Return the limits of world jerk that follow from the clips of some donors.
 
-        def greatest() -> FloatArray:
-            ratios = (jerk / limits).max(axis=1, initial=0.0)
-            return np.where(is_near, np.maximum.reduceat(ratios, bounds[:-1] - begin), 0.0)
-
-        # Most positions are within the limits by the base alone.
-        for start in bounds[:-1][greatest() > 1.0].tolist():
-            position = int(np.searchsorted(cut.start, start))
-            frames = slice(start - begin, int(cut.stop[position]) - begin)
-            joints = np.flatnonzero((jerk[frames] > limits[frames]).any(axis=0))
-            known = self._donor_jerk_limits(excerpt, position, joints)
-            limits[frames, joints] = np.maximum(limits[frames, joints], known)
-        return greatest()
-
-    def _donor_jerk_limits(self, excerpt: Excerpt, position: int, joints: IntArray) -> FloatArray:
-        """Return the limits of world jerk that follow from the donors at and next to a position.
-
-        They are those of the donors' clips. `joints` are indices into the joints whose jerk is
-        measured; the result has one limit for each.
+        `joints` are indices into the joints whose jerk is measured; the result has one limit for
+        each.
         """
         library, step = self.problem.library, self._step
-        about = slice(max(position - 1, excerpt.first), min(position + 2, excerpt.stop))
         limits = np.zeros(len(joints))
-        for donor in np.unique(excerpt.donors[self.group][about]).tolist():
+        for donor in np.unique(donors).tolist():
             segment = library.segments[donor : donor + 1]
             percentile = self._jerk_percentile(library.clips[int(segment.clip[0])])
             # A third difference reaches from one step before to two behind.
@@ -252,38 +218,10 @@ class DefectMeasure:
         key = ("high jerk", self._driven_joints.tobytes(), self._step)
         return remember(clip, key, lambda: HighPercentile(self._clip_jerk(clip), _PERCENTILE))
 
-    def _depth_amounts(
-        self, motion: Motion, excerpts: Sequence[Excerpt], shifts: Sequence[int]
-    ) -> list[FloatArray]:
-        """Return the amounts of floor depth by excerpt; 0 unless at or next to a substitution."""
-        if not len(self._floor_points.joints):
-            return [np.zeros(own.stop - own.first) for own in excerpts]
-        cut, depths = self.problem.base_segments, self._floor_points.depths(motion)
-        found = []
-        for excerpt, shift in zip(excerpts, shifts, strict=True):
-            begin, end = int(cut.start[excerpt.first]), int(cut.stop[excerpt.stop - 1]) + 1
-            ratios = depths[begin + shift : end + shift] / self._depth_limits(slice(begin, end))
-            amounts = ratios.max(axis=1).clip(min=0.0)
-            found.append(self._greatest_at_positions(amounts, excerpt))
-        return found
-
-    def _greatest_at_positions(self, amounts: FloatArray, excerpt: Excerpt) -> FloatArray:
-        """Return for each position the greatest of `amounts`, one per frame of the excerpt.
-
-        The result is 0 unless the position or one next to it has a substitution.
-        """
-        starts = self.problem.base_segments.start[excerpt.first : excerpt.stop]
-        greatest = np.maximum.reduceat(amounts, starts - starts[0])
-        return np.where(dilate(self._is_changed(excerpt)), greatest, 0.0)
-
     @cached_property
     def _step(self) -> int:
         """The distance in frames of the values whose differences are the derivatives."""
         return max(round(_STEP_SECONDS * self.problem.base.rate), 1)
-
-    @cached_property
-    def _half_width(self) -> int:
-        return max(round(_SEAM_SECONDS * self.problem.base.rate), 1)
 
     @cached_property
     def _joints(self) -> IntArray:
@@ -298,7 +236,12 @@ class DefectMeasure:
         driven = np.flatnonzero(self.problem.driven_joints[self.group])
         return feature_joints(self.problem.base.skeleton, driven)
 
-    def _jerk_limits(self, frames: slice) -> FloatArray:
+    @cached_property
+    def _floor_points(self) -> "FloorPoints":
+        """The points whose depth is measured."""
+        return FloorPoints.of_group(self.problem, self.group)
+
+    def _jerk_limits(self, start: int, stop: int) -> FloatArray:
         """Return the limits of world jerk that follow from the base, shape (n_frames, n_joints).
 
         The limit in a frame is the world jerk of the base, or the limit of the joint if that is
@@ -310,14 +253,9 @@ class DefectMeasure:
         percentiles = remember(base, key, lambda: np.percentile(jerk, _PERCENTILE, axis=0))
         least = _LEAST * mass_model(base.skeleton).height
         limits: FloatArray = np.maximum(MAX_JERK_RATIO * percentiles, least)
-        return np.maximum(limits, jerk[frames])
+        return np.maximum(limits, jerk[start:stop])
 
-    @cached_property
-    def _floor_points(self) -> FloorPoints:
-        """The points whose depth is measured."""
-        return FloorPoints.of_group(self.problem, self.group)
-
-    def _depth_limits(self, frames: slice) -> FloatArray:
+    def _depth_limits(self, start: int, stop: int) -> FloatArray:
         """Return the limits of depth that follow from the base, shape (n_frames, n_points).
 
         The limit in a frame is the depth in the base, or the limit of the point if that is greater.
@@ -332,4 +270,73 @@ class DefectMeasure:
         depths, percentiles = remember(base, key, compute)
         added = MAX_ADDED_DEPTH * mass_model(base.skeleton).height
         limits: FloatArray = np.maximum(percentiles, 0.0) + added
-        return np.maximum(limits, depths[frames])
+        return np.maximum(limits, depths[start:stop])
+
+
+def _greatest_ratios(values: FloatArray, limits: FloatArray, starts: IntArray) -> FloatArray:
+    """Return the greatest ratio of values to their limits from each of `starts` to the next."""
+    return np.maximum.reduceat((values / limits).max(axis=1, initial=0.0), starts)
+
+
+@dataclass(frozen=True, eq=False)
+class FloorPoints:
+    """Heels, toes, wrists and ends of hands, each with the height of the floor below it."""
+
+    joints: IntArray  # the joint to which each point is fixed, shape (n_points,)
+    offsets: FloatArray  # from that joint, in its local axes, (n_points, 3)
+    floors: FloatArray  # along `up`, (n_points,)
+    up: FloatArray  # unit vector
+
+    @classmethod
+    def of_group(cls, problem: SearchProblem, group: str) -> "FloorPoints":
+        """Return the points that the group moves; empty if the skeleton has no known leg.
+
+        Feet that `plant_feet` raises above the floor afterwards are not among them. The floors are
+        those of `Ground`; below a hand, the lowest of them.
+        """
+        base = problem.base
+        skeleton, ground = base.skeleton, remember(base, "ground", lambda: Ground.of(base))
+        points: list[tuple[int, tuple[float, ...], float]] = []  # joint, offset, floor
+        legs = zip(ground.limbs, problem.movable_legs, ground.floors.tolist(), strict=True)
+        for leg, is_movable, (heel, tip) in legs:
+            if problem.config.feet == "never" or not is_movable:
+                toe = leg.ankle if leg.toe is None else leg.toe
+                points += [(leg.ankle, (0.0, 0.0, 0.0), heel), (toe, leg.tip, tip)]
+        for hand in _hands(skeleton, ground) if ground.limbs else []:
+            for offset in ((0.0, 0.0, 0.0), tuple(mass_model(skeleton).bone[hand].tolist())):
+                points.append((hand, offset, float(ground.floors.min())))
+        members = set(problem.library.joints(group).tolist())
+        points = [
+            own for own in points if not members.isdisjoint([own[0], *skeleton.ancestors(own[0])])
+        ]
+        return cls(
+            np.array([joint for joint, _, _ in points], np.int64),
+            np.array([offset for _, offset, _ in points]).reshape(-1, 3),
+            np.array([floor for _, _, floor in points]),
+            ground.up,
+        )
+
+    def depths(self, motion: Motion) -> FloatArray:
+        """Return the depth of each point below the floor, shape (n_frames, n_points).
+
+        It is in the unit of the file, and negative above the floor.
+        """
+        if not len(self.joints):
+            return np.zeros((motion.n_frames, 0))
+        depths = np.empty((motion.n_frames, len(self.joints)))
+        for frames, quats, positions in motion.world_blocks():
+            arms = rotations.rotate(quats[:, self.joints], self.offsets)
+            depths[frames] = self.floors - (positions[:, self.joints] + arms) @ self.up
+        return depths
+
+
+def _hands(skeleton: Skeleton, ground: Ground) -> list[int]:
+    """Return the first joint of each hand that is not the foot of a foreleg."""
+    known, feet = anatomy(skeleton), {leg.ankle for leg in ground.limbs}
+    return [
+        joint
+        for joint in known.joints("hand")
+        if joint not in known.details
+        and joint not in feet
+        and known.parts[skeleton.parents[joint]] != "hand"
+    ]

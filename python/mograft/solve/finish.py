@@ -1,34 +1,35 @@
-"""The last steps of a graft: feet are planted, and limbs brought to the targets of `Reach`."""
+"""The last steps of a graft: planted feet, limbs at the targets of `Reach`, and violations."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray
+from mograft._util.arrays import BoolArray, IntArray
 from mograft.blend.foot_planting import FeetReport, plant_feet
 from mograft.blend.reach_completion import ReachCompletion, ReachLimits, complete_reaches
 from mograft.body.anatomy import find_limb
 from mograft.body.contacts import detect_contacts, find_legs
+from mograft.body.world_poses import Poses
+from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.scenario.realize import donor_contacts
-from mograft.search.constraints import Constraint, overlaps
-from mograft.search.costs import excess
-from mograft.search.donor_constraints import KeepOriginal
-from mograft.search.pose_constraints import Reach
+from mograft.search.constraints import (
+    Constraint,
+    Violation,
+    build_violation,
+    find_violations,
+    overlaps,
+)
+from mograft.search.costs import excess, origin_violations
+from mograft.search.donor_constraints import KeepOriginal, OnlyFrom, find_seam_violations
+from mograft.search.pose_constraints import Avoid, Face, KeepOut, Reach
 from mograft.search.trellis import DonorSequences
-from mograft.solve.search_problem import SearchProblem
+from mograft.solve.search_problem import SearchProblem, driven_joints
 
 _MAX_INCREASE = 1e-6  # tolerances; a smaller increase of a violation is rounding
-
-
-@dataclass(frozen=True, eq=False)
-class FinishedMotion:
-    """A motion with planted feet and completed reaches, and what was changed."""
-
-    motion: Motion
-    feet: FeetReport | None  # None if no foot was planted
-    completions: tuple[ReachCompletion, ...]
+_KINDS_OF_SINGLE_JOINTS = (Avoid, Face, KeepOut, Reach)
+"""Constraints whose errors are those of single joints; others, such as `AvoidSelf`, relate two."""
 
 
 def finish_motion(
@@ -36,8 +37,11 @@ def finish_motion(
     motion: Motion,
     donors: DonorSequences,
     reaches: Sequence[Reach] | None = None,
-) -> FinishedMotion:
+) -> tuple[Motion, FeetReport | None, tuple[ReachCompletion, ...]]:
     """Plant the feet of an assembled motion, and bring limbs to the targets of `reaches`.
+
+    Return the motion, a report on the feet, which is None if no foot was planted, and the changes
+    of limbs.
 
     By default `reaches` are those among the constraints, except those of weight 0 and instances of
     subclasses, which provenance cannot restore.
@@ -46,7 +50,7 @@ def finish_motion(
     if reaches is None:
         reaches = [own for own in problem.constraints if type(own) is Reach and own.weight != 0]
     finished, completions = _finish_reaches(problem, planted, reaches)
-    return FinishedMotion(finished, feet, completions)
+    return finished, feet, completions
 
 
 def _plant_feet(
@@ -63,10 +67,9 @@ def _plant_feet(
         return motion, None
     legs = find_legs(skeleton)
     donors_of = {
-        int(joint): sequence
+        joint: sequence
         for group, sequence in donors.items()
-        for joint in library.joints(group)
-        if joint not in problem.divided_channels[group]
+        for joint in problem.whole_joints[group].tolist()
     }
     exchanged = {
         joint for joint, sequence in donors_of.items() if (sequence != problem.scenario).any()
@@ -79,7 +82,6 @@ def _plant_feet(
     contacts, heights = donor_contacts(library, problem.base_segments, sources)
     return plant_feet(
         motion,
-        # Contacts of the donors' feet, and contacts detected in the new motion.
         contacts | detect_contacts(motion),
         movable_legs=problem.movable_legs,
         move_root=library.root in donors_of,
@@ -99,10 +101,12 @@ def _finish_reaches(
     config = problem.config
     if not reaches or not config.reach_ik:
         return motion, ()
+    is_exchanged = np.zeros(problem.base.n_joints, bool)
+    is_exchanged[np.concatenate(list(problem.whole_joints.values()))] = True
     limits = ReachLimits(
         distance=config.reach_ik,
         n_blend=max(round(config.seam_blend * motion.rate), 1),
-        is_movable=_exchanged_joints(problem),
+        is_movable=is_exchanged,
         is_kept=_kept_frames(problem),
     )
     if not _other_constraints(problem):
@@ -123,15 +127,6 @@ def _finish_reaches(
                 accepted.append(reach)
         completions.append(completion)
     return finished, tuple(completions)
-
-
-def _exchanged_joints(problem: SearchProblem) -> BoolArray:
-    """Return whether each joint is in a grafted group with all its channels, (n_joints,)."""
-    is_exchanged = np.zeros(problem.base.n_joints, bool)
-    for group in problem.pools:
-        joints = problem.library.joints(group)
-        is_exchanged[np.setdiff1d(joints, list(problem.divided_channels[group]))] = True
-    return is_exchanged
 
 
 def _kept_frames(problem: SearchProblem) -> BoolArray:
@@ -165,14 +160,88 @@ def _broken_constraint(
     # A curve between two corrections of one limb has less than `2 * n_blend` frames.
     margin = 2 * n_blend
     frames = np.arange(max(first - margin, 0), min(last + margin + 1, after.n_frames))
-    poses = [
-        problem.base_poses.with_poses(
-            frames, *motion[frames[0] : frames[-1] + 1].world_transforms()
-        )
-        for motion in (before, after)
-    ]
+    cuts = (motion[frames[0] : frames[-1] + 1].world_transforms() for motion in (before, after))
+    poses = [problem.base_poses.with_poses(frames, *own) for own in cuts]
     for constraint in _other_constraints(problem):
         old, new = (excess(constraint.errors(own, joints)[0]) for own in poses)
         if (new > old + _MAX_INCREASE).any():
             return type(constraint).__name__
     return ""
+
+
+def find_motion_violations(
+    problem: SearchProblem, motion: Motion, donors: DonorSequences
+) -> list[Violation]:
+    """Return the violations of hard constraints by a finished motion and its donors."""
+    if not problem.constraints:
+        return []
+    found = find_violations(problem.constraints, problem.poses_of(motion))
+    found += find_donor_violations(problem, donors)
+    seam_frames = problem.base_segments.stop[:-1].tolist()
+    for constraint in problem.constraints:
+        for group, sequence in donors.items():
+            angles = problem.pools[group].seam_angles_along(sequence).tolist()
+            found += find_seam_violations([constraint], group, seam_frames, angles)
+    return found
+
+
+def find_donor_violations(problem: SearchProblem, donors: DonorSequences) -> list[Violation]:
+    """Return the violations of hard constraints on donors, by constraint, group and position.
+
+    A donor that a constraint excludes is a violation, and so is an `OnlyFrom` constraint that no
+    candidate satisfies.
+    """
+    found: list[Violation] = []
+    for constraint in problem.constraints:
+        if constraint.is_hard:
+            for group, sequence in donors.items():
+                found += _excluded_donors(problem, constraint, group, sequence)
+            if isinstance(constraint, OnlyFrom):
+                found += _unsatisfiable(problem, constraint)
+    return found
+
+
+def _excluded_donors(
+    problem: SearchProblem, constraint: Constraint, group: str, sequence: IntArray
+) -> Iterator[Violation]:
+    """Yield one violation for each position whose donor is excluded by the constraint."""
+    segments, frames = problem.library.segments, problem.base_segments
+    base, clips = segments[problem.scenario], problem.library.entries
+    (amounts,) = origin_violations([constraint], group, base, segments[sequence], frames, clips)
+    for position in np.flatnonzero(amounts > 1.0).tolist():
+        span, amount = (
+            (int(frames.start[position]), int(frames.stop[position])),
+            float(amounts[position]),
+        )
+        description = constraint.describe_error(amount, problem.base_poses.height)
+        description += f"; no donor of {group} satisfies all constraints"
+        yield build_violation(constraint, span, amount, description)
+
+
+def _unsatisfiable(problem: SearchProblem, constraint: OnlyFrom) -> Iterator[Violation]:
+    """Yield one violation if no candidate at any position is from the clips of `constraint`."""
+    library, frames = problem.library, problem.base_segments
+    positions = np.flatnonzero(overlaps(frames, constraint.frames)).tolist()
+    lists = [own[position] for own in problem.candidates.values() for position in positions]
+    if not lists:
+        return
+    if not constraint.selects(library.segments[np.concatenate(lists)], library.entries).any():
+        span = (int(frames.start[positions[0]]), int(frames.stop[positions[-1]]))
+        description = f"no candidate is from {constraint.describe_selection()}"
+        yield build_violation(constraint, span, 2.0, description)
+
+
+def find_kept_violations(
+    library: Library, base: Motion, groups: Sequence[str], constraints: Sequence[Constraint]
+) -> list[Violation]:
+    """Return the violations of hard constraints on single joints by joints that no donor moves.
+
+    `groups` are the grafted groups. If one of them contains the root, donors move every joint, and
+    the list is empty.
+    """
+    hard = [own for own in constraints if own.is_hard and isinstance(own, _KINDS_OF_SINGLE_JOINTS)]
+    members = {group: library.joints(group) for group in groups}
+    if not hard or any(library.root in joints for joints in members.values()):
+        return []
+    moved = np.any(list(driven_joints(library.skeleton, members).values()), axis=0)
+    return find_violations(hard, Poses.from_motion(base), ~moved)

@@ -6,26 +6,24 @@ from functools import cached_property
 
 import numpy as np
 
-from mograft._util.arrays import IntArray
+from mograft._util.arrays import IntArray, as_indices
 from mograft._util.memory import reuse_freed_arrays
 from mograft.config import Config
+from mograft.errors import suggest_name
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.scenario import Scenario
+from mograft.scenario.realize import realize_scenario
 from mograft.search.constraints import Constraint, Violation
 from mograft.search.donor_choice import DONOR_CHOICES, unique_sequences
 from mograft.search.segment_pool import SegmentPool
-from mograft.search.trellis import DonorSequences, DonorTrellis
-from mograft.search.viterbi import viterbi
+from mograft.search.trellis import DonorSequences, DonorTrellis, viterbi
 from mograft.solve.assembly import Assembly
-from mograft.solve.base import GraftBase, grafted_groups
-from mograft.solve.donor_repair import repair_donors
+from mograft.solve.donor_repair import repair_donors, tabu_search
 from mograft.solve.donor_trellis import build_trellis, candidate_violations
-from mograft.solve.finish import finish_motion
-from mograft.solve.root_tabu_search import tabu_search
+from mograft.solve.finish import find_motion_violations, finish_motion
 from mograft.solve.search_problem import SearchProblem
 from mograft.solve.self_repair import RepairedWindow, self_repair
-from mograft.solve.violations import find_motion_violations
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +48,19 @@ class GraftPlan:
         """
         reuse_freed_arrays()
         groups = grafted_groups(library, swap)
-        own = GraftBase.find(library, base, scenario)
-        problem = SearchProblem.build(
-            own.library, own.motion, own.indices, own.segments, groups, constraints
-        )
-        return cls(problem, own.scenario)
+        own = None if scenario is None else _as_scenario(scenario, library)
+        if own is not None:
+            if base is not None:
+                raise ValueError(
+                    "`base` must not be given together with `scenario`, which replaces it"
+                )
+            indices, (motion, segments) = own.segments, realize_scenario(library, own)
+        else:
+            library, clip = (library, base) if isinstance(base, int) else library.resolve_base(base)
+            indices = library.segments.of_clip(clip)
+            motion, segments = library.clips[clip], library.segments[indices]
+        problem = SearchProblem.build(library, motion, indices, segments, groups, constraints)
+        return cls(problem, own)
 
     @property
     def config(self) -> Config:
@@ -118,8 +124,40 @@ class GraftPlan:
         return assembly, []
 
     def _finish(self, motion: Motion, donors: DonorSequences) -> Motion:
-        return finish_motion(self.problem, motion, donors).motion
+        return finish_motion(self.problem, motion, donors)[0]
 
     def _violations(self, assembly: Assembly) -> list[Violation]:
         motion = self._finish(assembly.motion, assembly.donors)
         return find_motion_violations(self.problem, motion, assembly.donors)
+
+
+def grafted_groups(library: Library, swap: Sequence[str] | None) -> list[str]:
+    """Return the groups to graft, in the library's order; None means all but the base group."""
+    base = library.groups.base
+    others = [name for name in library.groups.names if name != base]
+    if isinstance(swap, str):
+        raise TypeError(f"`swap` must be a list of groups, got {swap!r}")
+    wanted = others if swap is None else list(swap)
+    for name in wanted:
+        if name not in others:
+            raise ValueError(
+                f"`swap` must name groups other than the base group {base!r}, got {name!r}: "
+                f"choose from {', '.join(others)}{suggest_name(name, others)}"
+            )
+    if not wanted:
+        raise ValueError(f"`swap` must name at least one of {', '.join(others)}; got none")
+    return [name for name in others if name in wanted]
+
+
+def _as_scenario(scenario: Sequence[int] | IntArray | Scenario, library: Library) -> Scenario:
+    """Convert a sequence of segments to a `Scenario`, and check that all segments exist."""
+    if not isinstance(scenario, Scenario):
+        indices = as_indices("scenario", scenario, ("n",))
+        if not len(indices):
+            raise ValueError("`scenario` must contain at least one segment, got none")
+        scenario = Scenario(indices)
+    n = len(library.segments)
+    wrong = scenario.segments[(scenario.segments < 0) | (scenario.segments >= n)]
+    if len(wrong):
+        raise ValueError(f"`scenario` must contain only segments 0 to {n - 1}, got {wrong[0]}")
+    return scenario

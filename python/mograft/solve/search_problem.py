@@ -13,19 +13,21 @@ from mograft.body.anatomy import feature_joints
 from mograft.body.contacts import find_legs
 from mograft.body.world_poses import Poses
 from mograft.config import Config
+from mograft.errors import join_names, suggest_name
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.motion.skeleton import Skeleton
 from mograft.scenario.realize import joints_of_donors
-from mograft.search.constraints import Constraint
+from mograft.search.constraints import Constraint, Span, overlaps
 from mograft.search.costs import ConstraintViolations, CostModel, origin_violations
 from mograft.search.donor_choice import DONOR_CHOICES, cost_model
-from mograft.search.donor_constraints import limit_config
+from mograft.search.donor_constraints import Ban, DonorReference, Use, limit_config
 from mograft.search.pose_constraints import with_captured_depth
 from mograft.search.segment_pool import SegmentPool
 from mograft.search.trellis import DonorSequences
-from mograft.solve.segment_references import check_groups, resolve_segments, used_donors
+
+_N_NEAREST = 3  # segments that a message suggests
 
 
 def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
@@ -55,31 +57,101 @@ def check_frames(constraints: Sequence[Constraint], base: Motion) -> None:
             )
 
 
-def _checked_constraints(constraints: Sequence[Constraint], base: Motion) -> list[Constraint]:
-    """Check constraints on a base motion, and return them.
-
-    If `AvoidSelf.captured` is 0, it is set to the largest depth of self-collision in `base`.
-    """
-    poses = Poses.from_motion(base)
-    check_constraints(constraints, poses)
-    check_frames(constraints, base)
-    return with_captured_depth(constraints, poses)
-
-
-def _with_used_donors(
-    candidates: Sequence[IntArray],
+def resolve_segments(
     constraints: Sequence[Constraint],
+    groups: Sequence[str],
     base_segments: Segments,
     library: Library,
-) -> Sequence[IntArray]:
-    """Add the donors that `Use` constraints name to the candidates of each position."""
-    if not constraints:
-        return candidates
-    used = used_donors(constraints, base_segments, library)
+) -> list[Constraint]:
+    """Replace the segment numbers in `Use` and `Ban` constraints by frames.
+
+    `groups` are the exchanged groups. Raise ValueError for a group, a segment or a clip that does
+    not exist.
+    """
+    for constraint in constraints:
+        group = getattr(constraint, "group", None)
+        if group is not None and group not in groups:
+            raise ValueError(
+                f"`group` of {type(constraint).__name__} must be an exchanged group, one of "
+                f"{join_names(groups)}; got {group!r}{suggest_name(group, groups)}"
+            )
     return [
-        np.union1d(own, more) if len(more) else own
-        for own, more in zip(candidates, used, strict=True)
+        replace(
+            constraint,
+            segment=None,
+            frames=_base_frames(constraint, base_segments),
+            donor=_donor_frames(constraint, library),
+        )
+        if isinstance(constraint, Use | Ban)
+        else constraint
+        for constraint in constraints
     ]
+
+
+def used_donors(
+    constraints: Sequence[Constraint], base_segments: Segments, library: Library
+) -> list[IntArray]:
+    """Return for each position the donors that `Use` constraints name, ascending.
+
+    The constraints are results of `resolve_segments`.
+    """
+    lists = [np.zeros(0, np.int64)] * len(base_segments)
+    for constraint in constraints:
+        if isinstance(constraint, Use):
+            errors = constraint.donor_errors(library.segments, library.segments, library.entries)
+            for position in np.flatnonzero(overlaps(base_segments, constraint.frames)).tolist():
+                lists[position] = np.union1d(lists[position], np.flatnonzero(errors == 0.0))
+    return lists
+
+
+def _base_frames(constraint: Use | Ban, segments: Segments) -> Span:
+    """Return the first and last frame of the base segments to which a constraint applies."""
+    name, number = type(constraint).__name__, constraint.segment
+    if number is not None:
+        if number >= len(segments):
+            raise ValueError(f"`segment` of {name} must be 0 to {len(segments) - 1}, got {number}")
+        return int(segments.start[number]), int(segments.stop[number])
+    assert constraint.frames is not None
+    if isinstance(constraint, Use):
+        _check_segment(f"`frames` of {name}", "the base", constraint.frames, segments)
+    return constraint.frames
+
+
+def _donor_frames(constraint: Use | Ban, library: Library) -> DonorReference | None:
+    """Return the donor as clip, first and last frame; a clip name alone or None is unchanged."""
+    name, donor, segments = type(constraint).__name__, constraint.donor, library.segments
+    clips = library.names
+    if donor is None:
+        return None
+    if isinstance(donor, int):
+        if donor >= len(segments):
+            raise ValueError(f"`donor` of {name} must be 0 to {len(segments) - 1}, got {donor}")
+        clip = clips[segments.clip[donor]]
+        return clip, int(segments.start[donor]), int(segments.stop[donor])
+    clip = donor if isinstance(donor, str) else donor[0]
+    if clip not in clips:
+        raise ValueError(
+            f"`donor` of {name} must be from a clip among {join_names(clips)}; "
+            f"got {clip!r}{suggest_name(clip, clips)}"
+        )
+    if isinstance(donor, tuple):
+        own = segments[segments.of_clip(clips.index(clip))]
+        span = donor[1:]
+        if isinstance(constraint, Use) or not overlaps(own, span).any():
+            _check_segment(f"`donor` of {name}", clip, span, own)
+    return donor
+
+
+def _check_segment(subject: str, clip: str, frames: Span, segments: Segments) -> None:
+    """Raise ValueError unless `frames` are the first and last frame of one of `segments`."""
+    distances = np.abs(segments.start - frames[0]) + np.abs(segments.stop - frames[1])
+    if not (distances == 0).any():
+        nearest = np.argsort(distances, kind="stable")[:_N_NEAREST].tolist()
+        listed = ", ".join(f"{segments.start[i]}-{segments.stop[i]} (segment {i})" for i in nearest)
+        raise ValueError(
+            f"{subject} must be a segment of {clip}, got {frames[0]}-{frames[1]}; "
+            f"the nearest {'are' if len(nearest) > 1 else 'is'} {listed}"
+        )
 
 
 def driven_joints(skeleton: Skeleton, members: Mapping[str, IntArray]) -> dict[str, BoolArray]:
@@ -125,27 +197,25 @@ class SearchProblem:
         joint, clip or frame raises ValueError.
         """
         if not isinstance(constraints, Collection) or len(constraints):
-            constraints = _checked_constraints(constraints, base)
+            poses = Poses.from_motion(base)
+            check_constraints(constraints, poses)
+            check_frames(constraints, base)
+            constraints = with_captured_depth(constraints, poses)
         config = limit_config(library.config, constraints)
         if not DONOR_CHOICES[config.choice].is_limited:
             config = replace(config, max_candidates=len(library.segments))
         groups = sorted(groups, key=lambda group: int(library.joints(group).min()))
-        check_groups(constraints, groups)
-        constraints = resolve_segments(constraints, base_segments, library)
+        constraints = resolve_segments(constraints, groups, base_segments, library)
         pools = {group: library.pool(group) for group in groups}
-        # A constraint can require any donor, so lists are limited only without constraints.
-        models = {
-            group: None if constraints else cost_model(config, pools[group]) for group in groups
-        }
-        lists = {
-            group: _with_used_donors(
-                pool.candidate_lists(scenario, config, models[group]),
-                [own for own in constraints if own.applies_to_group(group)],
-                base_segments,
-                library,
-            )
-            for group, pool in pools.items()
-        }
+        lists = {}
+        for group, pool in pools.items():
+            # A constraint can require any donor, so lists are limited only without constraints.
+            model = None if constraints else cost_model(config, pool)
+            found = pool.candidate_lists(scenario, config, model)
+            own = [constraint for constraint in constraints if constraint.applies_to_group(group)]
+            used = used_donors(own, base_segments, library)
+            pairs = zip(found, used, strict=True)
+            lists[group] = [np.union1d(*pair) if len(pair[1]) else pair[0] for pair in pairs]
         problem = cls(
             library=library,
             base=base,
@@ -182,13 +252,7 @@ class SearchProblem:
     @cached_property
     def movable_legs(self) -> list[bool]:
         """For each leg of `find_legs`, whether the grafted groups contain hip, knee and ankle."""
-        joints = {
-            joint
-            for group, divided in self.divided_channels.items()
-            if group in self.pools
-            for joint in self.library.joints(group).tolist()
-            if joint not in divided
-        }
+        joints = {joint for own in self.whole_joints.values() for joint in own.tolist()}
         legs = find_legs(self.base.skeleton)
         return [{leg.hip, leg.knee, leg.ankle} <= joints for leg in legs]
 
@@ -201,13 +265,16 @@ class SearchProblem:
         return self.library.groups.divided_channels(self.library.skeleton)
 
     @cached_property
+    def whole_joints(self) -> dict[str, IntArray]:
+        """For each grafted group, the joints that it has with all their channels."""
+        joints, divided = self.library.joints, self.divided_channels
+        return {group: np.setdiff1d(joints(group), list(divided[group])) for group in self.pools}
+
+    @cached_property
     def root_group(self) -> str | None:
         """The grafted group that contains the root and whose donors drive it, or None."""
-        for group in self.pools:
-            joints = np.setdiff1d(self.library.joints(group), list(self.divided_channels[group]))
-            if self.library.root in joints:
-                return group
-        return None
+        root = self.library.root
+        return next((group for group, own in self.whole_joints.items() if root in own), None)
 
     @cached_property
     def group_specs(self) -> dict[str, GraftedGroup]:

@@ -22,6 +22,7 @@ from mograft.solve.donor_repair import replace_unlisted, search_again
 from mograft.solve.search_problem import SearchProblem
 
 _Window = tuple[int, int]  # half-open range of positions
+_FindViolations = Callable[[Assembly], Sequence[Violation]]
 
 _RADIUS = 2  # positions beside a defect that repair can change
 _MARGIN = 3  # positions beside a window that are assembled with it
@@ -58,9 +59,7 @@ class RepairedWindow:
 
 
 def self_repair(
-    assembly: Assembly,
-    trellises: Mapping[str, DonorTrellis],
-    violations: Callable[[Assembly], Sequence[Violation]],
+    assembly: Assembly, trellises: Mapping[str, DonorTrellis], violations: _FindViolations
 ) -> tuple[Assembly, list[RepairedWindow]]:
     """Replace donors where a measure exceeds its limit; see `DefectMeasure`.
 
@@ -71,19 +70,18 @@ def self_repair(
     """
     reports: list[RepairedWindow] = []
     defects = {
-        group: _Defects.build(assembly, DefectMeasure(assembly.problem, group))
+        group: _Defects.build(assembly, DefectMeasure(assembly.problem, group), violations)
         for group in assembly.donors
     }
     for group in assembly.donors:
         before = defects[group]
         if not before.windows:
             continue
-        limits = _Limits(before, violations)
-        after = _keep_better(limits, _search(limits, trellises[group]))
+        after = _keep_better(before, _search(before, trellises[group]))
         if after is not before:
             # The donors of a group also move joints of other groups.
             measured = {
-                other: after if other == group else _Defects.build(after.assembly, own.measure)
+                other: after if other == group else own.measured_in(after.assembly)
                 for other, own in defects.items()
             }
             if after.worst <= before.worst and _worst(measured) <= max(_worst(defects), 1.0):
@@ -103,13 +101,20 @@ class _Defects:
 
     assembly: Assembly
     measure: DefectMeasure
+    violations: _FindViolations
     amounts: FloatArray  # shape (n_positions, n_measures)
 
     @classmethod
-    def build(cls, assembly: Assembly, measure: DefectMeasure) -> "_Defects":
+    def build(
+        cls, assembly: Assembly, measure: DefectMeasure, violations: _FindViolations
+    ) -> "_Defects":
         """Measure a group of an assembly."""
         whole = Excerpt(assembly.donors, 0, len(assembly.problem.base_segments))
-        return cls(assembly, measure, measure.amounts(assembly.motion, [whole])[0])
+        return cls(assembly, measure, violations, measure.amounts(assembly.motion, [whole])[0])
+
+    def measured_in(self, assembly: Assembly) -> "_Defects":
+        """Return the defects of the same group in another assembly."""
+        return _Defects.build(assembly, self.measure, self.violations)
 
     @property
     def donors(self) -> IntArray:
@@ -164,19 +169,11 @@ class _Defects:
             )
         return reports
 
-
-@dataclass(frozen=True, eq=False)
-class _Limits:
-    """The limits of a repair: amounts, seam angles and violations may not become greater."""
-
-    defects: _Defects  # before the repair
-    violations: Callable[[Assembly], Sequence[Violation]]
-
     def has_feasible_seams(self, donors: IntArray, window: _Window) -> bool:
         """Whether no seam in a window exceeds `max_angle` by more than before the repair."""
         start, stop = window
         around = slice(max(start - 1, 0), stop + 1)
-        first = self._seam_excess(self.defects.donors[around])
+        first = self._seam_excess(self.donors[around])
         return bool((self._seam_excess(donors[around]) <= first + _ROUNDING).all())
 
     def broken_frames(self, assembly: Assembly) -> list[Span]:
@@ -199,22 +196,21 @@ class _Limits:
     @cached_property
     def first_violations(self) -> Sequence[Violation]:
         """The violations of the first donors."""
-        assembly = self.defects.assembly
-        return self.violations(assembly) if assembly.problem.constraints else []
+        return self.violations(self.assembly)
 
     def _seam_excess(self, donors: IntArray) -> FloatArray:
-        problem = self.defects.assembly.problem
-        angles = problem.pools[self.defects.measure.group].seam_angles_along(donors)
+        problem = self.assembly.problem
+        angles = problem.pools[self.measure.group].seam_angles_along(donors)
         return np.maximum(angles - problem.config.max_angle, 0.0)
 
 
-def _search(limits: _Limits, trellis: DonorTrellis) -> IntArray:
+def _search(defects: _Defects, trellis: DonorTrellis) -> IntArray:
     """Search for other donors near defects; return those with the fewest and smallest defects.
 
     In several rounds, the donors at defects are penalised and the cheapest sequence is measured. A
-    last round measures the base segments. Sequences with seams that `limits` forbid are skipped.
+    last round measures the base segments. Sequences whose seams exceed `max_angle` by more than the
+    first are skipped.
     """
-    defects = limits.defects
     problem, first = defects.assembly.problem, defects.donors
     best, above = first.copy(), excess(defects.amounts.max(axis=1))
     least = dict.fromkeys(defects.windows, np.inf)
@@ -244,7 +240,7 @@ def _search(limits: _Limits, trellis: DonorTrellis) -> IntArray:
             if (
                 total < least[start, stop]
                 and defects.is_better(own, (start, stop))
-                and limits.has_feasible_seams(donors, (start, stop))
+                and defects.has_feasible_seams(donors, (start, stop))
             ):
                 least[start, stop] = total
                 best[start:stop] = current[start:stop]
@@ -288,25 +284,24 @@ def _batches(problem: SearchProblem, excerpts: Sequence[Excerpt]) -> Iterator[ra
     return map(range, bounds[:-1], bounds[1:])
 
 
-def _keep_better(limits: _Limits, donors: IntArray) -> _Defects:
+def _keep_better(before: _Defects, donors: IntArray) -> _Defects:
     """Replace the donors in the windows where this reduces the defects; return the resulting ones.
 
     A window keeps its old donors if its defects do not become smaller or a constraint is violated
     more. After `_MAX_ASSEMBLIES` attempts without an acceptable motion, all windows do.
     """
-    before = limits.defects
     for _ in range(_MAX_ASSEMBLIES):
         is_changed = donors != before.donors
         changed = [own for own in before.windows if is_changed[slice(*own)].any()]
         if not changed:
             break
         assembly = before.assembly.replace_donors(before.measure.group, donors)
-        after = _Defects.build(assembly, before.measure)
+        after = before.measured_in(assembly)
         reverted = [
             own for own in changed if not before.is_better(_around(after.amounts, own), own)
         ]
         if not reverted:
-            broken = limits.broken_frames(assembly)
+            broken = before.broken_frames(assembly)
             if not broken:
                 return after
             reverted = [own for own in changed if before.overlaps(own, broken)] or changed

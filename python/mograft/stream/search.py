@@ -34,7 +34,7 @@ from mograft.search.donor_choice import DONOR_CHOICES, cost_model
 from mograft.search.donor_constraints import limit_config
 from mograft.search.neighbourhoods import FEWEST_DONORS, NEIGHBOURHOODS, ClusterMembers
 from mograft.search.pose_constraints import AvoidSelf, with_captured_depth
-from mograft.search.viterbi import Trellis
+from mograft.search.trellis import Trellis
 from mograft.solve.search_problem import driven_joints
 from mograft.stream.base_buffer import BaseBuffer
 from mograft.stream.placed_donors import (

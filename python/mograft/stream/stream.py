@@ -16,7 +16,7 @@ from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 from mograft.search.constraints import Constraint, Violation, find_violations
 from mograft.search.donor_constraints import find_seam_violations
-from mograft.solve.base import grafted_groups
+from mograft.solve.plan import grafted_groups
 from mograft.stream.base_buffer import BOUNDARY_MARGIN, BaseBuffer, join_motions
 from mograft.stream.checks import (
     check_free_frames,

@@ -15,10 +15,9 @@ from mograft.motion.motion import Motion
 from mograft.scenario import Scenario
 from mograft.search.constraints import Constraint, Violation
 from mograft.search.trellis import DonorSequences
-from mograft.solve.base import grafted_groups
 from mograft.solve.donor_repair import restrict_to_violations
-from mograft.solve.kept_joints import find_kept_violations
-from mograft.solve.plan import GraftPlan
+from mograft.solve.finish import find_kept_violations
+from mograft.solve.plan import GraftPlan, grafted_groups
 from mograft.solve.search_problem import check_frames
 from mograft.synthesis.graft_building import build_graft
 from mograft.synthesis.graft_result import Graft, GraftRequest

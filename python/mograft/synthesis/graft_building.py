@@ -12,10 +12,9 @@ from mograft.motion.motion import Motion
 from mograft.search.pose_constraints import Reach
 from mograft.search.trellis import DonorSequences
 from mograft.solve.assembly import Assembly
-from mograft.solve.finish import finish_motion
+from mograft.solve.finish import find_motion_violations, finish_motion
 from mograft.solve.plan import GraftPlan
 from mograft.solve.search_problem import SearchProblem
-from mograft.solve.violations import find_motion_violations
 from mograft.synthesis.graft_result import Graft, GraftRequest, Seam, Substitution
 
 
@@ -46,8 +45,8 @@ def finish_graft(
     problem of the assembly may have fewer candidates than `problem`, as in an edit.
     """
     donors = assembly.donors
-    finished = finish_motion(problem, assembly.motion, donors, reaches)
-    motion = finished.motion if adjust is None else adjust(finished.motion)
+    motion, feet, completions = finish_motion(problem, assembly.motion, donors, reaches)
+    motion = motion if adjust is None else adjust(motion)
     return Graft(
         motion=motion,
         base=problem.base,
@@ -64,8 +63,8 @@ def finish_graft(
         seed=seed,
         index=index,
         violations=tuple(find_motion_violations(problem, motion, donors)),
-        feet=finished.feet,
-        reach_completions=measure_completions(finished.completions, motion),
+        feet=feet,
+        reach_completions=measure_completions(completions, motion),
     )
 
 

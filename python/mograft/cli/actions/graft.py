@@ -34,7 +34,7 @@ from mograft.provenance.writing import write_graft
 from mograft.scenario import Scenario, fill, follow, to_beats, transitions, walk
 from mograft.scenario.walks import check_duration
 from mograft.search.constraints import Constraint
-from mograft.solve.base import grafted_groups
+from mograft.solve.plan import grafted_groups
 from mograft.synthesis.advice import advise
 from mograft.synthesis.graft import graft_many, kept_violations, repair
 from mograft.synthesis.graft_result import Graft, Substitution
