@@ -9,7 +9,7 @@ import pytest
 
 from mograft import read_bvh, write_bvh
 from mograft.body import groups as joint_groups
-from mograft.cli.syntax.options import PRESETS
+from mograft.cli.syntax.values import PRESETS
 from mograft.formats import write_npz
 
 

@@ -15,7 +15,6 @@ from mograft.cli.syntax.arguments import Argument, Command
 from mograft.errors import suggest_name
 
 CONFIG_FILE = "mograft.toml"
-_VARIABLE_PREFIX = "MOGRAFT_"
 
 
 @dataclass(frozen=True)
@@ -42,16 +41,16 @@ def find_settings(command: Command, commands: Sequence[Command]) -> dict[str, Se
     that names the file or the variable if the file is not TOML, or if a setting is unknown or
     invalid.
     """
-    path = find_config_file(Path.cwd())
+    settings: dict[str, Setting] = {}
+    arguments = command.settings()
+    path = find_config_file(Path.cwd()) if arguments else None
     table = {} if path is None else _read_file(path, command, commands)
-    settings = {}
-    for argument in command.settings():
-        if argument.dest in table and path is not None:
+    for argument in arguments:
+        if path is not None and argument.dest in table:
             text = table[argument.dest]
-            convert = _convert_table if argument.is_repeated else _convert_toml
-            settings[argument.dest] = Setting(convert(argument, text, path), str(path), text)
+            settings[argument.dest] = Setting(_convert_toml(argument, text, path), str(path), text)
         for name in (argument.dest, f"{command.name}_{argument.dest}"):
-            variable = _VARIABLE_PREFIX + name.upper()
+            variable = f"MOGRAFT_{name.upper()}"
             if variable in os.environ:
                 value = _convert_text(argument, os.environ[variable], variable)
                 settings[argument.dest] = Setting(value, variable, os.environ[variable])
@@ -80,64 +79,44 @@ def _read_file(path: Path, command: Command, commands: Sequence[Command]) -> dic
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: {error}") from None
-    tables = {
-        name: value for name, value in document.items() if isinstance(value, dict) and name != "set"
-    }
     known = {each.name: {argument.dest for argument in each.settings()} for each in commands}
-    for name in tables:
-        if name not in known:
-            raise ValueError(
-                f"{path}: the name of a table must be one of {', '.join(known)}; got [{name}]"
-                f"{suggest_name(name, known)}"
-            )
-    merged = {}
-    for name in [name for name in document if name not in tables]:
-        if not any(_dest(name) in dests for dests in known.values()):
-            hint = suggest_name(_dest(name), set().union(*known.values())) or ";"
-            raise ValueError(
-                f"{path}: unknown setting {name!r}{hint} mograft config show lists all settings"
-            )
-        if _dest(name) in known[command.name]:
-            merged[_dest(name)] = document[name]
-    for name, value in tables.get(command.name, {}).items():
-        if _dest(name) not in known[command.name]:
-            hint = suggest_name(_dest(name), known[command.name])
-            raise ValueError(f"{path}: mograft {command.name} has no setting {name!r}{hint}")
-        is_table = isinstance(value, dict) and isinstance(merged.get(name), dict)
-        merged[_dest(name)] = merged[name] | value if is_table else value
+    shared = {k: v for k, v in document.items() if k == "set" or not isinstance(v, dict)}
+    for name in document.keys() - shared.keys() - known.keys():
+        raise ValueError(
+            f"{path}: the name of a table must be one of {', '.join(known)}; got [{name}]"
+            f"{suggest_name(name, known)}"
+        )
+    merged: dict[str, Any] = {}
+    own = document.get(command.name, {})
+    for table, allowed in ((shared, set().union(*known.values())), (own, known[command.name])):
+        for key, value in table.items():
+            name = key.replace("-", "_")
+            if name not in allowed:
+                hint = suggest_name(name, allowed) or "; mograft config show lists all"
+                raise ValueError(f"{path}: unknown setting {key!r}{hint}")
+            is_table = isinstance(value, dict) and isinstance(merged.get(name), dict)
+            merged[name] = merged[name] | value if is_table else value
     return merged
-
-
-def _dest(name: str) -> str:
-    return name.replace("-", "_")
 
 
 def _convert_toml(argument: Argument, value: Any, path: Path) -> Any:  # noqa: ANN401 - of TOML
     place = f"{path}: {argument.name}"
+    if argument.is_repeated:  # --set
+        if not isinstance(value, dict):
+            raise ValueError(f"{place} must be a table such as [set], got {value!r}")
+        texts = ((name, str(text)) for name, text in value.items())
+        return tuple(
+            (name, str(path.parent / text) if text.lower().endswith(".json") else text)
+            for name, text in texts
+        )
     is_bool = isinstance(value, bool)
     if is_bool != (argument.value is None) or not isinstance(value, str | int | float):
         expected = "true or false" if argument.value is None else "a string or a number"
         raise ValueError(f"{place} must be {expected}, got {json.dumps(value, default=str)}")
-    if is_bool:
-        return value
     text = str(value)
-    assert argument.value is not None
-    if argument.value.is_path and Path(text).suffix:  # relative to the configuration file
-        text = str(path.parent / text)
+    if argument.value and argument.value.is_path and Path(text).suffix:
+        text = str(path.parent / text)  # relative to the configuration file
     return _convert_text(argument, text, place)
-
-
-def _convert_table(argument: Argument, table: Any, path: Path) -> tuple[tuple[str, str], ...]:  # noqa: ANN401
-    """Return the pairs of a name and a text that a table contains, as ``--set`` returns them."""
-    if not isinstance(table, dict):
-        raise ValueError(f"{path}: {argument.name} must be a table such as [set], got {table!r}")
-    pairs = []
-    for name, value in table.items():
-        if name == "segmentation" and str(value).lower().endswith(".json"):
-            pairs.append((name, str(path.parent / str(value))))
-        else:
-            pairs.append((name, str(value)))
-    return tuple(pairs)
 
 
 def _convert_text(argument: Argument, text: str, place: str) -> Any:  # noqa: ANN401 - as argparse
@@ -148,9 +127,6 @@ def _convert_text(argument: Argument, text: str, place: str) -> Any:  # noqa: AN
         return words[text.lower()]
     convert = argument.value.convert
     try:
-        value = tuple(map(convert, text.split())) if argument.is_repeated else convert(text)
+        return tuple(map(convert, text.split())) if argument.is_repeated else convert(text)
     except argparse.ArgumentTypeError as error:
         raise ValueError(f"{place}: {error}") from None
-    except (ValueError, TypeError):
-        raise ValueError(f"{place}: invalid value {text!r}") from None
-    return value

@@ -5,17 +5,12 @@ from pathlib import Path
 from typing import Any
 
 from mograft.body.groups import JointGroups
-from mograft.cli.configuration import (
-    figure_groups,
-    flags_in_errors,
-    refuse_useless_options,
-    selected_skeleton,
-)
+from mograft.cli.configuration import figure_groups, refuse_useless_options, selected_skeleton
 from mograft.cli.files import check_writable, expand_folders, frame_range
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import ExportOptions
-from mograft.cli.syntax.frames import Range
+from mograft.cli.syntax.values import Range
 from mograft.config import Config
 from mograft.io.addresses import read_clip
 from mograft.io.bvh.writer import write_bvh
@@ -106,7 +101,7 @@ def _write_figure(
 def _write_film(
     motions: Sequence[Motion], target: Path, groups: _Groups, options: ExportOptions
 ) -> dict[str, Any]:
-    with flags_in_errors(size="--size", rate="--rate"), show_progress() as progress:
+    with show_progress() as progress:
         rate = write_video(
             motions,
             target,

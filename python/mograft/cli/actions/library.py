@@ -96,7 +96,7 @@ def _index(
             selected_config(options),
             rate=options.rate,
             force=options.force,
-            match="anatomy" if options.match == "anatomy" else "names",
+            match=options.match or "names",
             skeleton=selected_skeleton(options.skeleton),
             **keywords,
         )

@@ -11,12 +11,10 @@ from mograft.analysis.group_discovery import GroupDiscovery
 from mograft.body.groups import JointGroups
 from mograft.cli.configuration import (
     figure_groups,
-    flags_in_errors,
     load_library,
     refuse_fixed_options,
     refuse_useless_options,
     selected_config,
-    selected_groups,
     selected_skeleton,
 )
 from mograft.cli.files import (
@@ -31,7 +29,7 @@ from mograft.cli.graft_files import open_page
 from mograft.cli.output import print_result
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import PlotOptions, ViewOptions
-from mograft.cli.syntax.frames import resolve_frames
+from mograft.cli.syntax.values import resolve_frames
 from mograft.config import Config
 from mograft.io.addresses import read_clip, split_address
 from mograft.library.discover import has_provenance
@@ -131,11 +129,9 @@ def _draw(options: PlotOptions) -> "Axes":
         scene = _timeline_scene(options, folder)
         given, rate = options.frames, scene.figures[0].motion.rate
         shown = None if given is None else resolve_frames(given, rate)
-        with flags_in_errors(frames="--frames"):
-            return plot.timeline(scene, frames=shown)
+        return plot.timeline(scene, frames=shown)
     library = load_library(options)
-    with flags_in_errors(group="--group"):
-        return _CLUSTER_KINDS[options.kind](library, options.group)
+    return _CLUSTER_KINDS[options.kind](library, options.group)
 
 
 def _discovery(options: PlotOptions, folder: Path | None) -> GroupDiscovery:
@@ -149,14 +145,13 @@ def _discovery(options: PlotOptions, folder: Path | None) -> GroupDiscovery:
         if options.given("groups"):
             raise UsageError(f"the picture groups needs --groups auto or auto:N, got {name}")
         name = AUTOMATIC
-    selected_groups(name)  # checks the number
     if folder is not None:
         return discover_in_library(Library.open(folder), automatic_number(name))
     return discover_groups(
         expand_folders(options.files, include_grafts=options.include_grafts),
         automatic_number(name),
         config=selected_config(options),
-        match="anatomy" if options.match == "anatomy" else "names",
+        match=options.match or "names",
         skeleton=selected_skeleton(options.skeleton),
     )
 
