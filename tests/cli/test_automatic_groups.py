@@ -52,8 +52,9 @@ def test_automatic_groups_colour_figures(run, folder, tmp_path):
 def test_automatic_groups_invalid_number_is_usage_error(usage_error, folder, tmp_path, number):
     name = f"auto:{number}"
     message = usage_error("graft", folder / "a.bvh", "--groups", name, "-o", tmp_path / "x.bvh")
-    assert f"--groups: must be auto or auto:N with a whole number N of at least 2, got '{name}'" in (
-        message
+    assert (
+        f"--groups: must be auto or auto:N with a whole number N of at least 2, got '{name}'"
+        in (message)
     )
     message = usage_error("groups", folder / "a.bvh", "--preset", name)
     assert "--preset: must be auto or auto:N" in message

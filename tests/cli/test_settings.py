@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft.cli import COMMANDS, main
-from mograft.cli.settings import CONFIG_FILE, find_settings
+from mograft.cli.syntax.parser import CONFIG_FILE, find_settings
 
 BY_NAME = {command.name: command for command in COMMANDS}
 

@@ -13,7 +13,12 @@ from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders, library_folder
 from mograft.cli.output import show_progress
 from mograft.cli.syntax.arguments import Options, UsageError
-from mograft.cli.syntax.options import ConstraintOptions, FieldOptions, LibraryOptions
+from mograft.cli.syntax.options import (
+    ConstraintOptions,
+    FieldOptions,
+    LibraryOptions,
+    SkeletonOptions,
+)
 from mograft.cli.syntax.values import PRESETS, SHAPE_NUMBERS, Range, resolve_frames
 from mograft.config import Config, scale_of_variety
 from mograft.config_text import parse_fields
@@ -24,16 +29,9 @@ from mograft.library.group_choice import discover_groups
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
+from mograft.search import donor_constraints
 from mograft.search.constraints import Constraint, Span
-from mograft.search.donor_constraints import (
-    Ban,
-    KeepOriginal,
-    MaxAngle,
-    MaxStretch,
-    NotFrom,
-    OnlyFrom,
-    Use,
-)
+from mograft.search.donor_constraints import Ban, KeepOriginal, Use
 from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Obstacle, Sphere
 from mograft.search.pose_constraints import Avoid, AvoidSelf, Face, Reach
 
@@ -137,20 +135,22 @@ def selected_groups(given: str | None) -> JointGroups | str:
     return JointGroups.from_toml(Path(name)) if is_file else name
 
 
-def figure_groups(
-    given: str | None, files: Sequence[str], config: Config, skeleton: Skeleton | None
-) -> JointGroups | str | None:
-    """Return the groups of ``--groups`` for the colours of figures; None if it is not given.
+def figure_settings(
+    options: SkeletonOptions, files: Sequence[str]
+) -> tuple[JointGroups | str | None, Config, Skeleton | None]:
+    """Return the groups for the colours of figures, the configuration, and the rest pose.
 
-    Automatic groups are discovered in `files`.
+    The groups are those of ``--groups``, None if it is not given. Automatic groups are discovered
+    in `files`.
     """
+    config = selected_config(options) if isinstance(options, FieldOptions) else Config()
+    skeleton, given = selected_skeleton(options.skeleton), getattr(options, "groups", None)
     groups = None if given is None else selected_groups(given)
     if isinstance(groups, str) and is_automatic(groups):
-        number = automatic_number(groups)
-        return discover_groups(
-            files, number, config=config, include_grafts=True, skeleton=skeleton
-        ).groups
-    return groups
+        n = automatic_number(groups)
+        found = discover_groups(files, n, config=config, include_grafts=True, skeleton=skeleton)
+        groups = found.groups
+    return groups, config, skeleton
 
 
 def selected_config(options: FieldOptions) -> Config:
@@ -198,11 +198,11 @@ def _with_limits(
 
     A value below such a limit is a constraint instead; see `read_constraints`.
     """
-    limits = {"max_stretch": options.max_stretch}
-    limits["max_angle"] = None if options.max_angle is None else math.radians(options.max_angle)
-    present = {name: fields.get(name, getattr(config, name)) for name in limits}
-    raised = {k: max(present[k], limit) for k, limit in limits.items() if limit is not None}
-    return fields | raised
+    angle = None if options.max_angle is None else math.radians(options.max_angle)
+    for name, limit in (("max_stretch", options.max_stretch), ("max_angle", angle)):
+        if limit is not None:
+            fields = fields | {name: max(fields.get(name, getattr(config, name)), limit)}
+    return fields
 
 
 def _read_json(path: Path) -> object:
@@ -233,13 +233,17 @@ def read_constraints(options: ConstraintOptions, rate: float) -> list[Constraint
     found += [Face(target, frames=span(given)) for target, given in options.face]
     found += read_segment_constraints(options, rate)
     if options.only_from is not None or options.only_tagged is not None:
-        found.append(OnlyFrom(options.only_from or (), tags=options.only_tagged or ()))
+        found.append(
+            donor_constraints.OnlyFrom(options.only_from or (), tags=options.only_tagged or ())
+        )
     if options.not_from is not None or options.not_tagged is not None:
-        found.append(NotFrom(options.not_from or (), tags=options.not_tagged or ()))
+        found.append(
+            donor_constraints.NotFrom(options.not_from or (), tags=options.not_tagged or ())
+        )
     if options.max_stretch is not None:
-        found.append(MaxStretch(options.max_stretch))
+        found.append(donor_constraints.MaxStretch(options.max_stretch))
     if options.max_angle is not None:
-        found.append(MaxAngle(float(np.radians(options.max_angle))))
+        found.append(donor_constraints.MaxAngle(float(np.radians(options.max_angle))))
     return found
 
 

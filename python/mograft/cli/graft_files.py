@@ -18,7 +18,7 @@ from mograft.synthesis.graft_result import Graft
 from mograft.viewing.page import open_file
 from mograft.viewing.report import report_page
 
-_INPUTS_OF_SUFFIX = {".glb": (".glb", ".gltf"), ".npz": (".npz",)}
+_INPUTS_OF_SUFFIX = {".glb": {".glb", ".gltf"}, ".npz": {".npz"}}
 """Suffixes of files of which an output with a suffix may be a copy."""
 
 
@@ -29,18 +29,15 @@ def check_graft_suffix(options: GraftOptions) -> None:
     AMASS file. ``--digits`` is a usage error with both, because it applies to .bvh files only.
     """
     paths = [Path(split_address(name)[0]) for name in options.files]
-    suffixes = [".bvh"]
-    for suffix, inputs in _INPUTS_OF_SUFFIX.items():
-        if options.from_ is not None or any(
-            path.is_dir() or path.suffix.lower() in inputs for path in paths
-        ):
-            suffixes.append(suffix)
-    check_suffix(options.output, *suffixes, is_folder=True)
+    is_any = options.from_ is not None or any(path.is_dir() for path in paths)
+    given = {path.suffix.lower() for path in paths}
+    suffixes = [own for own, inputs in _INPUTS_OF_SUFFIX.items() if is_any or given & inputs]
+    check_suffix(options.output, ".bvh", *suffixes, is_folder=True)
     if options.output.suffix.lower() in _INPUTS_OF_SUFFIX and options.given("digits"):
         raise UsageError(f"--digits requires .bvh; got {options.output.name}")
 
 
-def graft_files(paths: Iterable[Path]) -> list[Path]:
+def files_of_grafts(paths: Iterable[Path]) -> list[Path]:
     """Return the files that are written for grafts with the motions `paths`, each once.
 
     They are the motions and the .json files beside them.

@@ -1,4 +1,4 @@
-"""``mograft graft``: new motions on the base group of a captured one, also from a provenance."""
+"""``mograft graft`` and ``demo``: new motions on the base group of a captured one."""
 
 import os
 import shlex
@@ -11,20 +11,17 @@ from typing import Any
 import numpy as np
 
 from mograft._util.arrays import IntArray
+from mograft.cli import graft_files
 from mograft.cli.configuration import load_library, read_constraints, read_segment_constraints
-from mograft.cli.files import check_writable, expand_folders, library_folder
-from mograft.cli.graft_files import (
-    check_graft_suffix,
-    graft_files,
-    output_paths,
-    with_command,
-    write_report,
-)
-from mograft.cli.output import print_error, print_remark, print_result
+from mograft.cli.files import check_suffix, check_writable, expand_folders, library_folder
+from mograft.cli.output import print_error, print_remark, print_result, show_progress
 from mograft.cli.syntax.arguments import UsageError, arguments_of
+from mograft.cli.syntax.commands import DemoOptions
 from mograft.cli.syntax.options import DEFAULT_DURATION, GraftOptions
-from mograft.cli.syntax.values import Seconds, resolve_frame
+from mograft.cli.syntax.values import resolve_frame
+from mograft.dancer import dance
 from mograft.io.addresses import find_addresses, read_clip, split_address
+from mograft.io.bvh.writer import write_bvh
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.provenance.document import graft_record
@@ -35,6 +32,7 @@ from mograft.provenance.replay import replay
 from mograft.provenance.writing import MOTION_SUFFIXES, write_graft
 from mograft.scenario import Scenario, fill, follow, to_beats, transitions, walk
 from mograft.scenario.walks import check_duration
+from mograft.search.candidates import count_combinations
 from mograft.search.constraints import Constraint
 from mograft.synthesis.advice import advise
 from mograft.synthesis.graft import graft_many, kept_violations, repair
@@ -48,6 +46,7 @@ _MAX_REPORTED = 20
 All of them are in memory at the same time.
 """
 
+_N_DEMO_GRAFTS = 3
 _GRAPH_OPTIONS = ("duration", "frames", "path", "beats", "among")
 _EDITS = ("take", "ban", "keep", "reroll")
 _OUTPUTS = ("output", "report", "measure", "digits", "json", "force", "quiet", "verbose")
@@ -69,7 +68,7 @@ _ADVISED_OPTIONS = {
 
 def run(options: GraftOptions) -> int:
     """Run the command."""
-    check_graft_suffix(options)
+    graft_files.check_graft_suffix(options)
     if options.from_ is not None:
         return _run_replay(options)
     _check_options(options)
@@ -79,8 +78,10 @@ def run(options: GraftOptions) -> int:
         library = load_library(options)
     else:
         files = tuple(expand_folders(files, include_grafts=options.include_grafts))
-    paths, page = output_paths(options, files[0] if library is None else library.names[0])
-    written = [*graft_files(paths), *([page] if options.report else [])]
+    paths, page = graft_files.output_paths(
+        options, files[0] if library is None else library.names[0]
+    )
+    written = [*graft_files.files_of_grafts(paths), *([page] if options.report else [])]
     check_writable(written, force=options.force, inputs=files)
     if options.measure and find_spec("scipy") is None:
         raise ValueError("--measure needs SciPy: pip install 'mograft[evaluate]'")
@@ -133,7 +134,7 @@ def _run_replay(options: GraftOptions) -> int:
     record = read_record(source)
     if path.suffix.lower() not in MOTION_SUFFIXES:
         path = path / f"{record.name}.bvh"
-    check_writable(graft_files([path]), force=options.force)
+    check_writable(graft_files.files_of_grafts([path]), force=options.force)
     folder = library_folder(options.files)
     library = None if folder is None else Library.open(folder)
     sources = options.files if library is None else ()
@@ -213,16 +214,11 @@ def _read_scenario(
         return None
     if options.scenario != "graph":
         return [int(word) for word in options.scenario.split(",")]
-    return _draw_scenario(library, options)
-
-
-def _draw_scenario(library: Library, options: GraftOptions) -> Sequence[int] | IntArray | Scenario:
-    """Return the base segments of ``--scenario graph``."""
     seed, duration = options.seed or 0, options.duration or DEFAULT_DURATION
     check_duration(duration)
     graph = transitions(library, options.among)
     if options.frames is not None:
-        is_time = isinstance(options.frames, Seconds)
+        is_time = isinstance(options.frames, float)
         n_frames = resolve_frame(options.frames, library.rate) + is_time
         return fill(library, n_frames, seed, graph=graph)
     if options.path is not None:
@@ -310,7 +306,7 @@ def _write_results(
         reference = WorldReference(grafts[0].library)
     # Each access to `grafts` builds the graft anew.
     for path, graft in zip(paths, grafts, strict=False):
-        own = graft if options.from_ else with_command(graft, options, options.files)
+        own = graft if options.from_ else graft_files.with_command(graft, options, options.files)
         new, section = newness(own, motions), dict[str, Any]()
         motions = [*motions, own.motion][-_MAX_REPORTED:] if len(paths) > 1 else []
         lines = [own.report(each=options.verbose), f"  {new}"]
@@ -339,7 +335,7 @@ def _write_results(
     result: dict[str, Any] = {"grafts": documents}
     if options.report:
         shown = kept[:_MAX_REPORTED]
-        write_report(shown, paths[: len(shown)], page, columns[: len(shown)])
+        graft_files.write_report(shown, paths[: len(shown)], page, columns[: len(shown)])
         result["report"] = str(page)
     print_result(options, "grafts", result, [page] if options.report else [])
 
@@ -360,3 +356,61 @@ def _print_remarks(
         for name, flag in _ADVISED_OPTIONS.items():
             remark = remark.replace(f"`{name}`", flag)
         print_remark(remark)
+
+
+def run_demo(options: DemoOptions) -> int:
+    """Run all stages on the built-in dancer."""
+    check_suffix(options.output, is_folder=True)
+    folder = options.output
+    sample = folder / "dance.bvh"
+    page = folder / "index.html"
+    paths = [folder / f"dance_graft{i}.bvh" for i in range(_N_DEMO_GRAFTS)]
+    files = graft_files.files_of_grafts(paths)
+    check_writable([sample, page, *files], force=options.force)
+
+    def describe(text: str) -> None:
+        if not options.json:
+            print(text, flush=True)
+
+    motion = dance(seed=options.seed or 0).motion
+    folder.mkdir(parents=True, exist_ok=True)
+    write_bvh(motion, sample)
+    describe(
+        f"sample      {sample}: a procedural dancer, {motion.n_joints} joints, "
+        f"{motion.n_frames} frames, {motion.duration:.0f} s"
+    )
+    with show_progress() as progress:
+        library = Library.build(sample, progress=progress)
+    n = len(library.segments)
+    clusters = {group: int(labels.max()) + 1 for group, labels in library.labels.items()}
+    total = count_combinations(library.labels[library.groups.base], len(library.groups.names))
+    describe(f"segments    {n}, bounded by the extrema of kinetic energy")
+    counts = ", ".join(f"{count} of {group}" for group, count in clusters.items())
+    describe(f"clusters    {counts}: segments in which these joints move alike")
+    describe(
+        f"combinations {total} of legs and upper bodies, {total / n:.1f} times the {n} captured"
+    )
+    grafts = list(graft_many(library, count=_N_DEMO_GRAFTS, seed=options.seed or 0))
+    paths = paths[: len(grafts)]
+    for graft, path in zip(grafts, paths, strict=True):
+        write_graft(graft_files.with_command(graft, options, [str(sample)]), path)
+        new = sum(not s.is_own for s in graft.substitutions)
+        describe(f"graft       {path}: {new} of {len(graft.substitutions)} upper bodies are new")
+    graft_files.write_report(grafts, paths, page)
+    if options.open:
+        graft_files.open_page(page)
+    document = {
+        "sample": str(sample),
+        "frames": motion.n_frames,
+        "segments": n,
+        "clusters": clusters,
+        "combinations": int(total),
+        "grafts": [str(path) for path in paths],
+        "page": str(page),
+    }
+    closing_lines = [
+        f"page        {page}: the motions and how they were made",
+        "next:       mograft graft your.bvh -o out/ -n 5",
+    ]
+    print_result(options, "demo", document, closing_lines)
+    return 0

@@ -5,13 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from mograft._util.workers import worker_processes
-from mograft.cli.configuration import (
-    FIXED_OPTIONS,
-    refuse_fixed_options,
-    selected_config,
-    selected_groups,
-    selected_skeleton,
-)
+from mograft.cli import configuration
 from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax.commands import IndexOptions, LibInfoOptions, TablesOptions, VerifyOptions
@@ -31,8 +25,9 @@ def run_index(options: IndexOptions) -> int:
     """Create a library, or add files to one."""
     check_suffix(options.output, is_folder=True)
     if options.add:
-        refuse_fixed_options(options, *FIXED_OPTIONS, "variety", "rate", "set", "force")
-    if not options.add and not options.force and _holds_files(options.output):
+        fixed = (*configuration.FIXED_OPTIONS, "variety", "rate", "set", "force")
+        configuration.refuse_fixed_options(options, *fixed)
+    elif not options.force and _holds_files(options.output):
         raise FileExistsError(f"{options.output} exists; use --force to replace a library")
     rates = dict(options.true_rate)
     tags = None if options.tags is None else read_tags(options.tags)
@@ -92,12 +87,12 @@ def _index(
         library = Library.index(
             options.files,
             options.output,
-            selected_groups(options.groups),
-            selected_config(options),
+            configuration.selected_groups(options.groups),
+            configuration.selected_config(options),
             rate=options.rate,
             force=options.force,
             match=options.match or "names",
-            skeleton=selected_skeleton(options.skeleton),
+            skeleton=configuration.selected_skeleton(options.skeleton),
             **keywords,
         )
     return library, dict(library.refused)

@@ -3,27 +3,15 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from mograft.cli.syntax import values
+from mograft.cli.syntax import options, values
 from mograft.cli.syntax.arguments import Command, Options, option, positional, setting
-from mograft.cli.syntax.options import (
-    CandidatesOptions,
-    DigitsOptions,
-    FieldOptions,
-    GraftOptions,
-    LibraryOptions,
-    ResultOptions,
-    SeedOptions,
-    SkeletonOptions,
-    WriterOptions,
-    groups_option,
-)
 
 PLOT_KINDS = ("strip", "timeline", "energy", "pca", "dendrogram", "clusters", "groups")
 EVALUATION_TOPICS = ("quality", "world", "detectability", "balance")
 _FIGURE_COLOURS = "joint groups that set the colours"
 
 
-class DemoOptions(SeedOptions, WriterOptions, section="output"):
+class DemoOptions(options.SeedOptions, options.WriterOptions, section="output"):
     """Create a sample dance, three grafts and a page that shows them."""
 
     output: values.Folder = option(
@@ -32,7 +20,7 @@ class DemoOptions(SeedOptions, WriterOptions, section="output"):
     open: bool = option("open the page in the browser")
 
 
-class InfoOptions(SkeletonOptions):
+class InfoOptions(options.SkeletonOptions):
     """Print joints, frame rate, duration, joint groups and faults of motion files."""
 
     match: Literal["names", "anatomy"] | None = setting(
@@ -41,13 +29,13 @@ class InfoOptions(SkeletonOptions):
     )
 
 
-class CheckOptions(SkeletonOptions):
+class CheckOptions(options.SkeletonOptions):
     """Check the syntax of motion files, and list faults of the recordings."""
 
     strict: bool = setting("treat every deviation from the BVH format as an error")
 
 
-class GroupsOptions(SkeletonOptions, WriterOptions):
+class GroupsOptions(options.SkeletonOptions, options.WriterOptions):
     """Print the joint groups of a file as TOML, which can be edited and passed to --groups."""
 
     preset: values.Preset = setting(
@@ -58,7 +46,7 @@ class GroupsOptions(SkeletonOptions, WriterOptions):
     output: values.File | None = option("TOML file to write (default: stdout)", short="-o")
 
 
-class IndexFileOptions(Options, section="input"):
+class IngestOptions(Options, section="input"):
     """Options for the files of a new library."""
 
     files: tuple[values.SourceOrFolder, ...] = positional("motion files, or folders of them", "+")
@@ -76,7 +64,7 @@ class IndexFileOptions(Options, section="input"):
     strict: bool = setting("fail if a file cannot be used, instead of excluding it")
 
 
-class IndexOptions(IndexFileOptions, LibraryOptions, WriterOptions, section="output"):
+class IndexOptions(IngestOptions, options.LibraryOptions, options.WriterOptions, section="output"):
     """Create a library from motion files, or add files to a library."""
 
     output: values.LibraryFolder = option("folder of the library", short="-o", is_required=True)
@@ -87,7 +75,7 @@ class IndexOptions(IndexFileOptions, LibraryOptions, WriterOptions, section="out
     )
 
 
-class StoredOptions(ResultOptions):
+class StoredOptions(options.ResultOptions):
     """Options of the subcommands of ``mograft lib``."""
 
     library: values.LibraryFolder = positional("folder of a library")
@@ -103,7 +91,7 @@ class LibInfoOptions(StoredOptions):
     clips: bool = option("also list the clips")
 
 
-class TablesOptions(StoredOptions, WriterOptions, section="output"):
+class TablesOptions(StoredOptions, options.WriterOptions, section="output"):
     """Write a library as tables, for programs such as DuckDB, Spark or pandas."""
 
     format: Literal["parquet", "csv", "npz"] = option(
@@ -114,7 +102,7 @@ class TablesOptions(StoredOptions, WriterOptions, section="output"):
     )
 
 
-class StreamOptions(LibraryOptions):
+class StreamOptions(options.LibraryOptions):
     """Serve grafts of a motion that arrives frame by frame, as mograft.Stream makes them.
 
     Game engines and other programs connect with the protocol mograft.stream/1. The command prints
@@ -135,21 +123,21 @@ class StreamOptions(LibraryOptions):
     )
 
 
-class ViewOptions(FieldOptions, SkeletonOptions, WriterOptions):
+class ViewOptions(options.FieldOptions, options.SkeletonOptions, options.WriterOptions):
     """Show motions side by side in the browser."""
 
     files: tuple[values.LibraryOrFile, ...] = positional("motion files, or one library", "+")
     clip: tuple[values.Name, ...] = option(
         "clips of a library to show; NAME may be a glob such as walk*; may be repeated"
     )
-    groups: values.Groups | None = groups_option(_FIGURE_COLOURS, "trunk, arms and legs")
+    groups: values.Groups | None = options.groups_option(_FIGURE_COLOURS, "trunk, arms and legs")
     output: values.File | None = option(
         "HTML file to write (default: a temporary file, opened in the browser)", short="-o"
     )
     open: bool = option("open the page in the browser, even if -o is given")
 
 
-class PlotOptions(LibraryOptions, WriterOptions):
+class PlotOptions(options.LibraryOptions, options.WriterOptions):
     """Draw motions, or the clusters of their segments."""
 
     kind: Annotated[str, values.choice(*PLOT_KINDS, placeholder="KIND")] = positional(
@@ -161,7 +149,7 @@ class PlotOptions(LibraryOptions, WriterOptions):
         "clips of a library for strip, energy or timeline; NAME may be a glob; may be repeated"
     )
     output: values.File = option(".png, .svg or .pdf file to write", short="-o", is_required=True)
-    groups: values.Groups | None = groups_option(
+    groups: values.Groups | None = options.groups_option(
         default="lower_upper; for strip trunk, arms and legs; for groups auto"
     )
     group: values.Name | None = option(
@@ -174,7 +162,7 @@ class PlotOptions(LibraryOptions, WriterOptions):
     dark: bool = setting("draw in light colours on a dark background")
 
 
-class ExportOptions(DigitsOptions, SkeletonOptions, WriterOptions):
+class ExportOptions(options.DigitsOptions, options.SkeletonOptions, options.WriterOptions):
     """Write motions in other file formats.
 
     The suffix of the file selects the format: an animated figure (.glb; .usd, .usda or .usdc, which
@@ -201,14 +189,14 @@ class ExportOptions(DigitsOptions, SkeletonOptions, WriterOptions):
         "AMASS file from which a .npz takes all arrays that the motion did not change (default: "
         "write the arrays of mograft)"
     )
-    groups: values.Groups | None = groups_option(
+    groups: values.Groups | None = options.groups_option(
         f"{_FIGURE_COLOURS} of a figure or film", "trunk, arms and legs"
     )
     size: values.Size = setting("size of a film in pixels (default: 720x480)", default="720x480")
     dark: bool = setting("draw a film in light colours on a dark background")
 
 
-class EvaluateOptions(SeedOptions, LibraryOptions, WriterOptions):
+class EvaluateOptions(options.SeedOptions, options.LibraryOptions, options.WriterOptions):
     """Measure the quality, novelty, variety, detectability and balance of grafts.
 
     Grafts of some of the clips are made and measured. The words quality, world, detectability and
@@ -230,11 +218,11 @@ class EvaluateOptions(SeedOptions, LibraryOptions, WriterOptions):
     )
 
 
-class DoctorOptions(ResultOptions):
+class DoctorOptions(options.ResultOptions):
     """Check the installation, and list missing optional packages."""
 
 
-class ShowOptions(ResultOptions):
+class ShowOptions(options.ResultOptions):
     """Print all settings in the format of mograft.toml.
 
     mograft reads this file from the working folder or the nearest folder above it. Environment
@@ -262,7 +250,7 @@ class CompletionOptions(Options):
 
 
 COMMANDS = (
-    Command("demo", DemoOptions, "demo:run"),
+    Command("demo", DemoOptions, "graft:run_demo"),
     Command("info", InfoOptions, "motions:run_info"),
     Command("check", CheckOptions, "motions:run_check"),
     Command("groups", GroupsOptions, "motions:run_groups"),
@@ -276,12 +264,12 @@ COMMANDS = (
             Command("export", TablesOptions, "library:run_export"),
         ),
     ),
-    Command("candidates", CandidatesOptions, "candidates:run"),
-    Command("graft", GraftOptions, "graft:run"),
+    Command("candidates", options.CandidatesOptions, "candidates:run"),
+    Command("graft", options.GraftOptions, "graft:run"),
     Command("stream", StreamOptions, "stream:run"),
     Command("view", ViewOptions, "pictures:run_view"),
     Command("plot", PlotOptions, "pictures:run_plot"),
-    Command("export", ExportOptions, "export:run"),
+    Command("export", ExportOptions, "pictures:run_export"),
     Command("evaluate", EvaluateOptions, "evaluate:run"),
     Command("doctor", DoctorOptions, "program:run_doctor"),
     Command(

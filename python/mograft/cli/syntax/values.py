@@ -93,15 +93,8 @@ def choice(*words: str, placeholder: str | None = None) -> Value:
     return Value(placeholder or "|".join(words), one_of(words), choices=words)
 
 
-@dataclass(frozen=True)
-class Seconds:
-    """A time from the start of a motion."""
-
-    value: float
-
-
-Frame = int | Seconds
-"""Number of a frame, from 0, or its time."""
+Frame = int | float
+"""Number of a frame, from 0, as int; or its time in seconds, as float."""
 
 Range = tuple[Frame, Frame]
 """First and last frame, both included."""
@@ -121,7 +114,7 @@ def frame(text: str) -> Frame:
     seconds = float(text[:-1]) if re.fullmatch(r"(\d+\.?\d*|\.\d+)s", text) else math.inf
     if seconds > _MAX_SECONDS:
         raise ValueError
-    return Seconds(seconds)
+    return seconds
 
 
 @_parser(
@@ -131,8 +124,7 @@ def frame(text: str) -> Frame:
 def frames(text: str) -> Range:
     """Read ``FIRST-LAST``, such as ``100-400`` or ``3.3s-13.3s``; FIRST is not above LAST."""
     first, last = map(frame, text.split("-"))
-    low, high = (end.value if isinstance(end, Seconds) else end for end in (first, last))
-    if type(first) is not type(last) or low > high:
+    if type(first) is not type(last) or first > last:
         raise ValueError
     return first, last
 
@@ -146,14 +138,14 @@ def frame_or_frames(text: str) -> Range:
 def frame_count(text: str) -> Frame:
     """Read a number of frames of at least 2, such as ``900``, or a duration such as ``30s``."""
     count = frame(text)
-    if (count.value <= 0) if isinstance(count, Seconds) else (count < 2):
+    if count == 0 or (isinstance(count, int) and count < 2):
         raise ValueError
     return count
 
 
 def resolve_frame(given: Frame, rate: float) -> int:
     """Return the index of a frame; a time is rounded to a frame at `rate` frames per second."""
-    return round(given.value * rate) if isinstance(given, Seconds) else given
+    return round(given * rate) if isinstance(given, float) else given
 
 
 def resolve_frames(given: Range, rate: float) -> tuple[int, int]:
