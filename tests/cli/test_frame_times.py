@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from mograft import read_bvh
 from mograft.cli.syntax.values import (
-    Seconds,
     frame,
     frame_count,
     frame_or_frames,

@@ -128,14 +128,6 @@ def test_settings_groups_path_is_relative_to_config_file(run, clip, working_fold
     assert groups == {"torso", "arms"}
 
 
-def test_settings_skeleton_path_is_relative_to_config_file(run, working_folder, monkeypatch):
-    Path(CONFIG_FILE).write_text('skeleton = "rest.json"\n')
-    (working_folder / "below").mkdir()
-    monkeypatch.chdir(working_folder / "below")
-    _, out, _ = run("config", "show", "info")
-    assert f'= "{working_folder / "rest.json"}"' in out
-
-
 def test_settings_unused_option_is_not_refused(run, usage_error, clip):
     Path(CONFIG_FILE).write_text(
         '[graft]\ngroups = "lower_upper"\n[index]\ngroups = "lower_upper"\n'
@@ -193,12 +185,6 @@ def test_settings_exclude_output_force_json_and_help():
     for command in COMMANDS:
         flags = {flag for argument in command.settings() for flag in argument.flags}
         assert flags.isdisjoint({"-o", "--output", "--force", "--json", "--help"}), command.name
-
-
-def test_settings_actions_declare_none_because_only_commands_read_them():
-    for command in COMMANDS:
-        for action in command.actions:
-            assert not list(action.settings()), action.name
 
 
 def test_settings_groups_are_ignored_for_libraries(run, clip):
