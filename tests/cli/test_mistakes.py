@@ -29,7 +29,7 @@ MISTAKES = [
     ("view lib --clip walkk -o x.html", RUNTIME, "got 'walkk'; did you mean 'walk'?"),
     ("graft a.bvh -o x --groups lower_uper", USAGE, "'lower_uper'; did you mean 'lower_upper'?"),
     ("graft a.bvh -o x --scenario graph --among wlk", RUNTIME, "--among must match"),
-    ("evaluate a.bvh qualiti", USAGE, "got qualiti; did you mean 'quality'?"),
+    ("evaluate a.bvh qualiti", RUNTIME, "qualiti: No such file"),
     ("graft a.bvh -o x --set seem=offset", USAGE, "'seem' is no field of Config; did you mean"),
     ("graft a.bvh -o x --set seam", USAGE, "expected FIELD=VALUE, such as seam=offset, got seam"),
     ("graft a.bvh -o x --set segmentation=no.json", RUNTIME, "no.json: No such file or directory"),

@@ -42,18 +42,15 @@ _FIXED_FIELDS = Config.fields_of(*BUILD_STAGES)
 """Fields of `Config` that can only be set when a library is created."""
 
 
-def refuse_useless_options(
-    options: Options, uses: Mapping[str, Sequence[str]], value: str, shown: str
-) -> None:
+def refuse_useless_options(options: Options, uses: Mapping[str, Sequence[str]], value: str) -> None:
     """Raise a UsageError if an option on the command line has no effect.
 
     `value` is the choice on which the effect depends, such as a kind of picture. `uses` maps the
-    name of each option to the choices with which it has an effect. The message contains
-    `shown` instead of `value`.
+    name of each option to the choices with which it has an effect.
     """
     for name in options.given(*uses):
         if value not in uses[name]:
-            raise UsageError(f"--{name} requires {', '.join(uses[name])}; got {shown}")
+            raise UsageError(f"--{name} requires {', '.join(uses[name])}; got {value}")
 
 
 def refuse_fixed_options(options: Options, *names: str) -> None:

@@ -2,9 +2,10 @@
 
 import os
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from mograft._util.names import portable_stem
 from mograft.cli.files import check_suffix
@@ -54,18 +55,13 @@ def output_paths(options: GraftOptions, first: str) -> tuple[list[Path], Path]:
     """
     if options.output.suffix.lower() in MOTION_SUFFIXES:
         return [options.output] * options.count, options.output.with_suffix(".html")
-    stem = "scenario" if options.scenario != "original" else _base_stem(options.base or first)
-    paths = [options.output / f"{stem}_graft{i}.bvh" for i in range(options.count)]
-    return paths, options.output / "index.html"
-
-
-def _base_stem(address: str) -> str:
-    """Return the name of the base motion, with which the names of the new motions begin."""
-    path, clip = split_address(address)
+    path, clip = split_address(options.base or first)
     if clip is None:
         is_motion = Path(path).suffix.lower() in SUFFIXES
         clip = Path(path).stem if is_motion else Path(path).name
-    return portable_stem(clip)
+    stem = portable_stem(clip) if options.scenario == "original" else "scenario"
+    paths = [options.output / f"{stem}_graft{i}.bvh" for i in range(options.count)]
+    return paths, options.output / "index.html"
 
 
 def with_command(graft: Graft, options: Options, sources: Sequence[str]) -> Graft:
@@ -75,10 +71,7 @@ def with_command(graft: Graft, options: Options, sources: Sequence[str]) -> Graf
 
 
 def write_report(
-    grafts: Sequence[Graft],
-    paths: Sequence[Path],
-    target: Path,
-    columns: Sequence[Mapping[str, str]] = (),
+    grafts: Sequence[Graft], paths: Sequence[Path], target: Path, columns: Sequence[Any] = ()
 ) -> None:
     """Write the report page of grafts to `target`, with links to the files `paths` of the grafts.
 

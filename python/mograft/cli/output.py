@@ -15,18 +15,15 @@ from mograft.cli.syntax.options import ResultOptions
 
 
 def print_result(
-    options: ResultOptions,
-    schema: str,
-    document: dict[str, Any],
-    lines: Iterable[object],
-    version: int = 1,
+    options: ResultOptions, schema: str, document: dict[str, Any], lines: Iterable[object]
 ) -> None:
     """Print the result of a command: `document` if ``--json`` is given, otherwise `lines`.
 
-    The printed document has the additional entry ``"schema": "mograft.SCHEMA/VERSION"``.
+    The printed document has the additional entry ``"schema": "mograft.SCHEMA"``. `schema` ends with
+    its version, such as ``info/1``.
     """
     if options.json:
-        print(json.dumps({"schema": f"mograft.{schema}/{version}", **document}, indent=1))
+        print(json.dumps({"schema": f"mograft.{schema}", **document}, indent=1))
     else:
         for line in lines:
             print(line)

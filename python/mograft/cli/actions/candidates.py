@@ -50,7 +50,7 @@ def run(options: CandidatesOptions) -> int:
         f"seam angle {math.degrees(config.max_angle):.0f}°"
     )
     lines = [title, *_table(library, found, segment), limits]
-    print_result(options, "candidates", document, lines, version=2)
+    print_result(options, "candidates/2", document, lines)
     return 0
 
 
@@ -82,9 +82,10 @@ def _find_segment(library: Library, options: CandidatesOptions) -> tuple[int, in
 def _as_dict(library: Library, candidate: Candidate) -> dict[str, Any]:
     """Return a candidate as a dict for JSON."""
     gaps = (candidate.gap_before, candidate.gap_after)
+    first = int(library.segments.of_clip(candidate.clip)[0])
     return {
         "clip": library.entries[candidate.clip].name,
-        "segment": _number_in_clip(library, candidate),
+        "segment": candidate.segment - first,
         "index": candidate.segment,
         "frames": [candidate.start, candidate.stop],
         "cost": candidate.cost,
@@ -94,10 +95,6 @@ def _as_dict(library: Library, candidate: Candidate) -> dict[str, Any]:
         "refused": candidate.refused,
         "is_forced": candidate.is_forced,
     }
-
-
-def _number_in_clip(library: Library, candidate: Candidate) -> int:
-    return candidate.segment - int(library.segments.of_clip(candidate.clip)[0])
 
 
 def _table(library: Library, found: Candidates, segment: int) -> list[str]:

@@ -102,7 +102,7 @@ def run(options: GraftOptions) -> int:
         grafts = list(grafts)
         if _are_refused(grafts, options):
             return 4  # No donor sequence satisfies the constraints.
-    _write_results(grafts, paths, page, options, options.digits)
+    _write_results(grafts, paths, page, options)
     return 0
 
 
@@ -145,8 +145,9 @@ def _run_replay(options: GraftOptions) -> int:
         graft = _edit(graft, options)
         if _are_refused([graft], options):
             return 4  # The edits contradict each other or the constraints of the graft.
-    digits = options.digits if options.given("digits") else record.digits
-    _write_results([graft], [path], path.with_suffix(".html"), options, digits)
+    if not options.given("digits"):
+        options = replace(options, digits=record.digits)
+    _write_results([graft], [path], path.with_suffix(".html"), options)
     return 0
 
 
@@ -289,11 +290,7 @@ def _are_refused(grafts: Sequence[Graft], options: GraftOptions) -> bool:
 
 
 def _write_results(
-    grafts: Sequence[Graft],
-    paths: Sequence[Path],
-    page: Path,
-    options: GraftOptions,
-    digits: int | None,
+    grafts: Sequence[Graft], paths: Sequence[Path], page: Path, options: GraftOptions
 ) -> None:
     """Write grafts and the page that describes them, and print their paths and remarks."""
     paths[0].parent.mkdir(parents=True, exist_ok=True)
@@ -316,9 +313,13 @@ def _write_results(
             columns.append(measures.columns())
             lines.append("  " + ", ".join(f"{name} {text}" for name, text in columns[-1].items()))
         if not is_together:
-            write_graft(own, path, section, digits=digits)
+            write_graft(own, path, section, digits=options.digits)
         if options.json:
-            document = {"file": str(path), **graft_record(own, path.parent), "digits": digits}
+            document = {
+                "file": str(path),
+                **graft_record(own, path.parent),
+                "digits": options.digits,
+            }
             documents.append({**document, **section, "newness": new.as_dict()})
         print_remark("\n".join(lines))
         if not options.json and not is_together:
@@ -337,7 +338,7 @@ def _write_results(
         shown = kept[:_MAX_REPORTED]
         graft_files.write_report(shown, paths[: len(shown)], page, columns[: len(shown)])
         result["report"] = str(page)
-    print_result(options, "grafts", result, [page] if options.report else [])
+    print_result(options, "grafts/1", result, [page] if options.report else [])
 
 
 def _print_remarks(
@@ -362,8 +363,7 @@ def run_demo(options: DemoOptions) -> int:
     """Run all stages on the built-in dancer."""
     check_suffix(options.output, is_folder=True)
     folder = options.output
-    sample = folder / "dance.bvh"
-    page = folder / "index.html"
+    sample, page = folder / "dance.bvh", folder / "index.html"
     paths = [folder / f"dance_graft{i}.bvh" for i in range(_N_DEMO_GRAFTS)]
     files = graft_files.files_of_grafts(paths)
     check_writable([sample, page, *files], force=options.force)
@@ -412,5 +412,5 @@ def run_demo(options: DemoOptions) -> int:
         f"page        {page}: the motions and how they were made",
         "next:       mograft graft your.bvh -o out/ -n 5",
     ]
-    print_result(options, "demo", document, closing_lines)
+    print_result(options, "demo/1", document, closing_lines)
     return 0

@@ -86,7 +86,7 @@ def run_view(options: ViewOptions) -> int:
     target = options.output or temporary_path()
     target.parent.mkdir(parents=True, exist_ok=True)
     path = page.save(target, force=True)
-    print_result(options, "view", {"file": str(path), "title": page.title}, [path])
+    print_result(options, "view/1", {"file": str(path), "title": page.title}, [path])
     if options.output is None or options.open:
         open_page(path)
     return 0
@@ -116,7 +116,7 @@ def run_plot(options: PlotOptions) -> int:
                 figure.savefig(draft, dpi=150, metadata=metadata)
         finally:
             pyplot.close("all")
-    print_result(options, "plot", {"file": str(target), "kind": options.kind}, [target])
+    print_result(options, "plot/1", {"file": str(target), "kind": options.kind}, [target])
     return 0
 
 
@@ -129,7 +129,7 @@ def _draw(options: PlotOptions) -> "Axes":
         raise UsageError(
             "--clip requires a library, and one of the kinds strip, timeline and energy"
         )
-    configuration.refuse_useless_options(options, _KINDS_OF_OPTION, options.kind, options.kind)
+    configuration.refuse_useless_options(options, _KINDS_OF_OPTION, options.kind)
     if options.kind in ("strip", "energy"):
         motion, groups, config = _single_motion(options, folder)
         frames = frame_range(motion, options.frames)
@@ -220,7 +220,7 @@ def run_export(options: ExportOptions) -> int:
         raise UsageError(f"-o must end in {', '.join(_ENDINGS)}, got {target.name}")
     if len(files) > 1 and ending not in _ENDINGS_OF_SEVERAL:
         raise UsageError(f"-o {target.name} can contain only one motion, got {len(files)} files")
-    configuration.refuse_useless_options(options, _ENDINGS_OF_OPTION, ending, target.name)
+    configuration.refuse_useless_options(options, _ENDINGS_OF_OPTION, ending)
     check_writable([target], force=options.force, inputs=files)
     groups, _, skeleton = configuration.figure_settings(options, files)
     motions = [_select_frames(read_clip(name, skeleton=skeleton), options.frames) for name in files]
@@ -243,7 +243,7 @@ def run_export(options: ExportOptions) -> int:
                 _TABLE_WRITERS[ending](motions[0], target)
             document |= {"up": "as in the file", "unit": "of the file"}
             print_remark(f"{target.name}: unit and axes of {files[0]}")
-    print_result(options, "export", document, [target])
+    print_result(options, "export/1", document, [target])
     return 0
 
 

@@ -42,7 +42,7 @@ def run_doctor(options: DoctorOptions) -> int:
     is_ok = all(state != "broken" for _, state, _ in results)
     lines = [f"{state:7} {what}: {detail}" for what, state, detail in results]
     checks = [dict(zip(("what", "state", "detail"), own, strict=True)) for own in results]
-    print_result(options, "doctor", {"ok": is_ok, "checks": checks}, lines)
+    print_result(options, "doctor/1", {"ok": is_ok, "checks": checks}, lines)
     return 0 if is_ok else 1
 
 
@@ -84,7 +84,7 @@ def run_config(options: ShowOptions) -> int:
         line = f"# {name} =" if value is None else f"{name} = {text}"
         lines.append(f"{line:32} # {row['origin']}" if options.origin else line)
     document = {"file": None if path is None else str(path), "settings": rows}
-    print_result(options, "config", document, lines)
+    print_result(options, "config/1", document, lines)
     return 0
 
 

@@ -270,14 +270,15 @@ def picture_size(text: str) -> tuple[int, int]:
 
 
 def _numbers(text: str, *counts: int) -> tuple[float, ...]:
-    @_parser(f"expected {' or '.join(map(str, counts))} numbers separated by commas")
-    def convert(text: str) -> tuple[float, ...]:
-        numbers = tuple(map(float, text.split(",")))
-        if len(numbers) not in counts:
-            raise ValueError
-        return numbers
-
-    return convert(text)
+    words = text.split(",")
+    try:
+        numbers = tuple(float(word) for word in words if len(words) in counts)
+    except ValueError:
+        numbers = ()
+    if not numbers:
+        expected = " or ".join(map(str, counts))
+        raise ArgumentTypeError(f"expected {expected} numbers separated by commas, got {text}")
+    return numbers
 
 
 def _point(text: str) -> Point:
