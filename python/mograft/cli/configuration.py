@@ -27,6 +27,7 @@ from mograft.io.smpl.rest import read_offsets
 from mograft.library.derive import BUILD_STAGES
 from mograft.library.group_choice import discover_groups
 from mograft.library.library import Library
+from mograft.library.plan import IngestOptions
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 from mograft.search import donor_constraints
@@ -88,15 +89,9 @@ def load_library(options: LibraryOptions, *, rate: float | None = None) -> Libra
         clips: Sequence[Motion | str] = files
         if rate is not None:
             clips = [read_clip(file, skeleton=skeleton).resample(rate) for file in files]
-        return Library.build(
-            clips,
-            groups,
-            config,
-            match=options.match or "names",
-            hierarchy=hierarchy,
-            skeleton=skeleton,
-            progress=progress,
-        )
+        more: IngestOptions = {"match": options.match or "names", "hierarchy": hierarchy}
+        more |= {"skeleton": skeleton, "progress": progress}
+        return Library.build(clips, groups, config, **more)
 
 
 def _base_address(base: str | None, files: Sequence[str]) -> str:
@@ -117,9 +112,8 @@ def selected_skeleton(name: str | None) -> Skeleton | None:
     """Return the rest pose that ``--skeleton`` names, or None."""
     if name is None:
         return None
-    if Path(name).suffix.lower() == ".json":
-        return read_offsets(Path(name))
-    return open_clips(name)[0].skeleton
+    is_json = Path(name).suffix.lower() == ".json"
+    return read_offsets(Path(name)) if is_json else open_clips(name)[0].skeleton
 
 
 def selected_groups(given: str | None) -> JointGroups | str:

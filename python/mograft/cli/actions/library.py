@@ -75,17 +75,12 @@ def _index(
             before = set(library.refused)
             library = library.add(options.files, **keywords)
             return library, {k: why for k, why in library.refused.items() if k not in before}
-        library = Library.index(
-            options.files,
-            options.output,
-            configuration.selected_groups(options.groups),
-            configuration.selected_config(options),
-            rate=options.rate,
-            force=options.force,
-            match=options.match or "names",
-            skeleton=configuration.selected_skeleton(options.skeleton),
-            **keywords,
-        )
+        groups = configuration.selected_groups(options.groups)
+        config = configuration.selected_config(options)
+        keywords |= {"match": options.match or "names", "rate": options.rate}
+        skeleton = configuration.selected_skeleton(options.skeleton)
+        keywords |= {"skeleton": skeleton, "force": options.force}
+        library = Library.index(options.files, options.output, groups, config, **keywords)
     return library, dict(library.refused)
 
 
