@@ -192,7 +192,6 @@ def parse(
     found = vars(parsers[()].parse_args(words))
     command: Command = found["command"]
     parser: argparse.ArgumentParser = found["parser"]
-    settings: dict[str, Setting] = {}
     try:
         settings = find_settings(command, commands)
     except (OSError, ValueError) as error:
