@@ -33,27 +33,13 @@ def test_automatic_groups_of_folder_use_all_files(run, folder, tmp_path):
     assert JointGroups.from_toml(path) == mg.discover_groups(folder).groups
 
 
-def test_automatic_groups_colour_figures(run, folder, tmp_path):
-    pytest.importorskip("matplotlib", reason="matplotlib is not installed")
-    clip = folder / "a.bvh"
-    for command in (
-        ["view", clip, "-o", tmp_path / "x.html"],
-        ["export", clip, "-o", tmp_path / "x.glb"],
-        ["plot", "strip", clip, "-o", tmp_path / "x.svg"],
-    ):
-        assert run(*command, "--groups", "auto:3")[0] == 0
-    assert '"arms"' in (tmp_path / "x.html").read_text(encoding="utf-8")
-    assert ">arms" in (tmp_path / "x.svg").read_text(encoding="utf-8") or "arms -->" in (
-        tmp_path / "x.svg"
-    ).read_text(encoding="utf-8")
-
-
 @pytest.mark.parametrize("number", ["x", "1", ""])
 def test_automatic_groups_invalid_number_is_usage_error(usage_error, folder, tmp_path, number):
     name = f"auto:{number}"
     message = usage_error("graft", folder / "a.bvh", "--groups", name, "-o", tmp_path / "x.bvh")
-    assert f"--groups must be auto or auto:N with a whole number N of at least 2, got '{name}'" in (
-        message
+    assert (
+        f"--groups: must be auto or auto:N with a whole number N of at least 2, got '{name}'"
+        in (message)
     )
     message = usage_error("groups", folder / "a.bvh", "--preset", name)
     assert "--preset: must be auto or auto:N" in message

@@ -9,7 +9,7 @@ import pytest
 
 from mograft import read_bvh, write_bvh
 from mograft.body import groups as joint_groups
-from mograft.cli.syntax.options import PRESETS
+from mograft.cli.syntax.values import PRESETS
 from mograft.formats import write_npz
 
 
@@ -87,35 +87,6 @@ def test_groups_output_is_accepted_by_graft(run, folder, tmp_path):
     assert run("graft", folder / "a.bvh", "--groups", path, "-o", out_file)[0] == 0
 
 
-@pytest.mark.parametrize(
-    ("text", "code", "message"),
-    [("this is no motion", 3, "bad.bvh:1"), (None, 1, "bad.bvh: No such file or directory")],
-)
-def test_graft_invalid_file_prints_one_line_and_exit_code(run, tmp_path, text, code, message):
-    path = tmp_path / "bad.bvh"
-    if text is not None:
-        path.write_text(text)
-    got, out, err = run("graft", path, "-o", tmp_path / "out")
-    assert got == code
-    assert message in err
-    assert out == ""
-    assert err.count("\n") == 1
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("command", [("plot", "strip"), ("export",)])
-def test_frames_beyond_motion_returns_1(run, folder, tmp_path, command):
-    ending = "png" if command[0] == "plot" else "npz"
-    target, last = tmp_path / f"a.{ending}", read_bvh(folder / "a.bvh").n_frames - 1
-    words = (*command, folder / "a.bvh", "-o", target, "--frames")
-    code, _, err = run(*words, f"5-{last + 1}")
-    assert code == 1
-    assert f"--frames must be two or more frames within 0-{last}, the frames of a" in err
-    assert f"got 5-{last + 1}" in err
-    assert not target.exists()
-    assert run(*words, f"{last - 4}-{last}")[0] == 0
-
-
 def test_groups_file_is_accepted_by_all_commands(run, folder, tmp_path):
     groups = tmp_path / "groups.toml"
     groups.write_text('base = "all"\n[groups]\nall = ["*"]\n')
@@ -162,16 +133,6 @@ def test_output_file_in_place_of_folder_returns_1(run, folder, tmp_path):
     code, _, err = run("view", folder, "-o", page, "--force")
     assert code == 1
     assert f"{page}: is a folder, expected a file" in err
-
-
-def test_library_in_place_of_files_is_refused(run, usage_error, folder, tmp_path):
-    library = tmp_path / "lib"
-    assert run("index", folder, "-o", library)[0] == 0
-    code, _, err = run("export", library, "-o", tmp_path / "a.glb")
-    assert code == 1
-    assert f"{library} is a library; expected motion files" in err
-    err = usage_error("graft", folder / "a.bvh", library, "-o", tmp_path / "out")
-    assert "expected one library or motion files" in err
 
 
 def test_index_excluded_file_is_named_once(run, folder, tmp_path):

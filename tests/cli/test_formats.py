@@ -91,18 +91,3 @@ def test_check_damaged_glb_gives_exit_code_3(run, pack, tmp_path):
         code, _, err = run(*command)
         assert code == 3
         assert "bad.glb: byte 8: expected" in err
-
-
-def test_index_clips_excluded_for_one_reason_share_a_line(run, pack, tmp_path):
-    folder = tmp_path / "clips"
-    folder.mkdir()
-    motion = dance(seed=1, strides=1).motion
-    other = replace(motion, skeleton=replace(motion.skeleton, names=("x",) * motion.n_joints))
-    formats.write_glb([replace(other[:90], name=name) for name in "ab"], folder / "other.glb")
-    (folder / "pack.glb").write_bytes(pack.read_bytes())
-    code, _, err = run("index", folder, "-o", tmp_path / "l")
-    assert code == 0
-    (line,) = [line for line in err.splitlines() if line.startswith("excluded: ")]
-    assert line.startswith(f"excluded: {folder / 'other.glb'}: 2 clips (a, b), such as ")
-    assert "  " + line in run("lib", "info", tmp_path / "l")[1]
-    assert len(mg.Library.open(tmp_path / "l").refused) == 2

@@ -8,16 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft import read_bvh
-from mograft.cli.syntax.frames import (
-    Seconds,
+from mograft.cli.syntax.values import (
     frame,
     frame_count,
     frame_or_frames,
     frames,
+    obstacle,
+    reach,
     resolve_frame,
     resolve_frames,
 )
-from mograft.cli.syntax.values import obstacle, reach
 
 NUMBERS = st.integers(0, 10**6)
 RATES = st.floats(1, 1000)
@@ -45,7 +45,8 @@ def test_frame_accepts_digits_and_one_point_only(text):
     digits = text.removesuffix("s")
     is_time = text.endswith("s") and digits.replace(".", "", 1).isdigit()
     if text.isdigit() or is_time:
-        assert frame(text) == (Seconds(float(digits)) if is_time else int(text))
+        expected = float(digits) if is_time else int(text)
+        assert (frame(text), type(frame(text))) == (expected, type(expected))
     else:
         with pytest.raises(ArgumentTypeError, match="must be a frame such as"):
             frame(text)
@@ -53,14 +54,8 @@ def test_frame_accepts_digits_and_one_point_only(text):
 
 @pytest.mark.parametrize("digits", [11, 300, 400])
 def test_time_above_the_limit_is_refused(digits):
-    with pytest.raises(ArgumentTypeError, match="must be at most 1e\\+09 s"):
+    with pytest.raises(ArgumentTypeError, match="at most 1e\\+09 s"):
         frame("9" * digits + "s")
-
-
-@pytest.mark.parametrize("text", ["5-10s", "5s-10", "5s", "-5s", "5s-", "1s-2s-3s"])
-def test_range_with_one_time_or_one_end_is_refused(text):
-    with pytest.raises(ArgumentTypeError):
-        frames(text)
 
 
 @pytest.mark.parametrize("text", ["1", "0", "0s", "x", "-3"])
@@ -72,17 +67,12 @@ def test_frame_count_below_two_is_refused(text):
 def test_avoid_and_reach_accept_ranges():
     assert obstacle("sphere:0,90,0,20") == ("sphere", (0.0, 90.0, 0.0, 20.0), None)
     assert obstacle("sphere:0,90,0,20@5-9") == ("sphere", (0.0, 90.0, 0.0, 20.0), (5, 9))
-    assert obstacle("b.bvh@1s-2s") == ("b.bvh", (0.0,) * 4, (Seconds(1.0), Seconds(2.0)))
+    assert obstacle("b.bvh@1s-2s") == ("b.bvh", (0.0,) * 4, (1.0, 2.0))
     assert obstacle("b.bvh@1,2,3@4-5") == ("b.bvh", (1.0, 2.0, 3.0, 0.0), (4, 5))
     assert obstacle("b@2.bvh@1,2,3") == ("b@2.bvh", (1.0, 2.0, 3.0, 0.0), None)
     assert frame_or_frames("7") == (7, 7)
     assert reach("5-9:Hand:1,2,3") == ((5, 9), "Hand", (1.0, 2.0, 3.0), 0.03)
-    assert reach("1.5s:a:b:1,2,3~0.1") == (
-        (Seconds(1.5), Seconds(1.5)),
-        "a:b",
-        (1.0, 2.0, 3.0),
-        0.1,
-    )
+    assert reach("1.5s:a:b:1,2,3~0.1") == ((1.5, 1.5), "a:b", (1.0, 2.0, 3.0), 0.1)
 
 
 def test_commands_accept_seconds_for_frames(run, folder):

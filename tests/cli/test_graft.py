@@ -1,12 +1,10 @@
 """`mograft graft`, `candidates` and `demo`: files, options and messages."""
 
-import hashlib
 import json
 import math
 import re
 import shlex
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -46,39 +44,6 @@ def test_graft_count_three_writes_different_motions_with_base_legs(run, folder, 
     document = json.loads((tmp_path / "out" / "a_graft0.json").read_text())
     assert document["mograft"] == __version__
     assert {clip["name"] for clip in document["clips"]} == {"a", "b"}
-
-
-def test_graft_provenance_contains_sha256_of_clips(run, folder, tmp_path):
-    expected = {
-        path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()
-    }
-    assert run("index", folder, "-o", tmp_path / "lib")[0] == 0
-    for number, source in enumerate((folder, tmp_path / "lib")):
-        target = tmp_path / f"{number}.bvh"
-        assert run("graft", source, "-o", target)[0] == 0
-        clips = json.loads(target.with_suffix(".json").read_text())["clips"]
-        assert {Path(clip["file"]).name: clip["sha256"] for clip in clips} == expected
-        for clip in clips:
-            path = (folder / f"{clip['name']}.bvh").resolve()
-            assert (tmp_path / clip["file"]).resolve() == path
-
-
-def test_graft_single_file_with_base_groups_and_json(run, folder, tmp_path):
-    target = tmp_path / "new.bvh"
-    options = ["--base", folder / "b.bvh", "--groups", "lower_torso_arms", "--swap", "arms"]
-    code, out, _ = run("graft", folder, *options, "-o", target, "--json", "--seed", 5)
-    assert code == 0
-    document = json.loads(out)
-    assert document["schema"] == "mograft.grafts/1"
-    assert document["grafts"][0]["base"] == "b"
-    assert {s["group"] for s in document["grafts"][0]["substitutions"]} == {"arms"}
-    before = target.read_bytes()
-    code, _, err = run("graft", folder, *options, "-o", target)
-    assert code == 1
-    assert "new.bvh and 1 other file exist; use --force to overwrite" in err
-    assert target.read_bytes() == before
-    assert run("graft", folder, *options, "-o", target, "--force", "--seed", 5)[0] == 0
-    assert target.read_bytes() == before
 
 
 @pytest.mark.parametrize("field", ["max_stretch", "max_angle"])
@@ -193,7 +158,7 @@ def test_graft_base_given_as_path_file_name_or_clip_is_same(run, folder, tmp_pat
     assert len(set(motions)) == 1
     code, _, err = run("graft", folder, "--base", "c.bvh", "-o", tmp_path / "c.bvh")
     assert code == 1
-    assert "--base must be a clip, one of a, b, or a file; got 'c.bvh'" in err
+    assert "--base must be a clip, one of a, b; got 'c.bvh'" in err
 
 
 def test_graft_measure_writes_quality_to_document_and_page(run, folder, tmp_path):
@@ -336,36 +301,6 @@ def test_graft_digits_option_sets_decimals_and_is_recorded(run, folder, tmp_path
     assert "damaged: `digits` must be an integer from 1 to 12, got 99" in err
 
 
-def test_graft_from_provenance_of_stored_library_writes_same_bytes(run, folder, tmp_path):
-    shutil.copytree(folder, tmp_path / "clips")
-    assert run("index", tmp_path / "clips", "-o", tmp_path / "lib")[0] == 0
-    path = write_first(run, tmp_path / "lib", tmp_path, "--variety", "0.8")
-    shutil.rmtree(tmp_path / "clips")
-    words = ["graft", "--from", path.with_suffix(".json"), "-o", tmp_path / "second.bvh"]
-    assert run(*words)[0] == 0
-    assert (tmp_path / "second.bvh").read_bytes() == path.read_bytes()
-    shutil.move(tmp_path / "lib", tmp_path / "moved")
-    code, out, err = run(*words, "--force")
-    assert (code, out) == (3, "")
-    assert "lib: no such library" in err
-    assert ".bvh is missing" in err
-    for source in (tmp_path / "moved", folder):
-        assert run("graft", source, *words[1:], "--force")[0] == 0
-        assert (tmp_path / "second.bvh").read_bytes() == path.read_bytes()
-
-
-def test_graft_from_missing_or_damaged_file_writes_nothing(run, tmp_path):
-    words = ["graft", "--from", tmp_path / "new.json", "-o", tmp_path / "out"]
-    code, out, err = run(*words)
-    assert (code, out) == (1, "")
-    assert "new.json" in err
-    (tmp_path / "new.json").write_text("{}")
-    code, out, err = run(*words)
-    assert (code, out) == (3, "")
-    assert "not the provenance of a graft" in err
-    assert not (tmp_path / "out").exists()
-
-
 @pytest.fixture(scope="module")
 def first(folder, tmp_path_factory):
     """The path of a graft of the clips in a folder."""
@@ -414,12 +349,8 @@ def test_graft_from_with_edits_takes_moved_library(run, first, folder, tmp_path)
 @pytest.mark.parametrize(
     ("options", "code", "message"),
     [
-        (["--take", "999=b:0-9"], 1, "`segment` of Use must be 0 to"),
         (["--take", "3=bb:0-9"], 1, "did you mean 'b'?"),
-        (["--ban", "999"], 1, "`segment` of Ban must be 0 to"),
-        (["--reroll", "999"], 1, "`reroll` must be a segment number from 0 to"),
-        (["--reroll", "9000-9100"], 1, "`reroll` must select a segment in frames 0 to"),
-        (["--keep", "900s-910s"], 1, "`frames` must select a segment in frames 0 to"),
+        (["--reroll", "999"], 1, "--reroll must be a segment number from 0 to"),
         (["--take", "uper:3=b:0-9"], 1, "did you mean 'upper'?"),
         (["--take", "3=TAKE", "--ban", "3=TAKE"], 4, "Use is violated"),
     ],

@@ -8,7 +8,6 @@ import pytest
 import mograft as mg
 from mograft import formats
 from mograft.dancer import dance
-from mograft.viewing.scene import Scene
 
 
 @pytest.fixture(scope="module")
@@ -73,25 +72,6 @@ def test_graft_glb_in_folder_is_excluded_as_donor(run, figure, tmp_path):
     (tmp_path / "dance.glb").write_bytes(figure.read_bytes())
     assert run("index", tmp_path, "-o", tmp_path / "lib")[0] == 0
     assert mg.Library.open(tmp_path / "lib").names == ("a", "b")
-
-
-def test_scene_of_glb_shows_donors_of_grafts_only(run, figure, tmp_path):
-    out = tmp_path / "out.glb"
-    assert run("graft", figure, "-o", out)[0] == 0
-    (old,) = Scene.of([f"{out}#a"]).figures
-    assert [row.group for row in old.rows] == ["segments"]
-    base, new = Scene.of([f"{out}#a_graft0"]).figures
-    assert (base.name, new.name) == ("a", "a_graft0")
-    assert [row.group for row in new.rows] == ["upper"]
-    assert new.rows[0].is_exchanged.any()
-
-
-def test_graft_glb_base_of_another_format_writes_nothing(run, figures, tmp_path):
-    out = tmp_path / "out.glb"
-    code, _, err = run("graft", figures, "--base", figures / "walk.bvh", "-o", out)
-    assert code == 1
-    assert "out.glb must be a .bvh file: walk, the base of walk_graft0, is not from a glTF" in err
-    assert not list(tmp_path.glob("out.*"))
 
 
 def test_graft_glb_with_digits_is_usage_error(usage_error, figure):

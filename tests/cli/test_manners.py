@@ -78,12 +78,6 @@ def test_usage_error_is_one_usage_line_and_one_error(usage_error):
     assert usage_error().splitlines()[0] == "usage: mograft COMMAND [options] (see mograft --help)"
 
 
-def test_runtime_error_has_no_usage(run):
-    code, out, err = run("info", "none.bvh")
-    assert (code, out) == (1, "")
-    assert err == "error: none.bvh: No such file or directory\n"
-
-
 def test_quiet_prints_results_and_errors_only(run, clip, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     loud = run("graft", clip, "-o", "a.bvh")

@@ -51,12 +51,6 @@ def test_graft_edit_of_matched_clips_builds_the_same_library(run, mixed_folder, 
     assert code == 0, err
 
 
-def test_graft_match_names_refuses_other_figure_and_names_the_remedy(run, mixed_folder, tmp_path):
-    code, _, err = run("graft", mixed_folder, "-o", tmp_path / "g.bvh")
-    assert code == 1
-    assert "unless joints are matched by anatomy (--match anatomy)" in err
-
-
 def test_info_match_anatomy_lists_joints_without_counterpart(run, mixed_folder, tmp_path):
     amass = write_arrays(tmp_path / "walk_poses.npz", amass_arrays())
     code, out, _ = run(
@@ -175,24 +169,6 @@ def test_match_option_of_stream_serves_clips_of_several_figures(run, mixed_folde
     with server:  # which closes the socket
         pass
     assert server.library.spec.match == "anatomy"
-
-
-def test_export_like_amass_takes_unchanged_arrays_through_bvh(run, body, tmp_path):
-    arrays = amass_arrays(n_frames=20)
-    walk = write_arrays(tmp_path / "walk.npz", arrays)
-    for options in ([], ["--skeleton", body]):
-        words = [*options, "--force", "-o"]
-        assert run("export", walk, *words, tmp_path / "walk.bvh")[0] == 0
-        words += [tmp_path / "again.npz", "--like", walk]
-        code, _, err = run("export", tmp_path / "walk.bvh", *words)
-        assert code == 0, err
-        with np.load(tmp_path / "again.npz") as again:
-            for name, array in arrays.items():
-                np.testing.assert_array_equal(again[name], array, err_msg=name)
-    words = ["--frames", "0-9", "-o", tmp_path / "part.npz", "--like", walk]
-    code, _, err = run("export", walk, *words)
-    assert code == 0
-    assert "part.npz lacks dmpls, which have one row per frame of" in err
 
 
 def test_graft_of_amass_files_keeps_poses_of_the_base_group(run, tmp_path):

@@ -7,7 +7,6 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager, suppress
-from pathlib import Path
 
 import pytest
 
@@ -127,82 +126,3 @@ def assert_complete(folder):
         if path.suffix == ".json":
             json.loads(path.read_text())
     return motions
-
-
-posix_only = pytest.mark.skipif(os.name != "posix", reason="Ctrl-C is a signal here")
-
-
-def interrupt(child):
-    """Send Ctrl-C to all processes of a command, as a terminal does."""
-    os.killpg(child.pid, signal.SIGINT)
-    _, err = child.communicate(timeout=60)
-    assert child.returncode == 130
-    assert err.splitlines()[-1] == "interrupted"
-    assert "Traceback" not in err
-
-
-@pytest.fixture
-def one_line_pipe():
-    """The writing end of a pipe that has room for one line of at most 200 bytes."""
-    fcntl = pytest.importorskip("fcntl", reason="the platform has no such pipes")
-    if not hasattr(fcntl, "F_SETPIPE_SZ"):
-        pytest.skip("the platform has pipes of one size only")
-    read_end, write_end = os.pipe()
-    capacity = fcntl.fcntl(write_end, fcntl.F_SETPIPE_SZ, 4096)
-    os.write(write_end, bytes(capacity - 200))
-    yield write_end
-    os.close(read_end)
-    os.close(write_end)
-
-
-@posix_only
-def test_demo_interrupted_leaves_complete_files(working_folder, one_line_pipe):
-    # The command writes the sample, prints a line, builds the library, and then waits in its next
-    # line, as nobody reads the pipe.
-    with running("demo", "-o", "demo", stdout=one_line_pipe) as child:
-        wait_until((working_folder / "demo" / "dance.bvh").exists, child)
-        interrupt(child)
-    assert {path.name for path in assert_complete(working_folder)} == {"dance.bvh"}
-
-
-@posix_only
-def test_graft_interrupted_motions_have_provenance(working_folder, clip):
-    with running("graft", clip, "-o", "out", "-n", "3000") as child:
-        wait_until((working_folder / "out" / "a_graft1.bvh").exists, child)
-        interrupt(child)
-    motions = assert_complete(working_folder / "out")
-    assert len(motions) >= 2
-    for path in motions:
-        assert path.with_suffix(".json").exists()
-
-
-@posix_only
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_index_interrupted_keeps_old_library(folder_of_many_clips, clip, jobs):
-    assert main(["index", str(clip), "-o", "lib"]) == 0
-    before = Path("lib/manifest.json").read_bytes()
-    seen = set(Path("lib").rglob("*"))
-    with running("index", folder_of_many_clips, "-o", "lib", "--add", "-j", jobs) as child:
-        below = Path(f"/proc/{child.pid}/task/{child.pid}/children")
-        if jobs > 1 and below.exists():
-            # The workers have started: a traceback of theirs would appear on stderr.
-            wait_until(lambda: len(below.read_text().split()) > jobs, child)
-        else:
-            wait_until(lambda: set(Path("lib").rglob("*")) - seen, child)
-        interrupt(child)
-    assert Path("lib/manifest.json").read_bytes() == before
-    assert main(["lib", "verify", "lib"]) == 0
-
-
-@posix_only
-@pytest.mark.parametrize("ending", ["gif", "mp4"])
-def test_export_interrupted_film_leaves_no_file(working_folder, slow_clip, ending):
-    pytest.importorskip("PIL", reason="Pillow is not installed")
-    if ending == "mp4":
-        pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed")
-    # Pillow keeps all pictures of a GIF in memory: small ones suffice.
-    options = ["--rate", "50", "--size", "64x64" if ending == "gif" else "1920x1080"]
-    with running("export", slow_clip, "-o", f"x.{ending}", *options) as child:
-        wait_until(lambda: any(path.suffix == ".part" for path in working_folder.iterdir()), child)
-        interrupt(child)
-    assert list(working_folder.iterdir()) == []

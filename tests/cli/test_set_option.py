@@ -53,7 +53,7 @@ def test_cut_frames_are_read_from_a_json_file(folder, working_folder, capsys):
     assert main(["lib", "info", "lib"]) == 0
     assert "segments by given cut frames" in capsys.readouterr().out
     for text, message in [
-        ("[1]", "expected an object"),
+        ("[1]", "a mapping from names of clips"),
         ("{", "cuts.json: Expecting"),
         ('{"a": [2, 1]}', "for the clip 'a' must be ascending"),
     ]:

@@ -62,6 +62,10 @@ COMMANDS = {
         ["export", "SLOW", "-o", "x.gif", "--size", "64x64", "--rate", "50"],
         lambda: has_draft(),
     ),
+    "film": (
+        ["export", "SLOW", "-o", "x.mp4", "--size", "1920x1080", "--rate", "50"],
+        lambda: has_draft(),
+    ),
     "stream": (["stream", "CLIP", "--socket", "socket"], lambda: Path("socket").exists()),
 }
 
@@ -75,10 +79,10 @@ def has_draft():
 
 
 def make_cases():
-    """Yield each command with each signal; a plain run has SIGTERM, and all with workers."""
+    """Yield each command with each signal; a plain run has no SIGHUP, except with workers."""
     for name in COMMANDS:
         for number in SIGNALS:
-            is_quick = number == signal.SIGTERM or name == "index workers"
+            is_quick = number != signal.SIGHUP or name == "index workers"
             marks = () if is_quick else pytest.mark.thorough
             yield pytest.param(name, number, marks=marks)
 
@@ -116,18 +120,23 @@ def test_signal_ends_command_and_workers_soon_and_leaves_no_draft(places, name, 
     """Other processes may delay one end, or two: the promise of 2 s is for an idle machine."""
     if name == "export":
         pytest.importorskip("PIL", reason="Pillow is not installed")
+    if name == "film":
+        pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed")
     assert any(end_by_signal(name, number, places) < 2 for _ in range(3))
 
 
 @pytest.mark.usefixtures("working_folder")
-def test_sigterm_while_adding_keeps_library_and_removes_new_generation(clip, folder_of_many_clips):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signal_while_adding_keeps_library_and_removes_new_generation(
+    clip, folder_of_many_clips, number
+):
     assert main(["index", str(clip), "-o", "lib"]) == 0
     before = sorted(path for path in Path("lib").rglob("*") if path.name != ".lock")
     with running("index", folder_of_many_clips, "-o", "lib", "--add", "-j", "2") as child:
         wait_until(lambda: any(Path("lib/0002").glob("samples-0002.npy")), child)
-        child.terminate()
+        child.send_signal(number)
         child.communicate(timeout=60)
-    assert child.returncode == 143
+    assert child.returncode == SIGNALS[number]
     assert sorted(path for path in Path("lib").rglob("*") if path.name != ".lock") == before
     assert main(["lib", "verify", "lib"]) == 0
 

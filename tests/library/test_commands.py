@@ -27,9 +27,9 @@ def test_graft_command_unknown_base_lists_clips(stored_library, tmp_path, capsys
     for more in ([], ["--mirror"]):
         assert main([*options, "--base", "waltz", *more]) == 1
         message = capsys.readouterr().err
-        assert f"--base must be a clip of {stored_library.folder}, one of" in message
+        assert "--base must be a clip, one of" in message
         assert name in message
-        assert "or a file; got 'waltz'" in message
+        assert "got 'waltz'" in message
     assert not (tmp_path / "other.bvh").exists()
 
 
@@ -74,7 +74,7 @@ def test_commands_accept_library_in_place_of_files(stored_library, tmp_path, cap
     code, _, err = run_command(
         capsys, "candidates", folder, "--segment", 2, "--only-tagged", "glad"
     )
-    assert (code, err) == (1, "error: --only-tagged must be one of jump, walk; got 'glad'\n")
+    assert (code, err) == (1, "error: --only-tagged must be among jump, walk; got 'glad'\n")
 
     page = tmp_path / "page.html"
     assert run_command(capsys, "view", folder, "--clip", "a*", "--clip", "c", "-o", page)[0] == 0

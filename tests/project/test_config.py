@@ -144,11 +144,6 @@ def test_every_field_of_config_has_a_stage_in_the_order_of_computation():
     assert by_stage[2] == ("sigma", "sigma_scale")
 
 
-def test_config_close_word_is_suggested():
-    with pytest.raises(ValueError, match=r"got 'vitterbi'; did you mean 'viterbi'\?$"):
-        Config(choice="vitterbi")
-
-
 @pytest.mark.parametrize("name", [name for name in CHOICES if name != "segmentation"])
 def test_docstring_and_objects_have_the_words_of_the_annotation(name):
     text = inspect.getdoc(Config).replace("\n", "\n    ")

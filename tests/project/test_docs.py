@@ -155,23 +155,9 @@ def test_documentation_builds_without_warnings(tmp_path):
     for module in ("sphinx", "furo", "myst_parser"):
         pytest.importorskip(module, reason=f"{module} is not installed")
     start = time.time_ns() - 10**9  # file systems round times
+    words = ["sphinx", "-q", "-W", "--keep-going", "-t", "tiny", "docs", str(tmp_path)]
     process = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "sphinx",
-            "-q",
-            "-W",
-            "--keep-going",
-            "-t",
-            "tiny",
-            "docs",
-            str(tmp_path),
-        ],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        check=False,
+        [sys.executable, "-m", *words], capture_output=True, text=True, cwd=ROOT, check=False
     )
     assert process.returncode == 0, process.stderr[-3000:]
     assert (tmp_path / "graft.html").exists()
@@ -233,23 +219,18 @@ def test_undocumented_names_are_found():
     assert "mograft.plot.strip" in find_undocumented("")
 
 
+FILE = re.compile(r"\b(?:tests|benches|lab)/[\w/]+\.(?:py|md)\b")
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)|^\[[\w-]+\]: ([^#:\s]+)(?:#\S*)?$", re.MULTILINE)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=[str(p.relative_to(ROOT)) for p in PAGES])
-def test_documentation_links_resolve(page):
-    for target in map("".join, LINK.findall(page.read_text(encoding="utf-8"))):
+def test_documentation_links_and_named_files_exist(page):
+    text = page.read_text(encoding="utf-8")
+    for path in FILE.findall(text):
+        assert (ROOT / path).exists(), path
+    for target in map("".join, LINK.findall(text)):
         if "_made/" not in target:
             assert (page.parent / target).exists(), target
-
-
-FILE = re.compile(r"\b(?:tests|benches|lab)/[\w/]+\.(?:py|md)\b")
-
-
-@pytest.mark.parametrize("page", PAGES, ids=[str(p.relative_to(ROOT)) for p in PAGES])
-def test_documentation_named_files_exist(page):
-    for path in FILE.findall(page.read_text(encoding="utf-8")):
-        assert (ROOT / path).exists(), path
 
 
 def test_architecture_names_modules_that_exist():

@@ -11,7 +11,7 @@ import sys
 import warnings
 from collections.abc import Sequence
 
-from mograft.cli.output import escape_output, print_error, print_remark, set_quiet
+from mograft.cli.output import escape_output, print_error, print_remark, set_quiet, with_flags
 from mograft.cli.syntax.arguments import Command, Options, UsageError
 from mograft.cli.syntax.commands import COMMANDS
 from mograft.cli.syntax.parser import parse
@@ -70,6 +70,8 @@ def _run(command: Command, options: Options) -> int:
             text = f"{error.filename}: {error.strerror}"
         elif isinstance(error, MemoryError):
             text = f"out of memory: {text}" if text else "out of memory"
+        elif type(error) is ValueError:
+            text = with_flags(text, options)
         print_error(text)
         return 1
     except KeyboardInterrupt:

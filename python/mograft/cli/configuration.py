@@ -1,30 +1,40 @@
-"""The library, joint groups and configuration that the options of a command select."""
+"""The library, joint groups, configuration and constraints that the options of a command select."""
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mograft._util.names import automatic_number, is_automatic
-from mograft._util.validate import freeze_cut_frames
 from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders, library_folder
 from mograft.cli.output import show_progress
 from mograft.cli.syntax.arguments import Options, UsageError
-from mograft.cli.syntax.options import PRESETS, ConstraintOptions, FieldOptions, LibraryOptions
+from mograft.cli.syntax.options import (
+    ConstraintOptions,
+    FieldOptions,
+    LibraryOptions,
+    SkeletonOptions,
+)
+from mograft.cli.syntax.values import PRESETS, SHAPE_NUMBERS, Range, resolve_frames
 from mograft.config import Config, scale_of_variety
 from mograft.config_text import parse_fields
-from mograft.errors import suggest_name
 from mograft.io.addresses import open_clips, read_clip, split_address
 from mograft.io.smpl.rest import read_offsets
 from mograft.library.build import discover_groups
 from mograft.library.derive import BUILD_STAGES
+from mograft.library.ingest_run import IngestOptions
 from mograft.library.library import Library
-from mograft.library.spec import Match
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
+from mograft.search import donor_constraints
+from mograft.search.constraints import Constraint, Span
+from mograft.search.donor_constraints import Ban, KeepOriginal, Use
+from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Obstacle, Sphere
+from mograft.search.pose_constraints import Avoid, AvoidSelf, Face, Reach
 
 FIXED_OPTIONS = ("groups", "preset", "match", "skeleton")
 """Options that can only be set when a library is created."""
@@ -33,39 +43,15 @@ _FIXED_FIELDS = Config.fields_of(*BUILD_STAGES)
 """Fields of `Config` that can only be set when a library is created."""
 
 
-@contextmanager
-def flags_in_errors(**flags: str) -> Iterator[None]:
-    """Replace names of parameters by flags in the messages of ValueErrors of the ``with`` block.
-
-    For example, ``clips="--among"`` replaces `` `clips` `` by ``--among``.
-    """
-    try:
-        yield
-    except ValueError as error:
-        if type(error) is not ValueError:
-            raise
-        raise ValueError(with_flags(str(error), flags)) from error
-
-
-def with_flags(text: str, flags: Mapping[str, str]) -> str:
-    """Return a text in which each quoted name of a parameter is replaced by a flag."""
-    for name, flag in flags.items():
-        text = text.replace(f"`{name}`", flag)
-    return text
-
-
-def refuse_useless_options(
-    options: Options, uses: Mapping[str, Sequence[str]], value: str, shown: str
-) -> None:
+def refuse_useless_options(options: Options, uses: Mapping[str, Sequence[str]], value: str) -> None:
     """Raise a UsageError if an option on the command line has no effect.
 
     `value` is the choice on which the effect depends, such as a kind of picture. `uses` maps the
-    name of each option to the choices with which it has an effect. The message contains
-    `shown` instead of `value`.
+    name of each option to the choices with which it has an effect.
     """
     for name in options.given(*uses):
         if value not in uses[name]:
-            raise UsageError(f"--{name} requires {', '.join(uses[name])}; got {shown}")
+            raise UsageError(f"--{name} requires {', '.join(uses[name])}; got {value}")
 
 
 def refuse_fixed_options(options: Options, *names: str) -> None:
@@ -73,12 +59,12 @@ def refuse_fixed_options(options: Options, *names: str) -> None:
 
     `names` are options. Fields of ``--set`` on which segments depend are fixed, too.
     """
-    fixed = [f"--{name.replace('_', '-')}" for name in options.given(*names)]
+    fixed = options.given(*names)
     if isinstance(options, FieldOptions):
-        fixed += [f"--set {name}" for name, _ in options.set if name in _FIXED_FIELDS]
+        fixed += [f"set {name}" for name, _ in options.set if name in _FIXED_FIELDS]
     if fixed:
         raise UsageError(
-            f"{fixed[0]} is fixed when a library is created: use it with mograft index, not --add"
+            f"--{fixed[0]} is fixed when a library is created: use it with mograft index, not --add"
         )
 
 
@@ -89,32 +75,23 @@ def load_library(options: LibraryOptions, *, rate: float | None = None) -> Libra
     """
     folder = library_folder(options.files)
     if folder is not None:
-        if rate is not None:
-            refuse_fixed_options(options, "rate")
-        refuse_fixed_options(options, *FIXED_OPTIONS)
+        refuse_fixed_options(options, *(["rate"] if rate is not None else []), *FIXED_OPTIONS)
         library = Library.open(folder)
         config = _with_options(library.config, options, is_stored=True)
         return library if config == library.config else library.relabelled(config)
     files = expand_folders(options.files, include_grafts=options.include_grafts)
     groups, config = selected_groups(options.groups), selected_config(options)
     skeleton, hierarchy = selected_skeleton(options.skeleton), None
-    match: Match = "anatomy" if options.match == "anatomy" else "names"
-    if match == "anatomy":
+    if options.match == "anatomy":
         base = _base_address(getattr(options, "base", None), files)
         hierarchy = read_clip(base, skeleton=skeleton).skeleton
     with show_progress() as progress:
         clips: Sequence[Motion | str] = files
         if rate is not None:
             clips = [read_clip(file, skeleton=skeleton).resample(rate) for file in files]
-        return Library.build(
-            clips,
-            groups,
-            config,
-            match=match,
-            hierarchy=hierarchy,
-            skeleton=skeleton,
-            progress=progress,
-        )
+        more: IngestOptions = {"match": options.match or "names", "hierarchy": hierarchy}
+        more |= {"skeleton": skeleton, "progress": progress}
+        return Library.build(clips, groups, config, **more)
 
 
 def _base_address(base: str | None, files: Sequence[str]) -> str:
@@ -122,24 +99,21 @@ def _base_address(base: str | None, files: Sequence[str]) -> str:
 
     `base` is an address, or the name of a clip or file among the addresses `files`.
     """
-    if base is None:
-        return files[0]
-    if Path(split_address(base)[0]).exists():
+    if base is not None and Path(split_address(base)[0]).exists():
         return base
     for address in files:
         path, clip = split_address(address)
-        if base in (clip, Path(path).stem, Path(path).name):
+        if base in (clip, Path(path).stem, Path(path).name) and base is not None:
             return address
-    return files[0]  # the command reports the unknown name
+    return files[0]  # the command reports an unknown name
 
 
 def selected_skeleton(name: str | None) -> Skeleton | None:
     """Return the rest pose that ``--skeleton`` names, or None."""
     if name is None:
         return None
-    if Path(name).suffix.lower() == ".json":
-        return read_offsets(Path(name))
-    return open_clips(name)[0].skeleton
+    is_json = Path(name).suffix.lower() == ".json"
+    return read_offsets(Path(name)) if is_json else open_clips(name)[0].skeleton
 
 
 def selected_groups(given: str | None) -> JointGroups | str:
@@ -148,36 +122,26 @@ def selected_groups(given: str | None) -> JointGroups | str:
     A preset is returned as its name, automatic groups as ``auto`` or ``auto:N``.
     """
     name = given or "lower_upper"
-    if name in PRESETS:
-        return name
-    if is_automatic(name):
-        try:
-            automatic_number(name)
-        except ValueError as error:
-            raise UsageError(with_flags(str(error), {"groups": "--groups"})) from None
-        return name
-    if Path(name).suffix.lower() != ".toml" and not Path(name).exists():
-        raise UsageError(
-            f"--groups must be a TOML file, auto, auto:N or one of {', '.join(PRESETS)}; got {name}"
-            f"{suggest_name(name, PRESETS)}"
-        )
-    return JointGroups.from_toml(Path(name))
+    is_file = name not in PRESETS and not is_automatic(name)
+    return JointGroups.from_toml(Path(name)) if is_file else name
 
 
-def figure_groups(
-    given: str | None, files: Sequence[str], config: Config, skeleton: Skeleton | None
-) -> JointGroups | str | None:
-    """Return the groups of ``--groups`` for the colours of figures; None if it is not given.
+def figure_settings(
+    options: SkeletonOptions, files: Sequence[str]
+) -> tuple[JointGroups | str | None, Config, Skeleton | None]:
+    """Return the groups for the colours of figures, the configuration, and the rest pose.
 
-    Automatic groups are discovered in `files`.
+    The groups are those of ``--groups``, None if it is not given. Automatic groups are discovered
+    in `files`.
     """
+    config = selected_config(options) if isinstance(options, FieldOptions) else Config()
+    skeleton, given = selected_skeleton(options.skeleton), getattr(options, "groups", None)
     groups = None if given is None else selected_groups(given)
     if isinstance(groups, str) and is_automatic(groups):
-        number = automatic_number(groups)
-        return discover_groups(
-            files, number, config=config, include_grafts=True, skeleton=skeleton
-        ).groups
-    return groups
+        n = automatic_number(groups)
+        found = discover_groups(files, n, config=config, include_grafts=True, skeleton=skeleton)
+        groups = found.groups
+    return groups, config, skeleton
 
 
 def selected_config(options: FieldOptions) -> Config:
@@ -196,8 +160,9 @@ def _with_options(config: Config, options: FieldOptions, *, is_stored: bool = Fa
         if is_stored:
             configured = {k: value for k, value in configured.items() if k not in _FIXED_FIELDS}
         fields = _with_variety(configured, given, options)
-        if isinstance(fields.get("segmentation"), str) and fields["segmentation"].endswith(".json"):
-            fields["segmentation"] = _read_cut_frames(Path(fields["segmentation"]))
+        path = fields.get("segmentation")
+        if isinstance(path, str) and path.endswith(".json"):
+            fields["segmentation"] = _read_json(Path(path))
         if isinstance(options, ConstraintOptions):
             fields = _with_limits(config, fields, options)
         return Config.from_dict(config.as_dict() | fields)
@@ -212,11 +177,9 @@ def _with_variety(
     variety = getattr(options, "variety", None)
     if variety is None:
         return configured | given
-    by_variety = {"sigma_scale": scale_of_variety(variety)}
-    is_setting = "variety" in options.origins
-    if by_variety.keys() & (configured if is_setting else given).keys():
+    if "sigma_scale" in (configured if "variety" in options.origins else given):
         raise ValueError("--variety sets sigma_scale: give one of them, not both")
-    return configured | by_variety | given
+    return configured | {"sigma_scale": scale_of_variety(variety)} | given
 
 
 def _with_limits(
@@ -226,19 +189,88 @@ def _with_limits(
 
     A value below such a limit is a constraint instead; see `read_constraints`.
     """
-    limits = {"max_stretch": options.max_stretch}
-    limits["max_angle"] = None if options.max_angle is None else math.radians(options.max_angle)
-    present = {name: fields.get(name, getattr(config, name)) for name in limits}
-    raised = {k: max(present[k], limit) for k, limit in limits.items() if limit is not None}
-    return fields | raised
+    angle = None if options.max_angle is None else math.radians(options.max_angle)
+    for name, limit in (("max_stretch", options.max_stretch), ("max_angle", angle)):
+        if limit is not None:
+            fields = fields | {name: max(fields.get(name, getattr(config, name)), limit)}
+    return fields
 
 
-def _read_cut_frames(path: Path) -> Mapping[str, tuple[int, ...]]:
-    """Read the cut frames of each clip from a JSON file; raise ValueError if it is invalid."""
+def _read_json(path: Path) -> object:
+    """Read a JSON file, such as the cut frames of each clip; the error names the file."""
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(document, dict):
-            raise ValueError('expected an object such as {"walk": [12, 40]}')
-        return freeze_cut_frames(document)
+        return json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def read_constraints(options: ConstraintOptions, rate: float) -> list[Constraint]:
+    """Return the constraints that the options describe; `rate` is in frames per second.
+
+    Raise UsageError if an obstacle is invalid.
+    """
+
+    def span(given: Range | None) -> Span | None:
+        return None if given is None else resolve_frames(given, rate)
+
+    found: list[Constraint] = [
+        Avoid(_read_obstacle(kind, numbers), frames=span(given))
+        for kind, numbers, given in options.avoid
+    ]
+    if options.avoid_self:
+        found.append(AvoidSelf())
+    for given, joint, target, tolerance in options.reach:
+        found.append(Reach(joint, target, tolerance=tolerance, frames=span(given)))
+    found += [Face(target, frames=span(given)) for target, given in options.face]
+    found += read_segment_constraints(options, rate)
+    if options.only_from is not None or options.only_tagged is not None:
+        found.append(
+            donor_constraints.OnlyFrom(options.only_from or (), tags=options.only_tagged or ())
+        )
+    if options.not_from is not None or options.not_tagged is not None:
+        found.append(
+            donor_constraints.NotFrom(options.not_from or (), tags=options.not_tagged or ())
+        )
+    if options.max_stretch is not None:
+        found.append(donor_constraints.MaxStretch(options.max_stretch))
+    if options.max_angle is not None:
+        found.append(donor_constraints.MaxAngle(float(np.radians(options.max_angle))))
+    return found
+
+
+def read_segment_constraints(
+    options: ConstraintOptions, rate: float
+) -> list[KeepOriginal | Use | Ban]:
+    """Return the constraints of ``--keep``, ``--take`` and ``--ban``; `rate` is in frames/s."""
+    found: list[KeepOriginal | Use | Ban] = [
+        KeepOriginal(frames=resolve_frames(span, rate)) for span in options.keep
+    ]
+    kinds: tuple[type[Use | Ban], ...] = (Use, Ban)
+    for kind, values in zip(kinds, (options.take, options.ban), strict=True):
+        for value, donor in values:
+            if isinstance(donor, tuple):
+                donor = (donor[0], *resolve_frames(donor[1:], rate))
+            frames = value.resolve_span(rate)
+            found.append(kind(value.number, donor, frames=frames, group=value.group))
+    return found
+
+
+def _read_obstacle(kind: str, numbers: Sequence[float]) -> Obstacle:
+    """Return the obstacle that a value of ``--avoid`` describes.
+
+    `kind` is the name of a shape, such as ``"sphere"``, or the address of a character's motion.
+    `numbers` are the dimensions of the shape, or the character's position and yaw in degrees.
+    """
+    x, y, z, *rest = numbers
+    if kind not in SHAPE_NUMBERS:
+        yaw = float(np.radians(rest[0]))
+        return Character(read_clip(kind), (x, y, z), yaw)
+    try:
+        if kind == "sphere":
+            return Sphere((x, y, z), rest[0])
+        vector = (rest[0], rest[1], rest[2])
+        if kind == "capsule":
+            return Capsule((x, y, z), vector, rest[3])
+        return Box((x, y, z), vector) if kind == "box" else HalfSpace((x, y, z), vector)
+    except ValueError as error:
+        raise UsageError(f"--avoid {kind}: {error}") from None

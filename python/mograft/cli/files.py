@@ -7,7 +7,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from mograft.cli.syntax.arguments import UsageError
-from mograft.cli.syntax.frames import Range, resolve_frames
+from mograft.cli.syntax.values import Range, resolve_frames
 from mograft.errors import join_names, suggest_name
 from mograft.io.addresses import split_address
 from mograft.library.discover import FoundClip, exclude_grafts, find_clips

@@ -2,9 +2,10 @@
 
 import os
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from mograft._util.names import portable_stem
 from mograft.cli.files import check_suffix
@@ -18,7 +19,7 @@ from mograft.synthesis.graft_result import Graft
 from mograft.viewing.page import open_file
 from mograft.viewing.report import report_page
 
-_INPUTS_OF_SUFFIX = {".glb": (".glb", ".gltf"), ".npz": (".npz",)}
+_INPUTS_OF_SUFFIX = {".glb": {".glb", ".gltf"}, ".npz": {".npz"}}
 """Suffixes of files of which an output with a suffix may be a copy."""
 
 
@@ -29,18 +30,15 @@ def check_graft_suffix(options: GraftOptions) -> None:
     AMASS file. ``--digits`` is a usage error with both, because it applies to .bvh files only.
     """
     paths = [Path(split_address(name)[0]) for name in options.files]
-    suffixes = [".bvh"]
-    for suffix, inputs in _INPUTS_OF_SUFFIX.items():
-        if options.from_ is not None or any(
-            path.is_dir() or path.suffix.lower() in inputs for path in paths
-        ):
-            suffixes.append(suffix)
-    check_suffix(options.output, *suffixes, is_folder=True)
+    is_any = options.from_ is not None or any(path.is_dir() for path in paths)
+    given = {path.suffix.lower() for path in paths}
+    suffixes = [own for own, inputs in _INPUTS_OF_SUFFIX.items() if is_any or given & inputs]
+    check_suffix(options.output, ".bvh", *suffixes, is_folder=True)
     if options.output.suffix.lower() in _INPUTS_OF_SUFFIX and options.given("digits"):
         raise UsageError(f"--digits requires .bvh; got {options.output.name}")
 
 
-def graft_files(paths: Iterable[Path]) -> list[Path]:
+def files_of_grafts(paths: Iterable[Path]) -> list[Path]:
     """Return the files that are written for grafts with the motions `paths`, each once.
 
     They are the motions and the .json files beside them.
@@ -57,18 +55,13 @@ def output_paths(options: GraftOptions, first: str) -> tuple[list[Path], Path]:
     """
     if options.output.suffix.lower() in MOTION_SUFFIXES:
         return [options.output] * options.count, options.output.with_suffix(".html")
-    stem = "scenario" if options.scenario != "original" else _base_stem(options.base or first)
-    paths = [options.output / f"{stem}_graft{i}.bvh" for i in range(options.count)]
-    return paths, options.output / "index.html"
-
-
-def _base_stem(address: str) -> str:
-    """Return the name of the base motion, with which the names of the new motions begin."""
-    path, clip = split_address(address)
+    path, clip = split_address(options.base or first)
     if clip is None:
         is_motion = Path(path).suffix.lower() in SUFFIXES
         clip = Path(path).stem if is_motion else Path(path).name
-    return portable_stem(clip)
+    stem = portable_stem(clip) if options.scenario == "original" else "scenario"
+    paths = [options.output / f"{stem}_graft{i}.bvh" for i in range(options.count)]
+    return paths, options.output / "index.html"
 
 
 def with_command(graft: Graft, options: Options, sources: Sequence[str]) -> Graft:
@@ -78,10 +71,7 @@ def with_command(graft: Graft, options: Options, sources: Sequence[str]) -> Graf
 
 
 def write_report(
-    grafts: Sequence[Graft],
-    paths: Sequence[Path],
-    target: Path,
-    columns: Sequence[Mapping[str, str]] = (),
+    grafts: Sequence[Graft], paths: Sequence[Path], target: Path, columns: Sequence[Any] = ()
 ) -> None:
     """Write the report page of grafts to `target`, with links to the files `paths` of the grafts.
 

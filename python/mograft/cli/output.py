@@ -10,25 +10,46 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from contextvars import ContextVar
 from typing import IO, Any
 
+from mograft.cli.syntax.arguments import Options
 from mograft.cli.syntax.options import ResultOptions
 
 
 def print_result(
-    options: ResultOptions,
-    schema: str,
-    document: dict[str, Any],
-    lines: Iterable[object],
-    version: int = 1,
+    options: ResultOptions, schema: str, document: dict[str, Any], lines: Iterable[object]
 ) -> None:
     """Print the result of a command: `document` if ``--json`` is given, otherwise `lines`.
 
-    The printed document has the additional entry ``"schema": "mograft.SCHEMA/VERSION"``.
+    The printed document has the additional entry ``"schema": "mograft.SCHEMA"``. `schema` ends with
+    its version, such as ``info/1``.
     """
     if options.json:
-        print(json.dumps({"schema": f"mograft.{schema}/{version}", **document}, indent=1))
+        print(json.dumps({"schema": f"mograft.{schema}", **document}, indent=1))
     else:
         for line in lines:
             print(line)
+
+
+_OPTIONS_OF_NAMES = {
+    **{name: (name.lower(),) for name in ("Avoid", "Face", "Reach")},
+    "KeepOriginal": ("keep",),
+    "base": ("base", "clip"),
+    "clips": ("among", "only_from", "not_from"),
+    "tags": ("only_tagged", "not_tagged"),
+}
+"""The options from which a parameter or constraint may come, if they have another name."""
+
+
+def with_flags(text: str, options: Options) -> str:
+    """Return the text of an error in which options that are set replace names of parameters.
+
+    For example, ``--swap`` replaces `` `swap` ``.
+    """
+    set_options = {name for name, value in vars(options).items() if value}
+    for name in set_options | _OPTIONS_OF_NAMES.keys():
+        origins = [own for own in _OPTIONS_OF_NAMES.get(name, (name,)) if own in set_options]
+        flags = " or ".join(f"--{own.replace('_', '-')}" for own in origins)
+        text = text.replace(f"`{name}`", flags or f"`{name}`")
+    return text
 
 
 _is_quiet: ContextVar[bool] = ContextVar("is_quiet", default=False)

@@ -3,13 +3,11 @@
 import math
 from typing import Any
 
-from mograft.cli.configuration import flags_in_errors, load_library
-from mograft.cli.constraints import FLAGS, read_constraints
+from mograft.cli.configuration import load_library, read_constraints
 from mograft.cli.output import print_result
 from mograft.cli.syntax.arguments import UsageError
-from mograft.cli.syntax.frames import resolve_frame
 from mograft.cli.syntax.options import CandidatesOptions
-from mograft.errors import join_names, suggest_name
+from mograft.cli.syntax.values import resolve_frame
 from mograft.library.library import Library
 from mograft.search.candidates import Candidate, Candidates
 from mograft.search.donor_constraints import limit_config
@@ -22,12 +20,11 @@ def run(options: CandidatesOptions) -> int:
     if (options.segment is None) == (options.frame is None):
         raise UsageError("one of --segment and --frame is required")
     library = load_library(options)
-    constraints = read_constraints(options, library)
+    constraints = read_constraints(options, library.rate)
     clip, number, segment = _find_segment(library, options)
     others = [name for name in library.groups.names if name != library.groups.base]
     group = options.group or others[0]
-    with flags_in_errors(group="--group", **FLAGS):
-        found = candidates(library, segment, group, constraints)
+    found = candidates(library, segment, group, constraints)
     name = library.entries[clip].name
     frames = [int(library.segments.start[segment]), int(library.segments.stop[segment])]
     config = limit_config(library.config, constraints)
@@ -53,7 +50,7 @@ def run(options: CandidatesOptions) -> int:
         f"seam angle {math.degrees(config.max_angle):.0f}°"
     )
     lines = [title, *_table(library, found, segment), limits]
-    print_result(options, "candidates", document, lines, version=2)
+    print_result(options, "candidates/2", document, lines)
     return 0
 
 
@@ -63,10 +60,6 @@ def _find_segment(library: Library, options: CandidatesOptions) -> tuple[int, in
     The result holds the index of the clip, the index of the segment within the clip, and the
     index of the segment in the library. Raise ValueError if there is no such segment.
     """
-    names = library.names
-    if options.clip is not None and options.clip not in names:
-        hint = suggest_name(options.clip, names)
-        raise ValueError(f"--clip must be one of {join_names(names)}; got {options.clip!r}{hint}")
     _, clip = library.resolve_base(options.clip)
     segments = library.segments.of_clip(clip)
     number = options.segment
@@ -75,22 +68,24 @@ def _find_segment(library: Library, options: CandidatesOptions) -> tuple[int, in
         stops = library.segments.stop[segments]
         frame = resolve_frame(options.frame, library.rate)
         if frame > stops[-1]:
-            raise ValueError(f"--frame must be 0 to {stops[-1]} in clip {names[clip]}, got {frame}")
+            raise ValueError(
+                f"--frame must be 0 to {stops[-1]} in clip {library.names[clip]}, got {frame}"
+            )
         # Two segments share a frame; as on pages, it belongs to the later one.
         number = int((library.segments.start[segments] <= frame).sum()) - 1
     if number >= len(segments):
-        raise ValueError(
-            f"--segment must be 0 to {len(segments) - 1} in clip {names[clip]}, got {number}"
-        )
+        name = library.names[clip]
+        raise ValueError(f"--segment must be 0 to {len(segments) - 1} in clip {name}, got {number}")
     return clip, number, int(segments[number])
 
 
 def _as_dict(library: Library, candidate: Candidate) -> dict[str, Any]:
     """Return a candidate as a dict for JSON."""
     gaps = (candidate.gap_before, candidate.gap_after)
+    first = int(library.segments.of_clip(candidate.clip)[0])
     return {
         "clip": library.entries[candidate.clip].name,
-        "segment": _number_in_clip(library, candidate),
+        "segment": candidate.segment - first,
         "index": candidate.segment,
         "frames": [candidate.start, candidate.stop],
         "cost": candidate.cost,
@@ -100,10 +95,6 @@ def _as_dict(library: Library, candidate: Candidate) -> dict[str, Any]:
         "refused": candidate.refused,
         "is_forced": candidate.is_forced,
     }
-
-
-def _number_in_clip(library: Library, candidate: Candidate) -> int:
-    return candidate.segment - int(library.segments.of_clip(candidate.clip)[0])
 
 
 def _table(library: Library, found: Candidates, segment: int) -> list[str]:

@@ -10,7 +10,6 @@ from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import EVALUATION_TOPICS, EvaluateOptions
-from mograft.errors import suggest_name
 from mograft.evaluation import evaluate
 from mograft.viewing.evaluation_report import evaluation_page, summarize
 
@@ -21,7 +20,8 @@ def run(options: EvaluateOptions) -> int:
     """Run the command."""
     words = [name for name in options.files if name in _WORDS and not Path(name).exists()]
     files = tuple(name for name in options.files if name not in words)
-    _check_files(files)
+    if not files:
+        raise UsageError("expected one library or at least one motion file, got none")
     folder = options.output
     if folder is not None:
         check_suffix(folder, is_folder=True)
@@ -48,15 +48,5 @@ def run(options: EvaluateOptions) -> int:
             print_remark(sentence)
         if folder is None:
             print_remark("use -o DIR to write all numbers and a page to a folder")
-    print_result(options, "evaluation", document, paths)
+    print_result(options, "evaluation/1", document, paths)
     return 0
-
-
-def _check_files(names: tuple[str, ...]) -> None:
-    """Raise a UsageError if there is no file, or if a name is a misspelt topic."""
-    if not names:
-        raise UsageError("expected one library or at least one motion file, got none")
-    for name in names:
-        if name.isalpha() and not Path(name).exists():
-            hint = suggest_name(name, _WORDS)
-            raise UsageError(f"expected a file or one of {', '.join(_WORDS)}; got {name}{hint}")

@@ -1,8 +1,9 @@
-"""``mograft graft``: new motions on the base group of a captured one."""
+"""``mograft graft`` and ``demo``: new motions on the base group of a captured one."""
 
 import os
+import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -10,31 +11,28 @@ from typing import Any
 import numpy as np
 
 from mograft._util.arrays import IntArray
-from mograft.cli.configuration import flags_in_errors, load_library, with_flags
-from mograft.cli.constraints import FLAGS, read_constraints
-from mograft.cli.files import check_writable, expand_folders, library_folder
-from mograft.cli.graft_files import (
-    check_graft_suffix,
-    graft_files,
-    output_paths,
-    with_command,
-    write_report,
-)
-from mograft.cli.output import print_error, print_remark, print_result
-from mograft.cli.replay import is_edit, replay_graft
-from mograft.cli.syntax.arguments import UsageError
-from mograft.cli.syntax.frames import Seconds, resolve_frame
+from mograft.cli import graft_files
+from mograft.cli.configuration import load_library, read_constraints, read_segment_constraints
+from mograft.cli.files import check_suffix, check_writable, expand_folders, library_folder
+from mograft.cli.output import print_error, print_remark, print_result, show_progress
+from mograft.cli.syntax.arguments import UsageError, arguments_of
+from mograft.cli.syntax.commands import DemoOptions
 from mograft.cli.syntax.options import DEFAULT_DURATION, GraftOptions
-from mograft.errors import join_names, suggest_name
+from mograft.cli.syntax.values import resolve_frame
+from mograft.dancer import dance
 from mograft.io.addresses import find_addresses, read_clip, split_address
+from mograft.io.bvh.writer import write_bvh
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.provenance.document import graft_record
-from mograft.provenance.writing import write_graft
+from mograft.provenance.graft_edit import describe_changes, edit
+from mograft.provenance.graft_record import find_whole_library, read_record
+from mograft.provenance.replay import replay
+from mograft.provenance.writing import MOTION_SUFFIXES, write_graft
 from mograft.scenario import Scenario, fill, follow, to_beats, transitions, walk
 from mograft.scenario.walks import check_duration
+from mograft.search.candidates import count_combinations
 from mograft.search.constraints import Constraint
-from mograft.solve.plan import grafted_groups
 from mograft.synthesis.advice import advise
 from mograft.synthesis.graft import graft_many, kept_violations, repair
 from mograft.synthesis.graft_result import Graft, Substitution
@@ -46,7 +44,12 @@ _MAX_REPORTED = 20
 All of them are in memory at the same time.
 """
 
+_N_DEMO_GRAFTS = 3
 _GRAPH_OPTIONS = ("duration", "frames", "path", "beats", "among")
+_EDITS = ("take", "ban", "keep", "reroll")
+_OUTPUTS = ("output", "report", "measure", "digits", "json", "force", "quiet", "verbose")
+_ALLOWED = (*_EDITS, *_OUTPUTS, "files", "from_")
+"""Arguments that may be given with ``--from``; the provenance sets all others."""
 
 _KEPT_VIOLATIONS = (
     "joints that are not exchanged violate constraints, and no donor can remove these violations; "
@@ -63,7 +66,7 @@ _ADVISED_OPTIONS = {
 
 def run(options: GraftOptions) -> int:
     """Run the command."""
-    check_graft_suffix(options)
+    graft_files.check_graft_suffix(options)
     if options.from_ is not None:
         return _run_replay(options)
     _check_options(options)
@@ -73,31 +76,31 @@ def run(options: GraftOptions) -> int:
         library = load_library(options)
     else:
         files = tuple(expand_folders(files, include_grafts=options.include_grafts))
-    paths, page = output_paths(options, files[0] if library is None else library.names[0])
-    written = [*graft_files(paths), *([page] if options.report else [])]
+    paths, page = graft_files.output_paths(
+        options, files[0] if library is None else library.names[0]
+    )
+    written = [*graft_files.files_of_grafts(paths), *([page] if options.report else [])]
     check_writable(written, force=options.force, inputs=files)
     if options.measure and find_spec("scipy") is None:
         raise ValueError("--measure needs SciPy: pip install 'mograft[evaluate]'")
     if library is None:
         library = load_library(replace(options, files=files))
-    constraints = read_constraints(options, library)
+    constraints = read_constraints(options, library.rate)
     if options.mirror:
         library = library.with_mirror_images()
     base = _find_base(library, options.base, folder)
-    with flags_in_errors(swap="--swap", scenario="--scenario", **FLAGS):
-        grafted_groups(library, options.swap)
-        # The base motion of a scenario does not exist yet.
-        if options.scenario == "original" and not options.best_effort:
-            kept = kept_violations(library, base, constraints=constraints, swap=options.swap)
-            if kept:
-                print_error(_KEPT_VIOLATIONS, [violation.message for violation in kept])
-                return 4
-        grafts = _make_grafts(library, base, constraints, options)
+    # The base motion of a scenario does not exist yet.
+    if options.scenario == "original" and not options.best_effort:
+        kept = kept_violations(library, base, constraints=constraints, swap=options.swap)
+        if kept:
+            print_error(_KEPT_VIOLATIONS, [violation.message for violation in kept])
+            return 4
+    grafts = _make_grafts(library, base, constraints, options)
     if constraints:
         grafts = list(grafts)
         if _are_refused(grafts, options):
             return 4  # No donor sequence satisfies the constraints.
-    _write_results(grafts, paths, page, options, options.digits)
+    _write_results(grafts, paths, page, options)
     return 0
 
 
@@ -118,11 +121,46 @@ def _check_options(options: GraftOptions) -> None:
 
 def _run_replay(options: GraftOptions) -> int:
     """Write the graft of ``--from``, edited if options require it; return the exit code."""
-    graft, path, digits = replay_graft(options)
-    if is_edit(options) and _are_refused([graft], options):
-        return 4  # The edits contradict each other or the constraints of the graft.
-    _write_results([graft], [path], path.with_suffix(".html"), options, digits)
+    is_edit = any(getattr(options, name) for name in _EDITS)
+    allowed = (*_ALLOWED, "seed", "best_effort") if is_edit else _ALLOWED
+    for argument in arguments_of(GraftOptions):
+        name = argument.dest
+        is_set = getattr(options, name) not in (argument.default, None)
+        if is_set and name not in options.origins and name not in allowed:
+            raise UsageError(f"--{argument.name} cannot be combined with --from")
+    source, path = Path(options.from_ or ""), options.output
+    record = read_record(source)
+    if path.suffix.lower() not in MOTION_SUFFIXES:
+        path = path / f"{record.name}.bvh"
+    check_writable(graft_files.files_of_grafts([path]), force=options.force)
+    folder = library_folder(options.files)
+    library = None if folder is None else Library.open(folder)
+    sources = options.files if library is None else ()
+    if is_edit and library is None:
+        library = find_whole_library(record, sources)
+    graft = replay(source, library, sources=sources)
+    if is_edit:
+        graft = _edit(graft, options)
+        if _are_refused([graft], options):
+            return 4  # The edits contradict each other or the constraints of the graft.
+    if not options.given("digits"):
+        options = replace(options, digits=record.digits)
+    _write_results([graft], [path], path.with_suffix(".html"), options)
     return 0
+
+
+def _edit(graft: Graft, options: GraftOptions) -> Graft:
+    """Return a graft with the edits that the options describe."""
+    rate = graft.base.rate
+    edited = edit(
+        graft,
+        *read_segment_constraints(options, rate),
+        reroll=[own.resolve_span(rate) or own.number or 0 for own in options.reroll],
+        seed=options.seed,
+    )
+    print_remark("\n".join(describe_changes(graft, edited)))
+    commands = (*graft.request.edit_commands, shlex.join(options.words))
+    return replace(edited, request=replace(edited.request, edit_commands=commands))
 
 
 def _find_base(library: Library, name: str | None, folder: Path | None) -> Motion | str | None:
@@ -131,40 +169,22 @@ def _find_base(library: Library, name: str | None, folder: Path | None) -> Motio
     The result is the name of a clip of the library, a motion read from the file `name`, or None
     if `name` is None. `folder` is the folder of a stored library, or None.
     """
-    if name is None:
-        return None
     names = library.names
-    if folder is not None and name in names:
+    if name is None or (folder is not None and name in names):
         return name
+    sources = [entry.source_file for entry in library.entries]
     if Path(split_address(name)[0]).exists():
-        motion = _find_entry(library, name)
-        rest = library.spec.rest
-        return read_clip(name, skeleton=rest) if motion is None else motion
-    files = [Path(entry.source_file.path).name for entry in library.entries if entry.source_file]
-    if len(files) == len(names) and files.count(name) == 1:
-        return names[files.index(name)]
-    if name in names:
-        return name
-    where = "" if folder is None else f" of {folder}"
-    raise ValueError(
-        f"--base must be a clip{where}, one of {join_names(names)}, or a file; got {name!r}"
-        f"{suggest_name(name, names)}"
-    )
-
-
-def _find_entry(library: Library, address: str) -> str | None:
-    """Return the name of the library's clip that was read from `address`, or None."""
-    addresses = find_addresses(address)
-    if len(addresses) > 1:
-        read_clip(address)  # raises an error that lists the clips
-    path, clip = split_address(addresses[0])
-    for entry in library.entries:
-        file = entry.source_file
-        if file is None or file.clip != clip:
-            continue
-        if os.path.realpath(file.path) == os.path.realpath(path):
-            return entry.name
-    return None
+        addresses = find_addresses(name)
+        path, clip = split_address(addresses[0])
+        for own, source in zip(names, sources, strict=True):
+            if len(addresses) > 1 or source is None or source.clip != clip:
+                continue
+            if os.path.realpath(source.path) == os.path.realpath(path):
+                return own
+        return read_clip(name, skeleton=library.spec.rest)
+    files = [Path(source.path).name for source in sources if source is not None]
+    is_unique = len(files) == len(names) and files.count(name) == 1
+    return names[files.index(name)] if is_unique else name  # An unknown name is refused later.
 
 
 def _check_scenario(options: GraftOptions) -> None:
@@ -193,19 +213,11 @@ def _read_scenario(
         return None
     if options.scenario != "graph":
         return [int(word) for word in options.scenario.split(",")]
-    with flags_in_errors(
-        clips="--among", frames="--frames", path="--path", duration="--duration", beats="--beats"
-    ):
-        return _draw_scenario(library, options)
-
-
-def _draw_scenario(library: Library, options: GraftOptions) -> Sequence[int] | IntArray | Scenario:
-    """Return the base segments of ``--scenario graph``."""
     seed, duration = options.seed or 0, options.duration or DEFAULT_DURATION
     check_duration(duration)
     graph = transitions(library, options.among)
     if options.frames is not None:
-        is_time = isinstance(options.frames, Seconds)
+        is_time = isinstance(options.frames, float)
         n_frames = resolve_frame(options.frames, library.rate) + is_time
         return fill(library, n_frames, seed, graph=graph)
     if options.path is not None:
@@ -275,92 +287,128 @@ def _are_refused(grafts: Sequence[Graft], options: GraftOptions) -> bool:
     return bool(violating) and not options.best_effort
 
 
-@dataclass(frozen=True)
-class _Output:
-    """A graft that was written, or that is written together with others."""
-
-    path: Path
-    substitutions: Sequence[Substitution]
-    document: dict[str, Any]  # What ``--json`` prints.
-    sections: dict[str, Any]  # Additional entries of its .json file.
-    columns: dict[str, str] = field(default_factory=dict)  # Measures as text, by name.
-    graft: Graft | None = None  # The graft, if the page or a common file needs it later.
-
-
 def _write_results(
-    grafts: Sequence[Graft],
-    paths: Sequence[Path],
-    page: Path,
-    options: GraftOptions,
-    digits: int | None,
+    grafts: Sequence[Graft], paths: Sequence[Path], page: Path, options: GraftOptions
 ) -> None:
     """Write grafts and the page that describes them, and print their paths and remarks."""
     paths[0].parent.mkdir(parents=True, exist_ok=True)
     is_together = paths[0].suffix.lower() == ".glb"
-    reference, outputs, motions = None, list[_Output](), list[Motion]()
+    reference, motions, kept = None, list[Motion](), list[Graft]()
+    substitutions, sections, columns, documents = [], [], [], []
     if options.measure:
         from mograft.evaluation.world_measures import WorldReference  # takes long to import
 
         reference = WorldReference(grafts[0].library)
+    # Each access to `grafts` builds the graft anew.
     for path, graft in zip(paths, grafts, strict=False):
-        new = newness(graft, motions)
-        motions = [*motions, graft.motion][-_MAX_REPORTED:] if len(paths) > 1 else []
-        lines, sections, columns = [graft.report(each=options.verbose), f"  {new}"], {}, {}
+        own = graft if options.from_ else graft_files.with_command(graft, options, options.files)
+        new, section = newness(own, motions), dict[str, Any]()
+        motions = [*motions, own.motion][-_MAX_REPORTED:] if len(paths) > 1 else []
+        lines = [own.report(each=options.verbose), f"  {new}"]
         if reference is not None:
-            measures = reference.measure(graft)
-            sections, columns = {"quality": measures.as_dict()}, measures.columns()
-            lines.append("  " + ", ".join(f"{name} {text}" for name, text in columns.items()))
-        own = graft if options.from_ else with_command(graft, options, options.files)
+            measures = reference.measure(own)
+            section = {"quality": measures.as_dict()}
+            columns.append(measures.columns())
+            lines.append("  " + ", ".join(f"{name} {text}" for name, text in columns[-1].items()))
         if not is_together:
-            write_graft(own, path, sections, digits=digits)
-        document = graft_record(own, path.parent) if options.json else {}
-        document = {
-            **{"file": str(path), **document, "digits": digits, **sections},
-            "newness": new.as_dict(),
-        }
+            write_graft(own, path, section, digits=options.digits)
+        if options.json:
+            document = {
+                "file": str(path),
+                **graft_record(own, path.parent),
+                "digits": options.digits,
+            }
+            documents.append({**document, **section, "newness": new.as_dict()})
         print_remark("\n".join(lines))
         if not options.json and not is_together:
             print(path)
-        # Each access to `grafts` builds the graft anew.
-        is_shown = options.report and len(outputs) < _MAX_REPORTED
-        kept = graft if is_shown or is_together else None
-        outputs.append(_Output(path, own.substitutions, document, sections, columns, kept))
+        substitutions.append(own.substitutions)
+        sections.append(section)
+        if is_together or (options.report and len(kept) < _MAX_REPORTED):
+            kept.append(own)
     if is_together:
-        _write_together(outputs, options)
-    _print_remarks(graft, outputs, options)
-    result: dict[str, Any] = {"grafts": [output.document for output in outputs]}
+        write_graft(kept, paths[0], sections)
+        if not options.json:
+            print(paths[0])
+    _print_remarks(own, substitutions, options)
+    result: dict[str, Any] = {"grafts": documents}
     if options.report:
-        shown = outputs[:_MAX_REPORTED]
-        write_report(
-            [output.graft for output in shown if output.graft is not None],
-            [output.path for output in shown],
-            page,
-            [output.columns for output in shown] if options.measure else (),
-        )
+        shown = kept[:_MAX_REPORTED]
+        graft_files.write_report(shown, paths[: len(shown)], page, columns[: len(shown)])
         result["report"] = str(page)
-    print_result(options, "grafts", result, [page] if options.report else [])
+    print_result(options, "grafts/1", result, [page] if options.report else [])
 
 
-def _write_together(outputs: Sequence[_Output], options: GraftOptions) -> None:
-    """Write grafts to the .glb file that all of them have as path, and print the path."""
-    grafts = [output.graft for output in outputs if output.graft is not None]
-    if options.from_ is None:
-        grafts = [with_command(graft, options, options.files) for graft in grafts]
-    write_graft(grafts, outputs[0].path, [output.sections for output in outputs])
-    if not options.json:
-        print(outputs[0].path)
-
-
-def _print_remarks(last: Graft, outputs: Sequence[_Output], options: GraftOptions) -> None:
+def _print_remarks(
+    last: Graft, substitutions: Sequence[Sequence[Substitution]], options: GraftOptions
+) -> None:
     """Print how many motions are missing, and what was not exchanged; `last` is one graft."""
-    if len(outputs) < options.count:
+    n = len(substitutions)
+    if n < options.count:
         apart = f" that are {options.distinct:g}° apart" if options.distinct else ""
-        remedies = "more clips or a larger --variety allow more"
-        if options.distinct:
-            remedies = "a smaller --distinct, more clips or a larger --variety allow more"
+        smaller = "a smaller --distinct, " if options.distinct else ""
         print_remark(
-            f"warning: the donors allow only {len(outputs)} different "
-            f"motion{'s' * (len(outputs) > 1)}{apart}, not {options.count}; {remedies}"
+            f"warning: the donors allow only {n} different motion{'s' * (n > 1)}{apart}, not "
+            f"{options.count}; {smaller}more clips or a larger --variety allow more"
         )
-    for remark in advise(last, [output.substitutions for output in outputs]):
-        print_remark(with_flags(remark, _ADVISED_OPTIONS))
+    for remark in advise(last, substitutions):
+        for name, flag in _ADVISED_OPTIONS.items():
+            remark = remark.replace(f"`{name}`", flag)
+        print_remark(remark)
+
+
+def run_demo(options: DemoOptions) -> int:
+    """Run all stages on the built-in dancer."""
+    check_suffix(options.output, is_folder=True)
+    folder = options.output
+    sample, page = folder / "dance.bvh", folder / "index.html"
+    paths = [folder / f"dance_graft{i}.bvh" for i in range(_N_DEMO_GRAFTS)]
+    files = graft_files.files_of_grafts(paths)
+    check_writable([sample, page, *files], force=options.force)
+
+    def describe(text: str) -> None:
+        if not options.json:
+            print(text, flush=True)
+
+    motion = dance(seed=options.seed or 0).motion
+    folder.mkdir(parents=True, exist_ok=True)
+    write_bvh(motion, sample)
+    describe(
+        f"sample      {sample}: a procedural dancer, {motion.n_joints} joints, "
+        f"{motion.n_frames} frames, {motion.duration:.0f} s"
+    )
+    with show_progress() as progress:
+        library = Library.build(sample, progress=progress)
+    n = len(library.segments)
+    clusters = {group: int(labels.max()) + 1 for group, labels in library.labels.items()}
+    total = count_combinations(library.labels[library.groups.base], len(library.groups.names))
+    describe(f"segments    {n}, bounded by the extrema of kinetic energy")
+    counts = ", ".join(f"{count} of {group}" for group, count in clusters.items())
+    describe(f"clusters    {counts}: segments in which these joints move alike")
+    describe(
+        f"combinations {total} of legs and upper bodies, {total / n:.1f} times the {n} captured"
+    )
+    grafts = list(graft_many(library, count=_N_DEMO_GRAFTS, seed=options.seed or 0))
+    paths = paths[: len(grafts)]
+    for graft, path in zip(grafts, paths, strict=True):
+        write_graft(graft_files.with_command(graft, options, [str(sample)]), path)
+        new = sum(not s.is_own for s in graft.substitutions)
+        describe(f"graft       {path}: {new} of {len(graft.substitutions)} upper bodies are new")
+    graft_files.write_report(grafts, paths, page)
+    if options.open:
+        graft_files.open_page(page)
+    document = {
+        "sample": str(sample),
+        "frames": motion.n_frames,
+        "segments": n,
+        "clusters": clusters,
+        "combinations": int(total),
+        "grafts": [str(path) for path in paths],
+        "page": str(page),
+    }
+    closing_lines = [
+        f"page        {page}: the motions and how they were made",
+        "next:       mograft graft your.bvh -o out/ -n 5",
+    ]
+    print_result(options, "demo/1", document, closing_lines)
+    return 0

@@ -1,17 +1,10 @@
 """``mograft index`` and ``mograft lib``: libraries of many files, in folders."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from mograft._util.workers import worker_processes
-from mograft.cli.configuration import (
-    FIXED_OPTIONS,
-    refuse_fixed_options,
-    selected_config,
-    selected_groups,
-    selected_skeleton,
-)
+from mograft.cli import configuration
 from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax.commands import IndexOptions, LibInfoOptions, TablesOptions, VerifyOptions
@@ -23,16 +16,14 @@ from mograft.library.export import export_tables
 from mograft.library.files import storage
 from mograft.library.library import Library
 
-_MAX_NAMES = 3
-"""Excluded clips of a file that a line names."""
-
 
 def run_index(options: IndexOptions) -> int:
     """Create a library, or add files to one."""
     check_suffix(options.output, is_folder=True)
     if options.add:
-        refuse_fixed_options(options, *FIXED_OPTIONS, "variety", "rate", "set", "force")
-    if not options.add and not options.force and _holds_files(options.output):
+        fixed = (*configuration.FIXED_OPTIONS, "variety", "rate", "set", "force")
+        configuration.refuse_fixed_options(options, *fixed)
+    elif not options.force and (options.output.is_file() or any(options.output.glob("*"))):
         raise FileExistsError(f"{options.output} exists; use --force to replace a library")
     rates = dict(options.true_rate)
     tags = None if options.tags is None else read_tags(options.tags)
@@ -43,13 +34,8 @@ def run_index(options: IndexOptions) -> int:
     if not options.json:
         print_remark(f"{library}")
     document = {**_describe_library(library), "left_out": refused}
-    print_result(options, "index", document, [options.output])
+    print_result(options, "index/1", document, [options.output])
     return 0
-
-
-def _holds_files(path: Path) -> bool:
-    """Return whether a path is a file, or a folder that is not empty."""
-    return path.exists() and (not path.is_dir() or any(path.iterdir()))
 
 
 def _warn_of_unused(
@@ -89,40 +75,22 @@ def _index(
             before = set(library.refused)
             library = library.add(options.files, **keywords)
             return library, {k: why for k, why in library.refused.items() if k not in before}
-        library = Library.index(
-            options.files,
-            options.output,
-            selected_groups(options.groups),
-            selected_config(options),
-            rate=options.rate,
-            force=options.force,
-            match="anatomy" if options.match == "anatomy" else "names",
-            skeleton=selected_skeleton(options.skeleton),
-            **keywords,
-        )
+        groups = configuration.selected_groups(options.groups)
+        config = configuration.selected_config(options)
+        keywords |= {"match": options.match or "names", "rate": options.rate}
+        skeleton = configuration.selected_skeleton(options.skeleton)
+        keywords |= {"skeleton": skeleton, "force": options.force}
+        library = Library.index(options.files, options.output, groups, config, **keywords)
     return library, dict(library.refused)
 
 
 def _describe_excluded(excluded: Mapping[str, str]) -> list[str]:
-    """Return the lines that report excluded clips.
-
-    `excluded` has the reason of each exclusion, by the address of the clip. Clips of one file share
-    a line if their reasons differ in nothing but the names of the clips.
-    """
-    lines: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    """Return the lines that report excluded clips, from the reasons by the address of the clip."""
+    lines = []
     for address, reason in excluded.items():
-        path, clip = split_address(address)
-        alike = reason.removeprefix(address).removeprefix(clip or "")
-        line = reason if reason.startswith(path) else f"{address}: {reason}"
-        lines.setdefault((path, alike), []).append((clip or "", line))
-    found = []
-    for (path, _), members in lines.items():
-        _, line = members[0]
-        if len(members) > 1:
-            names = join_names([clip for clip, _ in members], _MAX_NAMES)
-            line = f"{path}: {len(members)} clips ({names}), such as {line}"
-        found.append(f"excluded: {line}")
-    return found
+        place = "" if reason.startswith(split_address(address)[0]) else f"{address}: "
+        lines.append(f"excluded: {place}{reason}")
+    return lines
 
 
 def run_info(options: LibInfoOptions) -> int:
@@ -147,7 +115,7 @@ def run_info(options: LibInfoOptions) -> int:
         faults = f"; {'; '.join(clip['faults'])}" if clip["faults"] else ""
         tags = f" [{' '.join(clip['tags'])}]" if clip["tags"] else ""
         lines.append(f"  {clip['name']}{tags}: {clip['frames']} frames, {clip['file']}{faults}")
-    print_result(options, "lib", {**document, "files": clips}, lines)
+    print_result(options, "lib/1", {**document, "files": clips}, lines)
     return 0
 
 
@@ -196,7 +164,7 @@ def run_verify(options: VerifyOptions) -> int:
     for name in storage.list_leftovers(options.library):
         print_remark(f"{name} remains from an interrupted write; the next write removes it")
     document = {"library": str(options.library), "wrong": differences}
-    print_result(options, "verify", document, differences or [f"{options.library}: unchanged"])
+    print_result(options, "verify/1", document, differences or [f"{options.library}: unchanged"])
     return 3 if differences else 0
 
 
@@ -210,5 +178,5 @@ def run_export(options: TablesOptions) -> int:
     check_writable([options.output], force=options.force)
     options.output.parent.mkdir(parents=True, exist_ok=True)
     paths = [str(path) for path in export_tables(library, options.output, options.format)]
-    print_result(options, "tables", {"kind": options.format, "files": paths}, paths)
+    print_result(options, "tables/1", {"kind": options.format, "files": paths}, paths)
     return 0

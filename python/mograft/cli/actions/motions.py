@@ -47,7 +47,7 @@ def run_info(options: InfoOptions) -> int:
         documents += found
         if not options.json:
             print("\n".join(_describe(found)))
-    print_result(options, "info", {"files": documents}, [])
+    print_result(options, "info/1", {"files": documents}, [])
     return 3 if any(document["error"] for document in documents) else 0
 
 
@@ -137,7 +137,7 @@ def run_check(options: CheckOptions) -> int:
             if options.verbose or fault["kind"] not in HARMLESS_FAULTS
         ]
         print("\n  ".join([f"{name}: {'' if lines else 'good'}".rstrip(), *lines]))
-    print_result(options, "check", {"files": documents}, [])
+    print_result(options, "check/1", {"files": documents}, [])
     return 3 if any(document["error"] for document in documents) else 0
 
 
@@ -190,5 +190,5 @@ def run_groups(options: GroupsOptions) -> int:
         "base": groups.base,
         "groups": {name: [skeleton.names[j] for j in joints] for name, joints in members},
     }
-    print_result(options, "groups", document, [target or groups.to_toml().removesuffix("\n")])
+    print_result(options, "groups/1", document, [target or groups.to_toml().removesuffix("\n")])
     return 0

@@ -1,24 +1,15 @@
-"""``mograft view`` and ``mograft plot``: motions and their clusters as pages and pictures."""
+"""``mograft view``, ``plot`` and ``export``: motions as pages, pictures and files."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mograft._util.atomic import atomic_path
 from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
 from mograft.analysis.group_discovery import GroupDiscovery
 from mograft.body.groups import JointGroups
-from mograft.cli.configuration import (
-    figure_groups,
-    flags_in_errors,
-    load_library,
-    refuse_fixed_options,
-    refuse_useless_options,
-    selected_config,
-    selected_groups,
-    selected_skeleton,
-)
+from mograft.cli import configuration
 from mograft.cli.files import (
     check_suffix,
     check_writable,
@@ -28,12 +19,19 @@ from mograft.cli.files import (
     select_clips,
 )
 from mograft.cli.graft_files import open_page
-from mograft.cli.output import print_result
+from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax.arguments import UsageError
-from mograft.cli.syntax.commands import PlotOptions, ViewOptions
-from mograft.cli.syntax.frames import resolve_frames
+from mograft.cli.syntax.commands import ExportOptions, PlotOptions, ViewOptions
+from mograft.cli.syntax.values import Range, resolve_frames
 from mograft.config import Config
 from mograft.io.addresses import read_clip, split_address
+from mograft.io.bvh.writer import write_bvh
+from mograft.io.csv import write_csv
+from mograft.io.glb import write_glb
+from mograft.io.npz import write_npz
+from mograft.io.smpl.amass import write_amass
+from mograft.io.units import UNITS, guess_unit
+from mograft.io.usd import write_usd
 from mograft.library.build import discover_groups, discover_in_library
 from mograft.library.discover import has_provenance
 from mograft.library.library import Library
@@ -41,6 +39,7 @@ from mograft.motion.motion import Motion
 from mograft.viewing import plot
 from mograft.viewing.page import temporary_path, view
 from mograft.viewing.scene import Scene
+from mograft.viewing.video import write_video
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,6 +51,19 @@ _KINDS_OF_OPTION: Mapping[str, tuple[str, ...]] = {
     "match": ("timeline", *_CLUSTER_KINDS, "groups"),
     "group": tuple(_CLUSTER_KINDS),
 }
+_FIGURES = (".glb", ".usd", ".usda", ".usdc")
+_FILMS = (".mp4", ".gif")
+_TABLE_WRITERS = {".npz": write_npz, ".csv": write_csv}
+_ENDINGS = (*_FIGURES, *_FILMS, *_TABLE_WRITERS, ".bvh")
+_ENDINGS_OF_SEVERAL = (".glb", *_FILMS)
+_ENDINGS_OF_OPTION = {
+    "scale": _FIGURES,
+    "groups": (*_FIGURES, *_FILMS),
+    "dark": _FILMS,
+    "digits": (".bvh",),
+    "like": (".npz",),
+}
+_Groups = JointGroups | str | None
 
 
 def run_view(options: ViewOptions) -> int:
@@ -64,18 +76,17 @@ def run_view(options: ViewOptions) -> int:
         raise UsageError("--clip requires a library")
     if folder is None:
         files = expand_folders(options.files)
-        config, skeleton = selected_config(options), selected_skeleton(options.skeleton)
-        groups = figure_groups(options.groups, files, config, skeleton)
+        groups, config, skeleton = configuration.figure_settings(options, files)
         page = view(*files, groups=groups, config=config, show=False, skeleton=skeleton)
     else:
-        refuse_fixed_options(options, "groups", "skeleton")
+        configuration.refuse_fixed_options(options, "groups", "skeleton")
         library = Library.open(folder)
         clips = Scene.of_clips(library, select_clips(library, options.clip))
         page = view(clips, show=False)
     target = options.output or temporary_path()
     target.parent.mkdir(parents=True, exist_ok=True)
     path = page.save(target, force=True)
-    print_result(options, "view", {"file": str(path), "title": page.title}, [path])
+    print_result(options, "view/1", {"file": str(path), "title": page.title}, [path])
     if options.output is None or options.open:
         open_page(path)
     return 0
@@ -105,7 +116,7 @@ def run_plot(options: PlotOptions) -> int:
                 figure.savefig(draft, dpi=150, metadata=metadata)
         finally:
             pyplot.close("all")
-    print_result(options, "plot", {"file": str(target), "kind": options.kind}, [target])
+    print_result(options, "plot/1", {"file": str(target), "kind": options.kind}, [target])
     return 0
 
 
@@ -113,12 +124,12 @@ def _draw(options: PlotOptions) -> "Axes":
     folder = library_folder(options.files)
     if folder is not None:
         fixed = () if options.kind == "groups" else ("groups",)
-        refuse_fixed_options(options, *fixed, "match", "skeleton")
+        configuration.refuse_fixed_options(options, *fixed, "match", "skeleton")
     if options.clip and (folder is None or options.kind not in _KINDS_OF_OPTION["frames"]):
         raise UsageError(
             "--clip requires a library, and one of the kinds strip, timeline and energy"
         )
-    refuse_useless_options(options, _KINDS_OF_OPTION, options.kind, options.kind)
+    configuration.refuse_useless_options(options, _KINDS_OF_OPTION, options.kind)
     if options.kind in ("strip", "energy"):
         motion, groups, config = _single_motion(options, folder)
         frames = frame_range(motion, options.frames)
@@ -131,11 +142,9 @@ def _draw(options: PlotOptions) -> "Axes":
         scene = _timeline_scene(options, folder)
         given, rate = options.frames, scene.figures[0].motion.rate
         shown = None if given is None else resolve_frames(given, rate)
-        with flags_in_errors(frames="--frames"):
-            return plot.timeline(scene, frames=shown)
-    library = load_library(options)
-    with flags_in_errors(group="--group"):
-        return _CLUSTER_KINDS[options.kind](library, options.group)
+        return plot.timeline(scene, frames=shown)
+    library = configuration.load_library(options)
+    return _CLUSTER_KINDS[options.kind](library, options.group)
 
 
 def _discovery(options: PlotOptions, folder: Path | None) -> GroupDiscovery:
@@ -149,15 +158,14 @@ def _discovery(options: PlotOptions, folder: Path | None) -> GroupDiscovery:
         if options.given("groups"):
             raise UsageError(f"the picture groups needs --groups auto or auto:N, got {name}")
         name = AUTOMATIC
-    selected_groups(name)  # checks the number
     if folder is not None:
         return discover_in_library(Library.open(folder), automatic_number(name))
     return discover_groups(
         expand_folders(options.files, include_grafts=options.include_grafts),
         automatic_number(name),
-        config=selected_config(options),
-        match="anatomy" if options.match == "anatomy" else "names",
-        skeleton=selected_skeleton(options.skeleton),
+        config=configuration.selected_config(options),
+        match=options.match or "names",
+        skeleton=configuration.selected_skeleton(options.skeleton),
     )
 
 
@@ -168,13 +176,15 @@ def _timeline_scene(options: PlotOptions, folder: Path | None) -> Scene:
     with their donors. The scene shows all other files as clips of one library, with clusters.
     """
     if folder is not None:
-        library = load_library(options)
+        library = configuration.load_library(options)
         return Scene.of_clips(library, select_clips(library, options.clip))
     files = expand_folders(options.files)
     grafts = [file for file in files if has_provenance(Path(split_address(file)[0]))]
     others = tuple(file for file in files if file not in grafts)
-    libraries = [load_library(replace(options, files=others))] if others else []
-    return Scene.of([*libraries, *grafts], skeleton=selected_skeleton(options.skeleton))
+    libraries = [configuration.load_library(replace(options, files=others))] if others else []
+    return Scene.of(
+        [*libraries, *grafts], skeleton=configuration.selected_skeleton(options.skeleton)
+    )
 
 
 def _single_motion(
@@ -192,9 +202,85 @@ def _single_motion(
         groups, config = library.groups, library.config
     else:
         files = expand_folders(options.files)
-        config, skeleton = selected_config(options), selected_skeleton(options.skeleton)
-        groups = figure_groups(options.groups, files, config, skeleton)
+        groups, config, skeleton = configuration.figure_settings(options, files)
         motions = [read_clip(file, skeleton=skeleton) for file in files]
     if len(motions) != 1:
         raise ValueError(f"{options.kind} shows exactly one motion, got {len(motions)}")
     return motions[0], groups, config
+
+
+def run_export(options: ExportOptions) -> int:
+    """Run the command."""
+    target = options.output
+    ending = target.suffix.lower()
+    files = expand_folders(options.files)
+    if ending == ".fbx":
+        raise UsageError("-o cannot be .fbx: write .glb or .bvh and convert it in Blender")
+    if ending not in _ENDINGS:
+        raise UsageError(f"-o must end in {', '.join(_ENDINGS)}, got {target.name}")
+    if len(files) > 1 and ending not in _ENDINGS_OF_SEVERAL:
+        raise UsageError(f"-o {target.name} can contain only one motion, got {len(files)} files")
+    configuration.refuse_useless_options(options, _ENDINGS_OF_OPTION, ending)
+    check_writable([target], force=options.force, inputs=files)
+    groups, _, skeleton = configuration.figure_settings(options, files)
+    motions = [_select_frames(read_clip(name, skeleton=skeleton), options.frames) for name in files]
+    target.parent.mkdir(parents=True, exist_ok=True)
+    document: dict[str, Any] = {"file": str(target)}
+    if ending in _FILMS:
+        document |= _write_film(motions, target, groups, options)
+    else:
+        if options.rate is not None:
+            motions = [motion.resample(options.rate) for motion in motions]
+        document |= {"frames": [motion.n_frames for motion in motions], "rate": motions[0].rate}
+        if ending in _FIGURES:
+            document |= _write_figure(motions, target, groups, options)
+        else:
+            if ending == ".bvh":
+                write_bvh(motions[0], target, digits=options.digits)
+            elif options.like is not None:
+                write_amass(motions[0], target, like=options.like)
+            else:
+                _TABLE_WRITERS[ending](motions[0], target)
+            document |= {"up": "as in the file", "unit": "of the file"}
+            print_remark(f"{target.name}: unit and axes of {files[0]}")
+    print_result(options, "export/1", document, [target])
+    return 0
+
+
+def _select_frames(motion: Motion, given: Range | None) -> Motion:
+    if given is None:
+        return motion
+    first, last = frame_range(motion, given)
+    return motion[first : last + 1]
+
+
+def _write_figure(
+    motions: Sequence[Motion], target: Path, groups: _Groups, options: ExportOptions
+) -> dict[str, Any]:
+    scale = UNITS[options.scale] if isinstance(options.scale, str) else options.scale
+    if target.suffix.lower() == ".glb":
+        write_glb(motions, target, scale=scale, groups=groups)
+    else:
+        write_usd(motions[0], target, scale=scale, groups=groups)
+    metres = UNITS[guess_unit(motions[0].skeleton)] if scale is None else scale
+    estimated = "" if options.scale is not None else " (estimated from the figure's height)"
+    print_remark(f"{target.name}: metres, y up; 1 unit of the file is {metres:g} m{estimated}")
+    return {"up": "y", "unit": "m", "metres_in_a_unit": metres}
+
+
+def _write_film(
+    motions: Sequence[Motion], target: Path, groups: _Groups, options: ExportOptions
+) -> dict[str, Any]:
+    with show_progress() as progress:
+        rate = write_video(
+            motions,
+            target,
+            rate=options.rate,
+            size=options.size,
+            groups=groups,
+            dark=options.dark,
+            progress=progress,
+        )
+    width, height = options.size
+    print_remark(f"{target.name}: {width} by {height} pixels, {rate:.6g} pictures per second")
+    return {"size": [width, height], "rate": rate, "frames": [m.n_frames for m in motions]}

@@ -9,10 +9,9 @@ from typing import Any
 
 from mograft import __version__
 from mograft.cli.output import print_result
-from mograft.cli.settings import Setting, find_config_file, find_settings
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import COMMANDS, CompletionOptions, DoctorOptions, ShowOptions
-from mograft.cli.syntax.parser import build_parsers
+from mograft.cli.syntax.parser import Setting, build_parsers, find_config_file, find_settings
 from mograft.errors import suggest_name
 
 _REQUIRED = "numpy"
@@ -32,33 +31,29 @@ _USES_OF_PACKAGES = {
 
 def run_doctor(options: DoctorOptions) -> int:
     """Print the result of each check; return exit code 1 if a check found a defect, else 0."""
-    checks = [*_check_packages(), _check_graft()]
-    is_ok = all(check["state"] != "broken" for check in checks)
-    lines = [f"{check['state']:7} {check['what']}: {check['detail']}" for check in checks]
-    print_result(options, "doctor", {"ok": is_ok, "checks": checks}, lines)
+    system = f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores"
+    results = [
+        ("mograft", "ok", __version__),
+        ("python", "ok", f"{platform.python_version()} on {system}"),
+        *map(_check_package, _USES_OF_PACKAGES),
+        ("a graft", *_check_graft()),
+    ]
+    is_ok = all(state != "broken" for _, state, _ in results)
+    lines = [f"{state:7} {what}: {detail}" for what, state, detail in results]
+    checks = [dict(zip(("what", "state", "detail"), own, strict=True)) for own in results]
+    print_result(options, "doctor/1", {"ok": is_ok, "checks": checks}, lines)
     return 0 if is_ok else 1
 
 
-def _result(what: str, state: str, detail: str) -> dict[str, str]:
-    return {"what": what, "state": state, "detail": detail}
+def _check_package(name: str) -> tuple[str, str, str]:
+    try:
+        return name, "ok", metadata.version(name)
+    except metadata.PackageNotFoundError:
+        state = "broken" if name == _REQUIRED else "absent"
+        return name, state, f"needed for {_USES_OF_PACKAGES[name]}: pip install {name}"
 
 
-def _check_packages() -> list[dict[str, str]]:
-    system = f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores"
-    results = [
-        _result("mograft", "ok", __version__),
-        _result("python", "ok", f"{platform.python_version()} on {system}"),
-    ]
-    for name, use in _USES_OF_PACKAGES.items():
-        try:
-            results.append(_result(name, "ok", metadata.version(name)))
-        except metadata.PackageNotFoundError:
-            state = "broken" if name == _REQUIRED else "absent"
-            results.append(_result(name, state, f"needed for {use}: pip install {name}"))
-    return results
-
-
-def _check_graft() -> dict[str, str]:
+def _check_graft() -> tuple[str, str]:
     """Run all stages on a short dance."""
     try:
         from mograft.dancer import dance
@@ -68,8 +63,8 @@ def _check_graft() -> dict[str, str]:
         new = graft(Library.build(dance(strides=1).motion[:300]))
     except Exception as error:
         # Any failure, whatever its type, is the finding of this check.
-        return _result("a graft", "broken", f"{type(error).__name__}: {error}")
-    return _result("a graft", "ok", f"{new.motion.n_frames} frames created")
+        return "broken", f"{type(error).__name__}: {error}"
+    return "ok", f"{new.motion.n_frames} frames created"
 
 
 def run_config(options: ShowOptions) -> int:
@@ -83,10 +78,12 @@ def run_config(options: ShowOptions) -> int:
             lines.append(f"\n[{row['command']}]")
         last = row["command"]
         value, name = row["value"], row["name"]
-        line = f"# {name} =" if value is None else f"{name} = {_as_toml(value)}"
+        # TOML has the syntax of JSON, but also requires an escape for the character DEL.
+        text = json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+        line = f"# {name} =" if value is None else f"{name} = {text}"
         lines.append(f"{line:32} # {row['origin']}" if options.origin else line)
     document = {"file": None if path is None else str(path), "settings": rows}
-    print_result(options, "config", document, lines)
+    print_result(options, "config/1", document, lines)
     return 0
 
 
@@ -116,14 +113,6 @@ def _collect(options: ShowOptions) -> list[dict[str, Any]]:
                 for name, value in values.items()
             ]
     return rows
-
-
-def _as_toml(value: object) -> str:
-    """Return a string, number or boolean in the syntax of TOML.
-
-    This is the syntax of JSON, except that TOML also requires an escape for the character DEL.
-    """
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def run_completion(options: CompletionOptions) -> int:

@@ -23,7 +23,7 @@ def run(options: StreamOptions) -> int:
     server = StreamServer(library, address, ServerLimits(idle_seconds=options.timeout))
     document = {"protocol": PROTOCOL, "address": server.address, "rate": library.rate}
     lines = [f"{PROTOCOL} at {server.address}, {library.rate:.6g} frames/s; Ctrl-C ends it"]
-    print_result(options, "stream-server", document, lines)
+    print_result(options, "stream-server/1", document, lines)
     sys.stdout.flush()
     server.serve_forever()
     return 0

@@ -4,27 +4,19 @@ The parser, the settings that the configuration file and the environment may hol
 completion are derived from these declarations. A command receives an instance of its dataclass.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import MISSING, dataclass, field, fields, replace
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from dataclasses import Field, dataclass, field, fields
+from inspect import get_annotations
+from typing import Any, ClassVar, Literal, cast, dataclass_transform, get_args, get_origin
 
-from mograft.cli.syntax.values import TEXT, Value
+from mograft.cli.syntax.values import Value, choice
 
-SECTIONS = (
-    "input",
-    "what to keep",
-    "what to change",
-    "how different",
-    "where the hands go",
-    "donors",
-    "scenario",
-    "options",
-    "output",
-    "general",
-)
-"""Headings of ``--help``, in their order."""
 EXPERT_SECTIONS = ("donors", "scenario")
 """Headings of options that only ``--help-all`` shows."""
+
+_MOST_USED = ("input", "what to keep", "what to change", "how different", "where the hands go")
+SECTIONS = (*_MOST_USED, *EXPERT_SECTIONS, "options", "output", "general")
+"""Headings of ``--help``, in their order."""
 
 
 class UsageError(Exception):
@@ -35,19 +27,19 @@ class UsageError(Exception):
 class Argument:
     """How the command line, the configuration file and the environment give a field a value."""
 
-    help: str
+    dest: str  # The name of the field.
+    section: str  # Heading in ``--help``.
     value: Value | None  # None for an option that takes no value.
+    is_repeated: bool  # Whether the value is a tuple of all values that are given.
+    help: str
     default: Any
     details: str = ""  # Continues the help text in ``--help-all``.
     short: str | None = None  # A second flag, such as ``-n``.
     count: str | None = None  # ``nargs`` of a positional argument.
     is_positional: bool = False
     is_required: bool = False
-    is_repeated: bool = False  # Whether the value is a tuple of all values that are given.
-    is_expert: bool = False  # Whether only ``--help-all`` shows it, as all of `EXPERT_SECTIONS`.
+    is_expert: bool = False  # Whether only ``--help-all`` shows it.
     is_setting: bool = False  # Whether the configuration file and the environment may set it.
-    dest: str = ""  # The name of the field.
-    section: str = "options"  # Heading in ``--help``.
 
     @property
     def name(self) -> str:
@@ -70,57 +62,50 @@ class Argument:
         return shown if self.is_positional else f"{self.flags[0]} {shown}"
 
 
-def option(
-    help: str,  # noqa: A002 - as add_argument
-    value: Value | None = TEXT,
-    default: object = None,
-    **more: Any,  # noqa: ANN401 - fields of `Argument`
-) -> Any:  # noqa: ANN401 - the type of the field
-    """Return a field for an option; `more` has fields of `Argument`."""
-    argument = Argument(help=help, value=value, default=default, **more)
-    return field(default=default, metadata={"argument": argument})
+def option(help: str, **more: Any) -> Any:  # noqa: A002, ANN401 - as add_argument
+    """Return a field for an option; `more` has fields of `Argument`.
+
+    Its type has a `Value`, or is bool for an option that takes no value. An option with the type
+    ``tuple[...]`` may be given several times.
+    """
+    return field(metadata={"help": help, **more})
 
 
-def setting(*values: Any, **more: Any) -> Any:  # noqa: ANN401 - those of `option`
+def setting(help: str, **more: Any) -> Any:  # noqa: A002, ANN401 - those of `option`
     """Return an option that the configuration file and the environment may also set."""
-    return option(*values, is_setting=True, **more)
+    return option(help, is_setting=True, **more)
 
 
-def repeated(help: str, value: Value, **more: Any) -> Any:  # noqa: A002, ANN401 - those of `option`
-    """Return an option that may be given several times; its value is the tuple of all values."""
-    return option(help, value, (), is_repeated=True, **more)
-
-
-def switch(help: str, **more: Any) -> Any:  # noqa: A002, ANN401 - those of `option`
-    """Return an option that takes no value."""
-    return option(help, None, default=False, **more)
-
-
-def positional(help: str, value: Value, count: str | None = None) -> Any:  # noqa: A002, ANN401
+def positional(help: str, count: str | None = None) -> Any:  # noqa: A002, ANN401 - as `option`
     """Return a field for a positional argument; `count` is ``nargs`` of ``add_argument``."""
-    is_repeated = count in ("+", "*")
-    own = {"count": count, "is_positional": True, "is_repeated": is_repeated}
-    argument = Argument(help=help, value=value, default=None, **own)  # type: ignore[arg-type]
-    return field(default=MISSING, metadata={"argument": argument})
+    return option(help, count=count, is_positional=True)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Options:
-    """The options of a command, and how they were given; base class of all options.
+@dataclass_transform(
+    frozen_default=True, kw_only_default=True, field_specifiers=(option, setting, positional)
+)
+class _Declaration:
+    """Base class that makes its subclasses frozen dataclasses.
 
     The argument `section` of a subclass is the heading in ``--help`` of the options that it
     declares.
     """
 
-    section: ClassVar[str] = "general"
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+    section: ClassVar[str]
 
     def __init_subclass__(cls, section: str = "options") -> None:
         cls.section = section
+        dataclass(frozen=True, kw_only=True)(cls)
 
-    quiet: bool = switch("print only results and errors", short="-q", is_expert=True)
-    verbose: bool = switch("also print details that require no action", short="-v", is_expert=True)
-    words: tuple[str, ...] = ()  # The command line.
-    origins: Mapping[str, str] = field(default_factory=dict)
+
+class Options(_Declaration, section="general"):
+    """The options of a command, and how they were given; base class of all options."""
+
+    quiet: bool = option("print only results and errors", short="-q", is_expert=True)
+    verbose: bool = option("also print details that require no action", short="-v", is_expert=True)
+    words: tuple[str, ...]  # The command line.
+    origins: Mapping[str, str]
     """The file or the environment variable of each field that a setting gives a value."""
 
     def given(self, *names: str) -> list[str]:
@@ -150,26 +135,37 @@ class Command:
         first = (self.options.__doc__ or "").partition("\n")[0].rstrip(".")
         return self.summary or first[:1].lower() + first[1:]
 
-    def arguments(self) -> Iterator[Argument]:
-        """Iterate over the arguments of the command."""
+    def arguments(self) -> list[Argument]:
+        """Return the arguments of the command."""
         return arguments_of(self.options)
 
-    def settings(self) -> Iterator[Argument]:
-        """Iterate over the options that the configuration file and the environment may set."""
-        return (argument for argument in self.arguments() if argument.is_setting)
+    def settings(self) -> list[Argument]:
+        """Return the options that the configuration file and the environment may set."""
+        return [argument for argument in self.arguments() if argument.is_setting]
 
 
-def arguments_of(options: Options | type[Options]) -> Iterator[Argument]:
-    """Iterate over the arguments that the fields of options declare, positional ones first."""
-    classes: Any = (options if isinstance(options, type) else type(options)).__mro__
-    found = []
+def arguments_of(options: type[Options]) -> list[Argument]:
+    """Return the arguments that the fields of options declare, positional ones first."""
+    found, classes = [], cast(Any, options.__mro__)
     for own in fields(options):
-        if "argument" in own.metadata:
-            argument, section = own.metadata["argument"], "input"
-            if not argument.is_positional:  # The class that declares the field has its default.
-                section = next(c.section for c in classes if own.name in vars(c))
-            found.append(replace(argument, dest=own.name, section=section))
+        if "help" in own.metadata:
+            value, is_repeated = _find_value(own.type), get_origin(own.type) is tuple
+            # The heading is that of the class that declares the option.
+            section = next(c.section for c in classes if own.name in get_annotations(c))
+            given = {
+                "section": "input" if "count" in own.metadata else section,
+                "is_expert": section in EXPERT_SECTIONS,
+                "default": () if is_repeated else False if value is None else None,
+                **own.metadata,
+            }
+            found.append(Argument(dest=own.name, value=value, is_repeated=is_repeated, **given))
     # An argument of several words takes all that follow.
-    return iter(
-        sorted(found, key=lambda a: (not a.is_positional, a.is_positional and a.is_repeated))
-    )
+    return sorted(found, key=lambda a: (not a.is_positional, a.is_positional and a.is_repeated))
+
+
+def _find_value(kind: Any) -> Value | None:  # noqa: ANN401 - any annotation
+    """Return the `Value` of an annotation such as ``Annotated[int, Value()] | None``, or None."""
+    if get_origin(kind) is Literal:
+        return choice(*get_args(kind))
+    inner = getattr(kind, "__metadata__", None) or map(_find_value, get_args(kind))
+    return next(filter(None, inner), None)

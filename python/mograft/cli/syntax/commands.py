@@ -1,222 +1,168 @@
 """All commands, and the options of those that need few."""
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from mograft.cli.syntax import values
-from mograft.cli.syntax.arguments import (
-    Command,
-    Options,
-    option,
-    positional,
-    repeated,
-    setting,
-    switch,
-)
-from mograft.cli.syntax.frames import Range
-from mograft.cli.syntax.options import (
-    PRESETS,
-    CandidatesOptions,
-    DigitsOptions,
-    FieldOptions,
-    GraftOptions,
-    LibraryOptions,
-    ResultOptions,
-    SeedOptions,
-    SkeletonOptions,
-    WriterOptions,
-    groups_option,
-    output_option,
-)
+from mograft.cli.syntax import options, values
+from mograft.cli.syntax.arguments import Command, Options, option, positional, setting
 
 PLOT_KINDS = ("strip", "timeline", "energy", "pca", "dendrogram", "clusters", "groups")
 EVALUATION_TOPICS = ("quality", "world", "detectability", "balance")
 _FIGURE_COLOURS = "joint groups that set the colours"
-_SHELLS = ("bash", "zsh", "fish", "tcsh", "powershell")
 
 
-@dataclass(frozen=True, kw_only=True)
-class DemoOptions(SeedOptions, WriterOptions, section="output"):
+class DemoOptions(options.SeedOptions, options.WriterOptions, section="output"):
     """Create a sample dance, three grafts and a page that shows them."""
 
-    output: Path = output_option("folder for the files (default: demo)", values.DIR, Path("demo"))
-    open: bool = switch("open the page in the browser")
+    output: values.Folder = option(
+        "folder for the files (default: demo)", default=Path("demo"), short="-o"
+    )
+    open: bool = option("open the page in the browser")
 
 
-@dataclass(frozen=True, kw_only=True)
-class InfoOptions(SkeletonOptions):
+class InfoOptions(options.SkeletonOptions):
     """Print joints, frame rate, duration, joint groups and faults of motion files."""
 
-    match: str | None = setting(
+    match: Literal["names", "anatomy"] | None = setting(
         "anatomy also lists which joints of each file correspond to those of the first file "
-        "(default: names)",
-        values.choice("names", "anatomy"),
+        "(default: names)"
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class CheckOptions(SkeletonOptions):
+class CheckOptions(options.SkeletonOptions):
     """Check the syntax of motion files, and list faults of the recordings."""
 
-    strict: bool = switch("treat every deviation from the BVH format as an error", is_setting=True)
+    strict: bool = setting("treat every deviation from the BVH format as an error")
 
 
-@dataclass(frozen=True, kw_only=True)
-class GroupsOptions(SkeletonOptions, WriterOptions):
+class GroupsOptions(options.SkeletonOptions, options.WriterOptions):
     """Print the joint groups of a file as TOML, which can be edited and passed to --groups."""
 
-    preset: str = setting(
-        f"one of {', '.join(PRESETS)}, for the first file; or auto or auto:N, groups of joints "
-        "that move together in all files (default: lower_upper)",
-        values.Value("NAME", values.preset_or_automatic(PRESETS)),
-        "lower_upper",
+    preset: values.Preset = setting(
+        f"one of {', '.join(values.PRESETS)}, for the first file; or auto or auto:N, groups "
+        "of joints that move together in all files (default: lower_upper)",
+        default="lower_upper",
     )
-    output: Path | None = output_option("TOML file to write (default: stdout)", values.FILE)
+    output: values.File | None = option("TOML file to write (default: stdout)", short="-o")
 
 
-@dataclass(frozen=True, kw_only=True)
-class IndexFileOptions(Options, section="input"):
+class IngestOptions(Options, section="input"):
     """Options for the files of a new library."""
 
-    files: tuple[str, ...] = positional(
-        "motion files, or folders of them", values.Value("FILE|DIR", is_path=True), "+"
+    files: tuple[values.SourceOrFolder, ...] = positional("motion files, or folders of them", "+")
+    rate: values.Rate | None = setting(
+        "frame rate of the library (default: the rate that most frames of the files have)"
     )
-    rate: float | None = setting(
-        "frame rate of the library (default: the rate that most frames of the files have)",
-        values.RATE,
-    )
-    true_rate: tuple[tuple[str, float], ...] = repeated(
+    true_rate: tuple[values.TrueRate, ...] = option(
         "true frame rate of a clip whose file contains a wrong one; CLIP may be a glob; may be "
         "repeated",
-        values.Value("CLIP=FPS", values.true_rate),
         is_expert=True,
     )
-    tags: Path | None = option(
-        "table of clips and their tags; the folders of a clip also become its tags",
-        values.Value("CSV", Path, is_path=True),
+    tags: values.Table | None = option(
+        "table of clips and their tags; the folders of a clip also become its tags"
     )
-    strict: bool = switch("fail if a file cannot be used, instead of excluding it", is_setting=True)
+    strict: bool = setting("fail if a file cannot be used, instead of excluding it")
 
 
-@dataclass(frozen=True, kw_only=True)
-class IndexOptions(IndexFileOptions, LibraryOptions, WriterOptions, section="output"):
+class IndexOptions(IngestOptions, options.LibraryOptions, options.WriterOptions, section="output"):
     """Create a library from motion files, or add files to a library."""
 
-    output: Path = output_option(
-        "folder of the library", values.Value("LIB", Path, is_path=True), is_required=True
-    )
-    add: bool = switch("add to an existing library; only new and changed files are read")
-    force: bool = switch("replace an existing library")
-    jobs: int = setting(
-        "number of processes that read files (default: 1)", values.COUNT, 1, short="-j"
+    output: values.LibraryFolder = option("folder of the library", short="-o", is_required=True)
+    add: bool = option("add to an existing library; only new and changed files are read")
+    force: bool = option("replace an existing library")
+    jobs: values.Count = setting(
+        "number of processes that read files (default: 1)", default=1, short="-j"
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class StoredOptions(ResultOptions):
+class StoredOptions(options.ResultOptions):
     """Options of the subcommands of ``mograft lib``."""
 
-    library: Path = positional("folder of a library", values.Value("LIB", Path, is_path=True))
+    library: values.LibraryFolder = positional("folder of a library")
 
 
-@dataclass(frozen=True, kw_only=True)
 class VerifyOptions(StoredOptions):
     """Compare each file of a library with its checksum."""
 
 
-@dataclass(frozen=True, kw_only=True)
 class LibInfoOptions(StoredOptions):
     """Print the contents and the configuration of a library."""
 
-    clips: bool = switch("also list the clips")
+    clips: bool = option("also list the clips")
 
 
-@dataclass(frozen=True, kw_only=True)
-class TablesOptions(StoredOptions, WriterOptions, section="output"):
+class TablesOptions(StoredOptions, options.WriterOptions, section="output"):
     """Write a library as tables, for programs such as DuckDB, Spark or pandas."""
 
     format: Literal["parquet", "csv", "npz"] = option(
-        "parquet needs mograft[parquet]", values.choice("parquet", "csv", "npz"), is_required=True
+        "parquet needs mograft[parquet]", is_required=True
     )
-    output: Path = output_option(
-        "folder for the tables; for npz the file to write", values.PATH, is_required=True
+    output: values.OutputPath = option(
+        "folder for the tables; for npz the file to write", short="-o", is_required=True
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class StreamOptions(LibraryOptions):
+class StreamOptions(options.LibraryOptions):
     """Serve grafts of a motion that arrives frame by frame, as mograft.Stream makes them.
 
     Game engines and other programs connect with the protocol mograft.stream/1. The command prints
     one line with the address, and runs until it is interrupted.
     """
 
-    port: int | None = option(
-        "TCP port from 0 to 65535; 0 selects a free port; or give --socket",
-        values.Value("N", values.port),
+    port: values.Port | None = option(
+        "TCP port from 0 to 65535; 0 selects a free port; or give --socket"
     )
-    socket: Path | None = option("path of a Unix socket to create", values.PATH)
-    host: str = setting(
+    socket: values.OutputPath | None = option("path of a Unix socket to create")
+    host: Annotated[str, values.Value("ADDRESS")] = setting(
         "address at which the TCP port is open (default: 127.0.0.1, only this computer)",
-        values.Value("ADDRESS"),
-        "127.0.0.1",
+        default="127.0.0.1",
     )
-    timeout: float = setting(
+    timeout: values.Duration = setting(
         "pause between two messages, in seconds, after which a connection is closed (default: 600)",
-        values.SECONDS,
-        600.0,
+        default=600.0,
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class ViewOptions(FieldOptions, SkeletonOptions, WriterOptions):
+class ViewOptions(options.FieldOptions, options.SkeletonOptions, options.WriterOptions):
     """Show motions side by side in the browser."""
 
-    files: tuple[str, ...] = positional(
-        "motion files, or one library", values.LIBRARY_OR_FILES, "+"
+    files: tuple[values.LibraryOrFile, ...] = positional("motion files, or one library", "+")
+    clip: tuple[values.Name, ...] = option(
+        "clips of a library to show; NAME may be a glob such as walk*; may be repeated"
     )
-    clip: tuple[str, ...] = repeated(
-        "clips of a library to show; NAME may be a glob such as walk*; may be repeated", values.NAME
+    groups: values.Groups | None = options.groups_option(_FIGURE_COLOURS, "trunk, arms and legs")
+    output: values.File | None = option(
+        "HTML file to write (default: a temporary file, opened in the browser)", short="-o"
     )
-    groups: str | None = groups_option(_FIGURE_COLOURS, "trunk, arms and legs")
-    output: Path | None = output_option(
-        "HTML file to write (default: a temporary file, opened in the browser)", values.FILE
-    )
-    open: bool = switch("open the page in the browser, even if -o is given")
+    open: bool = option("open the page in the browser, even if -o is given")
 
 
-@dataclass(frozen=True, kw_only=True)
-class PlotOptions(LibraryOptions, WriterOptions):
+class PlotOptions(options.LibraryOptions, options.WriterOptions):
     """Draw motions, or the clusters of their segments."""
 
-    kind: str = positional(
+    kind: Annotated[str, values.choice(*PLOT_KINDS, placeholder="KIND")] = positional(
         "strip (poses of one motion), timeline (segments along time), energy (kinetic energy), pca "
         "(segments in principal components), dendrogram (linkage tree), clusters (cluster sizes) "
-        "or groups (which joints move together)",
-        values.choice(*PLOT_KINDS, placeholder="KIND"),
+        "or groups (which joints move together)"
     )
-    clip: tuple[str, ...] = repeated(
-        "clips of a library for strip, energy or timeline; NAME may be a glob; may be repeated",
-        values.NAME,
+    clip: tuple[values.Name, ...] = option(
+        "clips of a library for strip, energy or timeline; NAME may be a glob; may be repeated"
     )
-    output: Path = output_option(".png, .svg or .pdf file to write", values.FILE, is_required=True)
-    groups: str | None = groups_option(
+    output: values.File = option(".png, .svg or .pdf file to write", short="-o", is_required=True)
+    groups: values.Groups | None = options.groups_option(
         default="lower_upper; for strip trunk, arms and legs; for groups auto"
     )
-    group: str | None = option(
-        "joint group for pca, dendrogram or clusters (default: the base group)", values.NAME
+    group: values.Name | None = option(
+        "joint group for pca, dendrogram or clusters (default: the base group)"
     )
-    poses: int = setting("number of poses of strip (default: 12)", values.COUNT, 12)
-    frames: Range | None = option(
-        "frames, or times such as 3.3s-13.3s, for strip, timeline or energy (default: all)",
-        values.FRAMES,
+    poses: values.Count = setting("number of poses of strip (default: 12)", default=12)
+    frames: values.Frames | None = option(
+        "frames, or times such as 3.3s-13.3s, for strip, timeline or energy (default: all)"
     )
-    dark: bool = switch("draw in light colours on a dark background", is_setting=True)
+    dark: bool = setting("draw in light colours on a dark background")
 
 
-@dataclass(frozen=True, kw_only=True)
-class ExportOptions(DigitsOptions, SkeletonOptions, WriterOptions):
+class ExportOptions(options.DigitsOptions, options.SkeletonOptions, options.WriterOptions):
     """Write motions in other file formats.
 
     The suffix of the file selects the format: an animated figure (.glb; .usd, .usda or .usdc, which
@@ -224,74 +170,59 @@ class ExportOptions(DigitsOptions, SkeletonOptions, WriterOptions):
     values (.npz, .csv, .bvh).
     """
 
-    files: tuple[str, ...] = positional(
-        "motion file; several for a film, and for a .glb if they have the same skeleton",
-        values.FILES,
-        "+",
+    files: tuple[values.Source, ...] = positional(
+        "motion file; several for a film, and for a .glb if they have the same skeleton", "+"
     )
-    output: Path = output_option("file to write", values.FILE, is_required=True)
-    frames: Range | None = option(
-        "frames, or times such as 3.3s-13.3s, to write (default: all)", values.FRAMES
+    output: values.File = option("file to write", short="-o", is_required=True)
+    frames: values.Frames | None = option(
+        "frames, or times such as 3.3s-13.3s, to write (default: all)"
     )
-    rate: float | None = setting(
+    rate: values.Rate | None = setting(
         "frame rate of the output (default: the rate of the input; for an .mp4 at most 60, for a "
-        ".gif at most 20)",
-        values.RATE,
+        ".gif at most 20)"
     )
-    scale: float | str | None = setting(
+    scale: values.Unit | None = setting(
         f"unit of length of the motion file, for .glb and .usd: {', '.join(values.UNITS)}, or a "
-        "number of metres (default: the unit that gives the figure human height)",
-        values.Value("UNIT|X", values.unit),
+        "number of metres (default: the unit that gives the figure human height)"
     )
-    like: str | None = option(
+    like: values.Source | None = option(
         "AMASS file from which a .npz takes all arrays that the motion did not change (default: "
-        "write the arrays of mograft)",
-        values.SOURCE,
+        "write the arrays of mograft)"
     )
-    groups: str | None = groups_option(
+    groups: values.Groups | None = options.groups_option(
         f"{_FIGURE_COLOURS} of a figure or film", "trunk, arms and legs"
     )
-    size: tuple[int, int] = setting(
-        "size of a film in pixels (default: 720x480)",
-        values.Value("WIDTHxHEIGHT", values.picture_size),
-        "720x480",
-    )
-    dark: bool = switch("draw a film in light colours on a dark background", is_setting=True)
+    size: values.Size = setting("size of a film in pixels (default: 720x480)", default="720x480")
+    dark: bool = setting("draw a film in light colours on a dark background")
 
 
-@dataclass(frozen=True, kw_only=True)
-class EvaluateOptions(SeedOptions, LibraryOptions, WriterOptions):
+class EvaluateOptions(options.SeedOptions, options.LibraryOptions, options.WriterOptions):
     """Measure the quality, novelty, variety, detectability and balance of grafts.
 
     Grafts of some of the clips are made and measured. The words quality, world, detectability and
     balance among FILE, if they are not files, select what to measure (default: all).
     """
 
-    files: tuple[str, ...] = positional(
-        "motion files, or one library; additional words such as balance select what to measure",
-        values.LIBRARY_OR_FILES,
-        "+",
+    files: tuple[values.LibraryOrFile, ...] = positional(
+        "motion files, or one library; additional words such as balance select what to measure", "+"
     )
-    output: Path | None = output_option(
-        "folder for evaluation.json and index.html (default: no files)", values.DIR
+    output: values.Folder | None = option(
+        "folder for evaluation.json and index.html (default: no files)", short="-o"
     )
-    rate: float | None = setting(
-        "frame rate to which all files are resampled (default: the rate of most frames)",
-        values.RATE,
+    rate: values.Rate | None = setting(
+        "frame rate to which all files are resampled (default: the rate of most frames)"
     )
-    runs: int = setting("number of motions created from each base (default: 6)", values.COUNT, 6)
-    bases: int = setting(
-        "maximum number of clips that are used as base (default: 4)", values.COUNT, 4
+    runs: values.Count = setting("number of motions created from each base (default: 6)", default=6)
+    bases: values.Count = setting(
+        "maximum number of clips that are used as base (default: 4)", default=4
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class DoctorOptions(ResultOptions):
+class DoctorOptions(options.ResultOptions):
     """Check the installation, and list missing optional packages."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ShowOptions(ResultOptions):
+class ShowOptions(options.ResultOptions):
     """Print all settings in the format of mograft.toml.
 
     mograft reads this file from the working folder or the nearest folder above it. Environment
@@ -299,13 +230,12 @@ class ShowOptions(ResultOptions):
     overrides both.
     """
 
-    only: str | None = positional(
-        "command whose settings are printed (default: all)", values.Value("COMMAND"), "?"
+    only: Annotated[str, values.Value("COMMAND")] | None = positional(
+        "command whose settings are printed (default: all)", "?"
     )
-    origin: bool = switch("also print the file or variable that sets each value")
+    origin: bool = option("also print the file or variable that sets each value")
 
 
-@dataclass(frozen=True, kw_only=True)
 class CompletionOptions(Options):
     """Print a script for shell completion of commands, options and files.
 
@@ -314,11 +244,13 @@ class CompletionOptions(Options):
     mograft[completion].
     """
 
-    shell: str = positional("shell for which the script is written", values.choice(*_SHELLS))
+    shell: Literal["bash", "zsh", "fish", "tcsh", "powershell"] = positional(
+        "shell for which the script is written"
+    )
 
 
 COMMANDS = (
-    Command("demo", DemoOptions, "demo:run"),
+    Command("demo", DemoOptions, "graft:run_demo"),
     Command("info", InfoOptions, "motions:run_info"),
     Command("check", CheckOptions, "motions:run_check"),
     Command("groups", GroupsOptions, "motions:run_groups"),
@@ -332,12 +264,12 @@ COMMANDS = (
             Command("export", TablesOptions, "library:run_export"),
         ),
     ),
-    Command("candidates", CandidatesOptions, "candidates:run"),
-    Command("graft", GraftOptions, "graft:run"),
+    Command("candidates", options.CandidatesOptions, "candidates:run"),
+    Command("graft", options.GraftOptions, "graft:run"),
     Command("stream", StreamOptions, "stream:run"),
     Command("view", ViewOptions, "pictures:run_view"),
     Command("plot", PlotOptions, "pictures:run_plot"),
-    Command("export", ExportOptions, "export:run"),
+    Command("export", ExportOptions, "pictures:run_export"),
     Command("evaluate", EvaluateOptions, "evaluate:run"),
     Command("doctor", DoctorOptions, "program:run_doctor"),
     Command(

@@ -1,25 +1,44 @@
-"""The argparse parsers, built from the declarations of the commands."""
+"""The options of a command line, from its words, the environment and the configuration file.
+
+The command line takes precedence over the environment, the environment over the file. The argparse
+parsers are built from the declarations of the commands.
+"""
 
 import argparse
+import json
+import os
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+from pathlib import Path
 from typing import Any, NoReturn
 
 from mograft import __version__
-from mograft.cli.settings import Setting, find_settings
-from mograft.cli.syntax.arguments import (
-    EXPERT_SECTIONS,
-    SECTIONS,
-    Argument,
-    Command,
-    Options,
-    UsageError,
-)
+from mograft.cli.syntax.arguments import SECTIONS, Argument, Command, Options
 from mograft.errors import suggest_name
 
-_GENERAL_FLAGS = ("--help", "--help-all")
+CONFIG_FILE = "mograft.toml"
 _GENERAL = ("quiet", "verbose", "json")
 """Options that ``--help`` shows if it would leave out nothing else."""
+
+Parsers = dict[tuple[str, ...], argparse.ArgumentParser]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Value of an option that the configuration file or the environment sets, or its default."""
+
+    value: Any  # Converted as argparse converts it.
+    origin: str  # The file or the environment variable that set it, or ``"default"``.
+    text: Any  # The value before the conversion.
+
+    @property
+    def plain(self) -> Any:  # noqa: ANN401 - of TOML
+        """The value as TOML and JSON represent it."""
+        if isinstance(self.value, Path):
+            return str(self.value)
+        return self.value if isinstance(self.value, str | int | float) else self.text or None
 
 
 class _Parser(argparse.ArgumentParser):
@@ -33,29 +52,14 @@ class _Parser(argparse.ArgumentParser):
         raise SystemExit(2)
 
 
-def _formatter(prog: str) -> argparse.HelpFormatter:
-    return argparse.HelpFormatter(prog, max_help_position=28)
-
-
-class _ShortHelp(argparse.Action):
-    """Print the help without the options and details of ``--help-all``."""
-
-    texts: dict[argparse.Action, str]  # The help text of each action that has details.
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
-        for action, text in self.texts.items():
-            action.help = text
-        parser.print_help()
-        parser.exit()
-
-
 def build_parsers(
-    commands: Sequence[Command], *, is_completion: bool = False
-) -> dict[tuple[str, ...], argparse.ArgumentParser]:
+    commands: Sequence[Command], *, is_short: bool = False, is_completion: bool = False
+) -> Parsers:
     """Return the argparse parsers of the program, of its commands and of their subcommands.
 
     The keys are the words of a command, such as ``("lib", "verify")``, and ``()`` for the program.
-    With `is_completion` they have the attributes that shtab reads.
+    With `is_short` they print the help without the options and details of ``--help-all``, with
+    `is_completion` they have the attributes that shtab reads.
     """
     root = _Parser(
         prog="mograft",
@@ -63,88 +67,81 @@ def build_parsers(
         description="Create natural motions from captured ones by exchanging body parts.",
     )
     root.add_argument("--version", action="version", version=f"mograft {__version__}")
-    parsers: dict[tuple[str, ...], argparse.ArgumentParser] = {(): root}
+    parsers: Parsers = {(): root}
 
-    def add(
-        parent: argparse.ArgumentParser, members: Sequence[Command], path: tuple[str, ...]
-    ) -> None:
+    def add(path: tuple[str, ...], members: Sequence[Command]) -> None:
         kind = "action" if path else "command"
-        subparsers = parent.add_subparsers(
-            title=f"{kind}s", prog=parent.prog, required=True, metavar=kind.upper()
+        subparsers = parsers[path].add_subparsers(
+            title=f"{kind}s", prog=parsers[path].prog, required=True, metavar=kind.upper()
         )
         for command in members:
             words = (*path, command.name)
-            parser: Any = subparsers.add_parser(
+            name = f"mograft {' '.join(words)}"
+            parsers[words] = parser = subparsers.add_parser(
                 command.name,
-                prog=f"mograft {' '.join(words)}",
-                usage=f"mograft {' '.join(words)} {_summarize(command)}",
+                prog=name,
+                usage=f"{name} {_summarize(command)}",
                 help=command.help,
                 description=None if command.actions else command.options.__doc__,
                 add_help=bool(command.actions),
-                formatter_class=_formatter,
+                formatter_class=lambda prog: argparse.HelpFormatter(prog, max_help_position=28),
             )
-            parsers[words] = parser
             if command.actions:
-                add(parser, command.actions, words)
+                add(words, command.actions)
             else:
                 parser.set_defaults(command=command, parser=parser)
-                _add_arguments(parser, command, is_completion=is_completion)
+                _add_arguments(parser, command, is_short=is_short, is_completion=is_completion)
 
-    add(root, commands, ())
+    add((), commands)
     return parsers
 
 
-def _add_arguments(parser: Any, command: Command, *, is_completion: bool) -> None:  # noqa: ANN401 - argparse or shtab
-    arguments = list(command.arguments())
-    short_texts: dict[argparse.Action, str] = {}
+def _add_arguments(
+    parser: argparse.ArgumentParser, command: Command, *, is_short: bool, is_completion: bool
+) -> None:
+    arguments = command.arguments()
+    has_more = any((a.is_expert or a.details) and a.dest not in _GENERAL for a in arguments)
     for section in SECTIONS:
         members = [argument for argument in arguments if argument.section == section]
         if members:
             group = parser.add_argument_group(section)
         for argument in members:
-            action = group.add_argument(*argument.flags, **_keywords(argument))
-            if argument.is_expert or section in EXPERT_SECTIONS:
-                short_texts[action] = argparse.SUPPRESS
-            elif argument.details:
-                short_texts[action] = argument.help
+            keywords = _keywords(argument, is_short=is_short and has_more)
+            action = group.add_argument(*argument.flags, **keywords)
             if is_completion and argument.value is not None:
                 _add_completion(action, argument)
-    if all(action.dest in _GENERAL for action in short_texts):
-        short_texts.clear()
     # The last group is that of --quiet, which every command has.
-    short = group.add_argument("-h", "--help", action=_ShortHelp, nargs=0, help="show this text")
-    short.texts = short_texts
-    if short_texts:
+    group.add_argument("-h", "--help", action="help", help="show this text")
+    if has_more:
         group.add_argument("--help-all", action="help", help="show all options, with details")
 
 
-def _keywords(argument: Argument) -> dict[str, Any]:
-    """Return the keyword arguments of ``add_argument``."""
-    text = f"{argument.help}; {argument.details}" if argument.details else argument.help
-    keywords: dict[str, Any] = {"help": text.replace("%", "%%")}
+def _keywords(argument: Argument, *, is_short: bool) -> dict[str, Any]:
+    """Return the keyword arguments of ``add_argument``; what is not given has the value None."""
+    text = argument.help
+    if argument.details and not is_short:
+        text = f"{text}; {argument.details}"
+    is_hidden = is_short and argument.is_expert
+    keywords: dict[str, Any] = {"help": argparse.SUPPRESS if is_hidden else text.replace("%", "%%")}
     if argument.value is None:
-        return keywords | {"action": "store_true", "dest": argument.dest}
-    keywords |= {"type": argument.value.convert, "metavar": argument.value.placeholder}
+        return {**keywords, "action": "store_true", "dest": argument.dest, "default": None}
+    keywords = {**keywords, "type": argument.value.convert, "metavar": argument.value.placeholder}
     if argument.is_positional:
-        return keywords | {"nargs": argument.count}
-    if argument.is_repeated:
-        return keywords | {"action": "append", "dest": argument.dest}
-    default, required = argument.default, argument.is_required
-    return keywords | {"default": default, "required": required, "dest": argument.dest}
+        return {**keywords, "nargs": argument.count}
+    action = "append" if argument.is_repeated else "store"
+    required = argument.is_required
+    return {**keywords, "action": action, "required": required, "dest": argument.dest}
 
 
 def _add_completion(action: Any, argument: Argument) -> None:  # noqa: ANN401 - shtab adds attributes
+    import shtab
+
+    from mograft.config_text import field_choices
+
     assert argument.value is not None
     if argument.value.is_path:
-        import shtab
-
         action.complete = shtab.FILE
-    if argument.value.choices:
-        action.choices = argument.value.choices
-    if argument.dest == "set":
-        from mograft.config_text import field_choices
-
-        action.choices = field_choices()
+    action.choices = field_choices() if argument.dest == "set" else argument.value.choices or None
 
 
 def _summarize(command: Command) -> str:
@@ -155,33 +152,25 @@ def _summarize(command: Command) -> str:
     return " ".join([*shown, "[options]"])
 
 
-def _check_names(
-    parsers: dict[tuple[str, ...], argparse.ArgumentParser],
-    commands: Sequence[Command],
-    words: Sequence[str],
-) -> None:
+def _check_names(parsers: Parsers, words: Sequence[str]) -> None:
     """End with a usage error if a command or a long option in `words` does not exist.
 
     The message suggests the most similar name.
     """
     path: tuple[str, ...] = ()
-    choices: Sequence[Command] = commands
-    while choices and len(path) < len(words) and not words[len(path)].startswith("-"):
-        word, names = words[len(path)], [command.name for command in choices]
-        if word not in names:
-            kind = "ACTION" if path else "COMMAND"
-            hint = suggest_name(word, names)
-            parsers[path].error(f"{kind} must be one of {', '.join(names)}; got {word!r}{hint}")
-        command = choices[names.index(word)]
-        path, choices = (*path, word), command.actions
-    if not path or choices:
-        return
-    flags = [f"--{own.name}" for own in command.arguments() if not own.is_positional]
-    flags += _GENERAL_FLAGS
-    for word in words[len(path) :]:
-        name = word.partition("=")[0]
-        if word == "--":
+    while names := [known[-1] for known in parsers if known and known[:-1] == path]:
+        word = words[len(path)] if len(path) < len(words) else "-"
+        if word.startswith("-"):
             return
+        if word not in names:
+            kind, hint = "ACTION" if path else "COMMAND", suggest_name(word, names)
+            parsers[path].error(f"{kind} must be one of {', '.join(names)}; got {word!r}{hint}")
+        path = (*path, word)
+    command: Command = parsers[path].get_default("command")
+    flags = [own.flags[-1] for own in command.arguments() if not own.is_positional]
+    flags += ["--help", "--help-all"]
+    for word in takewhile(lambda word: word != "--", words[len(path) :]):
+        name = word.partition("=")[0]
         if name.startswith("--") and not any(flag.startswith(name) for flag in flags):
             hint = suggest_name(name, flags, prefix="--", cutoff=0.7)
             parsers[path].error(f"{' '.join(path)} has no option {name}{hint}")
@@ -196,32 +185,128 @@ def parse(
     not given take their values from environment variables, otherwise from the configuration file,
     otherwise from their defaults.
     """
-    parsers = build_parsers(commands)
     words = sys.argv[1:] if arguments is None else arguments
-    _check_names(parsers, commands, words)
+    is_short = not any(word.startswith("--help-") for word in words)
+    parsers = build_parsers(commands, is_short=is_short)
+    _check_names(parsers, words)
     found = vars(parsers[()].parse_args(words))
     command: Command = found["command"]
     parser: argparse.ArgumentParser = found["parser"]
-    settings: dict[str, Setting] = {}
-    more: dict[str, Any] = {}
-    if any(command.settings()):
-        try:
-            settings = find_settings(command, commands)
-        except (OSError, UsageError, ValueError) as error:
-            parser.error(str(error))
-        if "set" in settings:
-            more["configured"] = settings.pop("set").value
-        # argparse leaves a default that is no string as it is: an option that still holds its
-        # `Setting` after parsing is absent from the command line.
-        parser.set_defaults(**settings)
-        found = vars(parsers[()].parse_args(words))
-    values: dict[str, Any] = {}
-    origins: dict[str, str] = {}
+    try:
+        settings = find_settings(command, commands)
+    except (OSError, ValueError) as error:
+        parser.error(str(error))
+    values: dict[str, Any] = {"words": ("mograft", *words)}
+    if "set" in settings:
+        values["configured"] = settings.pop("set").value
+    used = {name: own for name, own in settings.items() if found[name] is None}
+    values["origins"] = {name: own.origin for name, own in used.items()}
     for argument in command.arguments():
-        value, name = found[argument.dest], argument.dest
-        if name in settings and value is settings[name]:
-            value, origins[name] = settings[name].value, settings[name].origin
-        values[name] = tuple(value or ()) if argument.is_repeated else value
-    values |= {"words": ("mograft", *words), "origins": origins, **more}
-    options = command.options(**values)
-    return command, options, parser
+        value = found[argument.dest]
+        if argument.dest in used:
+            value = used[argument.dest].value
+        elif value is None:
+            value = argument.default
+            if isinstance(value, str) and argument.value is not None:
+                value = argument.value.convert(value)
+        values[argument.dest] = tuple(value) if argument.is_repeated else value
+    return command, command.options(**values), parser
+
+
+def find_settings(command: Command, commands: Sequence[Command]) -> dict[str, Setting]:
+    """Return the settings of a command, by the `Argument.dest` of the options that they set.
+
+    Environment variables override the configuration file. The file is searched for in the working
+    folder and the folders above it; it may have a table for each of `commands`. Raise a ValueError
+    that names the file or the variable if the file is not TOML, or if a setting is unknown or
+    invalid.
+    """
+    settings: dict[str, Setting] = {}
+    arguments = command.settings()
+    path = find_config_file(Path.cwd()) if arguments else None
+    table = {} if path is None else _read_file(path, command, commands)
+    for argument in arguments:
+        if path is not None and argument.dest in table:
+            text = table[argument.dest]
+            settings[argument.dest] = Setting(_convert_toml(argument, text, path), str(path), text)
+        for name in (argument.dest, f"{command.name}_{argument.dest}"):
+            variable = f"MOGRAFT_{name.upper()}"
+            if variable in os.environ:
+                value = _convert_text(argument, os.environ[variable], variable)
+                settings[argument.dest] = Setting(value, variable, os.environ[variable])
+    return settings
+
+
+def find_config_file(folder: Path) -> Path | None:
+    """Return the path of ``mograft.toml`` in a folder or in the nearest folder above that has one.
+
+    Return None if there is no such file.
+    """
+    start = folder.resolve()
+    candidates = (parent / CONFIG_FILE for parent in (start, *start.parents))
+    return next((path for path in candidates if path.is_file()), None)
+
+
+def _read_file(path: Path, command: Command, commands: Sequence[Command]) -> dict[str, Any]:
+    """Return the settings that a configuration file contains for a command, not yet converted.
+
+    Keys before all tables apply to every command; the table of the command overrides them.
+    `commands` are all commands, whose names are the allowed names of tables.
+    """
+    import tomllib
+
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: {error}") from None
+    known = {each.name: {argument.dest for argument in each.settings()} for each in commands}
+    shared = {k: v for k, v in document.items() if k == "set" or not isinstance(v, dict)}
+    for name in document.keys() - shared.keys() - known.keys():
+        raise ValueError(
+            f"{path}: the name of a table must be one of {', '.join(known)}; got [{name}]"
+            f"{suggest_name(name, known)}"
+        )
+    merged: dict[str, Any] = {}
+    own = document.get(command.name, {})
+    for table, allowed in ((shared, set().union(*known.values())), (own, known[command.name])):
+        for key, value in table.items():
+            name = key.replace("-", "_")
+            if name not in allowed:
+                hint = suggest_name(name, allowed) or "; mograft config show lists all"
+                raise ValueError(f"{path}: unknown setting {key!r}{hint}")
+            is_table = isinstance(value, dict) and isinstance(merged.get(name), dict)
+            merged[name] = merged[name] | value if is_table else value
+    return merged
+
+
+def _convert_toml(argument: Argument, value: Any, path: Path) -> Any:  # noqa: ANN401 - of TOML
+    place = f"{path}: {argument.name}"
+    if argument.is_repeated:  # --set
+        if not isinstance(value, dict):
+            raise ValueError(f"{place} must be a table such as [set], got {value!r}")
+        texts = ((name, str(text)) for name, text in value.items())
+        return tuple(
+            (name, str(path.parent / text) if text.lower().endswith(".json") else text)
+            for name, text in texts
+        )
+    is_bool = isinstance(value, bool)
+    if is_bool != (argument.value is None) or not isinstance(value, str | int | float):
+        expected = "true or false" if argument.value is None else "a string or a number"
+        raise ValueError(f"{place} must be {expected}, got {json.dumps(value, default=str)}")
+    text = str(value)
+    if argument.value and argument.value.is_path and Path(text).suffix:
+        text = str(path.parent / text)  # relative to the configuration file
+    return _convert_text(argument, text, place)
+
+
+def _convert_text(argument: Argument, text: str, place: str) -> Any:  # noqa: ANN401 - as argparse
+    if argument.value is None:
+        words = {"1": True, "true": True, "0": False, "false": False, "": False}
+        if text.lower() not in words:
+            raise ValueError(f"{place} must be 1, true, 0 or false, got {text!r}")
+        return words[text.lower()]
+    convert = argument.value.convert
+    try:
+        return tuple(map(convert, text.split())) if argument.is_repeated else convert(text)
+    except argparse.ArgumentTypeError as error:
+        raise ValueError(f"{place}: {error}") from None

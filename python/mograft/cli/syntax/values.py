@@ -1,24 +1,31 @@
-"""Converters of option values, for the ``type`` of argparse."""
+"""Types of options: each annotation has the `Value` that parses the text of the option.
+
+A frame is a number or, with the suffix ``s``, a time in seconds.
+"""
 
 import math
+import re
 from argparse import ArgumentTypeError
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypeVar
 
 from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
-from mograft.cli.syntax.frames import (
-    Range,
-    ban,
-    frame,
-    frame_count,
-    frame_or_frames,
-    frames,
-    segment_value,
-    take,
-)
 from mograft.errors import suggest_name
+
+T = TypeVar("T")
+_MAX_SECONDS = 1e9  # times the frame rate of any file, this is a finite number of frames
+
+SHAPE_NUMBERS = {"sphere": 4, "capsule": 7, "box": 6, "wall": 6}
+"""How many numbers describe each shape of ``--avoid``."""
+
+REACH_TOLERANCE = 0.03
+"""Default tolerance of ``--reach`` in skeleton heights."""
+
+PRESETS = ("lower_upper", "lower_torso_arms", "lower_torso_larm_rarm", "lower_torso_head_larm_rarm")
+UNITS = ("m", "cm", "mm", "inch", "CMU")
 
 
 @dataclass(frozen=True)
@@ -31,63 +38,186 @@ class Value:
     choices: tuple[str, ...] = ()
 
 
-SHAPE_NUMBERS = {"sphere": 4, "capsule": 7, "box": 6, "wall": 6}
-"""How many numbers describe each shape of ``--avoid``."""
+def _parser(expected: str) -> Callable[[Callable[[str], T]], Callable[[str], T]]:
+    """Return a decorator of converters: their errors become "`expected`, got TEXT"."""
 
-REACH_TOLERANCE = 0.03
-"""Default tolerance of ``--reach`` in skeleton heights."""
+    def decorate(convert: Callable[[str], T]) -> Callable[[str], T]:
+        @wraps(convert)
+        def parse(text: str) -> T:
+            try:
+                return convert(text)
+            except (ArgumentTypeError, ValueError):
+                raise ArgumentTypeError(f"{expected}, got {text}") from None
 
-Point = tuple[float, float, float]
+        return parse
 
-UNITS = ("m", "cm", "mm", "inch", "CMU")
+    return decorate
 
 
 def _number(
     kind: Callable[[str], float], expected: str, is_valid: Callable[[float], bool]
-) -> Callable[[str], float]:
+) -> Callable[[str], Any]:
     """Return a converter of text to a number of which `is_valid` is true."""
 
+    @_parser(f"must be {expected}")
     def convert(text: str) -> float:
-        try:
-            number = kind(text)
-        except ValueError:
-            number = math.nan
-        if not is_valid(number):
-            raise ArgumentTypeError(f"must be {expected}, got {text}")
+        if not is_valid(number := kind(text)):
+            raise ValueError
         return number
 
     return convert
 
 
-positive_integer = _number(int, "an integer of at least 1", lambda n: n >= 1)
-non_negative_integer = _number(int, "an integer of at least 0", lambda n: n >= 0)
-decimals = _number(int, "an integer from 1 to 12", lambda n: 1 <= n <= 12)
-port = _number(int, "an integer from 0 to 65535", lambda n: 0 <= n <= 65535)
-positive_number = _number(float, "a number above 0", lambda x: 0 < x < math.inf)
-non_negative_number = _number(float, "a number of at least 0", lambda x: 0 <= x < math.inf)
-share = _number(float, "a number from 0 to 1", lambda x: 0 <= x <= 1)
+_positive = _number(float, "a number above 0", lambda x: 0 < x < math.inf)
 
 
-def unit(text: str) -> float | str:
-    """Parse a unit of length: one of the names `UNITS`, or a number of metres."""
-    try:
-        return text if text in UNITS else positive_number(text)
-    except ArgumentTypeError:
-        raise ArgumentTypeError(
-            f"must be {', '.join(UNITS)} or a number above 0, got {text}"
-        ) from None
+def one_of(choices: Collection[str], more: str = "") -> Callable[[str], str]:
+    """Return a converter that accepts only the words `choices` and suggests the nearest one.
 
-
-def one_of(choices: Collection[str]) -> Callable[[str], str]:
-    """Return a converter that accepts only the words `choices` and suggests the nearest one."""
+    `more` begins the description of what is accepted.
+    """
 
     def convert(text: str) -> str:
         if text not in choices:
             hint = suggest_name(text, choices)
-            raise ArgumentTypeError(f"must be one of {', '.join(choices)}; got {text!r}{hint}")
+            raise ArgumentTypeError(
+                f"must be {more}one of {', '.join(choices)}; got {text!r}{hint}"
+            )
         return text
 
     return convert
+
+
+def choice(*words: str, placeholder: str | None = None) -> Value:
+    """Return a value that is one of `words`."""
+    return Value(placeholder or "|".join(words), one_of(words), choices=words)
+
+
+Frame = int | float
+"""Number of a frame, from 0, as int; or its time in seconds, as float."""
+
+Range = tuple[Frame, Frame]
+"""First and last frame, both included."""
+
+Taken = tuple[str, Frame, Frame]
+"""A clip with a first and a last frame."""
+
+Point = tuple[float, float, float]
+
+
+@_parser("must be a frame such as 315 or a time such as 10.5s, at most 1e+09 s")
+def frame(text: str) -> Frame:
+    """Read a frame, such as ``315`` or ``10.5s``."""
+    if text.isdecimal():
+        return int(text)
+    # Only digits and one point: float() also accepts signs, blanks, "inf" and "1e9".
+    seconds = float(text[:-1]) if re.fullmatch(r"(\d+\.?\d*|\.\d+)s", text) else math.inf
+    if seconds > _MAX_SECONDS:
+        raise ValueError
+    return seconds
+
+
+@_parser(
+    "expected FIRST-LAST with FIRST not above LAST, both frames or both seconds, such as 100-400 "
+    "or 3.3s-13.3s"
+)
+def frames(text: str) -> Range:
+    """Read ``FIRST-LAST``, such as ``100-400`` or ``3.3s-13.3s``; FIRST is not above LAST."""
+    first, last = map(frame, text.split("-"))
+    if type(first) is not type(last) or first > last:
+        raise ValueError
+    return first, last
+
+
+def frame_or_frames(text: str) -> Range:
+    """Read a frame or a range of frames; return a single frame as a range of one frame."""
+    return frames(text) if "-" in text else (frame(text),) * 2
+
+
+@_parser("must be at least 2 frames or a time such as 30s")
+def frame_count(text: str) -> Frame:
+    """Read a number of frames of at least 2, such as ``900``, or a duration such as ``30s``."""
+    count = frame(text)
+    if count == 0 or (isinstance(count, int) and count < 2):
+        raise ValueError
+    return count
+
+
+def resolve_frame(given: Frame, rate: float) -> int:
+    """Return the index of a frame; a time is rounded to a frame at `rate` frames per second."""
+    return round(given * rate) if isinstance(given, float) else given
+
+
+def resolve_frames(given: Range, rate: float) -> tuple[int, int]:
+    """Return the indices of the first and last frame of a range; see `resolve_frame`."""
+    return resolve_frame(given[0], rate), resolve_frame(given[1], rate)
+
+
+@dataclass(frozen=True)
+class SegmentValue:
+    """A base segment, given by its index or by its frames, and optionally a joint group."""
+
+    number: int | None  # Index of the segment, or None if its frames are given.
+    span: Range | None  # First and last frame, or None if the index is given.
+    group: str | None = None
+
+    def resolve_span(self, rate: float) -> tuple[int, int] | None:
+        """Return the first and last frame; None if the segment is given by its number.
+
+        `rate` is in frames per second.
+        """
+        return None if self.span is None else resolve_frames(self.span, rate)
+
+
+@_parser("expected a segment such as 24, or frames such as 100-400 or 10s-12.5s")
+def segment_value(text: str) -> SegmentValue:
+    """Parse a base segment: its index ``N`` or its frames ``FIRST-LAST``."""
+    if text.isdecimal():
+        return SegmentValue(int(text), None)
+    return SegmentValue(None, frames(text))
+
+
+def _group_segment(text: str) -> SegmentValue:
+    """Parse a segment, optionally after the name of a group and a colon."""
+    group, colon, segment = text.rpartition(":")
+    if colon and not group:
+        raise ValueError("expected the name of a group before the colon")
+    return replace(segment_value(segment), group=group or None)
+
+
+@_parser("expected SEGMENT=CLIP:FIRST-LAST, such as 24=walk:242-275")
+def take(text: str) -> tuple[SegmentValue, Taken]:
+    """Parse a value of ``--take``: ``[GROUP:]SEGMENT=CLIP:FIRST-LAST``.
+
+    Return the base segment, and the clip, first frame and last frame of the donor.
+    """
+    segment, _, donor = text.partition("=")
+    clip, _, span = donor.rpartition(":")  # The name of a clip may contain colons.
+    if not clip:
+        raise ValueError
+    return _group_segment(segment), (clip, *frames(span))
+
+
+@_parser("expected SEGMENT, SEGMENT=CLIP or SEGMENT=CLIP:FIRST-LAST, such as 24=walk")
+def ban(text: str) -> tuple[SegmentValue, str | Taken | None]:
+    """Parse a value of ``--ban``: ``[GROUP:]SEGMENT[=CLIP[:FIRST-LAST]]``.
+
+    Return the base segment, and the donors: None, a clip, or a clip with its first and last frame.
+    """
+    segment, equals, clip = text.partition("=")
+    if equals and not clip:
+        raise ValueError
+    name, _, span = clip.rpartition(":")
+    if name and span[:1].isdecimal():
+        return _group_segment(segment), (name, *frames(span))
+    return _group_segment(segment), clip or None
+
+
+@_parser(f"must be {', '.join(UNITS)} or a number above 0")
+def unit(text: str) -> float | str:
+    """Parse a unit of length: one of the names `UNITS`, or a number of metres."""
+    number: float | str = text if text in UNITS else _positive(text)
+    return number
 
 
 def names(text: str) -> tuple[str, ...]:
@@ -95,56 +225,59 @@ def names(text: str) -> tuple[str, ...]:
     return tuple(text.split(","))
 
 
+@_parser("expected FIELD=VALUE, such as seam=offset")
 def assignment(text: str) -> tuple[str, str]:
     """Parse ``NAME=VALUE`` into the name and the text of the value."""
-    name, separator, value = text.partition("=")
-    if not (name and separator and value):
-        raise ArgumentTypeError(f"expected FIELD=VALUE, such as seam=offset, got {text!r}")
+    name, _, value = text.partition("=")
+    if not (name and value):
+        raise ValueError
     return name, value
 
 
+@_parser("must be CLIP=FPS")
 def true_rate(text: str) -> tuple[str, float]:
     """Parse ``CLIP=FPS`` into the name of a clip and its frame rate."""
     clip, _, rate = text.rpartition("=")
+    if not clip:
+        raise ValueError
+    return clip, _positive(rate)
+
+
+def preset(text: str, more: str = "") -> str:
+    """Parse the name of a preset of joint groups, ``auto`` or ``auto:N``."""
+    if not is_automatic(text):
+        return one_of((*PRESETS, AUTOMATIC), more)(text)
     try:
-        if clip:
-            return clip, positive_number(rate)
-    except ArgumentTypeError:
-        pass
-    raise ArgumentTypeError(f"must be CLIP=FPS, got {text}")
+        automatic_number(text)
+    except ValueError as error:
+        raise ArgumentTypeError(str(error).removeprefix("`groups` ")) from None
+    return text
 
 
-def preset_or_automatic(presets: Collection[str]) -> Callable[[str], str]:
-    """Return a converter that accepts the names `presets`, ``auto`` and ``auto:N``."""
-
-    def convert(text: str) -> str:
-        if not is_automatic(text):
-            return one_of((*presets, AUTOMATIC))(text)
-        try:
-            automatic_number(text)
-        except ValueError as error:
-            raise ArgumentTypeError(str(error).removeprefix("`groups` ")) from None
-        return text
-
-    return convert
+def groups(text: str) -> str:
+    """Parse the path of a TOML file with joint groups, or a name as `preset` does."""
+    is_file = Path(text).suffix.lower() == ".toml" or Path(text).exists()
+    return text if is_file else preset(text, "a TOML file, auto:N or ")
 
 
+@_parser("must be WIDTHxHEIGHT, such as 720x480")
 def picture_size(text: str) -> tuple[int, int]:
     """Parse ``WIDTHxHEIGHT``, a size in pixels."""
-    width, _, height = text.partition("x")
+    width, height = text.split("x")
     if not (width.isdecimal() and height.isdecimal()):
-        raise ArgumentTypeError(f"must be WIDTHxHEIGHT, such as 720x480, got {text}")
+        raise ValueError
     return int(width), int(height)
 
 
 def _numbers(text: str, *counts: int) -> tuple[float, ...]:
+    words = text.split(",")
     try:
-        numbers = tuple(float(word) for word in text.split(","))
+        numbers = tuple(float(word) for word in words if len(words) in counts)
     except ValueError:
         numbers = ()
-    if len(numbers) not in counts:
-        expected = " or ".join(str(count) for count in counts)
-        raise ArgumentTypeError(f"expected {expected} numbers separated by commas, got {text!r}")
+    if not numbers:
+        expected = " or ".join(map(str, counts))
+        raise ArgumentTypeError(f"expected {expected} numbers separated by commas, got {text}")
     return numbers
 
 
@@ -153,14 +286,12 @@ def _point(text: str) -> Point:
     return x, y, z
 
 
+@_parser("must be at least two corners, such as 0,0:300,0")
 def corners(text: str) -> list[tuple[float, ...]]:
     """Parse ``X,Z:X,Z:...``, at least two positions on the floor, into pairs of numbers."""
-    try:
-        found = [_numbers(pair, 2) for pair in text.split(":")]
-    except ArgumentTypeError:
-        found = []
+    found = [_numbers(pair, 2) for pair in text.split(":")]
     if len(found) < 2:
-        raise ArgumentTypeError(f"must be at least two corners, such as 0,0:300,0; got {text}")
+        raise ValueError
     return found
 
 
@@ -194,22 +325,19 @@ def _shape(text: str) -> tuple[str, tuple[float, ...]]:
     return name, (*_numbers(place, 3, 4), 0.0)[:4]
 
 
+@_parser(
+    "expected FRAME:JOINT:X,Y,Z[~TOL] or FIRST-LAST:JOINT:X,Y,Z[~TOL], with frames such as 315 or "
+    "10.5s and TOL above 0"
+)
 def reach(text: str) -> tuple[Range, str, Point, float]:
     """Parse ``FRAMES:JOINT:X,Y,Z[~TOL]``; the tolerance TOL is in skeleton heights."""
     when, _, rest = text.partition(":")
     joint, colon, place = rest.rpartition(":")  # The name of a joint may contain colons.
-    try:
-        span = frame_or_frames(when)
-    except ArgumentTypeError:
-        colon = ""
     if not colon:
-        raise ArgumentTypeError(
-            "expected FRAME:JOINT:X,Y,Z[~TOL] or FIRST-LAST:JOINT:X,Y,Z[~TOL], with frames such as "
-            f"315 or 10.5s, got {text!r}"
-        )
+        raise ValueError
     place, tilde, tolerance = place.partition("~")
-    within = positive_number(tolerance) if tilde else REACH_TOLERANCE
-    return span, joint, _point(place), within
+    within = _positive(tolerance) if tilde else REACH_TOLERANCE
+    return frame_or_frames(when), joint, _point(place), within
 
 
 def face(text: str) -> tuple[Point, Range | None]:
@@ -218,29 +346,51 @@ def face(text: str) -> tuple[Point, Range | None]:
     return _point(place), frames(range_text) if separator else None
 
 
-def choice(*words: str, placeholder: str | None = None) -> Value:
-    """Return a value that is one of `words`."""
-    return Value(placeholder or "|".join(words), one_of(words), choices=words)
+_count = _number(int, "an integer of at least 1", lambda n: n >= 1)
+_index = _number(int, "an integer of at least 0", lambda n: n >= 0)
+_decimals = _number(int, "an integer from 1 to 12", lambda n: 1 <= n <= 12)
+_port = _number(int, "an integer from 0 to 65535", lambda n: 0 <= n <= 65535)
+_share = _number(float, "a number from 0 to 1", lambda x: 0 <= x <= 1)
+_non_negative = _number(float, "a number of at least 0", lambda x: 0 <= x < math.inf)
 
-
-TEXT = Value("TEXT")
-NAME = Value("NAME")
-COUNT = Value("N", positive_integer)
-INDEX = Value("N", non_negative_integer)
-NUMBER = Value("X", positive_number)
-RATE = Value("FPS", positive_number)
-SECONDS = Value("S", positive_number)
-FILES = Value("FILE", is_path=True)
-LIBRARY_OR_FILES = Value("LIB|FILE", is_path=True)
-PATH = Value("PATH", Path, is_path=True)
-DIR = Value("DIR", Path, is_path=True)
-FILE = Value("FILE", Path, is_path=True)
-SOURCE = Value("FILE", is_path=True)
-CLIPS = Value("CLIP,...", names)
-TAGS = Value("TAG,...", names)
-FRAME = Value("N|S", frame)
-FRAMES = Value("FIRST-LAST", frames)
-LENGTH = Value("N|S", frame_count)
-SEGMENT = Value("SEGMENT", segment_value)
-TAKE = Value("SEGMENT=CLIP:FIRST-LAST", take)
-BAN = Value("SEGMENT[=CLIP[:FIRST-LAST]]", ban)
+Name = Annotated[str, Value("NAME")]
+Count = Annotated[int, Value("N", _count)]
+Index = Annotated[int, Value("N", _index)]
+Decimals = Annotated[int, Value("N", _decimals)]
+Port = Annotated[int, Value("N", _port)]
+Share = Annotated[float, Value("X", _share)]
+NonNegative = Annotated[float, Value("X", _non_negative)]
+Rate = Annotated[float, Value("FPS", _positive)]
+Duration = Annotated[float, Value("S", _positive)]
+Tempo = Annotated[float, Value("BPM", _positive)]
+Degrees = Annotated[float, Value("DEGREES", _positive)]
+Distance = Annotated[float, Value("DEGREES", _non_negative)]
+Size = Annotated[tuple[int, int], Value("WIDTHxHEIGHT", picture_size)]
+Unit = Annotated[float | str, Value("UNIT|X", unit)]
+Source = Annotated[str, Value("FILE", is_path=True)]
+SourceOrFolder = Annotated[str, Value("FILE|DIR", is_path=True)]
+LibraryOrFile = Annotated[str, Value("LIB|FILE", is_path=True)]
+ClipOrFile = Annotated[str, Value("CLIP|FILE", is_path=True)]
+Record = Annotated[str, Value("JSON", is_path=True)]
+Table = Annotated[Path, Value("CSV", Path, is_path=True)]
+OutputPath = Annotated[Path, Value("PATH", Path, is_path=True)]
+Folder = Annotated[Path, Value("DIR", Path, is_path=True)]
+File = Annotated[Path, Value("FILE", Path, is_path=True)]
+LibraryFolder = Annotated[Path, Value("LIB", Path, is_path=True)]
+Words = Annotated[tuple[str, ...], Value("GROUP,...", names)]
+Preset = Annotated[str, Value("NAME", preset)]
+Groups = Annotated[str, Value("NAME|FILE|auto:N", groups, is_path=True)]
+Clips = Annotated[tuple[str, ...], Value("CLIP,...", names)]
+Tags = Annotated[tuple[str, ...], Value("TAG,...", names)]
+Assignment = Annotated[tuple[str, str], Value("FIELD=VALUE", assignment)]
+TrueRate = Annotated[tuple[str, float], Value("CLIP=FPS", true_rate)]
+FrameValue = Annotated[Frame, Value("N|S", frame)]
+Frames = Annotated[Range, Value("FIRST-LAST", frames)]
+Length = Annotated[Frame, Value("N|S", frame_count)]
+Segment = Annotated[SegmentValue, Value("SEGMENT", segment_value)]
+Take = Annotated[tuple[SegmentValue, Taken], Value("SEGMENT=CLIP:FIRST-LAST", take)]
+Ban = Annotated[tuple[SegmentValue, str | Taken | None], Value("SEGMENT[=CLIP[:FIRST-LAST]]", ban)]
+Corners = Annotated[list[tuple[float, float]], Value("X,Z:X,Z:...", corners)]
+Reach = Annotated[tuple[Range, str, Point, float], Value("FRAME[-LAST]:JOINT:X,Y,Z[~TOL]", reach)]
+Avoid = Annotated[tuple[str, tuple[float, ...], Range | None], Value("WHAT[@FIRST-LAST]", obstacle)]
+Face = Annotated[tuple[Point, Range | None], Value("X,Y,Z[@FIRST-LAST]", face)]
