@@ -128,7 +128,8 @@ def test_windows_of_no_graft_or_of_donors_in_short_clips_are_empty(grafts, monke
     windows = GraftWindows.of(grafts[0], place, 100, np.random.default_rng(0))
     full = windows.donor_pairs()
     assert len(full.new) > 0
-    nothing = windows._choose(np.zeros(0, np.int64))
+    none = np.zeros(0, np.int64)
+    nothing = replace(windows, graft=none, center=none)
     found = [nothing.pairs(), nothing.donor_pairs()]
     # Windows that are longer than each clip of the donors.
     monkeypatch.setattr("mograft.evaluation.windows.window_reach", lambda *_: 10**6)

@@ -7,17 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mograft import Segments
 from mograft.evaluation import estimate
-from mograft.evaluation.estimate import Estimate, block_bootstrap, block_mean, segment_blocks
+from mograft.evaluation.estimate import Estimate, block_mean, bootstrap_estimate, segment_blocks
 from tests.strategies import SEEDS
 
 
 @given(st.lists(st.integers(1, 60), min_size=1, max_size=14), st.integers(1, 20))
 def test_segment_blocks_are_neighbours_of_one_clip(counts, size):
     clip = np.repeat(np.arange(len(counts)), counts)
-    start = np.arange(len(clip))
-    blocks = segment_blocks(Segments(start, start + 1, clip), size)
+    blocks = segment_blocks(clip, size)
     assert sorted(set(blocks.tolist())) == list(range(blocks.max() + 1))
     for block in range(blocks.max() + 1):
         members = np.flatnonzero(blocks == block)
@@ -73,13 +71,13 @@ def test_block_mean_only_nan_has_no_value():
     assert found.text() == "none"
 
 
-def test_block_bootstrap_nan_statistic_returns_nan():
-    low, high = block_bootstrap(lambda counts: np.full(len(counts), np.nan), 30)
-    assert math.isnan(low)
-    assert math.isnan(high)
+def test_bootstrap_estimate_nan_statistic_has_no_interval():
+    found = bootstrap_estimate(1.0, lambda draws: draws[:, 0] * np.nan, 30, n=1, unit="x", seed=0)
+    assert math.isnan(found.low)
+    assert math.isnan(found.high)
 
 
 def test_estimate_text_scales_and_rounds():
     found = Estimate(value=0.5, low=0.25, high=0.75, n=8, unit="x", interval_method="y")
     assert found.text(0, 100, " %") == "50 % (25 to 75)"
-    assert str(found) == "0.500 (0.250 to 0.750)"
+    assert found.text() == "0.500 (0.250 to 0.750)"

@@ -21,8 +21,12 @@ from mograft.evaluation.body_tracks import (
     jerk,
     landmarks,
 )
-from mograft.evaluation.world_measures import UNDER_FLOOR, has_base_legs, world_measures
-from mograft.evaluation.world_quality import world_quality
+from mograft.evaluation.world_measures import (
+    UNDER_FLOOR,
+    has_base_legs,
+    world_measures,
+    world_quality,
+)
 from tests.evaluation.planted import ByCost, Captured, add_jitter
 from tests.hierarchies import human
 from tests.strategies import SEEDS, few_examples, smooth_rotations, transform_motion

@@ -7,8 +7,7 @@ import numpy as np
 
 from mograft._util.validate import as_integer
 from mograft.errors import InsufficientDataError
-from mograft.evaluation._extra import import_extra
-from mograft.evaluation.estimate import Record
+from mograft.evaluation.estimate import Record, import_extra
 from mograft.evaluation.two_sample import (
     MIN_TEST,
     MIN_TRAIN,
@@ -16,7 +15,6 @@ from mograft.evaluation.two_sample import (
     Detection,
     block_folds,
     detect,
-    empty_detection,
 )
 from mograft.evaluation.windows import GraftWindows, Pairs
 from mograft.synthesis.graft_result import Graft
@@ -127,20 +125,15 @@ def detectability(
             f"detectability needs a fold with {MIN_TEST} test windows and {MIN_TRAIN} training "
             f"windows at seams, but none of the {N_FOLDS} folds has that many"
         )
-    donors = at_seams.donor_pairs()
     between = GraftWindows.of(flat, "between seams", _MAX_WINDOWS, rng)
     others = [pair_other_moments(pairs, rng) for _ in folds]
     return Detectability(
         method=method,
         runs=len(grafts[0]),
         seams=seams,
-        between_seams=detect([between.pairs()] * splits, folds, seed)
-        if len(between)
-        else empty_detection(),
+        between_seams=detect([between.pairs()] * splits, folds, seed),
         other_moments=detect(others, folds, seed),
-        donor_windows=detect([donors] * splits, folds, seed)
-        if len(donors.new)
-        else empty_detection(),
+        donor_windows=detect([at_seams.donor_pairs()] * splits, folds, seed),
     )
 
 

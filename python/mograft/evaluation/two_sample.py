@@ -8,9 +8,8 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.evaluation import estimate
-from mograft.evaluation._extra import import_extra
 from mograft.evaluation.body_tracks import FrameBlocks
-from mograft.evaluation.estimate import Estimate, Record
+from mograft.evaluation.estimate import Estimate, Record, import_extra
 from mograft.evaluation.windows import Pairs, Windows
 
 N_FOLDS = 3

@@ -11,7 +11,7 @@ from mograft.evaluation.detectability import Detectability
 from mograft.evaluation.estimate import Estimate
 from mograft.evaluation.quality import Quality
 from mograft.evaluation.suite import Evaluation
-from mograft.evaluation.world_quality import WorldQuality
+from mograft.evaluation.world_measures import WorldQuality
 from mograft.viewing.page import Page, assemble_page
 from mograft.viewing.report import REPORT_STYLE, wide_table
 
@@ -47,7 +47,7 @@ def summarize(evaluation: Evaluation) -> list[str]:
             f"of other moments, the AUC of the first classifier is {null.text(2)}."
         )
     for balance in evaluation.balance:
-        if (balance.kind, balance.rule, balance.margin) != ("static", "all", 0.0):
+        if (balance.kind, balance.rule) != ("static", "all"):
             continue
         if balance.method == "recording":
             sentences.append(
@@ -55,7 +55,7 @@ def summarize(evaluation: Evaluation) -> list[str]:
                 "statically unbalanced in all grounded frames."
             )
         else:
-            change = balance.difference.text(1, 100, " points")
+            change = balance.difference_changed.text(1, 100, " points")
             sentences.append(f"In {balance.method} this changes by {change} on the same segments.")
     return [*sentences, *(f"Not measured, {refusal}" for refusal in _refusals(evaluation))]
 
@@ -230,10 +230,8 @@ def _detectability_section(rows: Sequence[Detectability]) -> list[str]:
 
 def _balance_section(evaluation: Evaluation) -> list[str]:
     head = ["method", "rule", "unbalanced", "of changed", "change, points", "flight", "runs", "n"]
-    order = {
-        (row.kind, row.rule, row.margin): place for place, row in enumerate(evaluation.balance)
-    }
-    rows = sorted(evaluation.balance, key=lambda row: order[row.kind, row.rule, row.margin])
+    order = [(row.kind, row.rule) for row in evaluation.balance]
+    rows = sorted(evaluation.balance, key=lambda row: order.index((row.kind, row.rule)))
     model = mass_model(evaluation.library.skeleton)
     masses = (
         "has the masses of de Leva"
@@ -259,14 +257,16 @@ def _balance_section(evaluation: Evaluation) -> list[str]:
 
 
 def _balance_cells(row: BalanceRow) -> list[str]:
-    is_recording = row.method == "recording"
+    change = ["", "", str(row.rate.n)]
+    if row.method != "recording":
+        changed, difference = row.rate_changed, row.difference_changed
+        change = [changed.text(1, 100, " %"), difference.text(1, 100), str(difference.n)]
     return [
         html.escape(row.method),
-        f"{row.kind}, {row.rule}" + (f", margin {row.margin:g}" if row.margin else ""),
+        f"{row.kind}, {row.rule}",
         row.rate.text(1, 100, " %"),
-        "" if is_recording else row.changed.text(1, 100, " %"),
-        "" if is_recording else row.difference.text(1, 100),
+        *change[:2],
         f"{100 * row.flight:.0f} %",
         str(row.runs),
-        str(row.rate.n if is_recording else row.difference.n),
+        change[2],
     ]
