@@ -268,7 +268,7 @@ def test_view_objects_stand_beside_the_figure_for_any_up_axis(motion, turn):
             old, new = ({k: own[k] for k in ("point", "normal")} for own in (old, new))
         for key in old.keys() - {"kind", "label", "frames", "clip"}:
             np.testing.assert_allclose(new[key], old[key], rtol=1e-5, atol=1e-3, err_msg=key)
-    characters = [own[4]["clip"].skeleton.positions for own in (plain, got)]
+    characters = [own[4]["clip"][0].positions for own in (plain, got)]
     np.testing.assert_allclose(*characters, atol=1e-6)
     turn = rotations.exp(np.array([0, 0.5, 0]))
     world = rotations.rotate(np.broadcast_to(turn, (40, 18, 4)), short.world_positions())

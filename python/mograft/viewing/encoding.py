@@ -2,6 +2,8 @@
 
 import base64
 import zlib
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +12,6 @@ from mograft._util.arrays import FloatArray
 from mograft._util.gaussian import gaussian_filter
 from mograft.analysis.segmentation import kinetic_energy
 from mograft.motion.motion import Motion
-from mograft.viewing.candidate_table import CandidateTable
 from mograft.viewing.figure import Figure, TimelineRow
 from mograft.viewing.geometry import DrawnSkeleton, count_nodes
 from mograft.viewing.objects import encode_objects
@@ -36,24 +37,24 @@ def encode_scene(
     """
     objects = encode_objects(scene.constraints)
     motions = [figure.motion for figure in scene.figures]
-    motions += [own["clip"].motion for own in objects if own["kind"] == "figure"]
+    motions += [own["clip"][1] for own in objects if own["kind"] == "figure"]
     total = sum(motion.n_frames * count_nodes(motion) for motion in motions)
     step = max(1, -(-total // max_positions))
     skeletons = [DrawnSkeleton.of(figure.motion, step) for figure in scene.figures]
     donors: dict[str, int] = {}
-    tables = [figure.candidates for figure in scene.figures if figure.candidates is not None]
-    tables = list(dict.fromkeys(tables))
+    tables = {id(own.candidates): own.candidates for own in scene.figures if own.candidates}
+    numbers = {key: number for number, key in enumerate(tables)}
     clips = [
         {
             **_encode_figure(figure, skeleton, step, donors),
-            "candidates": tables.index(figure.candidates) if figure.candidates else None,
+            "candidates": numbers.get(id(figure.candidates)),
         }
         for figure, skeleton in zip(scene.figures, skeletons, strict=True)
     ]
     for own in objects:
         if own["kind"] == "figure":
             skeleton, motion = own["clip"]
-            stored = skeleton.with_positions(skeleton.positions[::step])
+            stored = replace(skeleton, positions=skeleton.positions[::step])
             own["clip"] = _encode_poses(stored, motion, step)
     note = ""
     if step > 1:
@@ -66,7 +67,10 @@ def encode_scene(
         "note": note,
         "shown": len(clips) if n_shown is None else n_shown,
         "groups": list(scene.groups),
-        "candidates": [encode_candidates(table, donors) for table in tables],
+        "candidates": [
+            {group: _with_numbers(own, donors) for group, own in table.items()}
+            for table in tables.values()
+        ],
         "objects": objects,
         "donors": list(donors),
         "clips": clips,
@@ -111,33 +115,10 @@ def _encode_poses(skeleton: DrawnSkeleton, motion: Motion, step: int) -> dict[st
     }
 
 
-def encode_candidates(table: CandidateTable, donors: dict[str, int]) -> dict[str, Any]:
-    """Return a table as a dict for JSON: for each group, one list per quantity for all candidates.
-
-    `donors` maps names of clips to numbers. The clips of candidates that it does not contain are
-    added to it, with the next numbers.
-    """
-    document = {}
-    for group, segments in table.donors.items():
-        listed = [donor for segment in segments for donor in segment]
-        angles = [donor.seam_angles or (None, None) for donor in listed]
-        document[group] = {
-            "counts": [len(segment) for segment in segments],
-            "total": list(table.counts[group]),
-            "source": [donors.setdefault(donor.clip, len(donors)) for donor in listed],
-            "first": [donor.start for donor in listed],
-            "last": [donor.stop for donor in listed],
-            "own": [int(donor.is_own) for donor in listed],
-            "cost": [_round(donor.cost) for donor in listed],
-            "stretch": [_round(donor.stretch) for donor in listed],
-            "before": [_round(before) for before, _ in angles],
-            "after": [_round(after) for _, after in angles],
-        }
-    return document
-
-
-def _round(value: float | None) -> float | None:
-    return None if value is None else round(value, 4)
+def _with_numbers(listed: Mapping[str, list[Any]], donors: dict[str, int]) -> dict[str, Any]:
+    """Return candidates of `CandidateTable` with the numbers in `donors` in place of clip names."""
+    source = [donors.setdefault(clip, len(donors)) for clip in listed["source"]]
+    return {**listed, "source": source}
 
 
 def quantize(positions: FloatArray, root: int, height: float) -> tuple[float, FloatArray, bytes]:
@@ -179,26 +160,25 @@ def _compress(data: bytes) -> str:
 
 
 def _encode_row(row: TimelineRow, donors: dict[str, int]) -> dict[str, Any]:
-    source = [-1] * len(row.start)
-    for part in np.flatnonzero(row.is_exchanged).tolist():
-        source[part] = donors.setdefault(row.donor_clips[part], len(donors))
-    before, after = (
-        [None if np.isnan(angle) else round(float(angle), 2) for angle in angles]
-        for angles in row.seam_angles.T
-    )
+    parts = row.parts
+    angles = zip(*(part.seam_angles for part in parts), strict=True) if parts else [(), ()]
+    before, after = ([None if a is None else round(a, 2) for a in column] for column in angles)
     return {
         "group": row.group,
-        "grafted": bool(row.donor_clips),
-        "start": row.start.tolist(),
-        "stop": row.stop.tolist(),
-        "cluster": row.cluster.tolist(),
-        "source": source,
-        "first": row.donor_start.tolist(),
-        "last": row.donor_stop.tolist(),
-        "stretch": np.round(row.stretch, 4).tolist(),
+        "grafted": any(part.clip is not None for part in parts),
+        "start": [part.start for part in parts],
+        "stop": [part.stop for part in parts],
+        "cluster": [part.cluster for part in parts],
+        "source": [
+            donors.setdefault(part.clip, len(donors)) if part.clip and part.is_exchanged else -1
+            for part in parts
+        ],
+        "first": [part.donor_start for part in parts],
+        "last": [part.donor_stop for part in parts],
+        "stretch": np.round([part.stretch for part in parts], 4).tolist(),
         "before": before,
         "after": after,
-        "others": [None if count < 0 else count for count in row.n_alternatives.tolist()],
+        "others": [part.n_alternatives for part in parts],
     }
 
 

@@ -1,7 +1,7 @@
 """What is drawn of a motion: nodes with y up, bones between them, and their widths."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -88,10 +88,6 @@ class DrawnSkeleton:
             widths=_bone_widths(known, parents),
             tips=_limb_tips(known, parents),
         )
-
-    def with_positions(self, positions: FloatArray) -> "DrawnSkeleton":
-        """Return the skeleton with other positions of its nodes."""
-        return replace(self, positions=positions)
 
 
 def node_parents(motion: Motion) -> list[int]:

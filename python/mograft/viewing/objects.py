@@ -1,6 +1,7 @@
 """The obstacles and targets of constraints, as the page draws them."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -28,18 +29,12 @@ class ShownConstraint(NamedTuple):
     motion: Motion
 
 
-class DrawnCharacter(NamedTuple):
-    """A character in the axes of the page."""
-
-    skeleton: DrawnSkeleton
-    motion: Motion
-
-
 def encode_objects(shown: Iterable[ShownConstraint]) -> list[dict[str, Any]]:
     """Return the obstacles and targets as dicts for JSON, with positions in the axes of the page.
 
-    Constraints without a place in the world are omitted. A dict of kind ``"figure"`` has a
-    `DrawnCharacter` under ``"clip"``, which the caller must encode.
+    Constraints without a place in the world are omitted. A dict of kind ``"figure"`` has the
+    skeleton in these axes and the motion of a character under ``"clip"``, which the caller must
+    encode.
     """
     objects = []
     for constraint, motion in shown:
@@ -130,13 +125,13 @@ def _encode_obstacle(obstacle: Obstacle, to_page: FloatArray) -> dict[str, Any] 
     return None
 
 
-def _character(obstacle: Character, to_page: FloatArray) -> DrawnCharacter:
+def _character(obstacle: Character, to_page: FloatArray) -> tuple[DrawnSkeleton, Motion]:
     drawn = DrawnSkeleton.of(obstacle.motion)
     world = drawn.positions @ drawn.to_y_up
     axis = np.eye(3)[up_axis(obstacle.motion)]
     turn = np.broadcast_to(rotations.exp(obstacle.yaw * axis), (*world.shape[:-1], 4))
     moved = rotations.rotate(turn, world) + np.array(obstacle.offset)
-    return DrawnCharacter(drawn.with_positions(moved @ to_page.T), obstacle.motion)
+    return replace(drawn, positions=moved @ to_page.T), obstacle.motion
 
 
 def _numbers(values: FloatArray) -> list[float]:

@@ -3,8 +3,6 @@
 import warnings
 from pathlib import Path
 
-import numpy as np
-
 from mograft._util.arrays import IntArray
 from mograft.errors import DAMAGE, MograftError, ProvenanceError
 from mograft.io.addresses import read_clip
@@ -15,7 +13,7 @@ from mograft.provenance.graft_record import ClipRecord, GraftRecord, read_clip_r
 from mograft.provenance.record_library import find_clip
 from mograft.search.constraint_records import decode_constraint
 from mograft.search.constraints import Constraint
-from mograft.viewing.figure import Figure, TimelineRow
+from mograft.viewing.figure import Figure, TimelinePart, TimelineRow
 
 
 def read_recorded(motion: Motion, path: Path) -> tuple[Figure, GraftRecord] | None:
@@ -49,31 +47,27 @@ def _recorded_figure(motion: Motion, record: GraftRecord) -> Figure:
 
 
 def _recorded_row(record: GraftRecord, group: str) -> TimelineRow:
-    indices = [i for i, donor in enumerate(record.donors) if donor.group == group]
-    donors = [record.donors[i] for i in indices]
     seams = {
         seam["frame"]: float(seam["gap_degrees"])
         for seam in record.document["seams"]
         if seam["group"] == group
     }
-    stretches = [float(record.document["substitutions"][i]["stretch"]) for i in indices]
-    return TimelineRow(
-        group=group,
-        start=np.array([donor.frames[0] for donor in donors]),
-        stop=np.array([donor.frames[1] for donor in donors]),
-        cluster=np.full(len(donors), -1),
-        donor_clips=tuple(donor.donor.clip for donor in donors),
-        donor_start=np.array([donor.donor.frames[0] for donor in donors]),
-        donor_stop=np.array([donor.donor.frames[1] for donor in donors]),
-        is_exchanged=np.array([not donor.is_own for donor in donors]),
-        stretch=np.array(stretches),
-        seam_angles=np.array(
-            [[seams.get(frame, np.nan) for frame in donor.frames] for donor in donors]
-        ),
-        n_alternatives=np.array(
-            [-1 if donor.alternatives is None else donor.alternatives for donor in donors]
-        ),
+    parts = (
+        TimelinePart(
+            start=own.frames[0],
+            stop=own.frames[1],
+            clip=own.donor.clip,
+            donor_start=own.donor.frames[0],
+            donor_stop=own.donor.frames[1],
+            is_exchanged=not own.is_own,
+            stretch=float(substitution["stretch"]),
+            seam_angles=(seams.get(own.frames[0]), seams.get(own.frames[1])),
+            n_alternatives=own.alternatives,
+        )
+        for own, substitution in zip(record.donors, record.document["substitutions"], strict=True)
+        if own.group == group
     )
+    return TimelineRow(group, tuple(parts))
 
 
 def recorded_base(
@@ -83,8 +77,7 @@ def recorded_base(
 
     `skeleton` is the rest pose for files that store none, by default that of the provenance.
     """
-    if skeleton is None and record.library is not None:
-        skeleton = record.library.rest
+    skeleton = record.library.rest if skeleton is None else skeleton
     for clip in record.clips:
         if clip.is_base and clip.name == record.base and not clip.is_mirrored:
             try:

@@ -72,14 +72,11 @@ def report_page(
     """
     if not grafts:
         raise ValueError("`grafts` must contain at least one graft, got none")
-    if files and len(files) != len(grafts):
-        raise ValueError(
-            f"`files` must have {len(grafts)} entries, one per graft, got {len(files)}"
-        )
-    if columns and len(columns) != len(grafts):
-        raise ValueError(
-            f"`columns` must have {len(grafts)} entries, one per graft, got {len(columns)}"
-        )
+    for name, values in (("files", files), ("columns", columns)):
+        if values and len(values) != len(grafts):
+            raise ValueError(
+                f"`{name}` must have {len(grafts)} entries, one per graft, got {len(values)}"
+            )
     first = grafts[0]
     library = first.library
     count = "1 new motion" if len(grafts) == 1 else f"{len(grafts)} new motions"
