@@ -56,25 +56,17 @@ def test_block_mean_correlated_values_covers_truth_in_95_percent():
     assert 0.88 <= n_covered / 200 <= 1.0
 
 
-def test_block_mean_four_blocks_has_no_interval():
-    found = block_mean(np.arange(40.0), np.arange(40) // 10, "x")
-    assert found.value == 19.5
-    assert math.isnan(found.low)
-    assert found.as_dict()["interval"] is None
-    assert "no interval" in found.text()
-
-
-def test_block_mean_only_nan_has_no_value():
-    found = block_mean([np.nan, np.nan], [0, 1], "x")
-    assert found.n == 0
-    assert found.as_dict()["value"] is None
-    assert found.text() == "none"
-
-
-def test_bootstrap_estimate_nan_statistic_has_no_interval():
-    found = bootstrap_estimate(1.0, lambda draws: draws[:, 0] * np.nan, 30, n=1, unit="x", seed=0)
-    assert math.isnan(found.low)
-    assert math.isnan(found.high)
+def test_estimates_of_few_values_have_no_interval():
+    four_blocks = block_mean(np.arange(40.0), np.arange(40) // 10, "x")
+    assert four_blocks.value == 19.5
+    statistic = bootstrap_estimate(1, lambda draws: draws[:, 0] * np.nan, 30, n=1, unit="x", seed=0)
+    for found in (four_blocks, statistic):
+        assert math.isnan(found.low)
+        assert math.isnan(found.high)
+        assert found.as_dict()["interval"] is None
+        assert "no interval" in found.text()
+    nothing = block_mean([np.nan, np.nan], [0, 1], "x")
+    assert (nothing.n, nothing.as_dict()["value"], nothing.text()) == (0, None, "none")
 
 
 def test_estimate_text_scales_and_rounds():

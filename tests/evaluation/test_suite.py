@@ -7,10 +7,17 @@ import numpy as np
 import pytest
 
 from lab.donors.donor_methods import RandomLength, makers
-from mograft import Config, JointGroups, Library, Motion, Skeleton, graft_many
+from mograft import (
+    Config,
+    InsufficientDataError,
+    JointGroups,
+    Library,
+    Motion,
+    Skeleton,
+    graft_many,
+)
 from mograft.dancer import dance
-from mograft.evaluation import evaluate
-from mograft.evaluation.quality import quality
+from mograft.evaluation import detectability, evaluate, quality, world_quality
 from mograft.viewing.evaluation_report import evaluation_page, summarize
 from tests.evaluation.planted import ByCost
 from tests.strategies import smooth_rotations
@@ -83,17 +90,18 @@ def test_evaluate_other_seed_gives_other_quality(library, evaluation):
     assert other.quality[0].seam_gap != evaluation.quality[0].seam_gap
 
 
-def test_evaluate_one_topic_measures_only_it(library):
-    balance = evaluate(library, ["balance"], methods=makers(METHODS[:1]), runs=1, bases=1)
-    assert balance.balance
-    assert (balance.quality, balance.world, balance.detectability) == ((), (), ())
-
-
 def test_evaluate_without_methods_measures_the_grafts_of_graft_many(library):
     found = evaluate(library, ["quality"], runs=2, bases=1)
     grafts = list(graft_many(library, library.names[0], 2))
     assert found.quality == (quality("grafts", [grafts]),)
     assert found.parameters["ways"] == ["grafts"]
+
+
+@pytest.mark.parametrize("measure", [quality, world_quality, detectability])
+@pytest.mark.parametrize("grafts", [[], [[]]])
+def test_measures_without_grafts_raise_insufficient_data_error(measure, grafts):
+    with pytest.raises(InsufficientDataError, match="at least one graft"):
+        measure("x", grafts)
 
 
 @pytest.mark.parametrize("topics", [[], ["beauty"]])

@@ -114,22 +114,15 @@ def test_report_donor_table_with_ball_counts_segments_in_ball(library):
     assert "within the ball of lower" in page.html
 
 
-def test_report_clip_table_counts_all_donors():
-    takes = [own.motion for own in dance(seed=1, strides=1).takes(2)]
-    new = graft(Library.build(takes), seed=1)
-    rows = cells(report_page([new]), "Clips")
-    assert [row[0] for row in rows] == ["dance_1", "dance_2"]
-    exchanged = sum(not s.is_own for s in new.substitutions)
-    assert sum(int(row[3]) for row in rows) == exchanged > 0
-
-
 def test_report_clip_table_lists_contributing_clips_only():
     takes = [own.motion for own in dance(seed=1, strides=1).takes(2)]
     others = [replace(dance(seed=9, strides=1).motion[:60], name=f"other{i}") for i in range(30)]
     library = Library.build([*takes, *others])
     new = graft(library, takes[0].name, seed=1, constraints=[OnlyFrom([own.name for own in takes])])
     page = report_page([new])
-    assert [row[0] for row in cells(page, "Clips")] == ["dance_1", "dance_2"]
+    rows = cells(page, "Clips")
+    assert [row[0] for row in rows] == ["dance_1", "dance_2"]
+    assert sum(int(row[3]) for row in rows) == sum(not s.is_own for s in new.substitutions) > 0
     assert "30 other clips of the library are not used." in page.html
     used = {s.clip for s in new.substitutions} | {new.base.name}
     assert used == {"dance_1", "dance_2"}
