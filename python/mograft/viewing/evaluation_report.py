@@ -104,14 +104,10 @@ def evaluation_page(evaluation: Evaluation, title: str | None = None) -> Page:
     if evaluation.refusals:
         refusals = _list(_refusals(evaluation))
         parts += ["<h2>Not measured</h2>", f'<div class="refused">{refusals}</div>']
-    if evaluation.quality:
-        parts += _quality_section(evaluation.quality)
-    if evaluation.world:
-        parts += _world_section(evaluation.world)
-    if evaluation.detectability:
-        parts += _detectability_section(evaluation.detectability)
-    if evaluation.balance:
-        parts += _balance_section(evaluation)
+    parts += _quality_section(evaluation.quality) if evaluation.quality else []
+    parts += _world_section(evaluation.world) if evaluation.world else []
+    parts += _detectability_section(evaluation.detectability) if evaluation.detectability else []
+    parts += _balance_section(evaluation) if evaluation.balance else []
     parts += [
         "<h2>Parameters</h2>",
         "<details><summary>All parameters</summary>",
@@ -164,9 +160,9 @@ def _measure_table(
 def _world_section(qualities: Sequence[WorldQuality]) -> list[str]:
     methods = [row.method for row in qualities]
     measures = (
-        ("jerk of the head", "head_jerk", 2, 1.0, ""),
-        ("jerk of the chest", "chest_jerk", 2, 1.0, ""),
-        ("jerk of the hands", "hands_jerk", 2, 1.0, ""),
+        ("jerk of the head", "head_jerk", 2, 1, ""),
+        ("jerk of the chest", "chest_jerk", 2, 1, ""),
+        ("jerk of the hands", "hands_jerk", 2, 1, ""),
         ("floor depth, % of height", "floor_depth", 2, 100.0, ""),
         ("feet under the floor, points", "under_floor", 1, 100.0, ""),
         ("foot skate, points", "skate", 1, 100.0, ""),
@@ -174,9 +170,9 @@ def _world_section(qualities: Sequence[WorldQuality]) -> list[str]:
     )
     variety = (
         ("changed windows", "changed", 0, 100.0, " %"),
-        ("novelty", "novelty", 2, 1.0, ""),
+        ("novelty", "novelty", 2, 1, ""),
         ("coverage", "coverage", 0, 100.0, " %"),
-        ("between grafts", "between", 2, 1.0, ""),
+        ("between grafts", "between", 2, 1, ""),
     )
     return [
         "<h2>World space</h2>",
@@ -202,18 +198,13 @@ def _detectability_section(rows: Sequence[Detectability]) -> list[str]:
         "other_moments": "null: captured, other moments",
         "donor_windows": "null: captured windows of the donors",
     }
-    cells = [
-        [
-            html.escape(row.method),
-            title,
-            found.gross.text(2),
-            found.fine.text(2),
-            str(found.gross.n),
-        ]
-        for row in rows
-        for name, title in titles.items()
-        for found in [getattr(row, name)]
-    ]
+    cells = []
+    for row in rows:
+        for name, title in titles.items():
+            gross, fine = getattr(row, name).gross, getattr(row, name).fine
+            cells.append(
+                [html.escape(row.method), title, gross.text(2), fine.text(2), str(gross.n)]
+            )
     return [
         "<h2>Detectability</h2>",
         wide_table(["method", "windows", "gross", "fine", "n"], cells),

@@ -1,7 +1,7 @@
 """Figures that are shown together, their joint groups, and the timelines of their segments."""
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -77,10 +77,9 @@ class Scene:
         """Return a scene of the clips of a library that have the given indices."""
         return cls(tuple(_clip_figure(library, library.clips[clip]) for clip in clips))
 
-    def with_commands(self, commands: Sequence[tuple[Motion, str]]) -> "Scene":
-        """Return the scene with `Figure.command` set for the given motions, and None for others."""
-        by_motion = {id(motion): command for motion, command in commands}
-        figures = [replace(own, command=by_motion.get(id(own.motion))) for own in self.figures]
+    def with_commands(self, commands: Mapping[int, str]) -> "Scene":
+        """Return the scene with `Figure.command` set by the `id` of motions, else None."""
+        figures = (replace(own, command=commands.get(id(own.motion))) for own in self.figures)
         return replace(self, figures=tuple(figures))
 
     @property
