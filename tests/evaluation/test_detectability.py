@@ -1,5 +1,6 @@
 """Detectability: of copies, of planted jitter, its null, and which windows are trained on."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -10,10 +11,16 @@ from hypothesis import strategies as st
 from lab.donors.donor_methods import RandomLength, grafts_by
 from mograft import InsufficientDataError, Library, graft
 from mograft.dancer import dance
-from mograft.evaluation import two_sample
 from mograft.evaluation.body_tracks import landmarks
-from mograft.evaluation.detectability import detectability, pair_other_moments
-from mograft.evaluation.two_sample import assign_folds, weighted_auc
+from mograft.evaluation.detectability import (
+    assign_folds,
+    block_folds,
+    detectability,
+    pair_other_moments,
+    score_fold,
+    train_and_score,
+    weighted_auc,
+)
 from mograft.evaluation.windows import GraftWindows
 from tests.evaluation.planted import Captured, add_jitter, copy_base
 from tests.strategies import SEEDS
@@ -74,13 +81,13 @@ def test_detectability_same_seed_gives_same_numbers(grafts):
 
 def test_tested_windows_share_no_block_with_trained_ones(grafts, monkeypatch):
     seen = []
-    original = two_sample.train_and_score
+    original = train_and_score
 
     def record(learned, labels, tested):
         seen.append((learned, tested))
         return original(learned, labels, tested)
 
-    monkeypatch.setattr(two_sample, "train_and_score", record)
+    monkeypatch.setattr(sys.modules[detectability.__module__], "train_and_score", record)
     flat = [graft for several in grafts for graft in several]
     windows = GraftWindows.of(flat, "seams", 10_000, np.random.default_rng(0))
     pairs = windows.pairs()
@@ -89,10 +96,10 @@ def test_tested_windows_share_no_block_with_trained_ones(grafts, monkeypatch):
     marked = replace(pairs.new, blocks=(rows,) * 3)
     base_rows = -1.0 - np.arange(len(pairs.base), dtype=float)[:, None]
     marked_base = replace(pairs.base, blocks=(base_rows,) * 3)
-    folds = two_sample.block_folds(windows.frames, (0, 0))
+    folds = block_folds(windows.frames, (0, 0))
     assert set(np.bincount(folds) > 0) == {True}
     for fold in range(3):
-        two_sample.score_fold(replace(pairs, new=marked, base=marked_base), folds, fold)
+        score_fold(replace(pairs, new=marked, base=marked_base), folds, fold)
     assert len(seen) == 3
 
     def blocks_of(mark):
@@ -145,7 +152,7 @@ def test_tested_windows_have_weight_of_captured_window_at_same_frame(grafts):
     pairs = windows.pairs()
     # Without the blocks of donors, more windows at one frame are tested together.
     pairs = replace(pairs, blocks_used=tuple(pairs.block[pairs.row][:, None]))
-    found = two_sample.score_fold(pairs, two_sample.block_folds(windows.frames, (0, 0)), 0)
+    found = score_fold(pairs, block_folds(windows.frames, (0, 0)), 0)
     n = len(found.rows)
     assert n > len(found.weight) - n
     sums = np.bincount(pairs.row[found.rows], found.weight[:n])

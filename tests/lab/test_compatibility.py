@@ -12,7 +12,7 @@ from lab.donors.donor_methods import RandomLength
 from lab.donors.held_out import fold_groups
 from lab.donors.methods import Analogy, Ball, ByCost, Captured, Nearest, Random
 from mograft import InsufficientDataError, Library
-from mograft.evaluation.two_sample import assign_folds
+from mograft.evaluation.detectability import assign_folds
 
 METHODS = (Random(), RandomLength(), Analogy())
 

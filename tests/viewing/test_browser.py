@@ -16,7 +16,7 @@ from mograft.cli import main
 from mograft.constraints import Avoid, Box, Capsule, Character, Face, HalfSpace, Reach, Sphere
 from mograft.dancer import dance
 from mograft.motion import rotations
-from mograft.viewing.objects import ShownConstraint
+from mograft.viewing.figure import ShownConstraint
 from mograft.viewing.report import report_page
 from mograft.viewing.scene import Scene
 from tests.browser import TIMEOUT_MILLISECONDS, open_page, wait_until

@@ -38,9 +38,9 @@ from mograft.constraints import (
     Sphere,
 )
 from mograft.motion import rotations
-from mograft.viewing.encoding import encode_scene, quantize
+from mograft.viewing.encoding import encode_objects, encode_scene, quantize
+from mograft.viewing.figure import ShownConstraint
 from mograft.viewing.geometry import DrawnSkeleton
-from mograft.viewing.objects import ShownConstraint, encode_objects
 from mograft.viewing.scene import Scene
 from tests import strategies
 from tests.hierarchies import under_world_root

@@ -8,6 +8,7 @@ import numpy as np
 
 from mograft._util.arrays import IntArray
 from mograft.motion.motion import Motion
+from mograft.search.constraints import Constraint
 from mograft.solve.candidate_verdicts import candidates
 from mograft.synthesis.graft_result import Graft
 
@@ -76,6 +77,13 @@ class Figure:
             groups[node] = groups[max(parents[node], 0)]
         indices: list[int] = groups.tolist()
         return indices
+
+
+class ShownConstraint(NamedTuple):
+    """A constraint, and a motion whose axes and unit are those of the constraint's positions."""
+
+    constraint: Constraint
+    motion: Motion
 
 
 def candidate_table(graft: Graft) -> CandidateTable:

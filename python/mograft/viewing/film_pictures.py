@@ -10,8 +10,7 @@ from mograft._util.gaussian import gaussian_filter_columns
 from mograft.body.groups import JointGroups
 from mograft.io.palette import PALETTE
 from mograft.motion.motion import Motion
-from mograft.viewing.geometry import DrawnSkeleton
-from mograft.viewing.projection import Camera, front_yaw
+from mograft.viewing.geometry import Camera, DrawnSkeleton, front_yaw
 from mograft.viewing.scene import Scene
 
 if TYPE_CHECKING:

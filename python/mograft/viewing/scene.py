@@ -20,11 +20,11 @@ from mograft.synthesis.graft_result import Graft
 from mograft.viewing.figure import (
     CandidateTable,
     Figure,
+    ShownConstraint,
     TimelinePart,
     TimelineRow,
     candidate_table,
 )
-from mograft.viewing.objects import ShownConstraint
 from mograft.viewing.recorded import read_recorded, recorded_base, recorded_constraints
 
 _PRESETS = ("lower_torso_larm_rarm", "lower_torso_arms", "lower_upper")
