@@ -12,25 +12,19 @@ from lab.donors.donor_methods import RandomLength, grafts_by
 from mograft import InsufficientDataError, Library, rotations
 from mograft.body.anatomy import feature_joints
 from mograft.evaluation.quality import angular_derivatives, quality
-from tests.evaluation.planted import Captured
+from tests.evaluation.planted import Captured, grafts_of_clips
 
 
 def test_quality_of_copies_equals_recording(library):
-    copies = [list(grafts_by(Captured(), library, clip.name, 2)) for clip in library.clips]
-    found = quality("same", copies)
+    found = quality("same", grafts_of_clips(library, Captured(), 2))
     assert found.new_segments.value == 0
     assert found.seam_gap.n == 0
     assert found.acceleration.value == found.jerk.value == 1
     assert found.diversity.value == pytest.approx(0, abs=1e-9)
 
 
-def make_grafts(library, method):
-    names = [clip.name for clip in library.clips]
-    return [list(grafts_by(method, library, name, 3, seed=2)) for name in names]
-
-
 def test_quality_of_random_grafts_equals_direct_computation(library):
-    grafts = make_grafts(library, RandomLength())
+    grafts = grafts_of_clips(library, RandomLength())
     found = quality("x", grafts)
     every = [graft for several in grafts for graft in several]
     substitutions = [s for graft in every for s in graft.substitutions]

@@ -1,6 +1,7 @@
 """Evaluation of a library: topics, refusals and the JSON document."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -157,3 +158,14 @@ def test_evaluate_mostly_flight_counts_flight_separately(library):
     rows = {row.method: row for row in found.balance if row.rule == "all"}
     assert rows["recording"].flight > 0.5
     assert rows["recording"].rate.n < len(found.library.segments)
+
+
+def test_evaluation_page_has_all_sections_and_no_script(evaluation):
+    page = evaluation_page(evaluation, "A <b>bold</b> title")
+    assert "<h1>A &lt;b&gt;bold&lt;/b&gt; title</h1>" in page.html
+    for method in evaluation.parameters["ways"]:
+        assert method in page.html
+    for heading in ("Summary", "Quality", "World space", "Detectability", "Balance"):
+        assert f"<h2>{heading}</h2>" in page.html
+    assert re.findall(r"<script[^>]*>(.*?)</script>", page.html, re.DOTALL) == [""]
+    assert not re.search(r"\bnan\b", page.html)

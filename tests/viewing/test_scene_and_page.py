@@ -48,6 +48,14 @@ from tests.strategies import HOSTILE_NAMES
 from tests.viewing.page_content import Tags, clip_positions, dequantize, page_data
 
 
+def turn_root(motion, turn):
+    """Return a motion that is rotated as a whole by the quaternion `turn`."""
+    quats, places = motion.rotations.copy(), motion.positions.copy()
+    quats[:, 0] = rotations.multiply(np.broadcast_to(turn, quats[:, 0].shape), quats[:, 0])
+    places[:, 0] = rotations.rotate(turn, places[:, 0])
+    return replace(motion, rotations=quats, positions=places, channel_values=None)
+
+
 @given(strategies.motions(max_frames=30), st.floats(1e-3, 1e3))
 def test_quantize_error_is_at_most_half_a_step(motion, size):
     scaled = replace(
@@ -88,10 +96,7 @@ def test_quantize_jumps_over_full_range_are_exact(size):
 def test_view_any_up_axis_gives_upright_unmirrored_figure(motion, turn, up):
     short = motion[:40]
     whole = rotations.exp(np.array(turn, float))
-    quats, places = short.rotations.copy(), short.positions.copy()
-    quats[:, 0] = rotations.multiply(np.broadcast_to(whole, quats[:, 0].shape), quats[:, 0])
-    places[:, 0] = rotations.rotate(whole, places[:, 0])
-    turned = replace(short, rotations=quats, positions=places, channel_values=None)
+    turned = turn_root(short, whole)
     world = turned.world_positions()
     feet_to_head = world[:, motion.skeleton.index("Head")] - world[:, 3]
     assert int(np.abs(feet_to_head.mean(axis=0)).argmax()) == up
@@ -233,10 +238,7 @@ def test_view_objects_stand_beside_the_figure_for_any_up_axis(motion, turn):
     """Objects that are rotated with the motion have the same place on the page."""
     short = motion[:40]
     whole = rotations.exp(np.array(turn, float))
-    quats, places = short.rotations.copy(), short.positions.copy()
-    quats[:, 0] = rotations.multiply(np.broadcast_to(whole, quats[:, 0].shape), quats[:, 0])
-    places[:, 0] = rotations.rotate(whole, places[:, 0])
-    turned = replace(short, rotations=quats, positions=places, channel_values=None)
+    turned = turn_root(short, whole)
 
     def move(position):
         return tuple(rotations.rotate(whole, np.array(position, float)))
