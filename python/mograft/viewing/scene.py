@@ -24,8 +24,10 @@ from mograft.viewing.figure import (
     TimelinePart,
     TimelineRow,
     candidate_table,
+    read_recorded,
+    recorded_base,
+    recorded_constraints,
 )
-from mograft.viewing.recorded import read_recorded, recorded_base, recorded_constraints
 
 _PRESETS = ("lower_torso_larm_rarm", "lower_torso_arms", "lower_upper")
 """Joint groups of a motion without a library: the first preset that fits the skeleton."""
