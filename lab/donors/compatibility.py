@@ -20,8 +20,8 @@ from lab.donors.kappa import Difference, Kappas
 from lab.donors.methods import default_methods, grafted_group
 from lab.donors.part_features import part_features
 from mograft import InsufficientDataError, Library
+from mograft.evaluation.detectability import assign_folds
 from mograft.evaluation.estimate import Estimate, Record
-from mograft.evaluation.two_sample import assign_folds
 
 MIN_SEGMENTS = 60
 MIN_RATE_DIFFERENCE = 0.1  # least difference of the acceptance rates of captured and random parts

@@ -20,7 +20,7 @@ def fold_groups(library):
     The units are the clips if there are ten or more, and blocks of 20 consecutive segments of a
     clip otherwise. They are numbered from 0.
     """
-    return estimate.segment_blocks(library.segments, GROUP_SEGMENTS)
+    return estimate.segment_blocks(library.segments.clip, GROUP_SEGMENTS)
 
 
 def fit_on(library, is_fitted):

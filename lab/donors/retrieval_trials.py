@@ -11,7 +11,7 @@ from lab.donors.part_features import N_INSTANTS, part_features
 from mograft import InsufficientDataError
 from mograft.body.anatomy import feature_joints
 from mograft.body.contacts import find_legs
-from mograft.evaluation.two_sample import assign_folds
+from mograft.evaluation.detectability import assign_folds
 from mograft.search.costs import length_fits
 
 RULES = ("random", "contact pattern", "linear regression", "nearest neighbours", "ball", "analogy")

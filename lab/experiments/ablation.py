@@ -20,7 +20,7 @@ from lab.experiments import bases
 from lab.experiments.bases import choose_bases
 from lab.experiments.tables import Table, format_estimate
 from mograft.evaluation import estimate
-from mograft.evaluation.two_sample import block_folds, detect, empty_detection
+from mograft.evaluation.detectability import block_folds, detect, empty_detection
 from mograft.evaluation.windows import GraftWindows
 from mograft.evaluation.world_measures import WorldReference
 

@@ -32,10 +32,10 @@ def measure(recordings, *, is_quick):
             "kind": row.kind,
             "method": row.method,
             "rate": row.rate.as_dict(),
-            "difference": row.difference.as_dict(),
+            "difference": row.difference_changed.as_dict(),
         }
         for row in found.balance
-        if (row.rule, row.margin) == ("all", 0.0)
+        if row.rule == "all"
     ]
 
 

@@ -16,8 +16,7 @@ from lab.experiments.pooling import pool, subtract
 from lab.experiments.sources import DEVELOPMENT, TEST
 from lab.experiments.tables import Table, format_estimate
 from mograft import Config, InsufficientDataError
-from mograft.evaluation.detectability import MIN_WINDOWS, pair_other_moments
-from mograft.evaluation.two_sample import block_folds, detect
+from mograft.evaluation.detectability import MIN_WINDOWS, block_folds, detect, pair_other_moments
 from mograft.evaluation.windows import GraftWindows
 from mograft.solve.plan import GraftPlan
 from mograft.synthesis.graft_building import build_graft

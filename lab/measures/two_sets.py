@@ -6,7 +6,7 @@ import numpy as np
 
 from lab.measures.distributions import pairwise
 from mograft.evaluation.body_tracks import BodyTracks
-from mograft.evaluation.two_sample import N_FOLDS, assign_folds, train_and_score, weighted_auc
+from mograft.evaluation.detectability import N_FOLDS, assign_folds, train_and_score, weighted_auc
 from mograft.evaluation.windows import Windows, extract_windows, window_reach
 
 STEP = 5  # frames between windows

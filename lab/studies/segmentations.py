@@ -36,8 +36,7 @@ from lab.experiments.sources import MIN_FRAMES, RATE, SOURCES, find_files
 from lab.segmentations import METHODS as OTHERS
 from lab.segmentations import method as function_of
 from mograft.dancer import dance
-from mograft.evaluation.detectability import MIN_WINDOWS
-from mograft.evaluation.two_sample import block_folds, detect
+from mograft.evaluation.detectability import MIN_WINDOWS, block_folds, detect
 from mograft.evaluation.windows import GraftWindows
 from mograft.solve.plan import GraftPlan
 

@@ -30,8 +30,7 @@ import numpy as np
 
 import mograft as mg
 from lab.common import run, tiny_motion
-from mograft.evaluation.detectability import MIN_WINDOWS
-from mograft.evaluation.two_sample import block_folds, detect
+from mograft.evaluation.detectability import MIN_WINDOWS, block_folds, detect
 from mograft.evaluation.windows import GraftWindows
 from mograft.solve.plan import GraftPlan
 

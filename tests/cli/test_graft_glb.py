@@ -8,6 +8,7 @@ import pytest
 import mograft as mg
 from mograft import formats
 from mograft.dancer import dance
+from mograft.viewing.scene import Scene
 
 
 @pytest.fixture(scope="module")
@@ -72,6 +73,17 @@ def test_graft_glb_in_folder_is_excluded_as_donor(run, figure, tmp_path):
     (tmp_path / "dance.glb").write_bytes(figure.read_bytes())
     assert run("index", tmp_path, "-o", tmp_path / "lib")[0] == 0
     assert mg.Library.open(tmp_path / "lib").names == ("a", "b")
+
+
+def test_scene_of_glb_shows_donors_of_grafts_only(run, figure, tmp_path):
+    out = tmp_path / "out.glb"
+    assert run("graft", figure, "-o", out)[0] == 0
+    (old,) = Scene.of([f"{out}#a"]).figures
+    assert [row.group for row in old.rows] == ["segments"]
+    base, new = Scene.of([f"{out}#a_graft0"]).figures
+    assert (base.name, new.name) == ("a", "a_graft0")
+    assert [row.group for row in new.rows] == ["upper"]
+    assert any(part.is_exchanged for part in new.rows[0].parts)
 
 
 def test_graft_glb_with_digits_is_usage_error(usage_error, figure):

@@ -4,8 +4,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lab.donors.donor_methods import Method
+from lab.donors.donor_methods import Method, grafts_by
 from mograft import rotations
+
+
+def grafts_of_clips(library, method, count=3):
+    """Return for each clip of a library its grafts by a method."""
+    names = [clip.name for clip in library.clips]
+    return [list(grafts_by(method, library, name, count, seed=2)) for name in names]
 
 
 def copy_base(graft):

@@ -21,14 +21,14 @@ from mograft.evaluation.balance import (
     static_balance,
 )
 from tests.hierarchies import recording
-from tests.strategies import SEEDS, transform_motion
+from tests.strategies import transform_motion
 
 DANCE = dance(seed=3, strides=1).motion[:400]
 
 
 def static_distances(distance):
     """Return a balance whose frames with a finite distance are grounded."""
-    return Balance("static", distance, np.isfinite(distance), "rods", ())
+    return Balance("static", distance, np.isfinite(distance), "rods")
 
 
 @settings(max_examples=15)
@@ -48,21 +48,6 @@ def test_balance_transformed_motion_is_unchanged(scale, yaw, x, z):
             )
 
 
-@given(SEEDS)
-def test_center_of_mass_random_frame_is_within_bones(seed):
-    rng = np.random.default_rng(seed)
-    frame = DANCE[int(rng.integers(DANCE.n_frames)) :][:1]
-    model = mass_model(frame.skeleton)
-    assert model.mass.sum() == pytest.approx(1.0, abs=1e-12)
-    world_rotations, joints = frame.world_transforms()
-    ends = joints + rotations.rotate(world_rotations, model.bone)
-    low = np.minimum(joints, ends)[0].min(axis=0)
-    high = np.maximum(joints, ends)[0].max(axis=0)
-    center = center_of_mass(frame)[0]
-    assert (center >= low).all()
-    assert (center <= high).all()
-
-
 def test_balance_lifted_motion_over_given_floor_is_flight():
     model = mass_model(DANCE.skeleton)
     heights = DANCE.world_positions()[:, :, 1]
@@ -76,9 +61,9 @@ def test_balance_lifted_motion_over_given_floor_is_flight():
         unbalanced, flight = found.classify(cut)
         assert flight.all()
         assert not unbalanced.any()
-    sample = BalanceSample([found], [[found]], [np.ones((1, len(cut)), bool)], [cut])
+    sample = BalanceSample(cut, found, [found], np.ones((1, len(cut)), bool))
     with pytest.raises(InsufficientDataError, match="flight"):
-        balance_row("x", sample)
+        balance_row("x", [sample])
     assert support_polygons(lifted).touching.any()  # without a reference, its floor is higher
 
 
@@ -104,11 +89,9 @@ def test_static_balance_leaning_figure_is_unbalanced():
     leaning = static_balance(standing_figure(-1.4), floor_reference=DANCE)
     assert upright.distance[0] < 0 < leaning.distance[0]
     cut = Segments([0, 10], [10, 39])
-    margin = float(leaning.distance[0]) + 1e-9
     for rule in RULES:
         assert not upright.classify(cut, rule)[0].any()
         assert leaning.classify(cut, rule)[0].all()
-        assert not leaning.classify(cut, rule, margin=margin)[0].any()
 
 
 @pytest.mark.parametrize("acceleration", [-300.0, 150.0, 600.0])
@@ -143,58 +126,40 @@ def test_classify_rules_equal_counts_of_grounded_frames(distance):
         assert by_rule["any"][index] == (frames > 0).any()
 
 
-def test_static_balance_without_legs_raises_insufficient_data_error():
+def test_balance_unsupported_arguments_raise():
     pole = Skeleton(["a", "b"], [-1, 0], [[0, 0, 0], [0, 1, 0]])
     motion = Motion(pole, 1 / 30, np.tile([0.0, 0, 0, 1], (20, 2, 1)), np.zeros((20, 2, 3)))
     with pytest.raises(InsufficientDataError, match="no leg"):
         static_balance(motion)
-
-
-def test_dynamic_balance_three_frames_raises_insufficient_data_error():
     with pytest.raises(InsufficientDataError, match="frames for derivatives"):
         dynamic_balance(DANCE[:3], floor_reference=DANCE)
-
-
-def test_static_balance_support_of_other_length_raises_value_error():
     support = support_polygons(DANCE[:10], floor_reference=DANCE)
     with pytest.raises(ValueError, match="20 frames"):
         static_balance(DANCE[:20], support=support)
-
-
-def test_classify_unknown_rule_raises_value_error():
     with pytest.raises(ValueError, match="rule"):
         static_balance(DANCE).classify(segment(DANCE), "most")
 
 
 def test_balance_row_random_balances_equals_counted_rates():
     rng = np.random.default_rng(4)
-    cuts = [Segments([0, 5, 9], [5, 9, 14]), Segments([0, 4], [4, 9])]
-
-    def random_balance(n):
-        return static_distances(rng.choice([-1.0, 1.0], n))
-
-    original = [random_balance(15), random_balance(10)]
-    grafts = [[random_balance(n) for _ in range(3)] for n in (15, 10)]
-    changed = [rng.random((3, len(cut))) < 0.5 for cut in cuts]
-    row = balance_row("x", BalanceSample(original, grafts, changed, cuts), "any")
-    after = np.concatenate(
-        [
-            [balance.classify(cut, "any")[0] for balance in several]
-            for several, cut in zip(grafts, cuts, strict=True)
-        ],
-        axis=1,
-    )
-    before = np.concatenate(
-        [balance.classify(cut, "any")[0] for balance, cut in zip(original, cuts, strict=True)]
-    )
-    is_changed = np.concatenate(changed, axis=1)
+    samples = []
+    for cut, n in ((Segments([0, 5, 9], [5, 9, 14]), 15), (Segments([0, 4], [4, 9]), 10)):
+        original, *grafts = (static_distances(rng.choice([-1.0, 1.0], n)) for _ in range(4))
+        samples.append(BalanceSample(cut, original, grafts, rng.random((3, len(cut))) < 0.5))
+    row = balance_row("x", samples, "any")
+    states = [
+        [own.classify(sample.cut, "any")[0] for own in (sample.original, *sample.grafts)]
+        for sample in samples
+    ]
+    before, *after = np.concatenate(states, axis=1)
+    after, is_changed = np.array(after), np.concatenate([own.changed for own in samples], axis=1)
     assert row.rate.value == after.mean()
-    assert row.spread == pytest.approx(after.mean(axis=1).std(ddof=1))
-    assert row.changed.value == after[is_changed].mean()
+    assert row.rate_changed.value == after[is_changed].mean()
     differences = (after.astype(float) - before)[is_changed]
-    assert row.difference.value == pytest.approx(differences.mean())
+    assert row.difference_changed.value == pytest.approx(differences.mean())
     assert row.rate.n == after.size
-    assert row.difference.n == is_changed.sum()
+    assert row.difference_changed.n == is_changed.sum()
+    assert row.runs == 3
 
 
 def test_static_balance_quadruped_uses_rods_and_four_legs():

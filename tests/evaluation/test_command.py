@@ -6,7 +6,7 @@ import pytest
 
 from mograft import Library, read_bvh, write_bvh
 from mograft.cli import main
-from mograft.evaluation import _extra
+from mograft.evaluation import estimate
 
 pytest.importorskip("sklearn", reason="scikit-learn is not installed")
 
@@ -90,6 +90,6 @@ def test_command_missing_package_names_extra(files, monkeypatch, capsys):
     def raise_import_error(name):
         raise ImportError(name, name=name)
 
-    monkeypatch.setattr(_extra, "import_module", raise_import_error)
+    monkeypatch.setattr(estimate, "import_module", raise_import_error)
     assert main(["evaluate", "world", *files, "--runs", "1", "--json"]) == 1
     assert "SciPy: pip install 'mograft[evaluate]'" in capsys.readouterr().err

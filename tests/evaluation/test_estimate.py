@@ -7,17 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mograft import Segments
 from mograft.evaluation import estimate
-from mograft.evaluation.estimate import Estimate, block_bootstrap, block_mean, segment_blocks
+from mograft.evaluation.estimate import Estimate, block_mean, bootstrap_estimate, segment_blocks
 from tests.strategies import SEEDS
 
 
 @given(st.lists(st.integers(1, 60), min_size=1, max_size=14), st.integers(1, 20))
 def test_segment_blocks_are_neighbours_of_one_clip(counts, size):
     clip = np.repeat(np.arange(len(counts)), counts)
-    start = np.arange(len(clip))
-    blocks = segment_blocks(Segments(start, start + 1, clip), size)
+    blocks = segment_blocks(clip, size)
     assert sorted(set(blocks.tolist())) == list(range(blocks.max() + 1))
     for block in range(blocks.max() + 1):
         members = np.flatnonzero(blocks == block)
@@ -58,28 +56,20 @@ def test_block_mean_correlated_values_covers_truth_in_95_percent():
     assert 0.88 <= n_covered / 200 <= 1.0
 
 
-def test_block_mean_four_blocks_has_no_interval():
-    found = block_mean(np.arange(40.0), np.arange(40) // 10, "x")
-    assert found.value == 19.5
-    assert math.isnan(found.low)
-    assert found.as_dict()["interval"] is None
-    assert "no interval" in found.text()
-
-
-def test_block_mean_only_nan_has_no_value():
-    found = block_mean([np.nan, np.nan], [0, 1], "x")
-    assert found.n == 0
-    assert found.as_dict()["value"] is None
-    assert found.text() == "none"
-
-
-def test_block_bootstrap_nan_statistic_returns_nan():
-    low, high = block_bootstrap(lambda counts: np.full(len(counts), np.nan), 30)
-    assert math.isnan(low)
-    assert math.isnan(high)
+def test_estimates_of_few_values_have_no_interval():
+    four_blocks = block_mean(np.arange(40.0), np.arange(40) // 10, "x")
+    assert four_blocks.value == 19.5
+    statistic = bootstrap_estimate(1, lambda draws: draws[:, 0] * np.nan, 30, n=1, unit="x", seed=0)
+    for found in (four_blocks, statistic):
+        assert math.isnan(found.low)
+        assert math.isnan(found.high)
+        assert found.as_dict()["interval"] is None
+        assert "no interval" in found.text()
+    nothing = block_mean([np.nan, np.nan], [0, 1], "x")
+    assert (nothing.n, nothing.as_dict()["value"], nothing.text()) == (0, None, "none")
 
 
 def test_estimate_text_scales_and_rounds():
     found = Estimate(value=0.5, low=0.25, high=0.75, n=8, unit="x", interval_method="y")
     assert found.text(0, 100, " %") == "50 % (25 to 75)"
-    assert str(found) == "0.500 (0.250 to 0.750)"
+    assert found.text() == "0.500 (0.250 to 0.750)"

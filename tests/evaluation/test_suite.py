@@ -1,16 +1,24 @@
 """Evaluation of a library: topics, refusals and the JSON document."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from lab.donors.donor_methods import RandomLength, makers
-from mograft import Config, JointGroups, Library, Motion, Skeleton, graft_many
+from mograft import (
+    Config,
+    InsufficientDataError,
+    JointGroups,
+    Library,
+    Motion,
+    Skeleton,
+    graft_many,
+)
 from mograft.dancer import dance
-from mograft.evaluation import evaluate
-from mograft.evaluation.quality import quality
+from mograft.evaluation import detectability, evaluate, quality, world_quality
 from mograft.viewing.evaluation_report import evaluation_page, summarize
 from tests.evaluation.planted import ByCost
 from tests.strategies import smooth_rotations
@@ -83,17 +91,18 @@ def test_evaluate_other_seed_gives_other_quality(library, evaluation):
     assert other.quality[0].seam_gap != evaluation.quality[0].seam_gap
 
 
-def test_evaluate_one_topic_measures_only_it(library):
-    balance = evaluate(library, ["balance"], methods=makers(METHODS[:1]), runs=1, bases=1)
-    assert balance.balance
-    assert (balance.quality, balance.world, balance.detectability) == ((), (), ())
-
-
 def test_evaluate_without_methods_measures_the_grafts_of_graft_many(library):
     found = evaluate(library, ["quality"], runs=2, bases=1)
     grafts = list(graft_many(library, library.names[0], 2))
     assert found.quality == (quality("grafts", [grafts]),)
     assert found.parameters["ways"] == ["grafts"]
+
+
+@pytest.mark.parametrize("measure", [quality, world_quality, detectability])
+@pytest.mark.parametrize("grafts", [[], [[]]])
+def test_measures_without_grafts_raise_insufficient_data_error(measure, grafts):
+    with pytest.raises(InsufficientDataError, match="at least one graft"):
+        measure("x", grafts)
 
 
 @pytest.mark.parametrize("topics", [[], ["beauty"]])
@@ -149,3 +158,14 @@ def test_evaluate_mostly_flight_counts_flight_separately(library):
     rows = {row.method: row for row in found.balance if row.rule == "all"}
     assert rows["recording"].flight > 0.5
     assert rows["recording"].rate.n < len(found.library.segments)
+
+
+def test_evaluation_page_has_all_sections_and_no_script(evaluation):
+    page = evaluation_page(evaluation, "A <b>bold</b> title")
+    assert "<h1>A &lt;b&gt;bold&lt;/b&gt; title</h1>" in page.html
+    for method in evaluation.parameters["ways"]:
+        assert method in page.html
+    for heading in ("Summary", "Quality", "World space", "Detectability", "Balance"):
+        assert f"<h2>{heading}</h2>" in page.html
+    assert re.findall(r"<script[^>]*>(.*?)</script>", page.html, re.DOTALL) == [""]
+    assert not re.search(r"\bnan\b", page.html)

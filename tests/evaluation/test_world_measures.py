@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lab.donors.donor_methods import grafts_by
-from mograft import InsufficientDataError, JointGroups, Library, Motion, graft
+from mograft import JointGroups, Library, Motion, graft
 from mograft.body.contacts import Ground
 from mograft.evaluation.balance import dynamic_balance
 from mograft.evaluation.body_tracks import (
@@ -21,8 +21,12 @@ from mograft.evaluation.body_tracks import (
     jerk,
     landmarks,
 )
-from mograft.evaluation.world_measures import UNDER_FLOOR, has_base_legs, world_measures
-from mograft.evaluation.world_quality import world_quality
+from mograft.evaluation.world_measures import (
+    UNDER_FLOOR,
+    has_base_legs,
+    world_measures,
+    world_quality,
+)
 from tests.evaluation.planted import ByCost, Captured, add_jitter
 from tests.hierarchies import human
 from tests.strategies import SEEDS, few_examples, smooth_rotations, transform_motion
@@ -237,9 +241,3 @@ def test_world_quality_is_mean_of_grafts(library):
         assert own.value == pytest.approx(np.mean([getattr(m, name) for m in measured])), name
         assert own.n == 4
     assert found.runs == 2
-
-
-@pytest.mark.parametrize("grafts", [[], [[]]])
-def test_world_quality_without_grafts_raises_insufficient_data_error(grafts):
-    with pytest.raises(InsufficientDataError, match="at least one graft"):
-        world_quality("x", grafts)

@@ -20,7 +20,7 @@ from lab.donors.methods import Analogy, Ball, ByCost, Captured, Nearest, Random
 from lab.donors.part_features import part_features
 from mograft import InsufficientDataError, Library, rotations
 from mograft.dancer import dance
-from mograft.evaluation.two_sample import assign_folds
+from mograft.evaluation.detectability import assign_folds
 from mograft.search.candidates import count_combinations
 from tests.strategies import SEEDS, few_examples, transform_motion
 

@@ -16,7 +16,7 @@ from mograft.cli import main
 from mograft.constraints import Avoid, Box, Capsule, Character, Face, HalfSpace, Reach, Sphere
 from mograft.dancer import dance
 from mograft.motion import rotations
-from mograft.viewing.objects import ShownConstraint
+from mograft.viewing.figure import ShownConstraint
 from mograft.viewing.report import report_page
 from mograft.viewing.scene import Scene
 from tests.browser import TIMEOUT_MILLISECONDS, open_page, wait_until
@@ -101,32 +101,6 @@ def test_viewer_play_advances_and_pause_stops(browser, path):
         assert page.evaluate("mograft.frame()") == at
 
 
-def test_viewer_segment_description_names_donor_and_click_selects(browser, path, new):
-    upper = [s for s in new.substitutions if s.group == "upper"]
-    index = next(i for i, s in enumerate(upper) if not s.is_own)
-    part = upper[index]
-    with open_page(browser, path) as page:
-        page.evaluate(f"mograft.seek({part.start + 1})")
-        text = page.evaluate(f"mograft.describe(2, {index})")
-        assert f"donor dance {part.donor_start}{DASH}{part.donor_stop}" in text
-        assert f"frames {part.start}{DASH}{part.stop}" in text
-        box = page.locator("[data-part=rows]").bounding_box()
-        first, last = page.evaluate("mograft.state.window")
-        middle = 0.5 * (part.start + part.stop)
-        x = 160 + (middle - first) / (last - first) * (box["width"] - 168)
-        page.mouse.click(box["x"] + x, box["y"] + box["height"] - 9)
-        page.mouse.move(5, 5)
-        wait_until(page, "mograft.state.hovered === null && mograft.state.pinned !== null")
-        page.evaluate("mograft.seek(mograft.frame())")  # Draws at once, also on a busy machine.
-        assert page.locator("[data-part=detail]").text_content() == text
-        assert part.start <= page.evaluate("mograft.frame()") <= part.stop
-        page.locator("details summary").click()
-        # The browser reports the opened table, which fills it, some time after the click.
-        wait_until(
-            page, f"document.querySelectorAll('[data-part=table] tr').length === {3 * len(upper)}"
-        )
-
-
 def pin(page, row, part):
     """Click the middle of a segment of the timeline."""
     page.evaluate(f"mograft.seek({part.start + 1})")
@@ -137,6 +111,26 @@ def pin(page, row, part):
     page.mouse.click(box["x"] + x, box["y"] + offset + 9)
     page.mouse.move(5, 5)
     wait_until(page, "mograft.state.hovered === null && mograft.state.pinned !== null")
+
+
+def test_viewer_segment_description_names_donor_and_click_selects(browser, path, new):
+    upper = [s for s in new.substitutions if s.group == "upper"]
+    index = next(i for i, s in enumerate(upper) if not s.is_own)
+    part = upper[index]
+    with open_page(browser, path) as page:
+        page.evaluate(f"mograft.seek({part.start + 1})")
+        text = page.evaluate(f"mograft.describe(2, {index})")
+        assert f"donor dance {part.donor_start}{DASH}{part.donor_stop}" in text
+        assert f"frames {part.start}{DASH}{part.stop}" in text
+        pin(page, 2, part)
+        page.evaluate("mograft.seek(mograft.frame())")  # Draws at once, also on a busy machine.
+        assert page.locator("[data-part=detail]").text_content() == text
+        assert part.start <= page.evaluate("mograft.frame()") <= part.stop
+        page.locator("details summary").click()
+        # The browser reports the opened table, which fills it, some time after the click.
+        wait_until(
+            page, f"document.querySelectorAll('[data-part=table] tr').length === {3 * len(upper)}"
+        )
 
 
 @pytest.mark.parametrize("is_file", [False, True])

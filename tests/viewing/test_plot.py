@@ -2,32 +2,20 @@
 
 import subprocess
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from mograft import Config, Library, discover_groups, graft, kinetic_energy, segment, write_bvh
+from mograft.body.mass import mass_model
 from mograft.cli import main
 from mograft.cli.syntax.commands import PLOT_KINDS
-from mograft.dancer import dance
 
 matplotlib = pytest.importorskip("matplotlib", reason="matplotlib is not installed")
 matplotlib.use("agg")
 from matplotlib import colors, image, pyplot  # noqa: E402
 
 from mograft.viewing import plot  # noqa: E402
-from tests.hierarchies import under_world_root  # noqa: E402
-
-
-@pytest.fixture(scope="module")
-def motion():
-    return dance(seed=1, strides=1).motion
-
-
-@pytest.fixture(scope="module")
-def library(motion):
-    return Library.build(motion)
 
 
 @pytest.fixture
@@ -47,40 +35,9 @@ def test_strip_draws_every_bone_of_every_pose(motion, axes):
     heights = np.array([line.get_ydata() for line in bones[:n_bones]])
     world = motion[:1].world_positions()[0, :, 1]
     tall = 1.2 * np.ptp(world)
-    assert 0.9 * np.ptp(world) < np.ptp(heights) * _height(motion) < tall
+    assert 0.9 * np.ptp(world) < np.ptp(heights) * mass_model(motion.skeleton).height < tall
     shown = {colors.to_hex(line.get_color()) for line in bones}
     assert shown == set(plot.PALETTE[:2])
-
-
-@pytest.mark.parametrize("is_moving", [False, True])
-def test_strip_world_root_has_no_bone(motion, is_moving):
-    drawn = [
-        plot.strip(own, 3) for own in (motion, under_world_root(motion, moving_root=is_moving))
-    ]
-    lines = [[line.get_xydata() for line in axes.lines] for axes in drawn]
-    np.testing.assert_allclose(*lines, atol=1e-9)
-    pyplot.close("all")
-
-
-def _height(motion):
-    from mograft.body.mass import mass_model
-
-    return mass_model(motion.skeleton).height
-
-
-def test_strip_z_up_equals_y_up(motion):
-    short = motion[:50]
-    turn = np.array([np.sqrt(0.5), 0, 0, np.sqrt(0.5)])
-    from mograft.motion import rotations
-
-    quats, places = short.rotations.copy(), short.positions.copy()
-    quats[:, 0] = rotations.multiply(np.broadcast_to(turn, quats[:, 0].shape), quats[:, 0])
-    places[:, 0] = rotations.rotate(turn, places[:, 0])
-    turned = replace(short, rotations=quats, positions=places, channel_values=None)
-    drawn = [plot.strip(m, 3) for m in (short, turned)]
-    ups = [np.array([line.get_ydata() for line in axes.lines[:40]]) for axes in drawn]
-    np.testing.assert_allclose(*ups, atol=1e-9)
-    pyplot.close("all")
 
 
 def test_energy_curve_and_boundaries_equal_segmentation(motion, axes):
@@ -190,36 +147,28 @@ def test_clusters_bars_equal_sorted_sizes(library, axes):
     assert heights == sorted(np.bincount(library.labels["lower"]).tolist(), reverse=True)
 
 
-def test_plots_without_ax_create_figures(motion, library):
-    drawn = [
-        plot.strip(motion, 1),
-        plot.energy(motion),
-        plot.pca(library),
-        plot.timeline(motion),
-        plot.dendrogram(library),
-        plot.clusters(library),
-    ]
-    assert len({id(axes.figure) for axes in drawn}) == 6
-    pyplot.close("all")
+@pytest.mark.parametrize(
+    ("draw", "arguments", "message"),
+    [
+        (plot.strip, {"poses": 0}, "`poses` must be at least 1, got 0"),
+        (plot.strip, {"frames": (9, 10**6)}, "`frames` must be ascending within 0 to"),
+        (plot.pca, {"group": "wings"}, "`group` must be one of lower, upper, got 'wings'"),
+        (plot.pca, {"components": (1, 11)}, "`components` must be whole numbers from 1 to 10"),
+        (plot.pca, {"components": (1, 2.5)}, "`components` must be"),
+        (plot.pca, {"components": (1,)}, "`components` must be"),
+        *(
+            (draw, {"frames": frames}, r"`frames` must be two ascending .* first within 0-\d+, got")
+            for draw in (plot.energy, plot.timeline)
+            for frames in ((-5, 20), (10**6, 10**6 + 9), (5, 5), (9, 3))
+        ),
+    ],
+)
+def test_plots_invalid_arguments_raise_value_error(motion, library, draw, arguments, message):
+    with pytest.raises(ValueError, match=message):
+        draw(library if draw is plot.pca else motion, **arguments)
 
 
-def test_plots_invalid_arguments_raise_value_error(motion, library):
-    with pytest.raises(ValueError, match="`poses` must be at least 1, got 0"):
-        plot.strip(motion, 0)
-    with pytest.raises(ValueError, match="`group` must be one of lower, upper, got 'wings'"):
-        plot.pca(library, "wings")
-    with pytest.raises(ValueError, match="`components` must be whole numbers from 1 to 10, got 11"):
-        plot.pca(library, components=(1, 11))
-    for components in ((1,), (1, 2.5)):
-        with pytest.raises(ValueError, match="`components` must be"):
-            plot.pca(library, components=components)
-    n = motion.n_frames
-    for draw in (plot.energy, plot.timeline):
-        for outside in ((-5, 20), (n, n + 9)):
-            with pytest.raises(ValueError, match=f"`frames` .* first within 0-{n - 1}, got"):
-                draw(motion, frames=outside)
-    with pytest.raises(ValueError, match="`frames` must be two ascending numbers"):
-        plot.timeline(motion, frames=(5, 5))
+def test_plots_of_too_short_motions_raise_value_error(motion):
     with pytest.raises(ValueError, match="at least 2 frames"):
         plot.energy(motion[:1])
     with pytest.warns(UserWarning, match="too few to compare"):
@@ -286,14 +235,8 @@ def test_plots_missing_matplotlib_names_extra(motion, tmp_path, monkeypatch, cap
     assert "pip install 'mograft[plot]'" in capsys.readouterr().err
 
 
-def test_strip_and_energy_of_frames_show_true_frames_and_times():
-    motion = dance(seed=1, strides=1).motion
+def test_strip_and_energy_of_frames_show_true_frames_and_times(motion):
     axes = plot.strip(motion, 5, frames=(400, 520))
     assert [text.get_text() for text in axes.texts] == ["400", "430", "460", "490", "520"]
     axes = plot.energy(motion, frames=(300, 600))
     assert axes.get_xlim() == pytest.approx((300 / motion.rate, 600 / motion.rate))
-    for wrong in ((5, 5), (9, 3)):
-        with pytest.raises(ValueError, match="`frames` must be"):
-            plot.energy(motion, frames=wrong)
-    with pytest.raises(ValueError, match="`frames` must be ascending within 0 to"):
-        plot.strip(motion, frames=(0, motion.n_frames))

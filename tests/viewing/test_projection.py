@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft.dancer import dance
-from mograft.viewing.projection import Camera, front_yaw
+from mograft.viewing.geometry import Camera, front_yaw
 
 MOTION = dance(strides=1).motion[:1]
 NODES = MOTION.world_positions()[0]

@@ -21,21 +21,16 @@ def test_script_modules_are_all_files_in_the_folder():
     assert sorted(f"{name}.js" for name in _SCRIPTS) == sorted(p.name for p in folder.iterdir())
 
 
-def test_script_modules_import_only_exports_of_earlier_modules():
+def test_script_modules_use_imports_of_earlier_modules_only():
     exported = {}
     for name, text in modules().items():
         imports = IMPORT.findall(text)
         assert len(imports) == text.count("import ")
         for names, module in imports:
             assert set(names.split(", ")) <= exported[module], (name, module)
-        exported[name] = {own for word, own in DECLARED.findall(text) if word}
-
-
-def test_script_modules_use_the_names_that_they_import():
-    for name, text in modules().items():
-        for names, _ in IMPORT.findall(text):
             for own in names.split(", "):
                 assert len(re.findall(rf"\b{own}\b", text)) > 1, (name, own)
+        exported[name] = {own for word, own in DECLARED.findall(text) if word}
 
 
 def test_script_top_level_names_are_unique():

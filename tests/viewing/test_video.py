@@ -14,7 +14,6 @@ from mograft.cli import main
 from mograft.dancer import dance
 from mograft.io.palette import PALETTE
 from mograft.viewing.film_pictures import draw_pictures
-from tests.hierarchies import under_world_root
 from tests.strategies import HOSTILE_NAMES
 
 Image = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
@@ -98,14 +97,6 @@ def test_write_video_default_rate_divides_motion_rate(motion, tmp_path):
     assert write_video(motion[:2], tmp_path / "a.mp4", size=SIZE) == 30
     assert write_video(fast[:8], tmp_path / "b.mp4", size=SIZE) == 60
     assert len(frames_of(tmp_path / "b.mp4")) == 5
-
-
-def test_write_video_world_root_draws_same_pictures(motion, tmp_path):
-    films = []
-    for name, shown in (("a", motion), ("b", under_world_root(motion, moving_root=True))):
-        write_video(shown[:4], tmp_path / f"{name}.gif", rate=30, size=SIZE, groups="lower_upper")
-        films.append(frames_of(tmp_path / f"{name}.gif"))
-    np.testing.assert_array_equal(*films)
 
 
 def test_write_video_more_motions_than_pixels_succeeds(motion, tmp_path):

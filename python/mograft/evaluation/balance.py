@@ -4,10 +4,9 @@ Static balance is a poor measure of naturalness: every step of a walk is statica
 It shows whether grafts are less balanced than the recordings that they were made from.
 """
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -21,8 +20,7 @@ from mograft.body.support_polygon import (
 )
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
-from mograft.evaluation._extra import import_extra
-from mograft.evaluation.estimate import Estimate, Record
+from mograft.evaluation.estimate import Estimate, Record, import_extra
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 
@@ -49,19 +47,14 @@ class Balance:
         Frames with a foot that carries weight and with a defined reference point.
     model : str
         Mass model: "de Leva" or "rods".
-    unmatched : tuple of str
-        Joints whose names the mass model does not know.
     """
 
     kind: Literal["static", "dynamic"]
     distance: FloatArray
     grounded: BoolArray
     model: str
-    unmatched: tuple[str, ...]
 
-    def classify(
-        self, cut: Segments, rule: Rule = "all", margin: float = 0.0
-    ) -> tuple[BoolArray, BoolArray]:
+    def classify(self, cut: Segments, rule: Rule = "all") -> tuple[BoolArray, BoolArray]:
         """Classify segments as balanced, unbalanced or in flight.
 
         Parameters
@@ -72,9 +65,6 @@ class Balance:
             A segment is unbalanced if the reference point is outside of the support polygon in
             all, in more than half, or in any of its grounded frames. The paper does not state its
             rule; its numbers are closest to "all".
-        margin : float
-            Maximum distance outside of the support polygon, in skeleton heights, at which a frame
-            still counts as balanced.
 
         Returns
         -------
@@ -88,12 +78,10 @@ class Balance:
         """
         if rule not in RULES:
             raise ValueError(f"`rule` must be one of {', '.join(RULES)}, got {rule!r}")
-        is_outside = self.grounded & (np.where(self.grounded, self.distance, 0.0) > margin)
-        outside_sums, grounded_sums = (
-            np.concatenate([[0], np.cumsum(values)]) for values in (is_outside, self.grounded)
-        )
-        n_outside = outside_sums[cut.stop + 1] - outside_sums[cut.start]
-        n = grounded_sums[cut.stop + 1] - grounded_sums[cut.start]
+        is_outside = self.grounded & (np.where(self.grounded, self.distance, 0.0) > 0)
+        sums = np.cumsum([is_outside, self.grounded], axis=1)
+        sums = np.concatenate([np.zeros((2, 1), np.int64), sums], axis=1)
+        n_outside, n = sums[:, cut.stop + 1] - sums[:, cut.start]
         flight = n == 0
         limit = {"all": n, "majority": n // 2 + 1, "any": np.ones_like(n)}[rule]
         return (n_outside >= limit) & ~flight, flight
@@ -200,37 +188,43 @@ def _balance_of_points(
     distances = signed_distance(support.polygons, support.sizes, points[:, support.axes])
     distances /= support.height
     distances = np.where(support.sizes < 3, distances - _DEGENERATE_MARGIN, distances)
-    model = mass_model(motion.skeleton)
     return Balance(
         kind=kind,
         distance=np.where(grounded, distances, np.nan),
         grounded=grounded,
-        model=model.model,
-        unmatched=model.unmatched,
+        model=mass_model(motion.skeleton).model,
     )
 
 
 @dataclass(frozen=True, eq=False)
 class BalanceSample:
-    """Balance of several bases and of their grafts, the input of `balance_row`.
+    """Balance of one base and of its grafts, for `balance_row`.
 
     Attributes
     ----------
-    original : sequence of Balance
-        Balance of each base.
-    grafts : sequence of sequence of Balance
-        For each base, the balance of each of its grafts. All bases have the same number of grafts,
-        n_runs: a run consists of one graft of each base.
-    changed : sequence of ndarray of bool, each of shape (n_runs, n_segments)
-        For each base, whether each segment has an exchanged part in each of the grafts.
-    cuts : sequence of Segments
-        Segments of each base.
+    cut : Segments
+        Segments of the base.
+    original : Balance
+        Balance of the base.
+    grafts : sequence of Balance
+        Balance of each of the n_runs grafts.
+    changed : ndarray of bool, shape (n_runs, n_segments)
+        Whether each segment has an exchanged part in each of the grafts.
     """
 
-    original: Sequence[Balance]
-    grafts: Sequence[Sequence[Balance]]
-    changed: Sequence[BoolArray]
-    cuts: Sequence[Segments]
+    cut: Segments
+    original: Balance
+    grafts: Sequence[Balance]
+    changed: BoolArray
+
+    def states(self, rule: Rule) -> FloatArray:
+        """Return 1 for unbalanced segments, 0 for balanced ones and NaN for those in flight.
+
+        The array has a row for each graft, followed by that of the base: shape
+        (n_runs + 1, n_segments).
+        """
+        found = [own.classify(self.cut, rule) for own in (*self.grafts, self.original)]
+        return np.stack([np.where(flight, np.nan, unbalanced) for unbalanced, flight in found])
 
 
 @dataclass(frozen=True)
@@ -241,17 +235,11 @@ class BalanceRow(Record):
     ----------
     kind, rule : str
         "static" or "dynamic", and "all", "majority" or "any"; see `Balance`.
-    margin : float
-        Maximum distance outside of the support polygon, in skeleton heights, at which a frame
-        counts as balanced.
     method : str
         Name of the method that selected the donors, or "recording".
     rate : Estimate
         Share of unbalanced segments among all segments that are not in flight.
-    spread : float
-        Standard deviation of `rate` over the runs, of which each has one graft of each base; NaN
-        with a single run.
-    changed, difference : Estimate
+    rate_changed, difference_changed : Estimate
         Share of unbalanced segments among those with an exchanged part that are not in flight, and
         this share minus that of the same segments in the recording.
     flight : float
@@ -262,34 +250,24 @@ class BalanceRow(Record):
 
     kind: str
     rule: str
-    margin: float
     method: str
     rate: Estimate
-    spread: float
-    changed: Estimate
-    difference: Estimate
+    rate_changed: Estimate
+    difference_changed: Estimate
     flight: float
     runs: int
 
-    JSON_KEYS: ClassVar[Mapping[str, str]] = {
-        "spread": "spread_of_runs",
-        "changed": "rate_changed",
-        "difference": "difference_changed",
-    }
 
-
-def balance_row(
-    method: str, sample: BalanceSample, rule: Rule = "all", margin: float = 0.0
-) -> BalanceRow:
+def balance_row(method: str, samples: Sequence[BalanceSample], rule: Rule = "all") -> BalanceRow:
     """Compare the balance of grafts with that of their bases, segment by segment.
 
     Parameters
     ----------
     method : str
         Name of the method that selected the donors.
-    sample : BalanceSample
-        Balances of the bases and of the grafts.
-    rule, margin
+    samples : sequence of BalanceSample
+        Balance of each base and of its grafts. All bases have the same number of grafts.
+    rule : {"all", "majority", "any"}
         As for `Balance.classify`.
 
     Returns
@@ -303,49 +281,26 @@ def balance_row(
     InsufficientDataError
         If every segment is in flight.
     """
-    per_base = [_segment_states(sample, base, rule, margin) for base in range(len(sample.cuts))]
-    # Shape (n_runs, n_segments of all bases), except for the single row of the bases.
-    values, before = (np.concatenate(states, axis=-1) for states in zip(*per_base, strict=True))
-    changed = np.concatenate(sample.changed, axis=1)
+    states = np.concatenate([sample.states(rule) for sample in samples], axis=1)
+    values, before = states[:-1], states[-1]
     is_grounded = np.isfinite(values)
     if not is_grounded.any():
         raise InsufficientDataError("balance needs feet on the floor: every segment is in flight")
-    base = np.repeat(np.arange(len(sample.cuts)), [len(cut) for cut in sample.cuts])
-    order = np.arange(len(base))
-    blocks = estimate.segment_blocks(Segments(order, order + 1, base))
-    rates = [np.nan if np.isnan(run).all() else np.nanmean(run) for run in values]
+    changed = np.where(np.concatenate([own.changed for own in samples], axis=1), values, np.nan)
+    blocks = estimate.segment_blocks(
+        np.repeat(np.arange(len(samples)), [len(sample.cut) for sample in samples])
+    )
 
     def average(rows: FloatArray, unit: str) -> Estimate:
         return estimate.block_mean(rows.ravel(), np.broadcast_to(blocks, rows.shape).ravel(), unit)
 
     return BalanceRow(
-        kind=sample.original[0].kind,
+        kind=samples[0].original.kind,
         rule=rule,
-        margin=margin,
         method=method,
         rate=average(values, "segments times runs"),
-        spread=float(np.std(rates, ddof=1)) if len(values) > 1 else math.nan,
-        changed=average(np.where(changed, values, np.nan), "changed segments"),
-        difference=average(
-            np.where(changed, values - before, np.nan),
-            "changed segments, paired with the recording",
-        ),
+        rate_changed=average(changed, "changed segments"),
+        difference_changed=average(changed - before, "changed segments, paired with the recording"),
         flight=float(1.0 - is_grounded.mean()),
         runs=len(values),
     )
-
-
-def _segment_states(
-    sample: BalanceSample, base: int, rule: Rule, margin: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return 1 for each unbalanced segment, 0 for each balanced one and NaN for one in flight.
-
-    The first array, shape (n_runs, n_segments), is for the grafts of base number `base`, the second
-    one, shape (n_segments,), for this base.
-    """
-    cut = sample.cuts[base]
-    states = []
-    for balance in (*sample.grafts[base], sample.original[base]):
-        unbalanced, flight = balance.classify(cut, rule, margin)
-        states.append(np.where(flight, np.nan, unbalanced))
-    return np.stack(states[:-1]), states[-1]

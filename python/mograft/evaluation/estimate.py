@@ -7,13 +7,13 @@ neighbours, or whole clips, instead of single segments.
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.motion.segments import Segments
 
 BLOCK_SEGMENTS = 10  # neighbouring segments in one block: a few seconds of motion
 MIN_CLIPS_AS_BLOCKS = 10  # from this number of clips on, each clip is one block
@@ -73,9 +73,6 @@ class Estimate(Record):
         nan = math.nan
         return cls(value=nan, low=nan, high=nan, n=n, unit=unit, interval_method=interval_method)
 
-    def __str__(self) -> str:
-        return self.text()
-
     def text(self, digits: int = 3, scale: float = 1.0, suffix: str = "") -> str:
         """Format the number and its interval, as in "0.5 (0.2 to 0.8)".
 
@@ -109,43 +106,18 @@ class Estimate(Record):
         }
 
 
-def segment_blocks(cut: Segments, size: int = BLOCK_SEGMENTS) -> IntArray:
+def segment_blocks(clip: IntArray, size: int = BLOCK_SEGMENTS) -> IntArray:
     """Return the block of each segment; the bootstrap resamples whole blocks.
 
     A block has at most `size` neighbouring segments of one clip; with 10 clips or more, each clip
-    is one block. Blocks are numbered from 0. The segments in `cut` must be ordered by clip and
-    time.
+    is one block. Blocks are numbered from 0. `clip` has the clip of each segment; the segments must
+    be ordered by clip and time.
     """
-    clips, clip = np.unique(cut.clip, return_inverse=True)
+    clips, first, index = np.unique(clip, return_index=True, return_inverse=True)
     if len(clips) >= MIN_CLIPS_AS_BLOCKS:
-        return clip.astype(np.int64)
-    position = np.concatenate([np.arange(n) for n in np.bincount(clip)]) if len(cut) else clip
-    pairs = np.stack([clip, position // size], axis=1)
+        return index.astype(np.int64)
+    pairs = np.stack([index, (np.arange(len(clip)) - first[index]) // size], axis=1)
     return np.unique(pairs, axis=0, return_inverse=True)[1].astype(np.int64).reshape(-1)
-
-
-def block_bootstrap(
-    statistic: Callable[[FloatArray], FloatArray], n_blocks: int, seed: int = 0
-) -> tuple[float, float]:
-    """Return both ends of the 95 % bootstrap interval of a statistic (percentile method).
-
-    `statistic` maps the number of times that each block is drawn, shape (n_resamples, n_blocks),
-    to one value per resample. Values that are not finite are ignored. The ends are NaN with fewer
-    than 5 blocks, or if 10 % of the values or more are not finite.
-    Source: Künsch, Annals of Statistics 17 (1989).
-    """
-    if n_blocks < MIN_BLOCKS:
-        return math.nan, math.nan
-    rng = np.random.default_rng(seed)
-    equal = np.full(n_blocks, 1.0 / n_blocks)
-    multiplicities = rng.multinomial(n_blocks, equal, size=_N_RESAMPLES).astype(np.float64)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        values = statistic(multiplicities)
-    is_finite = np.isfinite(values)
-    if is_finite.mean() <= _MIN_FINITE_SHARE:
-        return math.nan, math.nan
-    low, high = np.percentile(values[is_finite], [2.5, 97.5])
-    return float(low), float(high)
 
 
 def bootstrap_estimate(
@@ -158,8 +130,22 @@ def bootstrap_estimate(
     seed: int,
     interval_method: str | None = None,
 ) -> Estimate:
-    """Return an estimate with a value and with the interval that `block_bootstrap` computes."""
-    low, high = block_bootstrap(statistic, n_blocks, seed)
+    """Return an estimate with a value and a 95 % bootstrap interval (percentile method).
+
+    `statistic` maps the number of times that each block is drawn, shape (n_resamples, n_blocks),
+    to one value per resample. Values that are not finite are ignored. The ends of the interval are
+    NaN with fewer than 5 blocks, or if 10 % of the values or more are not finite.
+    Source: Künsch, Annals of Statistics 17 (1989).
+    """
+    low = high = math.nan
+    if n_blocks >= MIN_BLOCKS:
+        equal = np.full(n_blocks, 1.0 / n_blocks)
+        draws = np.random.default_rng(seed).multinomial(n_blocks, equal, size=_N_RESAMPLES)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            values = statistic(draws.astype(np.float64))
+        is_finite = np.isfinite(values)
+        if is_finite.mean() > _MIN_FINITE_SHARE:
+            low, high = np.percentile(values[is_finite], [2.5, 97.5]).tolist()
     return Estimate(
         value=value,
         low=low,
@@ -177,10 +163,12 @@ def block_mean(values: npt.ArrayLike, blocks: npt.ArrayLike, unit: str, seed: in
     `Estimate.n` is the number of values, not of blocks.
     """
     array = np.asarray(values, np.float64)
-    finite = array[np.isfinite(array)]
+    is_finite = np.isfinite(array)
+    finite = array[is_finite]
     if not len(finite):
         return Estimate.without_value(0, unit, "block bootstrap")
-    sums, counts = block_sums(array, np.asarray(blocks))
+    _, index = np.unique(np.asarray(blocks)[is_finite], return_inverse=True)
+    sums, counts = np.bincount(index, finite), np.bincount(index).astype(np.float64)
     return bootstrap_estimate(
         float(finite.mean()),
         lambda multiplicities: (multiplicities @ sums) / (multiplicities @ counts),
@@ -191,9 +179,15 @@ def block_mean(values: npt.ArrayLike, blocks: npt.ArrayLike, unit: str, seed: in
     )
 
 
-def block_sums(values: FloatArray, blocks: npt.NDArray[Any]) -> tuple[FloatArray, FloatArray]:
-    """Return the sum and the number of the finite values of each block that has such a value."""
-    is_finite = np.isfinite(values)
-    _, index = np.unique(blocks[is_finite], return_inverse=True)
-    sums, counts = np.bincount(index, values[is_finite]), np.bincount(index)
-    return sums.astype(np.float64), counts.astype(np.float64)
+def import_extra(name: str) -> Any:  # noqa: ANN401 - a module of another package
+    """Import a module of a package that the extra `evaluate` installs.
+
+    Raises ImportError if the package is not installed; the message names the package and the extra.
+    """
+    try:
+        return import_module(name)
+    except ImportError as error:
+        package = "scikit-learn" if name.startswith("sklearn") else "SciPy"
+        raise ImportError(
+            f"this measure needs {package}: pip install 'mograft[evaluate]'", name=error.name
+        ) from error

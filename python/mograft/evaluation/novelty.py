@@ -1,7 +1,7 @@
 """Novelty, coverage and diversity of grafts: distances of half-second windows of the body."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -95,21 +95,19 @@ def novelty(grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Novelty:
     for index, several in enumerate(grafts):
         base, centers = body_windows(BodyTracks.of(several[0].base))
         clip = clips.get(several[0].base.name)
-        blocks = (
-            np.full(len(centers), -1 - index)  # One block for a base that is not a clip.
-            if clip is None
-            else reference.frames.block[reference.frames.offsets[clip] + centers]
-        ).tolist()
+        blocks = np.full(len(centers), -1 - index)  # One block for a base that is not a clip.
+        if clip is not None:
+            blocks = reference.frames.block[reference.frames.offsets[clip] + centers]
         windows = [body_windows(BodyTracks.of(graft.motion))[0] for graft in several]
-        for own in windows:
+        for number, own in enumerate(windows):
             is_changed = np.linalg.norm(own - base, axis=1) >= _MIN_CHANGE
-            changed += is_changed.astype(float).tolist()
-            change_blocks += blocks
+            changed += is_changed.tolist()
+            change_blocks += blocks.tolist()
             new.append(own[is_changed])
-            new_blocks += np.array(blocks)[is_changed].tolist()
-        for first, second in _pairs(windows):
-            between += (np.linalg.norm(first - second, axis=1) / reference.spread).tolist()
-            between_blocks += blocks
+            new_blocks += blocks[is_changed].tolist()
+            for other in windows[:number]:
+                between += (np.linalg.norm(own - other, axis=1) / reference.spread).tolist()
+                between_blocks += blocks.tolist()
     moved = np.concatenate(new)
     distances = nearest_distances(moved, reference.windows) / reference.scale
     to_changed = nearest_distances(reference.windows, moved)
@@ -203,9 +201,3 @@ def nearest_distances(
             squared[np.abs(order[part, None] - order) < separation] = np.inf
         found[part] = np.sqrt(np.maximum(squared.min(axis=1), 0.0))
     return found
-
-
-def _pairs(windows: Sequence[FloatArray]) -> Iterator[tuple[FloatArray, FloatArray]]:
-    for i, first in enumerate(windows):
-        for second in windows[:i]:
-            yield first, second

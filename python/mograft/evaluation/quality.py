@@ -96,55 +96,51 @@ def quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Qu
     """
     if not grafts or not all(grafts):
         raise InsufficientDataError("quality needs at least one graft on every base")
-    joints = _grafted_joints(grafts[0][0])
-    accelerations, jerks = list[float](), list[float]()
-    diversities, is_new, gaps = list[float](), list[float](), list[float]()
-    part_blocks, seam_blocks, frame_blocks = list[int](), list[int](), list[int]()
+    library, groups = grafts[0][0].library, grafts[0][0].alternatives
+    per_group = [feature_joints(library.skeleton, library.joints(group)) for group in groups]
+    joints = np.unique(np.concatenate(per_group))
+    # Pairs of a value and its block, and the two ratios of each graft.
+    parts, seams = list[tuple[float, int]](), list[tuple[float, int]]()
+    frames, ratios = list[tuple[float, int]](), list[list[float]]()
     for index, several in enumerate(grafts):
-        base = several[0].base
+        base, first_block = several[0].base, _MAX_BLOCKS_PER_BASE * index
         if base.n_frames < 4:
             raise InsufficientDataError(
                 f"quality needs at least 4 frames for derivatives, {base.name} has {base.n_frames}"
             )
         recorded = angular_derivatives(base.rotations[:, joints], base.rate)
-        first_block = _MAX_BLOCKS_PER_BASE * index
-        angles = _angles_between([graft.motion for graft in several], joints)
-        diversities += np.degrees(angles).tolist()
-        frame_blocks += (first_block + np.arange(len(angles)) // _SEAM_BLOCK_FRAMES).tolist()
+        angles = np.degrees(_angles_between([graft.motion for graft in several], joints)).tolist()
+        frames += ((a, first_block + i // _SEAM_BLOCK_FRAMES) for i, a in enumerate(angles))
         for graft in several:
-            for s in graft.substitutions:
-                is_new.append(float(not s.is_own))
-                part_blocks.append(first_block + s.segment // estimate.BLOCK_SEGMENTS)
-            for seam in graft.seams:
-                gaps.append(math.degrees(seam.gap))
-                seam_blocks.append(first_block + seam.frame // _SEAM_BLOCK_FRAMES)
+            parts += (
+                (not s.is_own, first_block + s.segment // estimate.BLOCK_SEGMENTS)
+                for s in graft.substitutions
+            )
+            seams += (
+                (math.degrees(seam.gap), first_block + seam.frame // _SEAM_BLOCK_FRAMES)
+                for seam in graft.seams
+            )
             found = angular_derivatives(graft.motion.rotations[:, joints], graft.motion.rate)
-            for ratios, own, reference in zip((accelerations, jerks), found, recorded, strict=True):
-                ratios.append(own / reference if reference > 0 else math.nan)
+            pairs = zip(found, recorded, strict=True)
+            ratios.append([own / other if other > 0 else math.nan for own, other in pairs])
+
+    def average(pairs: Sequence[tuple[float, int]], unit: str) -> Estimate:
+        values, blocks = np.array(pairs, np.float64).reshape(-1, 2).T
+        return estimate.block_mean(values, blocks, unit, seed)
+
+    acceleration, jerk = (
+        average([(value, block) for block, value in enumerate(values)], "grafts")
+        for values in zip(*ratios, strict=True)
+    )
     return Quality(
         method=method,
         runs=len(grafts[0]),
-        new_segments=estimate.block_mean(is_new, part_blocks, "parts", seed),
-        seam_gap=estimate.block_mean(gaps, seam_blocks, "seams", seed),
-        diversity=estimate.block_mean(diversities, frame_blocks, "frames", seed),
-        acceleration=estimate.block_mean(accelerations, range(len(accelerations)), "grafts", seed),
-        jerk=estimate.block_mean(jerks, range(len(jerks)), "grafts", seed),
+        new_segments=average(parts, "parts"),
+        seam_gap=average(seams, "seams"),
+        acceleration=acceleration,
+        jerk=jerk,
+        diversity=average(frames, "frames"),
     )
-
-
-def _grafted_joints(graft: Graft) -> IntArray:
-    library = graft.library
-    joints = [feature_joints(library.skeleton, library.joints(g)) for g in graft.alternatives]
-    return np.unique(np.concatenate(joints))
-
-
-def diversity(motions: Sequence[Motion], joints: IntArray) -> float:
-    """Return the mean joint angle, in degrees, over all pairs of motions of equal length.
-
-    The angle is between poses at the same time. The result is NaN for a single motion.
-    """
-    angles = _angles_between(motions, joints)
-    return float(np.degrees(angles.mean())) if len(angles) else math.nan
 
 
 def _angles_between(motions: Sequence[Motion], joints: IntArray) -> FloatArray:

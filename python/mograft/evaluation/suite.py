@@ -3,13 +3,12 @@
 import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Self, TypeAlias
 
 import numpy as np
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
-from mograft._util.arrays import BoolArray
 from mograft._util.validate import as_integer
 from mograft.body.mass import mass_model
 from mograft.body.support_polygon import Support, support_polygons
@@ -26,8 +25,7 @@ from mograft.evaluation.balance import (
 from mograft.evaluation.detectability import Detectability, detectability
 from mograft.evaluation.estimate import as_json
 from mograft.evaluation.quality import Quality, quality
-from mograft.evaluation.world_measures import has_base_legs
-from mograft.evaluation.world_quality import WorldQuality, world_quality
+from mograft.evaluation.world_measures import WorldQuality, has_base_legs, world_quality
 from mograft.library.clusters import Progress
 from mograft.library.library import Library
 from mograft.motion.segments import Segments
@@ -39,9 +37,12 @@ GRAFTS = "grafts"  # name of the grafts that `mograft.graft_many` makes
 GraftMaker: TypeAlias = Callable[[Library, str, int, int], Sequence[Graft]]
 """Makes grafts, given the library, the name of the base, the number of grafts and a seed."""
 
-BALANCE_MARGIN = 0.01  # margin of the second row of static balance, in skeleton heights
-
-_MEASURES = {"static": static_balance, "dynamic": dynamic_balance}
+_MEASURES: dict[str, Callable[[str, Sequence[Sequence[Graft]], int], object]] = {
+    "quality": quality,
+    "world": world_quality,
+    "detectability": detectability,
+}
+_BALANCES = {"static": static_balance, "dynamic": dynamic_balance}
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,39 +84,32 @@ class Evaluation:
 
     def as_dict(self) -> dict[str, Any]:
         """Return a dict for JSON with all numbers, sample sizes and intervals."""
+        library, model = self.library, mass_model(self.library.skeleton)
         document: dict[str, Any] = {
             "schema": "mograft.evaluation/1",
             "mograft": VERSION,
             "parameters": dict(self.parameters),
-            **_library_dict(self.library),
+            "library": {
+                "clips": [
+                    {"name": entry.name, "file": library.file_name(index), "frames": entry.n_frames}
+                    for index, entry in enumerate(library.entries)
+                ],
+                "rate": library.rate,
+                "segments": len(library.segments),
+                "segments_with_faults": int((~library.is_donor).sum()),
+                "groups": list(library.groups.names),
+                "base_group": library.groups.base,
+            },
+            "body": {
+                "model": model.model,
+                "height": model.height,
+                "height_from": model.height_from,
+                "unmatched_joints": list(model.unmatched),
+            },
             "refused": dict(self.refusals),
         }
         results = {topic: getattr(self, topic) for topic in TOPICS}
         return document | {name: as_json(result) for name, result in results.items() if result}
-
-
-def _library_dict(library: Library) -> dict[str, Any]:
-    """Return the description of a library and of its skeleton for JSON."""
-    model = mass_model(library.skeleton)
-    return {
-        "library": {
-            "clips": [
-                {"name": entry.name, "file": library.file_name(index), "frames": entry.n_frames}
-                for index, entry in enumerate(library.entries)
-            ],
-            "rate": library.rate,
-            "segments": len(library.segments),
-            "segments_with_faults": int((~library.is_donor).sum()),
-            "groups": list(library.groups.names),
-            "base_group": library.groups.base,
-        },
-        "body": {
-            "model": model.model,
-            "height": model.height,
-            "height_from": model.height_from,
-            "unmatched_joints": list(model.unmatched),
-        },
-    }
 
 
 def evaluate(
@@ -174,19 +168,36 @@ def evaluate(
     if unknown or not topics:
         given = ", ".join(unknown) or "none"
         raise ValueError(f"`topics` must be among {', '.join(TOPICS)}, got {given}")
-    runs, bases = as_integer("runs", runs, 1), as_integer("bases", bases, 1)
-    refusals: dict[str, str] = {}
-    base_names = _select_bases(library, bases)
+    runs, n_bases = as_integer("runs", runs, 1), as_integer("bases", bases, 1)
+    n_clips = len(library.entries)
+    clips = np.unique(np.linspace(0, n_clips - 1, min(n_bases, n_clips)).round().astype(int))
+    base_names = [library.entries[clip].name for clip in clips.tolist()]
     made = {GRAFTS: _graft_many} if methods is None else methods
-    making = _Grafting(library, made, base_names, runs, seed)
-    measured = making.measure(topics, refusals, progress)
+    report: Progress = (lambda *_: None) if progress is None else progress
+    found: dict[str, list[Any]] = {topic: [] for topic in TOPICS}
+    refusals: dict[str, str] = {}
+    bases_with_balance: list[_Base] = []
+    if "balance" in topics:
+        with _recorded_refusal(refusals, "balance"):
+            bases_with_balance = [_Base.of(library, clip) for clip in clips.tolist()]
+            found["balance"] += _balance_rows("recording", bases_with_balance, None, refusals)
+    for name, make in made.items():
+        with _recorded_refusal(refusals, name):
+            grafts = []
+            for position, base in enumerate(base_names):
+                report("grafting", position, len(base_names))
+                grafts.append(list(make(library, base, runs, seed)))
+            for position, topic in enumerate(topics):
+                report(f"measuring {topic}", position, len(topics))
+                with _recorded_refusal(refusals, topic if name == GRAFTS else f"{topic} of {name}"):
+                    if topic in _MEASURES:
+                        found[topic].append(_MEASURES[topic](name, grafts, seed))
+            if bases_with_balance:
+                found["balance"] += _balance_rows(name, bases_with_balance, grafts, refusals)
+    report("measuring", 1, 1)
     return Evaluation(
         library=library,
         topics=tuple(topics),
-        quality=tuple(measured.quality),
-        world=tuple(measured.world),
-        detectability=tuple(measured.detectability),
-        balance=tuple(measured.balance),
         refusals=refusals,
         parameters={
             "seed": seed,
@@ -198,6 +209,7 @@ def evaluate(
             "python": platform.python_version(),
             "numpy": np.__version__,
         },
+        **{topic: tuple(rows) for topic, rows in found.items()},
     )
 
 
@@ -214,162 +226,55 @@ def _recorded_refusal(refusals: dict[str, str], topic: str) -> Iterator[None]:
         refusals[topic] = str(error)
 
 
-def _select_bases(library: Library, max_count: int) -> list[str]:
-    """Return the names of evenly spaced clips."""
-    n = len(library.entries)
-    indices = np.unique(np.linspace(0, n - 1, min(max_count, n)).round().astype(int))
-    return [library.entries[index].name for index in indices.tolist()]
-
-
 @dataclass(frozen=True, eq=False)
-class _Grafting:
-    """The parameters of grafts: their methods, bases, number per base and method, and seed."""
+class _Base:
+    """A base with its segments, support polygons, and static and dynamic balance."""
 
-    library: Library
-    methods: Mapping[str, GraftMaker]
-    base_names: list[str]
-    runs: int
-    seed: int
-
-    def measure(
-        self, topics: Sequence[str], refusals: dict[str, str], progress: Progress | None
-    ) -> "_Measured":
-        """Compute the grafts of one method after the other, and measure them for `topics`.
-
-        If a topic, a part of a topic or a whole method cannot be measured, the reason is stored in
-        `refusals` by its name.
-        """
-        bases = None
-        found = _Measured()
-        if "balance" in topics:
-            with _recorded_refusal(refusals, "balance"):
-                bases = _Bases.of(self.library, self.base_names)
-                found.balance.extend(
-                    _balance_rows("recording", bases.recording_samples(), refusals)
-                )
-        for name, make in self.methods.items():
-            with _recorded_refusal(refusals, name):
-                grafts = self._grafts(make, progress)
-                for position, topic in enumerate(topics):
-                    if progress is not None:
-                        progress(f"measuring {topic}", position, len(topics))
-                    place = topic if name == GRAFTS else f"{topic} of {name}"
-                    with _recorded_refusal(refusals, place):
-                        self._measure_topic(found, topic, name, grafts)
-                if bases is not None:
-                    found.balance.extend(bases.rows(name, grafts, refusals))
-        if progress is not None:
-            progress("measuring", 1, 1)
-        return found
-
-    def _measure_topic(
-        self, found: "_Measured", topic: str, name: str, grafts: Sequence[Sequence[Graft]]
-    ) -> None:
-        """Add the measures of the grafts of one method to `found`; those of balance are apart."""
-        if topic == "quality":
-            found.quality.append(quality(name, grafts, self.seed))
-        elif topic == "world":
-            found.world.append(world_quality(name, grafts, self.seed))
-        elif topic == "detectability":
-            found.detectability.append(detectability(name, grafts, self.seed))
-
-    def _grafts(self, make: GraftMaker, progress: Progress | None) -> list[list[Graft]]:
-        """Return the grafts of each base."""
-        grafts: list[list[Graft]] = []
-        for position, base in enumerate(self.base_names):
-            if progress is not None:
-                progress("grafting", position, len(self.base_names))
-            grafts.append(list(make(self.library, base, self.runs, self.seed)))
-        return grafts
-
-
-@dataclass(frozen=True)
-class _Measured:
-    """Measures of all methods, by topic."""
-
-    balance: list[BalanceRow] = field(default_factory=list)
-    quality: list[Quality] = field(default_factory=list)
-    world: list[WorldQuality] = field(default_factory=list)
-    detectability: list[Detectability] = field(default_factory=list)
-
-
-@dataclass(frozen=True, eq=False)
-class _Bases:
-    """Bases with their segments, support polygons, and static and dynamic balance."""
-
-    cuts: list[Segments]
-    supports: list[Support]
-    balances: dict[str, list[Balance]]
+    cut: Segments
+    support: Support
+    balances: dict[str, Balance]
 
     @classmethod
-    def of(cls, library: Library, names: Sequence[str]) -> Self:
-        index = {entry.name: clip for clip, entry in enumerate(library.entries)}
-        motions = [library.clips[index[name]] for name in names]
-        segments = library.segments
-        cuts = [segments[segments.of_clip(index[name])] for name in names]
-        supports = [support_polygons(motion) for motion in motions]
-        pairs = list(zip(motions, supports, strict=True))
-        balances = {
-            kind: [measure(motion, support=support) for motion, support in pairs]
-            for kind, measure in _MEASURES.items()
-        }
-        return cls(cuts, supports, balances)
+    def of(cls, library: Library, clip: int) -> Self:
+        motion = library.clips[clip]
+        support = support_polygons(motion)
+        balances = {kind: measure(motion, support=support) for kind, measure in _BALANCES.items()}
+        return cls(library.segments[library.segments.of_clip(clip)], support, balances)
 
-    def recording_samples(self) -> dict[str, BalanceSample]:
-        """Return the static and dynamic balance of the bases; the only graft of each is itself."""
-        changed = [np.ones((1, len(cut)), bool) for cut in self.cuts]
-        return {
-            kind: BalanceSample(original, [[balance] for balance in original], changed, self.cuts)
-            for kind, original in self.balances.items()
-        }
-
-    def rows(
-        self, method: str, grafts: Sequence[Sequence[Graft]], refusals: dict[str, str]
-    ) -> list[BalanceRow]:
-        """Return the balance of the grafts of one method, by kind, rule and margin."""
-        return _balance_rows(method, self.graft_samples(grafts), refusals)
-
-    def graft_samples(self, grafts: Sequence[Sequence[Graft]]) -> dict[str, BalanceSample]:
-        """Return the static and dynamic balance of the bases and their grafts."""
-        # The donors may allow fewer different grafts of a base than requested.
-        count = min(map(len, grafts))
-        grafts = [several[:count] for several in grafts]
-        changed = [
-            np.stack([_changed_segments(graft, len(cut)) for graft in several])
-            for several, cut in zip(grafts, self.cuts, strict=True)
+    def sample(self, kind: str, grafts: Sequence[Graft] | None) -> BalanceSample:
+        """Return the balance of the base and its grafts; for None, the base is its only graft."""
+        own, n_segments = self.balances[kind], len(self.cut)
+        if grafts is None:
+            return BalanceSample(self.cut, own, [own], np.ones((1, n_segments), bool))
+        balances = [
+            _BALANCES[kind](
+                graft.motion,
+                support=self.support if has_base_legs(graft) else None,
+                floor_reference=graft.base,
+            )
+            for graft in grafts
         ]
-        samples = {}
-        for kind, measure in _MEASURES.items():
-            balances = [
-                [
-                    measure(
-                        graft.motion,
-                        support=support if has_base_legs(graft) else None,
-                        floor_reference=graft.base,
-                    )
-                    for graft in several
-                ]
-                for several, support in zip(grafts, self.supports, strict=True)
-            ]
-            samples[kind] = BalanceSample(self.balances[kind], balances, changed, self.cuts)
-        return samples
-
-
-def _changed_segments(graft: Graft, n_segments: int) -> BoolArray:
-    """Return which segments have an exchanged part in at least one group, shape (n_segments,)."""
-    is_exchanged = np.array([not s.is_own for s in graft.substitutions])
-    return np.asarray(is_exchanged.reshape(-1, n_segments).any(axis=0), bool)
+        is_exchanged = np.array([[not s.is_own for s in graft.substitutions] for graft in grafts])
+        changed = np.any(is_exchanged.reshape(len(grafts), -1, n_segments), axis=1)
+        return BalanceSample(self.cut, own, balances, np.asarray(changed, bool))
 
 
 def _balance_rows(
-    method: str, samples: Mapping[str, BalanceSample], refusals: dict[str, str]
+    method: str,
+    bases: Sequence[_Base],
+    grafts: Sequence[Sequence[Graft]] | None,
+    refusals: dict[str, str],
 ) -> list[BalanceRow]:
-    """Return the results of `balance_row` for one method and all kinds, rules and margins."""
+    """Return the balance of one method, by kind and rule; `grafts` is None for the recording."""
     rows = []
-    for kind, sample in samples.items():
+    # The donors may allow fewer different grafts of a base than requested.
+    count = None if grafts is None else min(map(len, grafts))
+    for kind in _BALANCES:
+        samples = [
+            base.sample(kind, None if grafts is None else grafts[position][:count])
+            for position, base in enumerate(bases)
+        ]
         for rule in RULES:
-            margins = (0.0, BALANCE_MARGIN) if (kind, rule) == ("static", "all") else (0.0,)
-            for margin in margins:
-                with _recorded_refusal(refusals, f"{kind} balance"):
-                    rows.append(balance_row(method, sample, rule, margin))
+            with _recorded_refusal(refusals, f"{kind} balance"):
+                rows.append(balance_row(method, samples, rule))
     return rows

@@ -1,7 +1,8 @@
 """Windows of grafts and of captured motion, as features of the classifiers of `detectability`."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import repeat
 from math import prod
 from typing import Literal
 
@@ -16,6 +17,7 @@ from mograft.evaluation.body_tracks import (
     sample_stride,
 )
 from mograft.library.library import Library
+from mograft.motion.motion import Motion
 from mograft.synthesis.graft_result import Graft
 
 Place = Literal["seams", "between seams"]
@@ -116,7 +118,6 @@ class GraftWindows:
     comes from.
     """
 
-    library: Library
     frames: FrameBlocks
     grafts: Sequence[Graft]
     place: Place
@@ -129,32 +130,37 @@ class GraftWindows:
         cls, grafts: Sequence[Graft], place: Place, max_count: int, rng: np.random.Generator
     ) -> "GraftWindows":
         """Return at most `max_count` windows of grafts at `place`, drawn at random if necessary."""
-        library = grafts[0].library
-        frames = FrameBlocks.of(library)
+        frames = FrameBlocks.of(grafts[0].library)
         origins = tuple(
             tuple(Origin.of(graft, group, frames) for group in graft.alternatives)
             for graft in grafts
         )
-        centers = [
-            _centers(graft, several, place) for graft, several in zip(grafts, origins, strict=True)
-        ]
+        centers = list(map(_centers, grafts, origins, repeat(place)))
         index = np.repeat(np.arange(len(grafts)), [len(several) for several in centers])
         center = np.concatenate(centers)
         if len(center) > max_count:
             chosen = np.sort(rng.choice(len(center), max_count, replace=False))
             index, center = index[chosen], center[chosen]
-        return cls(library, frames, grafts, place, index, center, origins)
+        return cls(frames, grafts, place, index, center, origins)
+
+    @property
+    def library(self) -> Library:
+        """The library of the grafts."""
+        return self.grafts[0].library
 
     def __len__(self) -> int:
         return len(self.center)
 
     def pairs(self) -> Pairs:
         """Return the windows of the grafts, each with the captured window at the same frame."""
-        new = [
-            extract_windows(BodyTracks.of(self.grafts[index].motion), centers, self.place)
-            for index, centers in self._by_graft()
-        ]
-        return self._pair(Windows.concatenate(new or [self._no_windows()]), self._donor_blocks())
+        half = HALF_WINDOW[self.place] * sample_stride(self.library.rate)
+        donor_blocks = []
+        for graft, center in zip(self.graft.tolist(), self.center.tolist(), strict=True):
+            window = slice(center - half, center + half + 1)
+            frames = np.concatenate([origin.frames[window] for origin in self.origins[graft]])
+            donor_blocks.append(np.unique(self.frames.block[frames]))
+        motions = [graft.motion for graft in self.grafts]
+        return self._pair(self._extract(motions, self.graft, self.center), donor_blocks)
 
     def donor_pairs(self) -> Pairs:
         """Return the result of `pairs` with captured windows of donors in place of those of grafts.
@@ -175,21 +181,11 @@ class GraftWindows:
         frame = np.clip(frame, reach, np.maximum(lengths[clip] - reach - 1, reach))
         # A clip shorter than a window has none.
         kept = np.flatnonzero(lengths[clip] > 2 * reach)
-        part = self._choose(kept)
-        new = self._captured_windows(clip[kept], frame[kept])
-        blocks = self.frames.block[self.frames.offsets[clip[kept]] + frame[kept]]
+        clip, frame = clip[kept], frame[kept]
+        part = replace(self, graft=self.graft[kept], center=self.center[kept])
+        blocks = self.frames.block[self.frames.offsets[clip] + frame]
+        new = self._extract(self.library.clips, clip, frame)
         return part._pair(new, tuple(blocks[:, None]))
-
-    def _choose(self, rows: IntArray) -> "GraftWindows":
-        return GraftWindows(
-            self.library,
-            self.frames,
-            self.grafts,
-            self.place,
-            self.graft[rows],
-            self.center[rows],
-            self.origins,
-        )
 
     def _pair(self, new: Windows, donor_blocks: Sequence[IntArray]) -> Pairs:
         clips = clip_indices(self.library)
@@ -203,37 +199,20 @@ class GraftWindows:
             np.union1d(several, block[own])
             for several, own in zip(donor_blocks, row.tolist(), strict=True)
         )
-        return Pairs(self._captured_windows(base[:, 0], base[:, 1]), new, row, block, used)
+        captured = self._extract(self.library.clips, base[:, 0], base[:, 1])
+        return Pairs(captured, new, row, block, used)
 
-    def _captured_windows(self, clip: IntArray, frame: IntArray) -> Windows:
-        """Return the captured windows around the frames `frame` of the clips `clip`."""
-        parts: list[Windows] = []
-        rows = [np.zeros(0, np.int64)]
-        for index in np.unique(clip).tolist():
-            rows.append(np.flatnonzero(clip == index))
-            tracks = BodyTracks.of(self.library.clips[index])
+    def _extract(self, motions: Sequence[Motion], index: IntArray, frame: IntArray) -> Windows:
+        """Return the windows around the frames `frame` of the motions that have the given indices.
+
+        Without an index, the arrays have no rows, but as many columns as with rows.
+        """
+        parts, rows = [], []
+        for each in np.unique(index).tolist() or [0]:
+            rows.append(np.flatnonzero(index == each))
+            tracks = BodyTracks.of(motions[each])
             parts.append(extract_windows(tracks, frame[rows[-1]], self.place))
-        order = np.argsort(np.concatenate(rows), kind="stable")
-        return Windows.concatenate(parts or [self._no_windows()])[order]
-
-    def _no_windows(self) -> Windows:
-        """Return `Windows` without rows; the arrays have as many columns as with rows."""
-        tracks = BodyTracks.of(self.grafts[0].motion)
-        return extract_windows(tracks, np.zeros(0, np.int64), self.place)
-
-    def _donor_blocks(self) -> list[IntArray]:
-        """Return, for each window, the blocks that the frames of its grafted groups come from."""
-        half = HALF_WINDOW[self.place] * sample_stride(self.library.rate)
-        found = []
-        for graft, center in zip(self.graft.tolist(), self.center.tolist(), strict=True):
-            window = slice(center - half, center + half + 1)
-            frames = np.concatenate([origin.frames[window] for origin in self.origins[graft]])
-            found.append(np.unique(self.frames.block[frames]))
-        return found
-
-    def _by_graft(self) -> Iterator[tuple[int, IntArray]]:
-        for index in np.unique(self.graft).tolist():
-            yield index, self.center[self.graft == index]
+        return Windows.concatenate(parts)[np.argsort(np.concatenate(rows), kind="stable")]
 
 
 def _centers(graft: Graft, origins: Sequence[Origin], place: Place) -> IntArray:

@@ -1,13 +1,14 @@
-"""Measures of one graft in the world: jerk of head, chest and hands, feet, and balance.
+"""Measures of grafts in the world: jerk of head, chest and hands, feet, balance and novelty.
 
 Joint rotations do not show how the head moves if the spine of the donor compensates for the
 movement of another pelvis. These measures therefore use the world positions of body parts.
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.body.contacts import Ground, find_legs, skating_share
 from mograft.body.support_polygon import Support, support_polygons
 from mograft.errors import InsufficientDataError
+from mograft.evaluation import estimate
 from mograft.evaluation.balance import Balance, dynamic_balance
 from mograft.evaluation.body_tracks import (
     FrameBlocks,
@@ -25,7 +27,8 @@ from mograft.evaluation.body_tracks import (
     landmarks,
     sample_stride,
 )
-from mograft.evaluation.estimate import Record
+from mograft.evaluation.estimate import Estimate, Record
+from mograft.evaluation.novelty import Novelty, novelty
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.synthesis.graft_result import Graft
@@ -122,7 +125,79 @@ def world_measures(graft: Graft) -> WorldMeasures:
     return WorldReference(graft.library).measure(graft)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
+class WorldQuality(Record):
+    """World-space measures of the grafts of one method; see `WorldMeasures` for each.
+
+    Attributes
+    ----------
+    method : str
+        Name of the method that selected the donors.
+    runs : int
+        Number of grafts for each base.
+    head_jerk, chest_jerk, hands_jerk : Estimate
+        Mean over the grafts of the ratio of the jerk to that of base and donors.
+    floor_depth, under_floor, skate, balance : Estimate
+        Mean over the grafts of the difference from the base. `floor_depth` is in skeleton
+        heights, the others are shares.
+    novelty : Novelty
+        Novelty, coverage and diversity.
+    """
+
+    method: str
+    runs: int
+    head_jerk: Estimate
+    chest_jerk: Estimate
+    hands_jerk: Estimate
+    floor_depth: Estimate
+    under_floor: Estimate
+    skate: Estimate
+    balance: Estimate
+    novelty: Novelty
+
+
+def world_quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> WorldQuality:
+    """Measure the grafts of one method by their world positions.
+
+    Parameters
+    ----------
+    method : str
+        Name of the method that selected the donors.
+    grafts : sequence of sequence of Graft
+        For each base, its grafts; all from one library.
+    seed : int
+        Seed of the resampling.
+
+    Returns
+    -------
+    WorldQuality
+        Measures for which the skeleton has no known joints are NaN with a sample size of 0. The
+        intervals resample grafts, and blocks of five seconds for `WorldQuality.novelty`.
+
+    Raises
+    ------
+    ImportError
+        If SciPy is not installed.
+    InsufficientDataError
+        If there is no graft, or the clips are too short for `novelty`.
+    """
+    if not grafts or not all(grafts):
+        raise InsufficientDataError("world-space measures need at least one graft on every base")
+    reference = WorldReference(grafts[0][0].library)
+    measured = [vars(reference.measure(graft)) for several in grafts for graft in several]
+    blocks = range(len(measured))
+    return WorldQuality(
+        method=method,
+        runs=len(grafts[0]),
+        novelty=novelty(grafts, seed),
+        **{
+            name: estimate.block_mean([own[name] for own in measured], blocks, "grafts", seed)
+            for name in measured[0]
+            if name != "frames"
+        },
+    )
+
+
 class WorldReference:
     """The recordings that grafts of one library are compared with.
 
@@ -130,36 +205,31 @@ class WorldReference:
     base is measured.
     """
 
-    library: Library
-    _jerks: dict[int, dict[str, FloatArray]] = field(default_factory=dict)
-    _bases: list["_Base"] = field(default_factory=list)
+    def __init__(self, library: Library) -> None:
+        self.blocks = FrameBlocks.of(library)
+        self._base = lru_cache(maxsize=1)(_Base)
+        self._clip_jerks = lru_cache(maxsize=None)(
+            lambda clip: _landmark_jerks(library.clips[clip])
+        )
 
     def measure(self, graft: Graft) -> WorldMeasures:
         """Return the measures of one graft; see `world_measures`."""
-        blocks = FrameBlocks.of(self.library)
-        origins = {group: Origin.of(graft, group, blocks) for group in graft.alternatives}
+        origins = {group: Origin.of(graft, group, self.blocks) for group in graft.alternatives}
         is_exchanged = np.any([origin.is_exchanged for origin in origins.values()], axis=0)
         base = self._base(graft.base)
-        feet = _Feet.of(graft.motion, base.ground)
+        feet = _feet(graft.motion, base.ground)
         return WorldMeasures(
-            **self._jerk_ratios(graft, origins, blocks),
-            floor_depth=feet.depth - base.feet.depth,
-            under_floor=feet.under - base.feet.under,
-            skate=feet.skate - base.feet.skate,
+            **self._jerk_ratios(graft, base, origins),
+            **{name: value - base.feet[name] for name, value in feet.items()},
             balance=base.added_imbalance(graft, is_exchanged),
             frames=int(is_exchanged.sum()),
         )
 
-    def _base(self, motion: Motion) -> "_Base":
-        if not self._bases or self._bases[0].motion is not motion:
-            self._bases[:] = [_Base(motion)]
-        return self._bases[0]
-
     def _jerk_ratios(
-        self, graft: Graft, origins: Mapping[str, Origin], blocks: FrameBlocks
+        self, graft: Graft, base: "_Base", origins: Mapping[str, Origin]
     ) -> dict[str, float]:
         """Return the fields `head_jerk`, `chest_jerk` and `hands_jerk` of `WorldMeasures`."""
-        new, base = _landmark_jerks(graft.motion), self._base(graft.base).jerks
+        new = _landmark_jerks(graft.motion)
         margin = 2 * sample_stride(graft.motion.rate)
         inner = np.zeros(graft.motion.n_frames, bool)
         inner[margin : len(inner) - margin] = True
@@ -170,63 +240,43 @@ class WorldReference:
             frames = np.flatnonzero(used if used.any() else inner)
             if not len(frames):
                 continue
-            donors = base[name][frames]
+            captured = donors = base.jerks[name][frames]
             if group is not None:
-                donors = self._donor_jerks(name, origins[group].frames[frames], blocks)
-            medians = [float(np.median(j)) for j in (new[name][frames], base[name][frames], donors)]
+                donors = self._donor_jerks(name, origins[group].frames[frames])
+            medians = [float(np.median(j)) for j in (new[name][frames], captured, donors)]
             reference = math.sqrt(medians[1] * medians[2])
             if reference > 0:
                 ratios[f"{name}_jerk"] = medians[0] / reference
         return ratios
 
-    def _donor_jerks(self, name: str, frames: IntArray, blocks: FrameBlocks) -> FloatArray:
+    def _donor_jerks(self, name: str, frames: IntArray) -> FloatArray:
         """Return the jerk of the landmark `name` at frames that are numbered over all clips."""
-        clip, frame = blocks.clip_of(frames)
+        clip, frame = self.blocks.clip_of(frames)
         found = np.empty((len(frames), *self._clip_jerks(int(clip[0]))[name].shape[1:]))
         for index in np.unique(clip).tolist():
             found[clip == index] = self._clip_jerks(index)[name][frame[clip == index]]
         return found
 
-    def _clip_jerks(self, clip: int) -> dict[str, FloatArray]:
-        if clip not in self._jerks:
-            self._jerks[clip] = _landmark_jerks(self.library.clips[clip])
-        return self._jerks[clip]
 
-
-@dataclass(frozen=True, eq=False)
 class _Base:
     """A base, with the measures that its grafts are compared with."""
 
-    motion: Motion
-
-    @cached_property
-    def ground(self) -> Ground:
-        return Ground.of(self.motion)
-
-    @cached_property
-    def jerks(self) -> dict[str, FloatArray]:
-        return _landmark_jerks(self.motion)
-
-    @cached_property
-    def feet(self) -> "_Feet":
-        return _Feet.of(self.motion, self.ground)
-
-    @cached_property
-    def support(self) -> Support:
-        return support_polygons(self.motion)
-
-    @cached_property
-    def balance(self) -> Balance:
-        return dynamic_balance(self.motion, support=self.support)
+    def __init__(self, motion: Motion) -> None:
+        self.ground, self.jerks = Ground.of(motion), _landmark_jerks(motion)
+        self.feet = _feet(motion, self.ground)
+        self.support: Support | None = None
+        self.balance: Balance | None = None
+        with suppress(InsufficientDataError):  # no known leg, or too few frames
+            self.support = support_polygons(motion)
+            self.balance = dynamic_balance(motion, support=self.support)
 
     def added_imbalance(self, graft: Graft, is_exchanged: BoolArray) -> float:
         """Return `WorldMeasures.balance`; NaN without known legs or frames to compare."""
-        try:
-            before = self.balance
-        except InsufficientDataError:  # no known leg, or too few frames
+        before = self.balance
+        if before is None:
             return math.nan
         support = self.support if has_base_legs(graft) else None
-        new = dynamic_balance(graft.motion, support=support, floor_reference=self.motion)
+        new = dynamic_balance(graft.motion, support=support, floor_reference=graft.base)
         both = before.grounded & new.grounded
         used = both & is_exchanged if is_exchanged.any() else both
         if not used.any():
@@ -234,24 +284,19 @@ class _Base:
         return float((new.distance[used] > 0).mean() - (before.distance[used] > 0).mean())
 
 
-@dataclass(frozen=True)
-class _Feet:
-    """Measures of the feet of a motion relative to a given floor; NaN without a known leg."""
+def _feet(motion: Motion, ground: Ground) -> dict[str, float]:
+    """Return `WorldMeasures.floor_depth`, `under_floor` and `skate` without those of the base.
 
-    depth: float  # largest depth of a heel or toe below its floor, in heights; 0 above the floor
-    under: float  # share of heels and toes deeper than UNDER_FLOOR below their floor
-    skate: float
-
-    @classmethod
-    def of(cls, motion: Motion, ground: Ground) -> "_Feet":
-        if not ground.limbs:
-            return cls(math.nan, math.nan, math.nan)
-        depths = -ground.above(ground.points(motion)) / ground.height
-        return cls(
-            depth=max(float(depths.max()), 0.0),
-            under=float((depths > UNDER_FLOOR).mean()),
-            skate=skating_share(motion, ground),
-        )
+    The floor is that of `ground`. The values are NaN without a known leg.
+    """
+    if not ground.limbs:
+        return dict.fromkeys(("floor_depth", "under_floor", "skate"), math.nan)
+    depths = -ground.above(ground.points(motion)) / ground.height
+    return {
+        "floor_depth": max(float(depths.max()), 0.0),
+        "under_floor": float((depths > UNDER_FLOOR).mean()),
+        "skate": skating_share(motion, ground),
+    }
 
 
 def has_base_legs(graft: Graft) -> bool:
@@ -269,8 +314,5 @@ def _landmark_jerks(motion: Motion) -> dict[str, FloatArray]:
     found = landmarks(motion.skeleton)
     joints = [joint for several in found.values() for joint in several]
     jerks = jerk(bone_ends(motion, joints), motion.rate)
-    tracks, first = {}, 0
-    for name, several in found.items():
-        tracks[name] = jerks[:, first : first + len(several)]
-        first += len(several)
-    return tracks
+    edges = np.cumsum([len(several) for several in found.values()])
+    return dict(zip(found, np.split(jerks, edges[:-1], axis=1), strict=False))

@@ -2,18 +2,26 @@
 
 import base64
 import zlib
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray
 from mograft._util.gaussian import gaussian_filter
 from mograft.analysis.segmentation import kinetic_energy
+from mograft.body.mass import mass_model, up_axis
+from mograft.motion import rotations
 from mograft.motion.motion import Motion
-from mograft.viewing.candidate_table import CandidateTable
-from mograft.viewing.figure import Figure, TimelineRow
+from mograft.motion.skeleton import Skeleton
+from mograft.search.constraints import Constraint
+from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Obstacle, Sphere
+from mograft.search.pose_constraints import Avoid, Face, KeepOut, Reach
+from mograft.viewing.figure import Figure, ShownConstraint, TimelineRow
 from mograft.viewing.geometry import DrawnSkeleton, count_nodes
-from mograft.viewing.objects import encode_objects
 from mograft.viewing.scene import Scene
 
 MAX_NODE_POSITIONS = 6_000_000
@@ -23,6 +31,9 @@ _MAX_CURVE_POINTS = 1_500
 """Maximum number of points of the energy curve, which is about the width of a screen in pixels."""
 
 _CURVE_SMOOTHING_SECONDS = 0.07
+
+_FACE_TARGET_RADIUS = 0.02
+"""Radius of the mark of a `Face` target, in heights."""
 
 
 def encode_scene(
@@ -36,24 +47,24 @@ def encode_scene(
     """
     objects = encode_objects(scene.constraints)
     motions = [figure.motion for figure in scene.figures]
-    motions += [own["clip"].motion for own in objects if own["kind"] == "figure"]
+    motions += [own["clip"][1] for own in objects if own["kind"] == "figure"]
     total = sum(motion.n_frames * count_nodes(motion) for motion in motions)
     step = max(1, -(-total // max_positions))
     skeletons = [DrawnSkeleton.of(figure.motion, step) for figure in scene.figures]
     donors: dict[str, int] = {}
-    tables = [figure.candidates for figure in scene.figures if figure.candidates is not None]
-    tables = list(dict.fromkeys(tables))
+    tables = {id(own.candidates): own.candidates for own in scene.figures if own.candidates}
+    numbers = {key: number for number, key in enumerate(tables)}
     clips = [
         {
             **_encode_figure(figure, skeleton, step, donors),
-            "candidates": tables.index(figure.candidates) if figure.candidates else None,
+            "candidates": numbers.get(id(figure.candidates)),
         }
         for figure, skeleton in zip(scene.figures, skeletons, strict=True)
     ]
     for own in objects:
         if own["kind"] == "figure":
             skeleton, motion = own["clip"]
-            stored = skeleton.with_positions(skeleton.positions[::step])
+            stored = replace(skeleton, positions=skeleton.positions[::step])
             own["clip"] = _encode_poses(stored, motion, step)
     note = ""
     if step > 1:
@@ -66,7 +77,10 @@ def encode_scene(
         "note": note,
         "shown": len(clips) if n_shown is None else n_shown,
         "groups": list(scene.groups),
-        "candidates": [encode_candidates(table, donors) for table in tables],
+        "candidates": [
+            {group: _with_numbers(own, donors) for group, own in table.items()}
+            for table in tables.values()
+        ],
         "objects": objects,
         "donors": list(donors),
         "clips": clips,
@@ -111,33 +125,10 @@ def _encode_poses(skeleton: DrawnSkeleton, motion: Motion, step: int) -> dict[st
     }
 
 
-def encode_candidates(table: CandidateTable, donors: dict[str, int]) -> dict[str, Any]:
-    """Return a table as a dict for JSON: for each group, one list per quantity for all candidates.
-
-    `donors` maps names of clips to numbers. The clips of candidates that it does not contain are
-    added to it, with the next numbers.
-    """
-    document = {}
-    for group, segments in table.donors.items():
-        listed = [donor for segment in segments for donor in segment]
-        angles = [donor.seam_angles or (None, None) for donor in listed]
-        document[group] = {
-            "counts": [len(segment) for segment in segments],
-            "total": list(table.counts[group]),
-            "source": [donors.setdefault(donor.clip, len(donors)) for donor in listed],
-            "first": [donor.start for donor in listed],
-            "last": [donor.stop for donor in listed],
-            "own": [int(donor.is_own) for donor in listed],
-            "cost": [_round(donor.cost) for donor in listed],
-            "stretch": [_round(donor.stretch) for donor in listed],
-            "before": [_round(before) for before, _ in angles],
-            "after": [_round(after) for _, after in angles],
-        }
-    return document
-
-
-def _round(value: float | None) -> float | None:
-    return None if value is None else round(value, 4)
+def _with_numbers(listed: Mapping[str, list[Any]], donors: dict[str, int]) -> dict[str, Any]:
+    """Return candidates of `CandidateTable` with the numbers in `donors` in place of clip names."""
+    source = [donors.setdefault(clip, len(donors)) for clip in listed["source"]]
+    return {**listed, "source": source}
 
 
 def quantize(positions: FloatArray, root: int, height: float) -> tuple[float, FloatArray, bytes]:
@@ -179,26 +170,25 @@ def _compress(data: bytes) -> str:
 
 
 def _encode_row(row: TimelineRow, donors: dict[str, int]) -> dict[str, Any]:
-    source = [-1] * len(row.start)
-    for part in np.flatnonzero(row.is_exchanged).tolist():
-        source[part] = donors.setdefault(row.donor_clips[part], len(donors))
-    before, after = (
-        [None if np.isnan(angle) else round(float(angle), 2) for angle in angles]
-        for angles in row.seam_angles.T
-    )
+    parts = row.parts
+    angles = zip(*(part.seam_angles for part in parts), strict=True) if parts else [(), ()]
+    before, after = ([None if a is None else round(a, 2) for a in column] for column in angles)
     return {
         "group": row.group,
-        "grafted": bool(row.donor_clips),
-        "start": row.start.tolist(),
-        "stop": row.stop.tolist(),
-        "cluster": row.cluster.tolist(),
-        "source": source,
-        "first": row.donor_start.tolist(),
-        "last": row.donor_stop.tolist(),
-        "stretch": np.round(row.stretch, 4).tolist(),
+        "grafted": any(part.clip is not None for part in parts),
+        "start": [part.start for part in parts],
+        "stop": [part.stop for part in parts],
+        "cluster": [part.cluster for part in parts],
+        "source": [
+            donors.setdefault(part.clip, len(donors)) if part.clip and part.is_exchanged else -1
+            for part in parts
+        ],
+        "first": [part.donor_start for part in parts],
+        "last": [part.donor_stop for part in parts],
+        "stretch": np.round([part.stretch for part in parts], 4).tolist(),
         "before": before,
         "after": after,
-        "others": [None if count < 0 else count for count in row.n_alternatives.tolist()],
+        "others": [part.n_alternatives for part in parts],
     }
 
 
@@ -221,3 +211,112 @@ def _energy_curve(motion: Motion) -> list[int]:
 def _ordinal(number: int) -> str:
     ending = {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th")
     return f"{number}{'th' if number // 10 % 10 == 1 else ending}"
+
+
+def encode_objects(shown: Iterable[ShownConstraint]) -> list[dict[str, Any]]:
+    """Return the obstacles and targets as dicts for JSON, with positions in the axes of the page.
+
+    Constraints without a place in the world are omitted. A dict of kind ``"figure"`` has the
+    skeleton in these axes and the motion of a character under ``"clip"``, which the caller must
+    encode.
+    """
+    objects = []
+    for constraint, motion in shown:
+        to_page = DrawnSkeleton.of(motion[:1]).to_y_up
+        shape = _encode_shape(constraint, motion, to_page)
+        if shape is not None:
+            frames = None if constraint.frames is None else list(constraint.frames)
+            objects.append({**shape, "frames": frames, "label": _label(constraint)})
+    return objects
+
+
+def _encode_shape(
+    constraint: Constraint, motion: Motion, to_page: FloatArray
+) -> dict[str, Any] | None:
+    if isinstance(constraint, Avoid):
+        return _encode_obstacle(constraint.obstacle, to_page)
+    if isinstance(constraint, KeepOut):
+        return _encode_obstacle(constraint.region, to_page)
+    if not isinstance(constraint, Reach | Face):
+        return None
+    size = constraint.tolerance if isinstance(constraint, Reach) else _FACE_TARGET_RADIUS
+    return {
+        "kind": "target",
+        "center": _numbers(to_page @ np.array(constraint.target)),
+        "radius": float(size * mass_model(motion.skeleton).height),
+        "joint": _joint(constraint.joint, motion.skeleton),
+    }
+
+
+def _joint(name: str | None, skeleton: Skeleton) -> int:
+    """Return the index of a joint, by default of the head; -1 if there is none."""
+    if name is not None:
+        return skeleton.index(name)
+    head = mass_model(skeleton).head
+    return -1 if head is None else head
+
+
+def _label(constraint: Constraint) -> str:
+    frames = ""
+    if constraint.frames is not None:
+        first, last = constraint.frames
+        frames = f", frame {first}" if first == last else f", frames {first}\N{EN DASH}{last}"
+    if isinstance(constraint, Reach):
+        return f"{constraint.joint}{frames}"
+    if isinstance(constraint, Face):
+        return f"face{frames}"
+    if isinstance(constraint, KeepOut):
+        return f"{constraint.joint} {'inside' if constraint.inside else 'outside'}{frames}"
+    return frames.removeprefix(", ")
+
+
+def _encode_obstacle(obstacle: Obstacle, to_page: FloatArray) -> dict[str, Any] | None:
+    """Return an obstacle as a dict, or None if its class is unknown."""
+
+    def move(position: npt.ArrayLike) -> list[float]:
+        return _numbers(to_page @ np.asarray(position, float))
+
+    if isinstance(obstacle, Sphere):
+        return {"kind": "sphere", "center": move(obstacle.center), "radius": obstacle.radius}
+    if isinstance(obstacle, Capsule):
+        start, stop = obstacle.start, obstacle.stop
+        return {
+            "kind": "capsule",
+            "center": move(np.mean([start, stop], axis=0)),
+            "start": move(start),
+            "stop": move(stop),
+            "radius": obstacle.radius,
+        }
+    if isinstance(obstacle, Box):
+        signs = np.array(list(product((-1.0, 1.0), repeat=3)))
+        turn = np.broadcast_to(np.array(obstacle.rotation, float), (8, 4))
+        corners = rotations.rotate(turn, signs * obstacle.half) + obstacle.center
+        center = move(obstacle.center)
+        return {"kind": "box", "center": center, "corners": [move(corner) for corner in corners]}
+    if isinstance(obstacle, HalfSpace):
+        normal = to_page @ (np.array(obstacle.normal) / np.linalg.norm(obstacle.normal))
+        across = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
+        across /= np.linalg.norm(across)
+        return {
+            "kind": "plane",
+            "point": move(obstacle.point),
+            "normal": _numbers(normal),
+            "across": _numbers(across),
+            "along": _numbers(np.cross(normal, across)),
+        }
+    if isinstance(obstacle, Character):
+        return {"kind": "figure", "delay": obstacle.delay, "clip": _character(obstacle, to_page)}
+    return None
+
+
+def _character(obstacle: Character, to_page: FloatArray) -> tuple[DrawnSkeleton, Motion]:
+    drawn = DrawnSkeleton.of(obstacle.motion)
+    world = drawn.positions @ drawn.to_y_up
+    axis = np.eye(3)[up_axis(obstacle.motion)]
+    turn = np.broadcast_to(rotations.exp(obstacle.yaw * axis), (*world.shape[:-1], 4))
+    moved = rotations.rotate(turn, world) + np.array(obstacle.offset)
+    return replace(drawn, positions=moved @ to_page.T), obstacle.motion
+
+
+def _numbers(values: FloatArray) -> list[float]:
+    return [float(f"{value:.6g}") for value in values.tolist()]

@@ -11,7 +11,7 @@ from mograft.evaluation.detectability import Detectability
 from mograft.evaluation.estimate import Estimate
 from mograft.evaluation.quality import Quality
 from mograft.evaluation.suite import Evaluation
-from mograft.evaluation.world_quality import WorldQuality
+from mograft.evaluation.world_measures import WorldQuality
 from mograft.viewing.page import Page, assemble_page
 from mograft.viewing.report import REPORT_STYLE, wide_table
 
@@ -47,7 +47,7 @@ def summarize(evaluation: Evaluation) -> list[str]:
             f"of other moments, the AUC of the first classifier is {null.text(2)}."
         )
     for balance in evaluation.balance:
-        if (balance.kind, balance.rule, balance.margin) != ("static", "all", 0.0):
+        if (balance.kind, balance.rule) != ("static", "all"):
             continue
         if balance.method == "recording":
             sentences.append(
@@ -55,7 +55,7 @@ def summarize(evaluation: Evaluation) -> list[str]:
                 "statically unbalanced in all grounded frames."
             )
         else:
-            change = balance.difference.text(1, 100, " points")
+            change = balance.difference_changed.text(1, 100, " points")
             sentences.append(f"In {balance.method} this changes by {change} on the same segments.")
     return [*sentences, *(f"Not measured, {refusal}" for refusal in _refusals(evaluation))]
 
@@ -104,14 +104,10 @@ def evaluation_page(evaluation: Evaluation, title: str | None = None) -> Page:
     if evaluation.refusals:
         refusals = _list(_refusals(evaluation))
         parts += ["<h2>Not measured</h2>", f'<div class="refused">{refusals}</div>']
-    if evaluation.quality:
-        parts += _quality_section(evaluation.quality)
-    if evaluation.world:
-        parts += _world_section(evaluation.world)
-    if evaluation.detectability:
-        parts += _detectability_section(evaluation.detectability)
-    if evaluation.balance:
-        parts += _balance_section(evaluation)
+    parts += _quality_section(evaluation.quality) if evaluation.quality else []
+    parts += _world_section(evaluation.world) if evaluation.world else []
+    parts += _detectability_section(evaluation.detectability) if evaluation.detectability else []
+    parts += _balance_section(evaluation) if evaluation.balance else []
     parts += [
         "<h2>Parameters</h2>",
         "<details><summary>All parameters</summary>",
@@ -164,9 +160,9 @@ def _measure_table(
 def _world_section(qualities: Sequence[WorldQuality]) -> list[str]:
     methods = [row.method for row in qualities]
     measures = (
-        ("jerk of the head", "head_jerk", 2, 1.0, ""),
-        ("jerk of the chest", "chest_jerk", 2, 1.0, ""),
-        ("jerk of the hands", "hands_jerk", 2, 1.0, ""),
+        ("jerk of the head", "head_jerk", 2, 1, ""),
+        ("jerk of the chest", "chest_jerk", 2, 1, ""),
+        ("jerk of the hands", "hands_jerk", 2, 1, ""),
         ("floor depth, % of height", "floor_depth", 2, 100.0, ""),
         ("feet under the floor, points", "under_floor", 1, 100.0, ""),
         ("foot skate, points", "skate", 1, 100.0, ""),
@@ -174,9 +170,9 @@ def _world_section(qualities: Sequence[WorldQuality]) -> list[str]:
     )
     variety = (
         ("changed windows", "changed", 0, 100.0, " %"),
-        ("novelty", "novelty", 2, 1.0, ""),
+        ("novelty", "novelty", 2, 1, ""),
         ("coverage", "coverage", 0, 100.0, " %"),
-        ("between grafts", "between", 2, 1.0, ""),
+        ("between grafts", "between", 2, 1, ""),
     )
     return [
         "<h2>World space</h2>",
@@ -202,18 +198,13 @@ def _detectability_section(rows: Sequence[Detectability]) -> list[str]:
         "other_moments": "null: captured, other moments",
         "donor_windows": "null: captured windows of the donors",
     }
-    cells = [
-        [
-            html.escape(row.method),
-            title,
-            found.gross.text(2),
-            found.fine.text(2),
-            str(found.gross.n),
-        ]
-        for row in rows
-        for name, title in titles.items()
-        for found in [getattr(row, name)]
-    ]
+    cells = []
+    for row in rows:
+        for name, title in titles.items():
+            gross, fine = getattr(row, name).gross, getattr(row, name).fine
+            cells.append(
+                [html.escape(row.method), title, gross.text(2), fine.text(2), str(gross.n)]
+            )
     return [
         "<h2>Detectability</h2>",
         wide_table(["method", "windows", "gross", "fine", "n"], cells),
@@ -230,10 +221,8 @@ def _detectability_section(rows: Sequence[Detectability]) -> list[str]:
 
 def _balance_section(evaluation: Evaluation) -> list[str]:
     head = ["method", "rule", "unbalanced", "of changed", "change, points", "flight", "runs", "n"]
-    order = {
-        (row.kind, row.rule, row.margin): place for place, row in enumerate(evaluation.balance)
-    }
-    rows = sorted(evaluation.balance, key=lambda row: order[row.kind, row.rule, row.margin])
+    order = [(row.kind, row.rule) for row in evaluation.balance]
+    rows = sorted(evaluation.balance, key=lambda row: order.index((row.kind, row.rule)))
     model = mass_model(evaluation.library.skeleton)
     masses = (
         "has the masses of de Leva"
@@ -259,14 +248,16 @@ def _balance_section(evaluation: Evaluation) -> list[str]:
 
 
 def _balance_cells(row: BalanceRow) -> list[str]:
-    is_recording = row.method == "recording"
+    change = ["", "", str(row.rate.n)]
+    if row.method != "recording":
+        changed, difference = row.rate_changed, row.difference_changed
+        change = [changed.text(1, 100, " %"), difference.text(1, 100), str(difference.n)]
     return [
         html.escape(row.method),
-        f"{row.kind}, {row.rule}" + (f", margin {row.margin:g}" if row.margin else ""),
+        f"{row.kind}, {row.rule}",
         row.rate.text(1, 100, " %"),
-        "" if is_recording else row.changed.text(1, 100, " %"),
-        "" if is_recording else row.difference.text(1, 100),
+        *change[:2],
         f"{100 * row.flight:.0f} %",
         str(row.runs),
-        str(row.rate.n if is_recording else row.difference.n),
+        change[2],
     ]

@@ -1,50 +1,64 @@
-"""A figure on a page: a motion, its joint groups, and the timeline of its segments."""
+"""Figures on a page: motions with joint groups and segments, also of grafts in files."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.arrays import IntArray
+from mograft.errors import DAMAGE, MograftError, ProvenanceError
+from mograft.io.addresses import read_clip
+from mograft.library.discover import has_provenance
 from mograft.motion.motion import Motion
-from mograft.viewing.candidate_table import CandidateTable
+from mograft.motion.skeleton import Skeleton
+from mograft.provenance.graft_record import ClipRecord, GraftRecord, find_clip, read_clip_record
+from mograft.search.constraint_records import decode_constraint
+from mograft.search.constraints import Constraint
+from mograft.solve.candidate_verdicts import candidates
+from mograft.synthesis.graft_result import Graft
+
+_MAX_LISTED = 20
+"""Maximum number of donors listed for a segment."""
+
+_MAX_SEGMENTS = 1_500
+"""Maximum number of segments with listed donors, over all groups."""
+
+CandidateTable: TypeAlias = Mapping[str, Mapping[str, list[Any]]]
+"""For each exchanged group, one list per quantity for all listed candidates."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class TimelineRow:
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TimelinePart:
+    """A segment of a joint group in the timeline."""
+
+    start: int  # First and last frame, both inclusive.
+    stop: int
+    cluster: int = -1  # In a graft, that of the donor; -1 if unknown.
+    clip: str | None = None  # Name of the donor's clip; None in a captured motion.
+    donor_start: int = 0  # First and last frame of the donor in its clip.
+    donor_stop: int = 0
+    is_exchanged: bool = False  # Whether the donor is another segment.
+    stretch: float = 0.0  # Relative change of the donor's duration.
+    seam_angles: tuple[float | None, float | None] = (None, None)  # Before and after, degrees.
+    n_alternatives: int | None = None  # Number of donors other than the segment itself.
+
+
+class TimelineRow(NamedTuple):
     """One row of the timeline: the segments of one joint group of a motion."""
 
     group: str
-    start: IntArray  # First and last frame of each segment, both inclusive.
-    stop: IntArray
-    cluster: IntArray  # Of each segment; in a graft, of its donor. -1 if unknown.
-    donor_clips: tuple[str, ...]  # Name of each donor's clip; empty for a captured motion.
-    donor_start: IntArray  # First and last frame of each donor in its clip.
-    donor_stop: IntArray
-    is_exchanged: BoolArray  # Whether the donor is another segment.
-    stretch: FloatArray  # Relative change of each donor's duration.
-    seam_angles: FloatArray  # Before and after each segment (n, 2), degrees; NaN without a seam.
-    n_alternatives: IntArray  # Number of donors other than the segment itself; -1 if unknown.
+    parts: tuple[TimelinePart, ...]
 
     @classmethod
-    def without_donors(
+    def of_clip(
         cls, group: str, start: IntArray, stop: IntArray, cluster: IntArray
     ) -> "TimelineRow":
         """Return the row of captured segments."""
-        zeros = np.zeros(len(start), np.int64)
-        return cls(
-            group=group,
-            start=start,
-            stop=stop,
-            cluster=cluster,
-            donor_clips=(),
-            donor_start=zeros,
-            donor_stop=zeros,
-            is_exchanged=np.zeros(len(start), bool),
-            stretch=np.zeros(len(start)),
-            seam_angles=np.full((len(start), 2), np.nan),
-            n_alternatives=zeros - 1,
-        )
+        columns = zip(start.tolist(), stop.tolist(), cluster.tolist(), strict=True)
+        return cls(group, tuple(TimelinePart(start=a, stop=b, cluster=c) for a, b, c in columns))
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,3 +85,134 @@ class Figure:
             groups[node] = groups[max(parents[node], 0)]
         indices: list[int] = groups.tolist()
         return indices
+
+
+class ShownConstraint(NamedTuple):
+    """A constraint, and a motion whose axes and unit are those of the constraint's positions."""
+
+    constraint: Constraint
+    motion: Motion
+
+
+def candidate_table(graft: Graft) -> CandidateTable:
+    """Return the allowed candidates of a graft's segments in the order of `mograft.candidates`.
+
+    Constraints are ignored. Costs and seam angles are those between the neighbours of the base
+    segment in its clip; in a scenario, in which it has other neighbours, they are None. Only the
+    first segments of each group are included, at most 1,500 segments over all groups.
+    """
+    most = _MAX_SEGMENTS // max(len(graft.alternatives), 1)
+    return {group: _list_candidates(graft, group, most) for group in graft.alternatives}
+
+
+def _list_candidates(graft: Graft, group: str, max_count: int) -> dict[str, list[Any]]:
+    segments = [s.segment for s in graft.substitutions if s.group == group][:max_count]
+    found = [candidates(graft.library, segment, group).allowed for segment in segments]
+    pairs = zip(segments, found, strict=True)
+    listed = [(segment, own) for segment, allowed in pairs for own in allowed[:_MAX_LISTED]]
+    before, after = (
+        np.degrees([getattr(own, name) for _, own in listed]).tolist()
+        for name in ("gap_before", "gap_after")
+    )
+    table: dict[str, list[Any]] = {
+        "counts": [min(len(allowed), _MAX_LISTED) for allowed in found],
+        "total": [len(allowed) for allowed in found],
+        "source": [graft.library.names[own.clip] for _, own in listed],
+        "first": [own.start for _, own in listed],
+        "last": [own.stop for _, own in listed],
+        "own": [int(own.segment == segment) for segment, own in listed],
+        "cost": [round(own.cost, 4) for _, own in listed],
+        "stretch": [round(own.stretch, 4) for _, own in listed],
+        "before": [round(angle, 4) for angle in before],
+        "after": [round(angle, 4) for angle in after],
+    }
+    if graft.scenario:
+        table |= {key: [None] * len(listed) for key in ("cost", "stretch", "before", "after")}
+    return table
+
+
+def read_recorded(motion: Motion, path: Path) -> tuple[Figure, GraftRecord] | None:
+    """Return the figure of a graft, and the provenance in the ``.json`` file beside it.
+
+    The figure has the donors, seams and groups of the provenance. The result is None if there is no
+    provenance of the clip, and with a warning also if the provenance is damaged or is that of a
+    motion of another length.
+    """
+    if not has_provenance(path):
+        return None
+    try:
+        record = read_clip_record(path, motion.clip)
+        return None if record is None else (_recorded_figure(motion, record), record)
+    except (OSError, ProvenanceError) as error:
+        warnings.warn(f"{error}; {path} is shown without donors", stacklevel=2)
+        return None
+
+
+def _recorded_figure(motion: Motion, record: GraftRecord) -> Figure:
+    try:
+        n_frames = record.document["frames"]
+        if n_frames != motion.n_frames:
+            raise ValueError(f"`frames` is {n_frames}, but the motion has {motion.n_frames} frames")
+        groups = dict.fromkeys(donor.group for donor in record.donors)
+        rows = tuple(_recorded_row(record, group) for group in groups)
+        members: dict[str, IntArray] = record.groups.resolve(motion.skeleton)
+    except DAMAGE as error:
+        raise record.error(f"damaged: {error}") from error
+    return Figure(motion, motion.name, members, rows)
+
+
+def _recorded_row(record: GraftRecord, group: str) -> TimelineRow:
+    seams = {
+        seam["frame"]: float(seam["gap_degrees"])
+        for seam in record.document["seams"]
+        if seam["group"] == group
+    }
+    parts = (
+        TimelinePart(
+            start=own.frames[0],
+            stop=own.frames[1],
+            clip=own.donor.clip,
+            donor_start=own.donor.frames[0],
+            donor_stop=own.donor.frames[1],
+            is_exchanged=not own.is_own,
+            stretch=float(substitution["stretch"]),
+            seam_angles=(seams.get(own.frames[0]), seams.get(own.frames[1])),
+            n_alternatives=own.alternatives,
+        )
+        for own, substitution in zip(record.donors, record.document["substitutions"], strict=True)
+        if own.group == group
+    )
+    return TimelineRow(group, tuple(parts))
+
+
+def recorded_base(
+    motion: Motion, record: GraftRecord, skeleton: Skeleton | None = None
+) -> Motion | None:
+    """Return the base of a graft; None if its file is missing, changed or of another length.
+
+    `skeleton` is the rest pose for files that store none, by default that of the provenance.
+    """
+    skeleton = record.library.rest if skeleton is None else skeleton
+    for clip in record.clips:
+        if clip.is_base and clip.name == record.base and not clip.is_mirrored:
+            try:
+                base = read_clip(find_clip(record, clip, ()), skeleton=skeleton)
+            except (MograftError, OSError):
+                return None
+            return base if base.n_frames == motion.n_frames else None
+    return None
+
+
+def recorded_constraints(record: GraftRecord) -> list[Constraint]:
+    """Return the constraints of a graft, except those whose files are missing or damaged."""
+
+    def decode_motion(values: dict[str, object]) -> Motion:
+        return read_clip(find_clip(record, ClipRecord.from_json(values), ()))
+
+    found: list[Constraint] = []
+    for values in (record.document.get("request") or {}).get("constraints", ()):
+        try:
+            found.append(decode_constraint(values, decode_motion))
+        except (*DAMAGE, MograftError, OSError):
+            continue
+    return found

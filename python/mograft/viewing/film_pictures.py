@@ -1,7 +1,6 @@
 """The pictures of a film: moving figures, drawn with Pillow."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,8 +10,7 @@ from mograft._util.gaussian import gaussian_filter_columns
 from mograft.body.groups import JointGroups
 from mograft.io.palette import PALETTE
 from mograft.motion.motion import Motion
-from mograft.viewing.geometry import DrawnSkeleton
-from mograft.viewing.projection import Camera, front_yaw
+from mograft.viewing.geometry import Camera, DrawnSkeleton, front_yaw
 from mograft.viewing.scene import Scene
 
 if TYPE_CHECKING:
@@ -83,16 +81,6 @@ def draw_pictures(
             yield joined
 
 
-@dataclass(frozen=True, eq=False)
-class _Shapes:
-    """The shapes that a panel draws in several frames; points are (x, y) in supersampled pixels."""
-
-    lines: FloatArray  # of the floor, (n_frames, n_lines, 2, 2)
-    shadows: FloatArray  # polygons, (n_frames, n_bones, n_corners, 2)
-    bones: FloatArray  # polygons, (n_frames, n_bones, n_corners, 2)
-    order: IntArray  # of the bones, from far to near, (n_frames, n_bones)
-
-
 class _Panel:
     """The area of each picture that shows one motion, seen by a camera that follows the figure."""
 
@@ -137,26 +125,31 @@ class _Panel:
         text = ImageDraw.Draw(background)
         text.text((margin, margin), self.name, self.colours["text"], font, anchor="la")
         shown = np.minimum(frames, len(self.positions) - 1)
-        shapes = self._shapes(np.unique(shown))
+        lines, shadows, bones, order = self._shapes(np.unique(shown))
         picture = background.copy()
         pencil = ImageDraw.Draw(picture)
         for index in (shown - shown[0]).tolist():
             picture.paste(background)
-            for line in shapes.lines[index].reshape(-1, 4).tolist():
+            for line in lines[index].reshape(-1, 4).tolist():
                 pencil.line(line, self.colours["line"], _SUPERSAMPLING)
-            for polygon in shapes.shadows[index].reshape(len(self.bones), -1).tolist():
+            for polygon in shadows[index].reshape(len(self.bones), -1).tolist():
                 pencil.polygon(polygon, self.colours["shadow"])
-            polygons = shapes.bones[index].reshape(len(self.bones), -1).tolist()
-            for bone in shapes.order[index].tolist():
+            polygons = bones[index].reshape(len(self.bones), -1).tolist()
+            for bone in order[index].tolist():
                 pencil.polygon(polygons[bone], self.bone_colours[bone])
             yield picture.reduce(_SUPERSAMPLING)
 
-    def _shapes(self, frames: IntArray) -> _Shapes:
-        """Return what the panel shows in each frame."""
+    def _shapes(self, frames: IntArray) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+        """Return the shapes of each frame, whose points are (x, y) in supersampled pixels.
+
+        These are the lines of the floor, (n_frames, n_lines, 2, 2), the polygons of the shadows and
+        of the bones, both (n_frames, n_bones, n_corners, 2), and the order of the bones from far to
+        near, (n_frames, n_bones).
+        """
         nodes, focus = self.positions[frames], self.focus[frames]
         projected = self._project(nodes, focus)
         shadow = self._project(nodes * [1, 0, 1], focus)
-        return _Shapes(
+        return (
             self._floor_lines(focus),
             self._bone_polygons(shadow),
             self._bone_polygons(projected),

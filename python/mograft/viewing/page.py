@@ -244,15 +244,15 @@ def assemble_page(
     )
 
 
-def iframe_html(page: str, title: str, height: int = 620) -> str:
+def iframe_html(page: str, title: str) -> str:
     """Return the HTML of an ``iframe`` that contains a page, isolated from the notebook around it.
 
-    `page` is HTML. `title` is the description for screen readers, `height` is in pixels.
+    `page` is HTML. `title` is the description for screen readers.
     """
     return (
         f'<iframe sandbox="allow-scripts" srcdoc="{html.escape(page)}" '
         f'title="{html.escape(title)}" '
-        f'style="width:100%;height:{height}px;border:1px solid #8888;border-radius:8px"></iframe>'
+        'style="width:100%;height:620px;border:1px solid #8888;border-radius:8px"></iframe>'
     )
 
 

@@ -1,8 +1,8 @@
 """Figures that are shown together, their joint groups, and the timelines of their segments."""
 
 import os
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +17,17 @@ from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 from mograft.search.constraints import Constraint
 from mograft.synthesis.graft_result import Graft
-from mograft.viewing.candidate_table import CandidateTable
-from mograft.viewing.figure import Figure, TimelineRow
-from mograft.viewing.objects import ShownConstraint
-from mograft.viewing.recorded import read_recorded, recorded_base, recorded_constraints
+from mograft.viewing.figure import (
+    CandidateTable,
+    Figure,
+    ShownConstraint,
+    TimelinePart,
+    TimelineRow,
+    candidate_table,
+    read_recorded,
+    recorded_base,
+    recorded_constraints,
+)
 
 _PRESETS = ("lower_torso_larm_rarm", "lower_torso_arms", "lower_upper")
 """Joint groups of a motion without a library: the first preset that fits the skeleton."""
@@ -72,10 +79,9 @@ class Scene:
         """Return a scene of the clips of a library that have the given indices."""
         return cls(tuple(_clip_figure(library, library.clips[clip]) for clip in clips))
 
-    def with_commands(self, commands: Sequence[tuple[Motion, str]]) -> "Scene":
-        """Return the scene with `Figure.command` set for the given motions, and None for others."""
-        by_motion = {id(motion): command for motion, command in commands}
-        figures = [replace(own, command=by_motion.get(id(own.motion))) for own in self.figures]
+    def with_commands(self, commands: Mapping[int, str]) -> "Scene":
+        """Return the scene with `Figure.command` set by the `id` of motions, else None."""
+        figures = (replace(own, command=commands.get(id(own.motion))) for own in self.figures)
         return replace(self, figures=tuple(figures))
 
     @property
@@ -88,21 +94,17 @@ Item = Motion | Graft | Library | Scene | str | os.PathLike[str]
 """What a scene can contain."""
 
 
+@dataclass(frozen=True, eq=False)
 class _Builder:
     """The figures and constraints of a scene, collected item by item."""
 
-    def __init__(
-        self,
-        groups: JointGroups | str | None,
-        libraries: Sequence[Library],
-        config: Config | None,
-        skeleton: Skeleton | None,
-    ) -> None:
-        self.groups, self.libraries, self.config = groups, libraries, config
-        self.skeleton = skeleton
-        self.figures: list[Figure] = []
-        self.constraints: list[ShownConstraint] = []
-        self.tables: dict[tuple[int, ...], CandidateTable] = {}
+    groups: JointGroups | str | None
+    libraries: Sequence[Library]
+    config: Config | None
+    skeleton: Skeleton | None
+    figures: list[Figure] = field(default_factory=list)
+    constraints: list[ShownConstraint] = field(default_factory=list)
+    tables: dict[tuple[int, ...], CandidateTable] = field(default_factory=dict)
 
     def add(self, item: Item) -> None:
         """Add an item; raise a TypeError if its type is not one of `Item`."""
@@ -121,15 +123,12 @@ class _Builder:
             for constraint, motion in item.constraints:
                 self._add_constraints([constraint], motion)
         elif isinstance(item, str | os.PathLike):
-            self._add_file(item)
+            for address in find_addresses(os.fspath(item), skeleton=self.skeleton):
+                self._add_clip(address)
         else:
             raise TypeError(
                 f"`items` must be motions, grafts, libraries, scenes or paths, got {item!r}"
             )
-
-    def _add_file(self, path: str | os.PathLike[str]) -> None:
-        for address in find_addresses(os.fspath(path), skeleton=self.skeleton):
-            self._add_clip(address)
 
     def _add_clip(self, address: str) -> None:
         motion = read_clip(address, skeleton=self.skeleton)
@@ -147,10 +146,9 @@ class _Builder:
 
     def _candidates(self, graft: Graft) -> CandidateTable:
         """Return the candidates of a graft; grafts of the same base segments share them."""
-        segments = (s.segment for s in graft.substitutions)
-        key = (id(graft.library), *segments)
+        key = (id(graft.library), *(s.segment for s in graft.substitutions))
         if key not in self.tables:
-            self.tables[key] = CandidateTable.of(graft)
+            self.tables[key] = candidate_table(graft)
         return self.tables[key]
 
     def _add_constraints(self, constraints: Iterable[Constraint], motion: Motion) -> None:
@@ -199,7 +197,7 @@ def _motion_figure(
     if motion.n_frames >= 2:
         found = segment(motion, config)
         unclustered = np.full(len(found), -1)
-        rows = (TimelineRow.without_donors("segments", found.start, found.stop, unclustered),)
+        rows = (TimelineRow.of_clip("segments", found.start, found.stop, unclustered),)
     return Figure(motion, motion.name, _members(motion.skeleton, groups, libraries), rows)
 
 
@@ -226,7 +224,7 @@ def _clip_figure(library: Library, clip: Motion) -> Figure:
     segments = library.segments.of_clip(index)
     start, stop = library.segments.start[segments], library.segments.stop[segments]
     rows = tuple(
-        TimelineRow.without_donors(group, start, stop, labels[segments])
+        TimelineRow.of_clip(group, start, stop, labels[segments])
         for group, labels in library.labels.items()
     )
     motion = library.clips[index]
@@ -241,20 +239,23 @@ def _graft_figure(graft: Graft, candidates: CandidateTable) -> Figure:
 
 
 def _graft_row(graft: Graft, group: str) -> TimelineRow:
+    labels = graft.library.labels[group]
+    seams = (seam for seam in graft.seams if seam.group == group)
+    angles = {seam.frame: float(np.degrees(seam.gap)) for seam in seams}
     substitutions = [s for s in graft.substitutions if s.group == group]
-    angles = {seam.frame: np.degrees(seam.gap) for seam in graft.seams if seam.group == group}
-    return TimelineRow(
-        group=group,
-        start=np.array([s.start for s in substitutions]),
-        stop=np.array([s.stop for s in substitutions]),
-        cluster=graft.library.labels[group][[s.donor for s in substitutions]],
-        donor_clips=tuple(s.clip for s in substitutions),
-        donor_start=np.array([s.donor_start for s in substitutions]),
-        donor_stop=np.array([s.donor_stop for s in substitutions]),
-        is_exchanged=np.array([not s.is_own for s in substitutions]),
-        stretch=np.array([s.stretch for s in substitutions]),
-        seam_angles=np.array(
-            [[angles.get(frame, np.nan) for frame in (s.start, s.stop)] for s in substitutions]
-        ),
-        n_alternatives=np.asarray(graft.alternatives[group]),
+    parts = (
+        TimelinePart(
+            start=s.start,
+            stop=s.stop,
+            cluster=int(labels[s.donor]),
+            clip=s.clip,
+            donor_start=s.donor_start,
+            donor_stop=s.donor_stop,
+            is_exchanged=not s.is_own,
+            stretch=s.stretch,
+            seam_angles=(angles.get(s.start), angles.get(s.stop)),
+            n_alternatives=count,
+        )
+        for s, count in zip(substitutions, graft.alternatives[group].tolist(), strict=True)
     )
+    return TimelineRow(group, tuple(parts))

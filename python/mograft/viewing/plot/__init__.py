@@ -5,8 +5,7 @@ Each function draws into the given axes, or into new ones, and returns them. The
 """
 
 from mograft.io.palette import PALETTE
-from mograft.viewing.plot.cluster_plots import clusters, dendrogram, pca
-from mograft.viewing.plot.group_plots import groups
+from mograft.viewing.plot.cluster_plots import clusters, dendrogram, groups, pca
 from mograft.viewing.plot.pose_strip import strip
 from mograft.viewing.plot.time_plots import energy, timeline
 

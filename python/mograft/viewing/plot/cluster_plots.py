@@ -1,5 +1,6 @@
-"""The segments of a library as points, as a linkage tree, and as cluster sizes."""
+"""Segments of a library as points, linkage tree and cluster sizes; trees of joint groups."""
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,10 +10,13 @@ from mograft._standalone.mograft_linkage.dendrogram import leaves_list
 from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.validate import is_integer
 from mograft.analysis.embedding import Embedding
+from mograft.analysis.group_discovery import GroupDiscovery
 from mograft.errors import suggest_name
 from mograft.io.palette import PALETTE
 from mograft.library.library import Library
-from mograft.viewing.plot.figure_axes import cluster_colour, ensure_axes
+from mograft.motion.skeleton import Skeleton
+from mograft.viewing.plot.figure_axes import cluster_colour, ensure_axes, ensure_two_axes
+from mograft.viewing.plot.pose_strip import strip
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -114,8 +118,12 @@ def dendrogram(library: Library, group: str | None = None, *, ax: "Axes | None" 
 
     tree = linkage(points)
     threshold = library.sigma[name]
-    for colour, branches in _branches(tree, labels, threshold).items():
-        axes.add_collection(LineCollection(branches, colors=colour, linewidths=0.9))
+    branches: dict[str, list[FloatArray]] = {}
+    for cluster, corners in _branches(tree, labels):
+        colour = "0.45" if cluster < 0 else cluster_colour(cluster)
+        branches.setdefault(colour, []).append(corners)
+    for colour, lines in branches.items():
+        axes.add_collection(LineCollection(lines, colors=colour, linewidths=0.9))
     axes.axhline(threshold, color=PALETTE[1], linewidth=1, linestyle="--")
     axes.set_xlim(-1, len(points))
     axes.set_ylim(0, 1.05 * float(tree[-1, 2]))
@@ -128,27 +136,23 @@ def dendrogram(library: Library, group: str | None = None, *, ax: "Axes | None" 
     return axes
 
 
-def _branches(tree: FloatArray, labels: IntArray, threshold: float) -> dict[str, list[FloatArray]]:
-    """Return the branches of a linkage tree, by their colour.
+def _branches(tree: FloatArray, labels: IntArray) -> Iterator[tuple[int, FloatArray]]:
+    """Yield the cluster of each branch of a linkage tree, and its corners; -1 between clusters.
 
-    `labels` has the cluster of each segment. A branch is a polyline, shape (4, 2), in the
-    coordinates of the axes.
+    `labels` has the cluster of each leaf. The corners, shape (4, 2), are positions along the leaves
+    and heights.
     """
     n = len(labels)
-    x = np.zeros(2 * n - 1)
-    x[leaves_list(tree)] = np.arange(n)
+    place = np.zeros(2 * n - 1)
+    place[leaves_list(tree)] = np.arange(n)
     height = np.concatenate([np.zeros(n), tree[:, 2]])
     cluster = np.concatenate([labels, np.full(n - 1, -1)])
-    branches: dict[str, list[FloatArray]] = {}
     for node, (left, right) in enumerate(tree[:, :2].astype(int).tolist(), start=n):
-        x[node] = 0.5 * (x[left] + x[right])
-        if height[node] <= threshold:
+        place[node] = 0.5 * (place[left] + place[right])
+        if cluster[left] == cluster[right]:
             cluster[node] = cluster[left]
-        colour = "0.45" if cluster[node] < 0 else cluster_colour(int(cluster[node]))
-        corners = np.array([x[left], x[left], x[right], x[right]])
-        heights = np.array([height[left], height[node], height[node], height[right]])
-        branches.setdefault(colour, []).append(np.stack([corners, heights], axis=1))
-    return branches
+        ends = [left, left, right, right], [left, node, node, right]
+        yield int(cluster[node]), np.stack([place[ends[0]], height[ends[1]]], axis=1)
 
 
 def clusters(library: Library, group: str | None = None, *, ax: "Axes | None" = None) -> "Axes":
@@ -216,3 +220,67 @@ def _embedding(library: Library, group: str | None) -> tuple[str, Embedding, Int
         )
     # The segments of a base that was added for a graft have labels, but no points.
     return name, embedding, labels[: len(embedding.points)]
+
+
+def groups(
+    discovery: GroupDiscovery, *, axes: "tuple[Axes, Axes] | None" = None
+) -> "tuple[Axes, Axes]":
+    """Draw the linkage tree of chains of joints, and beside it a pose in the colours of the groups.
+
+    Parameters
+    ----------
+    discovery : GroupDiscovery
+        The result of `mograft.discover_groups`.
+    axes : tuple of matplotlib Axes, optional
+        Axes of the tree and of the pose. Default: new axes, side by side.
+
+    Returns
+    -------
+    tuple of matplotlib Axes
+        The axes of the tree and of the pose. The chains are on the vertical axis of the tree, with
+        the base group at the top. The horizontal axis is the distance at which
+        chains merge: 1 minus their smallest dependence. A dashed line separates the merges within
+        groups from the others.
+
+    Examples
+    --------
+    >>> from mograft import discover_groups, plot
+    >>> from mograft.dancer import dance
+    >>> tree, pose = plot.groups(discover_groups(dance(strides=2).motion, 3))
+    >>> [label.get_text() for label in tree.get_yticklabels()]
+    ['Hips ... RightFoot', 'LeftShoulder ... RightHand', 'Spine', 'Neck ... Head']
+    """
+    tree_axes, pose_axes = ensure_two_axes(axes, (10, 4))
+    _draw_tree(discovery, tree_axes)
+    strip(discovery.pose, 1, groups=discovery.groups, ax=pose_axes)
+    pose_axes.texts[-1].remove()  # the number of the only frame
+    pose_axes.set_title("", loc="left")
+    return tree_axes, pose_axes
+
+
+def _draw_tree(discovery: GroupDiscovery, axes: "Axes") -> None:
+    """Draw the linkage tree from left to right."""
+    tree, labels, n = discovery.tree, discovery.labels, len(discovery.units)
+    order = leaves_list(tree)
+    for group, corners in _branches(tree, labels):
+        colour = "0.45" if group < 0 else PALETTE[group % len(PALETTE)]
+        along, across = corners.T
+        axes.plot(across, along, color=colour, linewidth=1.6, solid_capstyle="round")
+    n_groups = int(labels.max()) + 1
+    bounds = np.concatenate([[0.0], tree[:, 2]])[n - n_groups : n - n_groups + 2]
+    axes.axvline(float(bounds.mean()), color="0.5", linewidth=1, linestyle="--")
+    axes.set_yticks(
+        range(n), [_unit_label(discovery.pose.skeleton, discovery.units[u]) for u in order]
+    )
+    for text, unit in zip(axes.get_yticklabels(), order.tolist(), strict=True):
+        text.set_color(PALETTE[int(labels[unit]) % len(PALETTE)])
+    axes.invert_yaxis()
+    axes.set_xlim(0.0, 1.02)
+    axes.set_xlabel("1 - dependence")
+    axes.set_title(f"{n_groups} groups of {n} chains", loc="left", fontsize=10)
+
+
+def _unit_label(skeleton: Skeleton, joints: IntArray) -> str:
+    """Return the names of the first and the last joint of a chain."""
+    first, last = skeleton.names[joints[0]], skeleton.names[joints[-1]]
+    return first if len(joints) == 1 else f"{first} ... {last}"

@@ -7,9 +7,8 @@ import numpy as np
 from mograft.body.groups import JointGroups
 from mograft.io.palette import PALETTE
 from mograft.motion.motion import Motion
-from mograft.viewing.geometry import DrawnSkeleton
+from mograft.viewing.geometry import Camera, DrawnSkeleton, front_yaw
 from mograft.viewing.plot.figure_axes import ensure_axes
-from mograft.viewing.projection import Camera, front_yaw
 from mograft.viewing.scene import Scene
 
 if TYPE_CHECKING:

@@ -139,17 +139,18 @@ def _draw_row(
     axes: "Axes", row: TimelineRow, height: int, frames: tuple[int, int], inches_per_frame: float
 ) -> None:
     first, last = frames
-    clips = sorted(set(row.donor_clips))
-    for index in np.flatnonzero((row.stop > first) & (row.start < last)).tolist():
-        start, length = int(row.start[index]), int(row.stop[index] - row.start[index])
-        cluster = int(row.cluster[index])
+    clips = sorted({part.clip for part in row.parts if part.clip is not None})
+    for part in row.parts:
+        if part.stop <= first or part.start >= last:
+            continue
+        length, cluster = part.stop - part.start, part.cluster
         # Without clusters, the colour of an exchanged segment is that of the clip of its donor.
         colour = cluster
-        if cluster < 0 and row.is_exchanged[index]:
-            colour = clips.index(row.donor_clips[index])
-        style: dict[str, Any] = {"hatch": "//////"} if row.is_exchanged[index] else {}
+        if cluster < 0 and part.is_exchanged and part.clip is not None:
+            colour = clips.index(part.clip)
+        style: dict[str, Any] = {"hatch": "//////"} if part.is_exchanged else {}
         axes.broken_barh(
-            [(start, length)],
+            [(part.start, length)],
             (height - 0.4, 0.8),
             facecolor="0.75" if colour < 0 else cluster_colour(colour),
             edgecolor="white",
@@ -158,7 +159,7 @@ def _draw_row(
         )
         if cluster >= 0 and length * inches_per_frame > 0.07 * len(str(cluster)) + 0.05:
             axes.text(
-                start + 0.5 * length,
+                part.start + 0.5 * length,
                 height,
                 str(cluster),
                 ha="center",
