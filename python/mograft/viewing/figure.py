@@ -171,9 +171,9 @@ def _recorded_row(record: GraftRecord, group: str) -> TimelineRow:
         TimelinePart(
             start=own.frames[0],
             stop=own.frames[1],
-            clip=own.donor.clip,
-            donor_start=own.donor.frames[0],
-            donor_stop=own.donor.frames[1],
+            clip=own.clip,
+            donor_start=own.clip_frames[0],
+            donor_stop=own.clip_frames[1],
             is_exchanged=not own.is_own,
             stretch=float(substitution["stretch"]),
             seam_angles=(seams.get(own.frames[0]), seams.get(own.frames[1])),
