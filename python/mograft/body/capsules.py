@@ -12,6 +12,8 @@ from mograft.body.anatomy import anatomy
 from mograft.body.mass import mass_model
 from mograft.motion.skeleton import Skeleton
 
+__all__ = ["RADII", "Capsules", "box_clearance", "capsules", "clearance"]
+
 RADII: Mapping[str, float] = {
     "pelvis": 0.075,
     "trunk": 0.075,
