@@ -1,6 +1,6 @@
 """Trellises of donors: the candidates at every position of a base motion and their costs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -28,6 +28,8 @@ class DonorTrellis:
     scenario: IntArray  # the base segments, shape (n_positions,)
     candidates: tuple[IntArray, ...]  # at each position, ascending
     costs: Trellis
+    # Costs of the seams from the last position to the first, if the base is a loop.
+    join: FloatArray | None = None
 
     @classmethod
     def build(
@@ -54,6 +56,21 @@ class DonorTrellis:
             kept += found
             unary += costs
         return cls(scenario, tuple(kept), Trellis(tuple(unary), _seam_costs(pool, kept, model)))
+
+    def find_path(self, costs: Trellis, search: Callable[[Trellis], IntArray]) -> IntArray:
+        """Return the path that a search finds, given the costs of this trellis or changed ones.
+
+        If the base is a loop, the search runs twice: the first time with the first position once
+        more at the end, which selects its donor; then with this donor at both ends.
+        """
+        if self.join is None:
+            return search(costs)
+        around = Trellis(
+            (*costs.unary, np.zeros_like(costs.unary[0])), (*costs.pairwise, self.join)
+        )
+        first = search(around)[-1:]
+        path = search(around.restrict_first(first).restrict_last(first))
+        return np.append(first, path[1:-1])
 
     def donor_sequence(self, path: IntArray) -> IntArray:
         """Return the donor segment at each position of a path, shape (n_positions,)."""

@@ -108,6 +108,11 @@ class Trellis:
         first = [own[indices] for own in self.pairwise[:1]]
         return Trellis((self.unary[0][indices], *self.unary[1:]), (*first, *self.pairwise[1:]))
 
+    def restrict_last(self, indices: IntArray) -> "Trellis":
+        """Return the trellis with only the candidates `indices` at the last position."""
+        last = [own[:, indices] for own in self.pairwise[-1:]]
+        return Trellis((*self.unary[:-1], self.unary[-1][indices]), (*self.pairwise[:-1], *last))
+
     def slice_within(self, path: IntArray, start: int, stop: int) -> "Trellis":
         """Return the trellis of positions `start` to `stop - 1`; the others are fixed as in `path`.
 
@@ -245,11 +250,12 @@ def diverse(
     count: int,
     charges: Callable[[IntArray], Sequence[FloatArray]],
     captured: IntArray | None = None,
+    search: Callable[[Trellis], IntArray] = viterbi,
 ) -> list[IntArray]:
     """Return different paths; each is the cheapest after costs are added for the earlier ones.
 
     `charges` returns the costs to add to the unary costs of all candidates after a path. The first
-    path is that of `viterbi`; only it may be `captured`. If the cheapest path is an earlier one,
+    path is that of `search`; only it may be `captured`. If the path found is an earlier one,
     the cheapest new path is returned instead. There are fewer than `count` paths if no new one
     exists.
 
@@ -262,7 +268,7 @@ def diverse(
     paths: list[IntArray] = []
     seen: set[bytes] = set()
     while len(paths) < count:
-        path = viterbi(trellis)
+        path = search(trellis)
         if path.tobytes() in seen:
             # One more path than there are in `seen`, so at least one is new if any is left.
             others = (p for p in k_best(trellis, len(seen) + 1) if p.tobytes() not in seen)

@@ -123,10 +123,11 @@ def _build_root_trellis(problem: SearchProblem, group: str, chosen: DonorSequenc
 def _trellis(
     problem: SearchProblem, group: str, constraint_costs: list[FloatArray] | None
 ) -> DonorTrellis:
-    return DonorTrellis.build(
-        problem.pools[group],
-        problem.scenario,
-        problem.candidates[group],
-        problem.cost_models[group],
-        constraint_costs,
+    pool, model = problem.pools[group], problem.cost_models[group]
+    trellis = DonorTrellis.build(
+        pool, problem.scenario, problem.candidates[group], model, constraint_costs
     )
+    if not problem.is_loop or not isinstance(trellis.costs.pairwise, tuple):
+        return trellis
+    ends = trellis.candidates[-1], trellis.candidates[0]
+    return replace(trellis, join=pool.pairwise_costs(*ends, model))
