@@ -55,7 +55,7 @@ class NearestSegments(type(NEIGHBOURHOODS["ball"])):
     def __init__(self, count):
         self.count = count
 
-    def find_members(self, labels, points, sigma, base):
+    def find_members(self, labels, points, sigma, base):  # noqa: ARG002 - the interface
         """As `Neighbourhood.find_members`."""
         distances = (np.linalg.norm(points - points[own], axis=1) for own in base)
         return [np.sort(np.argsort(own, kind="stable")[: self.count + 1]) for own in distances]
