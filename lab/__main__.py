@@ -12,6 +12,7 @@ SECTIONS = {
     "behaviours": "lab.studies.behaviours",
     "feet": "lab.studies.feet",
     "groups": "lab.studies.groups",
+    "neighbourhoods": "lab.studies.neighbourhoods",
     "seams": "lab.studies.seams",
     "segmentations": "lab.studies.segmentations",
     "variety": "lab.studies.variety",

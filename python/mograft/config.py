@@ -153,6 +153,10 @@ class Config:
         the base (Heck, Kovar and Gleicher 2006). With "balanced" it keeps its lean too, and in
         addition responds to the sway of the base's pelvis as the trunk of the base does
         (docs/seams.md).
+    loop : {"auto", "on", "off"}
+        Whether the last frame of a graft meets its first. "auto": if those of the base do, in pose
+        and velocity, as in the walk cycle of a game. "on": always. "off": never. It has no effect
+        if an exchanged group contains the root, and in streams.
     self_repair : bool
         Whether donors are replaced where the assembled motion has a greater acceleration, jerk or
         depth below the floor than the limits in docs/seams.md, which derive from the recordings. It
@@ -218,6 +222,7 @@ class Config:
     seam_blend: float = setting("blend", 0.3)
     alignment: Literal["uniform", "dtw"] = setting("blend", "uniform")
     torso: Literal["pelvis", "world", "balanced"] = setting("blend", "balanced")
+    loop: Literal["auto", "on", "off"] = setting("search", "auto")
     self_repair: bool = setting("search", default=True)
     feet: Literal["auto", "never"] = setting("blend", "auto")
     reach_ik: float = setting("blend", 0.25, 0)
@@ -292,6 +297,7 @@ class Config:
             balance_weight=0.0,
             seam="paper",
             torso="pelvis",
+            loop="off",
             self_repair=False,
             feet="never",
             reach_ik=0.0,

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import chain, islice, product
 from typing import ClassVar, Protocol
 
@@ -75,7 +76,8 @@ class Viterbi(DonorChoice):
         for group, trellis in source.trellises.items():
             charge = charges(source.pools[group], trellis, source.config)
             captured = trellis.path(trellis.scenario)
-            paths[group] = diverse(trellis.costs, count, charge, captured)
+            search = partial(trellis.find_path, search=viterbi)
+            paths[group] = diverse(trellis.costs, count, charge, captured, search)
         ranks = interleaved_combinations([len(own) for own in paths.values()], count)
         return _sequences(source, paths, ranks)
 
@@ -108,9 +110,12 @@ class Sample(DonorChoice):
             group: charges(source.pools[group], own, config) for group, own in trellises.items()
         }
 
+        def draw_path(costs: Trellis) -> IntArray:
+            return sample(costs, config.temperature, rng)
+
         def draw_once() -> DonorSequences:
             return {
-                group: trellis.donor_sequence(sample(costs[group], config.temperature, rng))
+                group: trellis.donor_sequence(trellis.find_path(costs[group], draw_path))
                 for group, trellis in trellises.items()
             }
 

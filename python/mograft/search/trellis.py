@@ -119,6 +119,11 @@ class Trellis:
         first = [own[indices] for own in self.pairwise[:1]]
         return Trellis((self.unary[0][indices], *self.unary[1:]), (*first, *self.pairwise[1:]))
 
+    def restrict_last(self, indices: IntArray) -> "Trellis":
+        """Return the trellis with only the candidates `indices` at the last position."""
+        last = [own[:, indices] for own in self.pairwise[-1:]]
+        return Trellis((*self.unary[:-1], self.unary[-1][indices]), (*self.pairwise[:-1], *last))
+
     def slice_within(self, path: IntArray, start: int, stop: int) -> "Trellis":
         """Return the trellis of positions `start` to `stop - 1`; the others are fixed as in `path`.
 
@@ -256,11 +261,12 @@ def diverse(
     count: int,
     charges: Callable[[IntArray], Sequence[FloatArray]],
     captured: IntArray | None = None,
+    search: Callable[[Trellis], IntArray] = viterbi,
 ) -> list[IntArray]:
     """Return different paths; each is the cheapest after costs are added for the earlier ones.
 
     `charges` returns the costs to add to the unary costs of all candidates after a path. The first
-    path is that of `viterbi`; only it may be `captured`. If the cheapest path is an earlier one,
+    path is that of `search`; only it may be `captured`. If the path found is an earlier one,
     the cheapest new path is returned instead. There are fewer than `count` paths if no new one
     exists.
 
@@ -273,7 +279,7 @@ def diverse(
     paths: list[IntArray] = []
     seen: set[bytes] = set()
     while len(paths) < count:
-        path = viterbi(trellis)
+        path = search(trellis)
         if path.tobytes() in seen:
             # One more path than there are in `seen`, so at least one is new if any is left.
             others = (p for p in k_best(trellis, len(seen) + 1) if p.tobytes() not in seen)
@@ -294,6 +300,8 @@ class DonorTrellis:
     scenario: IntArray  # the base segments, shape (n_positions,)
     candidates: tuple[IntArray, ...]  # at each position, ascending
     costs: Trellis
+    # Costs of the seams from the last position to the first, if the base is a loop.
+    join: FloatArray | None = None
 
     @classmethod
     def build(
@@ -320,6 +328,21 @@ class DonorTrellis:
             kept += found
             unary += costs
         return cls(scenario, tuple(kept), Trellis(tuple(unary), _seam_costs(pool, kept, model)))
+
+    def find_path(self, costs: Trellis, search: Callable[[Trellis], IntArray]) -> IntArray:
+        """Return the path that a search finds, given the costs of this trellis or changed ones.
+
+        If the base is a loop, the search runs twice: the first time with the first position once
+        more at the end, which selects its donor; then with this donor at both ends.
+        """
+        if self.join is None:
+            return search(costs)
+        around = Trellis(
+            (*costs.unary, np.zeros_like(costs.unary[0])), (*costs.pairwise, self.join)
+        )
+        first = search(around)[-1:]
+        path = search(around.restrict_first(first).restrict_last(first))
+        return np.append(first, path[1:-1])
 
     def donor_sequence(self, path: IntArray) -> IntArray:
         """Return the donor segment at each position of a path, shape (n_positions,)."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.blend.loop_join import close_join
 from mograft.blend.recombine import Part, recombine
 from mograft.blend.transplant import seam_reach, transplant
 from mograft.body.world_poses import Poses
@@ -76,7 +77,10 @@ class Assembly:
         base, segments = problem.base, problem.base_segments
         for group, sequence in donors.items():
             if group not in parts:
-                parts[group] = transplant_group(problem, group, base, segments, sequence)
+                part = transplant_group(problem, group, base, segments, sequence)
+                if problem.is_loop and (sequence != problem.scenario)[[0, -1]].any():
+                    part = close_join(part, base.rate, problem.config.seam_blend)
+                parts[group] = part
         motion = recombine(problem.base, [parts[group] for group in donors], name)
         return cls(problem, donors, motion, parts)
 

@@ -45,6 +45,10 @@ MAX_ADDED_DEPTH = 0.01
 
 _PERCENTILE = 99.9  # of world jerk and of floor depth in a recording
 _SEAM_SECONDS = 4.0 / 30.0  # on either side of a seam
+_SHORT_SECONDS = 10.0
+"""Duration below which the percentile of a base is not reliable, and that of the library counts."""
+
+_COMPARED_CLIPS = 64  # of the library, whose jerk is compared
 _STEP_SECONDS = 1.0 / 30.0
 """Time between the frames of differences.
 
@@ -251,9 +255,24 @@ class DefectMeasure:
         jerk = self._clip_jerk(base)
         key = ("jerk percentiles", self._driven_joints.tobytes(), self._step)
         percentiles = remember(base, key, lambda: np.percentile(jerk, _PERCENTILE, axis=0))
+        if base.duration < _SHORT_SECONDS:
+            key = ("library jerk", self._driven_joints.tobytes(), self._step)
+            percentiles = np.maximum(percentiles, remember(base, key, self._library_jerk))
         least = _LEAST * mass_model(base.skeleton).height
         limits: FloatArray = np.maximum(MAX_JERK_RATIO * percentiles, least)
         return np.maximum(limits, jerk[start:stop])
+
+    def _library_jerk(self) -> FloatArray:
+        """Return the world jerk of each joint that a tenth of the library's clips reach."""
+        clips, joints, step = self.problem.library.clips, self._driven_joints, self._step
+        chosen = np.unique(np.linspace(0, len(clips) - 1, _COMPARED_CLIPS).round().astype(int))
+        frames = int(_SHORT_SECONDS * self.problem.base.rate)
+        peaks = [
+            np.percentile(world_jerk(clips[index][:frames], joints, step), _PERCENTILE, axis=0)
+            for index in chosen.tolist()
+        ]
+        found: FloatArray = np.percentile(peaks, 90.0, axis=0)
+        return found
 
     def _depth_limits(self, start: int, stop: int) -> FloatArray:
         """Return the limits of depth that follow from the base, shape (n_frames, n_points).

@@ -142,7 +142,11 @@ def group_trellis(
 ) -> DonorTrellis:
     """Return the trellis of some candidates of a group; `costs` are those of constraints."""
     pool, model = problem.pools[group], problem.cost_models[group]
-    return DonorTrellis.build(pool, problem.scenario, candidates, model, costs)
+    trellis = DonorTrellis.build(pool, problem.scenario, candidates, model, costs)
+    if not problem.is_loop or not isinstance(trellis.costs.pairwise, tuple):
+        return trellis
+    ends = trellis.candidates[-1], trellis.candidates[0]
+    return replace(trellis, join=pool.pairwise_costs(*ends, model))
 
 
 def split_by_count(items: IntArray, counts: IntArray) -> list[IntArray]:

@@ -11,6 +11,7 @@ from mograft.blend.transplant import GraftedGroup
 from mograft.blend.trunk_lean import TrunkLean
 from mograft.body.anatomy import feature_joints
 from mograft.body.contacts import find_legs
+from mograft.body.loops import is_loop
 from mograft.body.world_poses import Poses
 from mograft.config import Config
 from mograft.errors import join_names, suggest_name
@@ -275,6 +276,14 @@ class SearchProblem:
         """The grafted group that contains the root and whose donors drive it, or None."""
         root = self.library.root
         return next((group for group, own in self.whole_joints.items() if root in own), None)
+
+    @cached_property
+    def is_loop(self) -> bool:
+        """Whether the last frame of the result meets its first; see `Config.loop`."""
+        loop = self.config.loop
+        if loop == "off" or self.root_group is not None or self.base.n_frames < 3:
+            return False
+        return loop == "on" or is_loop(self.base)
 
     @cached_property
     def group_specs(self) -> dict[str, GraftedGroup]:

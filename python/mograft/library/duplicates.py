@@ -1,0 +1,103 @@
+"""Spans of a library that occur twice: the same movement in two places, as in a take and its piece.
+
+One pass over the embedding of the base group finds pairs of near segments; of these, the pairs
+whose parts are copies in every group are compared pose by pose.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft.library.library import Library
+from mograft.search.neighbourhoods import NEIGHBOURHOODS
+
+_RADIUS = 0.25
+"""Greatest distance of copies in the embedding, in cluster diameter thresholds.
+
+Two recordings of one movement at other rates differ by less, and the pose comparison decides.
+"""
+
+_SEGMENTS_PER_BATCH = 4096
+
+
+@dataclass(frozen=True)
+class DuplicateSpan:
+    """A span of a clip that occurs again in another place.
+
+    Attributes
+    ----------
+    clip, other : str
+        Names of the two clips, which may be the same.
+    frames, other_frames : tuple of int
+        First and last frame of the span in each of them, at the rate of the library.
+    """
+
+    clip: str
+    frames: tuple[int, int]
+    other: str
+    other_frames: tuple[int, int]
+
+
+def find_duplicates(library: Library) -> list[DuplicateSpan]:
+    """Return the spans of whole segments that occur twice in a library.
+
+    A segment is the duplicate of another if every joint, but for the heading of the root, is
+    within 0.5 degrees in all samples. Mirror images are duplicates only of other mirror images.
+    Memory is linear in the number of segments.
+
+    Parameters
+    ----------
+    library : Library
+        The library.
+
+    Returns
+    -------
+    list of DuplicateSpan
+        The spans, by clip and first frame.
+
+    Examples
+    --------
+    >>> from mograft.dancer import dance
+    >>> take = dance(strides=1).motion
+    >>> find_duplicates(Library.build([take, take]))[0].other
+    'dance~2'
+    """
+    pools = [library.pool(group) for group in library.groups.names]
+    points, radius = pools[0].points, _RADIUS * pools[0].sigma
+    pairs = []
+    for start in range(0, len(library.segments), _SEGMENTS_PER_BATCH):
+        own = np.arange(start, min(start + _SEGMENTS_PER_BATCH, len(library.segments)))
+        near = NEIGHBOURHOODS["ball"].find_members(pools[0].labels, points, radius, own)
+        first, second = np.repeat(own, [len(members) for members in near]), np.concatenate(near)
+        first, second = first[first < second], second[first < second]
+        for pool in pools:
+            is_copy = pool.are_copies(first, second)
+            first, second = first[is_copy], second[is_copy]
+        pairs += list(zip(first.tolist(), second.tolist(), strict=True))
+    return _join(library, pairs)
+
+
+def _join(library: Library, pairs: list[tuple[int, int]]) -> list[DuplicateSpan]:
+    """Return spans of pairs of segments that follow each other in both clips."""
+    cut, names = library.segments, library.names
+    left, spans = set(pairs), []
+    for pair in pairs:
+        if pair not in left:
+            continue
+        ends = pair
+        while ends in left:
+            left.remove(ends)
+            following = ends[0] + 1, ends[1] + 1
+            if any(
+                cut.clip[own] != cut.clip[new] for own, new in zip(ends, following, strict=True)
+            ):
+                break
+            if following not in left:
+                break
+            ends = following
+        (clip, frames), (other, others) = (
+            (names[cut.clip[own]], (int(cut.start[own]), int(cut.stop[end])))
+            for own, end in zip(pair, ends, strict=True)
+        )
+        spans.append(DuplicateSpan(clip, frames, other, others))
+    return spans
