@@ -5,6 +5,7 @@ import math
 import re
 import shlex
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import pytest
 from mograft import Config, Library, __version__, graft_many, read_bvh, write_bvh
 from mograft.cli import main
 from mograft.evaluation import world_measures
+from tests.hierarchies import DATA
 
 
 def test_demo_writes_sample_grafts_and_provenance(run, tmp_path):
@@ -147,6 +149,18 @@ def test_graft_few_donors_give_fewer_motions_and_a_warning(run, folder, tmp_path
     assert len(out.split()) == 1
     assert "the donors allow only 1 different motion, not 2" in err
     assert "had no candidate and were kept" in err
+    assert "a larger --" in err
+
+
+def test_graft_equal_motions_give_a_warning_that_distinct_prevents(run, tmp_path):
+    knight = f"{DATA / 'glb' / 'kaykit_Knight.glb'}"
+    if not Path(knight).exists():
+        pytest.skip(f"{knight} is missing")
+    for distinct, is_warned in ((0, True), (2, False)):
+        words = ["--base", "Lie_Idle", "-n", 3, "--distinct", distinct]
+        code, _, err = run("graft", knight, *words, "-o", tmp_path / str(distinct))
+        assert code == 0
+        assert ("differ from an earlier one by less than 1°" in err) is is_warned
 
 
 def test_graft_base_given_as_path_file_name_or_clip_is_same(run, folder, tmp_path):

@@ -10,6 +10,7 @@ from mograft import Config, Library, advise, graft, graft_many
 from mograft.constraints import KeepOriginal
 from mograft.dancer import dance
 from mograft.solve.self_repair import RepairedWindow
+from mograft.synthesis.advice import find_helpful_option
 
 
 @pytest.fixture(scope="module")
@@ -73,3 +74,16 @@ def test_advice_names_self_repair_if_it_restored_all_segments(library):
     ]
     assert "no segment was exchanged: self-repair restored the captured parts" in line
     assert "`self_repair=False` keeps the exchanges" in line
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"max_stretch": 0.08, "length_slack": 0.0, "sigma_scale": 2.0}, "`max_stretch`"),
+        ({"sigma_scale": 0.2}, "`variety`"),
+    ],
+)
+def test_find_helpful_option_is_the_limit_that_excludes_most(changes, expected):
+    sample = dance(seed=1, strides=1).motion[:600]
+    narrow = Library.build(sample, config=Config(**changes))
+    assert find_helpful_option(graft(narrow)) == expected

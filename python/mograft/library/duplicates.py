@@ -37,6 +37,10 @@ class DuplicateSpan:
     other: str
     other_frames: tuple[int, int]
 
+    def __str__(self) -> str:
+        (start, stop), (first, last) = self.frames, self.other_frames
+        return f"{self.clip} {start}-{stop} = {self.other} {first}-{last}"
+
 
 def find_duplicates(library: Library) -> list[DuplicateSpan]:
     """Return the spans of whole segments that occur twice in a library.

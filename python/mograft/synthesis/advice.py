@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -62,6 +63,26 @@ def advise(graft: Graft, motions: Sequence[Sequence[Substitution]] = ()) -> list
         return lines  # Only segments near violations have other candidates.
     without = [group for group, counts in graft.alternatives.items() if (counts == 0).any()]
     return [*lines, *(_describe_missing(graft, group) for group in without)]
+
+
+def find_helpful_option(graft: Graft) -> str:
+    """Return the option that adds most candidates for the base of a graft.
+
+    It is "`variety`", tried with a radius greater by a third, or "`max_stretch`", tried with twice
+    its value; ties go to the first.
+    """
+    library, gains = graft.library, []
+    stretched = replace(library.config, max_stretch=2.0 * library.config.max_stretch)
+    for factor, config in ((4.0 / 3.0, library.config), (1.0, stretched)):
+        n_candidates = 0
+        for group in graft.alternatives:
+            scenario = [own.segment for own in graft.substitutions if own.group == group]
+            pool = library.pool(group)
+            pool = replace(pool, sigma=factor * pool.sigma)
+            lists = pool.candidate_lists(np.array(scenario, np.int64), config)
+            n_candidates += sum(map(len, lists))
+        gains.append(n_candidates)
+    return "`max_stretch`" if gains[1] > gains[0] else "`variety`"
 
 
 def _cause_of_no_exchange(graft: Graft) -> str:

@@ -33,7 +33,7 @@ from mograft.scenario import Scenario, fill, follow, to_beats, transitions, walk
 from mograft.scenario.walks import check_duration
 from mograft.search.candidates import count_combinations
 from mograft.search.constraints import Constraint
-from mograft.synthesis.advice import advise
+from mograft.synthesis.advice import advise, find_helpful_option
 from mograft.synthesis.graft import graft_many, kept_violations, repair
 from mograft.synthesis.graft_result import Graft, Substitution
 from mograft.synthesis.newness import newness
@@ -45,6 +45,7 @@ All of them are in memory at the same time.
 """
 
 _N_DEMO_GRAFTS = 3
+_NEAR_DEGREES = 1.0  # mean angle below which a motion counts as an earlier one again
 _GRAPH_OPTIONS = ("duration", "frames", "path", "beats", "among")
 _EDITS = ("take", "ban", "keep", "reroll")
 _OUTPUTS = ("output", "report", "measure", "digits", "json", "force", "quiet", "verbose")
@@ -295,6 +296,7 @@ def _write_results(
     is_together = paths[0].suffix.lower() == ".glb"
     reference, motions, kept = None, list[Motion](), list[Graft]()
     substitutions, sections, columns, documents = [], [], [], []
+    n_near = 0
     if options.measure:
         from mograft.evaluation.world_measures import WorldReference  # takes long to import
 
@@ -303,6 +305,7 @@ def _write_results(
     for path, graft in zip(paths, grafts, strict=False):
         own = graft if options.from_ else graft_files.with_command(graft, options, options.files)
         new, section = newness(own, motions), dict[str, Any]()
+        n_near += new.apart is not None and np.degrees(new.apart) < _NEAR_DEGREES
         motions = [*motions, own.motion][-_MAX_REPORTED:] if len(paths) > 1 else []
         lines = [own.report(each=options.verbose), f"  {new}"]
         if reference is not None:
@@ -330,7 +333,7 @@ def _write_results(
         write_graft(kept, paths[0], sections)
         if not options.json:
             print(paths[0])
-    _print_remarks(own, substitutions, options)
+    _print_remarks(own, substitutions, n_near, options)
     result: dict[str, Any] = {"grafts": documents}
     if options.report:
         shown = kept[:_MAX_REPORTED]
@@ -340,18 +343,27 @@ def _write_results(
 
 
 def _print_remarks(
-    last: Graft, substitutions: Sequence[Sequence[Substitution]], options: GraftOptions
+    last: Graft, substitutions: Sequence[Sequence[Substitution]], n_near: int, options: GraftOptions
 ) -> None:
-    """Print how many motions are missing, and what was not exchanged; `last` is one graft."""
-    n = len(substitutions)
+    """Print how many motions are missing or near to others, and what was not exchanged.
+
+    `last` is one of the grafts, and `n_near` the number of those that are near to an earlier one.
+    """
+    n, remarks = len(substitutions), list[str]()
     if n < options.count:
         apart = f" that are {options.distinct:g}° apart" if options.distinct else ""
         smaller = "a smaller --distinct, " if options.distinct else ""
-        print_remark(
+        remarks.append(
             f"warning: the donors allow only {n} different motion{'s' * (n > 1)}{apart}, not "
-            f"{options.count}; {smaller}more clips or a larger --variety allow more"
+            f"{options.count}; {smaller}a larger {find_helpful_option(last)} or more clips allow "
+            "more"
         )
-    for remark in advise(last, substitutions):
+    if n_near:
+        remarks.append(
+            f"warning: {n_near} of {n} motions differ from an earlier one by less than "
+            f"{_NEAR_DEGREES:g}°; --distinct {2 * _NEAR_DEGREES:g} replaces them"
+        )
+    for remark in [*remarks, *advise(last, substitutions)]:
         for name, flag in _ADVISED_OPTIONS.items():
             remark = remark.replace(f"`{name}`", flag)
         print_remark(remark)

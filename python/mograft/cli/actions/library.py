@@ -12,6 +12,7 @@ from mograft.errors import join_names
 from mograft.io.addresses import split_address
 from mograft.library.clip_table import ClipInfo
 from mograft.library.discover import find_clips, matching_values, read_tags
+from mograft.library.duplicates import find_duplicates
 from mograft.library.export import export_tables
 from mograft.library.files import storage
 from mograft.library.library import Library
@@ -115,6 +116,11 @@ def run_info(options: LibInfoOptions) -> int:
         faults = f"; {'; '.join(clip['faults'])}" if clip["faults"] else ""
         tags = f" [{' '.join(clip['tags'])}]" if clip["tags"] else ""
         lines.append(f"  {clip['name']}{tags}: {clip['frames']} frames, {clip['file']}{faults}")
+    if options.duplicates:
+        spans = find_duplicates(library)
+        document["duplicates"] = [vars(own) for own in spans]
+        lines.append(f"  {len(spans) or 'no'} span{'s' * (len(spans) != 1)} that occur twice")
+        lines += [f"    {own}" for own in spans]
     print_result(options, "lib/1", {**document, "files": clips}, lines)
     return 0
 

@@ -8,6 +8,7 @@ from mograft._util.atomic import write_text
 from mograft._util.names import automatic_number, is_automatic
 from mograft.body.faults import HARMLESS_FAULTS, find_faults
 from mograft.body.groups import JointGroups
+from mograft.body.loops import is_loop
 from mograft.cli.configuration import selected_skeleton
 from mograft.cli.files import check_suffix, check_writable, expand_folders
 from mograft.cli.output import print_error, print_result
@@ -80,6 +81,7 @@ def _contents(clips: Clips, index: int, options: InfoOptions) -> dict[str, Any]:
         "frame_time": motion.frame_time,
         "rate": motion.rate,
         "seconds": motion.duration,
+        "loop": is_loop(motion),
         "groups": {g: [skeleton.names[j] for j in joints] for g, joints in members.items()},
         "notes": list(clips.notes),
         "repairs": list(motion.repairs),
@@ -116,7 +118,9 @@ def _describe(clips: Sequence[dict[str, Any]]) -> list[str]:
 def _length(document: dict[str, Any]) -> str:
     if document["frames"] == 1:
         return "1 frame"
-    return f"{document['frames']} frames at {document['rate']:.6g} fps, {document['seconds']:.2f} s"
+    loop = ", a loop" if document["loop"] else ""
+    seconds = f"{document['seconds']:.2f} s"
+    return f"{document['frames']} frames at {document['rate']:.6g} fps, {seconds}{loop}"
 
 
 def run_check(options: CheckOptions) -> int:

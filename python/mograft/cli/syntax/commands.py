@@ -89,6 +89,7 @@ class LibInfoOptions(StoredOptions):
     """Print the contents and the configuration of a library."""
 
     clips: bool = option("also list the clips")
+    duplicates: bool = option("also list the spans that occur twice, in other clips or the same")
 
 
 class TablesOptions(StoredOptions, options.WriterOptions, section="output"):
