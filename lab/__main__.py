@@ -10,6 +10,7 @@ SECTIONS = {
     "compare": "lab.studies.compare",
     "figures": "lab.figures",
     "behaviours": "lab.studies.behaviours",
+    "delays": "lab.studies.delays",
     "feet": "lab.studies.feet",
     "groups": "lab.studies.groups",
     "neighbourhoods": "lab.studies.neighbourhoods",

@@ -36,7 +36,7 @@ def base(short_base):
 
 def stream_pieces(library, base, chunks=(10_000,), **options):
     """Push a base in chunks whose sizes repeat; return all pieces."""
-    stream = mg.Stream(library, **options)
+    stream = mg.Stream(library, **{"delay": np.inf, **options})
     pieces, first, n_pushes = [], 0, 0
     while first < base.n_frames:
         size = chunks[n_pushes % len(chunks)]
@@ -74,13 +74,14 @@ def ball_at_hand(base, frame=100):
     st.lists(st.integers(1, 60), min_size=1, max_size=8),
     st.sampled_from(["viterbi", "sample", "random", "nearest"]),
     st.integers(1, 10),
+    st.sampled_from([0.0, 0.6, 1.2, np.inf]),
     st.booleans(),
 )
 def test_stream_any_chunks_give_identical_pieces(
-    library, base, chunks, choice, horizon, is_constrained
+    library, base, chunks, choice, horizon, delay, is_constrained
 ):
     constraints = [ball_at_hand(base)] if is_constrained else []
-    options = {"horizon": horizon, "constraints": constraints}
+    options = {"horizon": horizon, "delay": delay, "constraints": constraints}
     configured = with_choice(library, choice)
     expected = stream_pieces(configured, base, **options)
     pieces = stream_pieces(configured, base, chunks, **options)
@@ -92,7 +93,7 @@ def test_stream_any_chunks_give_identical_pieces(
 @FEW_EXAMPLES
 @given(st.integers(2, 259), st.integers(1, 8))
 def test_stream_other_later_frames_leave_committed_pieces_unchanged(library, base, n, horizon):
-    stream = mg.Stream(library, horizon=horizon)
+    stream = mg.Stream(library, horizon=horizon, delay=np.inf)
     stream.push(base[:n])
     before = stream.pieces()
     stream.push(dance(seed=7, strides=1).motion[300:500])
@@ -361,7 +362,7 @@ def test_stream_constraint_that_all_candidates_satisfy_changes_nothing(
 
 
 def test_stream_changed_constraints_apply_to_segments_that_are_not_committed(library, base):
-    stream = mg.Stream(library, horizon=2)
+    stream = mg.Stream(library, horizon=2, delay=np.inf)
     stream.push(base)
     unconstrained = [stream.advance() for _ in range(10)]
     stream.constraints = [mc.OnlyFrom("clip1")]
@@ -402,7 +403,7 @@ def test_stream_max_angle_set_after_a_donor_lists_the_violated_seam(library, bas
 def test_stream_target_before_the_first_free_frame_raises_error_that_names_it(
     library, base, horizon, frame, length
 ):
-    stream = mg.Stream(library, horizon=horizon)
+    stream = mg.Stream(library, horizon=horizon, delay=np.inf)
     stream.push(base[:200])
     old = mc.Reach(HAND, (0.0, 0.0, 0.0), 3)
     stream.constraints = [old]
@@ -442,7 +443,7 @@ def test_stream_target_before_the_first_free_frame_raises_error_that_names_it(
 def test_stream_push_of_invalid_arrays_raises_error_and_keeps_the_frames(
     library, base, change, error, message
 ):
-    stream = mg.Stream(library)
+    stream = mg.Stream(library, delay=np.inf)
     stream.push(base[:50])
     with pytest.raises(error, match=message):
         stream.push(*change(base.rotations[50:53], base.positions[50:53]))
@@ -482,7 +483,7 @@ def test_stream_excluded_clips_are_not_read(library, base):
 
 def test_stream_long_base_holds_limited_frames(library):
     long = dance(seed=3, strides=1).motion
-    stream = mg.Stream(library)
+    stream = mg.Stream(library, delay=np.inf)
     most = 0
     for frame in range(long.n_frames):
         stream.push(long[frame : frame + 1])
@@ -500,6 +501,7 @@ OF_GROUP = mc.KeepOriginal(frames=(0, 9), group="upper")
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        ({"delay": -1.0}, "`delay` must be at least 0 seconds, got -1.0"),
         ({"horizon": 0}, "`horizon` must be a whole number of at least 1, got 0"),
         ({"seed": -1}, "`seed` must be a whole number of at least 0, got -1"),
         ({"swap": ["lower"]}, "`swap` must name groups other than the base group 'lower'"),
@@ -514,6 +516,19 @@ OF_GROUP = mc.KeepOriginal(frames=(0, 9), group="upper")
 def test_stream_invalid_argument_raises_error_that_names_it(library, options, message):
     with pytest.raises(TypeError if "only constraints" in message else ValueError, match=message):
         mg.Stream(library, **options)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.6, 1.2])
+def test_stream_delay_bounds_the_wait_of_segments_that_are_not_longer(library, base, delay):
+    stream, n_behind = mg.Stream(library, delay=delay), []
+    latency = 20  # frames until the end of a segment is known
+    for frame in range(base.n_frames):
+        stream.push(base[frame : frame + 1])
+        for piece in stream.pieces():
+            longest = max(round(delay * library.rate), piece.stop - piece.start + latency)
+            assert frame - piece.start <= longest + 2
+            n_behind.append(frame - piece.start)
+    assert n_behind
 
 
 def test_stream_close_below_two_frames_raises_value_error(library, base):

@@ -255,6 +255,7 @@ class OnlineSegmenter:
         # The frames at which segments meet, ascending from 0. Further frames do not change them.
         # The caller may remove entries from the front.
         self.bounds: list[int] = []
+        self.known_at: list[int] = []  # number of frames pushed when each of them became known
         self._sigma = config.smoothing * rate
         self._min_length = max(round(config.min_length * rate), 1)
         self._max_length = max(config.max_length * rate, 1.0)
@@ -296,7 +297,7 @@ class OnlineSegmenter:
             self._add_smoothed(value)
         last = self.n_frames - 1
         bounds = self._tentative_bounds([*self._turns, last])
-        self.bounds += bounds[1 if self._final_bound else 0 :]
+        self._add_bounds(*bounds[1 if self._final_bound else 0 :])
         self._final_bound, self._turns = last, []
 
     def _add_smoothed(self, value: float) -> None:
@@ -323,9 +324,9 @@ class OnlineSegmenter:
         bounds = self._tentative_bounds(self._turns)
         while len(bounds) > 2:
             if not self._final_bound:
-                self.bounds.append(0)
+                self._add_bounds(0)
             self._final_bound = bounds[1]
-            self.bounds.append(self._final_bound)
+            self._add_bounds(self._final_bound)
             self._turns = [turn for turn in self._turns if turn > self._final_bound]
             bounds = self._tentative_bounds(self._turns)
         # Smoothing at the end of the motion needs two lengths of the kernel.
@@ -335,6 +336,10 @@ class OnlineSegmenter:
             n_unused = first_used - self._first_frame
             del self._energies[:n_unused], self._curve[:n_unused]
             self._first_frame = first_used
+
+    def _add_bounds(self, *bounds: int) -> None:
+        self.bounds += bounds
+        self.known_at += [self.n_frames] * len(bounds)
 
     def _tentative_bounds(self, turns: list[int]) -> list[int]:
         """Return the last final bound and the bounds after it, given the frames `turns`.

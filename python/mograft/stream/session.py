@@ -52,7 +52,11 @@ class StreamSession:
     def _hello(self, request: Message) -> Message:
         """Start a new stream; describe the skeleton that its frames must have."""
         options = _options(
-            request, {"protocol": str, "dtype": str, "seed": int, "horizon": int, "swap": list}
+            request,
+            {
+                **{"protocol": str, "dtype": str, "seed": int, "swap": list},
+                **{"horizon": int, "delay": float},
+            },
         )
         protocol, dtype = options.pop("protocol", None), options.pop("dtype", "float32")
         if protocol != PROTOCOL:

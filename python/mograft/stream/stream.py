@@ -1,5 +1,6 @@
 """`Stream`: grafts on a base motion that is still growing, committed segment by segment."""
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -28,6 +29,9 @@ from mograft.stream.checks import (
 )
 from mograft.stream.search import ChosenDonor, PendingSegment, StreamSearch
 from mograft.synthesis.graft_result import Substitution
+
+DELAY = 1.2
+"""Default of `Stream`'s `delay`, in seconds; docs/howto/live.md has the delays of other values."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +72,9 @@ class Stream:
     """Graft a base motion that is still growing.
 
     Push frames of the base as they arrive. The stream cuts the base into segments. As soon as
-    `horizon` segments are known, it chooses a donor sequence for them and commits the first
-    donor. Committed frames never change: a seam changes only the frames after it.
+    `horizon` segments are known, or the first frame has waited for `delay` seconds, it chooses a
+    donor sequence for the segments that are known and commits the first donor. Committed frames
+    never change: a seam changes only the frames after it.
 
     Parameters
     ----------
@@ -83,9 +88,13 @@ class Stream:
     seed : int
         Seed of the random choices of ``Config(choice="sample")`` and "random".
     horizon : int
-        Number of segments that must be known before the first of them is committed. A larger
-        horizon gives cheaper donor sequences and a longer delay. With 1, only the cost of each
-        donor and of its seam with the previous one counts.
+        Greatest number of segments that are planned ahead. A larger horizon gives cheaper donor
+        sequences and a longer delay. With 1, only the cost of each donor and of its seam with the
+        previous one counts.
+    delay : float
+        Time in seconds that the first frame of a segment waits for later segments, at most. A
+        segment that is longer is committed as soon as its end is known. ``math.inf`` always waits
+        for `horizon` segments.
 
     Raises
     ------
@@ -133,15 +142,18 @@ class Stream:
         constraints: Sequence[Constraint] = (),
         seed: int = 0,
         horizon: int = 8,
+        delay: float = DELAY,
     ) -> None:
         horizon, seed = as_integer("horizon", horizon, 1), as_integer("seed", seed)
+        if isinstance(delay, bool) or not isinstance(delay, int | float) or not delay >= 0:
+            raise ValueError(f"`delay` must be at least 0 seconds, got {delay!r}")
         check_type("library", library, Library)
         groups = sorted(
             grafted_groups(library, swap), key=lambda group: int(library.joints(group).min())
         )
         check_stream_config(library.config)
         check_stream_groups(library, groups)
-        self._library, self._horizon = library, horizon
+        self._library, self._horizon, self._delay = library, horizon, float(delay)
         self._rng = np.random.default_rng(seed)
         self._search = StreamSearch(library, groups)
         self._segmenter = OnlineSegmenter(library.rate, library.config)
@@ -278,18 +290,24 @@ class Stream:
         Returns
         -------
         StreamPiece or None
-            The segment; None if fewer than `horizon` segments are known and the stream is not
-            closed, or if all segments are committed.
+            The segment; None if fewer than `horizon` segments are known, the first frame has
+            waited for less than `delay` seconds, and the stream is not closed; also None if all
+            segments are committed.
         """
-        bounds = self._segmenter.bounds
-        n_known = min(len(bounds) - 1, self._horizon)
-        if n_known < 1 or (n_known < self._horizon and not self._is_closed):
+        bounds, known_at = self._segmenter.bounds, self._segmenter.known_at
+        if len(bounds) < 2:
+            return None
+        # Segments that become known later do not count, so that pushes of any size give the same.
+        latest = max(bounds[0] + self._delay * self._library.rate, known_at[1])
+        n_known = min(bisect_right(known_at, latest) - 1, self._horizon)
+        is_due = n_known == self._horizon or self._segmenter.n_frames >= latest
+        if not is_due and not self._is_closed:
             return None
         assert self._base is not None
         for start, stop in pairwise(bounds[len(self._search.pending) : n_known + 1]):
             self._search.add_segment(self._base, start, stop)
         piece = self._commit(self._search.pending[0])
-        del bounds[0]
+        del bounds[0], known_at[0]
         self._n_committed += 1
         self._base.discard_before(bounds[0] - BOUNDARY_MARGIN)
         return piece
