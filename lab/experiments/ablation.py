@@ -47,7 +47,7 @@ STEPS = {
     "lean of the trunk": {"torso": "world"},
     "sway of the pelvis": _defaults("torso"),
     "weight of balance": _defaults("balance_weight"),
-    "self-repair: the defaults": _defaults("self_repair", "feet", "reach_ik"),
+    "self-repair: the defaults": _defaults("self_repair", "feet", "reach_ik", "loop"),
 }
 """The fields of `Config` that each step sets, in addition to the steps before."""
 MAX_WINDOWS = 500
@@ -80,7 +80,7 @@ def measure(recordings, *, is_quick):
 
 _WITHOUT_EFFECT_ON_PAIRS = (
     *("neighbourhood", "choice", "seam", "torso"),
-    *("balance_weight", "self_repair", "feet", "reach_ik"),
+    *("balance_weight", "self_repair", "feet", "reach_ik", "loop"),
 )
 
 

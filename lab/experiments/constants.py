@@ -53,6 +53,7 @@ CONSTANTS = (
     Constant("diverse pose difference (DIVERSE_ANGLE)", DIVERSE_ANGLE, "none", LATER),
     Constant("fewest donors (FEWEST_DONORS)", FEWEST_DONORS, "none", LATER),
     Constant("reach of a ball, in radii", NEIGHBOURHOODS["ball"].reach, "none", LATER),
+    _default("loop", "off", "not chosen on results"),
     _default("smoothing", "not stated", "not chosen on results"),
     _default("samples", "10", "the paper"),
     _default("components", "p*", "the paper"),

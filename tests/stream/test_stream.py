@@ -518,17 +518,22 @@ def test_stream_invalid_argument_raises_error_that_names_it(library, options, me
         mg.Stream(library, **options)
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.6, 1.2])
-def test_stream_delay_bounds_the_wait_of_segments_that_are_not_longer(library, base, delay):
-    stream, n_behind = mg.Stream(library, delay=delay), []
-    latency = 20  # frames until the end of a segment is known
+def waits(library, base, delay):
+    """Return how many frames later the first frame of each piece is committed."""
+    stream, found = mg.Stream(library, delay=delay), []
     for frame in range(base.n_frames):
         stream.push(base[frame : frame + 1])
-        for piece in stream.pieces():
-            longest = max(round(delay * library.rate), piece.stop - piece.start + latency)
-            assert frame - piece.start <= longest + 2
-            n_behind.append(frame - piece.start)
-    assert n_behind
+        found += [frame - piece.start for piece in stream.pieces()]
+    return found
+
+
+@pytest.mark.parametrize("delay", [0.6, 1.2])
+def test_stream_delay_bounds_the_wait_beyond_the_end_of_each_segment(library, base, delay):
+    least, found = waits(library, base, 0.0), waits(library, base, delay)
+    assert len(found) > 3
+    limit = round(delay * library.rate) + 2
+    assert all(own <= max(limit, first) for own, first in zip(found, least, strict=False))
+    assert max(waits(library, base, np.inf)) > max(found)
 
 
 def test_stream_close_below_two_frames_raises_value_error(library, base):
