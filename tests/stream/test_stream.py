@@ -137,6 +137,13 @@ def test_stream_equal_seeds_give_identical_motions_and_other_seeds_other_donors(
     assert list_donors(first) != list_donors(other)
 
 
+def test_stream_base_with_computed_values_equals_that_without(library, base):
+    values = base.channel_numbers()
+    edited = replace(base, channel_values=values, computed_values=np.zeros(values.shape, bool))
+    pieces = stream_pieces(library, edited, (3,))
+    assert_identical(mg.join_pieces(pieces), mg.join_pieces(stream_pieces(library, base, (3,))))
+
+
 def test_stream_all_donors_excluded_returns_the_base(library, base):
     pieces = stream_pieces(library, base, (9,), constraints=[mc.NotFrom("*")])
     motion = mg.join_pieces(pieces)

@@ -86,10 +86,9 @@ def join_motions(motions: Sequence[Motion], name: str) -> Motion:
 
 
 def _tracks(frames: Motion) -> Tracks:
-    tracks = {"rotations": frames.rotations, "positions": frames.positions}
-    if frames.channel_values is not None:
-        tracks["channel_values"] = frames.channel_values
-    return tracks
+    names = ("rotations", "positions", "channel_values", "computed_values")
+    tracks = {name: getattr(frames, name) for name in names}
+    return {name: track for name, track in tracks.items() if track is not None}
 
 
 def _join_tracks(parts: Sequence[Tracks]) -> Tracks:
@@ -103,4 +102,5 @@ def _with_tracks(motion: Motion, tracks: Tracks) -> Motion:
         rotations=tracks["rotations"],
         positions=tracks["positions"],
         channel_values=tracks.get("channel_values"),
+        computed_values=tracks.get("computed_values"),
     )
