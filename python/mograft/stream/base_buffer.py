@@ -2,8 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray
 from mograft.analysis.segmentation import kinetic_energy
@@ -13,7 +15,7 @@ from mograft.motion.motion import Motion
 
 BOUNDARY_MARGIN = 2  # frames kept on both sides of a segment; the velocities at its ends need them
 
-Tracks = dict[str, FloatArray]  # the arrays of a motion with one row per frame, by field
+Tracks = dict[str, npt.NDArray[Any]]  # the arrays of a motion with one row per frame, by field
 
 
 class BaseBuffer:
