@@ -153,6 +153,15 @@ def test_graft_many_returns_different_motions(library, choice):
     assert [g.motion.name for g in grafts] == [f"dance_graft{i}" for i in range(4)]
 
 
+@pytest.mark.parametrize("choice", ["sample", "viterbi", "best", "random"])
+@pytest.mark.parametrize("distinct", [0.0, 0.05])
+def test_graft_many_motions_do_not_depend_on_the_count(library, choice, distinct):
+    configured = with_choice(library, choice)
+    few, many = (graft_many(configured, count=n, distinct=distinct) for n in (2, 5))
+    for own, other in zip(few, many, strict=False):
+        np.testing.assert_array_equal(own.motion.rotations, other.motion.rotations)
+
+
 def test_graft_many_best_differ_less_than_diverse(library):
     """The first is that of "viterbi"."""
     best = list(graft_many(with_choice(library, "best"), count=5))
