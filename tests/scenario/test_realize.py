@@ -116,7 +116,7 @@ def test_graft_one_minute_walk_root_is_no_faster_than_its_segments(name, library
 def test_scenario_invalid_arguments_raise_value_error():
     with pytest.raises(ValueError, match="`segments` must contain at least one segment, got none"):
         Scenario([])
-    with pytest.raises(ValueError, match="`lengths` must be at least 1, got 0"):
+    with pytest.raises(ValueError, match="values of `lengths` must be at least 1, got 0"):
         Scenario([1, 2], [3, 0])
 
 

@@ -121,7 +121,7 @@ def foot_skate(motion: Motion) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """Height of the floor below each heel and toe."""
+    """Heights of the floor, in world coordinates, below each heel and toe."""
 
     limbs: tuple[Leg, ...]
     up: FloatArray  # unit vector

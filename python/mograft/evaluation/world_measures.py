@@ -1,7 +1,8 @@
-"""Measures of grafts in the world: jerk of head, chest and hands, feet, balance and novelty.
+"""Measures of grafts in the world: feet, balance, novelty, and the jerk of head, chest and hands.
 
-Joint rotations do not show how the head moves if the spine of the donor compensates for the
-movement of another pelvis. These measures therefore use the world positions of body parts.
+The spine of a donor compensates for the movement of its own pelvis. On the pelvis of the base this
+can make the head sway, which joint rotations do not show. These measures therefore use world
+positions of body parts.
 """
 
 import math

@@ -34,7 +34,7 @@ class DerivableLibrary(LibraryData):
     """A library from which other libraries are derived; base class of `mograft.Library`."""
 
     def relabelled(self, config: Config) -> Self:
-        """Return the library with another configuration, and with the clusters that it gives.
+        """Return the library with another configuration, and with its segments clustered anew.
 
         Parameters
         ----------

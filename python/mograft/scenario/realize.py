@@ -20,9 +20,9 @@ from mograft.scenario.scenario import Scenario
 
 
 def realize_scenario(library: Library, scenario: Scenario) -> tuple[Motion, Segments]:
-    """Return the motion of a scenario, and the frames of its segments in this motion.
+    """Return the motion of a scenario, and for each of its segments the frames in this motion.
 
-    Gaps at seams are closed. Feet are planted unless `Config.feet` is "never".
+    Gaps between consecutive segments are closed. Feet are planted unless `Config.feet` is "never".
     """
     donors = library.segments[scenario.segments]
     lengths = donors.lengths if scenario.lengths is None else scenario.lengths

@@ -50,7 +50,7 @@ class Scenario:
         if self.lengths is not None:
             lengths = as_indices("lengths", self.lengths, (len(segments),)).copy()
             if (lengths < 1).any():
-                raise ValueError(f"`lengths` must be at least 1, got {lengths.min()}")
+                raise ValueError(f"values of `lengths` must be at least 1, got {lengths.min()}")
             fields["lengths"] = lengths
         if self.place is not None:
             fields["place"] = as_floats("place", self.place, (3,)).copy()

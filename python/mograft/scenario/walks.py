@@ -417,7 +417,7 @@ def _check_table_size(n_intervals: int, graph: Transitions) -> None:
     if n_intervals > limit:
         raise ValueError(
             f"a walk on a graph of {n} segments must have at most {limit + 1} frames, got "
-            f"{n_intervals + 1}: use a graph of fewer clips"
+            f"{n_intervals + 1}: use fewer frames or fewer clips"
         )
 
 

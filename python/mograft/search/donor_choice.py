@@ -57,9 +57,10 @@ class DonorChoice(ABC):
         """Return different donor sequences for `count` motions; fewer if no others exist."""
 
     def choose_path(self, trellis: Trellis, config: Config, rng: Generator) -> IntArray:
-        """Return one path through a trellis.
+        """Return a path, one donor per position, through a trellis: by default the cheapest.
 
-        A `Stream` uses only the first donor of the path and then searches again.
+        A `Stream` commits only the first donor of the path, and calls this again for the next
+        segment.
         """
         return viterbi(trellis)
 

@@ -17,7 +17,7 @@ class _Paper(Displacement):
     """
 
     def smooth(self, closed: ClosedFrames) -> FloatArray:
-        """Return the values with a cubic in the window around each seam."""
+        """Return the values, with those in a window around each seam replaced by a cubic."""
         space, values = closed.space, closed.values
         left, right = smoothing_windows(closed.cut, closed.seams, closed.window)
         if not len(left) or not values.shape[1]:

@@ -147,7 +147,8 @@ class PlotOptions(options.LibraryOptions, options.WriterOptions):
         "or groups (which joints move together)"
     )
     clip: tuple[values.Name, ...] = option(
-        "clips of a library for strip, energy or timeline; NAME may be a glob; may be repeated"
+        "clips of the library that strip, energy and timeline draw (default: all); NAME may be a "
+        "glob; may be repeated"
     )
     output: values.File = option(".png, .svg or .pdf file to write", short="-o", is_required=True)
     groups: values.Groups | None = options.groups_option(

@@ -49,8 +49,8 @@ class SkeletonOptions(ResultOptions, section="input"):
 
     files: tuple[values.Source, ...] = positional("motion files, or folders of them", "+")
     skeleton: values.Source | None = setting(
-        "rest pose for files that store none, such as those of AMASS: a motion file, or a .json "
-        "file of offsets (default: a substitute with published body proportions)",
+        "file with the rest pose of input files that store none, such as those of AMASS: a motion "
+        "file, or a .json file of joint offsets (default: published body proportions)",
         is_expert=True,
     )
 

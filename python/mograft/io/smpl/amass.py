@@ -38,7 +38,7 @@ class AmassFile:
 
     @property
     def pose_names(self) -> tuple[str, ...]:
-        """Names of the arrays with rotations: ``poses``, arrays of parts of it, or both."""
+        """Names of the arrays that hold rotations: ``poses``, those of body parts, or both."""
         return tuple(n for n in ("poses", *self.model.columns) if n in self.archive.headers)
 
     def columns(self, name: str) -> slice:
