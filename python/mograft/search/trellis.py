@@ -115,12 +115,12 @@ class Trellis:
         return Trellis(self.unary[start:stop], self.pairwise[start : stop - 1])
 
     def restrict_first(self, indices: IntArray) -> "Trellis":
-        """Return the trellis with only the candidates at `indices` of the list of the first position."""
+        """Return the trellis with only those candidates of the first position that `indices` selects."""
         first = [own[indices] for own in self.pairwise[:1]]
         return Trellis((self.unary[0][indices], *self.unary[1:]), (*first, *self.pairwise[1:]))
 
     def restrict_last(self, indices: IntArray) -> "Trellis":
-        """Return the trellis with only the candidates at `indices` of the list of the last position."""
+        """Return the trellis with only those candidates of the last position that `indices` selects."""
         last = [own[:, indices] for own in self.pairwise[-1:]]
         return Trellis((*self.unary[:-1], self.unary[-1][indices]), (*self.pairwise[:-1], *last))
 
