@@ -18,9 +18,8 @@ from hypothesis import strategies as st
 
 import mograft as mg
 import mograft.constraints as mc
-from mograft.stream.protocol import MAX_BODY_BYTES, MAX_HEADER_BYTES
 from mograft.stream.server import ServerLimits, StreamServer, is_loopback
-from mograft.stream.session import StreamSession
+from mograft.stream.session import MAX_BODY_BYTES, MAX_HEADER_BYTES, StreamSession
 from tests.stream_examples import StreamClient, StreamError
 
 PATIENT = ServerLimits(idle_seconds=600.0, message_seconds=600.0, drain_seconds=600.0)

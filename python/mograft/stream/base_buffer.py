@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -52,9 +53,8 @@ class BaseBuffer:
     def motion(self, start: int, stop: int) -> Motion:
         """Return the frames `start` to `stop` - 1."""
         rows = slice(start - self._n_discarded, stop - self._n_discarded)
-        return _with_tracks(
-            self._first_frame, {name: track[rows] for name, track in self._tracks.items()}
-        )
+        tracks = {name: track[rows] for name, track in self._tracks.items()}
+        return _with_tracks(self._first_frame, tracks)
 
     def motion_with_margin(self, start: int, stop: int) -> tuple[Motion, int]:
         """Return frames `start` to `stop`, both included, and `BOUNDARY_MARGIN` more on both sides.
@@ -86,10 +86,8 @@ def join_motions(motions: Sequence[Motion], name: str) -> Motion:
 
 
 def _tracks(frames: Motion) -> Tracks:
-    tracks = {"rotations": frames.rotations, "positions": frames.positions}
-    if frames.channel_values is not None:
-        tracks["channel_values"] = frames.channel_values
-    return tracks
+    values = {name: getattr(frames, name) for name in ("rotations", "positions", "channel_values")}
+    return {name: track for name, track in values.items() if track is not None}
 
 
 def _join_tracks(parts: Sequence[Tracks]) -> Tracks:
@@ -98,9 +96,5 @@ def _join_tracks(parts: Sequence[Tracks]) -> Tracks:
 
 
 def _with_tracks(motion: Motion, tracks: Tracks) -> Motion:
-    return replace(
-        motion,
-        rotations=tracks["rotations"],
-        positions=tracks["positions"],
-        channel_values=tracks.get("channel_values"),
-    )
+    changes: dict[str, Any] = {"channel_values": None, **tracks}
+    return replace(motion, **changes)
