@@ -17,8 +17,8 @@ from typing import Any, Self
 
 from mograft._util.cleanup import clean_up_by
 from mograft.library.library import Library
-from mograft.stream.checks import check_stream_config
 from mograft.stream.session import FrameError, Message, RequestError, StreamSession, read_request
+from mograft.stream.stream import check_stream_config
 
 
 @dataclass(frozen=True, kw_only=True)
