@@ -413,8 +413,7 @@ def test_stream_target_before_the_first_free_frame_raises_error_that_names_it(
     if last >= free:
         stream.constraints = [old, target]
         return
-    frames = f"frames {frame} to {last}" if length else f"frame {frame}"
-    message = f"Face applies to {frames}, and the first free frame is {free}"
+    message = f"the first free frame, {free}, or later, got Face up to frame {last}"
     with pytest.raises(ValueError, match=message):
         stream.constraints = [old, target]
     assert stream.constraints == (old,)
@@ -507,7 +506,7 @@ OF_GROUP = mc.KeepOriginal(frames=(0, 9), group="upper")
         ({"constraints": ["none"]}, "`constraints` must contain only constraints, got 'n"),
         ({"constraints": [mc.NotFrom("waltz")]}, "must match at least one of clip0, "),
         ({"constraints": [mc.Ban(3)]}, "of a stream must not contain Ban"),
-        ({"constraints": [OF_GROUP]}, "must apply to all groups, got KeepOriginal"),
+        ({"constraints": [OF_GROUP]}, "must have no group, got KeepOriginal with one"),
         ({"constraints": [mc.Reach("Wing", (0, 0, 0), 5)]}, "no joint is named 'Wing'"),
     ],
 )
@@ -552,7 +551,7 @@ def test_stream_group_with_legs_or_root_raises_value_error(library):
         for group, joints in members.items()
     }
     upper_base = mg.Library.build(library.clips[0], mg.JointGroups(names, base="upper"))
-    with pytest.raises(ValueError, match=r"not name a group with the root or a leg.*got 'lower'"):
+    with pytest.raises(ValueError, match="not name the root or legs in a stream, got 'lower'"):
         mg.Stream(upper_base)
 
 

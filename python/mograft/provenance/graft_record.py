@@ -121,8 +121,7 @@ def read_record(source: str | PathLike[str] | Mapping[str, Any]) -> GraftRecord:
     names = [str(own.get("name")) for own in grafts]
     if names.count(name) != 1 if name else len(grafts) > 1:
         raise ProvenanceError(
-            f"{path}: expected the name of a graft, as in {path}#{names[0]}, one of "
-            f"{join_names(names)}; got {name or 'none'}"
+            f"{path}: expected a graft, as in {path}#{names[0]}, got {name or 'none'}"
         )
     return _parse(grafts[names.index(name) if name else 0], address, path.parent)
 
@@ -325,7 +324,7 @@ def _prepare_library(record: GraftRecord, library: Library, label: str) -> Libra
     found = hash_library(library)
     if found != expected.sha256:
         raise record.error(
-            f"{label} is another library: its SHA-256 is {found}, expected {expected.sha256}"
+            f"{label} is another library: SHA-256 {found}, expected {expected.sha256}"
         )
     if expected.is_mirrored and not is_mirrored(library):
         library = library.with_mirror_images()
@@ -343,9 +342,7 @@ def _find_file(record: GraftRecord, clip: ClipRecord, sources: Iterable[str]) ->
     Raise ProvenanceError if there is no such file, or if it has changed.
     """
     if clip.file is None:
-        raise record.error(
-            f"clip {clip.name} was not read from a file; give the library that holds it"
-        )
+        raise record.error(f"clip {clip.name} is not from a file; give the library that holds it")
     changed = ""
     for path in _possible_paths(record, clip.file, sources):
         if not path.is_file():

@@ -133,15 +133,10 @@ def check_stream_frames(frames: Motion, library: Library, skeleton: Skeleton | N
     elif frames.skeleton.names != skeleton.names or not np.array_equal(
         frames.skeleton.offsets, skeleton.offsets
     ):
-        raise ValueError(
-            "`frames` must all have the same skeleton, got joint names or offsets that differ from "
-            "those of the first frames"
-        )
+        raise ValueError("`frames` must all have the same skeleton, got other joints or offsets")
     if not rates_match(frames.rate, library.rate):
-        raise ValueError(
-            f"`frames` must have the library's rate of {library.rate:.6g} frames/s, "
-            f"got {frames.rate:.6g}: resample the base first"
-        )
+        expected = f"the library's rate of {library.rate:.6g} frames/s"
+        raise ValueError(f"`frames` must have {expected}, got {frames.rate:.6g}")
 
 
 def _tracks(frames: Motion) -> Tracks:

@@ -40,6 +40,7 @@ DTYPES: Mapping[str, "np.dtype[np.floating[Any]]"] = {
     "float32": np.dtype("<f4"),
     "float64": np.dtype("<f8"),
 }
+_DTYPES = ", ".join(DTYPES)
 
 Array = npt.NDArray[np.floating[Any]]
 
@@ -135,9 +136,7 @@ def _read_arrays(records: object, body: bytes) -> dict[str, Array]:
         arrays[name] = np.frombuffer(body[start:stop], dtype).reshape(shape)
         start = stop
     if start != len(body):
-        raise RequestError(
-            f"the body must have {start} bytes, the size of its arrays, got {len(body)}"
-        )
+        raise RequestError(f"the body must have {start} bytes, as its arrays, got {len(body)}")
     return arrays
 
 
@@ -149,14 +148,11 @@ def _read_description(record: object) -> tuple[str, "np.dtype[np.floating[Any]]"
     if not isinstance(name, str):
         raise RequestError(f"the name of an array must be a string, got {name!r}")
     if not isinstance(dtype, str) or dtype not in DTYPES:
-        raise RequestError(
-            f"the dtype of {name!r} must be one of {', '.join(DTYPES)}, got {dtype!r}"
-        )
+        raise RequestError(f"the dtype of {name!r} must be one of {_DTYPES}, got {dtype!r}")
     is_shape = isinstance(shape, list) and len(shape) <= _MAX_DIMENSIONS
     if not is_shape or not all(type(size) is int and 0 <= size <= MAX_BODY_BYTES for size in shape):
         raise RequestError(
-            f"the shape of {name!r} must be a list of at most {_MAX_DIMENSIONS} integers from 0 to "
-            f"{MAX_BODY_BYTES}, got {shape!r}"
+            f"the shape of {name!r} must be at most {_MAX_DIMENSIONS} sizes, got {shape!r}"
         )
     return name, DTYPES[dtype], shape
 
@@ -174,7 +170,7 @@ class StreamSession:
 
         Raise RequestError if the request is invalid; the stream is then unchanged.
         """
-        handlers: Mapping[object, Callable[[Message], Message]] = {
+        handlers: Mapping[str, Callable[[Message], Message]] = {
             "hello": self._hello,
             "push": self._push,
             "constraints": self._set_constraints,
@@ -183,23 +179,21 @@ class StreamSession:
         kind = request.header.get("type")
         handler = handlers.get(kind) if isinstance(kind, str) else None
         if handler is None:
-            raise RequestError(
-                f"`type` must be one of {', '.join(map(str, handlers))}, got {kind!r}"
-            )
+            raise RequestError(f"`type` must be one of {', '.join(handlers)}, got {kind!r}")
         # Constraints with extreme numbers have infinite costs.
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
             return handler(request)
 
     def _hello(self, request: Message) -> Message:
         """Start a new stream; describe the skeleton that its frames must have."""
-        options = _options(
-            request, {"protocol": str, "dtype": str, "seed": int, "horizon": int, "swap": list}
-        )
+        options = _options(request, "protocol", "dtype", "seed", "horizon", "swap")
         protocol, dtype = options.pop("protocol", None), options.pop("dtype", "float32")
         if protocol != PROTOCOL:
             raise RequestError(f"`protocol` must be {PROTOCOL!r}, got {protocol!r}")
-        if dtype not in DTYPES:
-            raise RequestError(f"`dtype` must be one of {', '.join(DTYPES)}, got {dtype!r}")
+        if not isinstance(dtype, str) or dtype not in DTYPES:
+            raise RequestError(f"`dtype` must be one of {_DTYPES}, got {dtype!r}")
+        if not isinstance(options.get("swap", []), list):
+            raise RequestError(f"`swap` must be a list of groups, got {options['swap']!r}")
         library = self._library
         with _invalid_arguments():
             stream = Stream(library, **options)
@@ -221,7 +215,7 @@ class StreamSession:
 
     def _push(self, request: Message) -> Message:
         """Append frames; return the pieces that can then be committed."""
-        _options(request, {})
+        _options(request)
         stream = self._open_stream()
         arrays = request.arrays
         if set(arrays) != {"rotations", "positions"}:
@@ -234,9 +228,9 @@ class StreamSession:
     def _set_constraints(self, request: Message) -> Message:
         """Replace the constraints of the frames that are not committed."""
         stream = self._open_stream()
-        records = _options(request, {"constraints": list}).get("constraints")
-        if records is None:
-            raise RequestError("`constraints` must be given")
+        records = _options(request, "constraints").get("constraints")
+        if not isinstance(records, list):
+            raise RequestError(f"`constraints` must be a list, got {records!r}")
         with _invalid_arguments():
             stream.constraints = [_constraint(record) for record in records]
         count, free = len(stream.constraints), stream.first_free_frame
@@ -244,7 +238,7 @@ class StreamSession:
 
     def _close(self, request: Message) -> Message:
         """End the base motion, to which no frames follow; return all remaining pieces."""
-        _options(request, {})
+        _options(request)
         stream = self._open_stream()
         with _invalid_arguments():
             stream.close()
@@ -273,18 +267,12 @@ class StreamSession:
         return Message(header, {"rotations": rotations, "positions": np.concatenate(positions)})
 
 
-def _options(request: Message, types: Mapping[str, type]) -> dict[str, Any]:
-    """Return the entries of a header except ``type``; check their names and types."""
+def _options(request: Message, *names: str) -> dict[str, Any]:
+    """Return the entries of a header except ``type``; raise RequestError for one not in `names`."""
     options = {name: value for name, value in request.header.items() if name != "type"}
-    for name, value in options.items():
-        if name not in types:
-            allowed = ", ".join(["type", *types])
-            raise RequestError(
-                f"the header of a {request.header['type']!r} request can only have the entries "
-                f"{allowed}; got {name!r}"
-            )
-        if type(value) is not types[name]:
-            raise RequestError(f"`{name}` must be of type {types[name].__name__}, got {value!r}")
+    for name in options.keys() - {*names}:
+        allowed, kind = ", ".join(["type", *names]), request.header["type"]
+        raise RequestError(f"the entries of {kind!r} must be among {allowed}, got {name!r}")
     return options
 
 

@@ -362,14 +362,9 @@ class Stream:
 
 def check_stream_config(config: Config) -> None:
     """Raise ValueError for settings that a stream does not support."""
-    for name, required, reason in (
-        ("segmentation", "energy", ", because other methods need all later frames"),
-        ("alignment", "uniform", ""),
-    ):
+    for name, required in (("segmentation", "energy"), ("alignment", "uniform")):
         if (value := getattr(config, name)) != required:
-            raise ValueError(
-                f"`Config.{name}` must be {required!r} in a stream{reason}, got {value!r}"
-            )
+            raise ValueError(f"`Config.{name}` must be {required!r} in a stream, got {value!r}")
 
 
 def check_stream_groups(library: Library, groups: Sequence[str]) -> None:
@@ -380,15 +375,10 @@ def check_stream_groups(library: Library, groups: Sequence[str]) -> None:
     for group in groups:
         if divided[group]:
             joints = ", ".join(library.skeleton.names[joint] for joint in divided[group])
-            raise ValueError(
-                f"`swap` must name groups of whole joints in a stream, got {group!r}, "
-                f"which contains single channels of {joints}"
-            )
+            found = f"{group!r} with single channels of {joints}"
+            raise ValueError(f"`swap` must name groups of whole joints in a stream, got {found}")
         if not kept.isdisjoint(library.joints(group).tolist()):
-            raise ValueError(
-                "`swap` must not name a group with the root or a leg joint in a stream, "
-                f"got {group!r}"
-            )
+            raise ValueError(f"`swap` must not name the root or legs in a stream, got {group!r}")
 
 
 def check_stream_constraints(
@@ -403,27 +393,18 @@ def check_stream_constraints(
     check_constraints(constraints, Poses.from_motion(rest))
     no_segments = Segments(np.zeros(0, np.int64), np.zeros(0, np.int64))
     for constraint in constraints:
+        name = type(constraint).__name__
         if isinstance(constraint, Use | Ban):
-            name = type(constraint).__name__
-            raise ValueError(
-                f"`constraints` of a stream must not contain {name}; use OnlyFrom or NotFrom"
-            )
+            raise ValueError(f"`constraints` of a stream must not contain {name}: use NotFrom")
         if not constraint.applies_to_group(""):
-            raise ValueError(
-                "`constraints` of a stream must apply to all groups, got "
-                f"{type(constraint).__name__} with a group"
-            )
+            raise ValueError(f"`constraints` of a stream must have no group, got {name} with one")
         constraint.donor_errors(no_segments, no_segments, clips)
 
 
 def check_free_frames(constraints: Sequence[Constraint], first_free_frame: int) -> None:
     """Raise ValueError for a constraint that applies only to frames that are committed."""
     for constraint in constraints:
-        if constraint.frames is not None and constraint.frames[1] < first_free_frame:
-            first, last = constraint.frames
-            frames = f"frame {first}" if first == last else f"frames {first} to {last}"
-            raise ValueError(
-                "`constraints` must apply to frames that are not committed: "
-                f"{type(constraint).__name__} applies to {frames}, and the first free frame is "
-                f"{first_free_frame}"
-            )
+        if constraint.frames is not None and (last := constraint.frames[1]) < first_free_frame:
+            found = f"{type(constraint).__name__} up to frame {last}"
+            expected = f"the first free frame, {first_free_frame}, or later"
+            raise ValueError(f"`constraints` must apply to {expected}, got {found}")
