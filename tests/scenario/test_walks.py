@@ -131,9 +131,9 @@ def test_walk_seed_of_numpy_is_accepted(library):
     assert len(walk(library, np.int64(1), np.int64(3))) > 0
 
 
-TABLE = r"a walk on a graph of \d+ segments must have at most \d+ frames"
-SPAN = "`beats` must span at most 86400 seconds"
-DURATION = r"`duration` must be (above 0 and at most 86400 seconds|finite)"
+TABLE = r"a walk on \d+ segments must have at most \d+ frames"
+SPAN = "`beats` must span at most 86400 s"
+DURATION = r"`duration` must be (above 0 and at most 86400 s|finite)"
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ DURATION = r"`duration` must be (above 0 and at most 86400 seconds|finite)"
         *((fill, own, 0, f"`frames` must be .*, got {own}") for own in (1, 2.5, True)),
         (to_beats, [0.0], 0, "`beats` must contain at least two times in seconds, got 1"),
         (to_beats, [0.0, 1.0, 1.0], 0, "`beats` must ascend, got 1 after 1"),
-        (to_beats, [0.0, 1.0, 1.01], 0, r"`beats` must be at least a frame \(.* s\) apart, got 1 "),
+        (to_beats, [0.0, 1.0, 1.01], 0, "`beats` must be at least a frame apart, got 1 "),
         *((to_beats, [0.0, last], 0, SPAN) for last in (1e300, 1.7e308, 86_401.0)),
     ],
 )
