@@ -25,9 +25,8 @@ from mograft.search.costs import length_fits
 from tests.strategies import random_star_clip, tile_segments
 
 EXACT_PATTERN = ContactPattern(is_exact=True)
-RANDOM_METHODS = (
-    *(Random(), RandomLength(), ContactPattern(), EXACT_PATTERN, Nearest(), Ball(), Analogy()),
-)
+RANDOM_METHODS = [Random(), RandomLength(), Analogy(), ContactPattern(), EXACT_PATTERN]
+RANDOM_METHODS += [Nearest(), Ball()]
 
 
 @pytest.fixture(scope="module")

@@ -26,13 +26,9 @@ def transplant(rotations, bounds, sequence, rate, config):
     pieces = []
     for i, k in enumerate(sequence):
         pieces.append(stretch(rotations, bounds[k], bounds[k + 1], n[i] + 1))
-    seams = [
-        i
-        for i in range(len(n) - 1)
-        if sequence[i + 1] != sequence[i] + 1
-        or n[sequence[i]] != n[i]
-        or n[sequence[i + 1]] != n[i + 1]
-    ]
+    stretched = n[np.asarray(sequence)] != n
+    is_seam = (np.diff(sequence) != 1) | stretched[:-1] | stretched[1:]
+    seams = np.flatnonzero(is_seam).tolist()
     if config.seam == "offset":
         return _offset(rotations, bounds, sequence, pieces, seams, rate, config.seam_blend)
     displaced = _displace(rotations, bounds, pieces, seams)

@@ -254,9 +254,8 @@ def test_stream_gradient_seams_are_as_smooth_as_those_of_all_segments_together(
     problem, _ = whole_base_search(configured, base)
     longer, donors = problem.library, np.array(list_donors(pieces))
     group, config = GraftedGroup(joints), replace(configured.config, seam="gradient")
-    part = transplant(
-        problem.base, problem.base_segments, longer.segments[donors], longer.clips, group, config
-    )
+    cut, sources = problem.base_segments, longer.segments[donors]
+    part = transplant(problem.base, cut, sources, longer.clips, group, config)
 
     def greatest_changes(quats):
         steps = rotations.log(rotations.multiply(rotations.inverse(quats[:-1]), quats[1:]))

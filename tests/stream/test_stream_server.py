@@ -367,18 +367,13 @@ OBSTACLES = st.one_of(
     st.fixed_dictionaries({"kind": st.just("Box"), "center": POINTS, "half": POINTS}),
     st.fixed_dictionaries({"kind": st.just("HalfSpace"), "point": POINTS, "normal": POINTS}),
 )
-OPTIONS = {"weight": SIZES, "tolerance": SIZES, "frames": st.just([0, 10**15])}
+TOLERANCES = {"weight": SIZES, "tolerance": SIZES}
+OPTIONS = {**TOLERANCES, "frames": st.just([0, 10**15])}
+TARGETS = {"kind": st.just("Reach"), "joint": st.just("LeftHand"), "target": POINTS}
+TARGETS["frame"] = st.integers(0, 10**15)
 CONSTRAINTS = st.one_of(
     st.fixed_dictionaries({"kind": st.just("Avoid"), "obstacle": OBSTACLES}, optional=OPTIONS),
-    st.fixed_dictionaries(
-        {
-            "kind": st.just("Reach"),
-            "joint": st.just("LeftHand"),
-            "target": POINTS,
-            "frame": st.integers(0, 10**15),
-        },
-        optional={"weight": SIZES, "tolerance": SIZES},
-    ),
+    st.fixed_dictionaries(TARGETS, optional=TOLERANCES),
 )
 
 
