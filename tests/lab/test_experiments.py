@@ -29,9 +29,8 @@ def test_constants_include_every_default_that_differs_from_the_paper():
     # Choices between methods, limits of length and switches are not numbers that were tuned.
     others = {"choice", "seam", "torso", "feet", "self_repair", "keep_heading", "max_length"}
     others |= {"reach_ik", "neighbourhood"}
-    differing = {
-        own.name for own in fields(Config) if getattr(default, own.name) != getattr(paper, own.name)
-    }
+    names = {own.name for own in fields(Config)}
+    differing = {name for name in names if getattr(default, name) != getattr(paper, name)}
     assert differing - others <= named
 
 
@@ -73,17 +72,6 @@ def test_spread_divides_estimates_into_columns(tmp_path):
         "share share": "40",
     }
     assert set(second.values()) == {"b", ""}
-
-
-@pytest.mark.thorough
-def test_quick_run_writes_tables_of_recordings(tmp_path):
-    data = run.ROOT.parent / "shared" / "data"
-    if not data.is_dir():
-        pytest.skip(f"the recordings are not at hand in {data}")
-    arguments = ["--quick", "--cache", str(tmp_path / "cache"), "--data", str(data)]
-    arguments += ["--sources", "salsa A", "stage", "slow walks", "-o", str(tmp_path / "tables")]
-    run.main(arguments)
-    assert len(list((tmp_path / "tables").glob("*.csv"))) > 15
 
 
 FEW_TOPICS = ("combinations", "quality", "balance")

@@ -22,13 +22,11 @@ from lab.donors.methods import (
 from mograft import InsufficientDataError, JointGroups, Library, graft_many, rotations
 from mograft.body.contacts import detect_contacts
 from mograft.search.costs import length_fits
-from mograft.solve.plan import GraftPlan
 from tests.strategies import random_star_clip, tile_segments
 
 EXACT_PATTERN = ContactPattern(is_exact=True)
-RANDOM_METHODS = (
-    *(Random(), RandomLength(), ContactPattern(), EXACT_PATTERN, Nearest(), Ball(), Analogy()),
-)
+RANDOM_METHODS = [Random(), RandomLength(), Analogy(), ContactPattern(), EXACT_PATTERN]
+RANDOM_METHODS += [Nearest(), Ball()]
 
 
 @pytest.fixture(scope="module")
@@ -143,15 +141,6 @@ def test_draw_donors_equals_donors_of_grafts_and_draws_candidates(library, metho
         assert [s.donor for s in graft.substitutions] == sequence["upper"].tolist()
 
 
-def test_draw_donors_equal_those_of_the_choice_random(library):
-    # The clusters of the dancer have at most 100 members, so that no candidates are left out.
-    config = replace(library.config, neighbourhood="cluster", choice="random", self_repair=False)
-    plan, drawn = draw_donors(Analogy(), library, count=3, seed=5)
-    chosen = GraftPlan.build(library.relabelled(config), None, None, ()).choose_donors(3, 5)
-    assert_same_lists(*([donors["upper"] for donors in own] for own in (drawn, chosen)))
-    assert max(map(len, plan.problem.candidates["upper"])) <= 100
-
-
 def test_draw_donors_seam_limit_is_exceeded_only_by_nearest_candidate(library):
     method, max_angle = RandomLength(), np.radians(15)
     limited = replace(library, config=replace(library.config, max_angle=max_angle))
@@ -169,11 +158,8 @@ def test_draw_donors_seam_limit_is_exceeded_only_by_nearest_candidate(library):
 
 def test_grafts_by_cost_equal_graft_many(library):
     unrepaired = library.relabelled(replace(library.config, self_repair=False))
-    found, expected = (
-        grafts_by(ByCost(), library, None, 2, seed=3),
-        graft_many(unrepaired, None, 2, seed=3),
-    )
-    assert_same_lists(*([graft.motion.rotations for graft in own] for own in (found, expected)))
+    made = grafts_by(ByCost(), library, None, 2, seed=3), graft_many(unrepaired, None, 2, seed=3)
+    assert_same_lists(*([graft.motion.rotations for graft in own] for own in made))
 
 
 def test_grafts_by_captured_equals_recording(library):
@@ -189,21 +175,8 @@ def test_default_methods_omit_those_that_need_legs_or_different_base_parts():
     unknown = Library.build(motion, groups)
     with pytest.warns(UserWarning, match="to compare"):
         equal = Library.build(replace(motion, rotations=still, channel_values=None), groups)
-    for library, method, message in (
-        (unknown, ContactPattern(), "legs"),
-        (equal, Nearest(), "differ"),
-    ):
+    cases = (unknown, ContactPattern(), "legs"), (equal, Nearest(), "differ")
+    for library, method, message in cases:
         assert method not in default_methods(library)
         with pytest.raises(InsufficientDataError, match=message):
             method.candidates(library, np.array([0]))
-
-
-def test_grafts_by_config_changes_changes_motion_only(library):
-    changed_method = ByCost(config_changes=(("seam", "displacement"),))
-    default, changed = (
-        grafts_by(method, library, None, 1, seed=2)[0] for method in (ByCost(), changed_method)
-    )
-    assert [s.donor for s in default.substitutions] == [s.donor for s in changed.substitutions]
-    assert (default.motion.rotations != changed.motion.rotations).any()
-    with pytest.raises(ValueError, match="samples"):
-        grafts_by(ByCost(config_changes=(("samples", 5),)), library)

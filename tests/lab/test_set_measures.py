@@ -103,9 +103,8 @@ def test_nearest_windows_match_a_loop_over_windows(seed, length):
 
 def test_toe_skate_sliding_body_skates_in_every_contact(clips):
     motion = clips[0]
-    quats, positions = (
-        np.repeat(own[:1], motion.n_frames, axis=0) for own in (motion.rotations, motion.positions)
-    )
+    tracks, n = (motion.rotations, motion.positions), motion.n_frames
+    quats, positions = (np.repeat(own[:1], n, axis=0) for own in tracks)
     still = replace(motion, rotations=quats, positions=positions.copy(), channel_values=None)
     n_contacts, n_skating = contacts.toe_skate(still)
     assert n_contacts.sum() > 0

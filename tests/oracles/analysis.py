@@ -99,9 +99,8 @@ def features(rotations, root_positions, bounds, joints, root, up, height, frame_
     for start, stop in pairwise(bounds):
         frames = resample(rotations[start : stop + 1][:, joints], m)
         displacements = np.zeros((m, 3))
-        displacements[1:] = np.diff(
-            resample_positions(root_positions[start : stop + 1] / height, m), axis=0
-        )
+        places = resample_positions(root_positions[start : stop + 1] / height, m)
+        displacements[1:] = np.diff(places, axis=0)
         if root is not None and not config.keep_heading:
             yaw = np.zeros(4)
             yaw[[up, 3]] = frames[0, root, [up, 3]]
@@ -131,9 +130,8 @@ def embed(matrix, n_rotations, config):
     floors[-1] = config.length_floor
     std = matrix.std(axis=0, ddof=1)
     is_varying = std >= 1e-9
-    standard = (matrix[:, is_varying] - matrix[:, is_varying].mean(axis=0)) / np.maximum(
-        std, floors
-    )[is_varying]
+    varying = matrix[:, is_varying]
+    standard = (varying - varying.mean(axis=0)) / np.maximum(std, floors)[is_varying]
     rows = np.linalg.svd(standard, full_matrices=False)[2][: config.components].T
     largest = rows[np.abs(rows).argmax(axis=0), np.arange(rows.shape[1])]
     return standard @ (rows * np.sign(largest))

@@ -2,12 +2,7 @@
 
 import numpy as np
 
-from mograft.analysis.zero_moment import (
-    DISTANCE_SCALE,
-    N_DIRECTIONS,
-    PENDULUM_TIME_SQUARED,
-    SMOOTHING_SECONDS,
-)
+from mograft.analysis import zero_moment
 
 
 def zero_moment_shifts(base, donors, seconds):
@@ -22,8 +17,8 @@ def zero_moment_shifts(base, donors, seconds):
     modes = np.arange(1, len(times) - 1)
     sines = np.sin(np.pi * times * modes)
     squared_frequencies = np.square(np.pi * modes / seconds[:, None])
-    gains = np.exp(-0.5 * SMOOTHING_SECONDS**2 * squared_frequencies)
-    gains *= 1.0 + PENDULUM_TIME_SQUARED * squared_frequencies
+    gains = np.exp(-0.5 * zero_moment.SMOOTHING_SECONDS**2 * squared_frequencies)
+    gains *= 1.0 + zero_moment.PENDULUM_TIME_SQUARED * squared_frequencies
     amplitudes = np.linalg.inv(sines[1:-1]) @ (gaps - line)[:, 1:-1]
     return line + sines @ (gains[:, :, None] * amplitudes)
 
@@ -33,7 +28,7 @@ def added_imbalances(shifts, margins, rows):
 
     `rows` are the indices in `margins` of the base segments of the shifts.
     """
-    angles = 2.0 * np.pi * np.arange(N_DIRECTIONS) / N_DIRECTIONS
+    angles = 2.0 * np.pi * np.arange(zero_moment.N_DIRECTIONS) / zero_moment.N_DIRECTIONS
     axes = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     known = _imbalances(-margins)
     return np.maximum(_imbalances(shifts @ axes.T - margins[rows]) - known[rows], 0.0)
@@ -41,4 +36,4 @@ def added_imbalances(shifts, margins, rows):
 
 def _imbalances(excesses):
     distances = excesses.max(axis=2)
-    return (0.5 + 0.5 * np.tanh(distances / (2.0 * DISTANCE_SCALE))).mean(axis=1)
+    return (0.5 + 0.5 * np.tanh(distances / (2.0 * zero_moment.DISTANCE_SCALE))).mean(axis=1)

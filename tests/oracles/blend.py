@@ -15,7 +15,7 @@ def stretch(rotations, start, stop, count):
         frame = start + whole
         result[sample] = rotations[frame]
         if rest:
-            ends = (rotations[frame], rotations[frame + 1], velocity[frame], velocity[frame + 1])
+            ends = (*rotations[frame : frame + 2], *velocity[frame : frame + 2])
             result[sample] = hermite(*ends, rest / (count - 1))
     return result
 
@@ -26,13 +26,9 @@ def transplant(rotations, bounds, sequence, rate, config):
     pieces = []
     for i, k in enumerate(sequence):
         pieces.append(stretch(rotations, bounds[k], bounds[k + 1], n[i] + 1))
-    seams = [
-        i
-        for i in range(len(n) - 1)
-        if sequence[i + 1] != sequence[i] + 1
-        or n[sequence[i]] != n[i]
-        or n[sequence[i + 1]] != n[i + 1]
-    ]
+    stretched = n[np.asarray(sequence)] != n
+    is_seam = (np.diff(sequence) != 1) | stretched[:-1] | stretched[1:]
+    seams = np.flatnonzero(is_seam).tolist()
     if config.seam == "offset":
         return _offset(rotations, bounds, sequence, pieces, seams, rate, config.seam_blend)
     displaced = _displace(rotations, bounds, pieces, seams)
@@ -123,20 +119,17 @@ def _offsets_at_seams(rotations, bounds, sequence, pieces, seams, rate):
             -1: velocity[bounds[sequence[i] + 1]] * (n[sequence[i]] / n[i]),
             1: velocity[bounds[sequence[i + 1]]] * (n[sequence[i + 1]] / n[i + 1]),
         }
-        rotated = {
-            side: Rotation.from_rotvec(-offset[side].reshape(-1, 3)).apply(
-                speed[side].reshape(-1, 3)
-            )
-            for side in (-1, 1)
-        }
+        rotated = {}
+        for side in (-1, 1):
+            turn = Rotation.from_rotvec(-offset[side].reshape(-1, 3))
+            rotated[side] = turn.apply(speed[side].reshape(-1, 3))
         mean = (rotated[-1] + rotated[1]) / 2
         for side in (-1, 1):
             # The rate of change is a central difference: exp(offset + h rate) is
             # exp(offset) exp(h missing).
             missing, h = mean - rotated[side], 1e-5
-            after, before = (
-                log(multiply(exp(offset[side]), exp(h * sign * missing))) for sign in (1, -1)
-            )
+            turn = exp(offset[side])
+            after, before = (log(multiply(turn, exp(h * sign * missing))) for sign in (1, -1))
             sides[i, side] = offset[side], (after - before) / (2 * h)
     return sides
 

@@ -21,11 +21,8 @@ def bone_mesh(skeleton, transform):
     length = max(thickness, 0.01, 1e-5 * np.abs(rest[0]).max())
     bones = bones or [(0, rest[0] + [0, length, 0])]
     octahedra = [_octahedron(rest[joint], end, thickness) for joint, end in bones]
-    return (
-        np.concatenate([points for points, _ in octahedra]),
-        np.concatenate([normals for _, normals in octahedra]),
-        np.repeat([joint for joint, _ in bones], 24),
-    )
+    points, normals = map(np.concatenate, zip(*octahedra, strict=True))
+    return points, normals, np.repeat([joint for joint, _ in bones], 24)
 
 
 def _is_visible(start, end, thickness):

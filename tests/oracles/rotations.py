@@ -41,9 +41,8 @@ def tangents(steps):
     if len(steps) == 1:
         return np.concatenate([steps, steps])
     inner = (steps[:-1] + steps[1:]) / 2
-    return np.concatenate(
-        [[(3 * steps[0] - steps[1]) / 2], inner, [(3 * steps[-1] - steps[-2]) / 2]]
-    )
+    first, last = (3 * steps[0] - steps[1]) / 2, (3 * steps[-1] - steps[-2]) / 2
+    return np.concatenate([[first], inner, [last]])
 
 
 def resample(frames, count):
@@ -55,13 +54,8 @@ def resample(frames, count):
         whole, rest = divmod(sample * n, count - 1)
         result[sample] = frames[whole]
         if rest:
-            result[sample] = hermite(
-                frames[whole],
-                frames[whole + 1],
-                velocity[whole],
-                velocity[whole + 1],
-                rest / (count - 1),
-            )
+            ends = (*frames[whole : whole + 2], *velocity[whole : whole + 2])
+            result[sample] = hermite(*ends, rest / (count - 1))
     return result
 
 
@@ -82,9 +76,3 @@ def resample_positions(frames, count):
                 + velocity[whole + 1] * t**2 * (t - 1)
             )
     return result
-
-
-def to_euler_degrees(rotations, order, before):
-    """Return Euler angles in degrees that continue `before` without jumps of a turn."""
-    angles = Rotation.from_quat(rotations).as_euler(order, degrees=True)
-    return np.unwrap(np.concatenate([before[None], angles]), axis=0, period=360)[1:]

@@ -93,10 +93,8 @@ def _normal_matrix(is_step, weights, is_free):
     `is_step` is that of `_donor_steps`. Rows and columns of fixed frames are those of the identity.
     """
     matrix = weights[0] * np.eye(len(is_free))
-    terms = (
-        ((-1.0, 1.0), weights[1] * is_step),
-        ((1.0, -2.0, 1.0), weights[2] * (is_step[:-1] & is_step[1:])),
-    )
+    accelerations = weights[2] * (is_step[:-1] & is_step[1:])
+    terms = ((-1.0, 1.0), weights[1] * is_step), ((1.0, -2.0, 1.0), accelerations)
     for stencil, weight in terms:
         derivative = np.zeros((len(weight), len(is_free)))
         for offset, factor in enumerate(stencil):

@@ -90,7 +90,7 @@ def test_write_graft_glb_several_grafts_share_one_file(library, tmp_path):
     again = mg.replay(f"{tmp_path / 'new.json'}#{names[1]}")
     np.testing.assert_array_equal(again.motion.rotations, grafts[1].motion.rotations)
     for name in ("new.json", "new.json#none"):
-        with pytest.raises(mg.ProvenanceError, match="expected the name of a graft, as in"):
+        with pytest.raises(mg.ProvenanceError, match="expected a graft, as in"):
             mg.replay(tmp_path / name)
 
 
@@ -120,7 +120,7 @@ def test_write_graft_glb_base_that_is_no_clip_has_new_tracks_of_all_joints(libra
 def test_write_graft_glb_base_of_another_format_raises_value_error(tmp_path):
     library = mg.Library.build(dance(seed=1, strides=1).motion[:300])
     graft = mg.graft(library)
-    with pytest.raises(ValueError, match="is not from a glTF file"):
+    with pytest.raises(ValueError, match="is not from glTF"):
         mg.write_graft(graft, tmp_path / "new.glb")
     for grafts in ([], [graft, graft]):
         with pytest.raises(ValueError, match="`graft` must be one graft"):

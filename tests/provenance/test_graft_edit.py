@@ -276,9 +276,9 @@ def test_replace_in_scenario_numbers_segments_of_the_scenario(library):
     [
         ([], {}, "an edit or `reroll` must be given"),
         ([mc.Use(999, 3)], {}, "`segment` of Use must be 0 to"),
-        ([], {"reroll": [999]}, "`reroll` must be a segment number from 0 to"),
-        ([], {"reroll": [(9000, 9010)]}, "`reroll` must select .* frames 0 to 699, got 9000-9010"),
-        ([mc.KeepOriginal(frames=(9000, 9010))], {}, "`frames` must select .* 699, got 9000-9010"),
+        ([], {"reroll": [999]}, "`reroll` must be a segment from 0 to"),
+        ([], {"reroll": [(9000, 9010)]}, "`reroll` must be within frames 0 to 699, got 9000-9010"),
+        ([mc.KeepOriginal(frames=(9000, 9010))], {}, "`frames` must be within .*, got 9000-"),
         ([mc.Use(3, ("secnd", 0, 9))], {}, "did you mean 'second'"),
         ([mc.Ban(3, group="uper")], {}, "`group` of Ban must be .*; did you mean 'upper'"),
         ([mc.AvoidSelf()], {}, "edits must be Use, Ban or"),

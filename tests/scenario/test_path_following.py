@@ -57,7 +57,7 @@ def test_follow_slow_segments_keep_time_limit_or_raise_value_error(library, grap
     usual = (length + 1) / (np.average(speeds[fast], weights=lasts[fast]) if fast.any() else 0.25)
     path = [[0.0, 0.0], [length * height, 0.0]]
     if share < 0.01:
-        message = rf"follows the whole path: .* units in {10 * usual:.4g} s, ten times"
+        message = rf"follows the whole path: .* units in {10 * usual:.4g} s; add"
         with pytest.raises(ValueError, match=message):
             follow(library, path, graph=slower)
         return

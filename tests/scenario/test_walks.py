@@ -72,7 +72,7 @@ def test_fill_small_graph_succeeds_exactly_where_enumeration_does(library, seed,
     if frames - 1 in sums:
         assert lengths[fill(library, frames, graph=graph)].sum() == frames - 1
     else:
-        message = rf"has a total length of {frames} frames; the nearest"
+        message = rf"has {frames} frames; the nearest"
         with pytest.raises(ValueError, match=message):
             fill(library, frames, graph=graph)
 
@@ -110,7 +110,7 @@ def test_to_beats_segments_end_at_rest_on_every_beat(library, graph, seed, perio
 
 
 def test_to_beats_impossible_beat_raises_value_error_naming_it(library, graph):
-    with pytest.raises(ValueError, match=r"no segment sequence from the beat at 1 s comes to rest"):
+    with pytest.raises(ValueError, match=r"comes to rest on all beats from that at 1 s"):
         to_beats(library, [0.0, 1.0, 1.034, 2.0], graph=graph)
 
 
@@ -131,9 +131,9 @@ def test_walk_seed_of_numpy_is_accepted(library):
     assert len(walk(library, np.int64(1), np.int64(3))) > 0
 
 
-TABLE = r"a walk on a graph of \d+ segments must have at most \d+ frames"
-SPAN = "`beats` must span at most 86400 seconds"
-DURATION = r"`duration` must be (above 0 and at most 86400 seconds|finite)"
+TABLE = r"a walk on \d+ segments must have at most \d+ frames"
+SPAN = "`beats` must span at most 86400 s"
+DURATION = r"`duration` must be (above 0 and at most 86400 s|finite)"
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ DURATION = r"`duration` must be (above 0 and at most 86400 seconds|finite)"
         *((fill, own, 0, f"`frames` must be .*, got {own}") for own in (1, 2.5, True)),
         (to_beats, [0.0], 0, "`beats` must contain at least two times in seconds, got 1"),
         (to_beats, [0.0, 1.0, 1.0], 0, "`beats` must ascend, got 1 after 1"),
-        (to_beats, [0.0, 1.0, 1.01], 0, r"`beats` must be at least a frame \(.* s\) apart, got 1 "),
+        (to_beats, [0.0, 1.0, 1.01], 0, "`beats` must be at least a frame apart, got 1 "),
         *((to_beats, [0.0, last], 0, SPAN) for last in (1e300, 1.7e308, 86_401.0)),
     ],
 )

@@ -61,9 +61,8 @@ def test_candidate_lists_of_balls_match_the_oracle(make_pool, seed, batch, stret
     for base, found in zip(everyone.tolist(), lists, strict=True):
         distances = np.linalg.norm(pool.points - pool.points[base], axis=1)
         fits = length_fits(lengths[base], lengths, 30.0, config) & pool.is_donor
-        fitting = [
-            k for k in np.argsort(distances, kind="stable").tolist() if fits[k] and k != base
-        ]
+        order = np.argsort(distances, kind="stable").tolist()
+        fitting = [k for k in order if fits[k] and k != base]
         inside = [k for k in fitting if distances[k] <= sigma]
         if len(inside) < FEWEST_DONORS:
             inside = [k for k in fitting if distances[k] <= 2 * sigma][:FEWEST_DONORS]
@@ -74,13 +73,9 @@ def test_candidate_lists_of_balls_match_the_oracle(make_pool, seed, batch, stret
 def test_pose_differences_are_mean_joint_angles_at_both_ends(make_pool, seed):
     pool = make_pool(seed)
     first, second = np.random.default_rng(seed).integers(0, len(pool.segments), (2, 30))
+    sides = pool.boundary.first, pool.boundary.last
     expected = [
-        np.mean(
-            [
-                oracle.seam_angle(ends[i], ends[k])
-                for ends in (pool.boundary.first, pool.boundary.last)
-            ]
-        )
+        np.mean([oracle.seam_angle(ends[i], ends[k]) for ends in sides])
         for i, k in zip(first, second, strict=True)
     ]
     np.testing.assert_allclose(pool.pose_differences(first, second), expected, atol=1e-7)
@@ -137,9 +132,8 @@ def test_search_keeps_cheapest_of_those_preselected(make_pool, seed, most, facto
         kept = sorted(first, key=lambda donor: (donor != base, unary[donor], donor))[:most]
         for trellis in trellises:
             assert trellis.candidates[base].tolist() == sorted(kept)
-            np.testing.assert_array_equal(
-                trellis.costs.unary[base], [unary[donor] for donor in sorted(kept)]
-            )
+            expected = [unary[donor] for donor in sorted(kept)]
+            np.testing.assert_array_equal(trellis.costs.unary[base], expected)
 
 
 def test_count_combinations_is_exact_above_float_precision():
@@ -176,15 +170,11 @@ def typical_pairs_oracle(pool):
     pairs = {}
     for i in range(len(pool.segments) - 1):
         left, right = others(i), others(i + 1)
-        if (
-            clip[i] != clip[i + 1]
-            or not is_donor[i : i + 2].all()
-            or (left, right) == ([i], [i + 1])
-        ):
+        is_seam = clip[i] == clip[i + 1] and is_donor[i : i + 2].all()
+        if not is_seam or (left, right) == ([i], [i + 1]):
             continue
-        pairs[i] = [
-            (a, b) for a in left for b in [*right, i + 1] if (b, clip[b]) != (a + 1, clip[a])
-        ]
+        all_pairs = product(left, [*right, i + 1])
+        pairs[i] = [(a, b) for a, b in all_pairs if (b, clip[b]) != (a + 1, clip[a])]
     return pairs
 
 
@@ -323,9 +313,8 @@ def test_listed_cost_with_constraints_is_that_of_the_search(library, choice, kin
     constraints = CONSTRAINTS[kind]
     scenario = library.segments.of_clip(0)
     base_segments = library.segments[scenario]
-    problem = SearchProblem.build(
-        library, library.clips[0], scenario, base_segments, ["upper"], constraints
-    )
+    base = library.clips[0]
+    problem = SearchProblem.build(library, base, scenario, base_segments, ["upper"], constraints)
     trellis = build_trellis(problem, "upper", {})
     beside = trellis.costs.conditional_costs(trellis.path(scenario))
     n_compared = 0

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
 import mograft as mg
 import mograft.constraints as mc
@@ -42,8 +43,8 @@ def poses(motion):
 
 def build_problem(library, constraints, groups=("upper",)):
     scenario = library.segments.of_clip(0)
-    cut = library.segments[scenario]
-    return SearchProblem.build(library, library.clips[0], scenario, cut, list(groups), constraints)
+    cut, base = library.segments[scenario], library.clips[0]
+    return SearchProblem.build(library, base, scenario, cut, list(groups), constraints)
 
 
 def upper_donors(graft, group="upper"):
@@ -68,28 +69,25 @@ def test_obstacle_distances_match_dense_points(poses, center, radius):
     center = center + np.array([0, 100, 0])
     expected = np.maximum(dense_depth(poses, center, radius), 0) / poses.height
     error, joint = mc.Avoid(mc.Sphere(tuple(center), radius)).errors(poses)
-    np.testing.assert_allclose(error * 0.005, expected, atol=2e-3)
+    assert_allclose(error * 0.005, expected, atol=2e-3)
     assert (joint >= 0).all()
     pole = mc.Capsule(tuple(center), tuple(center), radius)
-    np.testing.assert_allclose(mc.Avoid(pole).errors(poses)[0], error)
+    assert_allclose(mc.Avoid(pole).errors(poses)[0], error)
     wide, _ = mc.Avoid(mc.Sphere(tuple(center), radius), margin=0.1).errors(poses)
     deeper = np.where(error > 0, error + 0.1 / 0.005, wide)
-    np.testing.assert_allclose(wide, deeper, rtol=1e-9)
+    assert_allclose(wide, deeper, rtol=1e-9)
 
 
 def test_half_space_and_large_box_agree(poses):
     hip = poses.positions[0, 0]
     wall = mc.HalfSpace(tuple(hip), (0, 0, -2.0))
-    block = mc.Box(tuple(hip + np.array([0, 0, 5000.0])), (9000, 9000, 5000))
+    center = tuple(hip + np.array([0, 0, 5000.0]))
+    block = mc.Box(center, (9000, 9000, 5000))
     wall_error, _ = mc.Avoid(wall).errors(poses)
     block_error, _ = mc.Avoid(block).errors(poses)
-    np.testing.assert_allclose(wall_error, block_error, rtol=1e-6, atol=1e-4)
-    turned_box = mc.Box(
-        tuple(hip + np.array([0, 0, 5000.0])), (5000, 9000, 9000), (0, 0.5**0.5, 0, 0.5**0.5)
-    )
-    np.testing.assert_allclose(
-        mc.Avoid(turned_box).errors(poses)[0], block_error, rtol=1e-6, atol=1e-4
-    )
+    assert_allclose(wall_error, block_error, rtol=1e-6, atol=1e-4)
+    turned_box = mc.Box(center, (5000, 9000, 9000), (0, 0.5**0.5, 0, 0.5**0.5))
+    assert_allclose(mc.Avoid(turned_box).errors(poses)[0], block_error, rtol=1e-6, atol=1e-4)
 
 
 def test_character_distance_follows_its_motion(motion, poses):
@@ -97,13 +95,13 @@ def test_character_distance_follows_its_motion(motion, poses):
     error, _ = mc.Avoid(near).errors(poses)
     radii, moved = poses.capsules.radii, poses.ends + np.array([50.0, 0, 0])
     depths = -capsule_distances(poses.ends, radii, moved, radii).min(axis=(1, 2))
-    np.testing.assert_allclose(error * 0.005, depths.clip(min=0) / poses.height, atol=1e-9)
+    assert_allclose(error * 0.005, depths.clip(min=0) / poses.height, atol=1e-9)
     late = mc.Avoid(mc.Character(motion[:200], (50.0, 0, 0), delay=1.0)).errors(poses)[0]
     shifted = mg.Poses.from_motion(motion[:200])
     first = mc.Avoid(mc.Character(motion[:1], (50.0, 0, 0))).errors(shifted)[0]
-    np.testing.assert_array_equal(late[:30], first[:30])
+    assert_array_equal(late[:30], first[:30])
     full_turn = mc.Avoid(mc.Character(motion[:200], yaw=2 * np.pi)).errors(poses)[0]
-    np.testing.assert_allclose(full_turn, mc.Avoid(mc.Character(motion[:200])).errors(poses)[0])
+    assert_allclose(full_turn, mc.Avoid(mc.Character(motion[:200])).errors(poses)[0])
 
 
 def test_reach_and_keep_out_measure_joint_positions(poses):
@@ -121,15 +119,13 @@ def test_reach_and_keep_out_measure_joint_positions(poses):
 
 def test_face_rest_pose_looks_forward():
     skeleton = dance(strides=1).motion.skeleton
-    rest = mg.Motion(
-        skeleton, 1 / 30, np.tile([0, 0, 0, 1.0], (2, skeleton.n_joints, 1)), [skeleton.offsets] * 2
-    )
+    quats = np.tile([0, 0, 0, 1.0], (2, skeleton.n_joints, 1))
+    rest = mg.Motion(skeleton, 1 / 30, quats, [skeleton.offsets] * 2)
     head = rest.world_positions()[0, skeleton.index("Head")]
     for target, angle in (((0, 0, 900), 0.0), ((900, 0, 0), 90.0), ((0, 0, -900), 180.0)):
         face = mc.Face(tuple(head + target))
-        assert np.degrees(
-            face.errors(mg.Poses.from_motion(rest))[0][0] * face.tolerance
-        ) == pytest.approx(angle, abs=1e-6)
+        error = face.errors(mg.Poses.from_motion(rest))[0][0] * face.tolerance
+        assert np.degrees(error) == pytest.approx(angle, abs=1e-6)
 
 
 def test_avoid_self_captured_motion_satisfies_it(poses):
@@ -152,18 +148,14 @@ def test_avoid_self_depth_is_that_of_deepest_pair(poses, seed):
     subset = scatter_limbs(poses, np.random.default_rng(seed))
     body = subset.capsules
     parts, sides = np.array(body.parts), np.array(body.sides)
-    arm, rest = (
-        np.isin(parts, names)
-        for names in (["hand", "forearm"], ["pelvis", "trunk", "head", "thigh"])
-    )
+    arm = np.isin(parts, ["hand", "forearm"])
+    rest = np.isin(parts, ["pelvis", "trunk", "head", "thigh"])
     tested_pairs = arm[:, None] & (rest | (arm & (sides[:, None] != sides)))
     distance = capsule_distances(subset.ends, body.radii, subset.ends, body.radii)
     deepest = -np.where(tested_pairs, distance, np.inf).min(axis=(1, 2)) / subset.height
     constraint = mc.AvoidSelf(captured=0.01)
     error, _ = constraint.errors(subset)
-    np.testing.assert_allclose(
-        error * constraint.tolerance, np.maximum(deepest - 0.01, 0), atol=1e-6
-    )
+    assert_allclose(error * constraint.tolerance, np.maximum(deepest - 0.01, 0), atol=1e-6)
 
 
 @settings(max_examples=12, deadline=None)
@@ -179,7 +171,7 @@ def test_constraint_errors_are_maximum_over_joints(poses, seed):
     ):
         full_error, _ = constraint.errors(subset)
         parts = [constraint.errors(subset, joints) for joints in (mask, ~mask)]
-        np.testing.assert_array_equal(full_error, np.maximum(parts[0][0], parts[1][0]))
+        assert_array_equal(full_error, np.maximum(parts[0][0], parts[1][0]))
         for joints, (_, blamed) in zip((mask, ~mask), parts, strict=True):
             assert joints[blamed[blamed >= 0]].all()
 
@@ -197,7 +189,7 @@ def test_find_violations_reports_runs_with_worst_frame(poses):
         assert violation.worst == first + heights[first : last + 1].argmin()
         assert violation.joint == HAND
         assert "heights inside, tolerance 0.005" in violation.message
-    np.testing.assert_array_equal(covered, below)
+    assert_array_equal(covered, below)
     assert find_violations([replace(low, weight=1.0)], poses) == []
 
 
@@ -208,9 +200,8 @@ def test_excess_of_a_range_matches_whole_motion(library):
     problem = build_problem(library, [mc.KeepOut(HAND, mc.HalfSpace((0, 900, 0), (0, 1, 0)))])
     trellis = build_trellis(problem, "upper", {})
     rng = np.random.default_rng(0)
-    alternatives = [
-        {"upper": np.array([rng.choice(own) for own in trellis.candidates])} for _ in range(4)
-    ]
+    lists = trellis.candidates
+    alternatives = [{"upper": np.array([rng.choice(own) for own in lists])} for _ in range(4)]
     for first in rng.integers(0, len(problem.base_segments) - 4, 3).tolist():
         subsets = donor_excesses(problem, alternatives, first, first + 3)["upper"]
         begin, end = problem.base_segments.start[first], problem.base_segments.stop[first + 2]
@@ -218,7 +209,7 @@ def test_excess_of_a_range_matches_whole_motion(library):
         for donors, subset in zip(alternatives, subsets, strict=True):
             # Seams far away have a small influence: see `seam_reach`.
             full_error = donor_excess(problem, donors)["upper"]
-            np.testing.assert_allclose(subset, full_error[begin : end + 1], rtol=1e-4)
+            assert_allclose(subset, full_error[begin : end + 1], rtol=1e-4)
 
 
 @pytest.mark.parametrize("choice", ["viterbi", "sample", "nearest", "random"])
@@ -258,10 +249,10 @@ def test_not_from_partial_overlap_excludes_donor():
     excluding, including = {"clip_frames": (19, 30)}, {"clip_frames": (12, 36)}
     for constraint in (mc.NotFrom("other", **excluding), mc.NotFrom(tags="x", **excluding)):
         error = constraint.donor_errors(captured, donors, clips)
-        np.testing.assert_array_equal(error > 1, [True, True, True, False])
+        assert_array_equal(error > 1, [True, True, True, False])
     for constraint in (mc.OnlyFrom("oth*", **including), mc.OnlyFrom(tags={"y"}, **including)):
         error = constraint.donor_errors(captured, donors, clips)
-        np.testing.assert_array_equal(error > 1, [True, False, False, True])
+        assert_array_equal(error > 1, [True, False, False, True])
 
 
 @given(
@@ -275,16 +266,14 @@ def test_only_from_selects_clips_by_name_or_tag(tags, wanted_tags, wanted_clips)
     wanted_tags &= set().union(*tags)
     assume(wanted_tags or wanted_clips)
     n = len(clips)
-    captured, donors = (
-        mg.Segments([0] * n, [9] * n, [n] * n),
-        mg.Segments([5] * n, [9] * n, range(n)),
-    )
+    captured = mg.Segments([0] * n, [9] * n, [n] * n)
+    donors = mg.Segments([5] * n, [9] * n, range(n))
     is_selected = [i in wanted_clips or bool(wanted_tags & tags[i]) for i in range(n)]
     names = sorted(map(str, wanted_clips))
     excluding = mc.NotFrom(names, tags=wanted_tags).donor_errors(captured, donors, clips)
-    np.testing.assert_array_equal(excluding > 1, is_selected)
+    assert_array_equal(excluding > 1, is_selected)
     including = mc.OnlyFrom(names, tags=wanted_tags).donor_errors(captured, donors, clips)
-    np.testing.assert_array_equal(including > 1, np.logical_not(is_selected))
+    assert_array_equal(including > 1, np.logical_not(is_selected))
 
 
 @given(SEGMENT_LENGTHS, st.integers(0, 9), st.data())
@@ -295,10 +284,10 @@ def test_overlaps_frames_of_consecutive_segments_select_exactly_these(lengths, o
     last = data.draw(st.integers(first, len(lengths) - 1))
     expected = (np.arange(len(lengths)) >= first) & (np.arange(len(lengths)) <= last)
     span = (int(segments.start[first]), int(segments.stop[last]))
-    np.testing.assert_array_equal(overlaps(segments, span), expected)
+    assert_array_equal(overlaps(segments, span), expected)
     frame = data.draw(st.integers(*span))
     contains = (segments.start <= frame) & (segments.stop >= frame)
-    np.testing.assert_array_equal(overlaps(segments, (frame, frame)), contains)
+    assert_array_equal(overlaps(segments, (frame, frame)), contains)
 
 
 @few_examples(8)
@@ -315,7 +304,7 @@ def test_only_from_frames_of_one_segment_restricts_it_alone(library, seed):
     problem = build_problem(library, [only])
     for i, (before, after) in enumerate(zip(free, problem.candidates["upper"], strict=True)):
         kept = before[(before == donor) | (before == position)] if i == position else before
-        np.testing.assert_array_equal(after, kept)
+        assert_array_equal(after, kept)
     is_candidate = donor in free[position]
     found = find_donor_violations(problem, problem.captured_donors)
     assert [violation.frames for violation in found] == ([] if is_candidate else [frames])
@@ -386,24 +375,15 @@ def test_use_in_repair_changes_segment(library):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (
-            lambda: mc.Use(donor=3),
-            "one of `segment` and `frames` must be given, got both or neither",
-        ),
+        (lambda: mc.Use(donor=3), "one of `segment` and `frames` must be given, got both or nei"),
         (lambda: mc.Ban(3, frames=(0, 9)), "one of `segment` and `frames` must"),
-        (
-            lambda: mc.Use(3),
-            r"`donor` must be a segment index or \(clip, first frame, last frame\), got",
-        ),
+        (lambda: mc.Use(3), r"`donor` must be a segment index or \(clip, first frame, last"),
         (lambda: mc.Use(3, "second"), "`donor` must be a segment index or .*, got 'second'"),
         (lambda: mc.Ban(3, ("second", 9, 3)), "`donor` must be a first and a last frame"),
         (lambda: mc.Use(99999, 3), "`segment` of Use must be 0 to .*, got 99999"),
         (lambda: mc.Ban(3, 99999), "`donor` of Ban must be 0 to .*, got 99999"),
         (lambda: mc.Ban(3, "secnd"), "`donor` of Ban .*; got 'secnd'; did you mean 'second'"),
-        (
-            lambda: mc.Use(3, ("second", 0, 1)),
-            r"`donor` of Use must be a segment of second, got 0-1; the nearest are 0-",
-        ),
+        (lambda: mc.Use(3, ("second", 0, 1)), "`donor` of Use .* of second, got 0-1; the nearest"),
         (lambda: mc.Use(frames=(0, 1), donor=3), "`frames` of Use must be a segment of the base"),
         (lambda: mc.Ban(3, ("second", 99990, 99999)), "`donor` of Ban must be a segment of second"),
     ],
@@ -416,6 +396,7 @@ def test_use_and_ban_unknown_segment_raises_value_error(library, make, message):
 def test_max_angle_limits_seam_angles(library):
     limit = np.radians(12)
     graft = mg.graft(library, constraints=[mc.MaxAngle(limit)])
+    assert "(limit 12°)" in graft.report()
     pool, donors = library.pool("upper"), upper_donors(graft)
     assert np.diag(pool.seam_angles(donors[:-1], donors[1:])).max() <= limit
     assert not graft.violations
@@ -431,11 +412,8 @@ def reachable_target(problem, rng):
             break
     donors = problem.captured_donors
     donors["upper"][position] = rng.choice(others)
-    frame = int(
-        rng.integers(
-            problem.base_segments.start[position], problem.base_segments.stop[position] + 1
-        )
-    )
+    cut = problem.base_segments
+    frame = int(rng.integers(cut.start[position], cut.stop[position] + 1))
     motion = assemble(problem, donors)
     return tuple(motion.world_positions()[frame, motion.skeleton.index(HAND)]), frame
 
@@ -498,10 +476,10 @@ def test_repair_changes_only_violating_segments_and_neighbours(library):
         touched[max(segments.start[at] - reach, 0) : segments.stop[at] + reach + 1] = True
     untouched = ~touched
     old, new = base.channel_numbers(), graft.motion.channel_numbers()
-    np.testing.assert_array_equal(new[untouched], old[untouched])
-    np.testing.assert_array_equal(graft.motion.rotations[untouched], base.rotations[untouched])
+    assert_array_equal(new[untouched], old[untouched])
+    assert_array_equal(graft.motion.rotations[untouched], base.rotations[untouched])
     legs = library.joints("lower")
-    np.testing.assert_array_equal(graft.motion.rotations[:, legs], base.rotations[:, legs])
+    assert_array_equal(graft.motion.rotations[:, legs], base.rotations[:, legs])
 
 
 def test_avoid_is_satisfied_for_every_choice(library):
@@ -517,7 +495,7 @@ def test_avoid_is_satisfied_for_every_choice(library):
 def test_repair_without_violation_returns_captured_motion(library):
     graft = mg.repair(library, constraints=[mc.Avoid(mc.Sphere((0.0, 9000.0, 0.0), 5.0))])
     base = library.clips[0]
-    np.testing.assert_array_equal(graft.motion.channel_numbers(), base.channel_numbers())
+    assert_array_equal(graft.motion.channel_numbers(), base.channel_numbers())
 
 
 @pytest.mark.parametrize("changes", [{"torso": "pelvis"}, {"alignment": "dtw"}])
@@ -583,9 +561,8 @@ def test_candidates_refused_names_constraint_and_amount(library):
     assert judged.allowed[0].segment == segment
     problem = build_problem(library, [reach])
     for candidate in (*judged.allowed, *judged.refused):
-        poses = candidate_poses(
-            problem, "upper", np.array([segment]), np.array([candidate.segment])
-        )
+        pair = np.array([segment]), np.array([candidate.segment])
+        poses = candidate_poses(problem, "upper", *pair)
         missed = reach.errors(poses)[0].max()
         assert ("Reach: LeftHand is " in candidate.refused) == (missed > 1)
         if missed > 1:
@@ -597,6 +574,7 @@ def test_candidates_refused_names_constraint_and_amount(library):
 def test_report_lists_every_substitution(library):
     graft = mg.graft(library)
     lines = graft.report(each=True).splitlines()
+    assert "(limit 45°)" in graft.report()
     pool, donors = library.pool("upper"), upper_donors(graft)
     model = cost_model(library.config, pool)
     for at, s in enumerate(graft.substitutions):
@@ -611,11 +589,6 @@ def test_report_lists_every_substitution(library):
     assert len(graft.report().splitlines()) < len(lines)
 
 
-def test_report_prints_the_limit_of_seam_gaps(library):
-    assert "(limit 45°)" in mg.graft(library).report()
-    assert "(limit 21°)" in mg.graft(library, constraints=[mc.MaxAngle(np.radians(21.0))]).report()
-
-
 # Invalid arguments
 
 
@@ -624,22 +597,13 @@ def test_report_prints_the_limit_of_seam_gaps(library):
     [
         (lambda: mc.Sphere((0, 0, 0), -1), "`radius` must not be negative, got -1"),
         (lambda: mc.Sphere((0, 0), 1), "`center` must have shape"),
-        (
-            lambda: mc.Box((0, 0, 0), (1, 1, 1), (0, 0, 0, 2)),
-            "`rotation` must be a unit quaternion",
-        ),
+        (lambda: mc.Box((0, 0, 0), (1, 1, 1), (0, 0, 0, 2)), "`rotation` must be a unit quatern"),
         (lambda: mc.HalfSpace((0, 0, 0), (0, 0, 0)), "`normal` must not be zero"),
         (lambda: mc.Avoid(mc.Sphere((0, 0, 0), 1), tolerance=0), "`tolerance` must be above 0"),
-        (
-            lambda: mc.Reach(HAND, (0, 0, 0), -1),
-            "`frame` must be a whole number of at least 0, got -1",
-        ),
+        (lambda: mc.Reach(HAND, (0, 0, 0), -1), "`frame` must be a whole number .* 0, got -1"),
         (lambda: mc.NotFrom("a", weight=-1), "`weight` must not be negative, got -1"),
         (lambda: mc.NotFrom(), "`clips` or `tags` must be given, got neither"),
-        (
-            lambda: mc.KeepOriginal(frames=(5, 2)),
-            "`frames` must be a first and a last frame, ascending",
-        ),
+        (lambda: mc.KeepOriginal(frames=(5, 2)), "`frames` must be a first and a last .*ascending"),
         (lambda: mc.MaxAngle(0.1, weight=1.0), "MaxAngle accepts neither weight nor frames"),
         (lambda: mc.AvoidSelf(captured=-1), "`captured` must not be negative, got -1"),
         (lambda: mc.Custom(5), "`function` must be callable, got 5"),
@@ -651,11 +615,7 @@ def test_constraint_invalid_arguments_raise(make, message):
         make()
 
 
-@pytest.mark.parametrize(
-    "constraints",
-    [None, 5, mc.MaxAngle(0.2), iter([mc.KeepOriginal()])],
-    ids=["none", "number", "constraint", "iterator"],
-)
+@pytest.mark.parametrize("constraints", [None, 5, mc.MaxAngle(0.2), iter([mc.KeepOriginal()])])
 @pytest.mark.parametrize("function", [mg.graft, mg.graft_many, mg.repair, mg.Stream])
 def test_constraints_that_are_not_a_list_raise_type_error(library, function, constraints):
     """An iterator would be empty after the first pass, and its constraints would be ignored."""
@@ -682,7 +642,7 @@ def test_box_rotation_of_any_kind_becomes_a_tuple_of_floats(kind):
 def test_custom_errors_below_0_count_as_0(poses):
     custom = mc.Custom(lambda poses: np.linspace(-3.0, 2.0, len(poses)), weight=1.0)
     expected = np.linspace(-3.0, 2.0, len(poses)).clip(min=0.0)
-    np.testing.assert_array_equal(custom.errors(poses)[0], expected)
+    assert_array_equal(custom.errors(poses)[0], expected)
 
 
 @given(st.integers(1, 3000), st.integers(1, 3000), st.sampled_from([0.0, 1e-5, 5e-4, 0.1, 2.0]))
@@ -701,11 +661,7 @@ def test_max_stretch_errors_are_above_1_for_greater_stretches_only(base, donor, 
         (mc.Reach("Wing", (0, 0, 0), 5), ValueError, "no joint is named 'Wing'"),
         (mc.Reach(HAND, (0, 0, 0), 99_999), ValueError, "frames of `Reach` must be within 0 to"),
         (mc.NotFrom("waltz*"), ValueError, r"`clips` must match .*; got 'waltz\*'"),
-        (
-            mc.OnlyFrom(tags="happy"),
-            ValueError,
-            "`tags` must be empty: no clip has a tag; got 'happy'",
-        ),
+        (mc.OnlyFrom(tags="happy"), ValueError, "`tags` must be empty: .*; got 'happy'"),
     ],
 )
 def test_constraint_unknown_names_raise_before_search(library, constraint, error, message):

@@ -15,22 +15,6 @@ from mograft.search.copies import COPY_ANGLE
 from tests.strategies import few_examples
 
 
-def renamed(take):
-    return take
-
-
-def piece(take):
-    return take[300:700]
-
-
-def resampled(take):
-    return take.resample(120).resample(30)
-
-
-def mirrored_twice(take):
-    return mirror(mirror(take))
-
-
 def rescaled(take):
     skeleton = take.skeleton.with_offsets(0.01 * take.skeleton.offsets)
     return replace(take, skeleton=skeleton, positions=0.01 * take.positions)
@@ -45,6 +29,13 @@ def turned(take):
     return replace(take, rotations=quats, positions=positions)
 
 
+COPIES = {
+    **{"renamed": lambda take: take, "piece": lambda take: take[300:700]},
+    **{"rescaled": rescaled, "turned": turned, "mirrored": lambda take: mirror(mirror(take))},
+    "resampled": lambda take: take.resample(120).resample(30),
+}
+
+
 def shares_of_copies(graft):
     """Whether each exchanged segment has the base's poses in all frames; joints of one group."""
     base, motion = graft.base.rotations, graft.motion.rotations
@@ -55,15 +46,13 @@ def shares_of_copies(graft):
 
 
 @pytest.mark.parametrize("neighbourhood", ["cluster", "ball"])
-@pytest.mark.parametrize(
-    "copy", [renamed, piece, resampled, mirrored_twice, rescaled, turned], ids=lambda f: f.__name__
-)
+@pytest.mark.parametrize("name", COPIES)
 @few_examples(3)
 @given(seed=st.integers(0, 1000))
-def test_graft_on_a_clip_with_a_copy_takes_nothing_from_it(copy, neighbourhood, seed):
+def test_graft_on_a_clip_with_a_copy_takes_nothing_from_it(name, neighbourhood, seed):
     take = dance(seed=seed, strides=1).motion
     config = mg.Config(neighbourhood=neighbourhood, self_repair=False, choice="random")
-    twin = replace(copy(take), name="copy", channel_values=None)
+    twin = replace(COPIES[name](take), name="copy", channel_values=None)
     library = mg.Library.build([take, twin], config=config)
     for graft in mg.graft_many(library, "copy", 2, seed=seed):
         copies = shares_of_copies(graft)
@@ -94,19 +83,13 @@ def test_are_copies_equals_comparison_of_all_pairs(seed, groups):
     assert expected.sum() >= len(library.segments.of_clip(0))
 
 
-def test_use_of_a_copy_is_kept():
+def test_use_of_a_copy_is_kept_and_candidates_refuse_it_with_its_reason():
     take = dance(seed=1, strides=1).motion
     library = mg.Library.build([take, replace(take, name="copy")])
     twin = len(library.segments.of_clip(0)) + 5
     graft = mg.graft(library, constraints=[mc.Use(5, twin)])
     assert graft.substitutions[5].donor == twin
     assert not graft.violations
-
-
-def test_candidates_refuse_a_copy_with_its_reason():
-    take = dance(seed=1, strides=1).motion
-    library = mg.Library.build([take, replace(take, name="copy")])
-    twin = len(library.segments.of_clip(0)) + 5
     found = mg.candidates(library, 5, "upper")
     (refused,) = (own for own in found.refused if own.segment == twin)
     assert refused.refused == "copy: it moves the group as the base segment does"

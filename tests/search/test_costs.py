@@ -76,9 +76,8 @@ def test_keep_cheapest_of_each_is_keep_cheapest_at_each_position(seed, counts, f
     model, scenario = CostModel(Config(max_candidates=2), SCALES), rng.integers(0, 12, len(counts))
     candidates = [np.sort(rng.permutation(12)[:count]) for count in counts]
     costs = [rng.choice([-np.inf, -0.5, -0.0, 0.0, 1.0, np.inf], count) for count in counts]
-    kept, kept_costs = model.keep_cheapest_of_each(
-        scenario, candidates, np.concatenate(costs), factor
-    )
+    joined = np.concatenate(costs)
+    kept, kept_costs = model.keep_cheapest_of_each(scenario, candidates, joined, factor)
     assert len(kept) == len(kept_costs) == len(counts)
     for position, (segments, own) in enumerate(zip(candidates, costs, strict=True)):
         order = np.lexsort((own, segments != scenario[position]))[: 2 * factor]
@@ -98,13 +97,11 @@ def test_seam_scales_follow_the_typical_gaps_up_to_the_configured_scales(angle, 
 
 @given(st.floats(1e-6, 1.0), st.floats(0.0, 0.5), st.floats(0.0, 1e3))
 def test_two_seams_within_the_limits_cost_less_than_half_a_violated_limit(scale, angle, velocity):
-    costs = CostModel(Config(max_angle=0.5), SeamScales(scale, scale)).pairwise(
-        np.array([angle]), np.array([velocity])
-    )
+    model = CostModel(Config(max_angle=0.5), SeamScales(scale, scale))
+    costs = model.pairwise(np.array([angle]), np.array([velocity]))
     assert 2 * costs[0] < INFEASIBLE_PENALTY / 2
-    assert costs[0] == pytest.approx(
-        min((angle / scale) ** 2 + (velocity / scale) ** 2, INFEASIBLE_PENALTY / 8)
-    )
+    squares = (angle / scale) ** 2 + (velocity / scale) ** 2
+    assert costs[0] == pytest.approx(min(squares, INFEASIBLE_PENALTY / 8))
 
 
 @pytest.mark.parametrize("gap", [0.0, 1e-15, np.inf])

@@ -89,10 +89,8 @@ def test_sample_costs_that_overflow_as_weights_keep_their_probabilities():
 
 def charges(trellis, penalty):
     """Return the function that charges `penalty` for the candidates on a path."""
-    return lambda path: [
-        penalty * (np.arange(len(own)) == index)
-        for own, index in zip(trellis.unary, path, strict=True)
-    ]
+    counts = [len(own) for own in trellis.unary]
+    return lambda path: [penalty * (np.arange(n) == i) for n, i in zip(counts, path, strict=True)]
 
 
 @given(SEEDS, st.integers(1, 30), st.sampled_from([0.0, 0.5, 100.0]))

@@ -42,9 +42,8 @@ def test_candidate_poses_with_root_are_the_clip_moved_rigidly_to_the_root_start(
     donor = int(rng.choice(same_length))
     quat = rng.normal(size=(1, 4))
     start = RootTransforms(quat / np.linalg.norm(quat), rng.normal(size=(1, 3)) * 300)
-    poses = candidate_poses(
-        problem, "lower", np.array([position]), np.array([donor]), root_library.clips[0], start
-    )
+    pair, base = (np.array([position]), np.array([donor])), root_library.clips[0]
+    poses = candidate_poses(problem, "lower", *pair, base, start)
     clip = root_library.clips[segments.clip[donor]]
     frames = slice(segments.start[donor], segments.stop[donor] + 1)
     joints = root_library.joints("lower")
@@ -66,9 +65,8 @@ def test_root_trellis_costs_are_those_along_the_cheapest_path(
     root_library, make_problem, make_wall
 ):
     wall = make_wall(root_library)
-    problem = make_problem(
-        root_library, [wall, mg.constraints.Face((0.0, 150.0, 500.0), weight=0.5)]
-    )
+    face = mg.constraints.Face((0.0, 150.0, 500.0), weight=0.5)
+    problem = make_problem(root_library, [wall, face])
     trellis = build_trellis(problem, "lower", {})
     unconstrained = DonorTrellis.build(
         problem.pools["lower"], problem.scenario, trellis.candidates, problem.cost_models["lower"]
@@ -77,9 +75,8 @@ def test_root_trellis_costs_are_those_along_the_cheapest_path(
     start = RootTransforms.from_motion(root_library.clips[0], root)[np.array([0])]
     expected, found = [], []
     for position, donor in enumerate(trellis.donor_sequence(path)):
-        poses = candidate_poses(
-            problem, "lower", np.array([position]), np.array([donor]), None, start
-        )
+        pair = np.array([position]), np.array([donor])
+        poses = candidate_poses(problem, "lower", *pair, None, start)
         joints = problem.driven_joints["lower"]
         hard, soft = (c.errors(poses, joints)[0].max() for c in problem.constraints)
         penalty = INFEASIBLE_PENALTY * (1 + hard) if hard > 1 else 0.0

@@ -17,14 +17,8 @@ from mograft.body.faults import find_faults
 from mograft.body.mass import mass_model
 from mograft.dancer import dance
 from mograft.motion import rotations
+from mograft.solve import defects
 from mograft.solve.assembly import Assembly, Excerpt
-from mograft.solve.defects import (
-    MAX_ADDED_DEPTH,
-    MAX_JERK_RATIO,
-    MAX_SEAM_RATIO,
-    DefectMeasure,
-    FloorPoints,
-)
 from mograft.solve.plan import GraftPlan
 from mograft.solve.self_repair import self_repair
 from mograft.synthesis.graft_building import build_graft
@@ -33,7 +27,7 @@ from tests.strategies import few_examples
 
 HALF_WIDTH = 4  # frames at 30 frames per second
 GLITCH_DEGREES = 20.0
-LIMITS = np.array([MAX_SEAM_RATIO, MAX_SEAM_RATIO, MAX_JERK_RATIO, 1.0])
+LIMITS = np.array([defects.MAX_SEAM_RATIO, defects.MAX_SEAM_RATIO, defects.MAX_JERK_RATIO, 1.0])
 
 
 @pytest.fixture(scope="module")
@@ -53,9 +47,8 @@ def with_config(library, **changes):
 
 def graft_pair(library, **arguments):
     """Return a graft without and with self-repair."""
-    return [
-        mg.graft(with_config(library, self_repair=is_on), **arguments) for is_on in (False, True)
-    ]
+    libraries = [with_config(library, self_repair=is_on) for is_on in (False, True)]
+    return [mg.graft(own, **arguments) for own in libraries]
 
 
 def donors_of(graft):
@@ -69,10 +62,7 @@ def peaks(motion, joints, frame):
         if at < 1 or at > motion.n_frames - 2:
             continue
         quats = motion.rotations[at - 1 : at + 3, joints]
-        steps = [
-            rotations.log(rotations.multiply(rotations.inverse(a), b))
-            for a, b in itertools.pairwise(quats)
-        ]
+        steps = rotations.log(rotations.multiply(rotations.inverse(quats[:-1]), quats[1:]))
         accelerations.append(np.linalg.norm(steps[1] - steps[0], axis=-1).max())
         if len(steps) == 3:
             jerk = steps[2] - 2 * steps[1] + steps[0]
@@ -109,13 +99,15 @@ def test_defect_amounts_above_limit_equal_ratios_of_loops_over_frames(library, s
     graft = build_graft(plan, donors, seed, 0)
     problem = plan.problem
     whole = [Excerpt(donors, 0, len(problem.base_segments))]
-    amounts = DefectMeasure(problem, "upper").amounts(graft.motion, whole)[0] * LIMITS
+    amounts = defects.DefectMeasure(problem, "upper").amounts(graft.motion, whole)[0] * LIMITS
     expected = np.zeros((len(amounts), 2))
     for frame, ratios in seam_ratios(graft).items():
         position = int(np.flatnonzero(problem.base_segments.stop == frame)[0])
         for side in (position, position + 1):
             expected[side] = np.maximum(expected[side], ratios)
-    is_high = (expected > 1.02 * MAX_SEAM_RATIO) | (amounts[:, :2] > 1.02 * MAX_SEAM_RATIO)
+    is_high = (expected > 1.02 * defects.MAX_SEAM_RATIO) | (
+        amounts[:, :2] > 1.02 * defects.MAX_SEAM_RATIO
+    )
     assert is_high.any()
     np.testing.assert_allclose(amounts[:, :2][is_high], expected[is_high], rtol=0.02)
     assert (amounts[:, :2] >= 0.98 * expected).all()
@@ -126,7 +118,7 @@ def test_defect_amounts_above_limit_equal_ratios_of_loops_over_frames(library, s
 def test_self_repair_never_increases_the_greatest_seam_ratio(library, seed, choice):
     before, after = graft_pair(with_config(library, choice=choice), seed=seed)
     before, after = (np.array([*seam_ratios(own).values()]) for own in (before, after))
-    worst = max(before.max(initial=0.0), MAX_SEAM_RATIO)
+    worst = max(before.max(initial=0.0), defects.MAX_SEAM_RATIO)
     assert after.max(initial=0.0) <= 1.01 * worst
 
 
@@ -198,14 +190,14 @@ def test_jerk_amounts_above_limit_equal_ratios_to_base_and_rest_of_donor_clips(l
     motion = build_graft(plan, donors, seed, 0).motion
     segments, cut = own.segments, plan.problem.base_segments
     whole = [Excerpt(donors, 0, len(cut))]
-    amounts = DefectMeasure(plan.problem, "upper").amounts(motion, whole)[0][:, 2]
+    amounts = defects.DefectMeasure(plan.problem, "upper").amounts(motion, whole)[0][:, 2]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("mograft.solve.defects._POSITIONS_PER_BLOCK", 7)
-        in_blocks = DefectMeasure(plan.problem, "upper").amounts(motion, whole)[0][:, 2]
+        in_blocks = defects.DefectMeasure(plan.problem, "upper").amounts(motion, whole)[0][:, 2]
     np.testing.assert_array_equal(in_blocks, amounts)
     joints = feature_joints(base.skeleton, np.flatnonzero(plan.problem.driven_joints["upper"]))
     reached, known = jerk_magnitudes(motion, joints), jerk_magnitudes(base, joints)
-    own_limits = MAX_JERK_RATIO * np.percentile(np.nan_to_num(known), 99.9, axis=0)
+    own_limits = defects.MAX_JERK_RATIO * np.percentile(np.nan_to_num(known), 99.9, axis=0)
     n_excused = 0
     for position in range(1, len(cut) - 1):
         frames = slice(cut.start[position], cut.stop[position])
@@ -216,7 +208,7 @@ def test_jerk_amounts_above_limit_equal_ratios_to_base_and_rest_of_donor_clips(l
             is_rest = np.ones(len(jerk), bool)
             is_rest[max(segments.start[donor] - 2, 0) : segments.stop[donor] + 2] = False
             percentiles = np.percentile(jerk[is_rest], 99.9, axis=0)
-            limits = np.maximum(limits, MAX_JERK_RATIO * percentiles)
+            limits = np.maximum(limits, defects.MAX_JERK_RATIO * percentiles)
         expected = np.nanmax(reached[frames] / limits)
         if amounts[position] == 0.0:  # nothing is exchanged here
             continue
@@ -272,7 +264,7 @@ def test_self_repair_that_increases_the_greatest_amount_of_another_group_is_reje
     four_groups, monkeypatch
 ):
     plan, first = build_plan(with_config(four_groups, choice="sample"), 2)
-    measured = DefectMeasure.amounts
+    measured = defects.DefectMeasure.amounts
 
     def amounts(measure, motion, excerpts):
         """Return the amounts; those of an arm are 1000 if the donors of the torso are not first."""
@@ -284,7 +276,7 @@ def test_self_repair_that_increases_the_greatest_amount_of_another_group_is_reje
 
     changed, _ = self_repair(first, plan.trellises, lambda _: [])
     assert (changed.donors["torso"] != first.donors["torso"]).any()
-    monkeypatch.setattr(DefectMeasure, "amounts", amounts)
+    monkeypatch.setattr(defects.DefectMeasure, "amounts", amounts)
     kept, _ = self_repair(first, plan.trellises, lambda _: [])
     np.testing.assert_array_equal(kept.donors["torso"], first.donors["torso"])
     assert (kept.donors["rarm"] != first.donors["rarm"]).any()
@@ -323,9 +315,8 @@ def test_self_repair_keeps_hard_constraints(library):
     hand = library.skeleton.index("LeftHand")
     target = tuple(library.clips[0].world_positions()[300, hand])
     for seed in range(3):
-        before, after = graft_pair(
-            library, seed=seed, constraints=[mc.Reach("LeftHand", target, 300)]
-        )
+        reach = mc.Reach("LeftHand", target, 300)
+        before, after = graft_pair(library, seed=seed, constraints=[reach])
         assert len(after.violations) <= len(before.violations)
 
 
@@ -362,7 +353,7 @@ def depths_below_floor(motion, floor_reference):
 def floor_ratios(graft_motion, base, segments):
     """Return for each base segment the greatest depth relative to its limit."""
     captured = depths_below_floor(base, base)
-    limits = np.percentile(captured, 99.9, axis=0).clip(min=0.0) + MAX_ADDED_DEPTH
+    limits = np.percentile(captured, 99.9, axis=0).clip(min=0.0) + defects.MAX_ADDED_DEPTH
     depths = depths_below_floor(graft_motion, base) / np.maximum(limits, captured)
     ranges = zip(segments.start.tolist(), segments.stop.tolist(), strict=True)
     return np.array([max(depths[first:last].max(), 0.0) for first, last in ranges])
@@ -376,7 +367,7 @@ def test_defect_amounts_of_floor_depth_equal_ratios_to_the_percentile_in_the_bas
     plan, first = build_plan(root_library, seed)
     segments = plan.problem.base_segments
     whole = [Excerpt(first.donors, 0, len(segments))]
-    amounts = DefectMeasure(plan.problem, "lower").amounts(first.motion, whole)[0][:, 3]
+    amounts = defects.DefectMeasure(plan.problem, "lower").amounts(first.motion, whole)[0][:, 3]
     expected = floor_ratios(first.motion, plan.problem.base, segments)
     changed = first.donors["lower"] != plan.problem.scenario
     beside = np.convolve(changed, np.ones(3), "same") > 0
@@ -402,7 +393,7 @@ def test_floor_points_are_those_that_a_group_moves_and_planting_does_not_raise(
     def names(library, group, feet):
         config = replace(library.config, feet=feet)
         plan = GraftPlan.build(replace(library, config=config), None, None, ())
-        points = FloorPoints.of_group(plan.problem, group)
+        points = defects.FloorPoints.of_group(plan.problem, group)
         return [library.skeleton.names[joint] for joint in points.joints]
 
     hands = ["LeftHand", "LeftHand", "RightHand", "RightHand"]

@@ -115,9 +115,8 @@ def test_stream_pieces_cover_the_base_and_keep_its_other_joints(library, base, c
     assert all(a.stop + 1 == b.start for a, b in pairwise(pieces))
     for piece in pieces:
         assert piece.motion.n_frames == piece.stop - piece.start + 1
-        np.testing.assert_array_equal(
-            piece.motion.positions, base.positions[piece.start : piece.stop + 1]
-        )
+        captured = base.positions[piece.start : piece.stop + 1]
+        np.testing.assert_array_equal(piece.motion.positions, captured)
         for substitution in piece.substitutions:
             assert (substitution.start, substitution.stop) == (max(piece.start - 1, 0), piece.stop)
     motion = mg.join_pieces(pieces)
@@ -175,9 +174,8 @@ def test_stream_horizon_beyond_the_end_chooses_the_donors_of_graft(
     assert len(pieces[0].substitutions) == len(graft.donors)
     for group in graft.donors:
         found = [s for p in pieces for s in p.substitutions if s.group == group]
-        for own, other in zip(
-            found, [s for s in graft.substitutions if s.group == group], strict=True
-        ):
+        expected = [s for s in graft.substitutions if s.group == group]
+        for own, other in zip(found, expected, strict=True):
             names = ("start", "stop", "donor", "clip")
             assert [getattr(own, n) for n in names] == [getattr(other, n) for n in names]
             assert own.cost == pytest.approx(other.cost)
@@ -231,9 +229,8 @@ def test_stream_seams_equal_those_of_transplanted_segment_pairs(library, base):
 
     `seam_blend` is the minimum segment length, because a blend that outlasts a segment differs.
     """
-    configured = with_choice(
-        library, "sample", seam="inertial", seam_blend=library.config.min_length, torso="pelvis"
-    )
+    options = {"seam": "inertial", "torso": "pelvis", "seam_blend": library.config.min_length}
+    configured = with_choice(library, "sample", **options)
     problem, _ = whole_base_search(configured, base)
     longer, joints = problem.library, problem.library.joints("upper")
     pieces = stream_pieces(configured, base)
@@ -242,36 +239,17 @@ def test_stream_seams_equal_those_of_transplanted_segment_pairs(library, base):
         pair = problem.base_segments[np.array([left, right])]
         start, stop = int(pair.start[0]), int(pair.stop[1])
         shifted = mg.Segments(pair.start - start, pair.stop - start)
-        part = transplant(
-            problem.base[start : stop + 1],
-            shifted,
-            longer.segments[donors[[left, right]]],
-            longer.clips,
-            GraftedGroup(joints),
-            longer.config,
-        )
+        base_part, own = problem.base[start : stop + 1], longer.segments[donors[[left, right]]]
+        group, clips = GraftedGroup(joints), longer.clips
+        part = transplant(base_part, shifted, own, clips, group, longer.config)
         if len(part.seams):
-            assert_same_rotations(
-                motion.rotations[pair.start[1] + 1 : stop + 1][:, joints],
-                part.rotations[shifted.start[1] + 1 :],
-                2.5e-10,  # quaternion components: angles below 1e-9 rad
-            )
+            after = motion.rotations[pair.start[1] + 1 : stop + 1][:, joints]
+            # Components of quaternions: angles below 1e-9 rad.
+            assert_same_rotations(after, part.rotations[shifted.start[1] + 1 :], 2.5e-10)
         else:  # the donors are neighbours; the blend of an earlier seam may still go on
             before, after = longer.segments[donors[[left]]], longer.segments[donors[[right]]]
             assert before.stop == after.start
             assert before.clip == after.clip
-
-
-@pytest.mark.parametrize("choice", ["sample", "viterbi"])
-def test_stream_pieces_with_pose_constraints_have_the_seam_treatment_inertial(
-    library, base, choice
-):
-    far = mc.Avoid(mc.Sphere((1e5, 0.0, 0.0), 1.0))
-    gradient, inertial = (
-        stream_pieces(with_choice(library, choice, seam=seam), base, constraints=[far])
-        for seam in ("gradient", "inertial")
-    )
-    assert_identical(mg.join_pieces(gradient), mg.join_pieces(inertial))
 
 
 @pytest.mark.parametrize("horizon", [2, 8])
@@ -284,9 +262,8 @@ def test_stream_gradient_seams_are_as_smooth_as_those_of_all_segments_together(
     problem, _ = whole_base_search(configured, base)
     longer, donors = problem.library, np.array(list_donors(pieces))
     group, config = GraftedGroup(joints), replace(configured.config, seam="gradient")
-    part = transplant(
-        problem.base, problem.base_segments, longer.segments[donors], longer.clips, group, config
-    )
+    cut, sources = problem.base_segments, longer.segments[donors]
+    part = transplant(problem.base, cut, sources, longer.clips, group, config)
 
     def greatest_changes(quats):
         steps = rotations.log(rotations.multiply(rotations.inverse(quats[:-1]), quats[1:]))
@@ -294,10 +271,8 @@ def test_stream_gradient_seams_are_as_smooth_as_those_of_all_segments_together(
         around = part.seams[:, None] + np.arange(-3, 4) - 1
         return changes[around.clip(0, len(changes) - 1)].max(axis=1)
 
-    offline, streamed = (
-        greatest_changes(part.rotations),
-        greatest_changes(motion.rotations[:, joints]),
-    )
+    tracks = part.rotations, motion.rotations[:, joints]
+    offline, streamed = (greatest_changes(track) for track in tracks)
     assert len(part.seams) > 5
     assert np.median(streamed / offline) < 1.1
     assert streamed.max() < 1.25 * offline.max()
@@ -343,9 +318,8 @@ def test_stream_horizon_1_violates_a_constraint_only_if_all_candidates_do(
         return costs
 
     monkeypatch.setattr(StreamSearch, "pose_costs", record_pose_costs)
-    pieces = stream_pieces(
-        with_choice(library, "viterbi"), base, constraints=[ball_at_hand(base)], horizon=1
-    )
+    options = {"constraints": [ball_at_hand(base)], "horizon": 1}
+    pieces = stream_pieces(with_choice(library, "viterbi"), base, **options)
     last_costs = dict(calls)  # the last call for a segment is after seam treatment
     assert any((costs > 0).any() and (costs == 0).any() for costs in last_costs.values())
     for piece in pieces:
@@ -357,15 +331,18 @@ def test_stream_horizon_1_violates_a_constraint_only_if_all_candidates_do(
 def test_stream_constraint_that_all_candidates_satisfy_changes_nothing(
     library, base, choice, horizon
 ):
-    """With a pose constraint all candidates are placed, without one only the chosen donor."""
-    configured = with_choice(library, choice, seam="inertial")
+    """With a pose constraint all candidates are placed, without one only the chosen donor.
+
+    With it, the treatment "gradient" is that of "inertial".
+    """
     far = mc.Avoid(mc.Sphere((1e5, 0.0, 0.0), 1.0))
-    expected = stream_pieces(configured, base, horizon=horizon)
-    pieces = stream_pieces(configured, base, horizon=horizon, constraints=[far])
-    assert list_donors(pieces) == list_donors(expected)
-    assert_same_rotations(
-        mg.join_pieces(pieces).rotations, mg.join_pieces(expected).rotations, 1e-9
-    )
+    inertial, gradient = (with_choice(library, choice, seam=s) for s in ("inertial", "gradient"))
+    expected = stream_pieces(inertial, base, horizon=horizon)
+    for own in (inertial, gradient):
+        pieces = stream_pieces(own, base, horizon=horizon, constraints=[far])
+        assert list_donors(pieces) == list_donors(expected)
+        found, motion = mg.join_pieces(pieces), mg.join_pieces(expected)
+        assert_same_rotations(found.rotations, motion.rotations, 1e-9)
 
 
 def test_stream_changed_constraints_apply_to_segments_that_are_not_committed(library, base):
@@ -421,8 +398,7 @@ def test_stream_target_before_the_first_free_frame_raises_error_that_names_it(
     if last >= free:
         stream.constraints = [old, target]
         return
-    frames = f"frames {frame} to {last}" if length else f"frame {frame}"
-    message = f"Face applies to {frames}, and the first free frame is {free}"
+    message = f"the first free frame, {free}, or later, got Face up to frame {last}"
     with pytest.raises(ValueError, match=message):
         stream.constraints = [old, target]
     assert stream.constraints == (old,)
@@ -469,9 +445,8 @@ def test_stream_push_of_invalid_arrays_raises_error_and_keeps_the_frames(
 def test_stream_stored_library_gives_identical_motion(library, base, tmp_path):
     library.save(tmp_path / "two.mograft")
     stored = mg.Library.open(tmp_path / "two.mograft")
-    assert_identical(
-        mg.join_pieces(stream_pieces(stored, base)), mg.join_pieces(stream_pieces(library, base))
-    )
+    motions = (mg.join_pieces(stream_pieces(own, base)) for own in (stored, library))
+    assert_identical(*motions)
 
 
 def test_stream_excluded_clips_are_not_read(library, base):
@@ -516,7 +491,7 @@ OF_GROUP = mc.KeepOriginal(frames=(0, 9), group="upper")
         ({"constraints": ["none"]}, "`constraints` must contain only constraints, got 'n"),
         ({"constraints": [mc.NotFrom("waltz")]}, "must match at least one of clip0, "),
         ({"constraints": [mc.Ban(3)]}, "of a stream must not contain Ban"),
-        ({"constraints": [OF_GROUP]}, "must apply to all groups, got KeepOriginal"),
+        ({"constraints": [OF_GROUP]}, "must have no group, got KeepOriginal with one"),
         ({"constraints": [mc.Reach("Wing", (0, 0, 0), 5)]}, "no joint is named 'Wing'"),
     ],
 )
@@ -574,12 +549,9 @@ def test_stream_push_of_other_rate_or_skeleton_raises_error(library, base):
 
 def test_stream_group_with_legs_or_root_raises_value_error(library):
     members = library.groups.resolve(library.skeleton)
-    names = {
-        group: [library.skeleton.names[joint] for joint in joints]
-        for group, joints in members.items()
-    }
-    upper_base = mg.Library.build(library.clips[0], mg.JointGroups(names, base="upper"))
-    with pytest.raises(ValueError, match=r"not name a group with the root or a leg.*got 'lower'"):
+    joints = {group: own.tolist() for group, own in members.items()}
+    upper_base = mg.Library.build(library.clips[0], mg.JointGroups(joints, base="upper"))
+    with pytest.raises(ValueError, match="not name the root or legs in a stream, got 'lower'"):
         mg.Stream(upper_base)
 
 

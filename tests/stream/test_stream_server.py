@@ -18,9 +18,8 @@ from hypothesis import strategies as st
 
 import mograft as mg
 import mograft.constraints as mc
-from mograft.stream.protocol import MAX_BODY_BYTES, MAX_HEADER_BYTES
 from mograft.stream.server import ServerLimits, StreamServer, is_loopback
-from mograft.stream.session import StreamSession
+from mograft.stream.session import MAX_BODY_BYTES, MAX_HEADER_BYTES, StreamSession
 from tests.stream_examples import StreamClient, StreamError
 
 PATIENT = ServerLimits(idle_seconds=600.0, message_seconds=600.0, drain_seconds=600.0)
@@ -40,26 +39,28 @@ def connect(server):
     return StreamClient(("127.0.0.1", server.port))
 
 
+def push_rows(client, motion, rows=slice(None)):
+    """Push frames of a motion; return the reply."""
+    arrays = {"rotations": motion.rotations[rows], "positions": motion.positions[rows]}
+    return client.request({"type": "push"}, **arrays)
+
+
 def pieces_by_socket(client, rotations, positions, chunks, **options):
     """Stream a base; return the frames of all pieces, and the records of the pieces."""
     client.request({**HELLO, **options})
     records, received, first, n_pushes = [], [], 0, 0
     while first < len(rotations):
         rows = slice(first, first + chunks[n_pushes % len(chunks)])
-        replies = client.request(
-            {"type": "push"}, rotations=rotations[rows], positions=positions[rows]
-        )
-        received.append(replies)
+        arrays = {"rotations": rotations[rows], "positions": positions[rows]}
+        received.append(client.request({"type": "push"}, **arrays))
         first, n_pushes = rows.stop, n_pushes + 1
     received.append(client.request({"type": "close"}))
     for header, arrays in received:
         assert header["type"] == "pieces"
         assert len(arrays["rotations"]) == len(arrays["positions"]) == header["n_frames"]
         records += header["pieces"]
-    frames = [
-        np.concatenate([arrays[name] for _, arrays in received])
-        for name in ("rotations", "positions")
-    ]
+    names = "rotations", "positions"
+    frames = [np.concatenate([arrays[name] for _, arrays in received]) for name in names]
     assert received[-1][0]["is_closed"]
     assert received[-1][0]["first_free_frame"] == len(rotations)
     return *frames, records
@@ -84,9 +85,8 @@ def test_socket_any_chunks_give_the_pieces_of_a_stream(
     server, two_dances, short_base, chunks, has_root_only, dtype, horizon, seed
 ):
     """A stream of arrays is compared with one of a motion."""
-    rotations, positions = (
-        own.astype(dtype) for own in (short_base.rotations, short_base.positions)
-    )
+    arrays = short_base.rotations, short_base.positions
+    rotations, positions = (own.astype(dtype) for own in arrays)
     quats, places = rotations.astype(float), positions.astype(float)
     if has_root_only:
         positions = positions[:, two_dances.root]
@@ -140,16 +140,15 @@ def test_socket_constraints_apply_as_in_a_stream(server, two_dances, short_base)
     ball = {"kind": "Sphere", "center": center, "radius": 8.0}
     records = [{"kind": "Avoid", "obstacle": ball}, {"kind": "OnlyFrom", "clips": ["clip1"]}]
     constraints = [mc.Avoid(mc.Sphere(tuple(center), 8.0)), mc.OnlyFrom("clip1")]
-    rotations, positions = short_base.rotations, short_base.positions
     with connect(server) as client:
         client.request({**HELLO, "dtype": "float64"})
         header, _ = client.request({"type": "constraints", "constraints": records})
         assert (header["n_constraints"], header["first_free_frame"]) == (2, 0)
-        header, arrays = client.request({"type": "push"}, rotations=rotations, positions=positions)
+        header, arrays = push_rows(client, short_base)
         free = header["first_free_frame"]
         assert free == header["n_frames"] > 0
         reach = {"kind": "Reach", "joint": "LeftHand", "target": center, "frame": free - 1}
-        with pytest.raises(StreamError, match=f"frame {free - 1}, and the first free .* {free}"):
+        with pytest.raises(StreamError, match=f"frame, {free}, .* frame {free - 1}"):
             client.request({"type": "constraints", "constraints": [*records, reach]})
         client.request({"type": "constraints", "constraints": [*records, {**reach, "frame": free}]})
         client.request({"type": "constraints", "constraints": records})
@@ -168,7 +167,12 @@ def test_socket_constraints_apply_as_in_a_stream(server, two_dances, short_base)
 def frame(header, body=b"", magic=b"MGS1"):
     """Return the bytes of a message; `header` may be bytes that are no JSON."""
     text = header if isinstance(header, bytes) else json.dumps(header).encode()
-    return magic + struct.pack("<II", len(text), len(body)) + text + body
+    return lengths(len(text), len(body), magic) + text + body
+
+
+def lengths(n_header, n_body, magic=b"MGS1"):
+    """Return the first bytes of a message."""
+    return magic + struct.pack("<II", n_header, n_body)
 
 
 def push(shapes, values=b"", **changes):
@@ -189,17 +193,12 @@ def floats(*values):
     return np.array(values, "<f4").tobytes()
 
 
+REACH = {"kind": "Reach", "target": [0, 0, 0], "frame": 9}
 INVALID_FRAMES = {
     "http": (b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n", "must begin with b'MGS1'"),
     "other version": (frame(HELLO, magic=b"MGS2"), "must begin with b'MGS1', got b'MGS2'"),
-    "long header": (
-        b"MGS1" + struct.pack("<II", MAX_HEADER_BYTES + 1, 0),
-        "header must have at most 65536 bytes, got 65537",
-    ),
-    "long body": (
-        b"MGS1" + struct.pack("<II", 2, MAX_BODY_BYTES + 1),
-        "body must have at most 67108864 bytes",
-    ),
+    "long header": (lengths(MAX_HEADER_BYTES + 1, 0), "header .* most 65536 bytes, got 65537"),
+    "long body": (lengths(2, MAX_BODY_BYTES + 1), "body must have at most 67108864 bytes"),
 }
 INVALID_REQUESTS = {
     "empty header": (frame(b""), "the header must be JSON"),
@@ -212,11 +211,10 @@ INVALID_REQUESTS = {
     "no type": (frame({}), "`type` must be one of hello, push, constraints, close, got None"),
     "list type": (frame({"type": []}), "`type` must be one of"),
     "protocol": (hello(protocol="x/2"), "must be 'mograft.stream/1', got 'x/"),
-    "no protocol": (frame({"type": "hello"}), "must be 'mograft.stream/1', got None"),
     "dtype": (hello(dtype="int8"), "`dtype` must be one of float32, float64"),
     "seed": (hello(seed=-1), "`seed` must be a whole number"),
-    "true seed": (hello(seed=True), "`seed` must be of type int, got True"),
-    "unknown entry": (hello(sead=1), "'hello' request can only have the entries .*; got 'sead'"),
+    "true seed": (hello(seed=True), "`seed` must be a whole number of at least 0, got True"),
+    "unknown entry": (hello(sead=1), "the entries of 'hello' must be among .*, got 'sead'"),
     "no arrays": (push([]), "`arrays` must be rotations and positions, got none"),
     "arrays": (frame({"type": "push", "arrays": 3}), "`arrays` must be a list"),
     "item": (frame({"type": "push", "arrays": [3]}), "each of `arrays` must be an object"),
@@ -227,16 +225,13 @@ INVALID_REQUESTS = {
     "overflow": (push([[10**15, 10**15, 10**15]]), "the shape of 'rotations' must be"),
     "float shape": (push([[1.0, 18, 4]]), "the shape of 'rotations' must be"),
     "zeros": (push([[1, 18, 4], [1, 3]], bytes(300)), "must be unit quaternions, got norm 0"),
-    "constraints": (frame({"type": "constraints"}), "`constraints` must be given"),
+    "constraints": (frame({"type": "constraints"}), "`constraints` must be a list, got None"),
     "no kind": (constrain({}), "Character, got {}"),
     "kind": (constrain({"kind": "Fly"}), "unknown constraint or obstacle 'Fly'"),
     "list kind": (constrain({"kind": []}), "."),
     "text": (constrain("x"), "each of `constraints` must be"),
     "obstacle": (constrain({"kind": "Avoid", "obstacle": 5}), "`obstacle` must be an obstacle"),
-    "joint": (
-        constrain({"kind": "Reach", "joint": "Wing", "target": [0, 0, 0], "frame": 9}),
-        "no joint is named 'Wing'",
-    ),
+    "joint": (constrain({**REACH, "joint": "Wing"}), "no joint is named 'Wing'"),
     "close": (frame({"type": "close"}), "at least 2 frames"),
 }
 
@@ -266,34 +261,30 @@ def test_invalid_request_gets_an_error_and_leaves_the_stream_unchanged(
     server, short_base, short_base_frames, kind
 ):
     data, message = INVALID_REQUESTS[kind]
-    rotations, positions = short_base.rotations, short_base.positions
     with connect(server) as client:
         client.request(HELLO)
         first = 0 if kind == "close" else 50
         if first:
-            client.request({"type": "push"}, rotations=rotations[:50], positions=positions[:50])
+            push_rows(client, short_base, slice(50))
         client.socket.sendall(data)
         with pytest.raises(StreamError, match=message) as caught:
             client.receive()
         assert (caught.value.header["code"], caught.value.header["is_open"]) == ("request", True)
-        header, _ = client.request(
-            {"type": "push"}, rotations=rotations[first:], positions=positions[first:]
-        )
-        assert header["n_known"] == len(rotations)
+        header, _ = push_rows(client, short_base, slice(first, None))
+        assert header["n_known"] == short_base.n_frames
         frames = client.request({"type": "close"})[1]["rotations"]
     np.testing.assert_array_equal(frames, short_base_frames[-len(frames) :])
 
 
 @pytest.mark.parametrize("kind", ["push", "close", "constraints"])
 def test_request_without_hello_or_after_close_gets_an_error(server, short_base, kind):
-    arrays = {"rotations": short_base.rotations[:9], "positions": short_base.positions[:9]}
     header = {"type": kind} | ({"constraints": []} if kind == "constraints" else {})
     with connect(server) as client:
         for _ in range(2):
             with pytest.raises(StreamError, match="must be 'hello' in the first request"):
-                client.request(header, **(arrays if kind == "push" else {}))
+                client.request(header)
             client.request(HELLO)
-            client.request({"type": "push"}, **arrays)
+            push_rows(client, short_base, slice(9))
             client.request({"type": "close"})
 
 
@@ -376,32 +367,26 @@ OBSTACLES = st.one_of(
     st.fixed_dictionaries({"kind": st.just("Box"), "center": POINTS, "half": POINTS}),
     st.fixed_dictionaries({"kind": st.just("HalfSpace"), "point": POINTS, "normal": POINTS}),
 )
-OPTIONS = {"weight": SIZES, "tolerance": SIZES, "frames": st.just([0, 10**15])}
+TOLERANCES = {"weight": SIZES, "tolerance": SIZES}
+OPTIONS = {**TOLERANCES, "frames": st.just([0, 10**15])}
+TARGETS = {"kind": st.just("Reach"), "joint": st.just("LeftHand"), "target": POINTS}
+TARGETS["frame"] = st.integers(0, 10**15)
 CONSTRAINTS = st.one_of(
     st.fixed_dictionaries({"kind": st.just("Avoid"), "obstacle": OBSTACLES}, optional=OPTIONS),
-    st.fixed_dictionaries(
-        {
-            "kind": st.just("Reach"),
-            "joint": st.just("LeftHand"),
-            "target": POINTS,
-            "frame": st.integers(0, 10**15),
-        },
-        optional={"weight": SIZES, "tolerance": SIZES},
-    ),
+    st.fixed_dictionaries(TARGETS, optional=TOLERANCES),
 )
 
 
 @settings(max_examples=15)
 @given(st.lists(CONSTRAINTS, min_size=1, max_size=2))
 def test_extreme_constraints_get_pieces_or_errors(server, short_base, constraints):
-    rotations, positions = short_base.rotations[:120], short_base.positions[:120]
     with connect(server) as client:
         client.request({**HELLO, "horizon": 2})
         try:
             client.request({"type": "constraints", "constraints": constraints})
         except StreamError as error:
             assert error.header["code"] == "request"  # noqa: PT017 - others are valid
-        client.request({"type": "push"}, rotations=rotations, positions=positions)
+        push_rows(client, short_base, slice(120))
         assert client.request({"type": "close"})[0]["is_closed"]
 
 

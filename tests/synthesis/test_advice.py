@@ -64,14 +64,10 @@ def test_advice_names_cause_and_remedy(library, config, constraints, cause, reme
 def test_advice_names_self_repair_if_it_restored_all_segments(library):
     kept = graft(library, seed=1)
     own = tuple(s._replace(donor=s.segment) for s in kept.substitutions)
-    window = RepairedWindow(
-        group="upper", start=0, stop=20, measure="world jerk", before=4.0, after=0.0
-    )
-    (line,) = [
-        line
-        for line in advice([replace(kept, substitutions=own, self_repairs=(window,))])
-        if line.startswith("warning")
-    ]
+    span = {"group": "upper", "start": 0, "stop": 20}
+    window = RepairedWindow(**span, measure="world jerk", before=4.0, after=0.0)
+    lines = advice([replace(kept, substitutions=own, self_repairs=(window,))])
+    (line,) = [line for line in lines if line.startswith("warning")]
     assert "no segment was exchanged: self-repair restored the captured parts" in line
     assert "`self_repair=False` keeps the exchanges" in line
 

@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 import mograft as mg
 import mograft.constraints as mc
@@ -43,7 +44,7 @@ def test_graft_base_group_keeps_every_channel_value(library, motion):
     kept = columns(motion, library.joints("lower"))
     others = np.setdiff1d(np.arange(motion.skeleton.n_channels), kept)
     before, after = motion.channel_numbers(), new.motion.channel_numbers()
-    np.testing.assert_array_equal(after[:, kept], before[:, kept])
+    assert_array_equal(after[:, kept], before[:, kept])
     assert (after[:, others] != before[:, others]).any()
     assert new.motion.n_frames == motion.n_frames
 
@@ -95,9 +96,9 @@ def test_graft_donors_are_of_the_cluster_and_within_the_limits(library):
 def test_graft_seam_gaps_are_those_that_max_angle_limits(library):
     new = graft(with_choice(library, "sample"), seed=2)
     for group in new.alternatives:
-        frames = [seam.frame for seam in new.seams if seam.group == group]
-        gaps = {seam.frame: seam.gap for seam in new.seams if seam.group == group}
-        assert len(gaps) == len(frames)
+        seams = [seam for seam in new.seams if seam.group == group]
+        gaps = {seam.frame: seam.gap for seam in seams}
+        assert len(gaps) == len(seams)
         for s in (s for s in new.substitutions if s.group == group):
             assert gaps.get(s.start, 0.0) == pytest.approx(s.gap_before, abs=1e-12)
             assert gaps.get(s.stop, 0.0) == pytest.approx(s.gap_after, abs=1e-12)
@@ -138,8 +139,8 @@ def test_graft_without_other_candidates_returns_the_file(motion, tmp_path):
     read = read_bvh(path)
     library = Library.build(read, config=Config(sigma_scale=1e-9))
     new = graft(library)
-    np.testing.assert_array_equal(new.motion.channel_numbers(), read.channel_values)
-    np.testing.assert_array_equal(new.motion.rotations, read.rotations)
+    assert_array_equal(new.motion.channel_numbers(), read.channel_values)
+    assert_array_equal(new.motion.rotations, read.rotations)
     assert "had no candidate and were kept" in new.report()
     write_bvh(new.motion, tmp_path / "same.bvh")
     assert (tmp_path / "same.bvh").read_bytes() == path.read_bytes()
@@ -181,16 +182,15 @@ def test_graft_many_best_differ_less_than_diverse(library):
 
 def test_graft_without_novelty_is_the_captured_motion(library, motion):
     new = graft(with_choice(library, "viterbi", novelty=0.0))
-    np.testing.assert_array_equal(new.motion.channel_numbers(), motion.channel_numbers())
+    assert_array_equal(new.motion.channel_numbers(), motion.channel_numbers())
 
 
 def test_graft_moves_descendants_of_grafted_joints_only(library, motion):
     new = graft(library, seed=1).motion
     skeleton, grafted = motion.skeleton, {s.group for s in graft(library, seed=1).substitutions}
     can_move = np.zeros(motion.n_joints, bool)
-    is_grafted = np.isin(
-        np.arange(motion.n_joints), [j for g in grafted for j in library.joints(g)]
-    )
+    moved = np.concatenate([library.joints(group) for group in grafted])
+    is_grafted = np.isin(np.arange(motion.n_joints), moved)
     for joint, parent in enumerate(skeleton.parents.tolist()):
         can_move[joint] = parent >= 0 and (is_grafted[parent] or can_move[parent])
     differ = (new.world_positions() != motion.world_positions()).any(axis=(0, 2))
@@ -207,14 +207,11 @@ def test_graft_quaternion_signs_change_no_choice_and_no_pose(motion, changes):
     motion = replace(motion[:1200], channel_values=None)
     signs = np.random.default_rng(7).choice([-1.0, 1.0], motion.rotations.shape[:2])
     flipped = replace(motion, rotations=motion.rotations * signs[..., None])
-    one, other = (
-        graft(Library.build(own, config=Config(**changes)), seed=3) for own in (motion, flipped)
-    )
+    config = Config(**changes)
+    one, other = (graft(Library.build(own, config=config), seed=3) for own in (motion, flipped))
     assert [s.donor for s in one.substitutions] == [s.donor for s in other.substitutions]
     assert any(not s.is_own for s in one.substitutions)
-    np.testing.assert_allclose(
-        other.motion.world_positions(), one.motion.world_positions(), atol=1e-9
-    )
+    assert_allclose(other.motion.world_positions(), one.motion.world_positions(), atol=1e-9)
 
 
 @pytest.mark.parametrize("choice", ["viterbi", "sample"])
@@ -224,7 +221,7 @@ def test_graft_order_of_group_names_changes_nothing(motion, choice):
         graft(Library.build(motion, JointGroups(own, base="lower"), Config(choice=choice)), seed=1)
         for own in (groups, dict(reversed(groups.items())))
     ]
-    np.testing.assert_array_equal(grafts[1].motion.rotations, grafts[0].motion.rotations)
+    assert_array_equal(grafts[1].motion.rotations, grafts[0].motion.rotations)
 
 
 def test_graft_swap_of_one_group_keeps_the_others(motion):
@@ -232,7 +229,7 @@ def test_graft_swap_of_one_group_keeps_the_others(motion):
     names = library.groups.names
     new = graft(library, swap=[names[-1]], seed=1)
     rest = np.setdiff1d(np.arange(motion.n_joints), library.joints(names[-1]))
-    np.testing.assert_array_equal(new.motion.rotations[:, rest], motion.rotations[:, rest])
+    assert_array_equal(new.motion.rotations[:, rest], motion.rotations[:, rest])
     assert {s.group for s in new.substitutions} == {names[-1]}
 
 
@@ -243,9 +240,7 @@ def test_graft_base_outside_the_library_takes_donors_of_the_library(library):
     assert {s.clip for s in new.substitutions} <= {"dance", "other"}
     assert any(s.clip == "dance" for s in new.substitutions)
     kept = columns(other, library.joints("lower"))
-    np.testing.assert_array_equal(
-        new.motion.channel_numbers()[:, kept], other.channel_numbers()[:, kept]
-    )
+    assert_array_equal(new.motion.channel_numbers()[:, kept], other.channel_numbers()[:, kept])
 
 
 @pytest.mark.parametrize(
@@ -254,10 +249,7 @@ def test_graft_base_outside_the_library_takes_donors_of_the_library(library):
         (lambda lib: graft(lib, swap=["lower"]), "`swap` must name groups other than the base"),
         (lambda lib: graft(lib, swap=[]), "`swap` must name at least one of"),
         (lambda lib: graft(lib, seed=-1), "`seed` must be a whole number of at least 0, got -1"),
-        (
-            lambda lib: graft_many(lib, count=0),
-            "`count` must be a whole number of at least 1, got 0",
-        ),
+        (lambda lib: graft_many(lib, count=0), "`count` must be a whole number .* 1, got 0"),
     ],
 )
 def test_graft_bad_argument_raises_value_error(library, call, message):
@@ -282,14 +274,13 @@ def test_graft_upper_body_base_keeps_its_channels_and_plants_the_feet(motion):
     new = graft(library, seed=1)
     kept = columns(motion, library.joints("upper"))
     before, after = motion.channel_numbers(), new.motion.channel_numbers()
-    np.testing.assert_array_equal(after[:, kept], before[:, kept])
+    assert_array_equal(after[:, kept], before[:, kept])
     assert (after != before).any()
     # The motion starts at the position of the base, up to the shift by foot planting.
-    np.testing.assert_allclose(after[0, [0, 2]], before[0, [0, 2]], atol=0.01)
+    assert_allclose(after[0, [0, 2]], before[0, [0, 2]], atol=0.01)
     # Seam treatment can add to the root speeds of the donors.
-    steps = [
-        np.linalg.norm(np.diff(m.positions[:, 0], axis=0), axis=1) for m in (motion, new.motion)
-    ]
+    roots = [own.positions[:, 0] for own in (motion, new.motion)]
+    steps = [np.linalg.norm(np.diff(root, axis=0), axis=1) for root in roots]
     assert steps[1].max() < 1.5 * steps[0].max()
     assert new.feet.skate_after <= mg.foot_skate(motion)
     assert new.feet.unreached_frames == 0
@@ -304,13 +295,12 @@ def test_graft_donors_at_another_position_and_heading_are_aligned(motion):
     quats[:, 0] = rotations.multiply(turn, quats[:, 0])
     places[:, 0] = rotations.rotate(turn, places[:, 0]) + np.array([300.0, 0.0, -80.0])
     away = replace(motion, rotations=quats, positions=places, channel_values=None, name="away")
-    library = Library.build(
-        [motion, away], upper_based(motion), Config(sigma_scale=1e-6, feet="never")
-    )
+    config = Config(sigma_scale=1e-6, feet="never")
+    library = Library.build([motion, away], upper_based(motion), config)
     n = len(library.segments.of_clip(0))
     new = graft(library, constraints=[mc.Use(own, own + n) for own in range(n)])
     assert {s.clip for s in new.substitutions} == {"away"}
-    np.testing.assert_allclose(new.motion.positions, motion.positions, atol=1e-6)
+    assert_allclose(new.motion.positions, motion.positions, atol=1e-6)
     assert rotations.angle(new.motion.rotations, motion.rotations).max() < 1e-6
 
 
@@ -327,7 +317,7 @@ def test_graft_upper_body_base_split_of_root_travel_changes_no_world_position():
         new = graft(Library.build(split, JointGroups(preset, base="upper")), "clip0", seed=1)
         assert any(own.clip == "clip2" for own in new.substitutions)
         worlds.append(new.motion.world_positions())
-    np.testing.assert_allclose(worlds[1], worlds[0], atol=1e-6)
+    assert_allclose(worlds[1], worlds[0], atol=1e-6)
 
 
 def test_graft_feet_report_is_none_if_feet_are_kept_or_disabled(library, motion):
@@ -341,7 +331,7 @@ def test_grafts_item_is_one_object_while_it_is_held(library):
     first = grafts[0]
     assert grafts[0] is first is grafts[-2]
     copy = pickle.loads(pickle.dumps(grafts))
-    np.testing.assert_array_equal(copy[0].motion.rotations, first.motion.rotations)
+    assert_array_equal(copy[0].motion.rotations, first.motion.rotations)
     held = weakref.ref(first)
     del first
     gc.collect()

@@ -50,9 +50,8 @@ def test_graft_that_does_not_fit_is_refused_by_name(monkeypatch, tmp_path, capsy
 @pytest.mark.parametrize("choice", ["sample", "best", "viterbi"])
 def test_graft_with_little_stored_equals_one_with_everything_stored(monkeypatch, choice):
     """Costs of seams and rotations of clips are not stored if they are many."""
-    library = mg.Library.build(
-        dance(strides=2).motion, config=mg.Config(choice=choice, max_candidates=2)
-    )
+    config = mg.Config(choice=choice, max_candidates=2)
+    library = mg.Library.build(dance(strides=2).motion, config=config)
     expected = mg.graft(library, seed=3)
     monkeypatch.setattr(trellis, "_MAX_STORED_SEAM_COSTS", 0)
     monkeypatch.setattr(transplant, "_MAX_BLOCK_VALUES", 1000)

@@ -57,19 +57,16 @@ def test_nearest_other_motion_is_named(graft, angles):
 @given(degrees=st.floats(0.5, 40.0), seed=st.integers(0, 100))
 def test_distinct_motions_are_apart_and_keep_their_order(graft, degrees, seed):
     library, joints = graft.library, graft.library.joints("upper")
-    config = replace(library.config, self_repair=False)
-    grafts = mg.graft_many(
-        library.relabelled(config), count=4, seed=seed, widen=False, distinct=np.radians(degrees)
-    )
+    library = library.relabelled(replace(library.config, self_repair=False))
+    options = {"seed": seed, "widen": False, "distinct": np.radians(degrees)}
+    grafts = mg.graft_many(library, count=4, **options)
     motions = [own.motion.rotations[:, joints] for own in grafts]
     for one, two in combinations(motions, 2):
         cosines = np.abs((one * two).sum(axis=-1)).clip(max=1.0)
         assert np.degrees(2 * np.arccos(cosines).mean()) >= degrees - 1e-3
-    first = mg.graft_many(library.relabelled(config), count=1, seed=seed)[0]
+    first = mg.graft_many(library, count=1, seed=seed)[0]
     np.testing.assert_array_equal(grafts[0].motion.rotations, first.motion.rotations)
-    fewer = mg.graft_many(
-        library.relabelled(config), count=2, seed=seed, widen=False, distinct=np.radians(degrees)
-    )
+    fewer = mg.graft_many(library, count=2, **options)
     for one, two in zip(fewer, grafts, strict=False):
         np.testing.assert_array_equal(one.motion.rotations, two.motion.rotations)
 

@@ -4,9 +4,9 @@ import json
 import warnings
 from pathlib import Path
 
-import numpy as np
 import pybvh
 import pytest
+from numpy.testing import assert_array_equal
 
 from mograft import JointGroups, Library, read_bvh
 from mograft.cli import main
@@ -43,9 +43,7 @@ def test_three_different_grafts_with_the_legs_of_the_input(source, tmp_path, cap
     columns = [c for joint in lower for c in base.skeleton.channel_columns[joint]]
     news = [read_bvh(file) for file in written]
     for file, new in zip(written, news, strict=True):
-        np.testing.assert_array_equal(
-            new.channel_values[:, columns], base.channel_values[:, columns]
-        )
+        assert_array_equal(new.channel_values[:, columns], base.channel_values[:, columns])
         document = json.loads(file.with_suffix(".json").read_text())
         assert document["base"] == base.name
         assert any(s["exchanged"] for s in document["substitutions"])
@@ -67,7 +65,7 @@ def test_names_and_rotation_orders_change_no_segment():
         warnings.simplefilter("ignore")
         libraries = [Library.build(take) for take in takes]
     first, second = (library.segments for library in libraries)
-    np.testing.assert_array_equal(first.start, second.start)
+    assert_array_equal(first.start, second.start)
     for group in ("lower", "upper"):
         one, other = (library.labels[group] for library in libraries)
-        np.testing.assert_array_equal(one, other)
+        assert_array_equal(one, other)

@@ -11,7 +11,6 @@ import pytest
 
 import mograft as mg
 from mograft.dancer import dance
-from mograft.scenario import walk
 from mograft.stream.stream import join_pieces
 
 pytestmark = pytest.mark.usefixtures("quick_switches")
@@ -52,10 +51,6 @@ def graft_with_constraint(seed, library):
     return graft_plainly(seed, library, constraints=[mg.constraints.MaxStretch(1.3)])
 
 
-def graft_scenario(seed, library):
-    return graft_plainly(seed, library, scenario=walk(library, 6.0, seed=seed))
-
-
 def stream_base(seed, library):
     stream = mg.Stream(library, seed=seed)
     base = library.clips[seed % 2][:200]
@@ -80,19 +75,6 @@ def run_together(tasks):
 
     with ThreadPoolExecutor(len(tasks)) as pool:
         return list(pool.map(run, tasks))
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(
-    "work", [graft_plainly, graft_with_constraint, graft_scenario, stream_base, list_candidates]
-)
-def test_threads_with_one_library_give_serial_bytes(library_folder, work):
-    alone = mg.Library.open(library_folder)
-    serial = [work(seed, alone) for seed in range(N_THREADS)]
-    # No thread finds values that an earlier call has computed.
-    shared = mg.Library.open(library_folder)
-    assert run_together([partial(work, seed, shared) for seed in range(N_THREADS)]) == serial
-    assert len(set(serial)) > 1
 
 
 def test_threads_with_different_work_give_serial_bytes(library_folder):

@@ -38,10 +38,8 @@ def exchanged_share(library):
 
 def test_exchanged_share_does_not_fall_as_sigma_scale_grows(library):
     config = replace(library.config, choice="viterbi")
-    shares = [
-        exchanged_share(library.relabelled(replace(config, sigma_scale=scale)))
-        for scale in SIGMA_SCALES
-    ]
+    configs = [replace(config, sigma_scale=scale) for scale in SIGMA_SCALES]
+    shares = [exchanged_share(library.relabelled(own)) for own in configs]
     assert all(wider >= narrower - 0.02 for narrower, wider in pairwise(shares)), shares
     assert shares[-1] > 0.9 > shares[0]
 

@@ -76,7 +76,11 @@ def in_blender(motion, clips):
 @pytest.mark.client
 @pytest.mark.parametrize("name", FIGURES)
 def test_fbx_world_positions_match_blender(name):
-    clips, positions = read_recorded(name)
+    assert_same_positions(*read_recorded(name))
+
+
+def assert_same_positions(clips, positions):
+    """Assert that the world positions of clips are those that Blender has, in metres."""
     for motion, expected in zip(clips, positions, strict=True):
         height = metres(clips) * np.ptp(motion.skeleton.rest_positions(), axis=0).max()
         np.testing.assert_allclose(in_blender(motion, clips), expected, atol=1e-4 * height, rtol=0)
@@ -87,10 +91,7 @@ def test_fbx_generated_rig_matches_blender(tmp_path):
     motion = dance(seed=2, strides=1).motion[:60]
     path = tmp_path / "rig.fbx"
     path.write_bytes(fbx.to_binary(fbx.scene_of_motions([motion, motion[20:]], ("walk", "turn"))))
-    clips, positions = read_both(path)
-    height = metres(clips) * np.ptp(motion.skeleton.rest_positions(), axis=0).max()
-    for clip, expected in zip(clips, positions, strict=True):
-        np.testing.assert_allclose(in_blender(clip, clips), expected, atol=1e-4 * height, rtol=0)
+    assert_same_positions(*read_both(path))
 
 
 @pytest.mark.client

@@ -121,9 +121,8 @@ def test_audit_packages_returns_packages_without_advisories(run_programs):
 
 def test_audit_crates_returns_checks_without_database(run_programs):
     on_advisories = 'case "$*" in *advisories) echo "error: {}" >&2; exit 1;; esac'
-    run_programs(
-        cargo_deny="exit 1", cargo=on_advisories.format("failed to fetch advisory database")
-    )
+    no_database = on_advisories.format("failed to fetch advisory database")
+    run_programs(cargo_deny="exit 1", cargo=no_database)
     skipped = audits.audit_crates()
     assert ["no advisories for" in line for line in skipped] == [True, True]
     run_programs(cargo=on_advisories.format("a crate"))

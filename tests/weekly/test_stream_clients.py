@@ -16,9 +16,8 @@ _PROJECT = """<Project Sdk="Microsoft.NET.Sdk"><PropertyGroup><OutputType>Exe</O
 
 def run(*words, **options):
     """Run a program that must succeed, and return its output."""
-    process = subprocess.run(
-        [str(word) for word in words], capture_output=True, text=True, timeout=300, **options
-    )
+    options = {"capture_output": True, "text": True, "timeout": 300, **options}
+    process = subprocess.run(list(map(str, words)), **options)
     assert process.returncode == 0, process.stdout + process.stderr
     return process.stdout
 

@@ -123,11 +123,7 @@ def _library_record(library: Library, folder: Path) -> Record:
         "folder": None if path is None else relative_path(str(path), folder).as_posix(),
         "sha256": origin.sha256,
         "clips": origin.n_clips,
-        "is_mirrored": origin.is_mirrored,
-        "rate": origin.rate,
-        "root": origin.root,
-        "up": origin.up,
-        "match": origin.match,
+        **{key: getattr(origin, key) for key in ("is_mirrored", "rate", "root", "up", "match")},
         **{key: own and skeleton_to_json(own) for key, own in skeletons.items()},
     }
 
@@ -174,11 +170,10 @@ def _scenario_record(graft: Graft) -> Record | None:
     scenario = graft.request.scenario
     if scenario is None:
         return None
-    lengths, place = scenario.lengths, scenario.place
+    arrays = {"lengths": scenario.lengths, "place": scenario.place}
     return {
         "segments": [_segment_record(graft.library, own) for own in scenario.segments.tolist()],
-        "lengths": None if lengths is None else lengths.tolist(),
-        "place": None if place is None else place.tolist(),
+        **{name: None if own is None else own.tolist() for name, own in arrays.items()},
         "turn": scenario.turn,
     }
 
@@ -273,10 +268,6 @@ def _constraint_number(constraint: Constraint, constraints: Iterable[Constraint]
 
 
 def _repair_record(window: RepairedWindow) -> Record:
-    return {
-        "group": window.group,
-        "frames": [window.start, window.stop],
-        "measure": window.measure,
-        "before": round(window.before, 4),
-        "after": round(window.after, 4),
-    }
+    frames, amounts = [window.start, window.stop], {"before": window.before, "after": window.after}
+    rounded = {name: round(amount, 4) for name, amount in amounts.items()}
+    return {"group": window.group, "frames": frames, "measure": window.measure, **rounded}

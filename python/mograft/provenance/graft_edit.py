@@ -196,15 +196,13 @@ def _segment_span(name: str, value: object, segments: Segments) -> Span:
         number = as_integer(name, value)
         if number >= len(segments):
             raise ValueError(
-                f"`{name}` must be a segment number from 0 to {len(segments) - 1}, got {number}"
+                f"`{name}` must be a segment from 0 to {len(segments) - 1}, got {number}"
             )
         return int(segments.start[number]), int(segments.stop[number])
     span = as_span(name, value)
     if not overlaps(segments, span).any():
-        raise ValueError(
-            f"`{name}` must select a segment in frames 0 to {segments.stop[-1]}, "
-            f"got {span[0]}-{span[1]}"
-        )
+        last = segments.stop[-1]
+        raise ValueError(f"`{name}` must be within frames 0 to {last}, got {span[0]}-{span[1]}")
     return span
 
 
@@ -214,9 +212,8 @@ def _masks(
     """Return which base segments constraints select, shape (n_groups, n_segments)."""
     selected = np.zeros((len(groups), len(segments)), bool)
     for own in constraints:
-        selected[[own.applies_to_group(group) for group in groups]] |= overlaps(
-            segments, own.frames
-        )
+        is_in_group = [own.applies_to_group(group) for group in groups]
+        selected[is_in_group] |= overlaps(segments, own.frames)
     return selected
 
 
@@ -245,10 +242,8 @@ def _remaining_constraints(
     for constraint in constraints:
         selected = _masks([constraint], groups, segments)
         removed = fixed if isinstance(constraint, Ban) else edited
-        if (
-            not isinstance(constraint, Use | Ban | KeepOriginal)
-            or not constraint.is_hard
-            or not (selected & removed).any()
+        if not isinstance(constraint, Use | Ban | KeepOriginal) or not (
+            constraint.is_hard and (selected & removed).any()
         ):
             kept.append(constraint)
             continue
@@ -281,11 +276,7 @@ def _choose(graft: Graft, plan: GraftPlan, is_open: Mapping[str, BoolArray], see
     starts, stops = cut.start[changed], cut.stop[changed]
     # Other windows of self-repair keep their results.
     windows = [(own, False) for own in graft.self_repairs] + [(own, True) for own in repairs]
-    found = [
-        own
-        for own, is_new in windows
-        if ((starts < own.stop) & (stops > own.start)).any() == is_new
-    ]
+    found = [w for w, is_new in windows if ((starts < w.stop) & (stops > w.start)).any() == is_new]
     return replace(
         edited,
         self_repairs=tuple(sorted(found, key=lambda own: (own.group, own.start))),

@@ -49,12 +49,10 @@ class ClipRecord:
     @classmethod
     def from_json(cls, record: Mapping[str, Any]) -> Self:
         """Read an item of ``clips``, or the file of the motion of a `Character`."""
-        file, clip, sha256 = (_optional(str, record[key]) for key in ("file", "clip", "sha256"))
+        texts = {key: _optional(str, record[key]) for key in ("file", "clip", "sha256")}
         return cls(
             name=str(record["name"]),
-            file=file,
-            clip=clip,
-            sha256=sha256,
+            **texts,
             is_base="base" in record.get("roles", ()),
             is_mirrored=bool(record.get("is_mirrored")),
             is_in_library=bool(record.get("is_in_library")),
@@ -78,15 +76,10 @@ class DonorRecord:
     @classmethod
     def from_json(cls, record: Mapping[str, Any]) -> Self:
         """Read an item of ``substitutions``, or of ``replaced`` in ``edits``."""
-        return cls(
-            str(record["group"]),
-            as_frames(record["frames"]),
-            str(record["clip"]),
-            as_frames(record["clip_frames"]),
-            not record["exchanged"],
-            float(record.get("cost", 0.0)),
-            int(record.get("alternatives", 0)),
-        )
+        group, clip = str(record["group"]), str(record["clip"])
+        frames, clip_frames = as_frames(record["frames"]), as_frames(record["clip_frames"])
+        cost, alternatives = float(record.get("cost", 0.0)), int(record.get("alternatives", 0))
+        return cls(group, frames, clip, clip_frames, not record["exchanged"], cost, alternatives)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,8 +121,7 @@ def read_record(source: str | PathLike[str] | Mapping[str, Any]) -> GraftRecord:
     names = [str(own.get("name")) for own in grafts]
     if names.count(name) != 1 if name else len(grafts) > 1:
         raise ProvenanceError(
-            f"{path}: expected the name of a graft, as in {path}#{names[0]}, one of "
-            f"{join_names(names)}; got {name or 'none'}"
+            f"{path}: expected a graft, as in {path}#{names[0]}, got {name or 'none'}"
         )
     return _parse(grafts[names.index(name) if name else 0], address, path.parent)
 
@@ -176,13 +168,12 @@ def _parse(document: Any, label: str, folder: Path) -> GraftRecord:  # noqa: ANN
             config=Config.from_dict(document["config"]),
             groups=JointGroups.from_toml(str(document["groups_toml"]) + "\n"),
             library=_read_library(document["library"], folder),
-            clips=tuple(ClipRecord.from_json(own) for own in document["clips"]),
-            sources=tuple(str(own) for own in document["request"]["sources"]),
+            clips=tuple(map(ClipRecord.from_json, document["clips"])),
+            sources=tuple(map(str, document["request"]["sources"])),
             digits=_optional(check_digits, document.get("digits")),
-            donors=tuple(DonorRecord.from_json(own) for own in document["substitutions"]),
+            donors=tuple(map(DonorRecord.from_json, document["substitutions"])),
             edits=tuple(
-                tuple(DonorRecord.from_json(own) for own in edit["replaced"])
-                for edit in document["edits"]
+                tuple(map(DonorRecord.from_json, edit["replaced"])) for edit in document["edits"]
             ),
         )
         if not record.donors:
@@ -231,12 +222,12 @@ class RecordedLibrary:
         """Return the index of a segment of a clip; raise ProvenanceError if there is none."""
         if name not in self.clips:
             raise record.error(f"the library has no clip {name!r}")
-        segments = self.library.segments
-        is_found = segments.clip == self.clips[name]
-        is_found &= (segments.start == frames[0]) & (segments.stop == frames[1])
-        if not is_found.any():
+        own = self.library.segments.of_clip(self.clips[name])
+        cut = self.library.segments[own]
+        found = own[(cut.start == frames[0]) & (cut.stop == frames[1])]
+        if not len(found):
             raise record.error(f"{name} has no segment {frames[0]}-{frames[1]}")
-        return int(is_found.argmax())
+        return int(found[0])
 
 
 def find_library(
@@ -333,7 +324,7 @@ def _prepare_library(record: GraftRecord, library: Library, label: str) -> Libra
     found = hash_library(library)
     if found != expected.sha256:
         raise record.error(
-            f"{label} is another library: its SHA-256 is {found}, expected {expected.sha256}"
+            f"{label} is another library: SHA-256 {found}, expected {expected.sha256}"
         )
     if expected.is_mirrored and not is_mirrored(library):
         library = library.with_mirror_images()
@@ -351,9 +342,7 @@ def _find_file(record: GraftRecord, clip: ClipRecord, sources: Iterable[str]) ->
     Raise ProvenanceError if there is no such file, or if it has changed.
     """
     if clip.file is None:
-        raise record.error(
-            f"clip {clip.name} was not read from a file; give the library that holds it"
-        )
+        raise record.error(f"clip {clip.name} is not from a file; give the library that holds it")
     changed = ""
     for path in _possible_paths(record, clip.file, sources):
         if not path.is_file():

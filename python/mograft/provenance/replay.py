@@ -196,11 +196,9 @@ def _read_request(record: GraftRecord, sources: Sequence[str]) -> GraftRequest:
     swap = request["swap"]
     constraints = [decode_constraint(own, decode_motion) for own in request["constraints"]]
     return GraftRequest(
-        method=request["method"],
-        base=request["base"],
+        **{name: request[name] for name in ("method", "base", "command")},
         swap=None if swap is None else tuple(swap),
         constraints=tuple(constraints),
-        command=request["command"],
         sources=record.sources,
         edit_commands=tuple(edit["command"] for edit in record.document["edits"]),
     )
@@ -230,11 +228,9 @@ def _with_recorded(graft: Graft, record: GraftRecord, request: GraftRequest) -> 
 
 
 def _read_violation(record: Mapping[str, Any], constraints: Sequence[Constraint]) -> Violation:
-    number = record["number"]
+    number, unknown = record["number"], UnrestoredConstraint(str(record["constraint"]))
     return Violation(
-        constraint=UnrestoredConstraint(str(record["constraint"]))
-        if number is None
-        else constraints[number],
+        constraint=unknown if number is None else constraints[number],
         frames=as_frames(record["frames"]),
         worst=int(record["worst_frame"]),
         error=float(record["tolerances"]),

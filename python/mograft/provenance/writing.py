@@ -88,10 +88,8 @@ def write(item: Motion | Graft, path: str | PathLike[str], *, force: bool = Fals
     if not isinstance(item, Motion | Graft):
         raise TypeError(f"`item` must be a Motion or a Graft, got {type(item).__name__}")
     if ending not in WRITERS:
-        raise ValueError(
-            f"`path` must end with {', '.join(WRITERS)}, got {target.name}"
-            f"{suggest_name(ending, WRITERS)}"
-        )
+        hint = suggest_name(ending, WRITERS)
+        raise ValueError(f"`path` must end with {', '.join(WRITERS)}, got {target.name}{hint}")
     form = _COPIED_FORMATS.get(ending)
     has_provenance = isinstance(item, Graft) and (
         ending == ".bvh" or _base_file(item, form) is not None
@@ -189,8 +187,7 @@ def _copied_file(graft: Graft, target: Path) -> str:
     file = _base_file(graft, form)
     if file is None:
         raise ValueError(
-            f"{target.name} must be a .bvh file: {graft.base.name}, the base of "
-            f"{graft.motion.name}, is not from {'a' if form == 'glTF' else 'an'} {form} file; to "
+            f"{target.name} must be a .bvh file: the base {graft.base.name} is not from {form}; to "
             f"write a new {ending} file, use mograft export"
         )
     return file.path
@@ -207,10 +204,8 @@ def _add_animations(
     """
     paths = list(dict.fromkeys(files))
     if len(paths) > 1:
-        raise ValueError(
-            f"the bases of all grafts must be from one glTF file to be written to {path.name}, got "
-            f"{', '.join(paths)}"
-        )
+        found = ", ".join(paths)
+        raise ValueError(f"all bases must be from one glTF file for {path.name}, got {found}")
     source = read_gltf_file(Path(paths[0]))
     return append_animations(source, [_addition(source, graft) for graft in grafts])
 

@@ -99,16 +99,13 @@ class _Beam:
         """Return sequences of one segment: every segment with every heading."""
         turn = np.repeat(2 * np.pi / _N_HEADINGS * np.arange(_N_HEADINGS), n)
         size = n * _N_HEADINGS
-        zeros = np.zeros(size)
         return cls(
             node=np.tile(np.arange(n), _N_HEADINGS),
             previous=np.full(size, -1),
             initial_turn=turn,
             turn=turn,
             position=np.zeros(size, complex),
-            progress=zeros,
-            cost=zeros,
-            seconds=zeros,
+            **dict.fromkeys(("progress", "cost", "seconds"), np.zeros(size)),
             parent=np.arange(size),
         )
 
@@ -156,11 +153,10 @@ class _PathSearch:
             beam = self._walk_segment(beam)
             rows = self._best_rows(beam, max_seconds)
             if not len(rows):
+                reached = beam.progress.max() * self.height
                 raise ValueError(
-                    f"no segment sequence follows the whole path: at most "
-                    f"{beam.progress.max() * self.height:.4g} of {total * self.height:.4g} units "
-                    f"in {max_seconds:.4g} s, ten times the duration at walking speed; add clips "
-                    "with walking"
+                    f"no segment sequence follows the whole path: at most {reached:.4g} of "
+                    f"{total * self.height:.4g} units in {max_seconds:.4g} s; add walking clips"
                 )
             beam = beam.select(rows)
             history.append(beam)

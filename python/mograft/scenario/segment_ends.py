@@ -79,14 +79,12 @@ def segment_ends(library: Library, segments: IntArray) -> tuple[SegmentEnds, Seg
     pairs = [
         _clip_ends(library, clip, segments[clip_of == clip]) for clip in np.unique(clip_of).tolist()
     ]
+    names = [field.name for field in fields(SegmentEnds)]
     starts, ends = (
-        {
-            field.name: np.concatenate([getattr(part, field.name) for part in side])
-            for field in fields(SegmentEnds)
-        }
+        SegmentEnds(*(np.concatenate([getattr(part, name) for part in side]) for name in names))
         for side in zip(*pairs, strict=True)
     )
-    return SegmentEnds(**starts), SegmentEnds(**ends)
+    return starts, ends
 
 
 def _clip_ends(library: Library, index: int, segments: IntArray) -> tuple[SegmentEnds, SegmentEnds]:

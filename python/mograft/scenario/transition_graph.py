@@ -198,10 +198,8 @@ def _donor_segments(library: Library, clips: Sequence[str] | str | None) -> IntA
         subject = "the library" if clips is None else "`clips`"
         raise ValueError(f"{subject} must have segments that are not excluded as donors, got none")
     if len(segments) > _MAX_SEGMENTS:
-        raise ValueError(
-            f"a transition graph must have at most {_MAX_SEGMENTS} segments, got "
-            f"{len(segments)}: name fewer clips"
-        )
+        n = len(segments)
+        raise ValueError(f"a graph must have at most {_MAX_SEGMENTS} segments, got {n}: name fewer")
     return segments
 
 
@@ -216,8 +214,7 @@ def _candidate_edges(
     sources, targets = _nearest_pairs(starts, ends, has_successor)
     if not len(sources):
         raise ValueError(
-            "a transition graph needs transitions between segments that are not consecutive "
-            "in a clip, got none with equal foot contacts: add clips"
+            "segments must have equal foot contacts at their ends, got none: add clips"
         )
     costs = transition_costs(ends, starts, sources, targets)
     successor_of = np.flatnonzero(has_successor)

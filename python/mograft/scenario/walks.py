@@ -91,8 +91,7 @@ def check_duration(duration: float) -> None:
     is_number = not isinstance(duration, bool)
     if not is_number or not 0.0 < as_floats("duration", duration, ()) <= MAX_DURATION_SECONDS:
         raise ValueError(
-            f"`duration` must be above 0 and at most {MAX_DURATION_SECONDS:g} seconds (24 hours), "
-            f"got {duration!r}"
+            f"`duration` must be above 0 and at most {MAX_DURATION_SECONDS:g} s, got {duration!r}"
         )
 
 
@@ -152,8 +151,7 @@ def fill(
         possible = np.flatnonzero(ends.any(axis=1))
         nearest = int(possible[np.abs(possible - total).argmin()]) + 1
         raise ValueError(
-            f"no segment sequence has a total length of {frames} frames; the nearest possible "
-            f"length is {nearest} frames"
+            f"no segment sequence has {frames} frames; the nearest number is {nearest}"
         )
     left = total - path.start(ends[total])
     while left > 0:
@@ -241,19 +239,15 @@ def to_beats(
         first = int(np.argmax(steps <= 0))
         raise ValueError(f"`beats` must ascend, got {times[first + 1]:g} after {times[first]:g}")
     if not times[-1] - times[0] <= MAX_DURATION_SECONDS:
-        raise ValueError(
-            f"`beats` must span at most {MAX_DURATION_SECONDS:g} seconds (24 hours), got "
-            f"{times[0]:g} to {times[-1]:g}"
-        )
+        span = f"{times[0]:g} to {times[-1]:g}"
+        raise ValueError(f"`beats` must span at most {MAX_DURATION_SECONDS:g} s, got {span}")
     path = _WalkPath(library, seed, graph, repeat_penalty)
     _check_table_size(round(float(times[-1] - times[0]) * library.rate), path.graph)
     spans = np.diff(np.round((times - times[0]) * library.rate).astype(np.int64))
     if not spans.all():
         first = int(np.argmin(spans))
-        raise ValueError(
-            f"`beats` must be at least a frame ({1 / library.rate:.4g} s) apart, got "
-            f"{times[first]:g} and {times[first + 1]:g}"
-        )
+        near = f"{times[first]:g} and {times[first + 1]:g}"
+        raise ValueError(f"`beats` must be at least a frame apart, got {near}")
     meets, continues = _plan_beats(path, spans, times)
     length = path.start(meets[0])
     new_lengths: list[int] = []
@@ -304,9 +298,8 @@ def _plan_beats(
             after[done] = path.expect(starting[done])
         if not starting[0].any():
             raise ValueError(
-                f"no segment sequence from the beat at {times[beat]:.4g} s comes to rest on all "
-                f"later beats if it is stretched by at most {_MAX_BEAT_STRETCH:.0%}: change the "
-                "tempo or add clips"
+                f"no segment sequence comes to rest on all beats from that at {times[beat]:.4g} s "
+                f"if stretched by at most {_MAX_BEAT_STRETCH:.0%}: change the tempo or add clips"
             )
         # Only ratios matter: the probability of many beats would underflow.
         meets[beat] = starting[0] / starting[0].max()
@@ -416,7 +409,7 @@ def _check_table_size(n_intervals: int, graph: Transitions) -> None:
     limit = _MAX_TABLE // n
     if n_intervals > limit:
         raise ValueError(
-            f"a walk on a graph of {n} segments must have at most {limit + 1} frames, got "
+            f"a walk on {n} segments must have at most {limit + 1} frames, got "
             f"{n_intervals + 1}: use fewer frames or fewer clips"
         )
 

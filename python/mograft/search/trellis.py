@@ -115,12 +115,12 @@ class Trellis:
         return Trellis(self.unary[start:stop], self.pairwise[start : stop - 1])
 
     def restrict_first(self, indices: IntArray) -> "Trellis":
-        """Return the trellis with only those candidates of the first position that `indices` selects."""
+        """Return the trellis with only the candidates of the first position at `indices`."""
         first = [own[indices] for own in self.pairwise[:1]]
         return Trellis((self.unary[0][indices], *self.unary[1:]), (*first, *self.pairwise[1:]))
 
     def restrict_last(self, indices: IntArray) -> "Trellis":
-        """Return the trellis with only those candidates of the last position that `indices` selects."""
+        """Return the trellis with only the candidates of the last position at `indices`."""
         last = [own[:, indices] for own in self.pairwise[-1:]]
         return Trellis((*self.unary[:-1], self.unary[-1][indices]), (*self.pairwise[:-1], *last))
 

@@ -13,7 +13,7 @@ from mograft.body.contacts import detect_contacts, find_legs
 from mograft.body.world_poses import Poses
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
-from mograft.scenario.realize import donor_contacts
+from mograft.scenario.scenario import donor_contacts
 from mograft.search.constraints import (
     Constraint,
     Violation,

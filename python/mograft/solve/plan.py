@@ -13,7 +13,7 @@ from mograft.errors import suggest_name
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.scenario import Scenario
-from mograft.scenario.realize import realize_scenario
+from mograft.scenario.scenario import realize_scenario
 from mograft.search.constraints import Constraint, Violation
 from mograft.search.donor_choice import DONOR_CHOICES, unique_sequences
 from mograft.search.segment_pool import SegmentPool

@@ -19,7 +19,7 @@ from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.motion.skeleton import Skeleton
-from mograft.scenario.realize import joints_of_donors
+from mograft.scenario.scenario import joints_of_donors
 from mograft.search.constraints import Constraint, Span, overlaps
 from mograft.search.costs import ConstraintViolations, CostModel, origin_violations
 from mograft.search.donor_choice import DONOR_CHOICES, cost_model

@@ -1,4 +1,4 @@
-"""`BaseBuffer`: the frames of a growing base motion that are still needed."""
+"""`BaseBuffer`: the frames of a growing base motion that are still needed; checks of frames."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,11 +7,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mograft._util.arrays import FloatArray
+from mograft._util.arrays import FloatArray, as_floats, as_quaternions
 from mograft.analysis.segmentation import kinetic_energy
 from mograft.body.world_poses import Poses
 from mograft.config import Config
+from mograft.library.library import Library
+from mograft.library.spec import rates_match
 from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
 
 BOUNDARY_MARGIN = 2  # frames kept on both sides of a segment; the velocities at its ends need them
 
@@ -54,9 +57,8 @@ class BaseBuffer:
     def motion(self, start: int, stop: int) -> Motion:
         """Return the frames `start` to `stop` - 1."""
         rows = slice(start - self._n_discarded, stop - self._n_discarded)
-        return _with_tracks(
-            self._first_frame, {name: track[rows] for name, track in self._tracks.items()}
-        )
+        tracks = {name: track[rows] for name, track in self._tracks.items()}
+        return _with_tracks(self._first_frame, tracks)
 
     def motion_with_margin(self, start: int, stop: int) -> tuple[Motion, int]:
         """Return frames `start` to `stop`, both included, and `BOUNDARY_MARGIN` more on both sides.
@@ -87,6 +89,56 @@ def join_motions(motions: Sequence[Motion], name: str) -> Motion:
     return replace(joined, name=name)
 
 
+def motion_from_arrays(
+    frames: npt.ArrayLike, positions: npt.ArrayLike | None, library: Library, skeleton: Skeleton
+) -> Motion:
+    """Convert arrays that `Stream.push` receives to a motion at the library's frame rate.
+
+    `Stream.push` documents the shapes and errors.
+    """
+    if positions is None:
+        raise TypeError("`positions` must be given with an array of rotations")
+    quats = as_quaternions("frames", frames)
+    places = as_floats("positions", positions)
+    n_joints = skeleton.n_joints
+    if quats.ndim == 2:
+        quats, places = quats[None], places[None]
+    if quats.ndim != 3 or quats.shape[1] != n_joints:
+        raise ValueError(
+            f"`frames` must have shape (n_frames, {n_joints}, 4) or ({n_joints}, 4), "
+            f"got {np.shape(frames)}"
+        )
+    n_frames = len(quats)
+    if places.shape == (n_frames, 3):
+        root, places = places, np.tile(skeleton.offsets, (n_frames, 1, 1))
+        places[:, library.root] = root
+    elif places.shape != (n_frames, n_joints, 3):
+        axis = "" if np.ndim(frames) == 2 else f"{n_frames}, "
+        raise ValueError(
+            f"`positions` must have shape ({axis}{n_joints}, 3) or ({axis}3), "
+            f"got {np.shape(positions)}"
+        )
+    return Motion(skeleton, 1.0 / library.rate, quats, places)
+
+
+def check_stream_frames(frames: Motion, library: Library, skeleton: Skeleton | None) -> None:
+    """Check that the frames fit the library and the frames pushed before.
+
+    `skeleton` is that of the frames pushed before; a different skeleton raises ValueError. For the
+    first frames it is None; a hierarchy other than the library's raises SkeletonMismatchError. A
+    different frame rate raises ValueError.
+    """
+    if skeleton is None:
+        library.skeleton.check_same_hierarchy(frames.skeleton, frames.name or "the base")
+    elif frames.skeleton.names != skeleton.names or not np.array_equal(
+        frames.skeleton.offsets, skeleton.offsets
+    ):
+        raise ValueError("`frames` must all have the same skeleton, got other joints or offsets")
+    if not rates_match(frames.rate, library.rate):
+        expected = f"the library's rate of {library.rate:.6g} frames/s"
+        raise ValueError(f"`frames` must have {expected}, got {frames.rate:.6g}")
+
+
 def _tracks(frames: Motion) -> Tracks:
     names = ("rotations", "positions", "channel_values", "computed_values")
     tracks = {name: getattr(frames, name) for name in names}
@@ -99,10 +151,5 @@ def _join_tracks(parts: Sequence[Tracks]) -> Tracks:
 
 
 def _with_tracks(motion: Motion, tracks: Tracks) -> Motion:
-    return replace(
-        motion,
-        rotations=tracks["rotations"],
-        positions=tracks["positions"],
-        channel_values=tracks.get("channel_values"),
-        computed_values=tracks.get("computed_values"),
-    )
+    changes: dict[str, Any] = {"channel_values": None, "computed_values": None, **tracks}
+    return replace(motion, **changes)

@@ -74,20 +74,11 @@ class PendingSegment:
     body: Poses  # any pose of the base motion
     base: Motion  # the segment's frames with a margin, from `BaseBuffer.motion_with_margin`
     offset: int  # index in `base` of the segment's first frame
-    segment: Segments  # in frames of the stream; clip index: number of clips in the library
+    start: int  # first frame
+    stop: int  # last frame
     donors: IntArray  # shape (n_candidates,); the last is -1, the base segment itself
     groups: dict[str, GroupCandidates] = field(default_factory=dict)  # by grafted group
     pose_constraints: Sequence[Constraint] = ()  # those that apply in the segment
-
-    @property
-    def start(self) -> int:
-        """First frame."""
-        return int(self.segment.start[0])
-
-    @property
-    def stop(self) -> int:
-        """Last frame."""
-        return int(self.segment.stop[0])
 
     @property
     def length(self) -> int:
@@ -200,7 +191,7 @@ class StreamSearch:
         kept = model.keep_cheapest(costs, is_base)
         donors, origin_costs = donors[kept], origin_costs[kept]
         pending = PendingSegment(
-            body=base.body, base=motion, offset=offset, segment=segment, donors=donors
+            body=base.body, base=motion, offset=offset, start=start, stop=stop, donors=donors
         )
         pending.pose_constraints = self._pose_constraints(pending)
         for group, pool in self._pools.items():

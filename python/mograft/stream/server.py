@@ -17,11 +17,8 @@ from typing import Any, Self
 
 from mograft._util.cleanup import clean_up_by
 from mograft.library.library import Library
-from mograft.stream.checks import check_stream_config
-from mograft.stream.protocol import FrameError, Message, RequestError, read_request
-from mograft.stream.session import StreamSession
-
-_POLL_SECONDS = 0.1
+from mograft.stream.session import FrameError, Message, RequestError, StreamSession, read_request
+from mograft.stream.stream import check_stream_config
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +33,7 @@ class ServerLimits:
     max_connections: int = 16
 
 
-class StreamServer:
+class StreamServer(socketserver.ThreadingTCPServer):
     """A server of the protocol ``mograft.stream/1``; docs/howto/stream.md describes it.
 
     Every connection has its own stream. An invalid request receives an error as its reply; no
@@ -62,6 +59,11 @@ class StreamServer:
         If a stream does not support the library's `Config.segmentation` or `Config.alignment`.
     """
 
+    daemon_threads = True
+    block_on_close = False
+    allow_reuse_address = os.name != "nt"  # Windows would share the port with another server
+    request_queue_size = 64
+
     def __init__(
         self,
         library: Library,
@@ -71,41 +73,50 @@ class StreamServer:
         check_stream_config(library.config)
         self.library = library
         self.limits = limits or ServerLimits()
-        self._path = address if isinstance(address, Path) else None
-        self._socket_file = ExitStack()
-        if isinstance(address, Path):
-            _remove_dead_socket(address)
-            unlink = partial(address.unlink, missing_ok=True)
-            # Before the socket is made: a signal may end the process at any time.
-            self._socket_file.enter_context(clean_up_by(unlink))
-        try:
-            self._server = _SocketServer(address, self)
-        except BaseException:
-            self._socket_file.close()
-            raise
-        self._free = threading.Semaphore(self.limits.max_connections)
+        self.free_connections = threading.Semaphore(self.limits.max_connections)
+        target: Any = address
+        with ExitStack() as stack:
+            if not isinstance(address, Path):
+                self.address_family = socket.AF_INET6 if ":" in address[0] else socket.AF_INET
+            elif hasattr(socket, "AF_UNIX"):
+                self.address_family, target = socket.AF_UNIX, str(address)
+                _remove_dead_socket(address)
+                # Before the socket is made: a signal may end the process at any time.
+                stack.enter_context(clean_up_by(partial(address.unlink, missing_ok=True)))
+            else:
+                raise OSError("this system has no Unix sockets; use a port")
+            mask = os.umask(0o177)  # only the current user may open the Unix socket
+            try:
+                super().__init__(target, _Connection)
+            finally:
+                os.umask(mask)
+            stack.callback(self.server_close)
+            self._cleanup = stack.pop_all()  # closes the server first
 
     @property
     def address(self) -> str:
         """The path of the Unix socket, or host and port as ``HOST:PORT``."""
-        if self._path is not None:
-            return str(self._path)
-        host = str(self._server.server_address[0])
+        if isinstance(self.server_address, str):
+            return self.server_address
+        host = str(self.server_address[0])
         return f"[{host}]:{self.port}" if ":" in host else f"{host}:{self.port}"
 
     @property
     def port(self) -> int:
         """The port of a TCP socket; 0 for a Unix socket."""
-        return 0 if self._path is not None else int(self._server.server_address[1])
+        return 0 if isinstance(self.server_address, str) else int(self.server_address[1])
 
-    def serve_forever(self) -> None:
-        """Serve clients until `close` is called in another thread, or an exception is raised."""
-        with self._socket_file, self._server:  # the server is closed first
-            self._server.serve_forever(_POLL_SECONDS)
+    def serve_forever(self, poll_interval: float = 0.1) -> None:
+        """Serve clients until `close` is called in another thread, or an exception is raised.
+
+        `poll_interval` is the time in seconds after which `close` is noticed.
+        """
+        with self._cleanup:
+            super().serve_forever(poll_interval)
 
     def close(self) -> None:
         """End `serve_forever`, which must run in another thread."""
-        self._server.shutdown()
+        self.shutdown()
 
     def __enter__(self) -> Self:
         """Serve clients in a thread until the block ends."""
@@ -117,24 +128,25 @@ class StreamServer:
         self.close()
         self._thread.join()
 
-    def serve_connection(self, connection: socket.socket) -> None:
-        """Reply to the requests of a client until it disconnects or a limit is exceeded."""
-        if not self._free.acquire(blocking=False):
-            n = self.limits.max_connections
-            _Connection(connection, self.limits).refuse("busy", f"{n} connections are open")
-            return
-        try:
-            _Connection(connection, self.limits).serve(StreamSession(self.library))
-        finally:
-            self._free.release()
 
-
-class _Connection:
+class _Connection(socketserver.BaseRequestHandler):
     """The socket of one client."""
 
-    def __init__(self, connection: socket.socket, limits: ServerLimits) -> None:
-        self._socket, self._limits = connection, limits
-        self._deadline = 0.0
+    server: StreamServer
+    _deadline = 0.0
+
+    def handle(self) -> None:
+        """Reply to the requests of a client until it disconnects or a limit is exceeded."""
+        self._socket, self._limits = self.request, self.server.limits
+        if self._socket.family in (socket.AF_INET, socket.AF_INET6):
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if not self.server.free_connections.acquire(blocking=False):
+            self.refuse("busy", f"{self._limits.max_connections} connections are open")
+            return
+        try:
+            self.serve(StreamSession(self.server.library))
+        finally:
+            self.server.free_connections.release()
 
     def serve(self, session: StreamSession) -> None:
         """Reply until the client disconnects, is silent too long or sends an invalid message."""
@@ -197,36 +209,6 @@ class _Connection:
 
 def _error(code: str, message: str, *, is_open: bool = True) -> Message:
     return Message({"type": "error", "code": code, "message": message, "is_open": is_open})
-
-
-class _SocketServer(socketserver.ThreadingTCPServer):
-    """Listens on a socket and passes its connections to a `StreamServer`."""
-
-    daemon_threads = True
-    block_on_close = False
-    allow_reuse_address = os.name != "nt"  # Windows would share the port with another server
-    request_queue_size = 64
-
-    def __init__(self, address: tuple[str, int] | Path, owner: StreamServer) -> None:
-        self._owner = owner
-        if not isinstance(address, Path):
-            self.address_family = socket.AF_INET6 if ":" in address[0] else socket.AF_INET
-        elif hasattr(socket, "AF_UNIX"):
-            self.address_family = socket.AF_UNIX
-        else:
-            raise OSError("this system has no Unix sockets; use a port")
-        mask = os.umask(0o177)  # only the current user may open the Unix socket
-        try:
-            target: Any = str(address) if isinstance(address, Path) else address
-            super().__init__(target, socketserver.BaseRequestHandler)
-        finally:
-            os.umask(mask)
-
-    def finish_request(self, request: Any, client_address: object) -> None:  # noqa: ANN401, ARG002
-        """Reply to a client."""
-        if request.family in (socket.AF_INET, socket.AF_INET6):
-            request.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._owner.serve_connection(request)
 
 
 def _remove_dead_socket(path: Path) -> None:

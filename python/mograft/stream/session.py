@@ -1,11 +1,19 @@
-"""`StreamSession`: the requests of one client of a stream server, and their replies."""
+"""`StreamSession`: the requests of one client of a stream server, and their replies.
 
+Messages of the protocol ``mograft.stream/1`` are a JSON header and arrays, with their lengths.
+docs/howto/stream.md describes the protocol. Everything is little-endian.
+"""
+
+import json
 import math
+import struct
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft.library.library import Library
@@ -13,11 +21,140 @@ from mograft.motion.motion import Motion
 from mograft.provenance.document import substitution_record, violation_record
 from mograft.search.constraint_records import Record, decode_constraint
 from mograft.search.constraints import Constraint
-from mograft.stream.protocol import DTYPES, PROTOCOL, Array, Message, RequestError
 from mograft.stream.stream import Stream, StreamPiece
 
+PROTOCOL = "mograft.stream/1"
+MAGIC = b"MGS1"
+LENGTHS = struct.Struct("<II")
+"""The lengths of header and body in bytes, which follow the magic number."""
+
+MAX_HEADER_BYTES = 65_536
+MAX_BODY_BYTES = 64 * 1024 * 1024
+MAX_NUMBER = 1e15
+"""Largest magnitude of numbers in the header of a request."""
 MAX_NORM_ERROR = 1e-3
 """Largest difference from 1 of the norm of a float32 quaternion, which is then normalised."""
+
+_MAX_DIMENSIONS = 3
+DTYPES: Mapping[str, "np.dtype[np.floating[Any]]"] = {
+    "float32": np.dtype("<f4"),
+    "float64": np.dtype("<f8"),
+}
+_DTYPES = ", ".join(DTYPES)
+
+Array = npt.NDArray[np.floating[Any]]
+
+
+class FrameError(ValueError):
+    """The received bytes are not a message; the start of the next message is unknown."""
+
+
+class RequestError(ValueError):
+    """A complete message whose content is invalid; the next message can be read."""
+
+
+@dataclass(frozen=True, eq=False)
+class Message:
+    """A header, without its entry ``arrays``, and arrays by name."""
+
+    header: Mapping[str, Any]
+    arrays: Mapping[str, Array] = field(default_factory=dict)
+
+    def encode(self, dtype: str = "float64") -> bytes:
+        """Return the bytes of the message; arrays are converted to `dtype`."""
+        arrays = {
+            name: np.ascontiguousarray(array, DTYPES[dtype]) for name, array in self.arrays.items()
+        }
+        listed = [
+            {"name": name, "dtype": dtype, "shape": list(array.shape)}
+            for name, array in arrays.items()
+        ]
+        text = json.dumps({**self.header, "arrays": listed}, allow_nan=False).encode()
+        body = b"".join(array.tobytes() for array in arrays.values())
+        return MAGIC + LENGTHS.pack(len(text), len(body)) + text + body
+
+
+def read_request(receive: Callable[[int], bytes]) -> Message:
+    """Return the next request; `receive` returns exactly the given number of bytes.
+
+    Raise FrameError if the magic number differs or a length exceeds its limit, and RequestError if
+    header or arrays are invalid. In the second case the whole message has been received.
+    """
+    magic = receive(len(MAGIC))
+    if magic != MAGIC:
+        raise FrameError(f"a message must begin with {MAGIC!r}, got {magic!r}")
+    n_header, n_body = LENGTHS.unpack(receive(LENGTHS.size))
+    for name, length, limit in (
+        ("header", n_header, MAX_HEADER_BYTES),
+        ("body", n_body, MAX_BODY_BYTES),
+    ):
+        if length > limit:
+            raise FrameError(f"the {name} must have at most {limit} bytes, got {length}")
+    header, body = receive(n_header), receive(n_body)
+    document = _read_header(header)
+    arrays = document.pop("arrays", [])
+    return Message(document, _read_arrays(arrays, body))
+
+
+def _read_header(data: bytes) -> dict[str, Any]:
+    try:
+        document = json.loads(
+            data.decode("utf-8"),
+            parse_float=lambda text: _check_number(float(text), text),
+            parse_int=lambda text: _check_number(int(text), text),
+            parse_constant=lambda text: _check_number(math.inf, text),
+        )
+    except RequestError:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise RequestError(f"the header must be JSON in UTF-8: {error}") from error
+    if not isinstance(document, dict):
+        raise RequestError("the header must be a JSON object")
+    return document
+
+
+def _check_number(value: float, text: str) -> float:
+    """Return a number of a header; raise RequestError if it is not finite or is too large."""
+    if abs(value) > MAX_NUMBER:
+        raise RequestError(f"numbers must be finite and at most {MAX_NUMBER:g}, got {text[:20]}")
+    return value
+
+
+def _read_arrays(records: object, body: bytes) -> dict[str, Array]:
+    """Return the arrays of a body; `records` is the entry ``arrays`` of the header."""
+    if not isinstance(records, list):
+        raise RequestError("`arrays` must be a list")
+    arrays: dict[str, Array] = {}
+    start = 0
+    for record in records:
+        name, dtype, shape = _read_description(record)
+        if name in arrays:
+            raise RequestError(f"`arrays` must have different names, got {name!r} twice")
+        stop = start + math.prod(shape) * dtype.itemsize
+        if stop > len(body):
+            raise RequestError(f"array {name!r} ends at byte {stop} of a body of {len(body)} bytes")
+        arrays[name] = np.frombuffer(body[start:stop], dtype).reshape(shape)
+        start = stop
+    if start != len(body):
+        raise RequestError(f"the body must have {start} bytes, as its arrays, got {len(body)}")
+    return arrays
+
+
+def _read_description(record: object) -> tuple[str, "np.dtype[np.floating[Any]]", list[int]]:
+    """Return name, dtype and shape of an array from its description in the header."""
+    if not isinstance(record, dict) or set(record) != {"name", "dtype", "shape"}:
+        raise RequestError("each of `arrays` must be an object with name, dtype and shape")
+    name, dtype, shape = record["name"], record["dtype"], record["shape"]
+    if not isinstance(name, str):
+        raise RequestError(f"the name of an array must be a string, got {name!r}")
+    if not isinstance(dtype, str) or dtype not in DTYPES:
+        raise RequestError(f"the dtype of {name!r} must be one of {_DTYPES}, got {dtype!r}")
+    is_shape = isinstance(shape, list) and len(shape) <= _MAX_DIMENSIONS
+    if not is_shape or not all(type(size) is int and 0 <= size <= MAX_BODY_BYTES for size in shape):
+        raise RequestError(
+            f"the shape of {name!r} must be at most {_MAX_DIMENSIONS} sizes, got {shape!r}"
+        )
+    return name, DTYPES[dtype], shape
 
 
 class StreamSession:
@@ -33,7 +170,7 @@ class StreamSession:
 
         Raise RequestError if the request is invalid; the stream is then unchanged.
         """
-        handlers: Mapping[object, Callable[[Message], Message]] = {
+        handlers: Mapping[str, Callable[[Message], Message]] = {
             "hello": self._hello,
             "push": self._push,
             "constraints": self._set_constraints,
@@ -42,27 +179,21 @@ class StreamSession:
         kind = request.header.get("type")
         handler = handlers.get(kind) if isinstance(kind, str) else None
         if handler is None:
-            raise RequestError(
-                f"`type` must be one of {', '.join(map(str, handlers))}, got {kind!r}"
-            )
+            raise RequestError(f"`type` must be one of {', '.join(handlers)}, got {kind!r}")
         # Constraints with extreme numbers have infinite costs.
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
             return handler(request)
 
     def _hello(self, request: Message) -> Message:
         """Start a new stream; describe the skeleton that its frames must have."""
-        options = _options(
-            request,
-            {
-                **{"protocol": str, "dtype": str, "seed": int, "swap": list},
-                **{"horizon": int, "delay": float},
-            },
-        )
+        options = _options(request, "protocol", "dtype", "seed", "horizon", "delay", "swap")
         protocol, dtype = options.pop("protocol", None), options.pop("dtype", "float32")
         if protocol != PROTOCOL:
             raise RequestError(f"`protocol` must be {PROTOCOL!r}, got {protocol!r}")
-        if dtype not in DTYPES:
-            raise RequestError(f"`dtype` must be one of {', '.join(DTYPES)}, got {dtype!r}")
+        if not isinstance(dtype, str) or dtype not in DTYPES:
+            raise RequestError(f"`dtype` must be one of {_DTYPES}, got {dtype!r}")
+        if not isinstance(options.get("swap", []), list):
+            raise RequestError(f"`swap` must be a list of groups, got {options['swap']!r}")
         library = self._library
         with _invalid_arguments():
             stream = Stream(library, **options)
@@ -84,7 +215,7 @@ class StreamSession:
 
     def _push(self, request: Message) -> Message:
         """Append frames; return the pieces that can then be committed."""
-        _options(request, {})
+        _options(request)
         stream = self._open_stream()
         arrays = request.arrays
         if set(arrays) != {"rotations", "positions"}:
@@ -97,9 +228,9 @@ class StreamSession:
     def _set_constraints(self, request: Message) -> Message:
         """Replace the constraints of the frames that are not committed."""
         stream = self._open_stream()
-        records = _options(request, {"constraints": list}).get("constraints")
-        if records is None:
-            raise RequestError("`constraints` must be given")
+        records = _options(request, "constraints").get("constraints")
+        if not isinstance(records, list):
+            raise RequestError(f"`constraints` must be a list, got {records!r}")
         with _invalid_arguments():
             stream.constraints = [_constraint(record) for record in records]
         count, free = len(stream.constraints), stream.first_free_frame
@@ -107,7 +238,7 @@ class StreamSession:
 
     def _close(self, request: Message) -> Message:
         """End the base motion, to which no frames follow; return all remaining pieces."""
-        _options(request, {})
+        _options(request)
         stream = self._open_stream()
         with _invalid_arguments():
             stream.close()
@@ -136,18 +267,12 @@ class StreamSession:
         return Message(header, {"rotations": rotations, "positions": np.concatenate(positions)})
 
 
-def _options(request: Message, types: Mapping[str, type]) -> dict[str, Any]:
-    """Return the entries of a header except ``type``; check their names and types."""
+def _options(request: Message, *names: str) -> dict[str, Any]:
+    """Return the entries of a header except ``type``; raise RequestError for one not in `names`."""
     options = {name: value for name, value in request.header.items() if name != "type"}
-    for name, value in options.items():
-        if name not in types:
-            allowed = ", ".join(["type", *types])
-            raise RequestError(
-                f"the header of a {request.header['type']!r} request can only have the entries "
-                f"{allowed}; got {name!r}"
-            )
-        if type(value) is not types[name]:
-            raise RequestError(f"`{name}` must be of type {types[name].__name__}, got {value!r}")
+    for name in options.keys() - {*names}:
+        allowed, kind = ", ".join(["type", *names]), request.header["type"]
+        raise RequestError(f"the entries of {kind!r} must be among {allowed}, got {name!r}")
     return options
 
 

@@ -12,19 +12,23 @@ from mograft._util.arrays import FloatArray
 from mograft._util.validate import as_integer, check_type
 from mograft.analysis.segmentation import OnlineSegmenter
 from mograft.blend.recombine import Part, recombine
+from mograft.body.contacts import find_legs
+from mograft.body.world_poses import Poses
+from mograft.config import Config
 from mograft.library.library import Library
+from mograft.motion import rotations
 from mograft.motion.motion import Motion
+from mograft.motion.segments import Segments
 from mograft.motion.skeleton import Skeleton
-from mograft.search.constraints import Constraint, Violation, find_violations
-from mograft.search.donor_constraints import find_seam_violations
+from mograft.search.constraints import Clip, Constraint, Violation, find_violations
+from mograft.search.donor_constraints import Ban, Use, find_seam_violations
 from mograft.solve.plan import grafted_groups
-from mograft.stream.base_buffer import BOUNDARY_MARGIN, BaseBuffer, join_motions
-from mograft.stream.checks import (
-    check_free_frames,
-    check_stream_config,
-    check_stream_constraints,
+from mograft.solve.search_problem import check_constraints
+from mograft.stream.base_buffer import (
+    BOUNDARY_MARGIN,
+    BaseBuffer,
     check_stream_frames,
-    check_stream_groups,
+    join_motions,
     motion_from_arrays,
 )
 from mograft.stream.search import ChosenDonor, PendingSegment, StreamSearch
@@ -372,3 +376,53 @@ class Stream:
             quaternions[:, is_opposite] *= -1.0
         self._last_rotations = quaternions[-1]
         return replace(motion, rotations=quaternions)
+
+
+def check_stream_config(config: Config) -> None:
+    """Raise ValueError for settings that a stream does not support."""
+    for name, required in (("segmentation", "energy"), ("alignment", "uniform")):
+        if (value := getattr(config, name)) != required:
+            raise ValueError(f"`Config.{name}` must be {required!r} in a stream, got {value!r}")
+
+
+def check_stream_groups(library: Library, groups: Sequence[str]) -> None:
+    """Raise ValueError for groups that contain single channels, the root or joints of legs."""
+    divided = library.groups.divided_channels(library.skeleton)
+    legs = find_legs(library.skeleton)
+    kept = {library.root, *(joint for leg in legs for joint in (leg.hip, leg.knee, leg.ankle))}
+    for group in groups:
+        if divided[group]:
+            joints = ", ".join(library.skeleton.names[joint] for joint in divided[group])
+            found = f"{group!r} with single channels of {joints}"
+            raise ValueError(f"`swap` must name groups of whole joints in a stream, got {found}")
+        if not kept.isdisjoint(library.joints(group).tolist()):
+            raise ValueError(f"`swap` must not name the root or legs in a stream, got {group!r}")
+
+
+def check_stream_constraints(
+    constraints: Sequence[Constraint], skeleton: Skeleton, clips: Sequence[Clip]
+) -> None:
+    """Check the types of constraints, and the joints and clips that they name.
+
+    Raise TypeError for an item that is not a constraint, ValueError for an unknown joint or clip.
+    """
+    identity = np.tile(rotations.IDENTITY, (1, skeleton.n_joints, 1))
+    rest = Motion(skeleton, 1.0, identity, skeleton.offsets[None])
+    check_constraints(constraints, Poses.from_motion(rest))
+    no_segments = Segments(np.zeros(0, np.int64), np.zeros(0, np.int64))
+    for constraint in constraints:
+        name = type(constraint).__name__
+        if isinstance(constraint, Use | Ban):
+            raise ValueError(f"`constraints` of a stream must not contain {name}: use NotFrom")
+        if not constraint.applies_to_group(""):
+            raise ValueError(f"`constraints` of a stream must have no group, got {name} with one")
+        constraint.donor_errors(no_segments, no_segments, clips)
+
+
+def check_free_frames(constraints: Sequence[Constraint], first_free_frame: int) -> None:
+    """Raise ValueError for a constraint that applies only to frames that are committed."""
+    for constraint in constraints:
+        if constraint.frames is not None and (last := constraint.frames[1]) < first_free_frame:
+            found = f"{type(constraint).__name__} up to frame {last}"
+            expected = f"the first free frame, {first_free_frame}, or later"
+            raise ValueError(f"`constraints` must apply to {expected}, got {found}")

@@ -28,7 +28,6 @@ COMMANDS = {
 
 OTHERS = {
     "opens_during_rewrites": (320, "opening while another process writes"),
-    "damaged_texts": (25_000, "damaged BVH texts"),
     "cut_texts": (20_100, "BVH texts cut anywhere"),
     "repeated_calls": (5_300, "repeated calls: memory does not grow"),
     "grafts_in_workers": (360, "grafts in threads, forked and new processes"),

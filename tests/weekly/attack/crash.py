@@ -12,23 +12,12 @@ import numpy as np
 
 from mograft import LibraryError, write_bvh
 from mograft.dancer import dance
-from tests.weekly.attack import faults
+from tests.weekly.attack import faults, write_paths
 from tests.weekly.attack.lost_writes import Disk
-from tests.weekly.attack.write_paths import (
-    WRITE_PATHS,
-    hash_tree,
-    is_allowed,
-    list_debris,
-    visible_state,
-)
 
 # Kinds of faults, their error, and at how many calls one is tried: at each, or at each fourth.
-_FAULTS = (
-    ("kill", 0, 1),
-    ("fail once", errno.EIO, 1),
-    ("fail once", errno.ENOSPC, 4),
-    ("fail from", errno.EIO, 4),
-)
+_FAULTS = [("kill", 0, 1), ("fail once", errno.EIO, 1)]
+_FAULTS += [("fail once", errno.ENOSPC, 4), ("fail from", errno.EIO, 4)]
 _LOSSES = ((0.0, 0.0), (1.0, 0.0), (0.5, 0.5))  # probabilities of names and data to be kept
 
 
@@ -46,12 +35,12 @@ class Attack:
         self._run_here("index in/a.bvh -o in/l")
         if path.prepare:
             self._run_here(path.prepare)
-        self.old = visible_state(self.work)
+        self.old = write_paths.visible_state(self.work)
         shutil.copytree(self.work, self.template)
         self._run_here(path.again)  # so that the forks need not import its modules
         self.whole = self.run()
         assert self.whole.code == 0, self.whole.output
-        self.new = visible_state(self.work)
+        self.new = write_paths.visible_state(self.work)
 
     def _fill(self, words):
         is_path = ("in/", "work/")
@@ -76,26 +65,26 @@ class Attack:
 
     def _find_defects(self, run):
         try:
-            state = visible_state(self.work)
+            state = write_paths.visible_state(self.work)
         except (LibraryError, OSError, ValueError) as error:
             yield f"the state cannot be read: {error}"
             return
-        if not is_allowed(state, self.old, self.new):
+        if not write_paths.is_allowed(state, self.old, self.new):
             yield f"the state is neither old nor new: {sorted(state)}"
         if run.code == 0 and state != self.new:
             yield "the command succeeded, but the state is not new"
         if "Traceback" in run.output:
             yield f"traceback: {run.output[-300:]}"
-        tree = hash_tree(self.work)
+        tree = write_paths.hash_tree(self.work)
         if tree in self._checked:
             return  # the next start from the same files was tried
         self._checked.add(tree)
         again = faults.run(self._fill(self.path.again), self.work)
         if again.code:
             yield f"the next start fails: {again.output[-300:]}"
-        elif visible_state(self.work) != self.new:
+        elif write_paths.visible_state(self.work) != self.new:
             yield "the state after the next start is not new"
-        elif debris := list_debris(self.work, self.new):
+        elif debris := write_paths.list_debris(self.work, self.new):
             yield f"the next start leaves {debris}"
 
 
@@ -132,13 +121,9 @@ def full_disks(attack, scale):
     for count in counts[counts >= 0][:: round(1 / scale)].tolist():
         run = attack.run("full", count)
         is_unseen = run.code == 0 and count < stops[-1]
-        debris = list_debris(attack.work, attack.old | attack.new)
-        yield attack.check(
-            run,
-            f"full after {count} bytes",
-            f"leaves {debris}" if debris else "",
-            "exit code 0" if is_unseen else "",
-        )
+        debris = write_paths.list_debris(attack.work, attack.old | attack.new)
+        defects = [f"leaves {debris}" if debris else "", "exit code 0" if is_unseen else ""]
+        yield attack.check(run, f"full after {count} bytes", *defects)
 
 
 def random_kills(attack, scale):
@@ -155,7 +140,7 @@ def try_commands(experiment, scale, names=None):
     `scale` is the share of calls, or of kills, that are tried.
     """
     memory = "/dev/shm"  # what is not synced is lost in the model, not on the disk
-    for path in WRITE_PATHS:
+    for path in write_paths.WRITE_PATHS:
         if names is None or path.name in names:
             with tempfile.TemporaryDirectory(dir=memory if os.path.isdir(memory) else None) as own:
                 yield from experiment(Attack(Path(own), path), scale)

@@ -18,7 +18,6 @@ import numpy as np
 import mograft as mg
 from mograft import Library, clustering, write_bvh
 from mograft.dancer import dance
-from tests.fuzz import bvh as fuzz_bvh
 from tests.weekly.attack.concurrency import compare_threads, fingerprint
 
 MOTION = dance(seed=5, strides=1).motion
@@ -37,16 +36,6 @@ def make_library(folder, n_clips=2):
     """Index a library of clips of 160 frames in a folder and return its path."""
     Library.index(write_clips(folder, 160, n_clips), folder / "l")
     return folder / "l"
-
-
-def damaged_texts(folder, count):  # noqa: ARG001 - all experiments have these arguments
-    """Read damaged BVH texts: a motion or `BvhError`, whole and in chunks."""
-    for seed in [*fuzz_bvh.SEEDS, *range(count)]:
-        try:
-            fuzz_bvh.check(seed)
-            yield ""
-        except Exception as error:  # whatever the reader raises is a failure
-            yield f"seed {seed}: {error!r}"
 
 
 def cut_texts(folder, count):  # noqa: ARG001

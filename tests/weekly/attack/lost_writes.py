@@ -59,9 +59,8 @@ class Disk:
                     node = self._find(path)
                     node.content, node.is_synced = None, False
                 case "create" | "mkdir":
-                    self._siblings(path)[Path(path).name] = (
-                        _File() if call == "create" else _Folder()
-                    )
+                    node = _File() if call == "create" else _Folder()
+                    self._siblings(path)[Path(path).name] = node
                 case "unlink":
                     del self._siblings(path)[Path(path).name]
                 case "link" | "rename":

@@ -10,7 +10,7 @@ from tests.weekly.attack import experiments, faults
 from tests.weekly.attack.__main__ import COMMANDS, MARKS, OTHERS, PAGE
 from tests.weekly.attack.concurrency import CALLS, EXEMPT, compare_threads
 
-_QUICK = ("damaged_texts", "cut_texts", "repeated_calls")
+_QUICK = ("cut_texts", "repeated_calls")
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,8 @@ from mograft.cli.configuration import load_library
 from mograft.cli.output import print_remark, print_result
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import StreamOptions
-from mograft.stream.protocol import PROTOCOL
 from mograft.stream.server import ServerLimits, StreamServer, is_loopback
+from mograft.stream.session import PROTOCOL
 
 
 def run(options: StreamOptions) -> int:
