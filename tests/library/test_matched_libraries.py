@@ -19,8 +19,8 @@ from mograft import (
 )
 from mograft.io.smpl.joints import SMPL_H
 from mograft.io.smpl.rest import stand_in
-from mograft.library.conform import conform
 from mograft.library.origin import hash_library
+from mograft.library.spec import conform
 from tests.library.checks import DANCE, assert_same_libraries
 from tests.library.other_figures import as_other_figure
 from tests.strategies import assert_same_rotations
