@@ -18,8 +18,7 @@ from mograft import Config, JointGroups, Library, LibraryError
 from mograft.analysis import embedding
 from mograft.analysis.embedding import Samples
 from mograft.library.files import array_files, storage, stored_clips
-from mograft.library.files.packing import pack, unpack
-from mograft.library.files.stored_clips import RowRange
+from mograft.library.files.stored_clips import pack, unpack
 from mograft.motion import limits
 from tests.library.checks import assert_same_libraries, list_files
 from tests.strategies import motions
@@ -85,9 +84,7 @@ def test_save_any_number_of_blas_threads_writes_the_same_files(tmp_path):
 
 @given(st.lists(st.integers(0, 31), max_size=9))
 def test_stored_samples_select_returns_rows_of_the_chunks(stored_library, indices):
-    samples = replace(
-        stored_library.samples, ranges=(RowRange(0, 5, 20), RowRange(0, 0, 3), RowRange(0, 40, 9))
-    )
+    samples = replace(stored_library.samples, ranges=np.array([(0, 5, 20), (0, 0, 3), (0, 40, 9)]))
     rows = np.concatenate([chunk.rows for chunk in samples.chunks()])
     indices = np.array(indices, int)
     np.testing.assert_array_equal(samples.select(indices).rows, rows[indices])
@@ -104,9 +101,7 @@ def test_stored_samples_chunks_do_not_depend_on_row_ranges(stored_library, monke
     rows = [chunk.rows for chunk in stored_library.samples.chunks()]
     assert [len(chunk) for chunk in rows[:-1]] == [7] * (len(rows) - 1)
     whole = np.concatenate(rows)
-    split = replace(
-        stored_library.samples, ranges=(RowRange(0, 5, 20), RowRange(0, 0, 3), RowRange(0, 40, 9))
-    )
+    split = replace(stored_library.samples, ranges=np.array([(0, 5, 20), (0, 0, 3), (0, 40, 9)]))
     joined = np.concatenate([chunk.rows for chunk in split.chunks()])
     np.testing.assert_array_equal(joined, np.concatenate([whole[5:25], whole[:3], whole[40:49]]))
 

@@ -25,10 +25,15 @@ from mograft.library.discover import (
     matching_values,
     relative_path,
 )
-from mograft.library.files.generation import MAX_SHARDS, GenerationWriter, write_generation
-from mograft.library.files.saving import BoundaryParts, commit_library
+from mograft.library.files.generation import (
+    MAX_SHARDS,
+    BoundaryParts,
+    GenerationWriter,
+    commit_library,
+    write_generation,
+)
 from mograft.library.files.storage import StoredLibrary, load_library
-from mograft.library.files.stored_clips import RowRange, StoredClips, merge_ranges
+from mograft.library.files.stored_clips import StoredClips
 from mograft.library.ingest import ClipOrder, IngestedClip, PendingClip, ingest_all
 from mograft.library.ingest_run import (
     IngestPlan,
@@ -279,10 +284,8 @@ def _complete(
     groups = choose_groups(plan, spec.skeleton, _sample_motions(pending, plan, result))
     clips = sorted(result.clips, key=lambda clip: clip.order)
     entries = name_clips([clip.info for clip in clips])
-    ranges = [
-        RowRange(clip.location.shard, clip.location.first_row, len(clip.segments)) for clip in clips
-    ]
-    samples = writer.samples(ranges, config.samples, spec.skeleton.n_joints)
+    ranges = [(own.location.shard, own.location.first_row, len(own.segments)) for own in clips]
+    samples = writer.samples(np.array(ranges), config.samples, spec.skeleton.n_joints)
     warn_of_clips(entries, spec.rate, result.match_notes, stacklevel=4)
     if base is not None and not pending and not any(clip.old_row is None for clip in clips):
         embedding, labels, sigma = base.embedding, base.labels, base.sigma
@@ -331,21 +334,20 @@ def _boundary_parts(
 
     They are read from the files of `writer` for new clips, and from `base` for the others.
     """
-    runs = merge_ranges(
-        RowRange(1, clip.location.first_row, len(clip.segments))
-        if clip.old_row is None
-        else RowRange(0, clip.old_row, len(clip.segments))
-        for clip in clips
-    )
+    counts = np.array([len(clip.segments) for clip in clips])
+    firsts = [own.location.first_row if own.old_row is None else own.old_row for own in clips]
+    rows = np.repeat(firsts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+    is_new = np.repeat([clip.old_row is None for clip in clips], counts)
 
     def parts(group: str, key: str, joints: IntArray) -> Iterator[FloatArray]:
-        for is_new, first, n in runs:
-            for start in range(first, first + n, CHUNK):
-                stop = min(start + CHUNK, first + n)
-                if is_new:
-                    yield writer.read_boundary_states(key, start, stop)[:, joints]
-                elif base is not None:
-                    yield base.boundary_states[group][key][start:stop]
+        for start in range(0, len(rows), CHUNK):
+            chosen, new = rows[start : start + CHUNK], is_new[start : start + CHUNK]
+            states = np.empty((len(chosen), len(joints), 3 if key.endswith("velocity") else 4))
+            if new.any():
+                states[new] = writer.read_boundary_states(key, chosen[new])[:, joints]
+            if base is not None:
+                states[~new] = base.boundary_states[group][key][chosen[~new]]
+            yield states
 
     return {
         group: {state.name: parts(group, state.name, joints) for state in fields(BoundaryStates)}

@@ -24,7 +24,7 @@ from mograft.errors import MograftError
 from mograft.io.addresses import read_clip, split_address
 from mograft.library.clip_table import ClipInfo
 from mograft.library.discover import SourceFile
-from mograft.library.files.packing import PackedMotion, pack
+from mograft.library.files.stored_clips import PackedMotion, pack
 from mograft.library.spec import LibrarySpec, describe_match, rates_match
 from mograft.motion import rotations
 from mograft.motion.motion import Motion

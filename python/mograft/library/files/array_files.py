@@ -20,6 +20,7 @@ import numpy as np
 import numpy.lib.format as npy
 import numpy.typing as npt
 
+from mograft._util.arrays import IntArray
 from mograft.errors import DAMAGE, LibraryError
 
 MANIFEST, DATABASE = "manifest.json", "catalog.sqlite"
@@ -62,22 +63,22 @@ class RowFile:
     """
 
     def __init__(self, path: Path, dtype: str, width: int) -> None:
-        self._path, self._dtype, self._width = path, np.dtype(dtype), width
+        self._path, self._dtype, self.width = path, np.dtype(dtype), width
         self._handle: int | None = None
         if os.name == "posix":
             self._handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
             weakref.finalize(self, os.close, self._handle)
 
     def __reduce__(self) -> tuple[type["RowFile"], tuple[Path, str, int]]:
-        return RowFile, (self._path, self._dtype.str, self._width)
+        return RowFile, (self._path, self._dtype.str, self.width)
 
     def read(self, first: int, n: int) -> npt.NDArray[Any]:
         """Return `n` rows from row `first` on, shape (n, width).
 
         Raise OSError if the file has fewer.
         """
-        n_bytes = n * self._width * self._dtype.itemsize
-        start = HEADER_BYTES + first * self._width * self._dtype.itemsize
+        n_bytes = n * self.width * self._dtype.itemsize
+        start = HEADER_BYTES + first * self.width * self._dtype.itemsize
         data = bytearray(n_bytes)  # writable, as other arrays
         if self._handle is not None:
             count = os.preadv(self._handle, [data], start)
@@ -87,7 +88,7 @@ class RowFile:
                 count = stream.readinto(data)
         if count < n_bytes:
             raise OSError(errno.EIO, "is shorter than its header states", str(self._path))
-        return np.frombuffer(data, self._dtype).reshape(n, self._width)
+        return np.frombuffer(data, self._dtype).reshape(n, self.width)
 
 
 class ArrayWriter:
@@ -108,15 +109,12 @@ class ArrayWriter:
         with self._name_file_in_errors():
             self._stream.write(np.ascontiguousarray(rows, self._dtype).data)
 
-    def read(self, start: int, stop: int) -> npt.NDArray[Any]:
-        """Return the rows `start` to `stop - 1` of those that were appended."""
-        width = math.prod(self._row_shape)
+    def read(self, rows: IntArray) -> npt.NDArray[Any]:
+        """Return some of the rows that were appended, by their indices."""
         with self._name_file_in_errors():
             self._stream.flush()
-        with self._path.open("rb") as stream:
-            stream.seek(HEADER_BYTES + start * width * self._dtype.itemsize)
-            rows = np.fromfile(stream, self._dtype, (stop - start) * width)
-        return rows.reshape(stop - start, *self._row_shape)
+        shape = (self.n_rows, *self._row_shape)
+        return np.memmap(self._path, self._dtype, "r", HEADER_BYTES, shape)[rows]
 
     def close(self) -> None:
         """Write the header and close the file."""
@@ -124,9 +122,6 @@ class ArrayWriter:
         shape = (self.n_rows, *self._row_shape)
         description = {"descr": self._dtype.str, "fortran_order": False, "shape": shape}
         npy.write_array_header_1_0(header, description)
-        if len(header.getvalue()) != HEADER_BYTES:
-            n_bytes = len(header.getvalue())
-            raise RuntimeError(f"the .npy header must have {HEADER_BYTES} bytes, got {n_bytes}")
         with self._name_file_in_errors():
             self._stream.seek(0)
             self._stream.write(header.getvalue())

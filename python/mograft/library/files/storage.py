@@ -32,7 +32,7 @@ from mograft.library.files.array_files import (
     damage_raises_library_error,
     map_array,
 )
-from mograft.library.files.stored_clips import RowRange, StoredClips, StoredSamples, merge_ranges
+from mograft.library.files.stored_clips import StoredClips, StoredSamples
 from mograft.library.spec import LibrarySpec
 from mograft.motion.segments import Segments
 
@@ -61,14 +61,12 @@ class StoredLibrary:
     def samples(self) -> StoredSamples:
         """The samples of all segments. Their files are opened now, and read when needed."""
         locations = self.table.locations
-        counts = np.bincount(self.arrays["clips"], minlength=len(locations)).tolist()
+        counts = np.bincount(self.arrays["clips"], minlength=len(locations))
+        firsts = [(location.shard, location.first_row) for location in locations]
         folder = self.folder / self.manifest["generation"]
         return StoredSamples.from_paths(
             [folder / f"samples-{name}.npy" for name in self.manifest["shards"]],
-            ranges=merge_ranges(
-                RowRange(location.shard, location.first_row, n)
-                for location, n in zip(locations, counts, strict=True)
-            ),
+            ranges=np.column_stack([firsts, counts]),
             n_samples=self.manifest["config"]["samples"],
             n_joints=len(self.manifest["skeleton"]["names"]),
         )
