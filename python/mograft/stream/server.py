@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
-from mograft._util.cleanup import clean_up_by
+from mograft._util.signals import clean_up_by
 from mograft.library.library import Library
 from mograft.stream.checks import check_stream_config
 from mograft.stream.protocol import FrameError, Message, RequestError, read_request

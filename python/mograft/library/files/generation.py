@@ -17,7 +17,7 @@ import numpy.typing as npt
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.arrays import FloatArray, IntArray, Packed
 from mograft._util.atomic import exclusive_lock, sync
-from mograft._util.cleanup import clean_up_by
+from mograft._util.signals import clean_up_by
 from mograft.errors import LibraryError, join_names
 from mograft.library.clip_table import (
     ClipInfo,
