@@ -46,14 +46,14 @@ def pca(matrix, n_components, floors):
 def matrix_of(motion, config, joints=None):
     joints = np.arange(motion.n_joints) if joints is None else joints
     samples = normalise([motion], segment(motion, config), config, **NORMALISATION)
-    reference = mean_rotations(samples, motion.n_joints)[joints]
+    reference = mean_rotations([samples])[joints]
     if not config.keep_heading:
         reference[joints == 0] = rotations.IDENTITY
     return features(samples, joints, reference, has_root=0 in joints)
 
 
 def embed_all(samples, joints):
-    means = mean_rotations(samples, samples.n_joints)
+    means = mean_rotations([samples])
     return embed(samples, np.array(joints), means, ROBUST, root=0, group="all")
 
 
@@ -143,8 +143,8 @@ def test_features_ignore_quaternion_signs(motion, seed):
 @given(SEEDS, quaternions(()))
 def test_mean_rotations_commute_with_rotation_and_are_central(seed, turn):
     quats = smooth_rotations(np.random.default_rng(seed), 30, 2)
-    mean = mean_rotations(poses(quats), quats.shape[1])
-    turned = mean_rotations(poses(rotations.multiply(turn, quats)), quats.shape[1])
+    mean = mean_rotations([poses(quats)])
+    turned = mean_rotations([poses(rotations.multiply(turn, quats))])
     assert_same_rotations(turned, rotations.multiply(turn, mean), 1e-9)
     assert (
         rotations.angle(quats, mean).mean(axis=0)
