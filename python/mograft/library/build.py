@@ -41,7 +41,7 @@ def build_library(
     clips = result.clips
     groups = choose_groups(plan, result.spec.skeleton, spread_evenly(clips))
     entries = name_clips([clip.info for clip in clips])
-    warn_of_clips(entries, result.spec.rate, result.match_notes, stacklevel=3)
+    warn_of_clips(entries, result, stacklevel=3)
     return assemble(library_type, clips, entries, groups, result.spec, plan.config, plan.report)
 
 
@@ -92,10 +92,7 @@ def assemble(
 def name_clips(entries: Sequence[ClipInfo]) -> tuple[ClipInfo, ...]:
     """Return metadata of clips with unique names, which are made from the names in the sources."""
     names = unique_names([info.source_name for info in entries])
-    return tuple(
-        info if info.name == name else info._replace(name=name)
-        for info, name in zip(entries, names, strict=True)
-    )
+    return tuple(info._replace(name=own) for info, own in zip(entries, names, strict=True))
 
 
 def join_segments(clips: Sequence[Segments]) -> Segments:
@@ -172,12 +169,10 @@ def discover_groups(
 
 def discover_in_library(library: LibraryData, n: int | None = None) -> GroupDiscovery:
     """Discover `n` groups in the clips of a library; the groups of the library have no effect."""
-    motions = []
-    for clip in spread_evenly(range(len(library.entries))):
-        own = library.segments.of_clip(clip)
-        is_donor = library.is_donor[own]
-        if is_donor.any():
-            motions.append((library.clips[clip], library.segments[own[is_donor]]))
+    cut, is_donor = library.segments, library.is_donor
+    clips = spread_evenly(range(len(library.entries)))
+    donors = [(clip, own[is_donor[own]]) for clip in clips for own in [cut.of_clip(clip)]]
+    motions = ((library.clips[clip], cut[own]) for clip, own in donors if len(own))
     return discover_in_segments(motions, n, library.config)
 
 

@@ -98,7 +98,7 @@ class DerivableLibrary(LibraryData):
             states.append(boundary_states(image, cut))
         samples = Samples(np.concatenate(rows), self.config.samples, self.skeleton.n_joints)
         embedding, labels, sigma = compare_segments(
-            samples, self.groups, self.spec, self.config, _ignore
+            samples, self.groups, self.spec, self.config, lambda *_: None
         )
         images = replace(self.segments, clip=self.segments.clip + n)
         infos = zip(self.entries + self.entries, names, strict=True)
@@ -245,7 +245,3 @@ class DerivableLibrary(LibraryData):
         if self.has_recipe:
             extended.set_recipe(type(self)._append_clip, self, motion, own_rate)
         return extended
-
-
-def _ignore(stage: str, done: int, total: int) -> None:
-    pass

@@ -141,11 +141,9 @@ def _is_new_or_changed(clip: PendingClip, files: Mapping[str, ClipInfo]) -> bool
     `files` holds the metadata of the library's clips by address.
     """
     info = files.get(clip.label)
-    if info is None or info.source_file is None:
+    known = None if info is None else info.source_file
+    if info is None or known is None or clip.rate_override not in (None, info.rate_override):
         return True
-    if clip.rate_override not in (None, info.rate_override):
-        return True
-    known = info.source_file
     try:
         status = os.stat(known.path)
         if (status.st_size, status.st_mtime_ns) == (known.size, known.mtime_ns):
@@ -286,7 +284,7 @@ def _complete(
     entries = name_clips([clip.info for clip in clips])
     ranges = [(own.location.shard, own.location.first_row, len(own.segments)) for own in clips]
     samples = writer.samples(np.array(ranges), config.samples, spec.skeleton.n_joints)
-    warn_of_clips(entries, spec.rate, result.match_notes, stacklevel=4)
+    warn_of_clips(entries, result, stacklevel=4)
     if base is not None and not pending and not any(clip.old_row is None for clip in clips):
         embedding, labels, sigma = base.embedding, base.labels, base.sigma
     else:

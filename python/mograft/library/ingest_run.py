@@ -300,23 +300,17 @@ def _guess_spec(
     raise ValueError(f"no clip can be used: {errors[0]}") from errors[0]
 
 
-def warn_of_clips(
-    entries: Sequence[ClipInfo],
-    rate: float,
-    match_notes: Mapping[str, Sequence[str]],
-    *,
-    stacklevel: int,
-) -> None:
-    """Warn about clips that were matched by anatomy, resampled to `rate`, or have faults.
+def warn_of_clips(entries: Sequence[ClipInfo], result: IngestResult[T], *, stacklevel: int) -> None:
+    """Warn about clips that were matched by anatomy, resampled, or have faults.
 
-    `match_notes` is the field of `IngestResult`. `stacklevel` is the stack frame to which warnings
-    refer: 1 for the caller, 2 for its caller.
+    `stacklevel` is the stack frame to which warnings refer: 1 for the caller, 2 for its caller.
     """
+    rate = result.spec.rate
 
     def warn(message: str) -> None:
         warnings.warn(message, stacklevel=stacklevel + 2)
 
-    for note, names in match_notes.items():
+    for note, names in result.match_notes.items():
         warn(f"joints matched by anatomy, {join_names(names, _MAX_WARNINGS)}: {note}")
     resampled = [info.name for info in entries if not rates_match(info.source_rate, rate)]
     if resampled:

@@ -247,10 +247,9 @@ def _ingest(clip: PartialClip, config: Config, spec: LibrarySpec) -> IngestedCli
     result = ingest(pending, spec, config, is_packed=False)
     if not isinstance(result, IngestedClip):
         raise result.error
-    motion = result.clip
-    assert isinstance(motion, Motion)
     if clip.is_mirrored:
-        motion = mirror(motion)
+        assert isinstance(result.clip, Motion)
+        motion = mirror(result.clip)
         states = boundary_states(motion, result.segments)
-        result = replace(result, boundary_states=states)
-    return replace(result, clip=replace(motion, name=clip.name))
+        return replace(result, clip=motion, boundary_states=states)
+    return result
