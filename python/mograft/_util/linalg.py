@@ -57,5 +57,4 @@ def eigenvectors(matrix: FloatArray, n_vectors: int) -> tuple[FloatArray, FloatA
     spacing = np.ldexp(_EIGENVALUE_GRID, np.frexp(np.trace(matrix))[1])
     leading = round_to_grid(vectors[:, ::-1])[:, :n_vectors]
     largest = np.take_along_axis(leading, np.abs(leading).argmax(axis=0)[None], axis=0)
-    signed: FloatArray = leading * np.where(largest < 0, -1.0, 1.0) + 0.0
-    return round_to_grid(values[::-1], spacing), signed
+    return round_to_grid(values[::-1], spacing), leading * np.where(largest < 0, -1.0, 1.0) + 0.0

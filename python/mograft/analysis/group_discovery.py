@@ -85,8 +85,7 @@ def discover_in_segments(
     for motion, segments in clips:
         if chains is None:
             chains = JointChains.from_skeleton(motion.skeleton)
-            middle = motion.n_frames // 2
-            pose = motion[middle : middle + 1]
+            pose = motion[motion.n_frames // 2 :][:1]
         joints = np.array([joint for node in chains.nodes for joint in node])
         velocities.append(angular_velocities(motion, segments, joints, config))
         shares.append(support_shares(motion))

@@ -21,7 +21,7 @@ from mograft.library.clusters import (
 from mograft.library.data import LibraryData
 from mograft.library.discover import ClipSource
 from mograft.library.ingest import IngestedClip
-from mograft.library.ingest_run import IngestOptions, IngestPlan, ingest_fitting, warn_of_clips
+from mograft.library.ingest_run import IngestOptions, IngestPlan, ingest_motions, warn_of_clips
 from mograft.library.spec import LibrarySpec
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
@@ -35,9 +35,7 @@ def build_library(
     library_type: type[L], sources: ClipSource | Iterable[ClipSource], plan: IngestPlan
 ) -> L:
     """Build a library in memory; see `Library.build`."""
-    found = enumerate(plan.find_clips(sources))
-    pending = [plan.pending((index, ()), clip) for index, clip in found]
-    result = ingest_fitting(pending, plan, lambda clip: clip, lambda: None)
+    result = ingest_motions(plan.find_clips(sources), plan)
     clips = result.clips
     groups = choose_groups(plan, result.spec.skeleton, spread_evenly(clips))
     entries = name_clips([clip.info for clip in clips])
@@ -161,9 +159,7 @@ def discover_groups(
     [7, 1, 2, 8]
     """
     plan = IngestPlan(config=Config() if config is None else config, **options)
-    found = enumerate(spread_evenly(plan.find_clips(clips)))
-    pending = [plan.pending((index, ()), clip) for index, clip in found]
-    result = ingest_fitting(pending, plan, lambda clip: clip, lambda: None)
+    result = ingest_motions(spread_evenly(plan.find_clips(clips)), plan)
     return _discover(result.clips, n, plan.config, seed)
 
 

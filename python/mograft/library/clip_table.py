@@ -192,13 +192,15 @@ def read_clip_table(path: Path) -> ClipTable:
     uri = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
     folder = str(path.absolute().parent.parent)
     with contextlib.closing(sqlite3.connect(uri, uri=True)) as database:
+        texts = database.execute("SELECT json FROM skeleton ORDER BY id")
+        locations = _select(database, ClipLocation._fields)
         return ClipTable(
             entries=tuple(_read_entries(database, folder)),
-            locations=tuple(_read_locations(database)),
-            skeletons=tuple(
-                skeleton_from_json(json.loads(text))
-                for (text,) in database.execute("SELECT json FROM skeleton ORDER BY id")
+            locations=tuple(
+                ClipLocation._make((*numbers, _strings(repairs), skeleton))
+                for *numbers, repairs, skeleton in locations
             ),
+            skeletons=tuple(skeleton_from_json(json.loads(text)) for (text,) in texts),
             refused=dict(database.execute("SELECT path, reason FROM refused")),
         )
 
@@ -212,18 +214,12 @@ def _read_entries(database: sqlite3.Connection, folder: str) -> Iterator[ClipInf
     files = _select(database, SourceFile._fields)
     infos = (name for name in ClipInfo._fields if name != "source_file")
     for (path, *state), row in zip(files, _select(database, infos), strict=True):
-        name, source_name, *properties, faults, tags = row
+        name, source_name, *properties = row[:-2]
         file = None
         if path is not None:
             parent, _, file_name = path.rpartition("/")
             file = SourceFile(f"{absolute_parent(parent)}{os.sep}{file_name}", *state)
-        values = (name, source_name, file, *properties, _strings(faults), _strings(tags))
-        yield ClipInfo(*values)
-
-
-def _read_locations(database: sqlite3.Connection) -> Iterator[ClipLocation]:
-    for *numbers, repairs, skeleton in _select(database, ClipLocation._fields):
-        yield ClipLocation._make((*numbers, _strings(repairs), skeleton))
+        yield ClipInfo._make((name, source_name, file, *properties, *map(_strings, row[-2:])))
 
 
 def _select(database: sqlite3.Connection, names: Iterable[str]) -> sqlite3.Cursor:

@@ -245,8 +245,7 @@ def matching_values(table: Mapping[str, T] | None, clip: FoundClip) -> list[T]:
     return [
         value
         for pattern, value in table.items()
-        if pattern in keys
-        or (glob.has_magic(pattern) and any(fnmatchcase(key, pattern) for key in keys))
+        if pattern in keys or any(fnmatchcase(key, pattern) for key in keys)
     ]
 
 

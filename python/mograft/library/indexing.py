@@ -2,7 +2,7 @@
 
 import os
 import warnings
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from itertools import chain
@@ -69,7 +69,7 @@ def index_folder(
     """Build a library in a folder; see `Library.index`."""
     with write_generation(path, force=force) as writer:
         pending = _pending_files(plan, sources, writer.final)
-        result = ingest_fitting(pending, plan, _store(writer), writer.restart)
+        result = ingest_fitting(pending, plan, partial(_store, writer), writer.restart)
         _complete(writer, plan, result, base=None, pending=pending)
 
 
@@ -94,18 +94,15 @@ def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], plan: 
             return
         stale = _stale_addresses(files, pending, plan)
         kept = _kept_clips(base, writer.base, pending, plan, stale)
+        writer.link_shards(writer.base)
         result = _ingest_additions(writer, plan, base, kept, pending)
         _complete(writer, plan, result, base=base, pending=pending)
 
 
-def _store(writer: GenerationWriter) -> Callable[[IngestedClip], _IndexedClip]:
-    """Return the function that writes an ingested clip to a generation."""
-
-    def store(clip: IngestedClip) -> _IndexedClip:
-        order, _, info = clip.properties
-        return _IndexedClip(order, info, writer.write_clip(clip), clip.segments, clip.is_donor)
-
-    return store
+def _store(writer: GenerationWriter, clip: IngestedClip) -> _IndexedClip:
+    """Write an ingested clip to a generation."""
+    order, _, info = clip.properties
+    return _IndexedClip(order, info, writer.write_clip(clip), clip.segments, clip.is_donor)
 
 
 def _pending_files(
@@ -231,9 +228,7 @@ def _ingest_additions(
 
     If the specification changes, or there are too many shards, the kept clips are ingested again.
     """
-    assert writer.base is not None
-    writer.link_shards(writer.base)
-    result = ingest_pending(pending, base.spec, plan, _store(writer))
+    result = ingest_pending(pending, base.spec, plan, partial(_store, writer))
     properties = [(clip.order, base.skeleton, clip.info) for clip in kept]
     # A changed file that no longer fits is left out, unless no clip would remain.
     properties += [own for own in result.properties if own[1].has_same_hierarchy(base.skeleton)]
@@ -245,7 +240,7 @@ def _ingest_additions(
     else:
         writer.restart()
         again = list(_pending_again(base, kept))
-        result = ingest_pending([*again, *pending], spec, plan, _store(writer))
+        result = ingest_pending([*again, *pending], spec, plan, partial(_store, writer))
     if plan.strict:
         result.raise_first_error()
     return result

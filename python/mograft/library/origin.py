@@ -23,7 +23,7 @@ from mograft.library.derive import BUILD_STAGES
 from mograft.library.discover import SourceFile
 from mograft.library.files.stored_clips import ExtendedClips, StoredClips
 from mograft.library.ingest import IngestedClip, PendingClip, boundary_states, ingest
-from mograft.library.spec import LibrarySpec, Match, rates_match
+from mograft.library.spec import LibrarySpec, Match
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
@@ -199,13 +199,10 @@ def find_source_file(motion: Motion, spec: LibrarySpec | None = None) -> SourceF
         return None
     try:
         source_file = SourceFile.from_path(os.path.abspath(motion.path), motion.clip)
-        rest = None if spec is None else spec.rest
-        read = read_clip(source_file.address, skeleton=rest)
-        read = read if spec is None else spec.fit(read, str(motion.path))
+        read = read_clip(source_file.address, skeleton=spec.rest if spec else None)
+        read = spec.convert(read, str(motion.path)) if spec else read
     except (MograftError, OSError, ValueError):
         return None
-    if spec is not None and not rates_match(read.rate, spec.rate):
-        read = read.resample(spec.rate)
     is_same = read.frame_time == motion.frame_time and (
         np.array_equal(read.rotations, motion.rotations)
         and np.array_equal(read.positions, motion.positions)

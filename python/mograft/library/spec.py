@@ -55,6 +55,11 @@ class LibrarySpec:
         self.skeleton.check_same_hierarchy(motion.skeleton, label)
         return motion
 
+    def convert(self, motion: Motion, label: str) -> Motion:
+        """Return a motion with the hierarchy and the rate of the library; raise as `fit`."""
+        fitted = self.fit(motion, label)
+        return fitted if rates_match(fitted.rate, self.rate) else fitted.resample(self.rate)
+
     def is_equivalent(self, other: "LibrarySpec") -> bool:
         """Return whether ingest gives the same results with another specification."""
         parameters = (self.rate, self.root, self.up, self.match)

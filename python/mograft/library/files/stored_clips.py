@@ -14,7 +14,7 @@ from mograft.analysis.embedding import CHUNK, Samples
 from mograft.io.bvh.reader import channels_to_transforms
 from mograft.library.clip_table import ClipTable, PackedContent
 from mograft.library.files.array_files import RowFile, damage_raises_library_error
-from mograft.library.spec import LibrarySpec, rates_match
+from mograft.library.spec import LibrarySpec
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
@@ -121,9 +121,7 @@ class StoredClips(LazySequence[Motion]):
         if motion is None:
             motion = self.original(index)
             with damage_raises_library_error(self.folder, f"clip {index}"):
-                motion = self._spec.fit(motion, self.table.entries[index].name)
-                if not rates_match(motion.rate, self._spec.rate):
-                    motion = motion.resample(self._spec.rate)
+                motion = self._spec.convert(motion, self.table.entries[index].name)
             self._cache[index] = motion
             if len(self._cache) > _MAX_CACHED_CLIPS:
                 self._cache.popitem(last=False)
