@@ -287,8 +287,7 @@ def _check_is_library(folder: Path) -> None:
     if re.match(rf'\s*{{\s*"format":\s*"{re.escape(FORMAT)}"', text) is None:
         reason = f"it is not a mograft library: it has no valid {MANIFEST}; move it away first"
     else:
-        own = (MANIFEST, LOCK)
-        paths = [path for path in folder.iterdir() if path.name not in own]
+        paths = [path for path in folder.iterdir() if path.name not in (MANIFEST, LOCK)]
         foreign = sorted(path.name for path in paths if not _is_replaceable(path))
         if foreign:
             reason = f"it also holds other files, such as {join_names(foreign, 3)}; move them away"
