@@ -111,7 +111,7 @@ class Reference:
     def embedding(self):
         samples = self._samples(self.clips)
         joints = feature_joints(self.library.skeleton, np.arange(self.library.skeleton.n_joints))
-        means = mean_rotations(samples, self.library.skeleton.n_joints)
+        means = mean_rotations(samples.chunks())
         config, root = self.library.config, self.library.root
         return embed(samples, joints, means, config, root=root, group="whole body")
 

@@ -70,7 +70,7 @@ def __getattr__(name: str) -> object:
         return importlib.import_module(_MODULES[name])
     if name not in _HOME_OF:
         raise AttributeError(f"module 'mograft' has no attribute {name!r}")
-    importlib.import_module("mograft._util.notebooks").register_view(_show_in_notebook)
+    importlib.import_module("mograft._util.html_table").register_view(_show_in_notebook)
     value = getattr(importlib.import_module(f"mograft.{_HOME_OF[name]}"), name)
     globals()[name] = value
     return value

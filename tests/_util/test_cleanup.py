@@ -9,7 +9,7 @@ from math import inf
 
 import pytest
 
-from mograft._util.cleanup import clean_up_by
+from mograft._util.signals import clean_up_by
 
 
 @pytest.mark.parametrize("error", [None, ValueError, KeyboardInterrupt])
@@ -27,7 +27,7 @@ posix_only = pytest.mark.skipif(os.name != "posix", reason="the platform has no 
 
 PRELUDE = """
 import hashlib, os, signal, sys, threading, time
-from mograft._util.cleanup import clean_up, clean_up_by
+from mograft._util.signals import clean_up, clean_up_by
 from mograft._util.signals import delay_signals, end_on_signals
 """
 

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from mograft import Config, JointGroups, Library, Skeleton, graft
 from mograft.analysis.channel_groups import (
-    RestrictedSamples,
     euler_angles,
     merge_axes,
     restrict_rotations,
@@ -44,21 +43,14 @@ def test_transplant_divided_joint_changes_only_channels_of_group(lengths, seed, 
     group = GraftedGroup(np.array([1, 3]), held={3: axes})
     part = transplant(base, cut, donors, [base], group, Config(seam=seam))
     new = recombine(base, [part], "new")
-    base_columns = [
-        column
-        for column, name in zip(
-            base.skeleton.channel_columns[3], base.skeleton.channels[3], strict=True
-        )
-        if name[0] not in axes
-    ]
-    others = [c for j in (0, 2) for c in base.skeleton.channel_columns[j]] + base_columns
+    columns = base.skeleton.channel_columns
+    divided = zip(columns[3], base.skeleton.channels[3], strict=True)
+    others = [*columns[0], *columns[2], *(own for own, name in divided if name[0] not in axes)]
     np.testing.assert_array_equal(new.channel_numbers()[:, others], base.channel_values[:, others])
     # The channel values agree with the rotations.
     order = base.skeleton.rotation_order(3)
-    numbers = new.channel_numbers()[:, list(base.skeleton.channel_columns[3])]
-    assert_same_rotations(
-        rotations.from_euler(np.radians(numbers), order), new.rotations[:, 3], 1e-9
-    )
+    angles = np.radians(new.channel_numbers()[:, list(columns[3])])
+    assert_same_rotations(rotations.from_euler(angles, order), new.rotations[:, 3], 1e-9)
     assert part.joints.tolist() == [1]
 
 
@@ -66,8 +58,7 @@ def test_transplant_divided_joint_changes_only_channels_of_group(lengths, seed, 
 def test_transplant_base_segments_as_donors_keeps_every_bit(lengths, seed, axes, seam):
     cut = tile_segments(lengths)
     base = random_star_clip(np.random.default_rng(seed), cut)
-    joints = np.array([1, 3])
-    group = GraftedGroup(joints, held={3: axes})
+    group = GraftedGroup(np.array([1, 3]), held={3: axes})
     part = transplant(base, cut, cut, [base], group, Config(seam=seam))
     new = recombine(base, [part], "same")
     np.testing.assert_array_equal(new.rotations, base.rotations)
@@ -118,8 +109,6 @@ def test_restrict_samples_changes_only_divided_joint(seed, axes, is_single):
         whole.rotations[:, :, 3].astype(np.float64), skeleton.rotation_order(3), axes
     )
     np.testing.assert_array_equal(restricted.rotations[:, :, 3], expected)
-    (chunk,) = RestrictedSamples(whole, skeleton, {3: axes}).chunks()
-    np.testing.assert_array_equal(chunk.rows, restricted.rows)
     assert restrict_samples(whole, skeleton, {}) is whole
 
 
@@ -170,14 +159,10 @@ def test_graft_single_channel_group_changes_only_its_channels(motion):
     new = graft(library, seed=1)
     assert any(not s.is_own for s in new.substitutions)
     changed = (new.motion.channel_numbers() != motion.channel_values).any(axis=0)
-    names = [
-        f"{joint}.{channel}"
-        for joint, channels in zip(motion.skeleton.names, motion.skeleton.channels, strict=True)
-        for channel in channels
-    ]
-    changed_names = {name for name, is_changed in zip(names, changed, strict=True) if is_changed}
-    assert changed_names <= {"LeftForeArm.Yrotation", "Spine.Yrotation"}
-    assert changed_names
+    columns = motion.skeleton.channel_columns
+    axis = motion.skeleton.rotation_order(7).index("Y") - 3
+    assert changed.any()
+    assert {*np.flatnonzero(changed).tolist()} <= {columns[7][axis], columns[12][axis]}
     restored = JointGroups.from_toml(groups.to_toml())
     assert restored.divided_channels(motion.skeleton) == groups.divided_channels(motion.skeleton)
 

@@ -101,21 +101,20 @@ def test_linkage_condensed_equals_linkage_of_points(points):
     np.testing.assert_array_equal(clustering.linkage_condensed(distances, memory_limit=0), tree)
 
 
-def difficult_clouds(n):
-    """Large clouds, each difficult for the algorithm in another way."""
-    rng = np.random.default_rng(n)
+def test_linkage_2500_points_does_not_depend_on_resources():
+    """Each cloud is difficult for the algorithm in another way."""
+    n, rng = 2_500, np.random.default_rng(2_500)
     white = rng.standard_normal((n, 10))
-    yield "normal", white
-    yield "lattice", np.round(2 * white)
-    yield "repeated", white[rng.integers(0, n // 2, n)]
-    yield "clump", np.where(np.arange(n)[:, None] % 2, white, 1e-9 * white)
-    yield "scale-free", white * 10.0 ** (-8 * rng.random((n, 1)))
-    yield "tails", rng.standard_cauchy((n, 10))
-    yield "far from the origin", white + 1e8
-
-
-def assert_resources_do_not_matter(n):
-    for name, points in difficult_clouds(n):
+    clouds = {
+        "normal": white,
+        "lattice": np.round(2 * white),
+        "repeated": white[rng.integers(0, n // 2, n)],
+        "clump": np.where(np.arange(n)[:, None] % 2, white, 1e-9 * white),
+        "scale-free": white * 10.0 ** (-8 * rng.random((n, 1))),
+        "tails": rng.standard_cauchy((n, 10)),
+        "far from the origin": white + 1e8,
+    }
+    for name, points in clouds.items():
         tree = clustering.linkage(points)
         diameter = np.quantile(tree[:, 2], 0.9)
         labels = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
@@ -125,34 +124,21 @@ def assert_resources_do_not_matter(n):
             np.testing.assert_array_equal(other, tree, name)
 
 
-def test_linkage_2500_points_does_not_depend_on_resources():
-    assert_resources_do_not_matter(2_500)
-
-
-def test_linkage_progress_exception_ends_call():
+@pytest.mark.parametrize("error", [LookupError, KeyboardInterrupt])
+def test_linkage_progress_exception_or_interrupt_ends_call(error):
     points = np.random.default_rng(0).standard_normal((20_000, 12))
     reported = []
 
     def progress(done):
         reported.append(done)
-        if len(reported) == 2:
-            raise LookupError("enough")
+        if len(reported) == 2 and error is KeyboardInterrupt:
+            signal.raise_signal(signal.SIGINT)
+        elif len(reported) == 2:
+            raise error
 
-    with pytest.raises(LookupError, match="enough"):
+    with pytest.raises(error):
         clustering.linkage(points, progress=progress, n_threads=1)
     assert all(0.0 <= done <= 1.0 for done in reported)
-
-
-def test_linkage_interrupt_raises_keyboard_interrupt():
-    points = np.random.default_rng(0).standard_normal((20_000, 12))
-    interrupt = iter([signal.SIGINT])
-
-    def progress(_):
-        for number in interrupt:
-            signal.raise_signal(number)
-
-    with pytest.raises(KeyboardInterrupt):
-        clustering.linkage(points, progress=progress, n_threads=1)
 
 
 @pytest.mark.parametrize("n", [0, 1, 2])

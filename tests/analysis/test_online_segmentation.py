@@ -66,12 +66,6 @@ def test_online_segmenter_dance_equals_segment(seed):
     assert segmenter.bounds == [0, *mg.segment(motion).stop.tolist()]
 
 
-def test_online_segmenter_without_extrema_cuts_at_max_length():
-    segmenter = OnlineSegmenter(30.0, mg.Config(max_length=1.0))
-    segmenter.push(np.linspace(1.0, 2.0, 200))
-    assert segmenter.bounds[:5] == [0, 30, 60, 90, 120]
-
-
 def test_online_segmenter_max_length_below_one_interval_cuts_at_all_frames():
     segmenter = OnlineSegmenter(1.0, mg.Config(max_length=0.5))
     segmenter.push(np.linspace(1.0, 2.0, 20))

@@ -66,14 +66,6 @@ def test_kinetic_energy_ignores_position_orientation_size_and_sign(motion, turn,
     np.testing.assert_allclose(kinetic_energy(moved), energy, rtol=1e-8, atol=1e-14)
 
 
-@given(motions(min_frames=30, max_frames=60, min_joints=2))
-def test_kinetic_energy_other_rate_within_five_percent(motion):
-    finer = motion.resample(4 * motion.rate)
-    finest = finer.resample(4 * finer.rate)
-    coarse, fine = kinetic_energy(finer)[4:-4], kinetic_energy(finest)[::4][4:-4]
-    assert np.abs(coarse - fine).max() <= 0.05 * fine.max() + 1e-12
-
-
 @given(CURVES, st.floats(0, 6))
 def test_gaussian_filter_equals_scipy_and_keeps_sum(curve, sigma):
     smooth = gaussian_filter(curve, sigma)
@@ -84,12 +76,10 @@ def test_gaussian_filter_equals_scipy_and_keeps_sum(curve, sigma):
 
 def test_extrema_are_maxima_and_minima():
     frames = np.arange(101)
-    np.testing.assert_array_equal(
-        extrema(2 + np.cos(2 * np.pi * frames / 20)), np.arange(10, 100, 10)
-    )
-    np.testing.assert_array_equal(extrema(np.ones(50)), [])
-    np.testing.assert_array_equal(extrema(np.array([0, 1, 1, 1, 0.0])), [2])
-    np.testing.assert_array_equal(extrema(np.array([0, 1, 1, 2, 2, 1.0])), [3])
+    wave = 2 + np.cos(2 * np.pi * frames / 20)
+    np.testing.assert_array_equal(extrema(wave), np.arange(10, 100, 10))
+    for curve, expected in (([1] * 50, []), ([0, 1, 1, 1, 0], [2]), ([0, 1, 1, 2, 2, 1], [3])):
+        np.testing.assert_array_equal(extrema(np.array(curve, float)), expected)
 
 
 @given(st.lists(st.integers(0, 50), min_size=4, max_size=80), st.integers(0, 3), st.integers(0, 99))
@@ -133,23 +123,6 @@ def test_segmentation_invalid_arguments_raise_value_error():
         for value in ("heavy", ["own"], None):
             with pytest.raises(ValueError, match=f"`{name}` must be one of .*, got "):
                 kinetic_energy(steady_rotation(chain(), 0, 1.0), **{name: value})
-
-
-@given(SEEDS)
-def test_segments_indexing_keeps_start_stop_and_clip_together(seed):
-    rng = np.random.default_rng(seed)
-    start, clip = rng.integers(0, 50, 12), rng.integers(0, 4, 12)
-    stop = start + rng.integers(1, 9, 12)
-    segments = Segments(start, stop, clip)
-    rows = rng.integers(0, 12, 20)
-    for chosen, expected in (
-        (segments[rows], rows),
-        (segments[clip == clip[0]], np.flatnonzero(clip == clip[0])),
-        (segments[3:7], np.arange(3, 7)),
-    ):
-        assert chosen.start.tolist() == start[expected].tolist()
-        assert chosen.stop.tolist() == stop[expected].tolist()
-        assert chosen.clip.tolist() == clip[expected].tolist()
 
 
 @pytest.mark.parametrize("seconds", [2e-5, 9e-5, 1.01, 30.0])

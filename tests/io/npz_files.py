@@ -7,7 +7,7 @@ from mograft.dancer import dance
 from mograft.io.kimodo import SKELETONS
 from mograft.io.smpl.joints import SMPL_H
 from mograft.io.smpl.rest import stand_in
-from mograft.library.conform import conform
+from mograft.library.spec import conform
 from mograft.motion import rotations
 from tests.strategies import smooth_rotations
 

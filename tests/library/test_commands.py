@@ -60,20 +60,15 @@ main(["index", "nothing.bvh", "-o", "l"])
 
 def test_commands_accept_library_in_place_of_files(stored_library, tmp_path, capsys):
     folder = stored_library.folder
-    code, out, _ = run_command(
-        capsys, "candidates", folder, "--clip", "b", "--segment", 2, "--json"
-    )
+    listed = ("candidates", folder, "--segment", 2)
+    code, out, _ = run_command(capsys, *listed, "--clip", "b", "--json")
     assert code == 0
     index = [entry.name for entry in stored_library.entries].index("b")
     found = mg.candidates(stored_library, int(stored_library.segments.of_clip(index)[2]), "upper")
     assert len(json.loads(out)["allowed"]) == len(found.allowed)
-    code, out, _ = run_command(
-        capsys, "candidates", folder, "--segment", 2, "--json", "--not-tagged", "walk,jump"
-    )
+    _, out, _ = run_command(capsys, *listed, "--json", "--not-tagged", "walk,jump")
     assert {donor["clip"] for donor in json.loads(out)["allowed"]} <= {"c", "d"}
-    code, _, err = run_command(
-        capsys, "candidates", folder, "--segment", 2, "--only-tagged", "glad"
-    )
+    code, _, err = run_command(capsys, *listed, "--only-tagged", "glad")
     assert (code, err) == (1, "error: --only-tagged must be among jump, walk; got 'glad'\n")
 
     page = tmp_path / "page.html"
@@ -81,10 +76,8 @@ def test_commands_accept_library_in_place_of_files(stored_library, tmp_path, cap
     assert [name in page.read_text() for name in ('"a"', '"a~2"', '"c"', '"b"')] == [1, 1, 1, 0]
     code, _, err = run_command(capsys, "view", folder, "--clip", "e", "-o", tmp_path / "no.html")
     assert (code, "--clip must match one of c, d, a, a~2, b; got 'e'" in err) == (1, True)
-    code, _, err = run_command(
-        capsys, "graft", folder, "--only-tagged", "walk", "-o", tmp_path / "g.bvh"
-    )
-    assert code == 0
+    made = ("graft", folder, "--only-tagged", "walk", "-o", tmp_path / "g.bvh")
+    assert run_command(capsys, *made)[0] == 0
     document = json.loads((tmp_path / "g.json").read_text())
     assert {s["clip"] for s in document["substitutions"] if s["exchanged"]} <= {"a~2", "b"}
 

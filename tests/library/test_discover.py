@@ -75,9 +75,8 @@ def test_find_clips_folder_of_hidden_files_holds_no_clip(tmp_path):
     create(tmp_path, ["._walk.bvh"])
     with pytest.raises(FileNotFoundError, match="no motion file"):
         find_clips(tmp_path)
-    assert [found.source for found in find_clips(tmp_path / "._walk.bvh")] == [
-        str(tmp_path / "._walk.bvh")
-    ]
+    (found,) = find_clips(tmp_path / "._walk.bvh")
+    assert found.source == str(tmp_path / "._walk.bvh")
 
 
 GRAFT = json.dumps({"schema": "mograft.graft/2"})

@@ -33,9 +33,8 @@ def test_index_equals_build(clip_folder, stored_library):
     np.testing.assert_array_equal(ours.motion.channel_values, theirs.motion.channel_values)
     assert len(graft_many(stored_library, "a", 2, seed=1)) == 2
     for segment in range(0, len(built.segments), 7):
-        assert mg.candidates(stored_library, segment, "upper") == mg.candidates(
-            built, segment, "upper"
-        )
+        expected = mg.candidates(built, segment, "upper")
+        assert mg.candidates(stored_library, segment, "upper") == expected
 
 
 def test_graft_on_stored_library_accepts_new_base(clip_folder, stored_library):
@@ -158,17 +157,12 @@ def test_index_tags_combine_folders_and_table(clip_folder, stored_library, tmp_p
     expected = [{"calm", "slow"}, {"calm"}, {"jump", "short"}, {"walk", "short"}, {"walk"}]
     assert [set(tags) for tags in tagged.tags] == expected
     stages = []
-    later = tagged.add(
-        clip_folder, tags={"b": ["late"]}, progress=lambda stage, *_: stages.append(stage)
-    )
+    later = tagged.add(clip_folder, tags={"b": ["late"]}, progress=lambda *own: stages.append(own))
     assert set(later.tags[4]) == {"walk", "late"}
     assert_same_libraries(later, stored_library)
-    assert set(stages) == {"writing"}  # new tags do not change the clusters
+    assert {stage for stage, *_ in stages} == {"writing"}  # new tags do not change the clusters
     assert_same_libraries(Library.open(later.folder), stored_library)
     assert storage.verify(later.folder) == []
-    table.write_text("c\n")
-    with pytest.raises(ValueError, match=r"tags.csv:1: expected a clip and its tags"):
-        read_tags(table)
 
 
 PATIENT_DASK = {

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import mograft as mg
-from mograft import JointGroups, Library, Motion, Skeleton, SkeletonMismatchError, write_bvh
+from mograft import JointGroups, Library, Motion, Skeleton, write_bvh
 from mograft.body.mass import mass_model
 from mograft.dancer import dance
-from mograft.motion import rotations
 from tests.library.checks import DANCE
 from tests.oracles import analysis as oracle
+from tests.strategies import transform_motion
 
 
 @pytest.fixture(scope="module")
@@ -28,19 +28,10 @@ def test_build_labels_match_oracle(motion, library):
     bounds = np.array([0, *library.segments.stop])
     for group, embedding in library.embedding.items():
         root = 0 if embedding.has_root else None
-        matrix = oracle.features(
-            motion.rotations,
-            motion.positions[:, 0],
-            bounds,
-            embedding.joints,
-            root,
-            library.up,
-            1.0,
-            motion.frame_time,
-            library.config,
-        )
+        places, size, up = motion.positions[:, 0], mass_model(motion.skeleton).height, library.up
+        how = (embedding.joints, root, up, size, motion.frame_time, library.config)
+        matrix = oracle.features(motion.rotations, places, bounds, *how)
         n_rotations = 30 * len(embedding.joints)
-        matrix[:, n_rotations:-1] /= height_of(motion)
         points = oracle.embed(matrix, n_rotations, library.config)
         # Samples are stored in single precision, and loadings are rounded to about 1e-6.
         np.testing.assert_allclose(embedding.points, points, atol=3e-5)
@@ -49,27 +40,6 @@ def test_build_labels_match_oracle(motion, library):
         expected = oracle.cluster(points, sigma)
         pairs = {*zip(expected.tolist(), library.labels[group].tolist(), strict=True)}
         assert len(pairs) == expected.max() == library.labels[group].max() + 1
-
-
-def test_build_several_clips_are_segmented_separately(motion):
-    whole = Library.build([motion[:300], motion[300:700]])
-    for index, clip in enumerate(whole.clips):
-        segments = whole.segments.of_clip(index)
-        assert whole.segments.start[segments[0]] == 0
-        assert whole.segments.stop[segments[-1]] == clip.n_frames - 1
-    assert [clip.name for clip in whole.clips] == ["dance", "dance~2"]
-
-
-def height_of(motion):
-    return mass_model(motion.skeleton).height
-
-
-def test_build_other_hierarchy_raises_skeleton_mismatch(motion):
-    names = list(motion.skeleton.names)
-    names[3] = "Hoof"
-    other = replace(motion, skeleton=replace(motion.skeleton, names=names), name="goat")
-    with pytest.raises(SkeletonMismatchError, match=r"goat lacks LeftFoot and also has Hoof"):
-        Library.build([motion, other])
 
 
 def test_build_single_frame_or_no_clip_raises_value_error(motion):
@@ -113,11 +83,7 @@ def test_build_groups_that_do_not_fit_raise_value_error(motion):
 
 
 def test_resolve_base_moved_copy_joins_the_same_clusters(motion, library):
-    turn = rotations.from_axis_angle([0, 1, 0], 1.0)
-    quats, positions = motion.rotations.copy(), motion.positions.copy()
-    quats[:, 0] = rotations.multiply(turn, quats[:, 0])
-    positions[:, 0] = rotations.rotate(turn, positions[:, 0]) + np.array([5.0, 0.0, 9.0])
-    moved = replace(motion, rotations=quats, positions=positions, channel_values=None)
+    moved = transform_motion(motion, yaw=1.0, offset=(5.0, 0.0, 9.0))
     extended, index = library.resolve_base(moved)
     assert index == 1
     new = extended.segments.of_clip(1)

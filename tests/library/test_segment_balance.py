@@ -28,12 +28,10 @@ def margins_of(library, clip, cut):
 
 @given(st.lists(st.floats(0.0, 1.0, exclude_max=True), max_size=8))
 def test_support_margins_of_any_segments_are_those_of_their_clips(library, places):
-    expected = np.concatenate(
-        [
-            margins_of(library, clip, library.segments[library.segments.of_clip(index)])
-            for index, clip in enumerate(library.clips)
-        ]
-    )
+    cut = library.segments
+    parts = [cut[cut.of_clip(index)] for index in range(len(CLIPS))]
+    margins = [margins_of(library, *own) for own in zip(library.clips, parts, strict=True)]
+    expected = np.concatenate(margins)
     chosen = np.array([int(place * len(expected)) for place in places], int)
     found = library.pool("upper").balance.support_margins(chosen)
     np.testing.assert_array_equal(found, expected[chosen])
@@ -56,9 +54,6 @@ def test_extended_library_has_the_balance_of_the_appended_motion(library):
     segments = extended.segments.of_clip(2)
     expected, found = alone.pool("upper").balance, extended.pool("upper").balance
     every = np.arange(len(alone.segments))
-    np.testing.assert_allclose(
-        found.support_margins(segments), expected.support_margins(every), atol=1e-9
-    )
-    np.testing.assert_allclose(
-        found.mass_offsets(segments), expected.mass_offsets(every), atol=1e-6
-    )
+    for name, atol in (("support_margins", 1e-9), ("mass_offsets", 1e-6)):
+        wanted, got = getattr(expected, name)(every), getattr(found, name)(segments)
+        np.testing.assert_allclose(got, wanted, atol=atol)

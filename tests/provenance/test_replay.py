@@ -214,13 +214,6 @@ def test_provenance_lists_contributing_clips_only(folder, tmp_path):
     assert clips[1]["sha256"] == hashlib.sha256(copies[2].read_bytes()).hexdigest()
 
 
-def test_provenance_contains_licence_tag(folder):
-    tags = {"a": ["Licence: CC BY 4.0"], "b": ["slow"]}
-    library = mg.Library.build([folder / "a.bvh", folder / "b.bvh"], tags=tags)
-    clips = mg.graft_record(mg.graft(library, seed=1))["clips"]
-    assert [clip["licence"] for clip in clips] == ["CC BY 4.0", None]
-
-
 @pytest.mark.parametrize("name", ["new.json", "new.fbx", "new"])
 def test_write_graft_path_with_another_ending_raises_value_error(library, tmp_path, name):
     with pytest.raises(ValueError, match=rf"`path` must end with \.bvh, .*, got {name}"):
@@ -266,12 +259,10 @@ def request(constraints):
 NESTED = reduce(lambda inner, _: [inner], range(10_000), [])
 DAMAGED = {
     "schema": ({"schema": "mograft.candidates/1"}, "mograft.candidates/1"),
-    "newer": ({"schema": "mograft.graft/99"}, "mograft.graft/99"),
     "no donors": ({"substitutions": []}, "substitutions"),
     "clip": ({"clips": [{"name": "a"}]}, "is missing"),
     "config": ({"config": {"novel": 3}}, "novel"),
     "groups": ({"groups_toml": "="}, "TOML"),
-    "numbers": ({"substitutions": [{"group": "upper", "frames": [0]}]}, "damaged"),
     "constraint": (request([{"kind": "X"}]), "'X'"),
     "nested constraint": (request([{"kind": "Ban", "donor": NESTED}]), "recursion"),
     "poses": ({"poses_sha256": "0" * 64}, "differs from that of the provenance"),

@@ -32,15 +32,13 @@ def test_realize_root_ends_at_the_sum_of_graph_displacements(library, seam):
         on = graph.displacements[place] + graph.seam_displacements[edge]
         spot = spot + rotations.rotate(rotations.from_axis_angle([0, 1, 0], turn), on)
         turn += graph.yaw_changes[edge]
-    spot = spot + rotations.rotate(
-        rotations.from_axis_angle([0, 1, 0], turn), graph.displacements[at[-1]]
-    )
+    heading = rotations.from_axis_angle([0, 1, 0], turn)
+    spot = spot + rotations.rotate(heading, graph.displacements[at[-1]])
     assert np.linalg.norm((places[-1] - spot)[[0, 2]]) < 0.03 * mass_model(library.skeleton).height
-    captured = library.clips[0].world_transforms()[0][
-        library.segments.stop[walked.segments[-1]], library.root
-    ]
+    last = library.segments.stop[walked.segments[-1]]
+    captured = library.clips[0].world_transforms()[0][last, library.root]
     apart = rotations.multiply(turned[-1], rotations.inverse(captured))
-    off = rotations.multiply(rotations.inverse(rotations.from_axis_angle([0, 1, 0], turn)), apart)
+    off = rotations.multiply(rotations.inverse(heading), apart)
     assert rotations.angle(off, rotations.IDENTITY) < 1e-4
 
 
@@ -58,14 +56,12 @@ def test_graft_scenario_joint_above_root_moves_keeps_world_positions(library):
     clip = library.clips[0][:600]
     still = with_joint_above_root(clip, 0.0)
     moving = with_joint_above_root(clip, 0.5)
-    several = Library.build(
-        [replace(still, name="a"), replace(still, name="b"), replace(moving, name="c")]
-    )
+    clips = {"a": still, "b": still, "c": moving}
+    several = Library.build([replace(own, name=name) for name, own in clips.items()])
     assert several.root == 1
     base = graft(several, scenario=several.segments.of_clip(2)).base
-    np.testing.assert_allclose(
-        base.world_positions()[:, 1:], moving.world_positions()[:, 1:], atol=1e-6
-    )
+    expected = moving.world_positions()[:, 1:]
+    np.testing.assert_allclose(base.world_positions()[:, 1:], expected, atol=1e-6)
 
 
 def speeds(motion, root, up):
@@ -77,9 +73,8 @@ def speeds(motion, root, up):
     return steps, np.linalg.norm(yaws, axis=1)
 
 
-ALL_DANCES = sorted(
-    str(path.relative_to(DATA).with_suffix("")) for path in DATA.glob("dance_*/*.bvh")
-)
+PATHS = [path.relative_to(DATA).with_suffix("") for path in DATA.glob("dance_*/*.bvh")]
+ALL_DANCES = sorted(map(str, PATHS))
 TOO_SHORT = "must be reachable from one another|a transition graph needs transitions"
 
 

@@ -15,7 +15,6 @@ from mograft.analysis.segmentation import kinetic_energy
 from mograft.body.mass import mass_model
 from mograft.motion import rotations
 from mograft.scenario import transitions
-from mograft.scenario.segment_ends import segment_ends
 from mograft.scenario.transition_graph import _exits, largest_strong_component
 from tests.scenario.graphs import cost_matrix
 from tests.strategies import SEEDS
@@ -136,20 +135,6 @@ def test_exits_are_the_cheapest_of_each_period_without_choice(sixteenths, seed):
         is_exit = period >= 1 and costs[cheapest] <= np.radians(60)
         assert found[edges].tolist() == [is_exit and edge == cheapest for edge in edges]
     assert not found[is_edge].any()
-
-
-def test_feature_points_single_term_distance_equals_its_cost(library):
-    """The root mean square of a single term is that term, for small angles."""
-    starts, _ = segment_ends(library, np.arange(3))
-    n_joints = starts.poses.shape[1]
-    turned = rotations.multiply(starts.poses, rotations.exp(np.full((1, n_joints, 3), 1e-4)))
-    moved = replace(starts, poses=-turned)  # the sign of a quaternion means nothing
-    apart = np.linalg.norm(moved.feature_points() - starts.feature_points(), axis=1)
-    np.testing.assert_allclose(apart, np.sqrt(3) * 1e-4, rtol=1e-3)
-    moved = replace(starts, heights=starts.heights + 0.3)
-    np.testing.assert_allclose(
-        np.linalg.norm(moved.feature_points() - starts.feature_points(), axis=1), 0.6
-    )
 
 
 def test_transitions_many_clips_keep_nearest_and_read_each_clip_once(library, monkeypatch):

@@ -31,17 +31,6 @@ def test_walk_complete_graph_repeats_segment_after_two_others(library):
         assert (chosen[gap:] != chosen[:-gap]).all()
 
 
-def test_walk_free_cycle_is_left_through_expensive_transition(library):
-    """Five segments with free transitions, one expensive transition out and one back."""
-    costs = np.full((10, 10), np.inf)
-    costs[:5, :5] = 0.0
-    costs[4, 5] = np.radians(25)
-    costs[np.arange(5, 10), [6, 7, 8, 9, 0]] = 0.0
-    np.fill_diagonal(costs, np.inf)
-    walks = [walk(library, 60.0, seed, graph=graph_from_costs(costs)) for seed in range(10)]
-    assert all((chosen >= 5).any() for chosen in walks)
-
-
 @settings(max_examples=10, deadline=None)
 @given(SEEDS, st.integers(60, 2000))
 def test_fill_any_frame_count_is_met_exactly(library, graph, seed, frames):

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from mograft._util.cleanup import clean_up_by
+from mograft._util.signals import clean_up_by
 
 _DRAFT_ENDING = ".part"
 """Ending of draft folders, which no scan for clips enters."""

@@ -1,12 +1,16 @@
-"""Containers: an immutable mapping, and sequences whose items are computed when accessed."""
+"""Containers: an immutable mapping, and sequences and results that are computed when needed."""
 
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TypeVar, overload
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from typing import Any, TypeVar, overload
+from weakref import WeakKeyDictionary
 
 K = TypeVar("K")
 V = TypeVar("V")
 T = TypeVar("T", covariant=True)
+R = TypeVar("R")
+
+_KEPT: WeakKeyDictionary[Any, dict[Hashable, Any]] = WeakKeyDictionary()
 
 
 class FrozenMapping(Mapping[K, V]):
@@ -48,3 +52,21 @@ class LazySequence(Sequence[T]):
     def __getitem__(self, index: int | slice) -> T | tuple[T, ...]:
         chosen = range(len(self))[index]
         return tuple(map(self.item, chosen)) if isinstance(chosen, range) else self.item(chosen)
+
+
+def remember(owner: object, key: Hashable, compute: Callable[[], R]) -> R:
+    """Return the result of `compute`, which is called once for each pair of owner and key.
+
+    `owner` is an immutable object, compared by identity. Its results are discarded together with
+    it.
+
+    >>> class Owner: ...
+    >>> owner = Owner()
+    >>> remember(owner, "sum", lambda: 1 + 1), remember(owner, "sum", lambda: 3)
+    (2, 2)
+    """
+    kept = _KEPT.setdefault(owner, {})
+    if key not in kept:
+        kept[key] = compute()
+    found: R = kept[key]
+    return found

@@ -1,11 +1,17 @@
-"""HTML tables of pages and notebooks."""
+"""HTML of pages and notebooks: tables, and the view of motions and grafts.
+
+A higher layer draws this view. The package registers the function, so that no lower layer imports
+it.
+"""
 
 import html
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import islice
 
 MAX_ROWS = 20
 """Number of rows that a table shows at most."""
+
+_views: list[Callable[[object], str]] = []
 
 
 def html_table(head: Sequence[str], rows: Iterable[str]) -> str:
@@ -39,3 +45,13 @@ def _cell(value: object) -> str:
 def _escape(text: str) -> str:
     """Escape HTML; replace lone surrogates, which UTF-8 cannot encode."""
     return html.escape(text).encode("utf-8", "replace").decode("utf-8")
+
+
+def register_view(view: Callable[[object], str]) -> None:
+    """Make `view` the function that returns the HTML of a motion or graft."""
+    _views[:] = [view]
+
+
+def notebook_html(item: object) -> str | None:
+    """Return the HTML of a motion or graft; None if no view is registered."""
+    return _views[0](item) if _views else None

@@ -40,15 +40,6 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
     return found
 
 
-def _eigenvalue_grid(matrices: FloatArray) -> FloatArray:
-    """Return the spacing of the grid to which the eigenvalues of each matrix are rounded.
-
-    The matrices are positive semidefinite.
-    """
-    exponents = np.frexp(np.trace(matrices, axis1=-2, axis2=-1))[1]
-    return np.ldexp(_EIGENVALUE_GRID, exponents)
-
-
 def eigenvectors(matrix: FloatArray, n_vectors: int) -> tuple[FloatArray, FloatArray]:
     """Return the eigenvalues and leading eigenvectors of a positive semidefinite matrix.
 
@@ -62,18 +53,8 @@ def eigenvectors(matrix: FloatArray, n_vectors: int) -> tuple[FloatArray, FloatA
     eigenvalues are nearly equal: see "Principal components" on the contributing page. Signs are
     chosen after rounding, because before it entries of equal size can differ in the last bits.
     """
-    values, vectors = principal_axes(matrix)
-    leading = vectors[:, :n_vectors]
+    values, vectors = np.linalg.eigh(matrix)
+    spacing = np.ldexp(_EIGENVALUE_GRID, np.frexp(np.trace(matrix))[1])
+    leading = round_to_grid(vectors[:, ::-1])[:, :n_vectors]
     largest = np.take_along_axis(leading, np.abs(leading).argmax(axis=0)[None], axis=0)
-    return (values, leading * np.where(largest < 0, -1.0, 1.0) + 0.0)
-
-
-def principal_axes(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the eigenvalues and all eigenvectors of positive semidefinite matrices, (..., n, n).
-
-    The results have the shapes (..., n) and (..., n, n). They equal those of `eigenvectors`, except
-    that the signs of the eigenvectors are arbitrary.
-    """
-    values, vectors = np.linalg.eigh(matrices)
-    spacing = _eigenvalue_grid(matrices)[..., None]
-    return round_to_grid(values[..., ::-1], spacing), round_to_grid(vectors[..., ::-1])
+    return round_to_grid(values[::-1], spacing), leading * np.where(largest < 0, -1.0, 1.0) + 0.0

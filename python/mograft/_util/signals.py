@@ -1,19 +1,20 @@
 """End a process by a signal at once: no traceback, no draft and no worker process remains.
 
+`clean_up_by` names actions that run when a block ends, also if a signal ends the process within it.
+
 Only the program ``mograft`` installs these handlers; the package leaves signals to its caller.
 The module imports little, because a signal before `end_on_signals` prints a traceback of Python.
 """
 
 import _thread
+import atexit
 import os
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
-
-from mograft._util.cleanup import clean_up
 
 _MESSAGES = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "the terminal was closed"}
 _SIGNALS = {getattr(signal, name): _MESSAGES[name] for name in _MESSAGES if hasattr(signal, name)}
@@ -26,6 +27,9 @@ _CLEANUP_SECONDS = 1.0
 """Time until the watching thread ends the process although cleanup has not finished."""
 
 _is_ending = _thread.allocate_lock()
+
+_pending: dict[object, tuple[int, Callable[[], object]]] = {}
+"""The actions of the blocks that have not ended, each with the process that began the block."""
 
 
 def end_on_signals() -> None:
@@ -63,7 +67,7 @@ def end_process(number: int) -> None:
     """Print the reason, kill the worker processes, clean up, and end the process.
 
     `number` is that of the signal; the exit code is 128 + `number`. Cleanup removes
-    drafts; see `mograft._util.cleanup`. The function returns only if another call is already ending
+    drafts; see `clean_up_by`. The function returns only if another call is already ending
     the process.
     """
     if not _is_ending.acquire(blocking=False):
@@ -120,3 +124,28 @@ def delay_signals() -> Iterator[None]:
             signal.signal(number, handler)
     for number in received:
         signal.raise_signal(number)
+
+
+@contextmanager
+def clean_up_by(action: Callable[[], object]) -> Iterator[None]:
+    """Call `action` when the block ends, or when the process exits within the block.
+
+    The exit may be `end_process`, which does not unwind the stack. A forked
+    child does not call the action of its parent.
+    """
+    block = object()
+    _pending[block] = os.getpid(), action
+    try:
+        yield
+    finally:
+        action()
+        del _pending[block]
+
+
+@atexit.register
+def clean_up() -> None:
+    """Call the actions of all blocks of this process that have not ended, the last one first."""
+    for process_id, action in reversed(list(_pending.values())):
+        if process_id == os.getpid():
+            with suppress(Exception):
+                action()

@@ -53,7 +53,7 @@ class _Worker:
     def __init__(self) -> None:
         # Spawned, not forked, as threads and open files do not survive a fork.
         context = multiprocessing.get_context("spawn")
-        self._connection, far_end = context.Pipe()
+        self.connection, far_end = context.Pipe()
         self.process = context.Process(target=_serve, args=(far_end,), daemon=True)
         self.process.start()
         far_end.close()  # now only the process has it open
@@ -62,8 +62,8 @@ class _Worker:
         """Call a function in the process and return its result, or raise its exception."""
         message = pickle.dumps(function)
         try:
-            self._connection.send_bytes(message)
-            result, error, trace = self._connection.recv()
+            self.connection.send_bytes(message)
+            result, error, trace = self.connection.recv()
         except (EOFError, OSError) as broken:
             raise MograftError(
                 "a worker process was killed, possibly because memory is exhausted; use fewer "
@@ -74,11 +74,6 @@ class _Worker:
             raise error
         found: T = result
         return found
-
-    def end(self) -> None:
-        """Close the pipe, and wait until the process has ended."""
-        self._connection.close()
-        self.process.join()
 
 
 class _Pool(ThreadPoolExecutor):
@@ -115,7 +110,8 @@ class _Pool(ThreadPoolExecutor):
         """Wait for the calls that have begun, and end the processes."""
         self.shutdown(cancel_futures=True)
         for worker in self._started:
-            worker.end()
+            worker.connection.close()
+            worker.process.join()
 
     def kill(self) -> None:
         """End the processes at once; calls that have begun raise MograftError."""

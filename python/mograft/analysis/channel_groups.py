@@ -4,14 +4,14 @@ Each such channel is treated as a joint that rotates about one axis. Its angle i
 resampled and blended like a number, without jumps at half turns.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.analysis.embedding import Samples, Source
+from mograft.analysis.embedding import Samples
 from mograft.body.anatomy import feature_joints
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -134,20 +134,3 @@ def restrict_samples(samples: Samples, skeleton: Skeleton, channels: DividedChan
     others = samples.displacements_and_length.astype(np.float64)
     rows = np.concatenate([quats.reshape(len(samples), -1), others], axis=1)
     return replace(samples, rows=rows)
-
-
-@dataclass(frozen=True, eq=False)
-class RestrictedSamples:
-    """Samples of a library in which each joint of `channels` rotates only about its given axes."""
-
-    samples: Source
-    skeleton: Skeleton
-    channels: DividedChannels
-
-    def __len__(self) -> int:
-        return len(self.samples)
-
-    def chunks(self) -> Iterator[Samples]:
-        """Yield the restricted samples in chunks of several segments."""
-        for chunk in self.samples.chunks():
-            yield restrict_samples(chunk, self.skeleton, self.channels)

@@ -2,8 +2,9 @@
 
 import os
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from itertools import islice
 from typing import Protocol
 
@@ -219,12 +220,9 @@ def moments(samples: Samples) -> FloatArray:
     return _core.moments(samples.rows, (samples.n_samples, samples.n_joints))
 
 
-def mean_rotations(samples: Source, n_joints: int) -> FloatArray:
+def mean_rotations(chunks: Iterable[Samples]) -> FloatArray:
     """Return the mean rotation of each joint over all segments, shape (n_joints, 4)."""
-    summed = np.zeros((n_joints, 4, 4))
-    for part in samples.chunks():
-        summed += moments(part)
-    return rotations.mean_of_products(summed)
+    return rotations.mean_of_products(reduce(np.add, map(moments, chunks)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,14 +288,21 @@ def pca(
 
 
 def embed(
-    samples: Source, joints: IntArray, means: FloatArray, config: Config, *, root: int, group: str
+    samples: Source,
+    joints: IntArray,
+    means: FloatArray,
+    config: Config,
+    *,
+    root: int,
+    group: str,
+    restrict: Callable[[Samples], Samples] = lambda samples: samples,
 ) -> Embedding | None:
     """Compute the embedding of the segments for one joint group.
 
     `joints` are the joints whose rotations are features, `means`, shape (n_joints, 4), the mean
     rotations of all joints of the skeleton, and `root` is the locomotion root. `samples` is read
     twice, chunk by chunk. If there are fewer than three segments, or all segments are alike, the
-    result is None, with a warning that names `group`.
+    result is None, with a warning that names `group`. `restrict` is applied to each chunk.
     """
     n = len(samples)
     has_root = bool((joints == root).any())
@@ -313,7 +318,7 @@ def embed(
         if n_cached * CHUNK >= n:
             return
         for number, part in enumerate(islice(samples.chunks(), n_cached, None), n_cached):
-            matrix = features(part, joints, reference, has_root=has_root)
+            matrix = features(restrict(part), joints, reference, has_root=has_root)
             # The first chunks that fit are kept; the second pass recomputes the others.
             if number == len(cache) and 8 * matrix.size * (number + 1) <= CACHE_BYTES:
                 cache.append(matrix)

@@ -85,8 +85,7 @@ def discover_in_segments(
     for motion, segments in clips:
         if chains is None:
             chains = JointChains.from_skeleton(motion.skeleton)
-            middle = motion.n_frames // 2
-            pose = motion[middle : middle + 1]
+            pose = motion[motion.n_frames // 2 :][:1]
         joints = np.array([joint for node in chains.nodes for joint in node])
         velocities.append(angular_velocities(motion, segments, joints, config))
         shares.append(support_shares(motion))
@@ -173,7 +172,9 @@ def _divide(
             known = block[~np.isnan(block)]
             smallest[a, b] = known.min() if len(known) else float(a == b)
     inner = connected_linkage(1.0 - smallest[1:, 1:], _neighbours(chains, unit_of_node)[1:, 1:])
-    tree = _with_base(inner)
+    # The base is unit 0, which is merged last, at height 1.
+    last = [0.0, 1.0 if n_units == 2 else 2.0 * n_units - 3.0, 1.0, float(n_units)]
+    tree = np.vstack([inner + np.array([1, 1, 0, 0]), last])
     if n is None:
         n = number_at_largest_gap(tree, 1.0 - np.diag(smallest)[1:])
     labels = labels_after_merges(tree, n_units - n)
@@ -204,15 +205,6 @@ def _neighbours(chains: JointChains, unit_of_node: IntArray) -> BoolArray:
     found[np.ix_(attached, attached)] = True
     found[np.diag_indices(n_units)] = False
     return found
-
-
-def _with_base(inner: FloatArray) -> FloatArray:
-    """Add the base to a tree of all other units, as unit 0 that is merged last, at height 1."""
-    n = len(inner) + 2
-    tree = inner.copy()
-    tree[:, :2] += 1  # both units and merges come after the base
-    last = [0.0, 1.0 if n == 2 else 2.0 * n - 3.0, 1.0, float(n)]
-    return np.vstack([tree, last])
 
 
 def number_at_largest_gap(tree: FloatArray, diameters: FloatArray) -> int:

@@ -36,6 +36,10 @@ N_DIRECTIONS = 48  # half-planes that approximate a support polygon; an even num
 # Heights: the zero-moment points of two mass models differ by about this distance.
 DISTANCE_SCALE = 0.01
 
+_ANGLES = 2.0 * np.pi * np.arange(N_DIRECTIONS) / N_DIRECTIONS
+_DIRECTIONS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
+"""Unit vectors at equal angles, shape (N_DIRECTIONS, 2)."""
+
 
 def mass_offsets(
     samples: Samples, skeleton: Skeleton, joints: IntArray, root: int, up: int
@@ -106,7 +110,7 @@ def support_margins(
     own = cut[chosen]
     times = np.linspace(0.0, 1.0, config.samples)
     frames = np.rint(own.start[:, None] + own.lengths[:, None] * times).astype(np.int64)
-    axes = np.insert(_directions(), up, 0.0, axis=1)
+    axes = np.insert(_DIRECTIONS, up, 0.0, axis=1)
     axes = np.broadcast_to(axes, (len(own), N_DIRECTIONS, 3))
     if track.headings is not None:
         headings = track.headings[chosen]
@@ -158,10 +162,9 @@ def added_imbalances(
     and their `support_margins`. `donors` holds the donors of the first base segment, then those of
     the next, and `counts` their numbers.
     """
-    directions = _directions()[: N_DIRECTIONS // 2]
-    threads = os.cpu_count() or 1
+    half, threads = _DIRECTIONS[: N_DIRECTIONS // 2], os.cpu_count() or 1
     return _core.added_imbalances(
-        np.ascontiguousarray(offsets), bases, (donors, counts), directions, DISTANCE_SCALE, threads
+        np.ascontiguousarray(offsets), bases, (donors, counts), half, DISTANCE_SCALE, threads
     )
 
 
@@ -174,9 +177,3 @@ def _smooth(tracks: FloatArray, sigma: float) -> FloatArray:
     radius = len(kernel) // 2
     padded = np.pad(tracks, ((radius, radius), (0, 0)), "reflect", reflect_type="odd")
     return np.stack([np.convolve(track, kernel, "valid") for track in padded.T], axis=1)
-
-
-def _directions() -> FloatArray:
-    """Return unit vectors at equal angles, shape (N_DIRECTIONS, 2)."""
-    angles = 2.0 * np.pi * np.arange(N_DIRECTIONS) / N_DIRECTIONS
-    return np.stack([np.cos(angles), np.sin(angles)], axis=1)

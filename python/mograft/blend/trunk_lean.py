@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray, make_read_only
+from mograft._util.containers import remember
 from mograft._util.gaussian import gaussian_filter_columns
-from mograft._util.memo import remember
 from mograft.blend.rigid_alignment import joint_track
 from mograft.body.anatomy import anatomy
 from mograft.config import Config

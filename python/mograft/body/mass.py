@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, make_read_only, set_fields
-from mograft._util.memo import remember
+from mograft._util.containers import remember
 from mograft._util.validate import check_choice
 from mograft.body.anatomy import Anatomy, anatomy
 from mograft.body.joint_names import ARM, LEG

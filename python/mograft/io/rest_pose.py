@@ -15,7 +15,7 @@ import numpy as np
 
 from mograft import _core
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft._util.memo import remember
+from mograft._util.containers import remember
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import CHANNELS, Skeleton

@@ -21,7 +21,7 @@ from mograft.library.clusters import (
 from mograft.library.data import LibraryData
 from mograft.library.discover import ClipSource
 from mograft.library.ingest import IngestedClip
-from mograft.library.ingest_run import IngestOptions, IngestPlan, ingest_fitting, warn_of_clips
+from mograft.library.ingest_run import IngestOptions, IngestPlan, ingest_motions, warn_of_clips
 from mograft.library.spec import LibrarySpec
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
@@ -35,13 +35,11 @@ def build_library(
     library_type: type[L], sources: ClipSource | Iterable[ClipSource], plan: IngestPlan
 ) -> L:
     """Build a library in memory; see `Library.build`."""
-    found = enumerate(plan.find_clips(sources))
-    pending = [plan.pending((index, ()), clip) for index, clip in found]
-    result = ingest_fitting(pending, plan, lambda clip: clip, lambda: None)
+    result = ingest_motions(plan.find_clips(sources), plan)
     clips = result.clips
     groups = choose_groups(plan, result.spec.skeleton, spread_evenly(clips))
     entries = name_clips([clip.info for clip in clips])
-    warn_of_clips(entries, result.spec.rate, result.match_notes, stacklevel=3)
+    warn_of_clips(entries, result, stacklevel=3)
     return assemble(library_type, clips, entries, groups, result.spec, plan.config, plan.report)
 
 
@@ -92,10 +90,7 @@ def assemble(
 def name_clips(entries: Sequence[ClipInfo]) -> tuple[ClipInfo, ...]:
     """Return metadata of clips with unique names, which are made from the names in the sources."""
     names = unique_names([info.source_name for info in entries])
-    return tuple(
-        info if info.name == name else info._replace(name=name)
-        for info, name in zip(entries, names, strict=True)
-    )
+    return tuple(info._replace(name=own) for info, own in zip(entries, names, strict=True))
 
 
 def join_segments(clips: Sequence[Segments]) -> Segments:
@@ -164,20 +159,16 @@ def discover_groups(
     [7, 1, 2, 8]
     """
     plan = IngestPlan(config=Config() if config is None else config, **options)
-    found = enumerate(spread_evenly(plan.find_clips(clips)))
-    pending = [plan.pending((index, ()), clip) for index, clip in found]
-    result = ingest_fitting(pending, plan, lambda clip: clip, lambda: None)
+    result = ingest_motions(spread_evenly(plan.find_clips(clips)), plan)
     return _discover(result.clips, n, plan.config, seed)
 
 
 def discover_in_library(library: LibraryData, n: int | None = None) -> GroupDiscovery:
     """Discover `n` groups in the clips of a library; the groups of the library have no effect."""
-    motions = []
-    for clip in spread_evenly(range(len(library.entries))):
-        own = library.segments.of_clip(clip)
-        is_donor = library.is_donor[own]
-        if is_donor.any():
-            motions.append((library.clips[clip], library.segments[own[is_donor]]))
+    cut, is_donor = library.segments, library.is_donor
+    clips = spread_evenly(range(len(library.entries)))
+    donors = [(clip, own[is_donor[own]]) for clip in clips for own in [cut.of_clip(clip)]]
+    motions = ((library.clips[clip], cut[own]) for clip, own in donors if len(own))
     return discover_in_segments(motions, n, library.config)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -16,10 +16,12 @@ from mograft._util.arrays import BoolArray, IntArray
 from mograft.body.mass import up_axis
 from mograft.errors import LibraryError
 from mograft.library.discover import SourceFile, relative_path
-from mograft.library.files.packing import PackedContent
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.motion.skeleton import EndSite, Skeleton
+
+PackedContent: TypeAlias = Literal["channels", "poses", "both"]
+"""The numbers that are stored of a clip; see `PackedMotion`."""
 
 
 class ClipInfo(NamedTuple):
@@ -109,8 +111,8 @@ CREATE TABLE label (
 """
 
 
-_INSERT_CLIP = """
-INSERT INTO clip VALUES (
+_CLIP_VALUES = """
+clip VALUES (
     :id, :name, :source_name, :path, :size, :mtime_ns, :sha256, :format, :clip, :source_rate,
     :rate_override, :source_frames, :n_frames, :root, :up, :faults, :tags, :shard, :first_number,
     :n_numbers, :first_row, :content, :frame_time, :repairs, :skeleton
@@ -146,33 +148,31 @@ def write_clip_table(
     """
     clips = zip(table.entries, table.locations, strict=True)
     ends = (segments.clip, segments.start, segments.stop, is_donor.astype(np.int64))
-    with _create_database(path) as database:
-        database.executescript("PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;" + _SCHEMA)
-        database.executemany(
-            "INSERT INTO skeleton (id, json) VALUES (?, ?)",
-            [(i, json.dumps(skeleton_to_json(one))) for i, one in enumerate(table.skeletons)],
-        )
-        database.executemany(
-            _INSERT_CLIP, [_clip_row(i, *clip, folder) for i, clip in enumerate(clips)]
-        )
-        database.executemany(
-            "INSERT INTO refused (path, reason) VALUES (?, ?)", list(table.refused.items())
-        )
-        database.executemany(
-            "INSERT INTO segment (id, clip, start, stop, is_donor) VALUES (?, ?, ?, ?, ?)",
-            [(i, *row) for i, row in enumerate(np.stack(ends, axis=1).tolist())],
-        )
-        for group, clusters in labels.items():
-            order = np.argsort(clusters, kind="stable")
-            members = zip(clusters[order].tolist(), order.tolist(), strict=True)
-            database.executemany(
-                "INSERT INTO label (joint_group, cluster, segment) VALUES (?, ?, ?)",
-                [(group, *member) for member in members],
-            )
+    skeletons = [json.dumps(skeleton_to_json(skeleton)) for skeleton in table.skeletons]
+    rows: dict[str, Iterable[Any]] = {
+        "skeleton VALUES (?, ?)": enumerate(skeletons),
+        _CLIP_VALUES: (_clip_row(i, *clip, folder) for i, clip in enumerate(clips)),
+        "refused VALUES (?, ?)": table.refused.items(),
+        "segment VALUES (?, ?, ?, ?, ?)": (
+            (i, *row) for i, row in enumerate(np.stack(ends, axis=1).tolist())
+        ),
+        "label VALUES (?, ?, ?)": (
+            (group, int(clusters[i]), i)
+            for group, clusters in labels.items()
+            for i in np.argsort(clusters, kind="stable").tolist()
+        ),
+    }
+    try:
+        with contextlib.closing(sqlite3.connect(path)) as database, database:
+            database.executescript("PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;" + _SCHEMA)
+            for target, values in rows.items():
+                database.executemany(f"INSERT INTO {target}", values)
+    except sqlite3.Error as error:
+        raise LibraryError(f"{path} cannot be written: {error}") from error
 
 
 def _clip_row(index: int, info: ClipInfo, location: ClipLocation, folder: Path) -> dict[str, Any]:
-    """Return the parameters of `_INSERT_CLIP`."""
+    """Return the parameters of `_CLIP_VALUES`."""
     file = info.source_file
     row = {"id": index, **info._asdict(), **location._asdict()}
     for name in ("faults", "tags", "repairs"):
@@ -180,16 +180,6 @@ def _clip_row(index: int, info: ClipInfo, location: ClipLocation, folder: Path) 
     if file is None:
         return row | dict.fromkeys(SourceFile._fields)
     return row | file._asdict() | {"path": relative_path(file.path, folder).as_posix()}
-
-
-@contextlib.contextmanager
-def _create_database(path: Path) -> Iterator[sqlite3.Connection]:
-    """Create a database; errors name the file."""
-    try:
-        with contextlib.closing(sqlite3.connect(path)) as database, database:
-            yield database
-    except sqlite3.Error as error:
-        raise LibraryError(f"{path} cannot be written: {error}") from error
 
 
 def read_clip_table(path: Path) -> ClipTable:
@@ -202,13 +192,15 @@ def read_clip_table(path: Path) -> ClipTable:
     uri = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
     folder = str(path.absolute().parent.parent)
     with contextlib.closing(sqlite3.connect(uri, uri=True)) as database:
+        texts = database.execute("SELECT json FROM skeleton ORDER BY id")
+        locations = _select(database, ClipLocation._fields)
         return ClipTable(
             entries=tuple(_read_entries(database, folder)),
-            locations=tuple(_read_locations(database)),
-            skeletons=tuple(
-                skeleton_from_json(json.loads(text))
-                for (text,) in database.execute("SELECT json FROM skeleton ORDER BY id")
+            locations=tuple(
+                ClipLocation._make((*numbers, _strings(repairs), skeleton))
+                for *numbers, repairs, skeleton in locations
             ),
+            skeletons=tuple(skeleton_from_json(json.loads(text)) for (text,) in texts),
             refused=dict(database.execute("SELECT path, reason FROM refused")),
         )
 
@@ -222,18 +214,12 @@ def _read_entries(database: sqlite3.Connection, folder: str) -> Iterator[ClipInf
     files = _select(database, SourceFile._fields)
     infos = (name for name in ClipInfo._fields if name != "source_file")
     for (path, *state), row in zip(files, _select(database, infos), strict=True):
-        name, source_name, *properties, faults, tags = row
+        name, source_name, *properties = row[:-2]
         file = None
         if path is not None:
             parent, _, file_name = path.rpartition("/")
             file = SourceFile(f"{absolute_parent(parent)}{os.sep}{file_name}", *state)
-        values = (name, source_name, file, *properties, _strings(faults), _strings(tags))
-        yield ClipInfo(*values)
-
-
-def _read_locations(database: sqlite3.Connection) -> Iterator[ClipLocation]:
-    for *numbers, repairs, skeleton in _select(database, ClipLocation._fields):
-        yield ClipLocation._make((*numbers, _strings(repairs), skeleton))
+        yield ClipInfo._make((name, source_name, file, *properties, *map(_strings, row[-2:])))
 
 
 def _select(database: sqlite3.Connection, names: Iterable[str]) -> sqlite3.Cursor:

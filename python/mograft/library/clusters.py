@@ -1,12 +1,13 @@
 """Embed and cluster the segments of a library, group by group."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
 from mograft._standalone.mograft_linkage import cut, threshold
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.analysis.channel_groups import RestrictedSamples
+from mograft.analysis.channel_groups import restrict_samples
 from mograft.analysis.embedding import Embedding, Source, embed, mean_rotations
 from mograft.body.anatomy import feature_joints
 from mograft.body.groups import JointGroups
@@ -37,18 +38,14 @@ def join_boundary_states(
     `clips` holds the result of `boundary_states` for each clip. `known`, an earlier result, is
     prepended.
     """
-    return {
-        group: {
-            key: np.concatenate(
-                [
-                    *([known[group][key]] if known else []),
-                    *(clip[key].take(joints, axis=1) for clip in clips),
-                ]
-            )
-            for key in clips[0]
-        }
-        for group, joints in feature_joints_by_group(groups, skeleton).items()
-    }
+    joined: dict[str, dict[str, FloatArray]] = {}
+    for group, joints in feature_joints_by_group(groups, skeleton).items():
+        joined[group] = {}
+        for key in clips[0]:
+            states = [known[group][key]] if known else []
+            states += [clip[key].take(joints, axis=1) for clip in clips]
+            joined[group][key] = np.concatenate(states)
+    return joined
 
 
 def compare_segments(
@@ -73,7 +70,7 @@ def embed_groups(
     skeleton, root = spec.skeleton, spec.root
     members, held = groups.resolve(skeleton), groups.divided_channels(skeleton)
     report("comparing", 0, len(members))
-    means = mean_rotations(samples, skeleton.n_joints)
+    means = mean_rotations(samples.chunks())
     embeddings: dict[str, Embedding | None] = {}
     for name, joints in members.items():
         compared = feature_joints(skeleton, joints)
@@ -84,12 +81,10 @@ def embed_groups(
                 f"all channels of {skeleton.names[root]}, which carries the body, must be in one "
                 f"group, got some in {name!r}"
             )
-        group_samples, group_means = samples, means
-        if held[name]:
-            group_samples = RestrictedSamples(samples, skeleton, held[name])
-            group_means = mean_rotations(group_samples, skeleton.n_joints)
+        restrict = partial(restrict_samples, skeleton=skeleton, channels=held[name])
+        own = mean_rotations(map(restrict, samples.chunks())) if held[name] else means
         embeddings[name] = embed(
-            group_samples, compared, group_means, config, root=root, group=name
+            samples, compared, own, config, root=root, group=name, restrict=restrict
         )
         report("comparing", len(embeddings), len(members))
     return embeddings

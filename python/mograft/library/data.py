@@ -175,7 +175,10 @@ class LibraryData:
 
     def joints(self, group: str) -> IntArray:
         """Return the joints of a group, ascending."""
-        _check_group(group, self._members)
+        if group not in self._members:
+            names = ", ".join(self._members)
+            hint = suggest_name(group, self._members)
+            raise ValueError(f"`group` must be one of {names}, got {group!r}{hint}")
         return self._members[group].copy()
 
     @cached_property
@@ -193,7 +196,6 @@ class LibraryData:
         return self._pools[group]
 
     def _build_pool(self, group: str) -> SegmentPool:
-        _check_group(group, self.boundary_states)
         base = self.groups.base
         embedding, joints = self.embedding[base], self.joints(group)
         held = self.groups.divided_channels(self.skeleton)[group]
@@ -229,21 +231,14 @@ class LibraryData:
     def find_clip(self, motion: Motion) -> int | None:
         """Return the index of the first clip with the poses of a motion; None if there is none."""
         for index, info in enumerate(self.entries):
-            if info.n_frames != motion.n_frames:
-                continue
-            clip = self.clips[index]
-            if motion is clip or (
-                np.array_equal(motion.rotations, clip.rotations)
+            clip = self.clips[index] if info.n_frames == motion.n_frames else None
+            if clip is motion or (
+                clip is not None
+                and np.array_equal(motion.rotations, clip.rotations)
                 and np.array_equal(motion.positions, clip.positions)
             ):
                 return index
         return None
-
-
-def _check_group(group: str, groups: Mapping[str, object]) -> None:
-    if group not in groups:
-        hint = suggest_name(group, groups)
-        raise ValueError(f"`group` must be one of {', '.join(groups)}, got {group!r}{hint}")
 
 
 def library_tables(library: LibraryData) -> dict[str, Columns]:

@@ -87,8 +87,7 @@ class DerivableLibrary(LibraryData):
         from mograft.library.ingest import boundary_states, sample_segments
 
         n = len(self.entries)
-        names = list(self.names)
-        names = unique_names([*names, *(f"{name}_mirrored" for name in names)])
+        names = unique_names([*self.names, *(f"{name}_mirrored" for name in self.names)])
         clips = MirroredClips(self.clips, tuple(names))
         rows, states = [chunk.pack() for chunk in self.samples.chunks()], []
         for index in range(n):
@@ -98,7 +97,7 @@ class DerivableLibrary(LibraryData):
             states.append(boundary_states(image, cut))
         samples = Samples(np.concatenate(rows), self.config.samples, self.skeleton.n_joints)
         embedding, labels, sigma = compare_segments(
-            samples, self.groups, self.spec, self.config, _ignore
+            samples, self.groups, self.spec, self.config, lambda *_: None
         )
         images = replace(self.segments, clip=self.segments.clip + n)
         infos = zip(self.entries + self.entries, names, strict=True)
@@ -221,13 +220,10 @@ class DerivableLibrary(LibraryData):
                 matrix = features(part, own.joints, own.reference, has_root=own.has_root)
                 points = np.concatenate([own.points, own.project(matrix)])
                 embedding[group] = replace(own, points=points)
-        n, sigma = len(segments), self.sigma
-        labels = {
-            group: np.concatenate(
-                [known, nearest_clusters(embedding[group], known, n, sigma[group])]
-            )
-            for group, known in self.labels.items()
-        }
+        n, labels = len(segments), {}
+        for group, known in self.labels.items():
+            new = nearest_clusters(embedding[group], known, n, self.sigma[group])
+            labels[group] = np.concatenate([known, new])
         appended = replace(segments, clip=np.full(n, len(self.entries)))
         extended = replace(
             self,
@@ -245,7 +241,3 @@ class DerivableLibrary(LibraryData):
         if self.has_recipe:
             extended.set_recipe(type(self)._append_clip, self, motion, own_rate)
         return extended
-
-
-def _ignore(stage: str, done: int, total: int) -> None:
-    pass

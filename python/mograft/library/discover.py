@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from functools import cache, lru_cache
+from functools import lru_cache
 from importlib.util import find_spec
 from os import PathLike, fspath
 from pathlib import Path
@@ -141,12 +141,11 @@ def _find_files(address: str) -> list[FoundClip]:
     if os.path.isdir(address):
         return _find_in_folder(address)
     path, clip = split_address(address)
-    matches = sorted(glob.glob(path, recursive=True)) if glob.has_magic(path) else []
-    matches = [match for match in matches if os.path.isfile(match)]
-    if glob.has_magic(path) and not matches and not glob.glob(glob.escape(path)):
-        raise FileNotFoundError(f"no file matches {path}")
+    is_glob = glob.has_magic(path)
+    matches = sorted(filter(os.path.isfile, glob.glob(path, recursive=True))) if is_glob else []
     if not matches and not os.path.lexists(path):
-        raise FileNotFoundError(2, "No such file or directory", path)
+        reason = f"no file matches {path}"
+        raise FileNotFoundError(*([reason] if is_glob else [2, "No such file or directory", path]))
     if clip is None or not matches:
         files = [join_address(match, clip) for match in matches or [path]]
         return [FoundClip(own) for file in files for own in _expand_file(file)]
@@ -229,17 +228,10 @@ def exclude_grafts(clips: Sequence[FoundClip]) -> list[FoundClip]:
 
 def relative_path(path: str, folder: Path) -> Path:
     """Return a file's path relative to a folder; absolute if the two are on different drives."""
-    parent, name = os.path.split(os.path.abspath(path))
-    return _relative_folder(parent, os.path.abspath(folder)) / name
-
-
-@cache
-def _relative_folder(path: str, start: str) -> Path:
-    """Return the path of folder `path` relative to `start`; cached, because files share folders."""
     try:
-        return Path(os.path.relpath(path, start))
+        return Path(os.path.relpath(path, folder))
     except ValueError:
-        return Path(path)
+        return Path(os.path.abspath(path))
 
 
 def matching_values(table: Mapping[str, T] | None, clip: FoundClip) -> list[T]:
@@ -253,8 +245,7 @@ def matching_values(table: Mapping[str, T] | None, clip: FoundClip) -> list[T]:
     return [
         value
         for pattern, value in table.items()
-        if pattern in keys
-        or (glob.has_magic(pattern) and any(fnmatchcase(key, pattern) for key in keys))
+        if pattern in keys or any(fnmatchcase(key, pattern) for key in keys)
     ]
 
 

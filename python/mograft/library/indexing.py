@@ -2,7 +2,7 @@
 
 import os
 import warnings
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from itertools import chain
@@ -25,10 +25,15 @@ from mograft.library.discover import (
     matching_values,
     relative_path,
 )
-from mograft.library.files.generation import MAX_SHARDS, GenerationWriter, write_generation
-from mograft.library.files.saving import BoundaryParts, commit_library
+from mograft.library.files.generation import (
+    MAX_SHARDS,
+    BoundaryParts,
+    GenerationWriter,
+    commit_library,
+    write_generation,
+)
 from mograft.library.files.storage import StoredLibrary, load_library
-from mograft.library.files.stored_clips import RowRange, StoredClips, merge_ranges
+from mograft.library.files.stored_clips import StoredClips
 from mograft.library.ingest import ClipOrder, IngestedClip, PendingClip, ingest_all
 from mograft.library.ingest_run import (
     IngestPlan,
@@ -64,7 +69,7 @@ def index_folder(
     """Build a library in a folder; see `Library.index`."""
     with write_generation(path, force=force) as writer:
         pending = _pending_files(plan, sources, writer.final)
-        result = ingest_fitting(pending, plan, _store(writer), writer.restart)
+        result = ingest_fitting(pending, plan, partial(_store, writer), writer.restart)
         _complete(writer, plan, result, base=None, pending=pending)
 
 
@@ -89,18 +94,15 @@ def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], plan: 
             return
         stale = _stale_addresses(files, pending, plan)
         kept = _kept_clips(base, writer.base, pending, plan, stale)
+        writer.link_shards(writer.base)
         result = _ingest_additions(writer, plan, base, kept, pending)
         _complete(writer, plan, result, base=base, pending=pending)
 
 
-def _store(writer: GenerationWriter) -> Callable[[IngestedClip], _IndexedClip]:
-    """Return the function that writes an ingested clip to a generation."""
-
-    def store(clip: IngestedClip) -> _IndexedClip:
-        order, _, info = clip.properties
-        return _IndexedClip(order, info, writer.write_clip(clip), clip.segments, clip.is_donor)
-
-    return store
+def _store(writer: GenerationWriter, clip: IngestedClip) -> _IndexedClip:
+    """Write an ingested clip to a generation."""
+    order, _, info = clip.properties
+    return _IndexedClip(order, info, writer.write_clip(clip), clip.segments, clip.is_donor)
 
 
 def _pending_files(
@@ -136,11 +138,9 @@ def _is_new_or_changed(clip: PendingClip, files: Mapping[str, ClipInfo]) -> bool
     `files` holds the metadata of the library's clips by address.
     """
     info = files.get(clip.label)
-    if info is None or info.source_file is None:
+    known = None if info is None else info.source_file
+    if info is None or known is None or clip.rate_override not in (None, info.rate_override):
         return True
-    if clip.rate_override not in (None, info.rate_override):
-        return True
-    known = info.source_file
     try:
         status = os.stat(known.path)
         if (status.st_size, status.st_mtime_ns) == (known.size, known.mtime_ns):
@@ -228,9 +228,7 @@ def _ingest_additions(
 
     If the specification changes, or there are too many shards, the kept clips are ingested again.
     """
-    assert writer.base is not None
-    writer.link_shards(writer.base)
-    result = ingest_pending(pending, base.spec, plan, _store(writer))
+    result = ingest_pending(pending, base.spec, plan, partial(_store, writer))
     properties = [(clip.order, base.skeleton, clip.info) for clip in kept]
     # A changed file that no longer fits is left out, unless no clip would remain.
     properties += [own for own in result.properties if own[1].has_same_hierarchy(base.skeleton)]
@@ -242,7 +240,7 @@ def _ingest_additions(
     else:
         writer.restart()
         again = list(_pending_again(base, kept))
-        result = ingest_pending([*again, *pending], spec, plan, _store(writer))
+        result = ingest_pending([*again, *pending], spec, plan, partial(_store, writer))
     if plan.strict:
         result.raise_first_error()
     return result
@@ -279,11 +277,9 @@ def _complete(
     groups = choose_groups(plan, spec.skeleton, _sample_motions(pending, plan, result))
     clips = sorted(result.clips, key=lambda clip: clip.order)
     entries = name_clips([clip.info for clip in clips])
-    ranges = [
-        RowRange(clip.location.shard, clip.location.first_row, len(clip.segments)) for clip in clips
-    ]
-    samples = writer.samples(ranges, config.samples, spec.skeleton.n_joints)
-    warn_of_clips(entries, spec.rate, result.match_notes, stacklevel=4)
+    ranges = [(own.location.shard, own.location.first_row, len(own.segments)) for own in clips]
+    samples = writer.samples(np.array(ranges), config.samples, spec.skeleton.n_joints)
+    warn_of_clips(entries, result, stacklevel=4)
     if base is not None and not pending and not any(clip.old_row is None for clip in clips):
         embedding, labels, sigma = base.embedding, base.labels, base.sigma
     else:
@@ -331,21 +327,20 @@ def _boundary_parts(
 
     They are read from the files of `writer` for new clips, and from `base` for the others.
     """
-    runs = merge_ranges(
-        RowRange(1, clip.location.first_row, len(clip.segments))
-        if clip.old_row is None
-        else RowRange(0, clip.old_row, len(clip.segments))
-        for clip in clips
-    )
+    counts = np.array([len(clip.segments) for clip in clips])
+    firsts = [own.location.first_row if own.old_row is None else own.old_row for own in clips]
+    rows = np.repeat(firsts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+    is_new = np.repeat([clip.old_row is None for clip in clips], counts)
 
     def parts(group: str, key: str, joints: IntArray) -> Iterator[FloatArray]:
-        for is_new, first, n in runs:
-            for start in range(first, first + n, CHUNK):
-                stop = min(start + CHUNK, first + n)
-                if is_new:
-                    yield writer.read_boundary_states(key, start, stop)[:, joints]
-                elif base is not None:
-                    yield base.boundary_states[group][key][start:stop]
+        for start in range(0, len(rows), CHUNK):
+            chosen, new = rows[start : start + CHUNK], is_new[start : start + CHUNK]
+            states = np.empty((len(chosen), len(joints), 3 if key.endswith("velocity") else 4))
+            if new.any():
+                states[new] = writer.read_boundary_states(key, chosen[new])[:, joints]
+            if base is not None:
+                states[~new] = base.boundary_states[group][key][chosen[~new]]
+            yield states
 
     return {
         group: {state.name: parts(group, state.name, joints) for state in fields(BoundaryStates)}

@@ -24,8 +24,8 @@ from mograft.errors import MograftError
 from mograft.io.addresses import read_clip, split_address
 from mograft.library.clip_table import ClipInfo
 from mograft.library.discover import SourceFile
-from mograft.library.files.packing import PackedMotion, pack
-from mograft.library.spec import LibrarySpec, describe_match, rates_match
+from mograft.library.files.stored_clips import PackedMotion, pack
+from mograft.library.spec import LibrarySpec, describe_match
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
@@ -183,9 +183,8 @@ def ingest(
     try:
         pending, motion, properties = read_pending(pending, spec.rest)
         order, own, info = properties
-        motion = spec.fit(motion, motion.name or label)
-        match_note = "" if motion.skeleton is own else describe_match(spec.skeleton, own)
-        resampled = motion if rates_match(motion.rate, spec.rate) else motion.resample(spec.rate)
+        resampled = spec.convert(motion, motion.name or label)
+        match_note = describe_match(spec.skeleton, own)
         segments = segment_clip(resampled, config, motion.rate)
         is_donor, faults = _check_faults(resampled, segments)
         samples = sample_segments(resampled, segments, spec, config)

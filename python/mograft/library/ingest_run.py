@@ -68,13 +68,8 @@ class IngestOptions(AddOptions, total=False):
     hierarchy: Skeleton | None
 
 
-_OPTION_TYPES: Mapping[str, type] = {
-    "skeleton": Skeleton,
-    "hierarchy": Skeleton,
-    "frame_rates": Mapping,
-    "tags": Mapping,
-    "executor": Executor,
-}
+_OPTIONS = ("skeleton", "hierarchy", "frame_rates", "tags", "executor")
+_OPTION_TYPES: tuple[type, ...] = (Skeleton, Skeleton, Mapping, Mapping, Executor)
 """Types of the options that may be None."""
 
 
@@ -104,7 +99,7 @@ class IngestPlan:
         check_type("config", self.config, Config)
         if self.is_packed:
             check_storable(self.config)
-        for name, kind in _OPTION_TYPES.items():
+        for name, kind in zip(_OPTIONS, _OPTION_TYPES, strict=True):
             if getattr(self, name) is not None:
                 check_type(name, getattr(self, name), kind)
         if self.progress is not None and not callable(self.progress):
@@ -167,6 +162,12 @@ class IngestResult(Generic[T]):
             raise error
 
 
+def ingest_motions(found: Iterable[FoundClip], plan: IngestPlan) -> IngestResult[IngestedClip]:
+    """Ingest clips as motions, in the order in which they were found; see `ingest_fitting`."""
+    pending = [plan.pending((index, ()), clip) for index, clip in enumerate(found)]
+    return ingest_fitting(pending, plan, lambda clip: clip, lambda: None)
+
+
 def ingest_fitting(
     pending: Sequence[PendingClip],
     plan: IngestPlan,
@@ -226,13 +227,12 @@ def _mismatch_remedy(
 ) -> str:
     """Return a text that names a new clip with the hierarchy of `spec`; "" if there is none."""
     fitting = {order for order, own, _ in properties if own.has_same_hierarchy(spec.skeleton)}
-    new = (clip for clip in pending if clip.known is None and clip.order in fitting)
-    label = next((clip.label for clip in new), None)
-    if label is None:
+    labels = [clip.label for clip in pending if clip.known is None and clip.order in fitting]
+    if not labels:
         return ""
     more = f" and {len(fitting) - 1} more" if len(fitting) > 1 else ""
     return (
-        f", unlike {label}{more}; each library or graft takes clips of one hierarchy, unless "
+        f", unlike {labels[0]}{more}; each library or graft takes clips of one hierarchy, unless "
         "joints are matched by anatomy (--match anatomy)"
     )
 
@@ -300,23 +300,17 @@ def _guess_spec(
     raise ValueError(f"no clip can be used: {errors[0]}") from errors[0]
 
 
-def warn_of_clips(
-    entries: Sequence[ClipInfo],
-    rate: float,
-    match_notes: Mapping[str, Sequence[str]],
-    *,
-    stacklevel: int,
-) -> None:
-    """Warn about clips that were matched by anatomy, resampled to `rate`, or have faults.
+def warn_of_clips(entries: Sequence[ClipInfo], result: IngestResult[T], *, stacklevel: int) -> None:
+    """Warn about clips that were matched by anatomy, resampled, or have faults.
 
-    `match_notes` is the field of `IngestResult`. `stacklevel` is the stack frame to which warnings
-    refer: 1 for the caller, 2 for its caller.
+    `stacklevel` is the stack frame to which warnings refer: 1 for the caller, 2 for its caller.
     """
+    rate = result.spec.rate
 
     def warn(message: str) -> None:
         warnings.warn(message, stacklevel=stacklevel + 2)
 
-    for note, names in match_notes.items():
+    for note, names in result.match_notes.items():
         warn(f"joints matched by anatomy, {join_names(names, _MAX_WARNINGS)}: {note}")
     resampled = [info.name for info in entries if not rates_match(info.source_rate, rate)]
     if resampled:

@@ -295,7 +295,7 @@ executor, progress
         memory are stored at the library's rate, clips of an opened library as read from their
         files.
         """
-        from mograft.library.files.saving import save_library
+        from mograft.library.files.generation import save_library
 
         save_library(self, Path(path), force=force)
 

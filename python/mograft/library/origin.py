@@ -23,7 +23,7 @@ from mograft.library.derive import BUILD_STAGES
 from mograft.library.discover import SourceFile
 from mograft.library.files.stored_clips import ExtendedClips, StoredClips
 from mograft.library.ingest import IngestedClip, PendingClip, boundary_states, ingest
-from mograft.library.spec import LibrarySpec, Match, rates_match
+from mograft.library.spec import LibrarySpec, Match
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
@@ -58,22 +58,6 @@ class ClipOrigin:
     is_in_library: bool = True  # False for a base that was appended to the library
 
 
-@dataclass(frozen=True, eq=False)
-class PartialClips(LazySequence[Motion]):
-    """Some clips of a library, with the origins of these clips and of the library."""
-
-    motions: tuple[Motion, ...]
-    origins: tuple[ClipOrigin, ...]
-    library: LibraryOrigin
-
-    def __len__(self) -> int:
-        return len(self.motions)
-
-    def item(self, index: int) -> Motion:
-        """Return a clip."""
-        return self.motions[index]
-
-
 @dataclass(frozen=True, kw_only=True)
 class PartialClip:
     """A clip to read, by the file that holds it."""
@@ -86,18 +70,32 @@ class PartialClip:
     tags: tuple[str, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class PartialClips(LazySequence[Motion]):
+    """Some clips of a library, with the origins of these clips and of the library."""
+
+    motions: Sequence[Motion]
+    clips: Sequence[PartialClip]
+    library: LibraryOrigin
+
+    def __len__(self) -> int:
+        return len(self.motions)
+
+    def item(self, index: int) -> Motion:
+        """Return a clip."""
+        return self.motions[index]
+
+
 def _original_clips(library: LibraryData) -> tuple[Sequence[Motion], bool, bool]:
     """Return the clips from which a library was derived, and how it was derived.
 
     The other results state whether `with_mirror_images` and `with_clip` appended clips.
     """
-    clips = library.clips
-    is_extended = isinstance(clips, ExtendedClips)
+    clips, is_extended = library.clips, isinstance(library.clips, ExtendedClips)
     if isinstance(clips, ExtendedClips):
         clips = clips.library_clips
-    if isinstance(clips, MirroredClips):
-        return clips.clips, True, is_extended
-    return clips, False, is_extended
+    has_images = isinstance(clips, MirroredClips)
+    return clips.clips if isinstance(clips, MirroredClips) else clips, has_images, is_extended
 
 
 def is_partial(library: LibraryData) -> bool:
@@ -148,11 +146,8 @@ def hash_library(library: LibraryData) -> str:
     for index in range(len(_original_clips(library)[0])):
         info = library.entries[index]
         file = info.source_file
-        content = (
-            hash_poses(library.clips[index])
-            if file is None
-            else join_address(file.sha256, file.clip)
-        )
+        poses = hash_poses(library.clips[index]) if file is None else ""
+        content = poses if file is None else join_address(file.sha256, file.clip)
         clips.append([info.name, content, info.rate_override, info.n_frames])
     config, build_fields = library.config.as_dict(), library.config.fields_of(*BUILD_STAGES)
     document = {
@@ -182,7 +177,10 @@ def hash_poses(motion: Motion) -> str:
 def find_clip_origin(library: LibraryData, clip: int) -> ClipOrigin:
     """Return the origin of a clip of a library."""
     if isinstance(library.clips, PartialClips):
-        return library.clips.origins[clip]
+        own, file = library.clips.clips[clip], library.entries[clip].source_file
+        return ClipOrigin(
+            source_file=file, is_mirrored=own.is_mirrored, is_in_library=own.is_in_library
+        )
     clips, _, is_extended = _original_clips(library)
     is_base = is_extended and clip == len(library.entries) - 1
     index = clip if is_base else clip % len(clips)
@@ -201,13 +199,10 @@ def find_source_file(motion: Motion, spec: LibrarySpec | None = None) -> SourceF
         return None
     try:
         source_file = SourceFile.from_path(os.path.abspath(motion.path), motion.clip)
-        rest = None if spec is None else spec.rest
-        read = read_clip(source_file.address, skeleton=rest)
-        read = read if spec is None else spec.fit(read, str(motion.path))
+        read = read_clip(source_file.address, skeleton=spec.rest if spec else None)
+        read = spec.convert(read, str(motion.path)) if spec else read
     except (MograftError, OSError, ValueError):
         return None
-    if spec is not None and not rates_match(read.rate, spec.rate):
-        read = read.resample(spec.rate)
     is_same = read.frame_time == motion.frame_time and (
         np.array_equal(read.rotations, motion.rotations)
         and np.array_equal(read.positions, motion.positions)
@@ -239,16 +234,8 @@ def build_partial_library(
     )
     ingested = [_ingest(clip, config, spec) for clip in clips]
     entries = [own.info._replace(name=clip.name) for clip, own in zip(clips, ingested, strict=True)]
-    origins = tuple(
-        ClipOrigin(
-            source_file=info.source_file,
-            is_mirrored=clip.is_mirrored,
-            is_in_library=clip.is_in_library,
-        )
-        for clip, info in zip(clips, entries, strict=True)
-    )
     library = assemble(library_type, ingested, entries, groups, spec, config, None)
-    return replace(library, clips=PartialClips(tuple(library.clips), origins, origin))
+    return replace(library, clips=PartialClips(library.clips, clips, origin))
 
 
 def _ingest(clip: PartialClip, config: Config, spec: LibrarySpec) -> IngestedClip:
@@ -257,10 +244,9 @@ def _ingest(clip: PartialClip, config: Config, spec: LibrarySpec) -> IngestedCli
     result = ingest(pending, spec, config, is_packed=False)
     if not isinstance(result, IngestedClip):
         raise result.error
-    motion = result.clip
-    assert isinstance(motion, Motion)
     if clip.is_mirrored:
-        motion = mirror(motion)
+        assert isinstance(result.clip, Motion)
+        motion = mirror(result.clip)
         states = boundary_states(motion, result.segments)
-        result = replace(result, boundary_states=states)
-    return replace(result, clip=replace(motion, name=clip.name))
+        return replace(result, clip=motion, boundary_states=states)
+    return result

@@ -81,7 +81,13 @@ class LibraryBalance:
         """
         known = self._margins.get((clip, block))
         if known is None:
-            known = self._compute_margins(clip, block, members)
+            motion, cut, up = self.clips[clip], self.segments[members], self.spec.up
+            if clip not in self._tracks:
+                ground, root = Ground.of(motion), self.spec.root
+                track = ZeroMomentTrack.of(motion, cut, ground, self.config, root=root, up=up)
+                self._tracks[clip] = track
+            chosen, track = slice(block * CHUNK, (block + 1) * CHUNK), self._tracks[clip]
+            known = support_margins(motion, cut, track, self.config, up=up, chosen=chosen)
             total = len(members) * self.config.samples * N_DIRECTIONS
             limit = _MAX_KNOWN_MARGINS if total <= _MAX_KNOWN_MARGINS else _MAX_LAST_MARGINS
             keys = list(self._margins)  # other threads may add blocks
@@ -91,13 +97,3 @@ class LibraryBalance:
                 dropped = self._margins.pop(keys.pop(0), None)
                 n_known -= 0 if dropped is None else dropped.size
         return known
-
-    def _compute_margins(self, clip: int, block: int, members: IntArray) -> FloatArray:
-        motion, cut, up = self.clips[clip], self.segments[members], self.spec.up
-        track = self._tracks.get(clip)
-        if track is None:
-            ground, root = Ground.of(motion), self.spec.root
-            track = ZeroMomentTrack.of(motion, cut, ground, self.config, root=root, up=up)
-            self._tracks[clip] = track
-        chosen = slice(block * CHUNK, (block + 1) * CHUNK)
-        return support_margins(motion, cut, track, self.config, up=up, chosen=chosen)

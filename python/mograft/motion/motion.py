@@ -19,7 +19,7 @@ from mograft._util.arrays import (
     as_vectors,
     set_fields,
 )
-from mograft._util.notebooks import notebook_html
+from mograft._util.html_table import notebook_html
 from mograft._util.runs import find_runs
 from mograft.motion import limits, rotations
 from mograft.motion.resample import resample_segment_positions, resample_segments

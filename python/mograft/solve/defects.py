@@ -10,8 +10,8 @@ from functools import cached_property
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.containers import remember
 from mograft._util.high_percentile import HighPercentile
-from mograft._util.memo import remember
 from mograft._util.runs import dilate
 from mograft.body.anatomy import anatomy, feature_joints
 from mograft.body.contacts import Ground

@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
-from mograft._util.cleanup import clean_up_by
+from mograft._util.signals import clean_up_by
 from mograft.library.library import Library
 from mograft.stream.session import FrameError, Message, RequestError, StreamSession, read_request
 from mograft.stream.stream import check_stream_config

@@ -7,8 +7,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from mograft._util.arrays import IntArray
-from mograft._util.html_table import notebook_table
-from mograft._util.notebooks import notebook_html
+from mograft._util.html_table import notebook_html, notebook_table
 from mograft.blend.foot_planting import FeetReport
 from mograft.blend.reach_completion import ReachCompletion
 from mograft.library.library import Library

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mograft._util.atomic import atomic_path
-from mograft._util.cleanup import clean_up_by
+from mograft._util.signals import clean_up_by
 from mograft.body.groups import JointGroups
 from mograft.motion.motion import Motion
 from mograft.viewing.film_pictures import draw_pictures

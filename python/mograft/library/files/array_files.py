@@ -20,11 +20,10 @@ import numpy as np
 import numpy.lib.format as npy
 import numpy.typing as npt
 
+from mograft._util.arrays import IntArray
 from mograft.errors import DAMAGE, LibraryError
 
 MANIFEST, DATABASE = "manifest.json", "catalog.sqlite"
-
-_FILE = re.compile(rf"\d{{4,}}/(?:(?:\d+/)?[\w-]+\.npy|{re.escape(DATABASE)})")
 
 HEADER_BYTES = 128
 """Length of the headers that NumPy writes for arrays of at most four dimensions."""
@@ -62,22 +61,22 @@ class RowFile:
     """
 
     def __init__(self, path: Path, dtype: str, width: int) -> None:
-        self._path, self._dtype, self._width = path, np.dtype(dtype), width
+        self._path, self._dtype, self.width = path, np.dtype(dtype), width
         self._handle: int | None = None
         if os.name == "posix":
             self._handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
             weakref.finalize(self, os.close, self._handle)
 
     def __reduce__(self) -> tuple[type["RowFile"], tuple[Path, str, int]]:
-        return RowFile, (self._path, self._dtype.str, self._width)
+        return RowFile, (self._path, self._dtype.str, self.width)
 
     def read(self, first: int, n: int) -> npt.NDArray[Any]:
         """Return `n` rows from row `first` on, shape (n, width).
 
         Raise OSError if the file has fewer.
         """
-        n_bytes = n * self._width * self._dtype.itemsize
-        start = HEADER_BYTES + first * self._width * self._dtype.itemsize
+        n_bytes = n * self.width * self._dtype.itemsize
+        start = HEADER_BYTES + first * self.width * self._dtype.itemsize
         data = bytearray(n_bytes)  # writable, as other arrays
         if self._handle is not None:
             count = os.preadv(self._handle, [data], start)
@@ -87,7 +86,7 @@ class RowFile:
                 count = stream.readinto(data)
         if count < n_bytes:
             raise OSError(errno.EIO, "is shorter than its header states", str(self._path))
-        return np.frombuffer(data, self._dtype).reshape(n, self._width)
+        return np.frombuffer(data, self._dtype).reshape(n, self.width)
 
 
 class ArrayWriter:
@@ -108,15 +107,12 @@ class ArrayWriter:
         with self._name_file_in_errors():
             self._stream.write(np.ascontiguousarray(rows, self._dtype).data)
 
-    def read(self, start: int, stop: int) -> npt.NDArray[Any]:
-        """Return the rows `start` to `stop - 1` of those that were appended."""
-        width = math.prod(self._row_shape)
+    def read(self, rows: IntArray) -> npt.NDArray[Any]:
+        """Return some of the rows that were appended, by their indices."""
         with self._name_file_in_errors():
             self._stream.flush()
-        with self._path.open("rb") as stream:
-            stream.seek(HEADER_BYTES + start * width * self._dtype.itemsize)
-            rows = np.fromfile(stream, self._dtype, (stop - start) * width)
-        return rows.reshape(stop - start, *self._row_shape)
+        shape = (self.n_rows, *self._row_shape)
+        return np.memmap(self._path, self._dtype, "r", HEADER_BYTES, shape)[rows]
 
     def close(self) -> None:
         """Write the header and close the file."""
@@ -124,9 +120,6 @@ class ArrayWriter:
         shape = (self.n_rows, *self._row_shape)
         description = {"descr": self._dtype.str, "fortran_order": False, "shape": shape}
         npy.write_array_header_1_0(header, description)
-        if len(header.getvalue()) != HEADER_BYTES:
-            n_bytes = len(header.getvalue())
-            raise RuntimeError(f"the .npy header must have {HEADER_BYTES} bytes, got {n_bytes}")
         with self._name_file_in_errors():
             self._stream.seek(0)
             self._stream.write(header.getvalue())
@@ -169,27 +162,6 @@ def manifest_checksum(document: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
 
 
-def check_manifest(folder: Path, document: Mapping[str, Any]) -> None:
-    """Raise LibraryError unless a manifest has its checksum and names files of generations only."""
-    with damage_raises_library_error(folder, MANIFEST):
-        if document.get("checksum") != manifest_checksum(document):
-            raise damage(folder, f"{MANIFEST} does not match its checksum")
-        foreign = [name for name in document["files"] if not _FILE.fullmatch(name)]
-    if foreign:
-        raise damage(folder, f"{MANIFEST} lists {foreign[0]!r}, which is no file of a generation")
-
-
-def check_sizes(folder: Path, files: Mapping[str, Mapping[str, Any]]) -> None:
-    """Raise LibraryError if a file has another size than in `files`, an entry of the manifest.
-
-    Raise FileNotFoundError if there is no such file.
-    """
-    for name, expected in files.items():
-        size = os.stat(f"{folder}{os.sep}{name}").st_size
-        if size != expected["bytes"]:
-            raise damage(folder, f"{name} has {size} bytes, expected {expected['bytes']}")
-
-
 def hash_files(folder: Path, names: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Return the size (``bytes``) and the SHA-256 (``sha256``) of files in a folder, by name."""
 
@@ -200,18 +172,3 @@ def hash_files(folder: Path, names: Sequence[str]) -> dict[str, dict[str, Any]]:
 
     with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as pool:
         return dict(zip(names, pool.map(hash_file, names), strict=True))
-
-
-def compare_hashes(folder: Path, files: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return a message for each file whose size or SHA-256 differs from that in `files`."""
-    problems = []
-    hashes = hash_files(folder, [name for name in files if (folder / name).is_file()])
-    for name, expected in files.items():
-        if name not in hashes:
-            problems.append(f"{name} is missing")
-        elif hashes[name]["bytes"] != expected["bytes"]:
-            n_bytes = hashes[name]["bytes"]
-            problems.append(f"{name} has {n_bytes} bytes, expected {expected['bytes']}")
-        elif hashes[name] != expected:
-            problems.append(f"{name} has changed: its SHA-256 differs from the manifest")
-    return problems

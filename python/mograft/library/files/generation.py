@@ -1,4 +1,4 @@
-"""Write the next generation of a stored library, in the format of `storage`."""
+"""Write libraries to folders: the next generation of a library, in the format of `storage`."""
 
 import contextlib
 import glob
@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +15,17 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
-from mograft._util.arrays import Packed
+from mograft._util.arrays import FloatArray, IntArray, Packed
 from mograft._util.atomic import exclusive_lock, sync
-from mograft._util.cleanup import clean_up_by
+from mograft._util.signals import clean_up_by
 from mograft.errors import LibraryError, join_names
-from mograft.library.clip_table import ClipLocation, ClipTable, skeleton_to_json, write_clip_table
+from mograft.library.clip_table import (
+    ClipInfo,
+    ClipLocation,
+    ClipTable,
+    skeleton_to_json,
+    write_clip_table,
+)
 from mograft.library.data import LibraryData
 from mograft.library.files.array_files import (
     DATABASE,
@@ -27,8 +34,8 @@ from mograft.library.files.array_files import (
     hash_files,
     manifest_checksum,
 )
-from mograft.library.files.packing import PackedMotion
 from mograft.library.files.storage import (
+    EMBEDDING_ARRAYS,
     FORMAT,
     FORMAT_VERSION,
     LOCK,
@@ -36,8 +43,16 @@ from mograft.library.files.storage import (
     read,
     read_manifest,
 )
-from mograft.library.files.stored_clips import RowRange, StoredSamples, merge_ranges
+from mograft.library.files.stored_clips import (
+    ExtendedClips,
+    PackedMotion,
+    StoredClips,
+    StoredSamples,
+    pack,
+)
 from mograft.library.ingest import IngestedClip
+from mograft.library.ingest_run import check_storable
+from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
 MAX_SHARDS = 16
@@ -92,8 +107,7 @@ class GenerationWriter:
 
     def write_clip(self, clip: IngestedClip) -> ClipLocation:
         """Write the packed motion, the samples and the boundary states of a clip."""
-        if not isinstance(clip.clip, PackedMotion):
-            raise TypeError("`clip` must be packed")
+        assert isinstance(clip.clip, PackedMotion)
         samples = self._writers.get(f"samples-{self._generation}")
         location = self.write_frames(clip.clip, 0 if samples is None else samples.n_rows)
         self.write_samples(clip.samples)
@@ -123,12 +137,12 @@ class GenerationWriter:
         """Write samples of segments."""
         self._writer(f"samples-{self._generation}", "<f4", rows.shape[1:]).append(rows)
 
-    def read_boundary_states(self, key: str, start: int, stop: int) -> npt.NDArray[Any]:
-        """Return the boundary states of the segments `start` to `stop - 1` of the clips written.
+    def read_boundary_states(self, key: str, segments: IntArray) -> npt.NDArray[Any]:
+        """Return the boundary states of all joints for some segments of the clips written.
 
-        `key` is a key of `boundary_states`. The result has the states of all joints.
+        `key` is a key of `boundary_states`.
         """
-        return self._writers[f"edges-{key}"].read(start, stop)
+        return self._writers[f"edges-{key}"].read(segments)
 
     def _writer(self, name: str, dtype: str, row_shape: tuple[int, ...]) -> ArrayWriter:
         if name not in self._writers:
@@ -139,15 +153,14 @@ class GenerationWriter:
         text = json.dumps(skeleton_to_json(skeleton))
         return self._skeletons.setdefault(text, (len(self._skeletons), skeleton))[0]
 
-    def samples(self, ranges: Sequence[RowRange], n_samples: int, n_joints: int) -> StoredSamples:
+    def samples(self, ranges: IntArray, n_samples: int, n_joints: int) -> StoredSamples:
         """Close the new shard and return the samples of all shards.
 
-        No clip may be written afterwards. `ranges` are the rows of each clip in the shards, in the
-        order of the library. `n_samples` is the number of samples per segment.
+        No clip may be written afterwards. The arguments are fields of the result.
         """
         self._close("frames-", "samples-")
         paths = [self.folder / f"samples-{shard}.npy" for shard in self.shards]
-        return StoredSamples.from_paths(paths, merge_ranges(ranges), n_samples, n_joints)
+        return StoredSamples.from_paths(paths, ranges, n_samples, n_joints)
 
     def _close(self, *starts: str) -> None:
         """Complete the arrays whose names begin with any of `starts`."""
@@ -267,25 +280,19 @@ def _check_is_library(folder: Path) -> None:
 
     The library may be damaged.
     """
-    text = ""
+    text, reason = "", ""
     with contextlib.suppress(OSError):
         text = (folder / MANIFEST).read_text(encoding="utf-8", errors="replace")
     # The manifest may be truncated.
     if re.match(rf'\s*{{\s*"format":\s*"{re.escape(FORMAT)}"', text) is None:
-        raise LibraryError(
-            f"{folder} is not overwritten: it is not a mograft library: it has no valid "
-            f"{MANIFEST}; move it away first"
-        )
-    foreign = [
-        path.name
-        for path in folder.iterdir()
-        if path.name not in (MANIFEST, LOCK) and not _is_replaceable(path)
-    ]
-    if foreign:
-        raise LibraryError(
-            f"{folder} is not overwritten: it also holds other files, such as "
-            f"{join_names(sorted(foreign), 3)}; move them away"
-        )
+        reason = f"it is not a mograft library: it has no valid {MANIFEST}; move it away first"
+    else:
+        paths = [path for path in folder.iterdir() if path.name not in (MANIFEST, LOCK)]
+        foreign = sorted(path.name for path in paths if not _is_replaceable(path))
+        if foreign:
+            reason = f"it also holds other files, such as {join_names(foreign, 3)}; move them away"
+    if reason:
+        raise LibraryError(f"{folder} is not overwritten: {reason}")
 
 
 def _is_replaceable(path: Path) -> bool:
@@ -335,3 +342,108 @@ def _lock(folder: Path) -> Iterator[None]:
             message = f"another process is writing to {folder}; try again later"
             raise LibraryError(message) from error
         yield
+
+
+BoundaryParts = Mapping[str, Mapping[str, FloatArray | Iterator[FloatArray]]]
+"""Boundary states by group and key: arrays, or their parts in order."""
+
+
+def save_library(library: LibraryData, path: Path, *, force: bool) -> None:
+    """Write a library to a folder; see `Library.save`."""
+    if isinstance(library.clips, ExtendedClips):
+        raise ValueError("a library with an appended base motion cannot be saved")
+    check_storable(library.config)
+    with write_generation(path, force=force) as writer:
+        entries: list[ClipInfo] = []
+        locations: list[ClipLocation] = []
+        first_rows = np.searchsorted(library.segments.clip, np.arange(len(library.entries)))
+        for index, first_row in enumerate(first_rows.tolist()):
+            info, clip = _saved_clip(library, index)
+            entries.append(info)
+            locations.append(writer.write_frames(pack(clip), first_row))
+        for chunk in library.samples.chunks():
+            writer.write_samples(chunk.pack())
+        saved = replace(library, entries=tuple(entries))
+        commit_library(writer, saved, locations, library.boundary_states, None)
+
+
+def _saved_clip(library: LibraryData, index: int) -> tuple[ClipInfo, Motion]:
+    """Return the metadata and the motion of a clip to save.
+
+    A clip of a stored library is saved with the frames of its file, any other clip with the frames
+    that it has in the library.
+    """
+    info = library.entries[index]
+    if isinstance(library.clips, StoredClips):
+        return info, library.clips.original(index, as_read=True)
+    clip = library.clips[index]
+    return info._replace(
+        source_rate=clip.rate, rate_override=None, source_frames=clip.n_frames
+    ), clip
+
+
+def commit_library(
+    writer: GenerationWriter,
+    library: LibraryData,
+    locations: Sequence[ClipLocation],
+    boundary_states: BoundaryParts,
+    requested_rate: float | None,
+) -> None:
+    """Write the files of a generation other than ``frames`` and ``samples``, and commit it.
+
+    ``frames`` and ``samples`` must already be written, at `locations`. `boundary_states` holds the
+    states of the feature joints; `library.boundary_states` and `library.clips` are ignored.
+    `requested_rate` is the `rate` that the caller of `Library.index` gave; it is stored for clips
+    that are added later.
+    """
+    segments = library.segments
+    for name in ("start", "stop", "clip"):
+        writer.write_array(f"{name}s", "<i8", getattr(segments, name))
+    writer.write_array("donors", "|b1", library.is_donor)
+    groups = {
+        group: _write_group(writer, library, index, boundary_states[group])
+        for index, group in enumerate(library.groups.names)
+    }
+    writer.write_clip_table(library, locations)
+    writer.commit(
+        {
+            "config": library.config.as_dict(),
+            "groups": library.groups.to_toml(),
+            "group": groups,
+            "skeleton": skeleton_to_json(library.skeleton),
+            "rate": library.rate,
+            "given_rate": requested_rate,
+            "root": library.root,
+            "up": library.up,
+            "match": library.spec.match,
+            "rest": None if library.spec.rest is None else skeleton_to_json(library.spec.rest),
+            "clips": len(library.entries),
+            "frames": sum(info.n_frames for info in library.entries),
+            "segments": len(segments),
+        }
+    )
+
+
+def _write_group(
+    writer: GenerationWriter,
+    library: LibraryData,
+    index: int,
+    states: Mapping[str, FloatArray | Iterator[FloatArray]],
+) -> dict[str, Any]:
+    """Write the arrays of the joint group with this index; return its entry in the manifest."""
+    group = library.groups.names[index]
+    embedding, labels = library.embedding[group], library.labels[group]
+    writer.write_array(f"{index}/labels", "<i8", labels)
+    for key, parts in states.items():
+        writer.write_array(f"{index}/{key}", "<f8", parts)
+    if embedding is not None:
+        writer.write_array(f"{index}/joints", "<i8", embedding.joints)
+        for name in EMBEDDING_ARRAYS:
+            writer.write_array(f"{index}/{name}", "<f8", getattr(embedding, name))
+    return {
+        "folder": str(index),
+        "sigma": library.sigma[group],
+        "compared": embedding is not None,
+        "has_root": embedding is not None and embedding.has_root,
+        "clusters": int(labels.max(initial=-1)) + 1,
+    }

@@ -7,8 +7,8 @@ writers hold an exclusive one (`mograft.library.files.generation`).
 
 import json
 import os
+import re
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -25,14 +25,13 @@ from mograft.library.data import LibraryData
 from mograft.library.files.array_files import (
     DATABASE,
     MANIFEST,
-    check_manifest,
-    check_sizes,
-    compare_hashes,
     damage,
     damage_raises_library_error,
+    hash_files,
+    manifest_checksum,
     map_array,
 )
-from mograft.library.files.stored_clips import RowRange, StoredClips, StoredSamples, merge_ranges
+from mograft.library.files.stored_clips import StoredClips, StoredSamples
 from mograft.library.spec import LibrarySpec
 from mograft.motion.segments import Segments
 
@@ -43,6 +42,8 @@ L = TypeVar("L", bound=LibraryData)
 
 EMBEDDING_ARRAYS = ("points", "reference", "mean", "scale", "components", "variances")
 """Fields of `Embedding` that are stored as arrays of floats."""
+
+_FILE = re.compile(rf"\d{{4,}}/(?:(?:\d+/)?[\w-]+\.npy|{re.escape(DATABASE)})")
 
 _MAX_READ_ATTEMPTS = 8
 """How many times reading is attempted if other processes replace the generation meanwhile."""
@@ -56,22 +57,7 @@ class StoredLibrary:
     manifest: dict[str, Any]
     table: ClipTable
     arrays: dict[str, npt.NDArray[Any]]  # all but ``samples``, by path in the generation, mapped
-
-    @cached_property
-    def samples(self) -> StoredSamples:
-        """The samples of all segments. Their files are opened now, and read when needed."""
-        locations = self.table.locations
-        counts = np.bincount(self.arrays["clips"], minlength=len(locations)).tolist()
-        folder = self.folder / self.manifest["generation"]
-        return StoredSamples.from_paths(
-            [folder / f"samples-{name}.npy" for name in self.manifest["shards"]],
-            ranges=merge_ranges(
-                RowRange(location.shard, location.first_row, n)
-                for location, n in zip(locations, counts, strict=True)
-            ),
-            n_samples=self.manifest["config"]["samples"],
-            n_joints=len(self.manifest["skeleton"]["names"]),
-        )
+    samples: StoredSamples  # of all segments; their files are open
 
 
 def read(folder: Path) -> StoredLibrary:
@@ -83,9 +69,7 @@ def read(folder: Path) -> StoredLibrary:
     for _ in range(_MAX_READ_ATTEMPTS):
         manifest = read_manifest(folder)
         try:
-            stored = _read_generation(folder, manifest)
-            _ = stored.samples  # opens the files
-            return stored
+            return _read_generation(folder, manifest)
         except FileNotFoundError as error:
             # Another process may have replaced the generation since the manifest was read.
             if read_manifest(folder) == manifest:
@@ -94,7 +78,7 @@ def read(folder: Path) -> StoredLibrary:
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Return the manifest of a library after checking format, version and checksum."""
+    """Return the manifest of a library after checking format, version, checksum and files."""
     if not folder.exists():
         raise FileNotFoundError(2, "no such library", str(folder))
     try:
@@ -116,14 +100,22 @@ def read_manifest(folder: Path) -> dict[str, Any]:
             f"{document.get('mograft')}; this is mograft {VERSION}, which reads version "
             f"{FORMAT_VERSION}: install the other version, or index the clips again"
         )
-    check_manifest(folder, document)
+    with damage_raises_library_error(folder, MANIFEST):
+        if document.get("checksum") != manifest_checksum(document):
+            raise damage(folder, f"{MANIFEST} does not match its checksum")
+        foreign = [name for name in document["files"] if not _FILE.fullmatch(name)]
+    if foreign:
+        raise damage(folder, f"{MANIFEST} lists {foreign[0]!r}, which is no file of a generation")
     return document
 
 
 def _read_generation(folder: Path, manifest: dict[str, Any]) -> StoredLibrary:
     arrays = {}
     prefix = manifest["generation"] + "/"
-    check_sizes(folder, manifest["files"])
+    for name, expected in manifest["files"].items():
+        size = os.stat(f"{folder}{os.sep}{name}").st_size
+        if size != expected["bytes"]:
+            raise damage(folder, f"{name} has {size} bytes, expected {expected['bytes']}")
     for name in manifest["files"]:
         key = name.removeprefix(prefix).removesuffix(".npy")
         if name.endswith(".npy") and not key.startswith("samples-"):
@@ -131,7 +123,13 @@ def _read_generation(folder: Path, manifest: dict[str, Any]) -> StoredLibrary:
                 arrays[key] = map_array(folder / name)
     with damage_raises_library_error(folder, DATABASE):
         table = read_clip_table(folder / prefix / DATABASE)
-    return StoredLibrary(folder, manifest, table, arrays)
+        counts = np.bincount(arrays["clips"], minlength=len(table.locations))
+        firsts = [(location.shard, location.first_row) for location in table.locations]
+        ranges = np.column_stack([firsts, counts])
+    paths = [folder / prefix / f"samples-{name}.npy" for name in manifest["shards"]]
+    n_samples, n_joints = manifest["config"]["samples"], len(manifest["skeleton"]["names"])
+    samples = StoredSamples.from_paths(paths, ranges, n_samples, n_joints)
+    return StoredLibrary(folder, manifest, table, arrays, samples)
 
 
 def load_library(library_type: type[L], stored: StoredLibrary) -> L:
@@ -140,54 +138,51 @@ def load_library(library_type: type[L], stored: StoredLibrary) -> L:
     Raise LibraryError if the files do not fit together.
     """
     with damage_raises_library_error(stored.folder, MANIFEST):
-        return _load_library(library_type, stored)
-
-
-def _load_library(library_type: type[L], stored: StoredLibrary) -> L:
-    """Return a stored library as a `library_type`."""
-    manifest, arrays = stored.manifest, stored.arrays
-    groups = JointGroups.from_toml(manifest["groups"])
-    embedding: dict[str, Embedding | None] = {}
-    labels, states = {}, {}
-    for group, about in manifest["group"].items():
-        prefix = about["folder"] + "/"
-        own = {key.removeprefix(prefix): arrays[key] for key in arrays if key.startswith(prefix)}
-        labels[group] = own.pop("labels")
-        embedding[group] = None
-        if about["compared"]:
-            embedding[group] = Embedding(
-                joints=np.array(own.pop("joints")),
-                has_root=about["has_root"],
-                **{name: own.pop(name) for name in EMBEDDING_ARRAYS},
-            )
-        states[group] = own
-    frames = [arrays[f"frames-{shard}"] for shard in manifest["shards"]]
-    spec = LibrarySpec(
-        skeleton=skeleton_from_json(manifest["skeleton"]),
-        rate=manifest["rate"],
-        root=manifest["root"],
-        up=manifest["up"],
-        match=manifest["match"],
-        rest=None if manifest["rest"] is None else skeleton_from_json(manifest["rest"]),
-    )
-    library = library_type(
-        clips=StoredClips(stored.table, frames, spec, stored.folder),
-        entries=stored.table.entries,
-        segments=Segments(arrays["starts"], arrays["stops"], arrays["clips"]),
-        is_donor=arrays["donors"],
-        groups=groups,
-        config=Config.from_dict(manifest["config"]),
-        spec=spec,
-        embedding=embedding,
-        labels=labels,
-        sigma={group: about["sigma"] for group, about in manifest["group"].items()},
-        boundary_states=states,
-        samples=stored.samples,
-        refused=stored.table.refused,
-        folder=stored.folder,
-    )
-    folder = Path(os.path.abspath(stored.folder))
-    return library.set_recipe(_reopen, library_type, folder, manifest["checksum"])
+        manifest, arrays = stored.manifest, stored.arrays
+        groups = JointGroups.from_toml(manifest["groups"])
+        embedding: dict[str, Embedding | None] = {}
+        labels, states = {}, {}
+        for group, about in manifest["group"].items():
+            prefix = about["folder"] + "/"
+            own = {
+                key.removeprefix(prefix): arrays[key] for key in arrays if key.startswith(prefix)
+            }
+            labels[group] = own.pop("labels")
+            embedding[group] = None
+            if about["compared"]:
+                embedding[group] = Embedding(
+                    joints=np.array(own.pop("joints")),
+                    has_root=about["has_root"],
+                    **{name: own.pop(name) for name in EMBEDDING_ARRAYS},
+                )
+            states[group] = own
+        frames = [arrays[f"frames-{shard}"] for shard in manifest["shards"]]
+        spec = LibrarySpec(
+            skeleton=skeleton_from_json(manifest["skeleton"]),
+            rate=manifest["rate"],
+            root=manifest["root"],
+            up=manifest["up"],
+            match=manifest["match"],
+            rest=None if manifest["rest"] is None else skeleton_from_json(manifest["rest"]),
+        )
+        library = library_type(
+            clips=StoredClips(stored.table, frames, spec, stored.folder),
+            entries=stored.table.entries,
+            segments=Segments(arrays["starts"], arrays["stops"], arrays["clips"]),
+            is_donor=arrays["donors"],
+            groups=groups,
+            config=Config.from_dict(manifest["config"]),
+            spec=spec,
+            embedding=embedding,
+            labels=labels,
+            sigma={group: about["sigma"] for group, about in manifest["group"].items()},
+            boundary_states=states,
+            samples=stored.samples,
+            refused=stored.table.refused,
+            folder=stored.folder,
+        )
+        folder = Path(os.path.abspath(stored.folder))
+        return library.set_recipe(_reopen, library_type, folder, manifest["checksum"])
 
 
 def _reopen(library_type: type[L], folder: Path, checksum: str) -> L:
@@ -206,7 +201,17 @@ def verify(folder: Path) -> list[str]:
     Return a message for each missing or different file. Raise LibraryError if the manifest cannot
     be read.
     """
-    return compare_hashes(folder, read_manifest(folder)["files"])
+    files, problems = read_manifest(folder)["files"], []
+    hashes = hash_files(folder, [name for name in files if (folder / name).is_file()])
+    for name, expected in files.items():
+        found = hashes.get(name)
+        if found is None:
+            problems.append(f"{name} is missing")
+        elif (size := found["bytes"]) != expected["bytes"]:
+            problems.append(f"{name} has {size} bytes, expected {expected['bytes']}")
+        elif found != expected:
+            problems.append(f"{name} has changed: its SHA-256 differs from the manifest")
+    return problems
 
 
 def list_leftovers(folder: Path) -> list[str]:

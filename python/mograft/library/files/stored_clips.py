@@ -3,22 +3,99 @@
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, IntArray, Packed
+from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.containers import LazySequence
 from mograft.analysis.embedding import CHUNK, Samples
-from mograft.library.clip_table import ClipTable
+from mograft.io.bvh.reader import channels_to_transforms
+from mograft.library.clip_table import ClipTable, PackedContent
 from mograft.library.files.array_files import RowFile, damage_raises_library_error
-from mograft.library.files.packing import PackedMotion, unpack
-from mograft.library.spec import LibrarySpec, rates_match
+from mograft.library.spec import LibrarySpec
 from mograft.motion.motion import Motion
+from mograft.motion.skeleton import Skeleton
 
 _MAX_CACHED_CLIPS = 16
 """Clips that stay in memory: a graft reads the same few again and again."""
+
+
+@dataclass(frozen=True, eq=False)
+class PackedMotion:
+    """A motion as one array of numbers.
+
+    If `content` is "channels", the numbers are the channel values of a file, from which rotations
+    and positions follow. With "poses" they are rotations and positions; with "both" they are
+    rotations, positions and channel values.
+    """
+
+    content: PackedContent
+    numbers: FloatArray  # shape (n,); the arrays one after the other
+    skeleton: Skeleton
+    frame_time: float  # seconds
+    repairs: tuple[str, ...]  # deviations that the reader tolerated
+
+
+def pack(motion: Motion, *, as_read: bool = False) -> PackedMotion:
+    """Return a motion as one array: only its channel values if these determine its poses.
+
+    Channel values take about half the space of poses. `as_read` states that the motion is an
+    unchanged result of a reader, so that its channel values determine the poses. Otherwise `pack`
+    computes the poses from the channel values and compares them bit for bit. `computed_values` of
+    the motion are not stored.
+    """
+    values = motion.channel_values
+    content: PackedContent = "poses" if values is None else "both"
+    if values is not None and (as_read or _determines_poses(values, motion)):
+        content = "channels"
+    parts = [motion.rotations, motion.positions] if content != "channels" else []
+    parts += [] if values is None else [values]
+    numbers = np.concatenate([part.ravel() for part in parts])
+    return PackedMotion(content, numbers, motion.skeleton, motion.frame_time, motion.repairs)
+
+
+def _determines_poses(values: FloatArray, motion: Motion) -> bool:
+    """Return whether the poses computed from channel values equal a motion's poses bit for bit."""
+    if np.isnan(values).any():
+        return False
+    quats, positions = channels_to_transforms(motion.skeleton, values.copy())
+    # Compared as bytes, because 0.0 and -0.0 are equal numbers but are written differently.
+    return (
+        quats.tobytes() == motion.rotations.tobytes()
+        and positions.tobytes() == motion.positions.tobytes()
+    )
+
+
+def unpack(
+    packed: PackedMotion, n_frames: int, name: str, path: str | None, clip: str | None
+) -> Motion:
+    """Return the motion that was packed; the other arguments are fields of the motion."""
+    skeleton = packed.skeleton
+    numbers = np.array(packed.numbers, np.float64)
+    values: FloatArray | None = None
+    if packed.content == "channels":
+        values = numbers.reshape(n_frames, skeleton.n_channels)
+        quats, positions = channels_to_transforms(skeleton, values)
+    else:
+        n_joints = skeleton.n_joints
+        ends = n_frames * n_joints * np.array([4, 7])
+        quats, positions, rest = np.split(numbers, ends)
+        quats, positions = quats.reshape(-1, n_joints, 4), positions.reshape(-1, n_joints, 3)
+        if packed.content == "both":
+            values = rest.reshape(n_frames, skeleton.n_channels)
+    return Motion(
+        skeleton,
+        packed.frame_time,
+        quats,
+        positions,
+        channel_values=values,
+        name=name,
+        path=None if path is None else Path(path),
+        clip=clip,
+        repairs=packed.repairs,
+    )
 
 
 class StoredClips(LazySequence[Motion]):
@@ -44,9 +121,7 @@ class StoredClips(LazySequence[Motion]):
         if motion is None:
             motion = self.original(index)
             with damage_raises_library_error(self.folder, f"clip {index}"):
-                motion = self._spec.fit(motion, self.table.entries[index].name)
-                if not rates_match(motion.rate, self._spec.rate):
-                    motion = motion.resample(self._spec.rate)
+                motion = self._spec.convert(motion, self.table.entries[index].name)
             self._cache[index] = motion
             if len(self._cache) > _MAX_CACHED_CLIPS:
                 self._cache.popitem(last=False)
@@ -87,26 +162,7 @@ class ExtendedClips(LazySequence[Motion]):
         return self._last if index == len(self.library_clips) else self.library_clips[index]
 
 
-class RowRange(NamedTuple):
-    """Consecutive rows of one shard."""
-
-    shard: int  # index of the shard
-    first: int  # the first row
-    n: int  # number of rows
-
-
-def merge_ranges(ranges: Iterable[RowRange]) -> tuple[RowRange, ...]:
-    """Return the same rows as fewer ranges: consecutive ranges of a shard become one range."""
-    merged: list[list[int]] = []
-    for shard, first, n in ranges:
-        if merged and merged[-1][0] == shard and sum(merged[-1][1:]) == first:
-            merged[-1][2] += n
-        else:
-            merged.append([shard, first, n])
-    return tuple(RowRange(*item) for item in merged)
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StoredSamples:
     """Samples of all segments, in the order of the library, read from files when they are needed.
 
@@ -115,16 +171,17 @@ class StoredSamples:
     """
 
     files: tuple[RowFile, ...]  # the ``samples`` files, one per shard
-    ranges: tuple[RowRange, ...]  # rows of these files, in the order of the library
+    # For each clip its shard, first row and number of rows, in the order of the library.
+    ranges: IntArray
     n_samples: int  # per segment
     n_joints: int
 
     def __len__(self) -> int:
-        return sum(item.n for item in self.ranges)
+        return int(self.ranges[:, 2].sum())
 
     @classmethod
     def from_paths(
-        cls, paths: Iterable[Path], ranges: tuple[RowRange, ...], n_samples: int, n_joints: int
+        cls, paths: Iterable[Path], ranges: IntArray, n_samples: int, n_joints: int
     ) -> "StoredSamples":
         """Open the files `paths`, and return their samples."""
         width = n_samples * (4 * n_joints + 3) + 1
@@ -133,33 +190,24 @@ class StoredSamples:
 
     def select(self, indices: IntArray) -> Samples:
         """Return the samples of some segments, in the order of `indices`."""
-        rows = np.empty((len(indices), self.n_samples * (4 * self.n_joints + 3) + 1), np.float32)
-        starts = np.cumsum([0, *(item.n for item in self.ranges)])
-        range_of = np.searchsorted(starts, indices, side="right") - 1
-        for row, (index, number) in enumerate(zip(indices.tolist(), range_of, strict=True)):
-            shard, first, _ = self.ranges[number]
-            rows[row] = self.files[shard].read(first + index - int(starts[number]), 1)
-        return Samples(rows, self.n_samples, self.n_joints)
+        stops = self.ranges[:, 2].cumsum()
+        clips = np.searchsorted(stops, indices, side="right")
+        shards, firsts, counts = self.ranges[clips].T
+        rows = firsts + indices - (stops[clips] - counts)
+        # Consecutive rows of a file are read together.
+        is_next = (np.diff(rows) == 1) & (np.diff(shards) == 0)
+        bounds = [0, *(1 + np.flatnonzero(~is_next)).tolist(), len(rows)] if len(rows) else []
+        parts = [
+            self.files[shards[start]].read(int(rows[start]), stop - start)
+            for start, stop in pairwise(bounds)
+        ] or [np.empty((0, self.files[0].width), np.float32)]
+        joined = parts[0] if len(parts) == 1 else np.concatenate(parts)
+        return Samples(joined, self.n_samples, self.n_joints)
 
     def chunks(self) -> Iterator[Samples]:
         """Yield the samples of `CHUNK` segments at a time, also if several files hold them."""
-        parts: list[Packed] = []
-        n_collected = 0
-        for shard, first, n in self.ranges:
-            n_read = 0
-            while n_read < n:
-                count = min(n - n_read, CHUNK - n_collected)
-                parts.append(self.files[shard].read(first + n_read, count))
-                n_collected, n_read = n_collected + count, n_read + count
-                if n_collected == CHUNK:
-                    yield self._join(parts)
-                    parts, n_collected = [], 0
-        if parts:
-            yield self._join(parts)
-
-    def _join(self, parts: Sequence[Packed]) -> Samples:
-        rows = parts[0] if len(parts) == 1 else np.concatenate(parts)
-        return Samples(rows, self.n_samples, self.n_joints)
+        for start in range(0, len(self), CHUNK):
+            yield self.select(np.arange(start, min(start + CHUNK, len(self))))
 
 
 @dataclass(frozen=True)
