@@ -1,4 +1,4 @@
-"""The report page of grafts: motions, seams, clips and parameters."""
+"""The report page of grafts: motions, seams, donors and parameters."""
 
 import html
 import os
@@ -11,9 +11,14 @@ from urllib.parse import quote
 import numpy as np
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.html_table import html_table
+from mograft.body.mass import center_of_mass, mass_model
 from mograft.library.library import Library
-from mograft.synthesis.graft_result import Graft
+from mograft.search.candidates import count_combinations
+from mograft.search.costs import PRESELECTION, length_fits
+from mograft.search.neighbourhoods import NEIGHBOURHOODS, Neighbourhood
+from mograft.synthesis.graft_result import Graft, seam_limit
 from mograft.synthesis.newness import newness
 from mograft.viewing.page import Page, assemble_page, asset, viewer_html
 from mograft.viewing.scene import Scene
@@ -31,7 +36,7 @@ def report_page(
     *,
     columns: Sequence[Mapping[str, str]] = (),
 ) -> Page:
-    """Return a report page about grafts, with tables and the viewer.
+    """Return a report page about grafts, with tables, charts and the viewer.
 
     Parameters
     ----------
@@ -92,9 +97,15 @@ def report_page(
             viewer_html(_scene(grafts, files), n_shown=1 + _MAX_SHOWN),
             f'<p class="note">{shown}Hatched segments of the timeline are exchanged; point at one '
             "to see its donor, click it to list the donors that it could have.</p>",
+            _cards(library),
             "<h2>Motions</h2>",
             _motion_table(grafts, files or [None] * len(grafts), columns or [{} for _ in grafts]),
             f'<p class="note">{_MOTION_NOTE}{_MEASURE_NOTE if columns else ""}</p>',
+            "<h2>Seams and donors</h2>",
+            _charts(grafts),
+            "<h2>Limits on donors</h2>",
+            _donor_table(first),
+            f'<p class="note">{_DONOR_NOTE.format(inside=_neighbourhood(library).inside)}</p>',
             "<h2>Clips</h2>",
             _clip_table(grafts),
             "<details><summary><h2>Summary</h2></summary>",
@@ -124,13 +135,46 @@ _MOTION_NOTE = (
     "New frames: share of frames in which a grafted joint differs by more than 5° from the base; "
     "then the mean angle of these joints to the base and to the nearest other motion of the page. "
     "Seam angle: mean angle between the joints of the two poses that meet at a seam, before "
-    "blending."
+    "blending. Balance shift: horizontal distance between the centres of mass of the motion and "
+    "of its base, in percent of the body height."
 )
 _MEASURE_NOTE = (
     " Jerk: of the end of the bone in the world, divided by that of base and donors. Floor depth, "
     "foot skate and out of balance: difference from the base; depth in percent of the body height, "
     "out of balance over frames with the zero-moment point outside of the support."
 )
+_DONOR_NOTE = (
+    "Average number of donors per segment that satisfy each condition and all previous ones: "
+    "{inside}; similar duration and no recording fault; candidate, that is, allowed by the "
+    "constraints and, if there are no constraints, among the cheapest donors "
+    f"({PRESELECTION} times max_candidates). A segment without donors keeps its captured motion."
+)
+
+
+def _cards(library: Library) -> str:
+    base = library.groups.base
+    n = len(library.segments)
+    frames = sum(entry.n_frames for entry in library.entries)
+    seconds = (frames - len(library.entries)) / library.rate
+    total = count_combinations(library.labels[base], len(library.groups.names))
+    cards = [
+        (format_number(len(library.entries)), "clip" if len(library.entries) == 1 else "clips"),
+        (format_number(frames), f"frames, {seconds:.0f} s"),
+        (format_number(n), "segments"),
+        *(
+            (format_number(int(labels.max()) + 1), f"clusters of {group}")
+            for group, labels in library.labels.items()
+        ),
+        (
+            f"{total / n:.1f} \N{MULTIPLICATION SIGN}",
+            f"as many combinations as segments ({format_number(total)} in all)",
+        ),
+    ]
+    items = "".join(
+        f"<div><b>{html.escape(value)}</b><span>{html.escape(label)}</span></div>"
+        for value, label in cards
+    )
+    return f'<div class="cards">{items}</div>'
 
 
 def _motion_table(
@@ -141,6 +185,7 @@ def _motion_table(
         new = sum(not s.is_own for s in graft.substitutions)
         angles = np.degrees([seam.gap for seam in graft.seams])
         n_without = sum(int((counts == 0).sum()) for counts in graft.alternatives.values())
+        shift = _balance_shift(graft)
         found = newness(graft, [other.motion for other in grafts if other is not graft])
         apart = "none" if found.apart is None else f"{np.degrees(found.apart):.1f}°"
         rows.append(
@@ -155,10 +200,107 @@ def _motion_table(
                 "seams": f"{len(angles)}",
                 "seam angle, mean": f"{angles.mean():.1f}°" if len(angles) else "none",
                 "seam angle, largest": f"{angles.max():.1f}°" if len(angles) else "none",
+                "balance shift, mean": f"{100 * shift.mean():.1f} %",
+                "balance shift, largest": f"{100 * shift.max():.1f} %",
                 **{title: html.escape(text) for title, text in more.items()},
             }
         )
     return wide_table(list(rows[0]), [list(row.values()) for row in rows])
+
+
+def _balance_shift(graft: Graft) -> FloatArray:
+    """Return the horizontal distance between the centres of mass of a graft and of its base.
+
+    It is in body heights, one value per frame.
+    """
+    offset = center_of_mass(graft.motion) - center_of_mass(graft.base)
+    offset[:, graft.library.up] = 0.0
+    return np.linalg.norm(offset, axis=1) / mass_model(graft.base.skeleton).height
+
+
+def _charts(grafts: Sequence[Graft]) -> str:
+    limit = float(np.degrees(seam_limit(grafts[0])))
+    angles = np.degrees([seam.gap for graft in grafts for seam in graft.seams])
+    edges = np.linspace(0, max(limit * 4 / 3, float(angles.max(initial=0.0)) + 1), 25)
+    figures = [
+        _bars(
+            np.histogram(angles, edges)[0],
+            [f"{edge:.0f}°" for edge in edges],
+            f"Seam angles of {len(angles)} seams; the limit is {limit:.0f}°",
+            edges[:-1] >= limit - 1e-6,
+        )
+    ]
+    for group, counts in grafts[0].alternatives.items():
+        top = min(int(counts.max(initial=0)) + 1, 24)
+        tally = np.bincount(np.minimum(counts, top), minlength=top + 1)
+        names = [str(k) for k in range(top)] + [f"{top}+", ""]
+        caption = f"Number of segments by their number of other donors, for {group}"
+        figures.append(_bars(tally, names, caption, np.arange(top + 1) == 0))
+    return f'<div class="charts">{"".join(figures)}</div>'
+
+
+def _bars(counts: IntArray, names: Sequence[str], caption: str, is_marked: BoolArray) -> str:
+    """Return a bar chart of `counts` as SVG; bars with true `is_marked` have another colour."""
+    width, height, left, bottom = 420, 150, 34, 18
+    step = (width - left - 14) / len(counts)
+    line = height - bottom
+    top = max(int(counts.max(initial=0)), 1)
+    parts = []
+    for index, count in enumerate(counts.tolist()):
+        bar = (line - 12) * count / top
+        parts.append(
+            f'<rect class="{"bar over" if is_marked[index] else "bar"}" '
+            f'x="{left + index * step + 0.5:.1f}" y="{line - bar:.1f}" '
+            f'width="{step - 1:.1f}" height="{bar:.1f}">'
+            f"<title>{html.escape(names[index])}: {count}</title></rect>"
+        )
+        if index % max(1, len(counts) // 6) == 0:
+            parts.append(
+                f'<text x="{left + index * step + 1:.1f}" y="{height - 4}">'
+                f"{html.escape(names[index])}</text>"
+            )
+    parts.append(f'<text x="0" y="18">{top}</text>')
+    parts.append(f'<path class="axis" d="M{left} {line}H{width}M{left} 12V{line}" fill="none"/>')
+    text = html.escape(caption)
+    return (
+        f'<figure><svg class="chart" viewBox="0 0 {width} {height}" role="img" '
+        f'aria-label="{text}">{"".join(parts)}</svg><figcaption>{text}</figcaption></figure>'
+    )
+
+
+def _donor_table(graft: Graft) -> str:
+    """Return an HTML table of the mean number of donors per segment that satisfy each condition.
+
+    A donor counts for a condition only if it also satisfies those of the previous columns.
+    """
+    library = graft.library
+    lengths = library.segments.lengths
+    used = np.unique([s.segment for s in graft.substitutions])
+    # The neighbourhood depends on the base group only: it is the same for all grafted groups.
+    neighbours = library.pool(next(iter(graft.alternatives))).neighbours(used, library.config)
+    n_similar, n_fitting = [], []
+    for segment, similar in zip(used.tolist(), neighbours, strict=True):
+        fits = length_fits(lengths[[segment]], lengths[similar], library.rate, library.config)
+        n_similar.append(len(similar) - 1)
+        n_fitting.append((fits & library.is_donor[similar] & (similar != segment)).sum())
+    inside = _neighbourhood(library).inside
+    head = ["group", f"{inside} of {library.groups.base}", "similar duration"]
+    head += ["candidates", "segments without donors"]
+    rows = [
+        [
+            html.escape(group),
+            f"{np.mean(n_similar):.1f}",
+            f"{np.mean(n_fitting):.1f}",
+            f"{counts.mean():.1f}",
+            f"{int((counts == 0).sum())} of {len(counts)}",
+        ]
+        for group, counts in graft.alternatives.items()
+    ]
+    return wide_table(head, rows)
+
+
+def _neighbourhood(library: Library) -> Neighbourhood:
+    return NEIGHBOURHOODS[library.config.neighbourhood]
 
 
 def _clip_table(grafts: Sequence[Graft]) -> str:
@@ -173,17 +315,18 @@ def _clip_table(grafts: Sequence[Graft]) -> str:
         if not substitution.is_own:
             donors[clip] += 1
             frames[clip] += substitution.donor_stop - substitution.donor_start
-    rows = [
-        [
-            html.escape(f"{entry.name} ({file})" if file else entry.name),
-            format_number(entry.n_frames),
-            f"{(entry.n_frames - 1) / library.rate:.1f} s",
-            format_number(donors[clip]),
-            format_number(frames[clip]),
-        ]
-        for clip in sorted(clips)
-        for entry, file in [(library.entries[clip], library.file_name(clip))]
-    ]
+    rows = []
+    for clip in sorted(clips):
+        entry, file = library.entries[clip], library.file_name(clip)
+        rows.append(
+            [
+                html.escape(f"{entry.name} ({file})" if file else entry.name),
+                format_number(entry.n_frames),
+                f"{(entry.n_frames - 1) / library.rate:.1f} s",
+                format_number(donors[clip]),
+                format_number(frames[clip]),
+            ]
+        )
     table = wide_table(["clip", "frames", "duration", "donors used", "donor frames used"], rows)
     n_others = len(library.entries) - len(rows)
     clips_word = "clip" if n_others == 1 else "clips"
