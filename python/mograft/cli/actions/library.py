@@ -62,14 +62,9 @@ def _index(
     The excluded files are a dict from path to reason.
     """
     with show_progress() as progress, worker_processes(options.jobs) as executor:
-        keywords: dict[str, Any] = {
-            "frame_rates": rates,
-            "tags": tags,
-            "strict": options.strict,
-            "executor": executor,
-            "progress": progress,
-            "include_grafts": options.include_grafts,
-        }
+        keywords: dict[str, Any] = {"frame_rates": rates, "tags": tags, "strict": options.strict}
+        keywords |= {"executor": executor, "progress": progress}
+        keywords["include_grafts"] = options.include_grafts
         if options.add:
             library = Library.open(options.output)
             before = set(library.refused)
@@ -86,11 +81,10 @@ def _index(
 
 def _describe_excluded(excluded: Mapping[str, str]) -> list[str]:
     """Return the lines that report excluded clips, from the reasons by the address of the clip."""
-    lines = []
-    for address, reason in excluded.items():
-        place = "" if reason.startswith(split_address(address)[0]) else f"{address}: "
-        lines.append(f"excluded: {place}{reason}")
-    return lines
+    return [
+        f"excluded: {'' if why.startswith(split_address(address)[0]) else f'{address}: '}{why}"
+        for address, why in excluded.items()
+    ]
 
 
 def run_info(options: LibInfoOptions) -> int:
@@ -104,10 +98,10 @@ def run_info(options: LibInfoOptions) -> int:
         f"  {document['clips']} clips, {document['frames']} frames at {document['rate']:.6g} fps",
         f"  {document['segments']} segments{given}",
     ]
-    for name, group in document["groups"].items():
-        lines.append(
-            f"  {name}: {group['clusters']} clusters of diameter {group['sigma']:.4g} at most"
-        )
+    lines += [
+        f"  {name}: {group['clusters']} clusters of diameter {group['sigma']:.4g} at most"
+        for name, group in document["groups"].items()
+    ]
     if document["tags"]:
         lines.append(f"  tags: {' '.join(document['tags'])}")
     lines += [f"  {line}" for line in _describe_excluded(document["left_out"])]
@@ -144,18 +138,11 @@ def _describe_library(library: Library) -> dict[str, Any]:
 
 
 def _describe_clip(entry: ClipInfo) -> dict[str, Any]:
-    source = entry.source_file
-    return {
-        "name": entry.name,
-        "file": None if source is None else source.path,
-        "format": None if source is None else source.format,
-        "clip": None if source is None else source.clip,
-        "sha256": None if source is None else source.sha256,
-        "frames": entry.n_frames,
-        "own_rate": entry.source_rate,
-        "tags": list(entry.tags),
-        "faults": list(entry.faults),
-    }
+    file = entry.source_file
+    source = {"name": entry.name, "file": file and file.path, "format": file and file.format}
+    source |= {"clip": file and file.clip, "sha256": file and file.sha256}
+    lists = {"tags": list(entry.tags), "faults": list(entry.faults)}
+    return {**source, "frames": entry.n_frames, "own_rate": entry.source_rate, **lists}
 
 
 def run_verify(options: VerifyOptions) -> int:
@@ -170,10 +157,8 @@ def run_verify(options: VerifyOptions) -> int:
 
 def run_export(options: TablesOptions) -> int:
     """Run ``lib export``."""
-    if options.format == "npz":
-        check_suffix(options.output, ".npz")
-    else:
-        check_suffix(options.output, is_folder=True)
+    suffixes = [".npz"] if options.format == "npz" else []
+    check_suffix(options.output, *suffixes, is_folder=not suffixes)
     library = Library.open(options.library)
     check_writable([options.output], force=options.force)
     options.output.parent.mkdir(parents=True, exist_ok=True)
