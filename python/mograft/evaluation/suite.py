@@ -229,14 +229,10 @@ class _Base:
         own, n_segments = self.balances[kind], len(self.cut)
         if grafts is None:
             return BalanceSample(self.cut, own, [own], np.ones((1, n_segments), bool))
-        balances = [
-            _BALANCES[kind](
-                graft.motion,
-                support=self.support if has_base_legs(graft) else None,
-                floor_reference=graft.base,
-            )
-            for graft in grafts
-        ]
+        balances, measure = [], _BALANCES[kind]
+        for graft in grafts:
+            support = self.support if has_base_legs(graft) else None
+            balances.append(measure(graft.motion, support=support, floor_reference=graft.base))
         is_exchanged = np.array([[not s.is_own for s in graft.substitutions] for graft in grafts])
         changed = np.any(is_exchanged.reshape(len(grafts), -1, n_segments), axis=1)
         return BalanceSample(self.cut, own, balances, np.asarray(changed, bool))

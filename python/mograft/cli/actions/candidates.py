@@ -76,7 +76,7 @@ def _as_dict(library: Library, candidate: Candidate) -> dict[str, Any]:
     first = int(library.segments.of_clip(candidate.clip)[0])
     place = {"clip": library.entries[candidate.clip].name, "segment": candidate.segment - first}
     place |= {"index": candidate.segment, "frames": [candidate.start, candidate.stop]}
-    costs = {"cost": candidate.cost, "stretch": candidate.stretch}
+    costs: dict[str, Any] = {"cost": candidate.cost, "stretch": candidate.stretch}
     costs["gaps_degrees"] = [round(math.degrees(gap), 4) for gap in gaps]
     costs["distance"] = None if math.isnan(candidate.distance) else candidate.distance
     return {**place, **costs, "refused": candidate.refused, "is_forced": candidate.is_forced}

@@ -1,5 +1,6 @@
-"""``mograft index`` and ``mograft lib``: libraries of many files, in folders."""
+"""``mograft index``, ``lib`` and ``stream``: libraries in folders, and a server of one library."""
 
+import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -7,7 +8,8 @@ from mograft._util.workers import worker_processes
 from mograft.cli import configuration
 from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import print_remark, print_result, show_progress
-from mograft.cli.syntax.commands import IndexOptions, LibInfoOptions, TablesOptions, VerifyOptions
+from mograft.cli.syntax import commands
+from mograft.cli.syntax.arguments import UsageError
 from mograft.errors import join_names
 from mograft.io.addresses import split_address
 from mograft.library.clip_table import ClipInfo
@@ -15,9 +17,11 @@ from mograft.library.discover import find_clips, matching_values, read_tags
 from mograft.library.export import export_tables
 from mograft.library.files import storage
 from mograft.library.library import Library
+from mograft.stream.protocol import PROTOCOL
+from mograft.stream.server import ServerLimits, StreamServer, is_loopback
 
 
-def run_index(options: IndexOptions) -> int:
+def run_index(options: commands.IndexOptions) -> int:
     """Create a library, or add files to one."""
     check_suffix(options.output, is_folder=True)
     if options.add:
@@ -55,7 +59,9 @@ def _warn_of_unused(
 
 
 def _index(
-    options: IndexOptions, rates: Mapping[str, float], tags: Mapping[str, Sequence[str]] | None
+    options: commands.IndexOptions,
+    rates: Mapping[str, float],
+    tags: Mapping[str, Sequence[str]] | None,
 ) -> tuple[Library, dict[str, str]]:
     """Create a library, or add files to one; return the library and the newly excluded files.
 
@@ -87,7 +93,7 @@ def _describe_excluded(excluded: Mapping[str, str]) -> list[str]:
     ]
 
 
-def run_info(options: LibInfoOptions) -> int:
+def run_info(options: commands.LibInfoOptions) -> int:
     """Run ``lib info``."""
     library = Library.open(options.library)
     document = _describe_library(library)
@@ -115,25 +121,18 @@ def run_info(options: LibInfoOptions) -> int:
 
 def _describe_library(library: Library) -> dict[str, Any]:
     """Return a summary of a library as a dict for JSON: its size, clusters and configuration."""
+    groups = {}
+    for group, labels in library.labels.items():
+        joints = [library.skeleton.names[joint] for joint in library.joints(group)]
+        sizes = {"clusters": int(labels.max(initial=-1)) + 1, "sigma": library.sigma[group]}
+        groups[group] = {**sizes, "sigma_scale": library.config.sigma_scale, "joints": joints}
+    n_frames = sum(entry.n_frames for entry in library.entries)
     return {
         "library": str(library.folder),
-        "clips": len(library.entries),
-        "frames": sum(entry.n_frames for entry in library.entries),
-        "rate": library.rate,
-        "segments": len(library.segments),
-        "groups": {
-            group: {
-                "clusters": int(labels.max(initial=-1)) + 1,
-                "sigma": library.sigma[group],
-                "sigma_scale": library.config.sigma_scale,
-                "joints": [library.skeleton.names[joint] for joint in library.joints(group)],
-            }
-            for group, labels in library.labels.items()
-        },
-        "base_group": library.groups.base,
+        **{"clips": len(library.entries), "frames": n_frames, "rate": library.rate},
+        **{"segments": len(library.segments), "groups": groups, "base_group": library.groups.base},
         "tags": sorted({tag for entry in library.entries for tag in entry.tags}),
-        "config": library.config.as_dict(),
-        "left_out": dict(library.refused),
+        **{"config": library.config.as_dict(), "left_out": dict(library.refused)},
     }
 
 
@@ -145,7 +144,7 @@ def _describe_clip(entry: ClipInfo) -> dict[str, Any]:
     return {**source, "frames": entry.n_frames, "own_rate": entry.source_rate, **lists}
 
 
-def run_verify(options: VerifyOptions) -> int:
+def run_verify(options: commands.VerifyOptions) -> int:
     """Run ``lib verify``."""
     differences = storage.verify(options.library)
     for name in storage.list_leftovers(options.library):
@@ -155,7 +154,7 @@ def run_verify(options: VerifyOptions) -> int:
     return 3 if differences else 0
 
 
-def run_export(options: TablesOptions) -> int:
+def run_export(options: commands.TablesOptions) -> int:
     """Run ``lib export``."""
     suffixes = [".npz"] if options.format == "npz" else []
     check_suffix(options.output, *suffixes, is_folder=not suffixes)
@@ -164,4 +163,23 @@ def run_export(options: TablesOptions) -> int:
     options.output.parent.mkdir(parents=True, exist_ok=True)
     paths = [str(path) for path in export_tables(library, options.output, options.format)]
     print_result(options, "tables/1", {"kind": options.format, "files": paths}, paths)
+    return 0
+
+
+def run_stream(options: commands.StreamOptions) -> int:
+    """Run the command until it is interrupted."""
+    if (options.port is None) == (options.socket is None):
+        raise UsageError("one of --port and --socket is required")
+    library = configuration.load_library(options)
+    address = options.socket or (options.host, options.port or 0)
+    if options.socket is None and not is_loopback(options.host):
+        print_remark(
+            f"warning: {options.host} accepts connections from other computers, without a password"
+        )
+    server = StreamServer(library, address, ServerLimits(idle_seconds=options.timeout))
+    document = {"protocol": PROTOCOL, "address": server.address, "rate": library.rate}
+    lines = [f"{PROTOCOL} at {server.address}, {library.rate:.6g} frames/s; Ctrl-C ends it"]
+    print_result(options, "stream-server/1", document, lines)
+    sys.stdout.flush()
+    server.serve_forever()
     return 0
