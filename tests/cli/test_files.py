@@ -13,12 +13,11 @@ from mograft.cli.syntax.values import PRESETS
 from mograft.formats import write_npz
 
 
-def test_info_prints_joints_frames_and_groups(run, folder):
-    code, out, _ = run("info", folder)
-    assert code == 0
+def test_info_prints_joints_frames_and_groups(run, succeed, folder):
+    out = succeed("info", folder)[0]
     assert "18 joints, 57 channels (DoF)" in out
     assert "600 frames at 30 fps" in out
-    code, out, _ = run("info", "--json", folder / "a.bvh")
+    _, out, _ = run("info", "--json", folder / "a.bvh")
     document = json.loads(out)
     assert document["schema"] == "mograft.info/1"
     assert document["files"][0]["joints"] == 18
@@ -74,20 +73,19 @@ def test_groups_presets_equal_those_of_joint_groups():
     assert set(PRESETS) == set(joint_groups.PRESETS)
 
 
-def test_groups_output_is_accepted_by_graft(run, folder, tmp_path):
-    code, out, _ = run("groups", folder / "a.bvh", "--preset", "lower_torso_arms")
-    assert code == 0
+def test_groups_output_is_accepted_by_graft(run, succeed, folder, tmp_path):
+    out = succeed("groups", folder / "a.bvh", "--preset", "lower_torso_arms")[0]
     assert "LeftForeArm" in out
     assert run("groups", folder, "--preset", "lower_torso_arms")[1] == out
     path = tmp_path / "groups.toml"
-    code, out, _ = run("groups", folder / "a.bvh", "-o", path)
+    _, out, _ = run("groups", folder / "a.bvh", "-o", path)
     assert out.strip() == str(path)
     assert run("groups", folder / "a.bvh", "-o", path)[0] == 1
     out_file = tmp_path / "x.bvh"
     assert run("graft", folder / "a.bvh", "--groups", path, "-o", out_file)[0] == 0
 
 
-def test_groups_file_is_accepted_by_all_commands(run, folder, tmp_path):
+def test_groups_file_is_accepted_by_all_commands(run, succeed, folder, tmp_path):
     groups = tmp_path / "groups.toml"
     groups.write_text('base = "all"\n[groups]\nall = ["*"]\n')
     assert run("groups", folder / "a.bvh", "-o", groups, "--force")[0] == 0
@@ -100,8 +98,7 @@ def test_groups_file_is_accepted_by_all_commands(run, folder, tmp_path):
         ("export", clip, "-o", tmp_path / "a.glb"),
         ("candidates", clip, "--segment", 3, "--group", "above"),
     ):
-        code, _, err = run(*words, "--groups", groups)
-        assert code == 0, err
+        succeed(*words, "--groups", groups)
     assert '"above"' in (tmp_path / "a.html").read_text()
 
 
@@ -147,12 +144,11 @@ def test_index_excluded_file_is_named_once(run, folder, tmp_path):
     assert f"  {lines[0]}" in run("lib", "info", library)[1]
 
 
-def test_index_unmatched_rates_and_tags_print_warning(run, folder, tmp_path):
+def test_index_unmatched_rates_and_tags_print_warning(succeed, folder, tmp_path):
     tags = tmp_path / "tags.csv"
     tags.write_text("clip,tag\na.bvh,slow\nz*,fast\n")
     words = ["--tags", tags, "--true-rate", "b=60", "--true-rate", "c=60"]
-    code, _, err = run("index", folder, "-o", tmp_path / "lib", *words)
-    assert code == 0
+    err = succeed("index", folder, "-o", tmp_path / "lib", *words)[1]
     assert "no clip matches these names of --true-rate or --tags: c, z*" in err
 
 

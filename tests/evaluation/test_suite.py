@@ -7,16 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import mograft as mg
 from lab.donors.donor_methods import RandomLength, makers
-from mograft import (
-    Config,
-    InsufficientDataError,
-    JointGroups,
-    Library,
-    Motion,
-    Skeleton,
-    graft_many,
-)
+from mograft import Library
 from mograft.dancer import dance
 from mograft.evaluation import detectability, evaluate, quality, world_quality
 from mograft.viewing.evaluation_report import evaluation_page, summarize
@@ -93,7 +86,7 @@ def test_evaluate_other_seed_gives_other_quality(library, evaluation):
 
 def test_evaluate_without_methods_measures_the_grafts_of_graft_many(library):
     found = evaluate(library, ["quality"], runs=2, bases=1)
-    grafts = list(graft_many(library, library.names[0], 2))
+    grafts = list(mg.graft_many(library, library.names[0], 2))
     assert found.quality == (quality("grafts", [grafts]),)
     assert found.parameters["ways"] == ["grafts"]
 
@@ -101,7 +94,7 @@ def test_evaluate_without_methods_measures_the_grafts_of_graft_many(library):
 @pytest.mark.parametrize("measure", [quality, world_quality, detectability])
 @pytest.mark.parametrize("grafts", [[], [[]]])
 def test_measures_without_grafts_raise_insufficient_data_error(measure, grafts):
-    with pytest.raises(InsufficientDataError, match="at least one graft"):
+    with pytest.raises(mg.InsufficientDataError, match="at least one graft"):
         measure("x", grafts)
 
 
@@ -118,10 +111,12 @@ def test_evaluate_zero_count_raises_value_error(library, name):
 
 
 def test_evaluate_skeleton_without_legs_omits_measures_of_feet():
-    skeleton = Skeleton(["a", "b", "c"], [-1, 0, 1], [[0, 0, 0], [0, 1, 0], [0, 1, 0]])
+    skeleton = mg.Skeleton(["a", "b", "c"], [-1, 0, 1], [[0, 0, 0], [0, 1, 0], [0, 1, 0]])
     quats = smooth_rotations(np.random.default_rng(0), 300, 3)
-    motion = Motion(skeleton, 1 / 30, quats, np.tile(skeleton.offsets, (300, 1, 1)), name="pole")
-    poles = Library.build(motion, JointGroups({"lower": ["a"], "upper": ["b", "c"]}), Config())
+    motion = mg.Motion(skeleton, 1 / 30, quats, np.tile(skeleton.offsets, (300, 1, 1)), name="pole")
+    poles = Library.build(
+        motion, mg.JointGroups({"lower": ["a"], "upper": ["b", "c"]}), mg.Config()
+    )
     found = evaluate(poles, runs=1)
     assert "no leg" in found.refusals["balance"]
     assert found.balance == ()
@@ -142,7 +137,7 @@ def test_evaluate_upper_base_group_measures_balance(library):
     names = library.clips[0].skeleton.names
     upper = [n for n in names if "Leg" not in n and "Foot" not in n and n != "Hips"]
     lower = [n for n in names if n not in upper]
-    groups = JointGroups({"upper": upper, "lower": lower}, base="upper")
+    groups = mg.JointGroups({"upper": upper, "lower": lower}, base="upper")
     inverted = Library.build(library.clips, groups)
     found = evaluate(inverted, ["balance"], methods=makers((ByCost(),)), runs=1, bases=1)
     assert {row.method for row in found.balance} == {"recording", "by cost"}
