@@ -13,12 +13,8 @@ from mograft.cli.syntax.values import PRESETS
 from mograft.formats import write_npz
 
 
-def test_info_prints_joints_frames_and_groups(run, succeed, folder):
-    out = succeed("info", folder)[0]
-    assert "18 joints, 57 channels (DoF)" in out
-    assert "600 frames at 30 fps" in out
-    _, out, _ = run("info", "--json", folder / "a.bvh")
-    document = json.loads(out)
+def test_info_prints_joints_frames_and_groups(succeed, folder):
+    document = json.loads(succeed("info", "--json", folder / "a.bvh")[0])
     assert document["schema"] == "mograft.info/1"
     assert document["files"][0]["joints"] == 18
     assert document["files"][0]["groups"]["lower"][0] == "Hips"
@@ -62,8 +58,7 @@ def test_check_lists_errors_and_faults_of_every_file(run, folder, tmp_path):
     assert "tolerated: " in out
     assert run("check", tmp_path / "short.bvh")[0] == 0
     assert run("check", "--strict", tmp_path / "short.bvh")[0] == 3
-    code, out, _ = run("check", "--json", tmp_path)
-    document = json.loads(out)
+    document = json.loads(run("check", "--json", tmp_path)[1])
     assert document["schema"] == "mograft.check/1"
     assert [bool(file["error"]) for file in document["files"]] == [True, False, False]
 
@@ -117,14 +112,7 @@ def test_output_missing_folders_are_created(run, folder, tmp_path):
         assert [path.name for path in target.parent.iterdir()] == [words[-1]]
 
 
-def test_output_file_in_place_of_folder_returns_1(run, folder, tmp_path):
-    file = tmp_path / "file"
-    file.write_text("text")
-    for words in (("graft", folder, "-o", file), ("demo", "-o", file)):
-        code, _, err = run(*words, "--force")
-        assert code == 1
-        assert f"{file} is a file; expected a folder" in err
-    assert file.read_text() == "text"
+def test_output_folder_in_place_of_page_returns_1(run, folder, tmp_path):
     page = tmp_path / "page.html"
     page.mkdir()
     code, _, err = run("view", folder, "-o", page, "--force")

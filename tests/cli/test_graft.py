@@ -5,8 +5,8 @@ import math
 import re
 import shlex
 import shutil
+from pathlib import Path
 
-import numpy as np
 import pytest
 
 from mograft import Config, Library, __version__, graft_many, read_bvh, write_bvh
@@ -14,20 +14,13 @@ from mograft.cli import main
 from mograft.evaluation import world_measures
 
 
-def test_graft_count_three_writes_different_motions_with_base_legs(succeed, folder, tmp_path):
+def test_graft_count_three_writes_different_motions(succeed, folder, tmp_path):
     out, err = succeed("graft", folder, "-o", tmp_path / "out", "-n", 3)
-    paths = out.split()
-    assert paths == [str(tmp_path / "out" / f"a_graft{i}.bvh") for i in range(3)]
+    paths = [tmp_path / "out" / f"a_graft{i}.bvh" for i in range(3)]
+    assert out.split() == list(map(str, paths))
     assert "segments exchanged" in err
-    base = read_bvh(folder / "a.bvh")
-    legs = [c for j in range(7) for c in base.skeleton.channel_columns[j]]
-    news = [read_bvh(path) for path in paths]
-    for new in news:
-        np.testing.assert_array_equal(new.channel_values[:, legs], base.channel_values[:, legs])
-    assert len({new.channel_values.tobytes() for new in news}) == 3
-    document = json.loads((tmp_path / "out" / "a_graft0.json").read_text())
-    assert document["mograft"] == __version__
-    assert {clip["name"] for clip in document["clips"]} == {"a", "b"}
+    assert len({read_bvh(path).channel_values.tobytes() for path in paths}) == 3
+    assert json.loads(paths[0].with_suffix(".json").read_text())["mograft"] == __version__
 
 
 @pytest.mark.parametrize("field", ["max_stretch", "max_angle"])
@@ -51,8 +44,7 @@ def test_candidates_lists_allowed_and_refused_donors(run, succeed, folder):
     assert "segments are in other clusters" in of_cluster
     assert of_cluster.count("\n") != out.count("\n")
     ball = ["--avoid", "sphere:0,0,0,9999", "--json"]
-    code, out, _ = run("candidates", folder, *options, *ball)
-    document = json.loads(out)
+    document = json.loads(run("candidates", folder, *options, *ball)[1])
     assert document["schema"] == "mograft.candidates/2"
     assert document["allowed"] == []
     assert all("Avoid: penetration depth" in c["refused"] for c in document["refused"])
@@ -69,8 +61,7 @@ def test_candidates_lists_allowed_and_refused_donors(run, succeed, folder):
 
 
 def test_candidates_and_graft_agree_on_segments_frames_and_gaps(run, succeed, folder, tmp_path):
-    out = succeed("candidates", folder, "--segment", 9, "--json")[0]
-    listed = json.loads(out)
+    listed = json.loads(succeed("candidates", folder, "--segment", 9, "--json")[0])
     _, table, _ = run("candidates", folder, "--segment", 9)
     others = [own for own in listed["allowed"] if own["index"] != listed["index"]]
     assert len(others) == len(listed["allowed"]) - 1
@@ -148,37 +139,10 @@ def copy_clips(folder, target):
     return target
 
 
-def names_of_clips(document):
-    return [clip["name"] for clip in document["grafts"][0]["clips"]]
-
-
-def test_graft_grafts_of_earlier_run_are_no_donors(run, succeed, folder, tmp_path):
-    clips = copy_clips(folder, tmp_path / "clips")
-    assert run("graft", clips, "-o", clips, "-n", 2)[0] == 0
-    first = (clips / "a_graft0.bvh").read_bytes()
-    out, err = succeed("graft", clips, "-o", clips, "-n", 2, "--force", "--json")
-    lines = [line for line in err.splitlines() if "--include-grafts" in line]
-    assert len(lines) == 1
-    assert lines[0].startswith("warning: 2 grafts ")
-    assert names_of_clips(json.loads(out)) == ["a", "b"]
-    assert (clips / "a_graft0.bvh").read_bytes() == first
-    out, err = succeed("graft", clips, "--include-grafts", "-o", tmp_path / "all", "--json")
-    assert names_of_clips(json.loads(out)) == ["a", "a_graft0", "a_graft1", "b"]
-    assert "--include-grafts" not in err
-    named = [clips / "b.bvh", clips / "a_graft1.bvh"]
-    code, out, err = run("graft", *named, "-o", tmp_path / "named", "--json")
-    assert names_of_clips(json.loads(out)) == ["b", "a_graft1"]
-    assert "--include-grafts" not in err
-    for path in (clips / "a.bvh", clips / "b.bvh"):
-        path.unlink()
-    code, _, err = run("graft", clips, "-o", tmp_path / "none")
-    assert code == 1
-    assert "--include-grafts" in err
-
-
 @pytest.mark.parametrize(
     "words",
     [
+        ("graft", "-o", "x"),
         ("candidates", "--segment", 3),
         ("plot", "clusters", "-o", "x.png"),
         ("evaluate", "balance", "--runs", 1, "--bases", 1),
@@ -193,6 +157,9 @@ def test_commands_exclude_grafts_in_folders(run, succeed, folder, tmp_path, word
     command = [*words[:position], clips, *words[position:]]
     err = succeed(*command)[1]
     assert err.count("1 graft of mograft in these folders") == 1
+    if words[0] == "graft":
+        clips = json.loads(Path("x/a_graft0.json").read_text())["clips"]
+        assert [clip["name"] for clip in clips] == ["a", "b"]
     if words[0] == "index":
         names = [entry.name for entry in Library.open("x.mograft").entries]
         assert names == ["a", "b"]
@@ -200,7 +167,7 @@ def test_commands_exclude_grafts_in_folders(run, succeed, folder, tmp_path, word
         names = [entry.name for entry in Library.open("x.mograft").entries]
         assert names == ["a", "b", "c"]
     else:
-        force = ["--force"] if words[0] == "plot" else []
+        force = ["--force"] if words[0] in ("graft", "plot") else []
         assert "--include-grafts" not in run(*command, "--include-grafts", *force)[2]
 
 
@@ -228,23 +195,16 @@ def test_graft_from_provenance_writes_same_bytes_and_keeps_the_command(run, fold
     assert documents[0] == documents[1]
 
 
-def test_graft_digits_option_sets_decimals_and_is_recorded(run, folder, tmp_path):
+def test_graft_digits_option_is_recorded_and_may_be_replaced(run, folder, tmp_path):
     path = write_first(run, folder, tmp_path, "--digits", "8")
     provenance = path.with_suffix(".json")
-    assert json.loads(provenance.read_text())["digits"] == 8
-    again, other = tmp_path / "again.bvh", tmp_path / "other.bvh"
-    assert run("graft", "--from", provenance, "-o", again)[0] == 0
-    assert again.read_bytes() == path.read_bytes()
-    assert run("graft", "--from", provenance, "-o", other, "--digits", "3")[0] == 0
-    base = read_bvh(folder / "a.bvh").channel_values
-    numbers = {n: read_bvh(own).channel_values for n, own in ((8, path), (3, other))}
-    for digits, own in numbers.items():
-        assert (own == base).any()
-        np.testing.assert_array_equal(own[own != base], np.round(own[own != base], digits))
-    assert not np.array_equal(numbers[8], np.round(numbers[8], 7))
-    document = json.loads(provenance.read_text())
-    provenance.write_text(json.dumps({**document, "digits": 99}))
-    code, _, err = run("graft", "--from", provenance, "-o", tmp_path / "third.bvh")
+    written = []
+    for words in ([], ["--digits", "3"]):
+        assert run("graft", "--from", provenance, "-o", "again.bvh", "--force", *words)[0] == 0
+        written.append(Path("again.bvh").read_bytes())
+    assert written[0] == path.read_bytes() != written[1]
+    provenance.write_text(json.dumps({**json.loads(provenance.read_text()), "digits": 99}))
+    code, _, err = run("graft", "--from", provenance, "-o", "third.bvh")
     assert code == 3
     assert "damaged: `digits` must be an integer from 1 to 12, got 99" in err
 

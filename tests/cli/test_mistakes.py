@@ -28,6 +28,9 @@ MISTAKES = [
     ("view lib --clip walkk -o x.html", RUNTIME, "got 'walkk'; did you mean 'walk'?"),
     ("graft a.bvh -o x --groups lower_uper", USAGE, "'lower_uper'; did you mean 'lower_upper'?"),
     ("graft a.bvh -o x --scenario graph --among wlk", RUNTIME, "--among must match"),
+    ("evaluate balance", USAGE, "expected one library or at least one motion file"),
+    ("evaluate a.bvh --rate 0", USAGE, "--rate: must be a number above 0, got 0"),
+    ("evaluate a.bvh --runs 0", USAGE, "--runs: must be an integer of at least 1, got 0"),
     ("evaluate a.bvh qualiti", RUNTIME, "qualiti: No such file"),
     ("graft a.bvh -o x --set seem=offset", USAGE, "'seem' is no field of Config; did you mean"),
     ("graft a.bvh -o x --set seam", USAGE, "expected FIELD=VALUE, such as seam=offset, got seam"),
@@ -39,6 +42,7 @@ MISTAKES = [
     ("info none.bvh", RUNTIME, "none.bvh: No such file or directory"),
     ("graft empty -o x", RUNTIME, "empty: no motion file in this folder"),
     ("info broken.bvh", INVALID, "broken.bvh:4:2: expected OFFSET"),
+    ("export broken.glb -o x.bvh", INVALID, "broken.glb: byte 8: expected"),
     ("graft zero.bvh -o x", INVALID, "zero.bvh:113:9: expected at least 1 frame, got Frames: 0"),
     ("graft a.bvh other.bvh -o x", RUNTIME, "also has LeftElbow, unlike"),
     ("graft a.bvh -o x --base other.bvh", RUNTIME, "also has LeftElbow, unlike a in the library"),
@@ -60,6 +64,7 @@ MISTAKES = [
     ("lib export lib --format npz -o x", USAGE, "-o must be a file that ends in .npz, got x"),
     ("groups a.bvh -o x.json", USAGE, "-o must be a file that ends in .toml, got x.json"),
     ("graft a.bvh -o a.bvh/x", RUNTIME, "a.bvh is a file; expected a folder"),
+    ("demo -o text --force", RUNTIME, "text is a file; expected a folder"),
     ("index a.bvh -o lib", RUNTIME, "lib exists; use --force to replace a library"),
     # Values
     ("graft a.bvh -o x -n 0", USAGE, "--count: must be an integer of at least 1, got 0"),
@@ -129,8 +134,10 @@ def mistakes_folder(tmp_path_factory):
     text = (folder / "a.bvh").read_text()
     (folder / "other.bvh").write_text(text.replace("LeftForeArm", "LeftElbow"))
     (folder / "broken.bvh").write_text(text.replace("OFFSET", "OFSET", 1))
+    (folder / "broken.glb").write_bytes(b"glTF\2\0\0\0\x20\0\0\0")
     head = text[: text.index("Frames:")]
     (folder / "zero.bvh").write_text(f"{head}Frames: 0\nFrame Time: 0.033\n")
+    (folder / "text").write_text("text")
     (folder / "empty").mkdir()
     sources = [folder / "clips" / f"{name}.bvh" for name in ("dance", "walk")]
     sources[0].parent.mkdir()

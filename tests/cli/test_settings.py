@@ -101,8 +101,7 @@ def test_config_show_output_is_valid_config_file(run, succeed, working_folder):
     origins = {line.split(" = ")[0]: line.split("# ")[-1] for line in out.splitlines()}
     assert origins["dark"] == str(working_folder / CONFIG_FILE)
     Path(CONFIG_FILE).unlink()
-    _, out, _ = run("config", "show", "plot", "--json")
-    document = json.loads(out)
+    document = json.loads(run("config", "show", "plot", "--json")[1])
     assert document["file"] is None
     assert {s["origin"] for s in document["settings"]} == {"default"}
     assert {s["command"] for s in document["settings"]} == {"plot"}
@@ -126,8 +125,8 @@ def test_settings_groups_path_is_relative_to_config_file(run, clip, working_fold
     Path(CONFIG_FILE).write_text('[graft]\ngroups = "groups.toml"\n')
     (working_folder / "below").mkdir()
     monkeypatch.chdir(working_folder / "below")
-    _, out, _ = run("graft", clip, "-o", "x.bvh", "--json")
-    groups = {s["group"] for s in json.loads(out)["grafts"][0]["substitutions"]}
+    (made,) = json.loads(run("graft", clip, "-o", "x.bvh", "--json")[1])["grafts"]
+    groups = {s["group"] for s in made["substitutions"]}
     assert groups == {"torso", "arms"}
 
 
@@ -187,19 +186,16 @@ def test_settings_exclude_output_force_json_and_help():
         assert flags.isdisjoint({"-o", "--output", "--force", "--json", "--help"}), command.name
 
 
-def test_settings_groups_are_ignored_for_libraries(run, clip):
+def test_settings_groups_are_ignored_for_libraries(run, succeed, clip):
     assert run("index", clip, "-o", "lib")[0] == 0
     Path(CONFIG_FILE).write_text('groups = "lower_torso_arms"\n')
-    for number, words in enumerate(
-        [
-            ("plot", "strip", "lib", "-o", "a.png"),
-            ("view", "lib", "-o", "a.html"),
-            ("candidates", "lib", "--segment", "3", "--group", "upper"),
-            ("graft", "lib", "-o", "a.bvh"),
-        ]
+    for words in (
+        ("plot", "strip", "lib", "-o", "a.png"),
+        ("view", "lib", "-o", "a.html"),
+        ("candidates", "lib", "--segment", "3", "--group", "upper"),
+        ("graft", "lib", "-o", "a.bvh"),
     ):
-        code, _, err = run(*words)
-        assert code == 0, (number, err)
+        succeed(*words)
 
 
 VARIETY_CASES = [
@@ -217,15 +213,13 @@ VARIETY_CASES = [
 
 @pytest.mark.parametrize(("settings", "words", "expected"), VARIETY_CASES)
 def test_variety_and_sigma_scale_nearest_source_wins_and_both_are_an_error(
-    run, clip, capsys, settings, words, expected
+    run, usage_error, clip, settings, words, expected
 ):
     Path(CONFIG_FILE).write_text(settings)
     options = ["graft", clip, "-o", "x.bvh", "--json", *words]
     if expected is None:
-        with pytest.raises(SystemExit) as ended:
-            run(*options)
-        assert ended.value.code == 2
-        assert "--variety sets sigma_scale: give one of them, not both" in capsys.readouterr().err
+        text = usage_error(*options)
+        assert "--variety sets sigma_scale: give one of them, not both" in text
     else:
         found = json.loads(run(*options)[1])["grafts"][0]["config"]["sigma_scale"]
         assert found == pytest.approx(expected)
@@ -262,22 +256,19 @@ def test_commands_segment_by_the_given_fields(words, folder, monkeypatch):
     assert set(used) == {0.2}
 
 
-def test_cut_frames_are_read_from_a_json_file(folder, working_folder, capsys):
+def test_cut_frames_are_read_from_a_json_file(succeed, usage_error, folder, working_folder):
     (working_folder / "cuts.json").write_text(json.dumps({"a": [20, 50], "b": [7]}))
-    assert main(["index", str(folder), "-o", "lib", "--set", "segmentation=cuts.json"]) == 0
+    succeed("index", folder, "-o", "lib", "--set", "segmentation=cuts.json")
     assert mg.Library.open("lib").segments.start.tolist() == [0, 20, 50, 0, 7]
-    capsys.readouterr()
-    assert main(["lib", "info", "lib"]) == 0
-    assert "segments by given cut frames" in capsys.readouterr().out
+    assert "segments by given cut frames" in succeed("lib", "info", "lib")[0]
     for text, message in [
         ("[1]", "a mapping from names of clips"),
         ("{", "cuts.json: Expecting"),
         ('{"a": [2, 1]}', "for the clip 'a' must be ascending"),
     ]:
         (working_folder / "cuts.json").write_text(text)
-        with pytest.raises(SystemExit):
-            main(["graft", str(folder), "-o", "x", "--set", "segmentation=cuts.json"])
-        assert message in capsys.readouterr().err
+        words = ("graft", folder, "-o", "x", "--set", "segmentation=cuts.json")
+        assert message in usage_error(*words)
 
 
 @given(st.data())

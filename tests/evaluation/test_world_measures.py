@@ -21,12 +21,7 @@ from mograft.evaluation.body_tracks import (
     jerk,
     landmarks,
 )
-from mograft.evaluation.world_measures import (
-    UNDER_FLOOR,
-    has_base_legs,
-    world_measures,
-    world_quality,
-)
+from mograft.evaluation.world_measures import UNDER_FLOOR, world_measures, world_quality
 from tests.evaluation.planted import ByCost, Captured, add_jitter
 from tests.hierarchies import human
 from tests.strategies import SEEDS, few_examples, smooth_rotations, transform_motion
@@ -161,11 +156,6 @@ def test_world_measures_balance_equals_shares_of_frames(fixture, request):
     shares = [(balance.distance[used] > 0).mean() for balance in (after, before)]
     assert found.balance == pytest.approx(shares[0] - shares[1])
     assert found.frames == is_exchanged.sum()
-
-
-def test_has_base_legs_donors_with_legs_is_false(new, leg_graft):
-    assert has_base_legs(new)
-    assert not has_base_legs(leg_graft)
 
 
 def test_driving_group_is_that_of_nearest_joint_above(library, new, leg_graft):

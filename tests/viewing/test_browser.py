@@ -319,21 +319,6 @@ def test_viewer_hostile_names_remain_text(browser, name, tmp_path):
         assert page.locator("img").count() == 0
 
 
-def test_notebook_iframe_works_in_sandbox(browser, new, tmp_path):
-    path = tmp_path / "notebook.html"
-    path.write_text(f"<!doctype html><title>n</title>{new._repr_html_()}", encoding="utf-8")
-    page = browser.new_page()
-    page.set_default_timeout(TIMEOUT_MILLISECONDS)
-    messages = []
-    page.on("console", lambda message: messages.append(message.text))
-    page.goto(path.as_uri())
-    frame = page.frame_locator("iframe")
-    frame.locator("#mograft[data-ready='1']").wait_for()
-    assert frame.locator(".caption").count() == 2
-    page.close()
-    assert messages == []
-
-
 pytestmark = pytest.mark.browser
 
 N_TRIES = 20
@@ -359,10 +344,15 @@ def notebook(browser, new, tmp_path):
     path.write_text(f"<!doctype html>{new._repr_html_()}{filler}", encoding="utf-8")
     page = browser.new_page(viewport={"width": 1000, "height": 800})
     page.set_default_timeout(TIMEOUT_MILLISECONDS)
+    messages = []
+    page.on("console", lambda message: messages.append(message.text))
     page.goto(path.as_uri())
-    page.frame_locator("iframe").locator("#mograft[data-ready='1']").wait_for()
+    frame = page.frame_locator("iframe")
+    frame.locator("#mograft[data-ready='1']").wait_for()
+    assert frame.locator(".caption").count() == 2
     yield page
     page.close()
+    assert messages == []
 
 
 def test_notebook_wheel_scrolls_until_view_has_focus(notebook):
