@@ -68,7 +68,8 @@ def test_world_measures_jerk_ratio_equals_direct_computation(library, new):
     def head_jerk(motion):
         height = Ground.of(motion).height
         quats, positions = motion.world_transforms()
-        ends = positions[:, joint] + transform.Rotation.from_quat(quats[:, joint]).apply(sites[0])
+        turns = transform.Rotation.from_quat(quats[:, joint].copy())
+        ends = positions[:, joint] + turns.apply(sites[0].copy())
         found = np.zeros(len(ends))
         found[1:-2] = np.linalg.norm(np.diff(ends, 3, axis=0), axis=1) * motion.rate**3 / height
         return found
