@@ -73,6 +73,18 @@ def run(capsys):
 
 
 @pytest.fixture
+def succeed(run):
+    """Run a command that must succeed; return stdout and stderr."""
+
+    def run_command(*words):
+        code, out, err = run(*words)
+        assert code == 0, err
+        return out, err
+
+    return run_command
+
+
+@pytest.fixture
 def usage_error(capsys):
     """Run a command that must end with a usage error; return stderr."""
 

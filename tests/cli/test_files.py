@@ -13,13 +13,8 @@ from mograft.cli.syntax.values import PRESETS
 from mograft.formats import write_npz
 
 
-def test_info_prints_joints_frames_and_groups(run, folder):
-    code, out, _ = run("info", folder)
-    assert code == 0
-    assert "18 joints, 57 channels (DoF)" in out
-    assert "600 frames at 30 fps" in out
-    code, out, _ = run("info", "--json", folder / "a.bvh")
-    document = json.loads(out)
+def test_info_prints_joints_frames_and_groups(succeed, folder):
+    document = json.loads(succeed("info", "--json", folder / "a.bvh")[0])
     assert document["schema"] == "mograft.info/1"
     assert document["files"][0]["joints"] == 18
     assert document["files"][0]["groups"]["lower"][0] == "Hips"
@@ -63,8 +58,7 @@ def test_check_lists_errors_and_faults_of_every_file(run, folder, tmp_path):
     assert "tolerated: " in out
     assert run("check", tmp_path / "short.bvh")[0] == 0
     assert run("check", "--strict", tmp_path / "short.bvh")[0] == 3
-    code, out, _ = run("check", "--json", tmp_path)
-    document = json.loads(out)
+    document = json.loads(run("check", "--json", tmp_path)[1])
     assert document["schema"] == "mograft.check/1"
     assert [bool(file["error"]) for file in document["files"]] == [True, False, False]
 
@@ -74,20 +68,19 @@ def test_groups_presets_equal_those_of_joint_groups():
     assert set(PRESETS) == set(joint_groups.PRESETS)
 
 
-def test_groups_output_is_accepted_by_graft(run, folder, tmp_path):
-    code, out, _ = run("groups", folder / "a.bvh", "--preset", "lower_torso_arms")
-    assert code == 0
+def test_groups_output_is_accepted_by_graft(run, succeed, folder, tmp_path):
+    out = succeed("groups", folder / "a.bvh", "--preset", "lower_torso_arms")[0]
     assert "LeftForeArm" in out
     assert run("groups", folder, "--preset", "lower_torso_arms")[1] == out
     path = tmp_path / "groups.toml"
-    code, out, _ = run("groups", folder / "a.bvh", "-o", path)
+    _, out, _ = run("groups", folder / "a.bvh", "-o", path)
     assert out.strip() == str(path)
     assert run("groups", folder / "a.bvh", "-o", path)[0] == 1
     out_file = tmp_path / "x.bvh"
     assert run("graft", folder / "a.bvh", "--groups", path, "-o", out_file)[0] == 0
 
 
-def test_groups_file_is_accepted_by_all_commands(run, folder, tmp_path):
+def test_groups_file_is_accepted_by_all_commands(run, succeed, folder, tmp_path):
     groups = tmp_path / "groups.toml"
     groups.write_text('base = "all"\n[groups]\nall = ["*"]\n')
     assert run("groups", folder / "a.bvh", "-o", groups, "--force")[0] == 0
@@ -100,8 +93,7 @@ def test_groups_file_is_accepted_by_all_commands(run, folder, tmp_path):
         ("export", clip, "-o", tmp_path / "a.glb"),
         ("candidates", clip, "--segment", 3, "--group", "above"),
     ):
-        code, _, err = run(*words, "--groups", groups)
-        assert code == 0, err
+        succeed(*words, "--groups", groups)
     assert '"above"' in (tmp_path / "a.html").read_text()
 
 
@@ -120,14 +112,7 @@ def test_output_missing_folders_are_created(run, folder, tmp_path):
         assert [path.name for path in target.parent.iterdir()] == [words[-1]]
 
 
-def test_output_file_in_place_of_folder_returns_1(run, folder, tmp_path):
-    file = tmp_path / "file"
-    file.write_text("text")
-    for words in (("graft", folder, "-o", file), ("demo", "-o", file)):
-        code, _, err = run(*words, "--force")
-        assert code == 1
-        assert f"{file} is a file; expected a folder" in err
-    assert file.read_text() == "text"
+def test_output_folder_in_place_of_page_returns_1(run, folder, tmp_path):
     page = tmp_path / "page.html"
     page.mkdir()
     code, _, err = run("view", folder, "-o", page, "--force")
@@ -147,12 +132,11 @@ def test_index_excluded_file_is_named_once(run, folder, tmp_path):
     assert f"  {lines[0]}" in run("lib", "info", library)[1]
 
 
-def test_index_unmatched_rates_and_tags_print_warning(run, folder, tmp_path):
+def test_index_unmatched_rates_and_tags_print_warning(succeed, folder, tmp_path):
     tags = tmp_path / "tags.csv"
     tags.write_text("clip,tag\na.bvh,slow\nz*,fast\n")
     words = ["--tags", tags, "--true-rate", "b=60", "--true-rate", "c=60"]
-    code, _, err = run("index", folder, "-o", tmp_path / "lib", *words)
-    assert code == 0
+    err = succeed("index", folder, "-o", tmp_path / "lib", *words)[1]
     assert "no clip matches these names of --true-rate or --tags: c, z*" in err
 
 

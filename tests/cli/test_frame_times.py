@@ -8,16 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft import read_bvh
-from mograft.cli.syntax.values import (
-    frame,
-    frame_count,
-    frame_or_frames,
-    frames,
-    obstacle,
-    reach,
-    resolve_frame,
-    resolve_frames,
-)
+from mograft.cli.syntax import values
+from mograft.cli.syntax.values import frame, frames, resolve_frame, resolve_frames
 
 NUMBERS = st.integers(0, 10**6)
 RATES = st.floats(1, 1000)
@@ -61,21 +53,21 @@ def test_time_above_the_limit_is_refused(digits):
 @pytest.mark.parametrize("text", ["1", "0", "0s", "x", "-3"])
 def test_frame_count_below_two_is_refused(text):
     with pytest.raises(ArgumentTypeError, match="at least 2 frames"):
-        frame_count(text)
+        values.frame_count(text)
 
 
 def test_avoid_and_reach_accept_ranges():
-    assert obstacle("sphere:0,90,0,20") == ("sphere", (0.0, 90.0, 0.0, 20.0), None)
-    assert obstacle("sphere:0,90,0,20@5-9") == ("sphere", (0.0, 90.0, 0.0, 20.0), (5, 9))
-    assert obstacle("b.bvh@1s-2s") == ("b.bvh", (0.0,) * 4, (1.0, 2.0))
-    assert obstacle("b.bvh@1,2,3@4-5") == ("b.bvh", (1.0, 2.0, 3.0, 0.0), (4, 5))
-    assert obstacle("b@2.bvh@1,2,3") == ("b@2.bvh", (1.0, 2.0, 3.0, 0.0), None)
-    assert frame_or_frames("7") == (7, 7)
-    assert reach("5-9:Hand:1,2,3") == ((5, 9), "Hand", (1.0, 2.0, 3.0), 0.03)
-    assert reach("1.5s:a:b:1,2,3~0.1") == ((1.5, 1.5), "a:b", (1.0, 2.0, 3.0), 0.1)
+    assert values.obstacle("sphere:0,90,0,20") == ("sphere", (0.0, 90.0, 0.0, 20.0), None)
+    assert values.obstacle("sphere:0,90,0,20@5-9") == ("sphere", (0.0, 90.0, 0.0, 20.0), (5, 9))
+    assert values.obstacle("b.bvh@1s-2s") == ("b.bvh", (0.0,) * 4, (1.0, 2.0))
+    assert values.obstacle("b.bvh@1,2,3@4-5") == ("b.bvh", (1.0, 2.0, 3.0, 0.0), (4, 5))
+    assert values.obstacle("b@2.bvh@1,2,3") == ("b@2.bvh", (1.0, 2.0, 3.0, 0.0), None)
+    assert values.frame_or_frames("7") == (7, 7)
+    assert values.reach("5-9:Hand:1,2,3") == ((5, 9), "Hand", (1.0, 2.0, 3.0), 0.03)
+    assert values.reach("1.5s:a:b:1,2,3~0.1") == ((1.5, 1.5), "a:b", (1.0, 2.0, 3.0), 0.1)
 
 
-def test_commands_accept_seconds_for_frames(run, folder):
+def test_commands_accept_seconds_for_frames(run, succeed, folder):
     clip = folder / "a.bvh"
     for command, target in (("export", "a.npz"), ("export", "a.bvh")):
         assert run(command, clip, "-o", target, "--frames", "1s-2.5s")[0] == 0
@@ -84,6 +76,5 @@ def test_commands_accept_seconds_for_frames(run, folder):
     assert outputs[0] == outputs[1]
     words = ("graft", folder, "--scenario", "graph", "--json", "-o")
     for length, n_frames in (("90", 90), ("3s", 91)):
-        code, out, _ = run(*words, f"{length}.bvh", "--frames", length)
-        assert code == 0
+        out = succeed(*words, f"{length}.bvh", "--frames", length)[0]
         assert json.loads(out)["grafts"][0]["frames"] == n_frames

@@ -1,4 +1,4 @@
-"""Options --match and --skeleton: clips of several figures, and rest poses of AMASS files."""
+"""Options --match, --skeleton and --groups auto: clips of several figures, rest poses, groups."""
 
 import json
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mograft as mg
-from mograft import formats
+from mograft import JointGroups, Library, formats
 from mograft.io.smpl.joints import SMPL_H
 from mograft.io.smpl.rest import stand_in
 from mograft.stream.server import StreamServer
@@ -26,37 +26,31 @@ def mixed_folder(tmp_path_factory):
 
 
 @pytest.mark.parametrize("base", ["b.npz", "b", None])
-def test_graft_match_anatomy_has_the_hierarchy_of_the_base(run, mixed_folder, tmp_path, base):
+def test_graft_match_anatomy_has_the_hierarchy_of_the_base(succeed, mixed_folder, tmp_path, base):
     path = base and str(mixed_folder / base) if base == "b.npz" else base
     words = ["graft", mixed_folder, "--match", "anatomy", "-o", tmp_path / "g.bvh"]
-    code, _, err = run(*words, *(["--base", path] if path else []))
-    assert code == 0, err
+    err = succeed(*words, *(["--base", path] if path else []))[1]
     assert "joints matched by anatomy" in err
     expected = OTHER["b"] if base else PARTS["a"]
     result = mg.read_bvh(tmp_path / "g.bvh")
     assert result.skeleton.names == expected.skeleton.names
     document = json.loads((tmp_path / "g.json").read_text())
     assert document["library"]["match"] == "anatomy"
-    code, _, err = run("graft", "--from", tmp_path / "g.json", "-o", tmp_path / "again.bvh")
-    assert code == 0, err
+    succeed("graft", "--from", tmp_path / "g.json", "-o", tmp_path / "again.bvh")
     assert (tmp_path / "again.bvh").read_bytes() == (tmp_path / "g.bvh").read_bytes()
 
 
-def test_graft_edit_of_matched_clips_builds_the_same_library(run, mixed_folder, tmp_path):
+def test_graft_edit_of_matched_clips_builds_the_same_library(run, succeed, mixed_folder, tmp_path):
     words = ["--match", "anatomy", "--base", str(mixed_folder / "b.npz"), "-o", tmp_path / "g.bvh"]
     assert run("graft", mixed_folder, *words)[0] == 0
-    code, _, err = run(
-        "graft", "--from", tmp_path / "g.json", "--reroll", "2", "-o", tmp_path / "edit.bvh"
-    )
-    assert code == 0, err
+    succeed("graft", "--from", tmp_path / "g.json", "--reroll", "2", "-o", tmp_path / "edit.bvh")
 
 
-def test_info_match_anatomy_lists_joints_without_counterpart(run, mixed_folder, tmp_path):
+def test_info_match_anatomy_lists_joints_without_counterpart(run, succeed, mixed_folder, tmp_path):
     amass = write_arrays(tmp_path / "walk_poses.npz", amass_arrays())
-    code, out, _ = run(
+    out = succeed(
         "info", mixed_folder / "a.bvh", mixed_folder / "b.npz", amass, "--match", "anatomy"
-    )
-    assert code == 0
+    )[0]
     assert "joints matched by anatomy: every joint has a counterpart" in out
     assert "joints matched by anatomy: dropped: " in out
     assert "note: offsets: a stand-in of 1.7 m" in out
@@ -67,19 +61,16 @@ def test_info_match_anatomy_lists_joints_without_counterpart(run, mixed_folder, 
 
 
 def test_index_match_anatomy_keeps_match_and_refuses_it_with_add(
-    run, mixed_folder, tmp_path, capsys
+    succeed, mixed_folder, tmp_path, usage_error
 ):
-    code, _, err = run("index", mixed_folder, "-o", tmp_path / "l", "--match", "anatomy")
-    assert code == 0
+    err = succeed("index", mixed_folder, "-o", tmp_path / "l", "--match", "anatomy")[1]
     assert "joints matched by anatomy, b" in err
     assert mg.Library.open(tmp_path / "l").spec.match == "anatomy"
     for words in (
         ("index", mixed_folder, "-o", tmp_path / "l", "--add", "--match", "names"),
         ("graft", tmp_path / "l", "--match", "anatomy", "-o", tmp_path / "g.bvh"),
     ):
-        with pytest.raises(SystemExit, match="2"):
-            run(*words)
-        assert "--match is fixed when a library is created" in capsys.readouterr().err
+        assert "--match is fixed when a library is created" in usage_error(*words)
 
 
 @pytest.fixture
@@ -91,12 +82,11 @@ def body(tmp_path):
     return tmp_path / "body.json"
 
 
-def test_skeleton_option_sets_the_rest_pose_of_amass_files(run, body, tmp_path):
+def test_skeleton_option_sets_the_rest_pose_of_amass_files(run, succeed, body, tmp_path):
     walk = write_arrays(tmp_path / "walk.npz", amass_arrays(n_frames=200))
     run_path = write_arrays(tmp_path / "run.npz", amass_arrays(n_frames=200, seed=1))
     expected = 1.05 * stand_in(SMPL_H).offsets
-    code, out, err = run("info", walk, "--skeleton", body)
-    assert code == 0, err
+    out, _err = succeed("info", walk, "--skeleton", body)
     assert "note: offsets: those of the given skeleton" in out
     words = ["--skeleton", body, "-o"]
     assert run("export", walk, *words, tmp_path / "walk.bvh")[0] == 0
@@ -107,24 +97,20 @@ def test_skeleton_option_sets_the_rest_pose_of_amass_files(run, body, tmp_path):
     library = mg.Library.open(tmp_path / "l")
     np.testing.assert_allclose(library.clips[1].skeleton.offsets, expected, atol=1e-12)
     for name, sources in (("a", [walk, run_path, *words[:2]]), ("b", [tmp_path / "l"])):
-        code, _, err = run("graft", *sources, "--base", walk, "-o", tmp_path / f"{name}.bvh")
-        assert code == 0, err
+        succeed("graft", *sources, "--base", walk, "-o", tmp_path / f"{name}.bvh")
     # The clips are found again with the rest pose that the provenance records.
-    code, _, err = run("graft", "--from", tmp_path / "a.json", "-o", tmp_path / "again.bvh")
-    assert code == 0, err
+    succeed("graft", "--from", tmp_path / "a.json", "-o", tmp_path / "again.bvh")
     assert (tmp_path / "again.bvh").read_bytes() == (tmp_path / "a.bvh").read_bytes()
 
 
-def test_skeleton_option_of_view_and_plot_sets_the_positions(run, body, tmp_path):
+def test_skeleton_option_of_view_and_plot_sets_the_positions(succeed, body, tmp_path):
     walk = write_arrays(tmp_path / "walk.npz", amass_arrays(n_frames=200))
     documents = {}
     for name, words in (("plain", []), ("given", ["--skeleton", body])):
         page, picture = tmp_path / f"{name}.html", tmp_path / f"{name}.svg"
-        code, _, err = run("view", walk, *words, "-o", page)
-        assert code == 0, err
+        succeed("view", walk, *words, "-o", page)
         for kind in ("strip", "timeline"):
-            code, _, err = run("plot", kind, walk, *words, "--force", "-o", picture)
-            assert code == 0, err
+            succeed("plot", kind, walk, *words, "--force", "-o", picture)
             documents[name, kind] = picture.read_bytes()
         documents[name, "view"] = page.read_bytes()
     assert documents["given", "view"] != documents["plain", "view"]
@@ -146,24 +132,25 @@ def test_skeleton_option_of_check_and_groups_must_fit_the_file(run, body, tmp_pa
         assert "nose" in err
 
 
-def test_match_option_of_plot_draws_clips_of_several_figures(run, mixed_folder, tmp_path, capsys):
+def test_match_option_of_plot_draws_clips_of_several_figures(
+    run, succeed, mixed_folder, tmp_path, usage_error
+):
     words = [mixed_folder, "--match", "anatomy", "-o"]
     for kind in ("pca", "timeline", "groups"):
-        code, _, err = run("plot", kind, *words, tmp_path / f"{kind}.svg")
-        assert code == 0, err
+        err = succeed("plot", kind, *words, tmp_path / f"{kind}.svg")[1]
         assert kind == "groups" or "joints matched by anatomy" in err
     assert run("plot", "pca", mixed_folder, "-o", tmp_path / "names.svg")[0] == 1
-    with pytest.raises(SystemExit, match="2"):
-        run("plot", "strip", *words, tmp_path / "strip.svg")
-    assert "--match requires timeline, pca, dendrogram, clusters, groups" in capsys.readouterr().err
+    message = usage_error("plot", "strip", *words, tmp_path / "strip.svg")
+    assert "--match requires timeline, pca, dendrogram, clusters, groups" in message
 
 
-def test_match_option_of_stream_serves_clips_of_several_figures(run, mixed_folder, monkeypatch):
+def test_match_option_of_stream_serves_clips_of_several_figures(
+    run, succeed, mixed_folder, monkeypatch
+):
     served = []
     monkeypatch.setattr(StreamServer, "serve_forever", lambda server: served.append(server))
     assert run("stream", mixed_folder, "--port", "0")[0] == 1
-    code, _, err = run("stream", mixed_folder, "--match", "anatomy", "--port", "0")
-    assert code == 0, err
+    succeed("stream", mixed_folder, "--match", "anatomy", "--port", "0")
     (server,) = served
     monkeypatch.undo()
     with server:  # which closes the socket
@@ -171,14 +158,13 @@ def test_match_option_of_stream_serves_clips_of_several_figures(run, mixed_folde
     assert server.library.spec.match == "anatomy"
 
 
-def test_graft_of_amass_files_keeps_poses_of_the_base_group(run, tmp_path):
+def test_graft_of_amass_files_keeps_poses_of_the_base_group(run, succeed, tmp_path):
     arrays = dance_arrays(0)
     walk = write_arrays(tmp_path / "walk.npz", arrays)
     wave = write_arrays(tmp_path / "wave.npz", dance_arrays(1))
     words = ["graft", walk, wave, "--set", "feet=never", "--seed", "4", "-o"]
     for target in ("g.bvh", "direct.npz"):
-        code, _, err = run(*words, tmp_path / target)
-        assert code == 0, err
+        succeed(*words, tmp_path / target)
     words = ("-o", tmp_path / "new.npz", "--like", walk)
     assert run("export", tmp_path / "g.bvh", *words)[0] == 0
     with np.load(tmp_path / "new.npz") as new, np.load(tmp_path / "direct.npz") as direct:
@@ -198,21 +184,54 @@ def test_graft_of_amass_files_keeps_poses_of_the_base_group(run, tmp_path):
     assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "direct.npz").read_bytes()
 
 
-def test_graft_to_npz_requires_a_base_of_amass(run, mixed_folder, tmp_path, capsys):
+def test_graft_to_npz_requires_a_base_of_amass(run, mixed_folder, tmp_path, usage_error):
     own = mixed_folder / "b.npz"  # of mograft
     code, _, err = run("graft", own, "-o", tmp_path / "g.npz")
     assert code == 1
     assert "g.npz must be a .bvh file: b, the base of" in err
     assert not list(tmp_path.iterdir())
     for words in ((mixed_folder / "a.bvh",), (own, "-n", "2"), (own, "--digits", "7")):
-        with pytest.raises(SystemExit, match="2"):
-            run("graft", *words, "-o", tmp_path / "g.npz")
-        capsys.readouterr()
+        usage_error("graft", *words, "-o", tmp_path / "g.npz")
 
 
-def test_skeleton_option_bad_file_is_an_invalid_input(run, tmp_path):
-    walk = write_arrays(tmp_path / "walk.npz", amass_arrays())
-    (tmp_path / "body.json").write_text("[]")
-    code, _, err = run("info", walk, "--skeleton", tmp_path / "body.json")
-    assert code == 3
-    assert "body.json: expected an object with joint offsets, got a list" in err
+def test_automatic_groups_of_every_command_are_those_of_discover(run, succeed, folder, tmp_path):
+    expected = mg.discover_groups(folder / "a.bvh", 3).groups
+    path = tmp_path / "groups.toml"
+    assert run("groups", folder / "a.bvh", "--preset", "auto:3", "-o", path)[0] == 0
+    assert JointGroups.from_toml(path) == expected
+    assert run("index", folder / "a.bvh", "-o", tmp_path / "lib", "--groups", "auto:3")[0] == 0
+    assert Library.open(tmp_path / "lib").groups == expected
+    out = succeed(
+        "graft", folder / "a.bvh", "--groups", "auto:3", "-o", tmp_path / "x.bvh", "--json"
+    )[0]
+    (made,) = json.loads(out)["grafts"]
+    assert set(made["groups"]) >= set(expected.names) - {expected.base}
+    command = ["candidates", folder / "a.bvh", "--segment", 3, "--groups", "auto:3", "--json"]
+    assert json.loads(succeed(*command)[0])["group"] == expected.names[1]
+
+
+def test_automatic_groups_of_folder_use_all_files(run, folder, tmp_path):
+    path = tmp_path / "groups.toml"
+    assert run("groups", folder, "--preset", "auto", "-o", path)[0] == 0
+    assert JointGroups.from_toml(path) == mg.discover_groups(folder).groups
+
+
+@pytest.mark.parametrize("number", ["x", "1", ""])
+def test_automatic_groups_invalid_number_is_usage_error(usage_error, folder, tmp_path, number):
+    name = f"auto:{number}"
+    message = usage_error("graft", folder / "a.bvh", "--groups", name, "-o", tmp_path / "x.bvh")
+    assert (
+        f"--groups: must be auto or auto:N with a whole number N of at least 2, got '{name}'"
+        in (message)
+    )
+    message = usage_error("groups", folder / "a.bvh", "--preset", name)
+    assert "--preset: must be auto or auto:N" in message
+
+
+def test_automatic_groups_too_many_fails_with_one_line(run, folder, tmp_path):
+    code, _, err = run("graft", folder / "a.bvh", "--groups", "auto:9", "-o", tmp_path / "x.bvh")
+    assert code == 1
+    assert err.splitlines() == [
+        "error: `n` must be a number of groups from 2 to 4 for these clips, got 9: groups consist "
+        "of whole chains of joints between branchings of the hierarchy"
+    ]

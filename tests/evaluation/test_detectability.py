@@ -105,21 +105,11 @@ def test_tested_windows_share_no_block_with_trained_ones(grafts, monkeypatch):
     def blocks_of(mark):
         if mark < 0:
             return {int(pairs.block[int(-1 - mark)])}
-        graft = flat[windows.graft[int(mark)]]
-        center = int(windows.center[int(mark)])
-        clips = {entry.name: i for i, entry in enumerate(graft.library.entries)}
-        blocks = {windows.frames.block[windows.frames.offsets[clips[graft.base.name]] + center]}
-        for s in graft.substitutions:
-            if s.stop >= center - 8 and s.start <= center + 8:
-                low, high = max(s.start, center - 8), min(s.stop, center + 8)
-                for frame in range(low, high + 1):
-                    share = (frame - s.start) / (s.stop - s.start)
-                    donor = round(s.donor_start + share * (s.donor_stop - s.donor_start))
-                    # A boundary frame belongs to the segment that starts there.
-                    if frame < s.stop or s is graft.substitutions[-1]:
-                        offset = windows.frames.offsets[clips[s.clip]]
-                        blocks.add(windows.frames.block[offset + donor])
-        return {int(block) for block in blocks}
+        number, center = (int(own[int(mark)]) for own in (windows.graft, windows.center))
+        clip = flat[number].library.names.index(flat[number].base.name)
+        frames = [np.array([windows.frames.offsets[clip] + center])]
+        frames += [own.frames[center - 8 : center + 9] for own in windows.origins[number]]
+        return set(windows.frames.block[np.concatenate(frames)].tolist())
 
     for learned, tested in seen:
         trained = set().union(*(blocks_of(mark) for mark in learned.blocks[0][:, 0]))

@@ -1,4 +1,4 @@
-"""Evaluation of a library: topics, refusals and the JSON document."""
+"""Evaluation of a library: topics, refusals, the JSON document and `mograft evaluate`."""
 
 import json
 import re
@@ -7,18 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import mograft as mg
 from lab.donors.donor_methods import RandomLength, makers
-from mograft import (
-    Config,
-    InsufficientDataError,
-    JointGroups,
-    Library,
-    Motion,
-    Skeleton,
-    graft_many,
-)
+from mograft import Library, read_bvh, write_bvh
+from mograft.cli import main
 from mograft.dancer import dance
-from mograft.evaluation import detectability, evaluate, quality, world_quality
+from mograft.evaluation import detectability, estimate, evaluate, quality, world_quality
 from mograft.viewing.evaluation_report import evaluation_page, summarize
 from tests.evaluation.planted import ByCost
 from tests.strategies import smooth_rotations
@@ -93,7 +87,7 @@ def test_evaluate_other_seed_gives_other_quality(library, evaluation):
 
 def test_evaluate_without_methods_measures_the_grafts_of_graft_many(library):
     found = evaluate(library, ["quality"], runs=2, bases=1)
-    grafts = list(graft_many(library, library.names[0], 2))
+    grafts = list(mg.graft_many(library, library.names[0], 2))
     assert found.quality == (quality("grafts", [grafts]),)
     assert found.parameters["ways"] == ["grafts"]
 
@@ -101,7 +95,7 @@ def test_evaluate_without_methods_measures_the_grafts_of_graft_many(library):
 @pytest.mark.parametrize("measure", [quality, world_quality, detectability])
 @pytest.mark.parametrize("grafts", [[], [[]]])
 def test_measures_without_grafts_raise_insufficient_data_error(measure, grafts):
-    with pytest.raises(InsufficientDataError, match="at least one graft"):
+    with pytest.raises(mg.InsufficientDataError, match="at least one graft"):
         measure("x", grafts)
 
 
@@ -118,10 +112,12 @@ def test_evaluate_zero_count_raises_value_error(library, name):
 
 
 def test_evaluate_skeleton_without_legs_omits_measures_of_feet():
-    skeleton = Skeleton(["a", "b", "c"], [-1, 0, 1], [[0, 0, 0], [0, 1, 0], [0, 1, 0]])
+    skeleton = mg.Skeleton(["a", "b", "c"], [-1, 0, 1], [[0, 0, 0], [0, 1, 0], [0, 1, 0]])
     quats = smooth_rotations(np.random.default_rng(0), 300, 3)
-    motion = Motion(skeleton, 1 / 30, quats, np.tile(skeleton.offsets, (300, 1, 1)), name="pole")
-    poles = Library.build(motion, JointGroups({"lower": ["a"], "upper": ["b", "c"]}), Config())
+    motion = mg.Motion(skeleton, 1 / 30, quats, np.tile(skeleton.offsets, (300, 1, 1)), name="pole")
+    poles = Library.build(
+        motion, mg.JointGroups({"lower": ["a"], "upper": ["b", "c"]}), mg.Config()
+    )
     found = evaluate(poles, runs=1)
     assert "no leg" in found.refusals["balance"]
     assert found.balance == ()
@@ -142,7 +138,7 @@ def test_evaluate_upper_base_group_measures_balance(library):
     names = library.clips[0].skeleton.names
     upper = [n for n in names if "Leg" not in n and "Foot" not in n and n != "Hips"]
     lower = [n for n in names if n not in upper]
-    groups = JointGroups({"upper": upper, "lower": lower}, base="upper")
+    groups = mg.JointGroups({"upper": upper, "lower": lower}, base="upper")
     inverted = Library.build(library.clips, groups)
     found = evaluate(inverted, ["balance"], methods=makers((ByCost(),)), runs=1, bases=1)
     assert {row.method for row in found.balance} == {"recording", "by cost"}
@@ -169,3 +165,67 @@ def test_evaluation_page_has_all_sections_and_no_script(evaluation):
         assert f"<h2>{heading}</h2>" in page.html
     assert re.findall(r"<script[^>]*>(.*?)</script>", page.html, re.DOTALL) == [""]
     assert not re.search(r"\bnan\b", page.html)
+
+
+@pytest.fixture
+def files(tmp_path, small_library):
+    paths = [tmp_path / f"{clip.name}.bvh" for clip in small_library.clips[:2]]
+    for clip, path in zip(small_library.clips, paths, strict=False):
+        write_bvh(clip, path)
+    return [str(path) for path in paths]
+
+
+def test_command_with_output_writes_document_and_page(files, tmp_path, capsys):
+    out = tmp_path / "report"
+    command = ["evaluate", *files, "quality", "balance", "--runs", "1", "--bases", "1"]
+    assert main([*command, "-o", str(out)]) == 0
+    printed = capsys.readouterr()
+    assert printed.out.split() == [str(out / "evaluation.json"), str(out / "index.html")]
+    assert "are exchanged" in printed.err
+    document = json.loads((out / "evaluation.json").read_text())
+    assert {"quality", "balance"} <= document.keys()
+    assert "world" not in document
+    counts = ["evaluate", *files, "balance", "--runs", "1"]
+    assert main([*counts, "-o", str(out)]) == 1
+    assert "use --force to overwrite" in capsys.readouterr().err
+    assert json.loads((out / "evaluation.json").read_text()) == document
+    written = []
+    for _ in range(2):
+        assert main([*counts, "-o", str(out), "--force"]) == 0
+        written.append([path.read_bytes() for path in sorted(out.iterdir())])
+    assert written[0] == written[1]
+    capsys.readouterr()
+    assert main([*counts, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == json.loads(written[0][0])
+
+
+def test_command_library_prints_same_document_as_files(files, tmp_path, capsys):
+    Library.index(files, tmp_path / "lib")
+    options = ["quality", "balance", "--runs", "1", "--bases", "1", "--json"]
+    documents = []
+    for inputs in (files, [str(tmp_path / "lib")]):
+        assert main(["evaluate", *inputs, *options]) == 0
+        documents.append(json.loads(capsys.readouterr().out))
+    assert documents[0] == documents[1]
+    for option in (["--rate", "15"], ["--groups", "lower_upper"], ["--preset", "paper"]):
+        with pytest.raises(SystemExit, match="2"):
+            main(["evaluate", str(tmp_path / "lib"), *option])
+        assert "is fixed when a library is created" in capsys.readouterr().err
+
+
+def test_command_file_named_like_topic_is_read_as_file(files, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_bvh(read_bvh(files[0]), tmp_path / "quality")
+    assert main(["evaluate", "quality", "balance", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert "quality" not in document
+    assert document["library"]["segments"] > 0
+
+
+def test_command_missing_package_names_extra(files, monkeypatch, capsys):
+    def raise_import_error(name):
+        raise ImportError(name, name=name)
+
+    monkeypatch.setattr(estimate, "import_module", raise_import_error)
+    assert main(["evaluate", "world", *files, "--runs", "1", "--json"]) == 1
+    assert "SciPy: pip install 'mograft[evaluate]'" in capsys.readouterr().err

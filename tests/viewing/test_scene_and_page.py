@@ -12,31 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mograft as mg
-from mograft import (
-    EndSite,
-    JointGroups,
-    Motion,
-    Skeleton,
-    graft,
-    graft_many,
-    kinetic_energy,
-    segment,
-    view,
-    write_bvh,
-)
+import mograft.constraints as mc
+from mograft import graft, segment, view
 from mograft.cli import main
-from mograft.constraints import (
-    Avoid,
-    AvoidSelf,
-    Box,
-    Capsule,
-    Character,
-    Face,
-    HalfSpace,
-    KeepOut,
-    Reach,
-    Sphere,
-)
 from mograft.motion import rotations
 from mograft.viewing.encoding import encode_objects, encode_scene, quantize
 from mograft.viewing.figure import ShownConstraint
@@ -157,17 +135,17 @@ def test_drawn_skeleton_every_nth_frame_has_positions_of_all(motion, monkeypatch
 def test_view_eyes_are_thinner_than_head(motion):
     skeleton = motion.skeleton
     head = skeleton.index("Head")
-    with_eyes = Skeleton(
+    with_eyes = mg.Skeleton(
         [*skeleton.names, "LeftEye"],
         [*skeleton.parents, head],
         np.concatenate([skeleton.offsets, [[3, 8, 8]]]),
-        end_sites=(EndSite(head, [0, 20, 0]), EndSite(18, [0, 0, 2])),
+        end_sites=(mg.EndSite(head, [0, 20, 0]), mg.EndSite(18, [0, 0, 2])),
     )
-    still = Motion(with_eyes, 0.1, [[[0, 0, 0, 1]] * 19], with_eyes.offsets[None])
+    still = mg.Motion(with_eyes, 0.1, [[[0, 0, 0, 1]] * 19], with_eyes.offsets[None])
     width = page_data(view(still, show=False))["clips"][0]["width"]
     eye, crown, sight = width[18:]
     assert eye == sight < 1 < crown
-    bare = replace(with_eyes, end_sites=(EndSite(18, [0, 0, 2]),))
+    bare = replace(with_eyes, end_sites=(mg.EndSite(18, [0, 0, 2]),))
     still = replace(still, skeleton=bare)
     clip = page_data(view(still, show=False))["clips"][0]
     assert clip["parents"][-1] == head
@@ -220,7 +198,7 @@ def test_view_candidates_equal_library_candidates(new, library):
 
 
 def test_view_grafts_of_one_base_share_candidates(library):
-    data = page_data(view(*graft_many(library, count=3, seed=1), show=False))
+    data = page_data(view(*mg.graft_many(library, count=3, seed=1), show=False))
     assert [clip["candidates"] for clip in data["clips"]] == [None, 0, 0, 0]
     assert len(data["candidates"]) == 1
 
@@ -245,14 +223,14 @@ def test_view_objects_stand_beside_the_figure_for_any_up_axis(motion, turn):
 
     def constraints(of_motion, move, orientation):
         return [
-            Avoid(Sphere(move((10, 100, 50)), 30), frames=(3, 8)),
-            Avoid(Capsule(move((0, 0, 50)), move((0, 90, 50)), 10)),
-            KeepOut("LeftHand", Box(move((10, 20, 30)), (4, 5, 6), orientation)),
-            Avoid(HalfSpace(move((0, 0, 120)), move((0, 0, -1)))),
-            Avoid(Character(of_motion, move((80, 0, 0)), yaw=0.5, delay=0.3)),
-            Reach("LeftHand", move((30, 140, 20)), frame=12),
-            Face(move((0, 150, 300))),
-            AvoidSelf(),
+            mc.Avoid(mc.Sphere(move((10, 100, 50)), 30), frames=(3, 8)),
+            mc.Avoid(mc.Capsule(move((0, 0, 50)), move((0, 90, 50)), 10)),
+            mc.KeepOut("LeftHand", mc.Box(move((10, 20, 30)), (4, 5, 6), orientation)),
+            mc.Avoid(mc.HalfSpace(move((0, 0, 120)), move((0, 0, -1)))),
+            mc.Avoid(mc.Character(of_motion, move((80, 0, 0)), yaw=0.5, delay=0.3)),
+            mc.Reach("LeftHand", move((30, 140, 20)), frame=12),
+            mc.Face(move((0, 150, 300))),
+            mc.AvoidSelf(),
         ]
 
     def encode(own, move, orientation):
@@ -285,8 +263,8 @@ def test_view_objects_stand_beside_the_figure_for_any_up_axis(motion, turn):
 
 
 def test_view_character_has_own_pose_data(motion, library):
-    near = Character(motion[:50], (200, 0, 0))
-    new = graft(library, constraints=[Avoid(near, weight=1.0), Avoid(near, weight=1.0)])
+    near = mc.Character(motion[:50], (200, 0, 0))
+    new = graft(library, constraints=[mc.Avoid(near, weight=1.0), mc.Avoid(near, weight=1.0)])
     page = view(new, show=False)
     data = page_data(page)
     (own,) = data["objects"]
@@ -315,17 +293,17 @@ def test_view_motion_has_segments_and_preset_groups(motion):
     (row,) = clip["rows"]
     assert row["start"] == segment(motion).start.tolist()
     assert set(row["cluster"]) == {-1}
-    energy = kinetic_energy(motion)
+    energy = mg.kinetic_energy(motion)
     assert abs(np.corrcoef(clip["energy"], energy[: len(clip["energy"])])[0, 1]) > 0.8
-    custom = JointGroups.preset("lower_upper", motion.skeleton)
+    custom = mg.JointGroups.preset("lower_upper", motion.skeleton)
     for groups in ("lower_upper", custom):
         got = page_data(view(motion, groups=groups, show=False))["clips"][0]
         assert got["groups"] == ["lower", "upper"]
 
 
 def test_view_single_frame_of_unknown_body_succeeds():
-    rod = Skeleton(["x"], [-1], [[0, 0, 0]], end_sites=(EndSite(0, [0, 0, 0]),))
-    still = Motion(rod, 0.1, [[[0, 0, 0, 1]]], [[[0, 0, 0]]])
+    rod = mg.Skeleton(["x"], [-1], [[0, 0, 0]], end_sites=(mg.EndSite(0, [0, 0, 0]),))
+    still = mg.Motion(rod, 0.1, [[[0, 0, 0, 1]]], [[[0, 0, 0]]])
     data = page_data(view(still, show=False))
     assert data["clips"][0]["rows"] == []
     assert data["clips"][0]["groups"] == ["body"]
@@ -351,7 +329,7 @@ def test_encode_scene_long_motion_stores_every_nth_frame_and_note(motion):
 def test_view_hostile_names_add_no_tags(motion, name):
     skeleton = replace(motion.skeleton, names=(name, *motion.skeleton.names[1:]))
     evil = replace(motion[:30], skeleton=skeleton, name=name)
-    groups = JointGroups(
+    groups = mg.JointGroups(
         {name or "g": ["*Leg", "*Foot", 0], "rest": list(range(7, 18))}, name or "g"
     )
     page = view(evil, groups=groups, show=False)
@@ -435,8 +413,8 @@ def test_view_any_motion_contains_all_frames(motion):
 def test_view_command_writes_and_opens_page(motion, tmp_path, monkeypatch, capsys):
     opened = []
     monkeypatch.setattr("webbrowser.open", lambda url: opened.append(url) or True)
-    write_bvh(motion[:60], tmp_path / "a.bvh")
-    write_bvh(motion[60:120], tmp_path / "b.bvh")
+    mg.write_bvh(motion[:60], tmp_path / "a.bvh")
+    mg.write_bvh(motion[60:120], tmp_path / "b.bvh")
     page = tmp_path / "page.html"
     assert main(["view", str(tmp_path), "-o", str(page)]) == 0
     assert capsys.readouterr().out.strip() == str(page)
@@ -444,7 +422,7 @@ def test_view_command_writes_and_opens_page(motion, tmp_path, monkeypatch, capsy
     assert main(["view", str(tmp_path), "-o", str(page)]) == 1
     assert "exists; use --force to overwrite" in capsys.readouterr().err
     groups = tmp_path / "g.toml"
-    groups.write_text(JointGroups.preset("lower_upper", motion.skeleton).to_toml())
+    groups.write_text(mg.JointGroups.preset("lower_upper", motion.skeleton).to_toml())
     options = ["--force", "--open", "--json", "--groups", str(groups)]
     assert main(["view", str(tmp_path / "a.bvh"), "-o", str(page), *options]) == 0
     told = json.loads(capsys.readouterr().out)

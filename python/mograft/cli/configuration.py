@@ -6,8 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from mograft._util.names import automatic_number, is_automatic
 from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders, library_folder
@@ -223,18 +221,16 @@ def read_constraints(options: ConstraintOptions, rate: float) -> list[Constraint
         found.append(Reach(joint, target, tolerance=tolerance, frames=span(given)))
     found += [Face(target, frames=span(given)) for target, given in options.face]
     found += read_segment_constraints(options, rate)
-    if options.only_from is not None or options.only_tagged is not None:
-        found.append(
-            donor_constraints.OnlyFrom(options.only_from or (), tags=options.only_tagged or ())
-        )
-    if options.not_from is not None or options.not_tagged is not None:
-        found.append(
-            donor_constraints.NotFrom(options.not_from or (), tags=options.not_tagged or ())
-        )
+    for kind, clips, tags in (
+        (donor_constraints.OnlyFrom, options.only_from, options.only_tagged),
+        (donor_constraints.NotFrom, options.not_from, options.not_tagged),
+    ):
+        if clips is not None or tags is not None:
+            found.append(kind(clips or (), tags=tags or ()))
     if options.max_stretch is not None:
         found.append(donor_constraints.MaxStretch(options.max_stretch))
     if options.max_angle is not None:
-        found.append(donor_constraints.MaxAngle(float(np.radians(options.max_angle))))
+        found.append(donor_constraints.MaxAngle(math.radians(options.max_angle)))
     return found
 
 
@@ -262,15 +258,15 @@ def _read_obstacle(kind: str, numbers: Sequence[float]) -> Obstacle:
     `numbers` are the dimensions of the shape, or the character's position and yaw in degrees.
     """
     x, y, z, *rest = numbers
+    place = (x, y, z)
     if kind not in SHAPE_NUMBERS:
-        yaw = float(np.radians(rest[0]))
-        return Character(read_clip(kind), (x, y, z), yaw)
+        return Character(read_clip(kind), place, math.radians(rest[0]))
     try:
         if kind == "sphere":
-            return Sphere((x, y, z), rest[0])
+            return Sphere(place, rest[0])
         vector = (rest[0], rest[1], rest[2])
         if kind == "capsule":
-            return Capsule((x, y, z), vector, rest[3])
-        return Box((x, y, z), vector) if kind == "box" else HalfSpace((x, y, z), vector)
+            return Capsule(place, vector, rest[3])
+        return Box(place, vector) if kind == "box" else HalfSpace(place, vector)
     except ValueError as error:
         raise UsageError(f"--avoid {kind}: {error}") from None

@@ -11,13 +11,8 @@ from typing import Literal
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray
+from mograft.body import support_polygon
 from mograft.body.mass import center_of_mass, mass_model
-from mograft.body.support_polygon import (
-    Support,
-    signed_distance,
-    support_polygons,
-    zero_moment_points,
-)
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation.estimate import Estimate, Record, import_extra
@@ -88,7 +83,10 @@ class Balance:
 
 
 def static_balance(
-    motion: Motion, *, support: Support | None = None, floor_reference: Motion | None = None
+    motion: Motion,
+    *,
+    support: support_polygon.Support | None = None,
+    floor_reference: Motion | None = None,
 ) -> Balance:
     """Return the distances of the projected centre of mass to the support polygon.
 
@@ -116,12 +114,15 @@ def static_balance(
         If `support` has another number of frames than `motion`.
     """
     if support is None:
-        support = support_polygons(motion, floor_reference=floor_reference)
+        support = support_polygon.support_polygons(motion, floor_reference=floor_reference)
     return _balance_of_points("static", motion, support, center_of_mass(motion), support.sizes > 0)
 
 
 def dynamic_balance(
-    motion: Motion, *, support: Support | None = None, floor_reference: Motion | None = None
+    motion: Motion,
+    *,
+    support: support_polygon.Support | None = None,
+    floor_reference: Motion | None = None,
 ) -> Balance:
     """Return the distances of the zero-moment point to the support polygon.
 
@@ -156,7 +157,7 @@ def dynamic_balance(
     of the file by the assumption that the skeleton is 1.75 m tall.
     """
     if support is None:
-        support = support_polygons(motion, floor_reference=floor_reference)
+        support = support_polygon.support_polygons(motion, floor_reference=floor_reference)
     window = max(2 * round(_SMOOTHING_SECONDS * motion.rate / 2) + 1, 5)
     if motion.n_frames < window:
         raise InsufficientDataError(
@@ -167,7 +168,7 @@ def dynamic_balance(
     center = center_of_mass(motion)
     position = savgol_filter(center, window, 3, axis=0)
     acceleration = savgol_filter(center, window, 3, deriv=2, delta=motion.frame_time, axis=0)
-    points, is_loaded = zero_moment_points(
+    points, is_loaded = support_polygon.zero_moment_points(
         position, acceleration, support.up, support.floor, support.height
     )
     return _balance_of_points("dynamic", motion, support, points, is_loaded & (support.sizes > 0))
@@ -176,7 +177,7 @@ def dynamic_balance(
 def _balance_of_points(
     kind: Literal["static", "dynamic"],
     motion: Motion,
-    support: Support,
+    support: support_polygon.Support,
     points: FloatArray,
     grounded: BoolArray,
 ) -> Balance:
@@ -185,7 +186,9 @@ def _balance_of_points(
             f"`support` must have {motion.n_frames} frames, as the motion has, "
             f"got {len(support.sizes)}"
         )
-    distances = signed_distance(support.polygons, support.sizes, points[:, support.axes])
+    distances = support_polygon.signed_distance(
+        support.polygons, support.sizes, points[:, support.axes]
+    )
     distances /= support.height
     distances = np.where(support.sizes < 3, distances - _DEGENERATE_MARGIN, distances)
     return Balance(
@@ -294,13 +297,12 @@ def balance_row(method: str, samples: Sequence[BalanceSample], rule: Rule = "all
     def average(rows: FloatArray, unit: str) -> Estimate:
         return estimate.block_mean(rows.ravel(), np.broadcast_to(blocks, rows.shape).ravel(), unit)
 
-    return BalanceRow(
-        kind=samples[0].original.kind,
-        rule=rule,
-        method=method,
-        rate=average(values, "segments times runs"),
-        rate_changed=average(changed, "changed segments"),
-        difference_changed=average(changed - before, "changed segments, paired with the recording"),
-        flight=float(1.0 - is_grounded.mean()),
-        runs=len(values),
-    )
+    rates = {
+        "rate": average(values, "segments times runs"),
+        "rate_changed": average(changed, "changed segments"),
+        "difference_changed": average(
+            changed - before, "changed segments, paired with the recording"
+        ),
+    }
+    kind, flight = samples[0].original.kind, float(1.0 - is_grounded.mean())
+    return BalanceRow(kind=kind, rule=rule, method=method, flight=flight, runs=len(values), **rates)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -245,14 +246,9 @@ def detect(pairs_of_split: Sequence[Pairs], folds: Sequence[IntArray], seed: int
         return (np.nan_to_num(values) * shares).sum(axis=1) / shares.sum(axis=1)
 
     def to_estimate(which: int) -> Estimate:
-        return estimate.bootstrap_estimate(
-            float(mean_auc(np.ones((1, len(blocks))), which)[0]),
-            lambda multiplicities: mean_auc(multiplicities, which),
-            len(blocks),
-            n=n,
-            unit="windows",
-            seed=seed,
-        )
+        auc = partial(mean_auc, which=which)
+        value, unit = float(auc(np.ones((1, len(blocks))))[0]), "windows"
+        return estimate.bootstrap_estimate(value, auc, len(blocks), n=n, unit=unit, seed=seed)
 
     return Detection(gross=to_estimate(0), fine=to_estimate(1))
 
@@ -297,14 +293,9 @@ def train_and_score(
     """
     reduced = [_reduce(own, new) for own, new in zip(learned.blocks, tested.blocks, strict=True)]
     train, test = (np.concatenate(columns, axis=1) for columns in zip(*reduced, strict=True))
+    limits = {"max_iter": 60, "max_leaf_nodes": 8, "min_samples_leaf": 12, "early_stopping": False}
     trees = import_extra("sklearn.ensemble").HistGradientBoostingClassifier(
-        max_iter=60,
-        learning_rate=0.12,
-        max_leaf_nodes=8,
-        min_samples_leaf=12,
-        l2_regularization=1.0,
-        early_stopping=False,
-        random_state=0,
+        learning_rate=0.12, l2_regularization=1.0, random_state=0, **limits
     )
     regression: Any = import_extra("sklearn.pipeline").make_pipeline(
         import_extra("sklearn.preprocessing").StandardScaler(),

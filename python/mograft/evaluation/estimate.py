@@ -146,14 +146,8 @@ def bootstrap_estimate(
         is_finite = np.isfinite(values)
         if is_finite.mean() > _MIN_FINITE_SHARE:
             low, high = np.percentile(values[is_finite], [2.5, 97.5]).tolist()
-    return Estimate(
-        value=value,
-        low=low,
-        high=high,
-        n=n,
-        unit=unit,
-        interval_method=interval_method or f"bootstrap of {n_blocks} blocks",
-    )
+    method = interval_method or f"bootstrap of {n_blocks} blocks"
+    return Estimate(value=value, low=low, high=high, n=n, unit=unit, interval_method=method)
 
 
 def block_mean(values: npt.ArrayLike, blocks: npt.ArrayLike, unit: str, seed: int = 0) -> Estimate:
@@ -169,14 +163,12 @@ def block_mean(values: npt.ArrayLike, blocks: npt.ArrayLike, unit: str, seed: in
         return Estimate.without_value(0, unit, "block bootstrap")
     _, index = np.unique(np.asarray(blocks)[is_finite], return_inverse=True)
     sums, counts = np.bincount(index, finite), np.bincount(index).astype(np.float64)
-    return bootstrap_estimate(
-        float(finite.mean()),
-        lambda multiplicities: (multiplicities @ sums) / (multiplicities @ counts),
-        len(sums),
-        n=len(finite),
-        unit=unit,
-        seed=seed,
-    )
+
+    def mean(draws: FloatArray) -> FloatArray:
+        return np.asarray((draws @ sums) / (draws @ counts), np.float64)
+
+    value, n = float(finite.mean()), len(finite)
+    return bootstrap_estimate(value, mean, len(sums), n=n, unit=unit, seed=seed)
 
 
 def import_extra(name: str) -> Any:  # noqa: ANN401 - a module of another package

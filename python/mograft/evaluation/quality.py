@@ -128,19 +128,11 @@ def quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Qu
         values, blocks = np.array(pairs, np.float64).reshape(-1, 2).T
         return estimate.block_mean(values, blocks, unit, seed)
 
-    acceleration, jerk = (
-        average([(value, block) for block, value in enumerate(values)], "grafts")
-        for values in zip(*ratios, strict=True)
-    )
-    return Quality(
-        method=method,
-        runs=len(grafts[0]),
-        new_segments=average(parts, "parts"),
-        seam_gap=average(seams, "seams"),
-        acceleration=acceleration,
-        jerk=jerk,
-        diversity=average(frames, "frames"),
-    )
+    means = {"new_segments": average(parts, "parts"), "seam_gap": average(seams, "seams")}
+    for name, values in zip(("acceleration", "jerk"), zip(*ratios, strict=True), strict=True):
+        means[name] = average([(value, block) for block, value in enumerate(values)], "grafts")
+    means["diversity"] = average(frames, "frames")
+    return Quality(method=method, runs=len(grafts[0]), **means)
 
 
 def _angles_between(motions: Sequence[Motion], joints: IntArray) -> FloatArray:

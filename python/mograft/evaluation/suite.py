@@ -85,29 +85,18 @@ class Evaluation:
     def as_dict(self) -> dict[str, Any]:
         """Return a dict for JSON with all numbers, sample sizes and intervals."""
         library, model = self.library, mass_model(self.library.skeleton)
-        document: dict[str, Any] = {
-            "schema": "mograft.evaluation/1",
-            "mograft": VERSION,
-            "parameters": dict(self.parameters),
-            "library": {
-                "clips": [
-                    {"name": entry.name, "file": library.file_name(index), "frames": entry.n_frames}
-                    for index, entry in enumerate(library.entries)
-                ],
-                "rate": library.rate,
-                "segments": len(library.segments),
-                "segments_with_faults": int((~library.is_donor).sum()),
-                "groups": list(library.groups.names),
-                "base_group": library.groups.base,
-            },
-            "body": {
-                "model": model.model,
-                "height": model.height,
-                "height_from": model.height_from,
-                "unmatched_joints": list(model.unmatched),
-            },
-            "refused": dict(self.refusals),
-        }
+        clips = [
+            {"name": entry.name, "file": library.file_name(index), "frames": entry.n_frames}
+            for index, entry in enumerate(library.entries)
+        ]
+        recordings = {"clips": clips, "rate": library.rate, "segments": len(library.segments)}
+        recordings["segments_with_faults"] = int((~library.is_donor).sum())
+        recordings |= {"groups": list(library.groups.names), "base_group": library.groups.base}
+        body = {"model": model.model, "height": model.height, "height_from": model.height_from}
+        body["unmatched_joints"] = list(model.unmatched)
+        document: dict[str, Any] = {"schema": "mograft.evaluation/1", "mograft": VERSION}
+        document |= {"parameters": dict(self.parameters), "library": recordings, "body": body}
+        document["refused"] = dict(self.refusals)
         results = {topic: getattr(self, topic) for topic in TOPICS}
         return document | {name: as_json(result) for name, result in results.items() if result}
 
@@ -195,20 +184,14 @@ def evaluate(
             if bases_with_balance:
                 found["balance"] += _balance_rows(name, bases_with_balance, grafts, refusals)
     report("measuring", 1, 1)
+    parameters = {"seed": seed, "runs": runs, "bases": base_names, "ways": list(made)}
+    parameters |= {"confidence": 0.95, "config": library.config.as_dict()}
+    parameters |= {"python": platform.python_version(), "numpy": np.__version__}
     return Evaluation(
         library=library,
         topics=tuple(topics),
         refusals=refusals,
-        parameters={
-            "seed": seed,
-            "runs": runs,
-            "bases": base_names,
-            "ways": list(made),
-            "confidence": 0.95,
-            "config": library.config.as_dict(),
-            "python": platform.python_version(),
-            "numpy": np.__version__,
-        },
+        parameters=parameters,
         **{topic: tuple(rows) for topic, rows in found.items()},
     )
 
@@ -246,14 +229,10 @@ class _Base:
         own, n_segments = self.balances[kind], len(self.cut)
         if grafts is None:
             return BalanceSample(self.cut, own, [own], np.ones((1, n_segments), bool))
-        balances = [
-            _BALANCES[kind](
-                graft.motion,
-                support=self.support if has_base_legs(graft) else None,
-                floor_reference=graft.base,
-            )
-            for graft in grafts
-        ]
+        balances, measure = [], _BALANCES[kind]
+        for graft in grafts:
+            support = self.support if has_base_legs(graft) else None
+            balances.append(measure(graft.motion, support=support, floor_reference=graft.base))
         is_exchanged = np.array([[not s.is_own for s in graft.substitutions] for graft in grafts])
         changed = np.any(is_exchanged.reshape(len(grafts), -1, n_segments), axis=1)
         return BalanceSample(self.cut, own, balances, np.asarray(changed, bool))

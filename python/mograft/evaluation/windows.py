@@ -9,13 +9,7 @@ from typing import Literal
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.evaluation.body_tracks import (
-    BodyTracks,
-    FrameBlocks,
-    Origin,
-    clip_indices,
-    sample_stride,
-)
+from mograft.evaluation import body_tracks
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.synthesis.graft_result import Graft
@@ -58,10 +52,10 @@ def window_reach(place: Place, rate: float) -> int:
     They include the frames for derivatives. Windows of the `place` "between seams" are shorter than
     those at "seams". `rate` is in frames per second.
     """
-    return (HALF_WINDOW[place] + _MARGIN) * sample_stride(rate)
+    return (HALF_WINDOW[place] + _MARGIN) * body_tracks.sample_stride(rate)
 
 
-def extract_windows(tracks: BodyTracks, centers: IntArray, place: Place) -> Windows:
+def extract_windows(tracks: body_tracks.BodyTracks, centers: IntArray, place: Place) -> Windows:
     """Return the features of windows around the frames `centers`, relative to the heading there.
 
     Samples are about 1/30 s apart; see `sample_stride`. Positions are those at nine instants of the
@@ -118,21 +112,21 @@ class GraftWindows:
     comes from.
     """
 
-    frames: FrameBlocks
+    frames: body_tracks.FrameBlocks
     grafts: Sequence[Graft]
     place: Place
     graft: IntArray  # index of the graft of each window
     center: IntArray  # frame of each window
-    origins: tuple[tuple[Origin, ...], ...]  # by graft, then by grafted group
+    origins: tuple[tuple[body_tracks.Origin, ...], ...]  # by graft, then by grafted group
 
     @classmethod
     def of(
         cls, grafts: Sequence[Graft], place: Place, max_count: int, rng: np.random.Generator
     ) -> "GraftWindows":
         """Return at most `max_count` windows of grafts at `place`, drawn at random if necessary."""
-        frames = FrameBlocks.of(grafts[0].library)
+        frames = body_tracks.FrameBlocks.of(grafts[0].library)
         origins = tuple(
-            tuple(Origin.of(graft, group, frames) for group in graft.alternatives)
+            tuple(body_tracks.Origin.of(graft, group, frames) for group in graft.alternatives)
             for graft in grafts
         )
         centers = list(map(_centers, grafts, origins, repeat(place)))
@@ -153,7 +147,7 @@ class GraftWindows:
 
     def pairs(self) -> Pairs:
         """Return the windows of the grafts, each with the captured window at the same frame."""
-        half = HALF_WINDOW[self.place] * sample_stride(self.library.rate)
+        half = HALF_WINDOW[self.place] * body_tracks.sample_stride(self.library.rate)
         donor_blocks = []
         for graft, center in zip(self.graft.tolist(), self.center.tolist(), strict=True):
             window = slice(center - half, center + half + 1)
@@ -188,7 +182,7 @@ class GraftWindows:
         return part._pair(new, tuple(blocks[:, None]))
 
     def _pair(self, new: Windows, donor_blocks: Sequence[IntArray]) -> Pairs:
-        clips = clip_indices(self.library)
+        clips = body_tracks.clip_indices(self.library)
         base_clips = np.array([clips[graft.base.name] for graft in self.grafts])[self.graft]
         base, row = np.unique(
             np.stack([base_clips, self.center], axis=1), axis=0, return_inverse=True
@@ -210,17 +204,17 @@ class GraftWindows:
         parts, rows = [], []
         for each in np.unique(index).tolist() or [0]:
             rows.append(np.flatnonzero(index == each))
-            tracks = BodyTracks.of(motions[each])
+            tracks = body_tracks.BodyTracks.of(motions[each])
             parts.append(extract_windows(tracks, frame[rows[-1]], self.place))
         return Windows.concatenate(parts)[np.argsort(np.concatenate(rows), kind="stable")]
 
 
-def _centers(graft: Graft, origins: Sequence[Origin], place: Place) -> IntArray:
+def _centers(graft: Graft, origins: Sequence[body_tracks.Origin], place: Place) -> IntArray:
     """Return the centres of the windows of a graft: its seams, or the middles between seams.
 
     Middles are returned only in exchanged segments and if the window fits between the seams.
     """
-    n, stride = graft.motion.n_frames, sample_stride(graft.motion.rate)
+    n, stride = graft.motion.n_frames, body_tracks.sample_stride(graft.motion.rate)
     seams = np.unique([seam.frame for seam in graft.seams]).astype(np.int64)
     if place == "between seams":
         edges = np.unique(np.concatenate([[0], seams, [n - 1]]))

@@ -17,17 +17,8 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.body.contacts import Ground, find_legs, skating_share
 from mograft.body.support_polygon import Support, support_polygons
 from mograft.errors import InsufficientDataError
-from mograft.evaluation import estimate
+from mograft.evaluation import body_tracks, estimate
 from mograft.evaluation.balance import Balance, dynamic_balance
-from mograft.evaluation.body_tracks import (
-    FrameBlocks,
-    Origin,
-    bone_ends,
-    driving_group,
-    jerk,
-    landmarks,
-    sample_stride,
-)
 from mograft.evaluation.estimate import Estimate, Record
 from mograft.evaluation.novelty import Novelty, novelty
 from mograft.library.library import Library
@@ -187,16 +178,12 @@ def world_quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0)
     reference = WorldReference(grafts[0][0].library)
     measured = [vars(reference.measure(graft)) for several in grafts for graft in several]
     blocks = range(len(measured))
-    return WorldQuality(
-        method=method,
-        runs=len(grafts[0]),
-        novelty=novelty(grafts, seed),
-        **{
-            name: estimate.block_mean([own[name] for own in measured], blocks, "grafts", seed)
-            for name in measured[0]
-            if name != "frames"
-        },
-    )
+    means = {
+        name: estimate.block_mean([own[name] for own in measured], blocks, "grafts", seed)
+        for name in measured[0].keys() - {"frames"}
+    }
+    variety = novelty(grafts, seed)
+    return WorldQuality(method=method, runs=len(grafts[0]), novelty=variety, **means)
 
 
 class WorldReference:
@@ -207,7 +194,7 @@ class WorldReference:
     """
 
     def __init__(self, library: Library) -> None:
-        self.blocks = FrameBlocks.of(library)
+        self.blocks = body_tracks.FrameBlocks.of(library)
         self._base = lru_cache(maxsize=1)(_Base)
         self._clip_jerks = lru_cache(maxsize=None)(
             lambda clip: _landmark_jerks(library.clips[clip])
@@ -215,7 +202,9 @@ class WorldReference:
 
     def measure(self, graft: Graft) -> WorldMeasures:
         """Return the measures of one graft; see `world_measures`."""
-        origins = {group: Origin.of(graft, group, self.blocks) for group in graft.alternatives}
+        origins = {
+            group: body_tracks.Origin.of(graft, group, self.blocks) for group in graft.alternatives
+        }
         is_exchanged = np.any([origin.is_exchanged for origin in origins.values()], axis=0)
         base = self._base(graft.base)
         feet = _feet(graft.motion, base.ground)
@@ -227,16 +216,16 @@ class WorldReference:
         )
 
     def _jerk_ratios(
-        self, graft: Graft, base: "_Base", origins: Mapping[str, Origin]
+        self, graft: Graft, base: "_Base", origins: Mapping[str, body_tracks.Origin]
     ) -> dict[str, float]:
         """Return the fields `head_jerk`, `chest_jerk` and `hands_jerk` of `WorldMeasures`."""
         new = _landmark_jerks(graft.motion)
-        margin = 2 * sample_stride(graft.motion.rate)
+        margin = 2 * body_tracks.sample_stride(graft.motion.rate)
         inner = np.zeros(graft.motion.n_frames, bool)
         inner[margin : len(inner) - margin] = True
         ratios = {f"{name}_jerk": math.nan for name in ("head", "chest", "hands")}
-        for name, joints in landmarks(graft.motion.skeleton).items():
-            group = driving_group(graft, joints)
+        for name, joints in body_tracks.landmarks(graft.motion.skeleton).items():
+            group = body_tracks.driving_group(graft, joints)
             used = inner if group is None else inner & origins[group].is_exchanged
             frames = np.flatnonzero(used if used.any() else inner)
             if not len(frames):
@@ -312,8 +301,8 @@ def has_base_legs(graft: Graft) -> bool:
 
 def _landmark_jerks(motion: Motion) -> dict[str, FloatArray]:
     """Return the jerk of each landmark in skeleton heights/s³, shape (n_frames, n_joints)."""
-    found = landmarks(motion.skeleton)
+    found = body_tracks.landmarks(motion.skeleton)
     joints = [joint for several in found.values() for joint in several]
-    jerks = jerk(bone_ends(motion, joints), motion.rate)
+    jerks = body_tracks.jerk(body_tracks.bone_ends(motion, joints), motion.rate)
     edges = np.cumsum([len(several) for several in found.values()])
     return dict(zip(found, np.split(jerks, edges[:-1], axis=1), strict=False))

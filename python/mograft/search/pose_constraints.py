@@ -386,4 +386,5 @@ def _rest_forward(skeleton: Skeleton, up: int) -> FloatArray:
 
 def _check_obstacle(name: str, value: object) -> None:
     if not callable(getattr(value, "distances", None)):
-        raise TypeError(f"`{name}` must be an obstacle such as Sphere or Box, got {value!r}")
+        expected = "an obstacle such as Sphere, Capsule or Box"
+        raise TypeError(f"`{name}` must be {expected}, got {value!r}")

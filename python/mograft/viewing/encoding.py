@@ -55,10 +55,8 @@ def encode_scene(
     tables = {id(own.candidates): own.candidates for own in scene.figures if own.candidates}
     numbers = {key: number for number, key in enumerate(tables)}
     clips = [
-        {
-            **_encode_figure(figure, skeleton, step, donors),
-            "candidates": numbers.get(id(figure.candidates)),
-        }
+        _encode_figure(figure, skeleton, step, donors)
+        | {"candidates": numbers.get(id(figure.candidates))}
         for figure, skeleton in zip(scene.figures, skeletons, strict=True)
     ]
     for own in objects:
@@ -69,21 +67,17 @@ def encode_scene(
     note = ""
     if step > 1:
         note = f"Long motions: every {_ordinal(step)} frame is stored, the others are interpolated."
+    candidates = [
+        {group: _with_numbers(own, donors) for group, own in table.items()}
+        for table in tables.values()
+    ]
+    shown = len(clips) if n_shown is None else n_shown
     return {
         "format": "mograft.view/1",
         "height": max(each.height for each in skeletons),
         "floor": min(each.floor for each in skeletons),
-        "follow": True,
-        "note": note,
-        "shown": len(clips) if n_shown is None else n_shown,
-        "groups": list(scene.groups),
-        "candidates": [
-            {group: _with_numbers(own, donors) for group, own in table.items()}
-            for table in tables.values()
-        ],
-        "objects": objects,
-        "donors": list(donors),
-        "clips": clips,
+        **{"follow": True, "note": note, "shown": shown, "groups": list(scene.groups)},
+        **{"candidates": candidates, "objects": objects, "donors": list(donors), "clips": clips},
     }
 
 
@@ -95,11 +89,8 @@ def _encode_figure(
     `donors` maps names of donor clips to numbers. The figure's donor clips that it does not contain
     are added to it, with the next numbers.
     """
-    return {
-        "name": figure.name,
-        **_encode_poses(skeleton, figure.motion, step),
-        "tips": skeleton.tips,
-        "groups": list(figure.members),
+    poses, groups = _encode_poses(skeleton, figure.motion, step), list(figure.members)
+    return {"name": figure.name, **poses, "tips": skeleton.tips, "groups": groups} | {
         "group": figure.group_of_nodes(skeleton.parents),
         "energy": _energy_curve(figure.motion),
         "command": figure.command,
@@ -111,18 +102,10 @@ def _encode_poses(skeleton: DrawnSkeleton, motion: Motion, step: int) -> dict[st
     """Return a figure's bones and poses; `skeleton` has the positions of every `step`-th frame."""
     stored = skeleton.positions
     unit, path, pose = quantize(stored, skeleton.root, skeleton.height)
-    return {
-        "frames": motion.n_frames,
-        "dt": motion.frame_time,
-        "step": step,
-        "kept": len(stored),
-        "nodes": stored.shape[1],
-        "parents": skeleton.parents,
-        "width": skeleton.widths,
-        "unit": unit,
-        "path": _compress(path.astype("<f4").tobytes()),
-        "pose": _compress(pose),
-    }
+    time = {"frames": motion.n_frames, "dt": motion.frame_time, "step": step, "kept": len(stored)}
+    bones = {"nodes": stored.shape[1], "parents": skeleton.parents, "width": skeleton.widths}
+    packed = {"path": _compress(path.astype("<f4").tobytes()), "pose": _compress(pose)}
+    return {**time, **bones, "unit": unit, **packed}
 
 
 def _with_numbers(listed: Mapping[str, list[Any]], donors: dict[str, int]) -> dict[str, Any]:
@@ -173,22 +156,21 @@ def _encode_row(row: TimelineRow, donors: dict[str, int]) -> dict[str, Any]:
     parts = row.parts
     angles = zip(*(part.seam_angles for part in parts), strict=True) if parts else [(), ()]
     before, after = ([None if a is None else round(a, 2) for a in column] for column in angles)
+    source = [
+        donors.setdefault(part.clip, len(donors)) if part.clip and part.is_exchanged else -1
+        for part in parts
+    ]
+
+    def column(name: str) -> list[Any]:
+        return [getattr(part, name) for part in parts]
+
     return {
         "group": row.group,
         "grafted": any(part.clip is not None for part in parts),
-        "start": [part.start for part in parts],
-        "stop": [part.stop for part in parts],
-        "cluster": [part.cluster for part in parts],
-        "source": [
-            donors.setdefault(part.clip, len(donors)) if part.clip and part.is_exchanged else -1
-            for part in parts
-        ],
-        "first": [part.donor_start for part in parts],
-        "last": [part.donor_stop for part in parts],
-        "stretch": np.round([part.stretch for part in parts], 4).tolist(),
-        "before": before,
-        "after": after,
-        "others": [part.n_alternatives for part in parts],
+        **{name: column(name) for name in ("start", "stop", "cluster")},
+        **{"source": source, "first": column("donor_start"), "last": column("donor_stop")},
+        "stretch": np.round(column("stretch"), 4).tolist(),
+        **{"before": before, "after": after, "others": column("n_alternatives")},
     }
 
 
@@ -280,13 +262,9 @@ def _encode_obstacle(obstacle: Obstacle, to_page: FloatArray) -> dict[str, Any] 
         return {"kind": "sphere", "center": move(obstacle.center), "radius": obstacle.radius}
     if isinstance(obstacle, Capsule):
         start, stop = obstacle.start, obstacle.stop
-        return {
-            "kind": "capsule",
-            "center": move(np.mean([start, stop], axis=0)),
-            "start": move(start),
-            "stop": move(stop),
-            "radius": obstacle.radius,
-        }
+        center = move(np.mean([start, stop], axis=0))
+        ends = {"start": move(start), "stop": move(stop)}
+        return {"kind": "capsule", "center": center, **ends, "radius": obstacle.radius}
     if isinstance(obstacle, Box):
         signs = np.array(list(product((-1.0, 1.0), repeat=3)))
         turn = np.broadcast_to(np.array(obstacle.rotation, float), (8, 4))
@@ -297,13 +275,9 @@ def _encode_obstacle(obstacle: Obstacle, to_page: FloatArray) -> dict[str, Any] 
         normal = to_page @ (np.array(obstacle.normal) / np.linalg.norm(obstacle.normal))
         across = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
         across /= np.linalg.norm(across)
-        return {
-            "kind": "plane",
-            "point": move(obstacle.point),
-            "normal": _numbers(normal),
-            "across": _numbers(across),
-            "along": _numbers(np.cross(normal, across)),
-        }
+        axes = {"normal": normal, "across": across, "along": np.cross(normal, across)}
+        numbers = {name: _numbers(axis) for name, axis in axes.items()}
+        return {"kind": "plane", "point": move(obstacle.point), **numbers}
     if isinstance(obstacle, Character):
         return {"kind": "figure", "delay": obstacle.delay, "clip": _character(obstacle, to_page)}
     return None

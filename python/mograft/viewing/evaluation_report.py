@@ -94,26 +94,17 @@ def evaluation_page(evaluation: Evaluation, title: str | None = None) -> Page:
         f"{evaluation.parameters['seed']}, mograft {VERSION}. In brackets: 95 % intervals. They "
         "cover the choice of segments and donors, but not the choice of the recordings."
     )
-    parts = [
-        "<main>",
-        f"<h1>{html.escape(title)}</h1>",
-        f'<p class="lead">{html.escape(lead)}</p>',
-        "<h2>Summary</h2>",
-        _list(summarize(evaluation)),
-    ]
-    if evaluation.refusals:
-        refusals = _list(_refusals(evaluation))
-        parts += ["<h2>Not measured</h2>", f'<div class="refused">{refusals}</div>']
+    parts = ["<main>", f"<h1>{html.escape(title)}</h1>", f'<p class="lead">{html.escape(lead)}</p>']
+    parts += ["<h2>Summary</h2>", _list(summarize(evaluation))]
+    if refusals := _refusals(evaluation):
+        parts += ["<h2>Not measured</h2>", f'<div class="refused">{_list(refusals)}</div>']
     parts += _quality_section(evaluation.quality) if evaluation.quality else []
     parts += _world_section(evaluation.world) if evaluation.world else []
     parts += _detectability_section(evaluation.detectability) if evaluation.detectability else []
     parts += _balance_section(evaluation) if evaluation.balance else []
-    parts += [
-        "<h2>Parameters</h2>",
-        "<details><summary>All parameters</summary>",
-        f"<pre>{html.escape(json.dumps(dict(evaluation.parameters), indent=1))}</pre></details>",
-        "</main>",
-    ]
+    parameters = html.escape(json.dumps(dict(evaluation.parameters), indent=1))
+    parts += ["<h2>Parameters</h2>", "<details><summary>All parameters</summary>"]
+    parts += [f"<pre>{parameters}</pre></details>", "</main>"]
     return assemble_page(title, "\n".join(parts), "report", REPORT_STYLE + _EXTRA_STYLE, "")
 
 
@@ -223,13 +214,12 @@ def _balance_section(evaluation: Evaluation) -> list[str]:
     head = ["method", "rule", "unbalanced", "of changed", "change, points", "flight", "runs", "n"]
     order = [(row.kind, row.rule) for row in evaluation.balance]
     rows = sorted(evaluation.balance, key=lambda row: order.index((row.kind, row.rule)))
-    model = mass_model(evaluation.library.skeleton)
-    masses = (
-        "has the masses of de Leva"
-        if model.model == "de Leva"
-        else "has rods with masses in proportion to the bone lengths, since the skeleton is not "
-        "recognized as human"
-    )
+    model, masses = mass_model(evaluation.library.skeleton), "has the masses of de Leva"
+    if model.model != "de Leva":
+        masses = (
+            "has rods with masses in proportion to the bone lengths, since the skeleton is not "
+            "recognized as human"
+        )
     unmatched = ", ".join(model.unmatched)
     unknown = f" Joints with unknown names: {unmatched}." if unmatched else ""
     return [
@@ -248,16 +238,9 @@ def _balance_section(evaluation: Evaluation) -> list[str]:
 
 
 def _balance_cells(row: BalanceRow) -> list[str]:
-    change = ["", "", str(row.rate.n)]
+    change, n = ["", ""], row.rate.n
     if row.method != "recording":
         changed, difference = row.rate_changed, row.difference_changed
-        change = [changed.text(1, 100, " %"), difference.text(1, 100), str(difference.n)]
-    return [
-        html.escape(row.method),
-        f"{row.kind}, {row.rule}",
-        row.rate.text(1, 100, " %"),
-        *change[:2],
-        f"{100 * row.flight:.0f} %",
-        str(row.runs),
-        change[2],
-    ]
+        change, n = [changed.text(1, 100, " %"), difference.text(1, 100)], difference.n
+    cells = [html.escape(row.method), f"{row.kind}, {row.rule}", row.rate.text(1, 100, " %")]
+    return [*cells, *change, f"{100 * row.flight:.0f} %", str(row.runs), str(n)]

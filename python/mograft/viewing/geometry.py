@@ -15,21 +15,11 @@ from mograft.motion.skeleton import Skeleton
 
 _MAX_TIPS = 12
 
-_BONE_WIDTHS = {
-    "head": 2.6,
-    "neck": 1.1,
-    "trunk": 1.9,
-    "pelvis": 1.9,
-    "clavicle": 1.2,
-    "upper_arm": 1.3,
-    "forearm": 1.1,
-    "hand": 0.9,
-    "finger": 0.4,
-    "thigh": 1.7,
-    "shank": 1.4,
-    "foot": 1.2,
-    "toe": 1.0,
-}
+_BONE_WIDTHS = (
+    {"head": 2.6, "neck": 1.1, "trunk": 1.9, "pelvis": 1.9, "clavicle": 1.2}
+    | {"upper_arm": 1.3, "forearm": 1.1, "hand": 0.9, "finger": 0.4}
+    | {"thigh": 1.7, "shank": 1.4, "foot": 1.2, "toe": 1.0}
+)
 """Width of the bones of a body part; 1 is about a fiftieth of the height."""
 
 _TRUNK_TO_LIMB_WIDTH = 1.1

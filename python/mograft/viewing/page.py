@@ -28,18 +28,8 @@ _MAX_NOTEBOOK_POSITIONS = 300_000
 """Maximum number of node positions in a notebook cell, which is saved with the notebook."""
 
 _SCRIPTS = (
-    "scene",
-    "poses",
-    "colours",
-    "camera",
-    "player",
-    "objects",
-    "stage",
-    "figures",
-    "timeline",
-    "details",
-    "input",
-    "main",
+    *("scene", "poses", "colours", "camera", "player", "objects"),
+    *("stage", "figures", "timeline", "details", "input", "main"),
 )
 """The modules of the viewer's script; each imports only from those before it."""
 
@@ -204,13 +194,9 @@ def viewer_html(
 @cache
 def viewer_script() -> str:
     """Return the script of the viewer: its modules in one scope, without imports and exports."""
-    modules = [
-        re.sub(
-            r"^(?:import .*\n|export (?=\w))", "", asset(f"script/{name}.js"), flags=re.MULTILINE
-        )
-        for name in _SCRIPTS
-    ]
-    return '"use strict";\n(() => {\n' + "\n".join(modules) + "\n})();"
+    text = "\n".join(asset(f"script/{name}.js") for name in _SCRIPTS)
+    body = re.sub(r"^(?:import .*\n|export (?=\w))", "", text, flags=re.MULTILINE)
+    return f'"use strict";\n(() => {{\n{body}\n}})();'
 
 
 def assemble_page(

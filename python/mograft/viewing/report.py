@@ -1,4 +1,4 @@
-"""The report page of grafts: motions, seams, clips and parameters."""
+"""The report page of grafts: motions, seams, donors and parameters."""
 
 import html
 import os
@@ -11,9 +11,14 @@ from urllib.parse import quote
 import numpy as np
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.html_table import html_table
+from mograft.body.mass import center_of_mass, mass_model
 from mograft.library.library import Library
-from mograft.synthesis.graft_result import Graft
+from mograft.search.candidates import count_combinations
+from mograft.search.costs import PRESELECTION, length_fits
+from mograft.search.neighbourhoods import NEIGHBOURHOODS
+from mograft.synthesis.graft_result import Graft, seam_limit
 from mograft.synthesis.newness import newness
 from mograft.viewing.page import Page, assemble_page, asset, viewer_html
 from mograft.viewing.scene import Scene
@@ -31,7 +36,7 @@ def report_page(
     *,
     columns: Sequence[Mapping[str, str]] = (),
 ) -> Page:
-    """Return a report page about grafts, with tables and the viewer.
+    """Return a report page about grafts, with tables, charts and the viewer.
 
     Parameters
     ----------
@@ -84,29 +89,31 @@ def report_page(
     if len(grafts) > _MAX_SHOWN:
         shown = f"The buttons above the figures show and hide each of the {len(grafts)} motions. "
     summary = "\n".join(graft.report() for graft in grafts)
-    body_html = "\n".join(
-        [
-            "<main>",
-            f"<h1>{html.escape(heading)}</h1>",
-            f'<p class="lead">{html.escape(lead)}</p>',
-            viewer_html(_scene(grafts, files), n_shown=1 + _MAX_SHOWN),
-            f'<p class="note">{shown}Hatched segments of the timeline are exchanged; point at one '
-            "to see its donor, click it to list the donors that it could have.</p>",
-            "<h2>Motions</h2>",
-            _motion_table(grafts, files or [None] * len(grafts), columns or [{} for _ in grafts]),
-            f'<p class="note">{_MOTION_NOTE}{_MEASURE_NOTE if columns else ""}</p>',
-            "<h2>Clips</h2>",
-            _clip_table(grafts),
-            "<details><summary><h2>Summary</h2></summary>",
-            f"<pre>{html.escape(summary)}</pre>",
-            "</details>",
-            "<details><summary><h2>Parameters</h2></summary>",
-            _parameter_table(library).replace('class="wide"', 'class="wide plain"'),
-            "</details>",
-            "</main>",
-        ]
-    )
+    motions = _motion_table(grafts, files or [None] * len(grafts), columns or [{}] * len(grafts))
+    parameters = _parameter_table(library).replace('class="wide"', 'class="wide plain"')
+    body_html = f"""<main>
+<h1>{html.escape(heading)}</h1>
+<p class="lead">{html.escape(lead)}</p>
+{viewer_html(_scene(grafts, files), n_shown=1 + _MAX_SHOWN)}
+<p class="note">{shown}{_TIMELINE_NOTE}</p>
+{_cards(library)}
+<h2>Motions</h2>
+{motions}
+<p class="note">{_MOTION_NOTE}{_MEASURE_NOTE if columns else ""}</p>
+<h2>Seams and donors</h2>
+{_charts(grafts)}
+<h2>Limits on donors</h2>
+{_donor_table(first)}
+<h2>Clips</h2>
+{_clip_table(grafts)}
+{_details("Summary", f"<pre>{html.escape(summary)}</pre>")}
+{_details("Parameters", parameters)}
+</main>"""
     return assemble_page(heading, body_html, "report", REPORT_STYLE)
+
+
+def _details(heading: str, content: str) -> str:
+    return f"<details><summary><h2>{heading}</h2></summary>\n{content}\n</details>"
 
 
 def _scene(grafts: Sequence[Graft], files: Sequence[Path | None]) -> Scene:
@@ -120,17 +127,47 @@ def _scene(grafts: Sequence[Graft], files: Sequence[Path | None]) -> Scene:
     return Scene.of(grafts).with_commands(commands)
 
 
+_TIMELINE_NOTE = (
+    "Hatched segments of the timeline are exchanged; point at one to see its donor, click it to "
+    "list the donors that it could have."
+)
 _MOTION_NOTE = (
     "New frames: share of frames in which a grafted joint differs by more than 5° from the base; "
     "then the mean angle of these joints to the base and to the nearest other motion of the page. "
     "Seam angle: mean angle between the joints of the two poses that meet at a seam, before "
-    "blending."
+    "blending. Balance shift: horizontal distance between the centres of mass of the motion and "
+    "of its base, in percent of the body height."
 )
 _MEASURE_NOTE = (
     " Jerk: of the end of the bone in the world, divided by that of base and donors. Floor depth, "
     "foot skate and out of balance: difference from the base; depth in percent of the body height, "
     "out of balance over frames with the zero-moment point outside of the support."
 )
+_DONOR_NOTE = (
+    "Average number of donors per segment that satisfy each condition and all previous ones: "
+    "{inside}; similar duration and no recording fault; candidate, that is, allowed by the "
+    "constraints and, if there are no constraints, among the cheapest donors "
+    f"({PRESELECTION} times max_candidates). A segment without donors keeps its captured motion."
+)
+
+
+def _cards(library: Library) -> str:
+    n, n_clips = len(library.segments), len(library.entries)
+    frames = sum(entry.n_frames for entry in library.entries)
+    total = count_combinations(library.labels[library.groups.base], len(library.groups.names))
+    counts = {
+        "clip" if n_clips == 1 else "clips": n_clips,
+        f"frames, {(frames - n_clips) / library.rate:.0f} s": frames,
+        "segments": n,
+        **{f"clusters of {own}": int(found.max()) + 1 for own, found in library.labels.items()},
+    }
+    cards = {label: format_number(count) for label, count in counts.items()}
+    combinations = f"as many combinations as segments ({format_number(total)} in all)"
+    cards[combinations] = f"{total / n:.1f} \N{MULTIPLICATION SIGN}"
+    items = (
+        f"<div><b>{n}</b><span>{html.escape(label)}</span></div>" for label, n in cards.items()
+    )
+    return f'<div class="cards">{"".join(items)}</div>'
 
 
 def _motion_table(
@@ -141,6 +178,7 @@ def _motion_table(
         new = sum(not s.is_own for s in graft.substitutions)
         angles = np.degrees([seam.gap for seam in graft.seams])
         n_without = sum(int((counts == 0).sum()) for counts in graft.alternatives.values())
+        shift = 100 * _balance_shift(graft)
         found = newness(graft, [other.motion for other in grafts if other is not graft])
         apart = "none" if found.apart is None else f"{np.degrees(found.apart):.1f}°"
         rows.append(
@@ -155,10 +193,88 @@ def _motion_table(
                 "seams": f"{len(angles)}",
                 "seam angle, mean": f"{angles.mean():.1f}°" if len(angles) else "none",
                 "seam angle, largest": f"{angles.max():.1f}°" if len(angles) else "none",
+                "balance shift, mean": f"{shift.mean():.1f} %",
+                "balance shift, largest": f"{shift.max():.1f} %",
                 **{title: html.escape(text) for title, text in more.items()},
             }
         )
     return wide_table(list(rows[0]), [list(row.values()) for row in rows])
+
+
+def _balance_shift(graft: Graft) -> FloatArray:
+    """Return the horizontal distance between the centres of mass of a graft and of its base.
+
+    It is in body heights, one value per frame.
+    """
+    offset = center_of_mass(graft.motion) - center_of_mass(graft.base)
+    offset[:, graft.library.up] = 0.0
+    return np.linalg.norm(offset, axis=1) / mass_model(graft.base.skeleton).height
+
+
+def _charts(grafts: Sequence[Graft]) -> str:
+    limit = float(np.degrees(seam_limit(grafts[0])))
+    angles = np.degrees([seam.gap for graft in grafts for seam in graft.seams])
+    edges = np.linspace(0, max(limit * 4 / 3, float(angles.max(initial=0.0)) + 1), 25)
+    caption = f"Seam angles of {len(angles)} seams; the limit is {limit:.0f}°"
+    tally, names = np.histogram(angles, edges)[0], [f"{edge:.0f}°" for edge in edges]
+    figures = [_bars(tally, names, caption, edges[:-1] >= limit - 1e-6)]
+    for group, counts in grafts[0].alternatives.items():
+        top = min(int(counts.max(initial=0)) + 1, 24)
+        tally = np.bincount(np.minimum(counts, top), minlength=top + 1)
+        names = [str(k) for k in range(top)] + [f"{top}+", ""]
+        caption = f"Number of segments by their number of other donors, for {group}"
+        figures.append(_bars(tally, names, caption, np.arange(top + 1) == 0))
+    return f'<div class="charts">{"".join(figures)}</div>'
+
+
+def _bars(counts: IntArray, names: Sequence[str], caption: str, is_marked: BoolArray) -> str:
+    """Return a bar chart of `counts` as SVG; bars with true `is_marked` have another colour."""
+    width, height, left, bottom = 420, 150, 34, 18
+    step, line = (width - left - 14) / len(counts), height - bottom
+    top = max(int(counts.max(initial=0)), 1)
+    parts = []
+    for index, count in enumerate(counts.tolist()):
+        x, bar = left + index * step, (line - 12) * count / top
+        parts.append(
+            f'<rect class="{"bar over" if is_marked[index] else "bar"}" '
+            f'x="{x + 0.5:.1f}" y="{line - bar:.1f}" width="{step - 1:.1f}" height="{bar:.1f}">'
+            f"<title>{names[index]}: {count}</title></rect>"
+        )
+        if index % max(1, len(counts) // 6) == 0:
+            parts.append(f'<text x="{x + 1:.1f}" y="{height - 4}">{names[index]}</text>')
+    parts.append(f'<text x="0" y="18">{top}</text>')
+    parts.append(f'<path class="axis" d="M{left} {line}H{width}M{left} 12V{line}" fill="none"/>')
+    text = html.escape(caption)
+    return (
+        f'<figure><svg class="chart" viewBox="0 0 {width} {height}" role="img" '
+        f'aria-label="{text}">{"".join(parts)}</svg><figcaption>{text}</figcaption></figure>'
+    )
+
+
+def _donor_table(graft: Graft) -> str:
+    """Return an HTML table of the mean number of donors per segment by condition, and a note.
+
+    A donor counts for a condition only if it also satisfies those of the previous columns.
+    """
+    library = graft.library
+    lengths = library.segments.lengths
+    used = np.unique([s.segment for s in graft.substitutions])
+    # The neighbourhood depends on the base group only: it is the same for all grafted groups.
+    neighbours = library.pool(next(iter(graft.alternatives))).neighbours(used, library.config)
+    n_similar, n_fitting = [], []
+    for segment, similar in zip(used.tolist(), neighbours, strict=True):
+        fits = length_fits(lengths[[segment]], lengths[similar], library.rate, library.config)
+        n_similar.append(len(similar) - 1)
+        n_fitting.append((fits & library.is_donor[similar] & (similar != segment)).sum())
+    inside = NEIGHBOURHOODS[library.config.neighbourhood].inside
+    head = ["group", f"{inside} of {library.groups.base}", "similar duration"]
+    head += ["candidates", "segments without donors"]
+    rows = []
+    for group, counts in graft.alternatives.items():
+        means = [f"{np.mean(own):.1f}" for own in (n_similar, n_fitting, counts)]
+        n_without = f"{int((counts == 0).sum())} of {len(counts)}"
+        rows.append([html.escape(group), *means, n_without])
+    return f'{wide_table(head, rows)}\n<p class="note">{_DONOR_NOTE.format(inside=inside)}</p>'
 
 
 def _clip_table(grafts: Sequence[Graft]) -> str:
@@ -173,34 +289,27 @@ def _clip_table(grafts: Sequence[Graft]) -> str:
         if not substitution.is_own:
             donors[clip] += 1
             frames[clip] += substitution.donor_stop - substitution.donor_start
-    rows = [
-        [
-            html.escape(f"{entry.name} ({file})" if file else entry.name),
-            format_number(entry.n_frames),
-            f"{(entry.n_frames - 1) / library.rate:.1f} s",
-            format_number(donors[clip]),
-            format_number(frames[clip]),
-        ]
-        for clip in sorted(clips)
-        for entry, file in [(library.entries[clip], library.file_name(clip))]
-    ]
+    rows = []
+    for clip in sorted(clips):
+        entry, file = library.entries[clip], library.file_name(clip)
+        name = html.escape(f"{entry.name} ({file})" if file else entry.name)
+        n, *used = map(format_number, (entry.n_frames, donors[clip], frames[clip]))
+        rows.append([name, n, f"{(entry.n_frames - 1) / library.rate:.1f} s", *used])
     table = wide_table(["clip", "frames", "duration", "donors used", "donor frames used"], rows)
     n_others = len(library.entries) - len(rows)
-    clips_word = "clip" if n_others == 1 else "clips"
-    other = f"{format_number(n_others)} other {clips_word} of the library are not used."
-    return f'{table}<p class="note">{other}</p>' if n_others else table
+    others = (
+        f"{format_number(n_others)} other clip{'s'[: n_others - 1]} of the library are not used."
+    )
+    return f'{table}<p class="note">{others}</p>' if n_others else table
 
 
 def _parameter_table(library: Library) -> str:
-    rows = [
-        [html.escape(name), html.escape(_format(value))]
-        for name, value in library.config.as_dict().items()
-    ]
+    rows = [(name, _format(value)) for name, value in library.config.as_dict().items()]
     names = library.skeleton.names
     for group, joints in library.groups.resolve(library.skeleton).items():
         label = f"group {group}{' (base)' if group == library.groups.base else ''}"
-        rows.append([html.escape(label), html.escape(", ".join(names[j] for j in joints))])
-    return wide_table(["parameter", "value"], rows)
+        rows.append((label, ", ".join(names[j] for j in joints)))
+    return wide_table(["parameter", "value"], [list(map(html.escape, row)) for row in rows])
 
 
 def _format(value: object) -> str:

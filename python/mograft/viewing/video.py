@@ -7,7 +7,7 @@ import subprocess
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -154,16 +154,10 @@ def _write_gif(pictures: "Iterator[Image]", path: Path, rate: float, count: int)
     def reduce(picture: "Image.Image") -> "Image.Image":
         return picture.quantize(palette=palette, dither=Image.Dither.NONE)
 
+    options: dict[str, Any] = {"format": "GIF", "save_all": True, "loop": 0, "optimize": False}
+    options["duration"] = (10 * np.diff(hundredths)).tolist()
     with path.open("wb") as stream:
-        reduce(first).save(
-            stream,
-            format="GIF",
-            save_all=True,
-            append_images=(reduce(picture) for picture in pictures),
-            duration=(10 * np.diff(hundredths)).tolist(),
-            loop=0,
-            optimize=False,
-        )
+        reduce(first).save(stream, append_images=map(reduce, pictures), **options)
 
 
 def _write_mp4(

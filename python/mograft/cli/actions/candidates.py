@@ -28,27 +28,18 @@ def run(options: CandidatesOptions) -> int:
     name = library.entries[clip].name
     frames = [int(library.segments.start[segment]), int(library.segments.stop[segment])]
     config = limit_config(library.config, constraints)
-    document = {
-        "clip": name,
-        "segment": number,
-        "index": segment,
-        "frames": frames,
-        "group": group,
-        "max_angle_degrees": round(math.degrees(config.max_angle), 4),
-        "max_stretch": config.max_stretch,
-        "allowed": [_as_dict(library, candidate) for candidate in found.allowed],
-        "refused": [_as_dict(library, candidate) for candidate in found.refused],
-        "of_other_clusters": found.elsewhere,
-    }
+    document = {"clip": name, "segment": number, "index": segment, "frames": frames, "group": group}
+    angle = math.degrees(config.max_angle)
+    document |= {"max_angle_degrees": round(angle, 4), "max_stretch": config.max_stretch}
+    for key in ("allowed", "refused"):
+        document[key] = [_as_dict(library, candidate) for candidate in getattr(found, key)]
+    document["of_other_clusters"] = found.elsewhere
     n_donors = sum(own.segment != segment for own in found.allowed)
     title = (
         f"{name}, segment {number}, frames {frames[0]} to {frames[1]}: {group} of "
         f"{n_donors} other {'segment' if n_donors == 1 else 'segments'}"
     )
-    limits = (
-        f"   limits: stretch {config.max_stretch:.2f}, "
-        f"seam angle {math.degrees(config.max_angle):.0f}°"
-    )
+    limits = f"   limits: stretch {config.max_stretch:.2f}, seam angle {angle:.0f}°"
     lines = [title, *_table(library, found, segment), limits]
     print_result(options, "candidates/2", document, lines)
     return 0
@@ -83,18 +74,12 @@ def _as_dict(library: Library, candidate: Candidate) -> dict[str, Any]:
     """Return a candidate as a dict for JSON."""
     gaps = (candidate.gap_before, candidate.gap_after)
     first = int(library.segments.of_clip(candidate.clip)[0])
-    return {
-        "clip": library.entries[candidate.clip].name,
-        "segment": candidate.segment - first,
-        "index": candidate.segment,
-        "frames": [candidate.start, candidate.stop],
-        "cost": candidate.cost,
-        "stretch": candidate.stretch,
-        "gaps_degrees": [round(math.degrees(gap), 4) for gap in gaps],
-        "distance": None if math.isnan(candidate.distance) else candidate.distance,
-        "refused": candidate.refused,
-        "is_forced": candidate.is_forced,
-    }
+    place = {"clip": library.entries[candidate.clip].name, "segment": candidate.segment - first}
+    place |= {"index": candidate.segment, "frames": [candidate.start, candidate.stop]}
+    costs: dict[str, Any] = {"cost": candidate.cost, "stretch": candidate.stretch}
+    costs["gaps_degrees"] = [round(math.degrees(gap), 4) for gap in gaps]
+    costs["distance"] = None if math.isnan(candidate.distance) else candidate.distance
+    return {**place, **costs, "refused": candidate.refused, "is_forced": candidate.is_forced}
 
 
 def _table(library: Library, found: Candidates, segment: int) -> list[str]:

@@ -29,14 +29,9 @@ def run(options: EvaluateOptions) -> int:
     check_writable(paths, force=options.force)
     library = load_library(replace(options, files=files), rate=options.rate)
     with show_progress() as progress:
-        found = evaluate(
-            library,
-            EVALUATION_TOPICS if not words or "all" in words else tuple(dict.fromkeys(words)),
-            runs=options.runs,
-            bases=options.bases,
-            seed=options.seed or 0,
-            progress=progress,
-        )
+        topics = EVALUATION_TOPICS if not words or "all" in words else tuple(dict.fromkeys(words))
+        runs, bases, seed = options.runs, options.bases, options.seed or 0
+        found = evaluate(library, topics, runs=runs, bases=bases, seed=seed, progress=progress)
     document = found.as_dict()
     if folder is not None:
         page = evaluation_page(found)

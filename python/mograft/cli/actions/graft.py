@@ -316,12 +316,8 @@ def _write_results(
         if not is_together:
             write_graft(own, path, section, digits=options.digits)
         if options.json:
-            document = {
-                "file": str(path),
-                **graft_record(own, path.parent),
-                "digits": options.digits,
-            }
-            documents.append({**document, **section, "newness": new.as_dict()})
+            record = {**graft_record(own, path.parent), "digits": options.digits}
+            documents.append({"file": str(path), **record, **section, "newness": new.as_dict()})
         print_remark("\n".join(lines))
         if not options.json and not is_together:
             print(path)
@@ -409,15 +405,9 @@ def run_demo(options: DemoOptions) -> int:
     graft_files.write_report(grafts, paths, page)
     if options.open:
         graft_files.open_page(page)
-    document = {
-        "sample": str(sample),
-        "frames": motion.n_frames,
-        "segments": n,
-        "clusters": clusters,
-        "combinations": int(total),
-        "grafts": [str(path) for path in paths],
-        "page": str(page),
-    }
+    document = {"sample": str(sample), "frames": motion.n_frames, "segments": n}
+    document |= {"clusters": clusters, "combinations": int(total)}
+    document |= {"grafts": [str(path) for path in paths], "page": str(page)}
     closing_lines = [
         f"page        {page}: the motions and how they were made",
         "next:       mograft graft your.bvh -o out/ -n 5",

@@ -1,5 +1,6 @@
-"""``mograft index`` and ``mograft lib``: libraries of many files, in folders."""
+"""``mograft index``, ``lib`` and ``stream``: libraries in folders, and a server of one library."""
 
+import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -7,7 +8,8 @@ from mograft._util.workers import worker_processes
 from mograft.cli import configuration
 from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import print_remark, print_result, show_progress
-from mograft.cli.syntax.commands import IndexOptions, LibInfoOptions, TablesOptions, VerifyOptions
+from mograft.cli.syntax import commands
+from mograft.cli.syntax.arguments import UsageError
 from mograft.errors import join_names
 from mograft.io.addresses import split_address
 from mograft.library.clip_table import ClipInfo
@@ -16,9 +18,11 @@ from mograft.library.duplicates import find_duplicates
 from mograft.library.export import export_tables
 from mograft.library.files import storage
 from mograft.library.library import Library
+from mograft.stream.server import ServerLimits, StreamServer, is_loopback
+from mograft.stream.session import PROTOCOL
 
 
-def run_index(options: IndexOptions) -> int:
+def run_index(options: commands.IndexOptions) -> int:
     """Create a library, or add files to one."""
     check_suffix(options.output, is_folder=True)
     if options.add:
@@ -56,21 +60,18 @@ def _warn_of_unused(
 
 
 def _index(
-    options: IndexOptions, rates: Mapping[str, float], tags: Mapping[str, Sequence[str]] | None
+    options: commands.IndexOptions,
+    rates: Mapping[str, float],
+    tags: Mapping[str, Sequence[str]] | None,
 ) -> tuple[Library, dict[str, str]]:
     """Create a library, or add files to one; return the library and the newly excluded files.
 
     The excluded files are a dict from path to reason.
     """
     with show_progress() as progress, worker_processes(options.jobs) as executor:
-        keywords: dict[str, Any] = {
-            "frame_rates": rates,
-            "tags": tags,
-            "strict": options.strict,
-            "executor": executor,
-            "progress": progress,
-            "include_grafts": options.include_grafts,
-        }
+        keywords: dict[str, Any] = {"frame_rates": rates, "tags": tags, "strict": options.strict}
+        keywords |= {"executor": executor, "progress": progress}
+        keywords["include_grafts"] = options.include_grafts
         if options.add:
             library = Library.open(options.output)
             before = set(library.refused)
@@ -87,14 +88,13 @@ def _index(
 
 def _describe_excluded(excluded: Mapping[str, str]) -> list[str]:
     """Return the lines that report excluded clips, from the reasons by the address of the clip."""
-    lines = []
-    for address, reason in excluded.items():
-        place = "" if reason.startswith(split_address(address)[0]) else f"{address}: "
-        lines.append(f"excluded: {place}{reason}")
-    return lines
+    return [
+        f"excluded: {'' if why.startswith(split_address(address)[0]) else f'{address}: '}{why}"
+        for address, why in excluded.items()
+    ]
 
 
-def run_info(options: LibInfoOptions) -> int:
+def run_info(options: commands.LibInfoOptions) -> int:
     """Run ``lib info``."""
     library = Library.open(options.library)
     document = _describe_library(library)
@@ -105,10 +105,10 @@ def run_info(options: LibInfoOptions) -> int:
         f"  {document['clips']} clips, {document['frames']} frames at {document['rate']:.6g} fps",
         f"  {document['segments']} segments{given}",
     ]
-    for name, group in document["groups"].items():
-        lines.append(
-            f"  {name}: {group['clusters']} clusters of diameter {group['sigma']:.4g} at most"
-        )
+    lines += [
+        f"  {name}: {group['clusters']} clusters of diameter {group['sigma']:.4g} at most"
+        for name, group in document["groups"].items()
+    ]
     if document["tags"]:
         lines.append(f"  tags: {' '.join(document['tags'])}")
     lines += [f"  {line}" for line in _describe_excluded(document["left_out"])]
@@ -127,44 +127,30 @@ def run_info(options: LibInfoOptions) -> int:
 
 def _describe_library(library: Library) -> dict[str, Any]:
     """Return a summary of a library as a dict for JSON: its size, clusters and configuration."""
+    groups = {}
+    for group, labels in library.labels.items():
+        joints = [library.skeleton.names[joint] for joint in library.joints(group)]
+        sizes = {"clusters": int(labels.max(initial=-1)) + 1, "sigma": library.sigma[group]}
+        groups[group] = {**sizes, "sigma_scale": library.config.sigma_scale, "joints": joints}
+    n_frames = sum(entry.n_frames for entry in library.entries)
     return {
         "library": str(library.folder),
-        "clips": len(library.entries),
-        "frames": sum(entry.n_frames for entry in library.entries),
-        "rate": library.rate,
-        "segments": len(library.segments),
-        "groups": {
-            group: {
-                "clusters": int(labels.max(initial=-1)) + 1,
-                "sigma": library.sigma[group],
-                "sigma_scale": library.config.sigma_scale,
-                "joints": [library.skeleton.names[joint] for joint in library.joints(group)],
-            }
-            for group, labels in library.labels.items()
-        },
-        "base_group": library.groups.base,
+        **{"clips": len(library.entries), "frames": n_frames, "rate": library.rate},
+        **{"segments": len(library.segments), "groups": groups, "base_group": library.groups.base},
         "tags": sorted({tag for entry in library.entries for tag in entry.tags}),
-        "config": library.config.as_dict(),
-        "left_out": dict(library.refused),
+        **{"config": library.config.as_dict(), "left_out": dict(library.refused)},
     }
 
 
 def _describe_clip(entry: ClipInfo) -> dict[str, Any]:
-    source = entry.source_file
-    return {
-        "name": entry.name,
-        "file": None if source is None else source.path,
-        "format": None if source is None else source.format,
-        "clip": None if source is None else source.clip,
-        "sha256": None if source is None else source.sha256,
-        "frames": entry.n_frames,
-        "own_rate": entry.source_rate,
-        "tags": list(entry.tags),
-        "faults": list(entry.faults),
-    }
+    file = entry.source_file
+    source = {"name": entry.name, "file": file and file.path, "format": file and file.format}
+    source |= {"clip": file and file.clip, "sha256": file and file.sha256}
+    lists = {"tags": list(entry.tags), "faults": list(entry.faults)}
+    return {**source, "frames": entry.n_frames, "own_rate": entry.source_rate, **lists}
 
 
-def run_verify(options: VerifyOptions) -> int:
+def run_verify(options: commands.VerifyOptions) -> int:
     """Run ``lib verify``."""
     differences = storage.verify(options.library)
     for name in storage.list_leftovers(options.library):
@@ -174,15 +160,32 @@ def run_verify(options: VerifyOptions) -> int:
     return 3 if differences else 0
 
 
-def run_export(options: TablesOptions) -> int:
+def run_export(options: commands.TablesOptions) -> int:
     """Run ``lib export``."""
-    if options.format == "npz":
-        check_suffix(options.output, ".npz")
-    else:
-        check_suffix(options.output, is_folder=True)
+    suffixes = [".npz"] if options.format == "npz" else []
+    check_suffix(options.output, *suffixes, is_folder=not suffixes)
     library = Library.open(options.library)
     check_writable([options.output], force=options.force)
     options.output.parent.mkdir(parents=True, exist_ok=True)
     paths = [str(path) for path in export_tables(library, options.output, options.format)]
     print_result(options, "tables/1", {"kind": options.format, "files": paths}, paths)
+    return 0
+
+
+def run_stream(options: commands.StreamOptions) -> int:
+    """Run the command until it is interrupted."""
+    if (options.port is None) == (options.socket is None):
+        raise UsageError("one of --port and --socket is required")
+    library = configuration.load_library(options)
+    address = options.socket or (options.host, options.port or 0)
+    if options.socket is None and not is_loopback(options.host):
+        print_remark(
+            f"warning: {options.host} accepts connections from other computers, without a password"
+        )
+    server = StreamServer(library, address, ServerLimits(idle_seconds=options.timeout))
+    document = {"protocol": PROTOCOL, "address": server.address, "rate": library.rate}
+    lines = [f"{PROTOCOL} at {server.address}, {library.rate:.6g} frames/s; Ctrl-C ends it"]
+    print_result(options, "stream-server/1", document, lines)
+    sys.stdout.flush()
+    server.serve_forever()
     return 0

@@ -42,9 +42,8 @@ def run_info(options: InfoOptions) -> int:
         if options.match == "anatomy":
             own = clips[chosen[0]].skeleton
             hierarchy = hierarchy or own
-            found = [
-                {**document, "match": describe_match(hierarchy, own, path)} for document in found
-            ]
+            match = describe_match(hierarchy, own, path)
+            found = [{**document, "match": match} for document in found]
         documents += found
         if not options.json:
             print("\n".join(_describe(found)))
@@ -70,27 +69,17 @@ def _contents(clips: Clips, index: int, options: InfoOptions) -> dict[str, Any]:
         members = JointGroups.preset("lower_torso_arms", skeleton).resolve(skeleton)
     except ValueError:
         members = {}
-    return {
-        "file": str(clips.path),
-        "error": None,
-        "format": clips.format,
-        "clip": clips.names[index] if len(clips) > 1 else None,
-        "joints": skeleton.n_joints,
-        "channels": skeleton.n_channels,
-        "frames": motion.n_frames,
-        "frame_time": motion.frame_time,
-        "rate": motion.rate,
-        "seconds": motion.duration,
-        "loop": is_loop(motion),
-        "groups": {g: [skeleton.names[j] for j in joints] for g, joints in members.items()},
-        "notes": list(clips.notes),
-        "repairs": list(motion.repairs),
-        "faults": [
-            fault.message
-            for fault in find_faults(motion)
-            if options.verbose or options.json or fault.kind not in HARMLESS_FAULTS
-        ],
-    }
+    source = {"file": str(clips.path), "error": None, "format": clips.format}
+    source["clip"] = clips.names[index] if len(clips) > 1 else None
+    size = {"joints": skeleton.n_joints, "channels": skeleton.n_channels, "frames": motion.n_frames}
+    time = {"frame_time": motion.frame_time, "rate": motion.rate, "seconds": motion.duration}
+    time["loop"] = is_loop(motion)
+    groups = {g: [skeleton.names[j] for j in joints] for g, joints in members.items()}
+    is_complete = options.verbose or options.json
+    shown = [f for f in find_faults(motion) if is_complete or f.kind not in HARMLESS_FAULTS]
+    notes = {"notes": list(clips.notes), "repairs": list(motion.repairs)}
+    notes["faults"] = [fault.message for fault in shown]
+    return {**source, **size, **time, "groups": groups, **notes}
 
 
 def _describe(clips: Sequence[dict[str, Any]]) -> list[str]:
@@ -152,15 +141,11 @@ def _check_file(name: str, skeleton: Skeleton | None, *, strict: bool) -> dict[s
     except FormatError as error:
         return {"file": name, "error": str(error), "repairs": [], "faults": []}
     names = motion.skeleton.names
-    faults = [
-        {
-            "kind": fault.kind,
-            "frames": list(fault.frames),
-            "joint": None if fault.joint is None else names[fault.joint],
-            "message": fault.message,
-        }
-        for fault in find_faults(motion)
-    ]
+    faults = []
+    for fault in find_faults(motion):
+        joint = None if fault.joint is None else names[fault.joint]
+        place = {"frames": list(fault.frames), "joint": joint}
+        faults.append({"kind": fault.kind, **place, "message": fault.message})
     return {"file": name, "error": None, "repairs": list(motion.repairs), "faults": faults}
 
 

@@ -272,15 +272,8 @@ def _write_film(
     motions: Sequence[Motion], target: Path, groups: _Groups, options: ExportOptions
 ) -> dict[str, Any]:
     with show_progress() as progress:
-        rate = write_video(
-            motions,
-            target,
-            rate=options.rate,
-            size=options.size,
-            groups=groups,
-            dark=options.dark,
-            progress=progress,
-        )
-    width, height = options.size
+        rate, (width, height), dark = options.rate, options.size, options.dark
+        look: dict[str, Any] = {"size": options.size, "groups": groups, "dark": dark}
+        rate = write_video(motions, target, rate=rate, progress=progress, **look)
     print_remark(f"{target.name}: {width} by {height} pixels, {rate:.6g} pictures per second")
     return {"size": [width, height], "rate": rate, "frames": [m.n_frames for m in motions]}

@@ -251,24 +251,21 @@ class CompletionOptions(Options):
     )
 
 
+_LIBRARY_ACTIONS = (
+    Command("info", LibInfoOptions, "library:run_info"),
+    Command("verify", VerifyOptions, "library:run_verify"),
+    Command("export", TablesOptions, "library:run_export"),
+)
 COMMANDS = (
     Command("demo", DemoOptions, "graft:run_demo"),
     Command("info", InfoOptions, "motions:run_info"),
     Command("check", CheckOptions, "motions:run_check"),
     Command("groups", GroupsOptions, "motions:run_groups"),
     Command("index", IndexOptions, "library:run_index"),
-    Command(
-        "lib",
-        summary="describe, verify or export a library",
-        actions=(
-            Command("info", LibInfoOptions, "library:run_info"),
-            Command("verify", VerifyOptions, "library:run_verify"),
-            Command("export", TablesOptions, "library:run_export"),
-        ),
-    ),
+    Command("lib", summary="describe, verify or export a library", actions=_LIBRARY_ACTIONS),
     Command("candidates", options.CandidatesOptions, "candidates:run"),
     Command("graft", options.GraftOptions, "graft:run"),
-    Command("stream", StreamOptions, "stream:run"),
+    Command("stream", StreamOptions, "library:run_stream"),
     Command("view", ViewOptions, "pictures:run_view"),
     Command("plot", PlotOptions, "pictures:run_plot"),
     Command("export", ExportOptions, "pictures:run_export"),

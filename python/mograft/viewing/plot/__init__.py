@@ -6,7 +6,6 @@ Each function draws into the given axes, or into new ones, and returns them. The
 
 from mograft.io.palette import PALETTE
 from mograft.viewing.plot.cluster_plots import clusters, dendrogram, groups, pca
-from mograft.viewing.plot.pose_strip import strip
-from mograft.viewing.plot.time_plots import energy, timeline
+from mograft.viewing.plot.motion_plots import energy, strip, timeline
 
 __all__ = ["PALETTE", "clusters", "dendrogram", "energy", "groups", "pca", "strip", "timeline"]

@@ -8,15 +8,13 @@ import numpy as np
 from mograft._standalone.mograft_linkage import linkage
 from mograft._standalone.mograft_linkage.dendrogram import leaves_list
 from mograft._util.arrays import FloatArray, IntArray
-from mograft._util.validate import is_integer
 from mograft.analysis.embedding import Embedding
 from mograft.analysis.group_discovery import GroupDiscovery
 from mograft.errors import suggest_name
 from mograft.io.palette import PALETTE
 from mograft.library.library import Library
 from mograft.motion.skeleton import Skeleton
-from mograft.viewing.plot.figure_axes import cluster_colour, ensure_axes, ensure_two_axes
-from mograft.viewing.plot.pose_strip import strip
+from mograft.viewing.plot.motion_plots import cluster_colour, ensure_axes, new_axes, strip
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,14 +23,8 @@ _MAX_NUMBERED_CLUSTERS = 12
 _MAX_TICKS = 40
 
 
-def pca(
-    library: Library,
-    group: str | None = None,
-    components: tuple[int, int] = (1, 2),
-    *,
-    ax: "Axes | None" = None,
-) -> "Axes":
-    """Draw the segments as points in two principal components, coloured by cluster.
+def pca(library: Library, group: str | None = None, *, ax: "Axes | None" = None) -> "Axes":
+    """Draw the segments as points in the first two principal components, coloured by cluster.
 
     Parameters
     ----------
@@ -40,8 +32,6 @@ def pca(
         The library whose segments are drawn.
     group : str, optional
         The joint group. Default: the base group.
-    components : tuple of int
-        The principal components of the horizontal and the vertical axis, from 1.
     ax : matplotlib Axes, optional
         Axes to draw into. Default: new axes.
 
@@ -54,19 +44,14 @@ def pca(
     Raises
     ------
     ValueError
-        If the group does not exist or has no embedding, or `components` are not two components.
+        If the group does not exist or has no embedding of two components.
     """
     name, embedding, labels = _embedding(library, group)
     points = embedding.points
-    if len(components) != 2:
-        raise ValueError(f"`components` must be two numbers, got {components}")
-    for component in components:
-        if not (is_integer(component) and 1 <= component <= points.shape[1]):
-            raise ValueError(
-                f"`components` must be whole numbers from 1 to {points.shape[1]}, got {component}"
-            )
+    if points.shape[1] < 2:
+        raise ValueError(f"group {name!r} must have two principal components, got 1")
     axes = ensure_axes(ax, (6, 5))
-    x, y = (points[:, component - 1] for component in components)
+    x, y = points[:, :2].T
     sizes = np.bincount(labels)
     is_single = sizes[labels] == 1
     axes.scatter(x[is_single], y[is_single], s=8, color="0.6", linewidths=0)
@@ -79,8 +64,8 @@ def pca(
             box = background | {"alpha": 0.75}
             axes.annotate(str(label), middle, fontsize=8, ha="center", va="center", bbox=box)
     share = embedding.variances / embedding.variances.sum()
-    axes.set_xlabel(f"component {components[0]} ({100 * share[components[0] - 1]:.0f} %)")
-    axes.set_ylabel(f"component {components[1]} ({100 * share[components[1] - 1]:.0f} %)")
+    axes.set_xlabel(f"component 1 ({100 * share[0]:.0f} %)")
+    axes.set_ylabel(f"component 2 ({100 * share[1]:.0f} %)")
     axes.set_aspect("equal", adjustable="datalim")
     counts = f"{len(labels)} segments, {len(sizes)} clusters, {int(is_single.sum())} of one segment"
     axes.set_title(f"{name}: {counts}", loc="left", fontsize=10)
@@ -250,7 +235,7 @@ def groups(
     >>> [label.get_text() for label in tree.get_yticklabels()]
     ['Hips ... RightFoot', 'LeftShoulder ... RightHand', 'Spine', 'Neck ... Head']
     """
-    tree_axes, pose_axes = ensure_two_axes(axes, (10, 4))
+    tree_axes, pose_axes = axes or new_axes((10, 4), 1, 2, gridspec_kw={"width_ratios": [2, 1]})
     _draw_tree(discovery, tree_axes)
     strip(discovery.pose, 1, groups=discovery.groups, ax=pose_axes)
     pose_axes.texts[-1].remove()  # the number of the only frame

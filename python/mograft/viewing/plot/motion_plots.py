@@ -1,20 +1,137 @@
-"""The kinetic energy of a motion, and segments coloured by cluster, along time."""
+"""Poses side by side, kinetic energy and segments along time; axes and colours of all pictures."""
 
+import colorsys
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mograft._util.gaussian import gaussian_filter
 from mograft.analysis.segmentation import kinetic_energy, segment
+from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.io.palette import PALETTE
 from mograft.motion.motion import Motion
 from mograft.viewing.figure import TimelineRow
-from mograft.viewing.plot.figure_axes import cluster_colour, ensure_axes
+from mograft.viewing.geometry import Camera, DrawnSkeleton, front_yaw
 from mograft.viewing.scene import Item, Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+_GOLDEN_ANGLE_DEGREES = 137.508
+_VIEW_DEGREES = -35.0
+_NUMBER_STYLE: dict[str, Any] = {
+    "bbox": {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.6}
+} | {"ha": "center", "va": "center", "fontsize": 7, "color": "black", "clip_on": True}
+"""Of the numbers of clusters in a timeline."""
+
+
+def ensure_axes(ax: "Axes | None", size: tuple[float, float]) -> "Axes":
+    """Return `ax`, or if it is None the axes of a new figure with a given size in inches."""
+    axes: Axes = new_axes(size) if ax is None else ax
+    return axes
+
+
+def new_axes(size: tuple[float, float], *counts: int, **options: Any) -> Any:  # noqa: ANN401
+    """Return the axes of a new figure; `counts` and `options` are those of ``plt.subplots``.
+
+    Raise an ImportError with the remedy if Matplotlib is not installed.
+    """
+    try:
+        from matplotlib import pyplot
+    except ImportError as error:
+        text = "plots need matplotlib: pip install 'mograft[plot]'"
+        raise ImportError(text, name="matplotlib") from error
+    return pyplot.subplots(*counts, figsize=size, layout="constrained", **options)[1]
+
+
+def cluster_colour(cluster: int) -> str:
+    """Return the colour of a cluster; the hues of successive clusters are a golden angle apart."""
+    hue = ((cluster * _GOLDEN_ANGLE_DEGREES + 200) % 360) / 360
+    rgb = colorsys.hls_to_rgb(hue, 0.6, 0.55)
+    return "#" + "".join(f"{round(255 * value):02x}" for value in rgb)
+
+
+def strip(
+    motion: Motion,
+    poses: int = 12,
+    *,
+    groups: JointGroups | str | None = None,
+    frames: tuple[int, int] | None = None,
+    ax: "Axes | None" = None,
+) -> "Axes":
+    """Draw poses of a motion at equal time intervals, side by side.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion.
+    poses : int
+        Number of poses.
+    groups : JointGroups or str, optional
+        Joint groups that set the colours, or the name of a preset. Default: trunk, arms and
+        legs.
+    frames : tuple of int, optional
+        First and last frame to draw. Default: all.
+    ax : matplotlib Axes, optional
+        Axes to draw into. Default: new axes.
+
+    Returns
+    -------
+    matplotlib Axes
+        The axes, whose unit is the body height. The number of the frame is below each pose. All
+        poses are seen from the same direction, from the front of the first pose and 35 degrees
+        to its side.
+
+    Raises
+    ------
+    ValueError
+        If `poses` is below 1, the groups do not fit, or `frames` are not frames of the motion.
+
+    Examples
+    --------
+    >>> from mograft import plot
+    >>> from mograft.dancer import dance
+    >>> axes = plot.strip(dance(strides=1).motion, 8)
+    >>> len(axes.texts)
+    8
+    """
+    if poses < 1:
+        raise ValueError(f"`poses` must be at least 1, got {poses}")
+    first, last = (0, motion.n_frames - 1) if frames is None else frames
+    if not 0 <= first <= last < motion.n_frames:
+        raise ValueError(
+            f"`frames` must be ascending within 0 to {motion.n_frames - 1}, got {first} to {last}"
+        )
+    drawn = np.unique(np.linspace(first, last, poses).round().astype(int))
+    figure = Scene.of([motion], groups).figures[0]
+    skeleton = DrawnSkeleton.of(motion[first : last + 1])
+    nodes = skeleton.positions[drawn - first] / skeleton.height
+    camera = Camera(front_yaw(motion.skeleton, nodes[0]) + np.radians(_VIEW_DEGREES))
+    sideways, upright, _ = camera.project(nodes - nodes[:, [skeleton.root]])
+    upright = upright + nodes[:, [skeleton.root], 1] - nodes[..., 1].min()
+    bones = [[node, parent] for node, parent in enumerate(skeleton.parents) if parent >= 0]
+    ends = sorted({end for bone in bones for end in bone})
+    spacing = 1.15 * max(float(np.ptp(sideways[:, ends], axis=1).max(initial=0.0)), 0.5)
+    height = max(float(upright.max()), 0.5) + 0.3
+    size = (max(1.1 * len(drawn), 3), max(1.1 * height / spacing, 1.0) + 0.2)
+    axes = ensure_axes(ax, size)
+    group_of_node, names = figure.group_of_nodes(skeleton.parents), list(figure.members)
+    labels: dict[int, str | None] = dict(enumerate(names))
+    line: dict[str, Any] = {"linewidth": 2.2, "solid_capstyle": "round"}
+    for pose, frame in enumerate(drawn.tolist()):
+        for bone in bones:
+            group = group_of_node[bone[1]]
+            x, y = sideways[pose, bone[::-1]] + pose * spacing, upright[pose, bone[::-1]]
+            colour, label = PALETTE[group % len(PALETTE)], labels.pop(group, None)
+            axes.plot(x, y, color=colour, label=label, **line)
+        axes.text(pose * spacing, -0.06, str(frame), ha="center", va="top", fontsize=8)
+    axes.axhline(0, color="0.5", linewidth=0.6, zorder=0)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    axes.set_title(motion.name or "motion", loc="left", fontsize=10)
+    axes.legend(loc="upper right", bbox_to_anchor=(1, 1.28), ncols=8, frameon=False, fontsize=8)
+    return axes
 
 
 def energy(
@@ -149,23 +266,8 @@ def _draw_row(
         if cluster < 0 and part.is_exchanged and part.clip is not None:
             colour = clips.index(part.clip)
         style: dict[str, Any] = {"hatch": "//////"} if part.is_exchanged else {}
-        axes.broken_barh(
-            [(part.start, length)],
-            (height - 0.4, 0.8),
-            facecolor="0.75" if colour < 0 else cluster_colour(colour),
-            edgecolor="white",
-            linewidth=0.8,
-            **style,
-        )
+        style |= {"facecolor": "0.75" if colour < 0 else cluster_colour(colour)}
+        style |= {"edgecolor": "white", "linewidth": 0.8}
+        axes.broken_barh([(part.start, length)], (height - 0.4, 0.8), **style)
         if cluster >= 0 and length * inches_per_frame > 0.07 * len(str(cluster)) + 0.05:
-            axes.text(
-                part.start + 0.5 * length,
-                height,
-                str(cluster),
-                ha="center",
-                va="center",
-                fontsize=7,
-                color="black",
-                clip_on=True,
-                bbox={"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.6},
-            )
+            axes.text(part.start + 0.5 * length, height, str(cluster), **_NUMBER_STYLE)
