@@ -13,8 +13,7 @@ import mograft as mg
 from mograft import formats
 from mograft.body.anatomy import anatomy
 from mograft.body.mass import mass_model, up_axis
-from mograft.io.smpl.joints import MODELS
-from mograft.io.smpl.rest import STATURE, read_offsets, rest_skeleton, stand_in
+from mograft.io.smpl.body_models import MODELS, STATURE, read_offsets, rest_skeleton, stand_in
 from mograft.motion import rotations
 from tests.hierarchies import human
 from tests.io.npz_files import amass_arrays, write_arrays

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft.dancer import dance
-from mograft.io import addresses
-from mograft.io.addresses import find_addresses, read_clip, split_address
+from mograft.io import formats
+from mograft.io.formats import find_addresses, read_clip, split_address
 from mograft.io.rest_pose import RestPose, rebase, restore, to_local
 from mograft.motion import rotations
 from mograft.motion.motion import forward_kinematics
@@ -117,9 +117,9 @@ def test_open_clips_parses_a_file_once_and_again_after_a_change(tmp_path, monkey
     for path in paths:
         mg.formats.write_glb([motion, motion[:4]], path)
     parsed = []
-    real = addresses.read
+    real = formats.read
     monkeypatch.setattr(
-        addresses, "read", lambda path, **options: parsed.append(path) or real(path, **options)
+        formats, "read", lambda path, **options: parsed.append(path) or real(path, **options)
     )
     every = [found for _ in range(3) for path in paths for found in find_addresses(str(path))]
     lengths = [read_clip(address).n_frames for address in every]

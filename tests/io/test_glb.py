@@ -176,7 +176,7 @@ def transforms(draw):
 @given(skeletons() | st.just(human()) | st.just(dance(strides=1).motion.skeleton), transforms())
 def test_bone_mesh_any_skeleton_equals_oracle_bit_for_bit(skeleton, transform):
     for actual, expected in zip(
-        bone_mesh(skeleton, transform), oracle.bone_mesh(skeleton, transform), strict=True
+        bone_mesh(skeleton, transform)[:3], oracle.bone_mesh(skeleton, transform), strict=True
     ):
         assert actual.dtype == expected.dtype
         assert actual.shape == expected.shape

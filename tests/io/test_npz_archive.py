@@ -14,7 +14,7 @@ import mograft as mg
 from mograft.body.anatomy import anatomy
 from mograft.body.mass import mass_model, up_axis
 from mograft.io.kimodo import SKELETONS, SOMA_30, SOMA_77
-from mograft.io.npz_archive import open_npz_archive
+from mograft.io.npz import open_npz_archive
 from tests.fuzz import npz as fuzz_npz
 from tests.hierarchies import DATA
 from tests.io.npz_files import kimodo_arrays, write_arrays

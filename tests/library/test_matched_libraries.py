@@ -17,8 +17,7 @@ from mograft import (
     write_bvh,
     write_graft,
 )
-from mograft.io.smpl.joints import SMPL_H
-from mograft.io.smpl.rest import stand_in
+from mograft.io.smpl.body_models import SMPL_H, stand_in
 from mograft.library.conform import conform
 from mograft.library.origin import hash_library
 from tests.library.checks import DANCE, assert_same_libraries

@@ -1,4 +1,4 @@
-"""The mesh in exported files: one slim octahedron per bone."""
+"""The mesh in exported files, one slim octahedron per bone, and the colours of joint groups."""
 
 from typing import NamedTuple
 
@@ -11,6 +11,9 @@ from mograft.body.mass import mass_model
 from mograft.io.units import ExportTransform
 from mograft.motion.skeleton import Skeleton
 
+PALETTE = ("#3b6ea8", "#d9596b", "#2b8a57", "#b08a00", "#8a5cb8", "#2492ad", "#9c5a2e", "#6b7280")
+"""Colours of the joint groups, in order; if there are more groups, the colours repeat."""
+
 _CORNERS_PER_BONE = 24
 
 
@@ -20,14 +23,20 @@ class BoneMesh(NamedTuple):
     points: FloatArray  # corners in metres, y up, shape (24 * n_bones, 3)
     normals: FloatArray  # their normals, same shape
     joints: IntArray  # the joint that each corner is bound to, shape (24 * n_bones,)
+    colours: FloatArray  # of the joints' groups, linear RGB from 0 to 1, shape (24 * n_bones, 3)
 
 
-def bone_mesh(skeleton: Skeleton, transform: ExportTransform) -> BoneMesh:
+def bone_mesh(
+    skeleton: Skeleton, transform: ExportTransform, groups: JointGroups | str | None = None
+) -> BoneMesh:
     """Return the mesh of the bones in the rest pose, in metres with y up.
 
     A bone leads from a joint to a child or an end site. Ancestors of the hips have no bones. If no
     bone is long enough to be visible, one bone is added at the root, because a skin needs a mesh.
+    `groups` may be the name of a preset. None means legs, torso and two arms as groups, or a single
+    group if the skeleton lacks one of these parts.
     """
+    group_indices = _group_indices(skeleton, groups)
     rest = transform.points(skeleton.rest_positions())
     thickness = 0.016 * transform.scale * mass_model(skeleton).height
     sites = skeleton.end_sites
@@ -41,7 +50,9 @@ def bone_mesh(skeleton: Skeleton, transform: ExportTransform) -> BoneMesh:
         joints = np.zeros(1, np.int64)
         ends = rest[:1] + np.array([0.0, max(thickness, 0.01, 1e-5 * np.abs(rest[0]).max()), 0.0])
     points, normals = _octahedra(rest[joints], ends, thickness)
-    return BoneMesh(points, normals, np.repeat(joints, _CORNERS_PER_BONE))
+    joints = np.repeat(joints, _CORNERS_PER_BONE)
+    srgb = np.array([[int(c[i : i + 2], 16) / 255 for i in (1, 3, 5)] for c in PALETTE])
+    return BoneMesh(points, normals, joints, srgb[group_indices[joints] % len(PALETTE)] ** 2.2)
 
 
 def _are_visible(starts: FloatArray, ends: FloatArray, thickness: float) -> BoolArray:
@@ -77,20 +88,16 @@ def _lengths(vectors: FloatArray) -> FloatArray:
     return np.sqrt(np.matmul(vectors[:, None], vectors[:, :, None])[:, 0, 0])
 
 
-def joint_group_indices(skeleton: Skeleton, groups: JointGroups | str | None) -> IntArray:
-    """Return for each joint the index of its group, shape (n_joints,).
-
-    `groups` may be the name of a preset. None means legs, torso and two arms as groups, or a single
-    group if the skeleton lacks one of these parts.
-    """
-    if isinstance(groups, str):
-        groups = JointGroups.preset(groups, skeleton)
-    if groups is None:
-        try:
-            groups = JointGroups.preset("lower_torso_larm_rarm", skeleton)
-        except ValueError:
-            return np.zeros(skeleton.n_joints, np.int64)
+def _group_indices(skeleton: Skeleton, groups: JointGroups | str | None) -> IntArray:
+    """Return for each joint the index of its group, shape (n_joints,)."""
     indices = np.zeros(skeleton.n_joints, np.int64)
+    try:
+        if groups is None or isinstance(groups, str):
+            groups = JointGroups.preset(groups or "lower_torso_larm_rarm", skeleton)
+    except ValueError:
+        if groups is not None:
+            raise
+        return indices
     for index, joints in enumerate(groups.resolve(skeleton).values()):
         indices[joints] = index
     return indices

@@ -11,9 +11,9 @@ import numpy as np
 from mograft._util.arrays import FloatArray
 from mograft.errors import join_names
 from mograft.io.clips import ClipLength, Clips, errors_of_file, single_clip
-from mograft.io.npz_archive import NpzArchive, open_npz_archive
+from mograft.io.npz import NpzArchive, open_npz_archive
 from mograft.io.rest_pose import to_local
-from mograft.io.smpl.joints import BODY_JOINTS, smpl_parents
+from mograft.io.smpl.body_models import BODY_JOINTS, smpl_parents
 from mograft.motion import limits, rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import CHANNELS, Skeleton
@@ -108,11 +108,6 @@ SKELETONS = {
     for skeleton in (SOMA_30, SOMA_77, _skeleton("G1", _G1), _SMPL_X_22)
 }
 """The skeletons by number of joints: files contain no names."""
-
-
-def is_kimodo(names: frozenset[str]) -> bool:
-    """Return whether an NPZ file with these arrays is a motion of Kimodo."""
-    return {"posed_joints", "global_rot_mats"} <= names
 
 
 def open_kimodo(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001

@@ -9,7 +9,7 @@ from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax.commands import IndexOptions, LibInfoOptions, TablesOptions, VerifyOptions
 from mograft.errors import join_names
-from mograft.io.addresses import split_address
+from mograft.io.formats import split_address
 from mograft.library.clip_table import ClipInfo
 from mograft.library.discover import find_clips, matching_values, read_tags
 from mograft.library.export import export_tables
