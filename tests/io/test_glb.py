@@ -12,8 +12,7 @@ from mograft import EndSite, Motion, Skeleton, SkeletonMismatchError
 from mograft.body.mass import mass_model
 from mograft.dancer import dance
 from mograft.formats import write_glb
-from mograft.io.bone_mesh import bone_mesh
-from mograft.io.units import UNITS, ExportTransform, guess_unit
+from mograft.io.export_figure import UNITS, ExportTransform, bone_mesh, guess_unit
 from mograft.motion import rotations
 from tests import strategies
 from tests.clients import blender, gltf_validator

@@ -15,7 +15,7 @@ from mograft import EndSite, Motion, Skeleton
 from mograft.cli import main
 from mograft.dancer import dance
 from mograft.formats import write_usd
-from mograft.io.units import ExportTransform
+from mograft.io.export_figure import ExportTransform
 from mograft.io.usd import SUFFIXES, _joint_paths
 from tests import strategies
 from tests.io.glb_file import assert_equal_up_to_rotation

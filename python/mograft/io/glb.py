@@ -16,8 +16,7 @@ from mograft._util.arrays import FloatArray
 from mograft._util.atomic import write_bytes
 from mograft._util.validate import check_type
 from mograft.body.groups import JointGroups
-from mograft.io.bone_mesh import BoneMesh, bone_mesh
-from mograft.io.units import ExportTransform, check_single_precision
+from mograft.io.export_figure import BoneMesh, ExportTransform, bone_mesh, check_single_precision
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -156,11 +155,7 @@ def write_glb(
     >>> target = Path(tempfile.mkdtemp()) / "dance.glb"
     >>> write_glb(dance(strides=1).motion[:30], target)
     """
-    clips = [motions] if isinstance(motions, Motion) else list(motions)
-    if not clips:
-        raise ValueError("`motions` must hold at least one motion, got none")
-    for clip in clips:
-        check_type("motions", clip, Motion)
+    clips = as_motions(motions)
     first = clips[0]
     for clip in clips[1:]:
         first.skeleton.check_same_hierarchy(clip.skeleton, clip.name or "a motion")
@@ -169,6 +164,16 @@ def write_glb(
     mesh = bone_mesh(first.skeleton, transform, groups)
     document = _build_document(buffer, clips, transform, mesh)
     write_bytes(Path(path), buffer.pack(document))
+
+
+def as_motions(motions: Motion | Sequence[Motion]) -> list[Motion]:
+    """Return the argument `motions` as a list; raise an error if it is empty or has other items."""
+    given = [motions] if isinstance(motions, Motion) else list(motions)
+    for motion in given:
+        check_type("motions", motion, Motion)
+    if not given:
+        raise ValueError("`motions` must hold at least one motion, got none")
+    return given
 
 
 def _build_document(

@@ -24,7 +24,7 @@ from mograft._util.arrays import FloatArray, IntArray, Shape
 from mograft._util.atomic import atomic_path, write_bytes
 from mograft.errors import FormatError, join_names
 from mograft.io.clips import Clips, errors_of_file, single_clip
-from mograft.io.units import check_single_precision
+from mograft.io.export_figure import check_single_precision
 from mograft.motion import limits
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import EndSite, Skeleton

@@ -11,8 +11,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray
 from mograft._util.atomic import atomic_path
 from mograft.body.groups import JointGroups
-from mograft.io.bone_mesh import BoneMesh, bone_mesh
-from mograft.io.units import ExportTransform, check_single_precision
+from mograft.io.export_figure import BoneMesh, ExportTransform, bone_mesh, check_single_precision
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton

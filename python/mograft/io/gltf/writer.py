@@ -14,7 +14,7 @@ from mograft._util.atomic import write_bytes
 from mograft._util.names import unique_names
 from mograft._util.validate import check_type
 from mograft.errors import FormatError, suggest_name
-from mograft.io.glb import GltfBuffer, Json
+from mograft.io.glb import GltfBuffer, Json, as_motions
 from mograft.io.gltf.animation import PATH_WIDTHS, animation_names
 from mograft.io.gltf.container import COMPRESSION, Container
 from mograft.io.gltf.document import GltfFile, read_gltf_file
@@ -91,11 +91,7 @@ def write_glb_animations(
     >>> read(folder / "b.glb").names
     ('dance', 'dance~2')
     """
-    given = [motions] if isinstance(motions, Motion) else list(motions)
-    for motion in given:
-        check_type("motions", motion, Motion)
-    if not given:
-        raise ValueError("`motions` must hold at least one motion, got none")
+    given = as_motions(motions)
     origins = [None] * len(given) if bases is None else list(bases)
     if len(origins) != len(given):
         raise ValueError(f"`bases` must have {len(given)} items, got {len(origins)}")
@@ -113,21 +109,6 @@ class Addition:
     clip: int | None = None  # index of the clip
 
 
-def find_base_clip(file: GltfFile, base: Motion) -> int:
-    """Return the index of the clip with the name of `base`.
-
-    Raises ValueError if no clip has the name, or its duration differs from that of `base`.
-    """
-    name, expected = base.clip or base.name, f"`bases` must be clips of {file.container.path}"
-    if name not in file.clip_names:
-        hint = suggest_name(name, file.clip_names)
-        raise ValueError(f"{expected}, which has no {name!r}{hint}")
-    clip = file.clip_names.index(name)
-    if not has_duration(file, clip, base):
-        raise ValueError(f"{expected}, whose clip {name} does not last {base.duration:.6g} s")
-    return clip
-
-
 def has_duration(file: GltfFile, clip: int, base: Motion) -> bool:
     """Return whether the durations of a motion and a clip differ by at most a quarter frame."""
     return abs(base.duration - file.read(clip).duration) <= 0.25 * base.frame_time
@@ -142,7 +123,14 @@ def _add(file: GltfFile, motion: Motion, base: Motion | None) -> Addition:
     if sizes[0] != sizes[1]:
         expected = f"as many frames and joints as their motions, {sizes[0]}"
         raise ValueError(f"`bases` must have {expected}, got {sizes[1]}")
-    return Addition(motion, base, find_base_clip(file, base))
+    name, expected = base.clip or base.name, f"`bases` must be clips of {file.container.path}"
+    if name not in file.clip_names:
+        hint = suggest_name(name, file.clip_names)
+        raise ValueError(f"{expected}, which has no {name!r}{hint}")
+    clip = file.clip_names.index(name)
+    if not has_duration(file, clip, base):
+        raise ValueError(f"{expected}, whose clip {name} does not last {base.duration:.6g} s")
+    return Addition(motion, base, clip)
 
 
 def append_animations(

@@ -30,38 +30,22 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.body.anatomy import anatomy
 from mograft.errors import FormatError, join_names, suggest_name
-from mograft.io.units import UNITS, guess_unit
+from mograft.io.export_figure import UNITS, guess_unit
 from mograft.motion.skeleton import CHANNELS, EndSite, Skeleton
 
-_PARENT_OF_BODY_JOINT = {
-    "pelvis": "",
-    "left_hip": "pelvis",
-    "right_hip": "pelvis",
-    "spine1": "pelvis",
-    "left_knee": "left_hip",
-    "right_knee": "right_hip",
-    "spine2": "spine1",
-    "left_ankle": "left_knee",
-    "right_ankle": "right_knee",
-    "spine3": "spine2",
-    "left_foot": "left_ankle",
-    "right_foot": "right_ankle",
-    "neck": "spine3",
-    "left_collar": "spine3",
-    "right_collar": "spine3",
-    "head": "neck",
-    "left_shoulder": "left_collar",
-    "right_shoulder": "right_collar",
-    "left_elbow": "left_shoulder",
-    "right_elbow": "right_shoulder",
-    "left_wrist": "left_elbow",
-    "right_wrist": "right_elbow",
-}
+BODY_JOINTS: tuple[str, ...] = (
+    *("pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2"),
+    *("left_ankle", "right_ankle", "spine3", "left_foot", "right_foot", "neck", "left_collar"),
+    *("right_collar", "head", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow"),
+    *("left_wrist", "right_wrist"),
+)
+"""The 22 joints that all three models share, in their common order."""
+
+_BODY_PARENTS = (0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)
+"""Indices of the parents of the body joints after the pelvis, as in ``kintree_table`` of SMPL."""
+
 _FINGERS = ("index", "middle", "pinky", "ring", "thumb")
 _SIDES = ("left", "right")
-
-BODY_JOINTS: tuple[str, ...] = tuple(_PARENT_OF_BODY_JOINT)
-"""The 22 joints that all three models share, in their common order."""
 
 
 def _hands() -> dict[str, str]:
@@ -77,7 +61,9 @@ def _hands() -> dict[str, str]:
 _PALMS = {f"{side}_hand": f"{side}_wrist" for side in _SIDES}
 _FACE = dict.fromkeys(("jaw", "left_eye_smplhf", "right_eye_smplhf"), "head")
 
-PARENT_OF_JOINT = {**_PARENT_OF_BODY_JOINT, **_PALMS, **_FACE, **_hands()}
+_BODY = dict(zip(BODY_JOINTS, ("", *(BODY_JOINTS[i] for i in _BODY_PARENTS)), strict=True))
+
+PARENT_OF_JOINT = {**_BODY, **_PALMS, **_FACE, **_hands()}
 """The joints of all three models with their parents; the pelvis has none, ``""``."""
 
 

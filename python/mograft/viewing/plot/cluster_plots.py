@@ -12,7 +12,7 @@ from mograft._util.validate import is_integer
 from mograft.analysis.embedding import Embedding
 from mograft.analysis.group_discovery import GroupDiscovery
 from mograft.errors import suggest_name
-from mograft.io.bone_mesh import PALETTE
+from mograft.io.export_figure import PALETTE
 from mograft.library.library import Library
 from mograft.motion.skeleton import Skeleton
 from mograft.viewing.plot.figure_axes import cluster_colour, ensure_axes, ensure_two_axes

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mograft.body.groups import JointGroups
-from mograft.io.bone_mesh import PALETTE
+from mograft.io.export_figure import PALETTE
 from mograft.motion.motion import Motion
 from mograft.viewing.geometry import Camera, DrawnSkeleton, front_yaw
 from mograft.viewing.plot.figure_axes import ensure_axes

@@ -7,7 +7,7 @@ import numpy as np
 from mograft._util.gaussian import gaussian_filter
 from mograft.analysis.segmentation import kinetic_energy, segment
 from mograft.config import Config
-from mograft.io.bone_mesh import PALETTE
+from mograft.io.export_figure import PALETTE
 from mograft.motion.motion import Motion
 from mograft.viewing.figure import TimelineRow
 from mograft.viewing.plot.figure_axes import cluster_colour, ensure_axes
