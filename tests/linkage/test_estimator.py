@@ -15,8 +15,7 @@ from sklearn.utils.estimator_checks import check_estimator
 
 from mograft import clustering
 from tests.analysis.test_clustering import by_first_appearance, clouds
-
-METRICS = ("euclidean", "sqeuclidean", "cosine", "correlation")
+from tests.linkage.test_adversarial import METRICS
 
 
 @pytest.mark.filterwarnings("ignore:Estimator CompleteLinkage does not inherit:UserWarning")
