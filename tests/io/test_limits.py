@@ -135,9 +135,8 @@ def test_arrays_beyond_limits_raise_value_error():
     with patch.object(limits, "MAX_FRAMES", 11):
         with pytest.raises(ValueError, match="at most 11 frames, got 12"):
             mg.Motion(motion.skeleton, 0.1, motion.rotations, motion.positions)
-        with pytest.raises(ValueError, match="`rate` must give at most 11 frames, got 60"):
-            motion[:11].resample(60.0)
         part = motion[:11]
-        with pytest.raises(ValueError, match="`rate` must give at most 11 frames"):
-            part.resample(10.6 / part.duration)  # 12 frames after rounding
+        for rate in (60.0, 1e300, 10.6 / part.duration):  # the last one: 12 frames after rounding
+            with pytest.raises(ValueError, match="`rate` must give at most 11 frames, got"):
+                part.resample(rate)
         assert part.resample(10.4 / part.duration).n_frames == 11
