@@ -131,9 +131,6 @@ class _Builder:
             self.connections.append(("C", link, []))
         return number
 
-    def connect(self, child, parent):
-        self.connections.append(("C", ["OO", child, parent], []))
-
 
 @dataclass(frozen=True)
 class Label:
@@ -179,7 +176,7 @@ def _add_take(builder, scene, take, models):
             children = [("Properties70", [], numbers)]
             label = (key, "AnimCurveNode")
             curve_node = builder.add("AnimationCurveNode", label, "", children, models[node], slot)
-            builder.connect(curve_node, layer_id)
+            builder.connections.append(("C", ["OO", curve_node, layer_id], []))
             _add_curves(builder, ticks, values, curve_node)
 
 
@@ -204,12 +201,8 @@ def _document(scene, version):
         builder.add("Pose", ("pose", "Pose"), "BindPose", children)
     for take in scene.takes:
         _add_take(builder, scene, take, models)
-    return [
-        _header(version),
-        _settings(scene),
-        ("Objects", [], builder.objects),
-        ("Connections", [], builder.connections),
-    ]
+    objects, links = ("Objects", [], builder.objects), ("Connections", [], builder.connections)
+    return [_header(version), _settings(scene), objects, links]
 
 
 # Version 6100: objects are connected by name, keys are in a section of takes, without layers.
@@ -277,12 +270,8 @@ def _document_6100(scene):
     objects.append((name, values, [children[0], _to_60(children[1])]))
     takes = [_take_6100(scene, take) for take in scene.takes]
     current = ("Current", [scene.takes[0].name if scene.takes else ""], [])
-    return [
-        _header(6100),
-        ("Objects", [], objects),
-        ("Connections", [], links),
-        ("Takes", [], [current, *takes]),
-    ]
+    sections = {"Objects": objects, "Connections": links, "Takes": [current, *takes]}
+    return [_header(6100), *((name, [], own) for name, own in sections.items())]
 
 
 @dataclass(frozen=True)

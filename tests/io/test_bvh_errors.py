@@ -17,6 +17,7 @@ from tests.io.bvh_helpers import REFLOWED_ROWS, TEXT, TEXT_VALUES, read
 from tests.strategies import few_examples
 
 CHANNELS = "CHANNELS 3 Zrotation Xrotation Yrotation"
+OFFSET_FIRST = f"OFFSET 0.0 10.0 0.0\n\t\t{CHANNELS}"
 SITE = "\t\tEnd Site\n\t\t{\n\t\t\tOFFSET 0.0 5.0 0.0\n\t\t}\n"
 JOINT = f"\t\tJOINT Arm {{ OFFSET 0 0 0 {CHANNELS} }}\n"
 TIMES = ("Frames: 3", "Frame Time: 0.04")
@@ -32,11 +33,7 @@ REPAIRS = [
     (SITE, "", "line 6: Spine has neither JOINT nor End Site"),
     ("Spine", "Bip01 Spine", "line 6: a space in the name 'Bip01 Spine'"),
     ("Spine", "Hips", "line 6: the name 'Hips' is repeated"),
-    (
-        f"OFFSET 0.0 10.0 0.0\n\t\t{CHANNELS}",
-        CHANNELS + " OFFSET 0 10 0",
-        "line 8: CHANNELS before OFFSET",
-    ),
+    (OFFSET_FIRST, CHANNELS + " OFFSET 0 10 0", "line 8: CHANNELS before OFFSET"),
     ("\n".join(TIMES), "\n".join(TIMES[::-1]), "line 17: Frame Time before Frames"),
     ("Frame Time:", "FrameTime:", "line 18: 'FrameTime:' read as 'Frame Time:'"),
     ("Frames: ", "Frames:", "line 17: no space after 'Frames:'"),
@@ -143,6 +140,7 @@ def test_read_bvh_run_of_line_ends_takes_little_memory():
     assert peak < 2 * len(text)
 
 
+FRAMES = TEXT[TEXT.index("Frames: 3") :]
 REFUSALS = [
     (TEXT, "<html>", 1, 1, "expected HIERARCHY, got <html>"),
     (TEXT, "", 1, 1, "expected HIERARCHY, got the end of the file"),
@@ -189,15 +187,9 @@ REFUSALS = [
     (" 90.5", "", 20, 1, "expected a frame of 9 numbers, got 8 and then 9 on line 21"),
     ("90.5", "90.5 1", 20, 1, "expected a frame of 9 numbers, got 10"),
     ("7.0\n1.0", "\n7.0 1.0", 20, 1, "got 8 and then 10 on line 21"),
-    (
-        TEXT[TEXT.index("Frames: 3") :],
-        "Frames: 4\nFrame Time: 0.04\n" + REFLOWED_ROWS,
-        19,
-        1,
-        "a frame of 9 numbers,",
-    ),
+    (FRAMES, "Frames: 4\nFrame Time: 1\n" + REFLOWED_ROWS, 19, 1, "a frame of 9 numbers,"),
     (" 8.0", "", 21, 1, "expected 9 numbers in the last frame, got 8"),
-    (TEXT[TEXT.index("Frames: 3") :], "Frames: 0\nFrame Time: 1\n", 17, 9, "at least 1 frame, got"),
+    (FRAMES, "Frames: 0\nFrame Time: 1\n", 17, 9, "at least 1 frame, got"),
     (TEXT[TEXT.index("0.0 90") :], "", 19, 1, "expected 3 frames, got the end of"),
     (SITE, SITE + 3 * JOINT, 24, 1, "expected 18 numbers in the last frame, got 9"),
 ]

@@ -12,7 +12,7 @@ from hypothesis import given
 from mograft import formats, read_bvh, write_bvh
 from mograft.cli import main
 from tests import strategies
-from tests.io.glb_file import Glb
+from tests.io.gltf_scenes import Glb
 
 
 @given(strategies.motions(max_frames=20))

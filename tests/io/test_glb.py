@@ -18,7 +18,7 @@ from tests import strategies
 from tests.clients import blender, gltf_validator
 from tests.dialects import skeletons
 from tests.hierarchies import human, under_world_root
-from tests.io.glb_file import Glb, assert_equal_up_to_rotation
+from tests.io.gltf_scenes import Glb, assert_equal_up_to_rotation
 from tests.oracles import bone_mesh as oracle
 from tests.strategies import HOSTILE_NAMES
 

@@ -18,7 +18,7 @@ from mograft.formats import write_usd
 from mograft.io.export_figure import ExportTransform
 from mograft.io.usd import SUFFIXES, _joint_paths
 from tests import strategies
-from tests.io.glb_file import assert_equal_up_to_rotation
+from tests.io.gltf_scenes import assert_equal_up_to_rotation
 from tests.strategies import assert_same_rotations, few_examples
 
 pxr = pytest.importorskip("pxr", reason="usd-core is not installed")
@@ -155,17 +155,18 @@ def test_write_usd_invalid_argument_raises_error(motion, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_export_command_usd_without_usd_core_names_the_extra(motion, tmp_path, capsys, monkeypatch):
+def test_usd_without_usd_core_names_the_extra(motion, tmp_path, capsys, monkeypatch):
     mg.write_bvh(motion, tmp_path / "a.bvh")
     command = ["export", str(tmp_path / "a.bvh"), "-o"]
     assert main([*command, str(tmp_path / "x.usda"), "--scale", "0.02", "--rate", "15"]) == 0
     assert "metres, y up" in capsys.readouterr().err
-    stage, _, _ = open_figure(tmp_path / "x.usda")
-    assert stage.GetTimeCodesPerSecond() == pytest.approx(15, rel=0.02)
+    assert mg.read(tmp_path / "x.usda")[0].rate == pytest.approx(15, rel=0.02)
     monkeypatch.setitem(sys.modules, "pxr", None)
     assert main([*command, str(tmp_path / "y.usd")]) == 1
     assert "pip install 'mograft[usd]'" in capsys.readouterr().err
     assert not (tmp_path / "y.usd").exists()
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'mograft\[usd\]'"):
+        mg.read(tmp_path / "x.usda")
 
 
 @few_examples(30)
@@ -345,14 +346,8 @@ KEY = (np.zeros((1, 3)), [[0, 0, 0, 1.0]], np.ones((1, 3)))
         (["a/b", "a"], ["a"], {0.0: KEY}, "/f/skel: expected parents before children"),
         (["a", "a/b", "a/b"], ["a"], {0.0: KEY}, "expected different joints, got a/b more than"),
         (["a"], ["b"], {0.0: KEY}, "/f/walk: expected a Skeleton with the joints"),
-        (["a"], ["a"], {0.0: KEY, 1e12: KEY}, "/f/walk: a duration of .* too long for 2 keys"),
         (["a"], ["a"], {0.0: (np.zeros((2, 3)), *KEY[1:])}, "expected 1 finite translations"),
-        (
-            ["a"],
-            ["a"],
-            {0.0: (np.full((1, 3), np.nan), *KEY[1:])},
-            "expected 1 finite translations",
-        ),
+        (["a"], ["a"], {0.0: (KEY[0] + np.nan, *KEY[1:])}, "expected 1 finite translations"),
         (["a"], ["a"], {0.0: (KEY[0], [[0, 0, 0, 0]], KEY[2])}, "expected unit quaternions"),
     ],
 )
@@ -409,7 +404,9 @@ def test_read_usd_long_animation_of_few_keys_raises_format_error(tmp_path):
     define_figure(stage, "f", ["a"], [np.eye(4)])
     define_animation(stage, "/f/walk", ["a"], {0.0: KEY, 1e5: KEY})
     path = save(stage, tmp_path / "a.usda")
-    with pytest.raises(mg.FormatError, match=r"a duration of .* choose a lower rate"):
+    with pytest.raises(
+        mg.FormatError, match=r"/f/walk: a duration of .* too long for 2 keys"
+    ):
         mg.read(path)[0]
     assert mg.read(path, rate=1)[0].n_frames > 1000
 
@@ -420,10 +417,3 @@ def test_read_usd_skeleton_without_rest_pose_raises_format_error(tmp_path):
     path = save(stage, tmp_path / "a.usda")
     with pytest.raises(mg.FormatError, match="expected restTransforms or bindTransforms"):
         mg.read(path)
-
-
-def test_read_usd_without_usd_core_names_the_extra(tmp_path, monkeypatch):
-    write_usd(dance(strides=1).motion[:5], tmp_path / "m.usda")
-    monkeypatch.setitem(sys.modules, "pxr", None)
-    with pytest.raises(ModuleNotFoundError, match=r"pip install 'mograft\[usd\]'"):
-        mg.read(tmp_path / "m.usda")
