@@ -128,9 +128,10 @@ def test_fbx_random_scene_matches_equations_of_fbx(folder, seed, container, is_s
 
 
 @pytest.mark.parametrize("axes", SIGNED_AXES, ids=str)
-def test_fbx_axes_of_file_become_right_handed_with_y_up(folder, axes):
-    scene = random_scene(np.random.default_rng(5), axes=axes)
+def test_fbx_axes_become_right_handed_with_y_up_and_unit_is_not_applied(folder, axes):
+    scene = random_scene(np.random.default_rng(5), axes=axes, unit=2.54)
     clips = read_scene(folder, scene)
+    assert clips.notes[0] == "lengths are in units of 0.0254 m"
     assert_matches_equations(clips[0], scene, static_rest(scene)[1])
     is_converted = any("axes" in note for note in clips.notes)
     assert is_converted == (axes != Scene((), ()).axes)
@@ -233,13 +234,6 @@ def test_fbx_without_joints_has_no_clips(folder):
     clips = read_scene(folder, scene)
     assert len(clips) == 0
     assert "no clips" in clips.notes[-1]
-
-
-def test_fbx_unit_is_in_the_notes_and_not_applied(folder):
-    scene = random_scene(np.random.default_rng(2), unit=2.54)
-    clips = read_scene(folder, scene)
-    assert clips.notes[0] == "lengths are in units of 0.0254 m"
-    assert_matches_equations(clips[0], scene, static_rest(scene)[1])
 
 
 def recorded_file(name):

@@ -99,11 +99,8 @@ def test_file_beyond_limit_raises_error_with_file_value_and_limit(tmp_path, file
 @pytest.mark.parametrize(
     ("file", "n"),
     [
-        ("walk.bvh", limits.MAX_LEVELS),
-        ("walk.npz", limits.MAX_LEVELS),
-        ("walk.glb", 998),
-        ("walk.fbx", 998),
-        ("walk.usda", 998),
+        *((f"walk.{own}", limits.MAX_LEVELS) for own in ("bvh", "npz")),
+        *((f"walk.{own}", 998) for own in ("glb", "fbx", "usda")),
     ],
 )
 def test_chain_of_the_greatest_depth_is_read(tmp_path, file, n):

@@ -110,24 +110,17 @@ def test_npz_header_of_python_2_is_read_without_warning(tmp_path):
     np.testing.assert_array_equal(open_npz_archive(path).read_floats("x", (2, 3)), values)
 
 
-@pytest.mark.parametrize("version", [1, 2])
-def test_npz_header_that_ends_early_raises_format_error(tmp_path, version):
-    length = (118).to_bytes(2 * version, "little")
-    member = b"\x93NUMPY" + bytes([version, 0]) + length + header_of((2, 3))[10:-1]
-    path = write_members(tmp_path / "a.npz", {"x": member})
-    with pytest.raises(mg.FormatError, match=r"array `x`: .* header, expected 118 bytes got 117"):
-        open_npz_archive(path)
-
-
 @pytest.mark.parametrize(
-    ("header", "message"),
+    ("version", "header", "size", "message"),
     [
-        (b"{'descr': '<f8', 'fortran_order': False, 'shape': (3), }", "shape is not valid: 3"),
-        (b"{'descr': " + b"-" * 9000 + b"1}", "expected the header of a NumPy array, got a deep"),
+        (1, header_of((2, 3))[10:-1], 118, "EOF: .* header, expected 118 bytes got 117"),
+        (2, header_of((2, 3))[10:-1], 118, "EOF: .* header, expected 118 bytes got 117"),
+        (1, b"{'descr': '<f8', 'fortran_order': False, 'shape': (3), }", 56, "shape .* valid: 3"),
+        (1, b"{'descr': " + b"-" * 9000 + b"1}", 9012, "expected the header .*, got a deep"),
     ],
 )
-def test_npz_header_that_is_invalid_raises_format_error(tmp_path, header, message):
-    member = b"\x93NUMPY\1\0" + len(header).to_bytes(2, "little") + header + bytes(24)
+def test_npz_header_that_is_invalid_raises_format_error(tmp_path, version, header, size, message):
+    member = b"\x93NUMPY" + bytes([version, 0]) + size.to_bytes(2 * version, "little") + header
     path = write_members(tmp_path / "a.npz", {"x": member})
     with pytest.raises(mg.FormatError, match=f"array `x`: damaged: {message}"):
         open_npz_archive(path)

@@ -404,9 +404,7 @@ def test_read_usd_long_animation_of_few_keys_raises_format_error(tmp_path):
     define_figure(stage, "f", ["a"], [np.eye(4)])
     define_animation(stage, "/f/walk", ["a"], {0.0: KEY, 1e5: KEY})
     path = save(stage, tmp_path / "a.usda")
-    with pytest.raises(
-        mg.FormatError, match=r"/f/walk: a duration of .* too long for 2 keys"
-    ):
+    with pytest.raises(mg.FormatError, match=r"/f/walk: a duration of .* too long for 2 keys"):
         mg.read(path)[0]
     assert mg.read(path, rate=1)[0].n_frames > 1000
 
