@@ -62,10 +62,9 @@ def test_value_copies_have_read_only_arrays(values, kind, copy_value):
 
 def test_value_repr_is_short(library):
     candidates = mg.candidates(library, 17, "upper")
-    assert repr(candidates) == (
-        f"Candidates({len(candidates.allowed)} allowed, {len(candidates.refused)} refused, "
-        f"{candidates.elsewhere} outside the neighbourhood)"
-    )
+    listed = f"{len(candidates.allowed)} allowed, {len(candidates.refused)} refused"
+    outside = f"{candidates.elsewhere} outside the neighbourhood"
+    assert repr(candidates) == f"Candidates({listed}, {outside})"
     assert repr(library.embedding["lower"]).startswith(f"Embedding({len(library.segments)} points")
     for value in (library, library.clips[0], library.skeleton, library.segments, library.groups):
         assert len(repr(value)) < 400

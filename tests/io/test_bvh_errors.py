@@ -75,9 +75,8 @@ def test_read_bvh_same_surplus_on_each_line_is_ignored():
     text = "\n".join([*rows[:-3], *(row + " 7.0 7.0" for row in rows[-3:])])
     motion = read(text)
     np.testing.assert_array_equal(motion.channel_values, TEXT_VALUES)
-    assert motion.repairs == (
-        "line 19: 11 numbers on each line for 9 channels; the last ones are ignored",
-    )
+    (repair,) = motion.repairs
+    assert repair == "line 19: 11 numbers on each line for 9 channels; the last ones are ignored"
 
 
 @few_examples(40)
@@ -141,7 +140,9 @@ def test_read_bvh_run_of_line_ends_takes_little_memory():
 
 
 FRAMES = TEXT[TEXT.index("Frames: 3") :]
+NO_CHANNEL = "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 0\n}\nMOTION\nFrames: 9\n"
 REFUSALS = [
+    (TEXT, NO_CHANNEL, 6, 1, "expected at least one channel"),
     (TEXT, "<html>", 1, 1, "expected HIERARCHY, got <html>"),
     (TEXT, "", 1, 1, "expected HIERARCHY, got the end of the file"),
     (TEXT, "\n \n ", 3, 2, "expected HIERARCHY, got the end of the file"),
@@ -210,12 +211,6 @@ def test_read_bvh_invalid_file_error_names_position_and_expectation(
         assert message in str(error)
 
 
-def test_read_bvh_no_channel_raises_bvh_error():
-    text = "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 0\n}\nMOTION\nFrames: 9\nFrame Time: 1\n"
-    with pytest.raises(mg.BvhError, match="6:1: expected at least one channel"):
-        read(text)
-
-
 @pytest.mark.parametrize("broken", ["lone surrogate", "half a character"])
 def test_read_bvh_invalid_utf_16_raises_bvh_error(broken):
     text = TEXT.encode("utf-16")
@@ -224,16 +219,10 @@ def test_read_bvh_invalid_utf_16_raises_bvh_error(broken):
         read(text)
 
 
-@pytest.mark.parametrize("where", ["name", "number", "channel"])
-def test_read_bvh_too_long_word_raises_bvh_error(where):
-    endless = "9" * 3_000_000
-    text = {
-        "name": TEXT.replace("Spine", endless),
-        "number": TEXT.replace("90.5", endless),
-        "channel": TEXT.replace("3 Zrotation", "3 " + endless),
-    }[where]
+@pytest.mark.parametrize("word", ["Spine", "90.5", "Zrotation"])
+def test_read_bvh_too_long_word_raises_bvh_error(word):
     with pytest.raises(mg.BvhError, match="got a longer one"):
-        read(text)
+        read(TEXT.replace(word, "9" * 3_000_000))
 
 
 def test_more_joints_than_the_limit_are_refused_with_position(tmp_path):

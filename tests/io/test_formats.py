@@ -206,8 +206,6 @@ def test_read_npz_invalid_file_raises_value_error_naming_it(tmp_path, content):
     (tmp_path / "m.npz").write_bytes(content)
     with pytest.raises(ValueError, match=r"m\.npz"):
         formats.read_npz(tmp_path / "m.npz")
-    with pytest.raises(FileNotFoundError):
-        formats.read_npz(tmp_path / "none.npz")
 
 
 def test_write_csv_holds_world_positions(motion, tmp_path):
@@ -293,15 +291,9 @@ def test_export_command_writes_each_format_once(motion, tmp_path, capsys):
     assert mg.read_bvh(tmp_path / "z.bvh").n_frames == document["frames"][0]
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        *("a.bvh -o x.fbx", "a.bvh -o x.txt", "a.bvh b.bvh -o x.npz", "a.bvh -o x.npz --scale cm"),
-        *(f"a.bvh -o x.glb {rest}" for rest in ("--scale 0", "--scale feet", "--rate -1")),
-    ],
-)
-def test_export_command_wrong_usage_exits_2(arguments, capsys):
+@pytest.mark.parametrize("rest", ["b.bvh -o x.npz", "-o x.txt", "-o x.glb --rate -1"])
+def test_export_command_wrong_usage_exits_2(rest, capsys):
     with pytest.raises(SystemExit) as stop:
-        main(["export", *arguments.split()])
+        main(["export", "a.bvh", *rest.split()])
     assert stop.value.code == 2
     assert capsys.readouterr().err

@@ -58,9 +58,8 @@ def test_read_gltf_random_scene_equals_evaluation(tmp_path_factory, seed, scale,
     stop = max(track.times[-1] for track in moving)
     assert motion.duration == pytest.approx(stop - start, abs=1e-9)
     times = start + np.arange(motion.n_frames) * motion.frame_time
-    expected = np.array(
-        [[scene.world_matrix(node, time)[:3, 3] for node in file.joints] for time in times]
-    )
+    worlds = [[scene.world_matrix(node, time) for node in file.joints] for time in times]
+    expected = np.array(worlds)[..., :3, 3]
     size = max(1.0, np.abs(expected).max())
     np.testing.assert_allclose(motion.world_positions(), expected, atol=2e-5 * size)
     rest = np.array([scene.world_matrix(node, None)[:3, 3] for node in file.joints])
@@ -124,10 +123,9 @@ TIMES = np.array([0.0, 0.5, 1.0])
 def scene():
     """Three nodes; the second turns, the third moves."""
     quats = np.array([[0, 0, 0, 1.0], [0, 0, 0.6, 0.8], [0, 0, 0, 1.0]])
-    tracks = [
-        Track(1, "rotation", "LINEAR", TIMES, quats),
-        Track(2, "translation", "STEP", TIMES, np.arange(9.0).reshape(3, 3)),
-    ]
+    places = np.arange(9.0).reshape(3, 3)
+    turning = Track(1, "rotation", "LINEAR", TIMES, quats)
+    tracks = [turning, Track(2, "translation", "STEP", TIMES, places)]
     identity = np.tile([0, 0, 0, 1.0], (3, 1))
     return Scene([-1, 0, 1], np.eye(3), identity, np.ones((3, 3)), tracks, [0, 1, 2])
 

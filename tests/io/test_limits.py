@@ -104,9 +104,8 @@ def test_file_beyond_limit_raises_error_with_file_value_and_limit(tmp_path, file
     ],
 )
 def test_chain_of_the_greatest_depth_is_read(tmp_path, file, n):
-    skeleton = mg.Skeleton(
-        [f"j{joint}" for joint in range(n)], np.arange(-1, n - 1), np.eye(3)[[1] * n]
-    )
+    names = [f"j{joint}" for joint in range(n)]
+    skeleton = mg.Skeleton(names, np.arange(-1, n - 1), np.eye(3)[[1] * n])
     quats = np.tile([0.0, 0.0, 0.0, 1.0], (2, n, 1))
     chain = mg.Motion(skeleton, 1 / 30, quats, np.tile(skeleton.offsets, (2, 1, 1)))
     WRITERS[file](chain, tmp_path / file)

@@ -78,10 +78,8 @@ def test_truncate_at_distance_keeps_higher_merges_and_fcluster_partition(tree, q
     if len(upper.tree):
         # Points of different leaves are merged at the same height as before.
         leaf_pairs = np.argwhere(upper.labels[:, None] != upper.labels)
-        np.testing.assert_array_equal(
-            dendrogram.cophenet(upper.tree, upper.labels[leaf_pairs]),
-            dendrogram.cophenet(tree, leaf_pairs),
-        )
+        heights = dendrogram.cophenet(upper.tree, upper.labels[leaf_pairs])
+        np.testing.assert_array_equal(heights, dendrogram.cophenet(tree, leaf_pairs))
 
 
 @pytest.mark.parametrize("is_chain", [True, False])
