@@ -92,12 +92,9 @@ def _number(name, value, kind):
 def _node_properties(node):
     properties = [_vector(name, getattr(node, key), name) for key, name in PROPERTIES.items()]
     properties += [_vector(name, getattr(node, key)) for key, name in VECTORS.items()]
-    order, active = (
-        _number("RotationOrder", node.order, "enum"),
-        _number("RotationActive", 1, "bool"),
-    )
-    inherit = _number("InheritType", node.inherit, "enum")
-    return ("Properties70", [], [*properties, order, active, inherit])
+    properties.append(_number("RotationOrder", node.order, "enum"))
+    properties.append(_number("RotationActive", 1, "bool"))
+    return ("Properties70", [], [*properties, _number("InheritType", node.inherit, "enum")])
 
 
 def _settings(scene):
