@@ -22,9 +22,8 @@ import mograft as mg
 from benches._common import run
 from mograft import formats
 from mograft.io.bvh.cursor import open_cursor
-from mograft.io.bvh.frames import read_frames
 from mograft.io.bvh.header import read_header
-from mograft.io.bvh.reader import channels_to_transforms
+from mograft.io.bvh.reader import channels_to_transforms, read_frames
 
 MAX_LEVELS = 200
 N_RUNS = 3

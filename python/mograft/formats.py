@@ -7,7 +7,7 @@ from mograft.io.glb import write_glb
 from mograft.io.gltf.writer import write_glb_animations
 from mograft.io.npz import read_npz, write_npz
 from mograft.io.smpl.amass import write_amass
-from mograft.io.smpl.rest import read_offsets
+from mograft.io.smpl.body_models import read_offsets
 from mograft.io.usd import write_usd
 
 __all__ = [

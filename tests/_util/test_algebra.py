@@ -74,9 +74,8 @@ def test_eigenvectors_satisfy_definition_up_to_grid(seed, n, rank, n_vectors):
     matrix = rows.T @ rows
     values, vectors = eigenvectors(matrix, n_vectors)
     trace = np.trace(matrix)
-    np.testing.assert_allclose(
-        values, np.linalg.eigvalsh(matrix)[::-1], rtol=0, atol=2.0**-32 * trace + 1e-14 * trace
-    )
+    expected, atol = np.linalg.eigvalsh(matrix)[::-1], 2.0**-32 * trace + 1e-14 * trace
+    np.testing.assert_allclose(values, expected, rtol=0, atol=atol)
     n_vectors = min(n_vectors, n)
     assert vectors.shape == (n, n_vectors)
     # Each entry moves by half the grid, each vector of n entries by √n times that.
@@ -116,11 +115,8 @@ MASKS = st.lists(st.booleans(), max_size=30).map(lambda marks: np.array(marks, b
 def test_find_runs_matches_itertools_groupby(mask):
     groups = [(value, len(list(run))) for value, run in groupby(mask.tolist())]
     stops = np.cumsum([length for _, length in groups], dtype=int)
-    expected = [
-        [stop - length, stop]
-        for (value, length), stop in zip(groups, stops.tolist(), strict=True)
-        if value
-    ]
+    pairs = zip(groups, stops.tolist(), strict=True)
+    expected = [[stop - length, stop] for (value, length), stop in pairs if value]
     assert find_runs(mask).tolist() == expected
 
 

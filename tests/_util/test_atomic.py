@@ -25,18 +25,14 @@ for name in sys.argv[2:]:
 """
 
 
-def write_and_die(folder, *names):
-    """Write files in another process, which is killed while it writes the last one."""
-    subprocess.run([sys.executable, "-c", KILLED_SCRIPT, str(folder), *names], check=False)
-
-
 def list_names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
 def test_atomic_path_killed_process_draft_is_removed_by_next_write(tmp_path):
-    write_and_die(tmp_path, "old.bvh", "a.bvh")
+    command = [sys.executable, "-c", KILLED_SCRIPT, str(tmp_path), "old.bvh", "a.bvh"]
+    subprocess.run(command, check=False)
     drafts = [name for name in list_names(tmp_path) if name != "old.bvh"]
     assert len(drafts) == 1
     assert drafts[0].startswith(".")

@@ -124,24 +124,26 @@ with clean_up_by(lambda: time.sleep(600)):
     assert_ends_soon(program, (143, "", "terminated\n"))
 
 
-@posix_only
-def test_signal_ignored_at_start_stays_ignored():
-    program = """
+IGNORED = """
 signal.signal(signal.SIGHUP, signal.SIG_IGN)
 end_on_signals()
 signal.raise_signal(signal.SIGHUP)
 print("alive")
 """
-    assert run_python(program) == (0, "alive\n", "")
-
-
-@posix_only
-def test_delay_signals_handles_after_block():
-    program = """
+DELAYED = """
 end_on_signals()
 with delay_signals():
     signal.raise_signal(signal.SIGTERM)
     os.write(1, b"block")
 os.write(1, b"never")
 """
-    assert run_python(program) == (143, "block", "terminated\n")
+
+
+@posix_only
+@pytest.mark.parametrize(
+    ("program", "expected"),
+    [(IGNORED, (0, "alive\n", "")), (DELAYED, (143, "block", "terminated\n"))],
+    ids=["ignored at start", "delayed"],
+)
+def test_signal_that_is_ignored_or_delayed_does_not_end_the_block(program, expected):
+    assert run_python(program) == expected

@@ -75,6 +75,5 @@ def test_repr_html_of_hostile_names_has_only_table_tags(name):
     assert table.tags <= TAGS
     listed = candidates.allowed + candidates.refused
     assert [row[0] for row in table.rows[1:]] == [str(c.segment) for c in listed[:MAX_ROWS]]
-    assert [row[-1] for row in table.rows[1:]] == [
-        c.refused.encode("utf-8", "replace").decode() for c in listed[:MAX_ROWS]
-    ]
+    reasons = [c.refused.encode("utf-8", "replace").decode() for c in listed[:MAX_ROWS]]
+    assert [row[-1] for row in table.rows[1:]] == reasons

@@ -4,7 +4,7 @@ import copy
 import json
 import pickle
 import re
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 
 import numpy as np
 import pytest
@@ -62,10 +62,9 @@ def test_value_copies_have_read_only_arrays(values, kind, copy_value):
 
 def test_value_repr_is_short(library):
     candidates = mg.candidates(library, 17, "upper")
-    assert repr(candidates) == (
-        f"Candidates({len(candidates.allowed)} allowed, {len(candidates.refused)} refused, "
-        f"{candidates.elsewhere} outside the neighbourhood)"
-    )
+    listed = f"{len(candidates.allowed)} allowed, {len(candidates.refused)} refused"
+    outside = f"{candidates.elsewhere} outside the neighbourhood"
+    assert repr(candidates) == f"Candidates({listed}, {outside})"
     assert repr(library.embedding["lower"]).startswith(f"Embedding({len(library.segments)} points")
     for value in (library, library.clips[0], library.skeleton, library.segments, library.groups):
         assert len(repr(value)) < 400
@@ -108,8 +107,8 @@ def test_graft_many_accepts_numpy_integers(library):
         (mg.mirror, ["a.bvh"], "`motion` must be a Motion, got str"),
         (mg.find_faults, ["a.bvh"], "`motion` must be a Motion, got str"),
         (mg.write_bvh, [3, "a.bvh"], "`motion` must be a Motion, got int"),
-        (mc.Avoid, [3], "`obstacle` must be an obstacle such as Sphere, Capsule or Box, got 3"),
-        (mc.KeepOut, ["Hips", None], "`region` must be an obstacle such as Sphere, Capsule or Box"),
+        (mc.Avoid, [3], "`obstacle` must be an obstacle such as Sphere or Box, got 3"),
+        (mc.KeepOut, ["Hips", None], "`region` must be an obstacle such as Sphere or Box"),
         (mc.Character, ["a.bvh"], "`motion` must be a Motion, got str"),
         (mc.OnlyFrom, [3], "`clips` must be a name or several names, got 3"),
         (mc.NotFrom, [["a", 3]], "`clips` must be a name or several names, got"),
@@ -129,28 +128,13 @@ def test_public_functions_wrong_type_raises_type_error(call, arguments, message)
         (lambda own: mg.graft(own.clips[0]), TypeError, "`library` must be a Library, got Motion"),
         (lambda own: mg.graft(own, 3), TypeError, "`base` must be a Motion, got int"),
         (lambda own: mg.graft(own, [own.clips[0]]), TypeError, "`base` must be a Motion, got list"),
-        (
-            lambda own: mg.graft(own, constraints=mc.AvoidSelf()),
-            TypeError,
-            "`constraints` must be a list of constraints, got AvoidSelf",
-        ),
         (lambda own: mg.graft(own, swap="upper"), TypeError, "`swap` must be a list of groups"),
         (lambda _: mg.plant_feet(3), TypeError, "`motion` must be a Motion, got int"),
         (lambda _: mg.foot_skate(3), TypeError, "`motion` must be a Motion, got int"),
         (lambda own: mg.Stream(own.clips[0]), TypeError, "`library` must be a Library, got Motion"),
-        (
-            lambda own: mg.Stream(own, constraints=mc.AvoidSelf()),
-            TypeError,
-            "`constraints` must be a list of constraints, got AvoidSelf",
-        ),
-        (
-            lambda own: mg.Stream(own, horizon=1.5),
-            ValueError,
-            r"`horizon` must be a whole number of at least 1, got 1\.5",
-        ),
         (lambda own: mg.write_bvh(own.clips[0], 3), TypeError, "`target` must be a path or a file"),
     ],
-    ids=range(11),
+    ids=range(8),
 )
 def test_public_functions_invalid_collections_raise(library, call, error, message):
     with pytest.raises(error, match=message):
@@ -159,22 +143,17 @@ def test_public_functions_invalid_collections_raise(library, call, error, messag
 
 @pytest.mark.parametrize("segment", [1.5, True, None, -1, np.int64(10**6)])
 def test_candidates_invalid_segment_raises_value_error(library, segment):
-    with pytest.raises(
-        ValueError, match=f"`segment` must be 0 to .*, got {re.escape(repr(segment))}"
-    ):
+    message = f"`segment` must be 0 to .*, got {re.escape(repr(segment))}"
+    with pytest.raises(ValueError, match=message):
         mg.candidates(library, segment, "upper")
 
 
-@pytest.mark.parametrize("frames", [3, (1,), (5, 2), (0.5, 2), (-1, 2), "ab", None])
+@pytest.mark.parametrize("frames", [3, (1,), (5, 2), (0.5, 2), (-1, 2), "ab"])
 def test_constraint_frames_must_be_ascending_pair(frames):
-    if frames is None:
-        assert mc.AvoidSelf(frames=None).frames is None
-        return
-    with pytest.raises(ValueError, match="`frames` must be a first and a last frame, ascending"):
+    message = "must be a first and a last frame, ascending"
+    with pytest.raises(ValueError, match=f"`frames` {message}"):
         mc.AvoidSelf(frames=frames)
-    with pytest.raises(
-        ValueError, match="`clip_frames` must be a first and a last frame, ascending"
-    ):
+    with pytest.raises(ValueError, match=f"`clip_frames` {message}"):
         mc.OnlyFrom("a", clip_frames=frames)
 
 
@@ -187,13 +166,6 @@ def test_constraint_frame_must_be_integer(frame):
 def test_segments_ragged_rows_raise_value_error():
     with pytest.raises(ValueError, match="`stop` must be an array, got rows of different lengths"):
         mg.Segments([0, 8], [[8], [15, 21]])
-
-
-@pytest.mark.parametrize("rate", [1e9, 1e18, 1e300])
-def test_resample_excessive_rate_raises_value_error(library, rate):
-    motion = replace(library.clips[0], frame_time=1e3)
-    with pytest.raises(ValueError, match=r"`rate` must give at most 16777216 frames, got 1e\+"):
-        motion.resample(rate)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])

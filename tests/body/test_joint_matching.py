@@ -7,8 +7,7 @@ import mograft as mg
 from mograft.body.joint_matching import match_joints
 from mograft.dancer import dance
 from mograft.io.kimodo import SKELETONS
-from mograft.io.smpl.joints import MODELS
-from mograft.io.smpl.rest import stand_in
+from mograft.io.smpl.body_models import MODELS, stand_in
 from tests.hierarchies import human, skeleton_from_text
 
 CMU = (

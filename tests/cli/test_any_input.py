@@ -8,8 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mograft.cli import main
-from mograft.io.smpl.joints import SMPL_H
-from mograft.io.smpl.rest import stand_in
+from mograft.io.smpl.body_models import SMPL_H, stand_in
 from tests.io.npz_files import dance_arrays, write_arrays
 
 SETTINGS = 'seed = 7\n[graft]\nvariety = 0.3\n[set]\nchoice = "viterbi"\n'

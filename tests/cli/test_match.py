@@ -7,8 +7,7 @@ import pytest
 
 import mograft as mg
 from mograft import JointGroups, Library, formats
-from mograft.io.smpl.joints import SMPL_H
-from mograft.io.smpl.rest import stand_in
+from mograft.io.smpl.body_models import SMPL_H, stand_in
 from mograft.stream.server import StreamServer
 from mograft.viewing.page import view
 from tests.io.npz_files import amass_arrays, dance_arrays, write_arrays

@@ -39,10 +39,8 @@ def sources():
         fbx.Node("foot", 2, T=(0, -40, 0), inherit=fbx.INHERIT_RRS),
     )
     tracks = {(n, key): rng.uniform(0.5, 30, (12, 3)) for n in range(4) for key in "TRS"}
-    takes = (
-        fbx.Take("walk", 12, (fbx.Layer(tracks),)),
-        fbx.Take("run", 12, (fbx.Layer({(0, "T"): tracks[0, "T"]}),)),
-    )
+    clips = {"walk": tracks, "run": {(0, "T"): tracks[0, "T"]}}
+    takes = tuple(fbx.Take(name, 12, (fbx.Layer(own),)) for name, own in clips.items())
     scene = fbx.Scene(nodes, takes, bind={0: np.eye(4), 1: np.eye(4)})
     return [write(scene) for write in fbx.CONTAINERS.values()]
 
@@ -69,12 +67,9 @@ def _change(rng, data):
         return data[:start] + number + data[start + len(number) :]
     if kind == 3:
         return data[:start] + data[start + length :]
-    if kind == 4:
-        other = rng.randint(0, len(data))
-        return data[:start] + data[other : other + length] + data[start:]
-    if kind == 5:
-        other = rng.randint(0, len(data))
-        return data[:start] + data[other : other + length] + data[start + length :]
+    if kind in (4, 5):
+        other, stop = rng.randint(0, len(data)), start if kind == 4 else start + length
+        return data[:start] + data[other : other + length] + data[stop:]
     return data[:start] if rng.random() < 0.3 else data[:start] + data[start : start + 1] * 2
 
 

@@ -77,9 +77,8 @@ def mutate(seed):
         start = rng.choice([rng.randrange(len(data)), rng.randrange(400), -1 - rng.randrange(900)])
         start = max(min(start, len(data) - 1), -len(data))
         if rng.random() < 0.8:
-            data[start] = rng.choice(
-                [0, 255, rng.randrange(256), data[start] ^ 1 << rng.randrange(8)]
-            )
+            changed = [0, 255, rng.randrange(256), data[start] ^ 1 << rng.randrange(8)]
+            data[start] = rng.choice(changed)
         else:
             del data[start : start + rng.choice([1, 8, 100, len(data)])]
             data = data or bytearray(b"P")

@@ -34,6 +34,29 @@ WORDS = [
 ]  # fmt: skip
 
 
+def define_figure(stage, name, joints, rest=None, bind=None):
+    """A skeleton; `rest` and `bind` are lists of 4 x 4 arrays that act on column vectors."""
+    prim = UsdSkel.Skeleton.Define(stage, f"/{name}/skel")
+    prim.CreateJointsAttr(joints)
+    for attribute, matrices in (("Rest", rest), ("Bind", bind)):
+        if matrices is not None:
+            values = Vt.Matrix4dArray([Gf.Matrix4d(m.T.tolist()) for m in matrices])
+            getattr(prim, f"Create{attribute}TransformsAttr")(values)
+    return prim
+
+
+def define_animation(stage, path, joints, keys):
+    """An animation; `keys` maps a time code to translations, rotations (xyzw) and scales."""
+    animation = UsdSkel.Animation.Define(stage, path)
+    animation.CreateJointsAttr(joints)
+    for code, (translations, quats, scales) in keys.items():
+        places = Vt.Vec3fArray.FromNumpy(np.float32(translations))
+        animation.CreateTranslationsAttr().Set(places, code)
+        animation.CreateRotationsAttr().Set(Vt.QuatfArray.FromNumpy(np.float32(quats)), code)
+        animation.CreateScalesAttr().Set(Vt.Vec3hArray.FromNumpy(np.float16(scales)), code)
+    return animation
+
+
 def make_stage(seed):
     """Return a stage with a skeleton and an animation of three joints."""
     rng = np.random.default_rng(seed)
@@ -43,19 +66,15 @@ def make_stage(seed):
         turn = root.AddRotateXYZOp()
         for code in (0.0, 2.0):
             turn.Set(Gf.Vec3f(10 * code, 20, 0), code)
-    skeleton = UsdSkel.Skeleton.Define(stage, "/figure/skel")
-    skeleton.CreateJointsAttr(JOINTS)
-    rest = [Gf.Matrix4d(1.0).SetTranslate(Gf.Vec3d(*rng.normal(size=3).tolist())) for _ in JOINTS]
-    create = skeleton.CreateRestTransformsAttr if seed % 3 else skeleton.CreateBindTransformsAttr
-    create(Vt.Matrix4dArray(rest))
-    animation = UsdSkel.Animation.Define(stage, "/figure/walk")
-    animation.CreateJointsAttr(JOINTS)
+    rest = np.tile(np.eye(4), (3, 1, 1))
+    rest[:, :3, 3] = rng.normal(size=(3, 3))
+    poses = {"rest" if seed % 3 else "bind": rest}
+    skeleton = define_figure(stage, "figure", JOINTS, **poses)
+    keys = {}
     for code in (0.0, 1.0, 2.0 + seed % 4):
         places, quats = rng.normal(size=(3, 3)), rng.normal(size=(3, 4))
-        quats /= np.linalg.norm(quats, axis=1, keepdims=True)
-        animation.CreateTranslationsAttr().Set(Vt.Vec3fArray.FromNumpy(np.float32(places)), code)
-        animation.CreateRotationsAttr().Set(Vt.QuatfArray.FromNumpy(np.float32(quats)), code)
-        animation.CreateScalesAttr().Set(Vt.Vec3hArray.FromNumpy(np.ones((3, 3), "f2")), code)
+        keys[code] = places, quats / np.linalg.norm(quats, axis=1, keepdims=True), np.ones((3, 3))
+    animation = define_animation(stage, "/figure/walk", JOINTS, keys)
     binding = UsdSkel.BindingAPI.Apply(skeleton.GetPrim())
     binding.CreateAnimationSourceRel().SetTargets([animation.GetPath()])
     UsdGeom.SetStageUpAxis(stage, "Y")

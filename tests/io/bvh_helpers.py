@@ -63,11 +63,8 @@ def assert_same_skeleton(actual, desired):
     assert actual.channels == desired.channels
     np.testing.assert_array_equal(actual.parents, desired.parents)
     assert_same_numbers(actual.offsets, desired.offsets)
-    sites = [
-        [
-            (site.parent, site.before, site.name, site.offset.tobytes())
-            for site in skeleton.end_sites
-        ]
+    found, expected = (
+        [(own.parent, own.before, own.name, own.offset.tobytes()) for own in skeleton.end_sites]
         for skeleton in (actual, desired)
-    ]
-    assert sites[0] == sites[1]
+    )
+    assert found == expected

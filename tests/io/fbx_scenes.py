@@ -92,27 +92,22 @@ def _number(name, value, kind):
 def _node_properties(node):
     properties = [_vector(name, getattr(node, key), name) for key, name in PROPERTIES.items()]
     properties += [_vector(name, getattr(node, key)) for key, name in VECTORS.items()]
-    properties += [
-        _number("RotationOrder", node.order, "enum"),
-        _number("RotationActive", 1, "bool"),
-        _number("InheritType", node.inherit, "enum"),
-    ]
-    return ("Properties70", [], properties)
+    properties.append(_number("RotationOrder", node.order, "enum"))
+    properties.append(_number("RotationActive", 1, "bool"))
+    return ("Properties70", [], [*properties, _number("InheritType", node.inherit, "enum")])
 
 
 def _settings(scene):
     numbers = []
     for name, (axis, sign) in zip(("Up", "Front", "Coord"), scene.axes, strict=True):
-        numbers.append(_number(f"{name}Axis", axis, "int"))
-        numbers.append(_number(f"{name}AxisSign", sign, "int"))
+        numbers += [_number(f"{name}Axis", axis, "int"), _number(f"{name}AxisSign", sign, "int")]
     numbers.append(_number("UnitScaleFactor", float(scene.unit), "double"))
     numbers.append(_number("TimeMode", TIME_MODES[scene.rate], "enum"))
     return ("GlobalSettings", [], [("Version", [1000], []), ("Properties70", [], numbers)])
 
 
 def _ticks(scene, take):
-    frames = take.first + np.arange(take.n_frames)
-    return frames * (TICKS // scene.rate)
+    return (take.first + np.arange(take.n_frames)) * (TICKS // scene.rate)
 
 
 class _Builder:
@@ -131,9 +126,6 @@ class _Builder:
             self.connections.append(("C", link, []))
         return number
 
-    def connect(self, child, parent):
-        self.connections.append(("C", ["OO", child, parent], []))
-
 
 @dataclass(frozen=True)
 class Label:
@@ -145,16 +137,11 @@ class Label:
 
 def _add_curves(builder, ticks, values, curve_node):
     for axis, column in zip("XYZ", np.asarray(values, float).T, strict=True):
-        n_keys = len(column)
-        children = [
-            ("Default", [float(column[0])], []),
-            ("KeyVer", [4008], []),
-            ("KeyTime", [np.asarray(ticks, np.int64)], []),
-            ("KeyValueFloat", [column.astype(np.float32)], []),
-            ("KeyAttrFlags", [np.array([4], np.int32)], []),  # linear
-            ("KeyAttrDataFloat", [np.zeros(4, np.float32)], []),
-            ("KeyAttrRefCount", [np.array([n_keys], np.int32)], []),
-        ]
+        fields = {"Default": float(column[0]), "KeyVer": 4008, "KeyTime": np.int64(ticks)}
+        fields |= {"KeyValueFloat": np.float32(column), "KeyAttrFlags": np.int32([4])}  # linear
+        fields |= {"KeyAttrDataFloat": np.zeros(4, "f4")}
+        fields |= {"KeyAttrRefCount": np.int32([len(column)])}
+        children = [(name, [value], []) for name, value in fields.items()]
         builder.add("AnimationCurve", ("", "AnimCurve"), "", children, curve_node, f"d|{axis}")
 
 
@@ -165,11 +152,9 @@ def _add_take(builder, scene, take, models):
     label = (take.name, "AnimStack")
     stack = builder.add("AnimationStack", label, "", [("Properties70", [], span)])
     for number, layer in enumerate(take.layers):
-        settings = [
-            _number("Weight", float(layer.weight), "double"),
-            _number("BlendMode", layer.mode, "enum"),
-            _number("RotationAccumulationMode", 1, "enum"),  # by channel
-        ]
+        modes = {"BlendMode": layer.mode, "RotationAccumulationMode": 1}  # by channel
+        settings = [_number("Weight", float(layer.weight), "double")]
+        settings += [_number(name, value, "enum") for name, value in modes.items()]
         label, children = (f"layer{number}", "AnimLayer"), [("Properties70", [], settings)]
         layer_id = builder.add("AnimationLayer", label, "", children, stack)
         for (node, key), values in layer.tracks.items():
@@ -179,7 +164,7 @@ def _add_take(builder, scene, take, models):
             children = [("Properties70", [], numbers)]
             label = (key, "AnimCurveNode")
             curve_node = builder.add("AnimationCurveNode", label, "", children, models[node], slot)
-            builder.connect(curve_node, layer_id)
+            builder.connections.append(("C", ["OO", curve_node, layer_id], []))
             _add_curves(builder, ticks, values, curve_node)
 
 
@@ -204,12 +189,8 @@ def _document(scene, version):
         builder.add("Pose", ("pose", "Pose"), "BindPose", children)
     for take in scene.takes:
         _add_take(builder, scene, take, models)
-    return [
-        _header(version),
-        _settings(scene),
-        ("Objects", [], builder.objects),
-        ("Connections", [], builder.connections),
-    ]
+    objects, links = ("Objects", [], builder.objects), ("Connections", [], builder.connections)
+    return [_header(version), _settings(scene), objects, links]
 
 
 # Version 6100: objects are connected by name, keys are in a section of takes, without layers.
@@ -233,9 +214,8 @@ def _channel_6100(axis, default, ticks, values):
     """Return the channel of an axis; `values` are those of its keys, or None."""
     if values is None:
         return ("Channel", [axis], [("Default", [float(default)], [])])
-    keys = [
-        word for tick, v in zip(ticks, values, strict=True) for word in (int(tick), v, Word("L"))
-    ]
+    rows = zip(ticks, values, strict=True)
+    keys = [word for tick, value in rows for word in (int(tick), value, Word("L"))]
     numbers = {"Default": [values[0]], "KeyVer": [4005], "KeyCount": [len(ticks)], "Key": keys}
     return ("Channel", [axis], [(name, found, []) for name, found in numbers.items()])
 
@@ -277,12 +257,8 @@ def _document_6100(scene):
     objects.append((name, values, [children[0], _to_60(children[1])]))
     takes = [_take_6100(scene, take) for take in scene.takes]
     current = ("Current", [scene.takes[0].name if scene.takes else ""], [])
-    return [
-        _header(6100),
-        ("Objects", [], objects),
-        ("Connections", [], links),
-        ("Takes", [], [current, *takes]),
-    ]
+    sections = {"Objects": objects, "Connections": links, "Takes": [current, *takes]}
+    return [_header(6100), *((name, [], own) for name, own in sections.items())]
 
 
 @dataclass(frozen=True)
@@ -491,12 +467,9 @@ def scene_of_motions(motions, names):
         turns = "".join(c[0] for c in skeleton.channels[joint] if c.endswith("rotation"))
         frame = _rotation(axes[parent])[:3, :3] if parent >= 0 else np.eye(3)
         # Axes of the joint: those of the parent, pre-rotation, rotation, inverse post-rotation.
-        values = {
-            "T": tuple(frame.T @ skeleton.offsets[joint]),
-            "pre": tuple(_angles(frame.T)),
-            "post": tuple(_angles(_rotation(axes[joint])[:3, :3].T)),
-        }
-        nodes.append(Node(name, int(parent), order=ORDERS.index(turns[::-1]), **values))
+        pre, post = tuple(_angles(frame.T)), tuple(_angles(_rotation(axes[joint])[:3, :3].T))
+        offset, order = tuple(frame.T @ skeleton.offsets[joint]), ORDERS.index(turns[::-1])
+        nodes.append(Node(name, int(parent), T=offset, order=order, pre=pre, post=post))
     return Scene(tuple(nodes), tuple(map(_take_of_motion, motions, names)))
 
 

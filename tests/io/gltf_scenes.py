@@ -1,13 +1,14 @@
-"""glTF files for tests, built from random scenes, and the slow evaluation of these scenes."""
+"""Random scenes as glTF files, their slow evaluation, and an independent reader of GLB files."""
 
 import base64
 import json
 import struct
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
-
-from tests.io.glb_file import to_matrix
+from scipy.interpolate import CubicHermiteSpline
+from scipy.spatial.transform import Rotation, Slerp
 
 _PATHS = ("translation", "rotation", "scale")
 _TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
@@ -41,20 +42,11 @@ class Track:
         if self.interpolation == "STEP":
             return start
         if cubic:
-            leaving, reaching = gap * self.values[3 * k + 2], gap * self.values[3 * k + 3]
-            tangents = (u**3 - 2 * u**2 + u) * leaving, (u**3 - u**2) * reaching
-            value = (2 * u**3 - 3 * u**2 + 1) * start + tangents[0]
-            return value + (-2 * u**3 + 3 * u**2) * end + tangents[1]
-        if self.path != "rotation":
-            return start + u * (end - start)
-        start, end = start / np.linalg.norm(start), end / np.linalg.norm(end)
-        cosine = float(start @ end)
-        if cosine < 0:
-            end, cosine = -end, -cosine
-        angle = np.arccos(min(cosine, 1.0))
-        if np.sin(angle) < 1e-8:
-            return start
-        return (np.sin((1 - u) * angle) * start + np.sin(u * angle) * end) / np.sin(angle)
+            tangents = gap * self.values[3 * k + 2], gap * self.values[3 * k + 3]
+            return CubicHermiteSpline([0.0, 1.0], [start, end], tangents)(u)
+        if self.path == "rotation":
+            return Slerp([0.0, 1.0], Rotation.from_quat([start, end]))(u).as_quat()
+        return start + u * (end - start)
 
 
 @dataclass
@@ -77,18 +69,17 @@ class Scene:
             if track.node == node and time is not None:
                 values[track.path] = track.at(time)
         matrix = np.eye(4)
-        quat = values["rotation"] / np.linalg.norm(values["rotation"])
-        matrix[:3, :3] = to_matrix(quat) * values["scale"]
+        matrix[:3, :3] = Rotation.from_quat(values["rotation"]).as_matrix() * values["scale"]
         matrix[:3, 3] = values["translation"]
         return matrix
 
-    def world_position(self, node, time):
-        """Return the world position of a node at a time."""
+    def world_matrix(self, node, time):
+        """Return the world matrix of a node at a time; with None, without animation."""
         matrix = np.eye(4)
         while node >= 0:
             matrix = self.local(node, time) @ matrix
             node = self.parents[node]
-        return matrix[:3, 3]
+        return matrix
 
     def document(self, rng):
         """Return the JSON document and the buffer; `rng` chooses strides and sparse accessors."""
@@ -141,11 +132,8 @@ class Builder:
         return len(self.views) - 1
 
     def _sparse(self, rows, stored, index_type):
-        view, component = (
-            self._view(rows.astype(index_type).tobytes()),
-            _COMPONENTS[str(index_type)],
-        )
-        indices = {"bufferView": view, "componentType": component}
+        view = self._view(rows.astype(index_type).tobytes())
+        indices = {"bufferView": view, "componentType": _COMPONENTS[str(index_type)]}
         values = {"bufferView": self._view(stored[rows].tobytes())}
         return {"count": len(rows), "indices": indices, "values": values}
 
@@ -271,7 +259,7 @@ def write_gltf(folder, document, binary, way):
 
 
 def to_scene(glb, animation):
-    """Return the scene of a file that `tests.io.glb_file.Glb` has parsed."""
+    """Return the scene of a file that `tests.io.gltf_scenes.Glb` has parsed."""
     nodes = glb.document["nodes"]
     parents = [-1] * len(nodes)
     for index, node in enumerate(nodes):
@@ -286,3 +274,64 @@ def to_scene(glb, animation):
     rest = {"translation": [0, 0, 0], "rotation": [0, 0, 0, 1], "scale": [1, 1, 1]}
     columns = ([node.get(path, default) for node in nodes] for path, default in rest.items())
     return Scene(parents, *(np.array(column, float) for column in columns), tracks)
+
+
+GLB_COMPONENTS = {5126: "<f4", 5121: "u1", 5123: "<u2"}
+GLB_WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+
+
+class Glb:
+    """A GLB file, parsed according to the specification, without code of the package."""
+
+    def __init__(self, path):
+        data = Path(path).read_bytes()
+        magic, version, length = struct.unpack_from("<4sII", data)
+        assert (magic, version, length) == (b"glTF", 2, len(data))
+        size, kind = struct.unpack_from("<I4s", data, 12)
+        assert kind == b"JSON"
+        self.document = json.loads(data[20 : 20 + size].decode("utf-8"))
+        rest, kind = struct.unpack_from("<I4s", data, 20 + size)
+        assert kind == b"BIN\0"
+        assert 28 + size + rest == len(data)
+        self.binary = data[28 + size :]
+
+    def array(self, index):
+        accessor = self.document["accessors"][index]
+        view = self.document["bufferViews"][accessor["bufferView"]]
+        width = GLB_WIDTHS[accessor["type"]]
+        raw = np.frombuffer(
+            self.binary,
+            GLB_COMPONENTS[accessor["componentType"]],
+            accessor["count"] * width,
+            view["byteOffset"],
+        )
+        return raw.astype(float).reshape(accessor["count"], width)
+
+    def matrices(self, animation, frame):
+        """Return the world matrices of all nodes in a frame."""
+        scene = to_scene(self, animation)
+        time = next((own.times[frame] for own in scene.tracks if len(own.times) > frame), 0.0)
+        return [scene.world_matrix(node, time) for node in range(len(scene.parents))]
+
+    def skin_vertices(self, animation, frame):
+        """Return the skinned vertices of the mesh in a frame, and the joint of each."""
+        skin = self.document["skins"][0]
+        inverse = self.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
+        world = self.matrices(animation, frame)
+        transforms = np.array([world[j] for j in skin["joints"]]) @ inverse
+        attributes = self.document["meshes"][0]["primitives"][0]["attributes"]
+        joints = self.array(attributes["JOINTS_0"])[:, 0].astype(int)
+        vertices = self.array(attributes["POSITION"])
+        homogeneous = np.concatenate([vertices, np.ones((len(vertices), 1))], axis=1)
+        return np.einsum("vij,vj->vi", transforms[joints], homogeneous)[:, :3], joints
+
+
+def assert_equal_up_to_rotation(actual, expected, atol):
+    """Assert that positions are equal up to one rotation about the origin."""
+    flat = [positions.reshape(-1, 3) for positions in (actual, expected)]
+    left, _, right = np.linalg.svd(flat[0].T @ flat[1])
+    rotation = left @ right
+    # A reflection is not a rotation.
+    if np.linalg.det(rotation) < 0:
+        rotation = left @ np.diag([1, 1, -1]) @ right
+    np.testing.assert_allclose(flat[0], flat[1] @ rotation.T, atol=atol)

@@ -5,8 +5,7 @@ import numpy as np
 from mograft import Motion, Skeleton
 from mograft.dancer import dance
 from mograft.io.kimodo import SKELETONS
-from mograft.io.smpl.joints import SMPL_H
-from mograft.io.smpl.rest import stand_in
+from mograft.io.smpl.body_models import SMPL_H, stand_in
 from mograft.library.spec import conform
 from mograft.motion import rotations
 from tests.strategies import smooth_rotations

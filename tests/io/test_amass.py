@@ -13,8 +13,7 @@ import mograft as mg
 from mograft import formats
 from mograft.body.anatomy import anatomy
 from mograft.body.mass import mass_model, up_axis
-from mograft.io.smpl.joints import MODELS
-from mograft.io.smpl.rest import STATURE, read_offsets, rest_skeleton, stand_in
+from mograft.io.smpl.body_models import MODELS, STATURE, read_offsets, rest_skeleton, stand_in
 from mograft.motion import rotations
 from tests.hierarchies import human
 from tests.io.npz_files import amass_arrays, write_arrays
@@ -64,9 +63,8 @@ def test_read_amass_without_skeleton_uses_stand_in_and_notes_it(tmp_path):
     # The stature that mograft computes for any skeleton, from bones.
     assert mass_model(skeleton).height == pytest.approx(STATURE, rel=0.02)
     left, right = (skeleton.names.index(f"{side}_knee") for side in ("left", "right"))
-    np.testing.assert_array_equal(
-        skeleton.rest_positions()[left], skeleton.rest_positions()[right] * [-1, 1, 1]
-    )
+    positions = skeleton.rest_positions()
+    np.testing.assert_array_equal(positions[left], positions[right] * [-1, 1, 1])
     assert mg.read(tmp_path / "walk.npz", rate=20)[0].n_frames == 11
 
 
@@ -257,10 +255,8 @@ def test_rest_skeleton_foreign_names_gives_bone_lengths_of_the_figure():
 def test_rest_skeleton_smpl_names_gives_offsets_of_the_figure(rename):
     rest = random_rest(model_of(72), 3)
     short = {"left": "L", "right": "R"}
-    names = [
-        rename.format(name, "_".join(short.get(word, word.title()) for word in name.split("_")))
-        for name in rest.names
-    ]
+    words = [[short.get(word, word.title()) for word in name.split("_")] for name in rest.names]
+    names = [rename.format(*own) for own in zip(rest.names, map("_".join, words), strict=True)]
     centimetres = mg.Skeleton(names, rest.parents, 100 * rest.offsets)
     found, note = rest_skeleton(model_of(72), centimetres)
     assert note == "offsets: those of the given skeleton"
@@ -280,8 +276,7 @@ def offsets_of(model):
     return dict(zip(model.joints, stand_in(model).offsets.tolist(), strict=True))
 
 
-def without_joint(name):
-    return {key: value for key, value in offsets_of(model_of(156)).items() if key != name}
+WITHOUT_FINGER = {k: v for k, v in offsets_of(model_of(156)).items() if k != "left_index1"}
 
 
 def test_read_offsets_gives_rest_pose_of_model(tmp_path):
@@ -310,7 +305,7 @@ def test_read_offsets_gives_rest_pose_of_model(tmp_path):
         (f'{{"left_hip": [0, 0, 1{"0" * 400}]}}', r"left_hip: expected \[x, y, z\] in metres"),
         (" " * (2**20 + 1), "expected at most 1 MiB"),
         (json.dumps(offsets_of(model_of(156)) | {"left_index1": None}), r"left_index1: expected"),
-        (json.dumps(without_joint("left_index1")), ".* got none for left_index1$"),
+        (json.dumps(WITHOUT_FINGER), ".* got none for left_index1$"),
     ],
     ids=range(12),
 )

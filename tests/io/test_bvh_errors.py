@@ -17,6 +17,7 @@ from tests.io.bvh_helpers import REFLOWED_ROWS, TEXT, TEXT_VALUES, read
 from tests.strategies import few_examples
 
 CHANNELS = "CHANNELS 3 Zrotation Xrotation Yrotation"
+OFFSET_FIRST = f"OFFSET 0.0 10.0 0.0\n\t\t{CHANNELS}"
 SITE = "\t\tEnd Site\n\t\t{\n\t\t\tOFFSET 0.0 5.0 0.0\n\t\t}\n"
 JOINT = f"\t\tJOINT Arm {{ OFFSET 0 0 0 {CHANNELS} }}\n"
 TIMES = ("Frames: 3", "Frame Time: 0.04")
@@ -32,11 +33,7 @@ REPAIRS = [
     (SITE, "", "line 6: Spine has neither JOINT nor End Site"),
     ("Spine", "Bip01 Spine", "line 6: a space in the name 'Bip01 Spine'"),
     ("Spine", "Hips", "line 6: the name 'Hips' is repeated"),
-    (
-        f"OFFSET 0.0 10.0 0.0\n\t\t{CHANNELS}",
-        CHANNELS + " OFFSET 0 10 0",
-        "line 8: CHANNELS before OFFSET",
-    ),
+    (OFFSET_FIRST, CHANNELS + " OFFSET 0 10 0", "line 8: CHANNELS before OFFSET"),
     ("\n".join(TIMES), "\n".join(TIMES[::-1]), "line 17: Frame Time before Frames"),
     ("Frame Time:", "FrameTime:", "line 18: 'FrameTime:' read as 'Frame Time:'"),
     ("Frames: ", "Frames:", "line 17: no space after 'Frames:'"),
@@ -78,9 +75,8 @@ def test_read_bvh_same_surplus_on_each_line_is_ignored():
     text = "\n".join([*rows[:-3], *(row + " 7.0 7.0" for row in rows[-3:])])
     motion = read(text)
     np.testing.assert_array_equal(motion.channel_values, TEXT_VALUES)
-    assert motion.repairs == (
-        "line 19: 11 numbers on each line for 9 channels; the last ones are ignored",
-    )
+    (repair,) = motion.repairs
+    assert repair == "line 19: 11 numbers on each line for 9 channels; the last ones are ignored"
 
 
 @few_examples(40)
@@ -106,7 +102,6 @@ def test_read_bvh_wrong_declared_frames_uses_frames_found(declared):
     assert motion.repairs == (f"line 17: {declared} frames declared, 3 found and used",)
     summary = formats.scan_bvh(io.StringIO(text))
     assert (summary.n_frames, summary.declared_frames) == (3, declared)
-    assert not summary.counts_agree
 
 
 @pytest.mark.parametrize("length", range(5))
@@ -144,7 +139,10 @@ def test_read_bvh_run_of_line_ends_takes_little_memory():
     assert peak < 2 * len(text)
 
 
+FRAMES = TEXT[TEXT.index("Frames: 3") :]
+NO_CHANNEL = "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 0\n}\nMOTION\nFrames: 9\n"
 REFUSALS = [
+    (TEXT, NO_CHANNEL, 6, 1, "expected at least one channel"),
     (TEXT, "<html>", 1, 1, "expected HIERARCHY, got <html>"),
     (TEXT, "", 1, 1, "expected HIERARCHY, got the end of the file"),
     (TEXT, "\n \n ", 3, 2, "expected HIERARCHY, got the end of the file"),
@@ -190,15 +188,9 @@ REFUSALS = [
     (" 90.5", "", 20, 1, "expected a frame of 9 numbers, got 8 and then 9 on line 21"),
     ("90.5", "90.5 1", 20, 1, "expected a frame of 9 numbers, got 10"),
     ("7.0\n1.0", "\n7.0 1.0", 20, 1, "got 8 and then 10 on line 21"),
-    (
-        TEXT[TEXT.index("Frames: 3") :],
-        "Frames: 4\nFrame Time: 0.04\n" + REFLOWED_ROWS,
-        19,
-        1,
-        "a frame of 9 numbers,",
-    ),
+    (FRAMES, "Frames: 4\nFrame Time: 1\n" + REFLOWED_ROWS, 19, 1, "a frame of 9 numbers,"),
     (" 8.0", "", 21, 1, "expected 9 numbers in the last frame, got 8"),
-    (TEXT[TEXT.index("Frames: 3") :], "Frames: 0\nFrame Time: 1\n", 17, 9, "at least 1 frame, got"),
+    (FRAMES, "Frames: 0\nFrame Time: 1\n", 17, 9, "at least 1 frame, got"),
     (TEXT[TEXT.index("0.0 90") :], "", 19, 1, "expected 3 frames, got the end of"),
     (SITE, SITE + 3 * JOINT, 24, 1, "expected 18 numbers in the last frame, got 9"),
 ]
@@ -219,12 +211,6 @@ def test_read_bvh_invalid_file_error_names_position_and_expectation(
         assert message in str(error)
 
 
-def test_read_bvh_no_channel_raises_bvh_error():
-    text = "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 0\n}\nMOTION\nFrames: 9\nFrame Time: 1\n"
-    with pytest.raises(mg.BvhError, match="6:1: expected at least one channel"):
-        read(text)
-
-
 @pytest.mark.parametrize("broken", ["lone surrogate", "half a character"])
 def test_read_bvh_invalid_utf_16_raises_bvh_error(broken):
     text = TEXT.encode("utf-16")
@@ -233,16 +219,10 @@ def test_read_bvh_invalid_utf_16_raises_bvh_error(broken):
         read(text)
 
 
-@pytest.mark.parametrize("where", ["name", "number", "channel"])
-def test_read_bvh_too_long_word_raises_bvh_error(where):
-    endless = "9" * 3_000_000
-    text = {
-        "name": TEXT.replace("Spine", endless),
-        "number": TEXT.replace("90.5", endless),
-        "channel": TEXT.replace("3 Zrotation", "3 " + endless),
-    }[where]
+@pytest.mark.parametrize("word", ["Spine", "90.5", "Zrotation"])
+def test_read_bvh_too_long_word_raises_bvh_error(word):
     with pytest.raises(mg.BvhError, match="got a longer one"):
-        read(text)
+        read(TEXT.replace(word, "9" * 3_000_000))
 
 
 def test_more_joints_than_the_limit_are_refused_with_position(tmp_path):

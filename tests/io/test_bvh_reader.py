@@ -1,6 +1,7 @@
-"""Reading of BVH files: dialects, conventions, chunks and damaged files."""
+"""Reading of BVH files: dialects, conventions, chunks, recordings, unusual and damaged files."""
 
 import io
+import re
 from dataclasses import replace
 from unittest.mock import patch
 
@@ -15,7 +16,9 @@ from mograft.io.bvh import cursor, header
 from mograft.motion import rotations
 from tests.dialects import Dialect, clips, dialects, layouts, to_text
 from tests.fuzz.bvh import SEEDS, check, mutate
+from tests.hierarchies import mark_repeated_hierarchies
 from tests.io.bvh_helpers import TEXT, assert_same_numbers, assert_same_skeleton, read, round_trip
+from tests.io.recorded_files import DATA, ODD, ODD_FILES, RECORDINGS, file_id, require
 from tests.strategies import few_examples
 
 
@@ -69,10 +72,12 @@ def test_read_bvh_path_text_and_binary_files_are_equal(tmp_path_factory, clip):
 
 @few_examples(40)
 @given(clips())
-def test_read_bvh_rotations_are_products_of_channels_in_order(clip):
+def test_read_bvh_rotations_are_products_of_channels_with_continuous_signs(clip):
     values = np.clip(clip.values, -1e4, 1e4)
     motion = read(to_text(replace(clip, values=values), Dialect()))
-    skeleton = motion.skeleton
+    skeleton, quats = motion.skeleton, motion.rotations
+    assert (np.einsum("fji,fji->fj", quats[1:], quats[:-1]) >= 0).all()
+    assert (quats[0, :, 3] >= 0).all()
     for joint, columns in enumerate(skeleton.channel_columns):
         turned = np.tile(rotations.IDENTITY, (len(values), 1))
         for name, column in zip(skeleton.channels[joint], columns, strict=True):
@@ -80,17 +85,8 @@ def test_read_bvh_rotations_are_products_of_channels_in_order(clip):
                 axis = np.eye(3)["XYZ".index(name[0])]
                 step = rotations.from_axis_angle(axis, np.radians(values[:, column]))
                 turned = rotations.multiply(turned, step)
-        np.testing.assert_allclose(
-            rotations.angle(motion.rotations[:, joint], turned), 0.0, atol=1e-11
-        )
-
-
-@few_examples(40)
-@given(clips())
-def test_read_bvh_quaternion_signs_are_continuous(clip):
-    quats = read(to_text(clip, Dialect())).rotations
-    assert (np.einsum("fji,fji->fj", quats[1:], quats[:-1]) >= 0).all()
-    assert (quats[0, :, 3] >= 0).all()
+        off = rotations.angle(quats[:, joint], turned)
+        np.testing.assert_allclose(off, 0.0, atol=1e-11)
 
 
 @few_examples(40)
@@ -159,3 +155,82 @@ def test_read_bvh_invalid_source_raises_error():
 @example(SEEDS[1])
 def test_read_bvh_damaged_file_is_read_or_raises_bvh_error(seed):
     check(seed)
+
+
+@pytest.mark.parametrize("path", RECORDINGS, ids=file_id)
+def test_bvh_recording_round_trips(path):
+    motion = mg.read_bvh(require(path, DATA))
+    again = round_trip(motion)
+    assert_same_skeleton(again.skeleton, motion.skeleton)
+    assert_same_numbers(again.channel_values, motion.channel_values)
+    assert_same_numbers(again.rotations, motion.rotations)
+    assert again.frame_time == motion.frame_time
+    summary = formats.scan_bvh(path)
+    assert summary.n_frames == summary.declared_frames
+
+
+def expected_behaviours():
+    """The behaviour that the list of unusual files states, by file name."""
+    table = ODD / "README.md"
+    if not table.exists():
+        return {}
+    pattern = r"^\| (\w+) \| [^\n]*?\| ((?:accept|clear reject|reject)[^|]*)\|"
+    return dict(re.findall(pattern, table.read_text(), re.M))
+
+
+EXPECTED_BEHAVIOURS = expected_behaviours()
+
+
+@pytest.mark.parametrize("path", ODD_FILES, ids=file_id)
+def test_read_bvh_unusual_file_behaves_as_listed(path):
+    expected = EXPECTED_BEHAVIOURS[require(path, ODD).stem]
+    if not re.search("accept|or ", expected):
+        with pytest.raises(mg.BvhError, match=rf"{path.name}:\d+:\d+: expected .*, got "):
+            mg.read_bvh(path)
+        return
+    try:
+        motion = mg.read_bvh(path)
+    except mg.BvhError:
+        if "reject" in expected:
+            return
+        raise
+    pattern = r"\((\d+) joints?, (?:\d+ channels, )?(\d+)(?: or (\d+))? frames?"
+    if counts := re.search(pattern, expected):
+        joints, *frames = (int(count) for count in counts.groups() if count)
+        assert motion.n_joints == joints
+        assert motion.n_frames in frames
+    assert np.isfinite(motion.channel_values).all()
+    again = round_trip(motion)
+    assert_same_skeleton(again.skeleton, motion.skeleton)
+    assert_same_numbers(again.channel_values, motion.channel_values)
+
+
+def test_unusual_files_are_all_listed():
+    require(ODD_FILES[0], ODD)
+    assert {path.stem for path in ODD_FILES} == set(EXPECTED_BEHAVIOURS)
+
+
+ONE_PER_HIERARCHY = mark_repeated_hierarchies(RECORDINGS)
+
+
+def read_with_pybvh(path):
+    pybvh = pytest.importorskip("pybvh", reason="pybvh is not installed")
+    try:
+        return pybvh.read_bvh_file(path, world_up="+y")
+    except (ValueError, KeyError, IndexError) as error:
+        pytest.skip(f"pybvh does not read it: {error}")
+
+
+@pytest.mark.parametrize("path", ONE_PER_HIERARCHY, ids=file_id)
+def test_world_positions_equal_pybvh(path, tmp_path):
+    clip = read_with_pybvh(require(path, DATA))
+    motion = mg.read_bvh(path)
+    joints = [n for n, node in enumerate(clip.nodes) if not node.is_end_site()]
+    expected = clip.node_positions()[:, joints]
+    height = max(float(np.ptp(expected[0], axis=0).max()), 1e-9)
+    np.testing.assert_allclose(motion.world_positions(), expected, rtol=0, atol=1e-4 * height)
+    # pybvh reads the same numbers from the written file as from the original.
+    mg.write_bvh(motion, tmp_path / "again.bvh")
+    again = read_with_pybvh(tmp_path / "again.bvh")
+    np.testing.assert_array_equal(again.joint_angles, clip.joint_angles)
+    np.testing.assert_array_equal(again.root_pos, clip.root_pos)

@@ -1,6 +1,10 @@
-"""Laws of the registry of formats, of clip addresses and of the change of the rest pose."""
+"""The registry of formats, clip addresses, the change of the rest pose, NPZ, CSV and `export`."""
 
+import csv
+import io
+import json
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,12 +12,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
+from mograft import formats
+from mograft.cli import main
 from mograft.dancer import dance
-from mograft.io import addresses
-from mograft.io.addresses import find_addresses, read_clip, split_address
+from mograft.io import formats as io_formats
+from mograft.io.formats import find_addresses, read_clip, split_address
 from mograft.io.rest_pose import RestPose, rebase, restore, to_local
 from mograft.motion import rotations
 from mograft.motion.motion import forward_kinematics
+from tests import strategies
+from tests.io.bvh_helpers import assert_same_skeleton
+from tests.io.gltf_scenes import Glb
 from tests.strategies import few_examples, motions
 
 
@@ -26,11 +35,8 @@ def test_rebase_translated_joint_has_position_channels():
     rest = RestPose(skeleton.names, skeleton.parents, identity, skeleton.rest_positions())
     rebased = rebase(rest, turned, places, motion.frame_time)
     np.testing.assert_allclose(rebased.world_positions(), places, atol=1e-9)
-    moved = {5, *skeleton.children[5]}
-    assert {j for j, channels in enumerate(rebased.skeleton.channels) if len(channels) == 6} == {
-        0,
-        *moved,
-    }
+    moved = sorted({0, 5, *skeleton.children[5]})
+    assert np.flatnonzero(rebased.is_translated).tolist() == moved
 
 
 @few_examples(20)
@@ -117,9 +123,9 @@ def test_open_clips_parses_a_file_once_and_again_after_a_change(tmp_path, monkey
     for path in paths:
         mg.formats.write_glb([motion, motion[:4]], path)
     parsed = []
-    real = addresses.read
+    real = io_formats.read
     monkeypatch.setattr(
-        addresses, "read", lambda path, **options: parsed.append(path) or real(path, **options)
+        io_formats, "read", lambda path, **options: parsed.append(path) or real(path, **options)
     )
     every = [found for _ in range(3) for path in paths for found in find_addresses(str(path))]
     lengths = [read_clip(address).n_frames for address in every]
@@ -170,3 +176,124 @@ def test_rebase_of_the_rest_pose_has_identity_rotations(seed, n_joints):
     np.testing.assert_allclose(motion.world_positions()[0], places[0], atol=1e-12)
     # Rounding does not give joints position channels.
     assert [len(own) for own in motion.skeleton.channels] == [6, *[3] * (n_joints - 1)]
+
+
+@given(strategies.motions(max_frames=20))
+def test_npz_round_trip_has_precision_of_float32(tmp_path_factory, motion):
+    path = tmp_path_factory.mktemp("npz") / "m.npz"
+    formats.write_npz(motion, path)
+    again = formats.read_npz(path)
+    strategies.assert_same_rotations(again.rotations, motion.rotations, atol=1e-6)
+    np.testing.assert_allclose(again.positions, motion.positions, rtol=1e-6, atol=1e-30)
+    assert again.frame_time == motion.frame_time
+    assert_same_skeleton(again.skeleton, motion.skeleton)
+    with np.load(path, allow_pickle=False) as data:
+        world = motion.world_positions().astype(np.float32)
+        np.testing.assert_array_equal(data["world_positions"], world)
+
+
+def test_npz_is_deterministic_and_keeps_channels_end_sites_and_name(motion, tmp_path):
+    for name in ("a", "b"):
+        formats.write_npz(motion, tmp_path / f"{name}.npz")
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    again = formats.read_npz(tmp_path / "a.npz")
+    assert_same_skeleton(again.skeleton, motion.skeleton)
+    assert again.name == "dance"
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\3\4broken", b"no archive"])
+def test_read_npz_invalid_file_raises_value_error_naming_it(tmp_path, content):
+    (tmp_path / "m.npz").write_bytes(content)
+    with pytest.raises(ValueError, match=r"m\.npz"):
+        formats.read_npz(tmp_path / "m.npz")
+
+
+def test_write_csv_holds_world_positions(motion, tmp_path):
+    formats.write_csv(motion, tmp_path / "m.csv")
+    rows = list(csv.reader(io.StringIO((tmp_path / "m.csv").read_text())))
+    assert rows[0][:5] == ["frame", "time", "Hips.x", "Hips.y", "Hips.z"]
+    table = np.array(rows[1:], float)
+    np.testing.assert_array_equal(table[:, 0], np.arange(motion.n_frames))
+    np.testing.assert_allclose(table[:, 1], np.arange(motion.n_frames) / 30, rtol=1e-8)
+    world = motion.world_positions().reshape(motion.n_frames, -1)
+    np.testing.assert_allclose(table[:, 2:], world, rtol=1e-8, atol=1e-8)
+
+
+def write(suffix, motion, path):
+    """Write a GLB, USD or NPZ file, with lengths in metres."""
+    if suffix == "usda":
+        pytest.importorskip("pxr", reason="usd-core is not installed")
+    options = {} if suffix == "npz" else {"scale": 1.0}
+    getattr(formats, f"write_{suffix.removesuffix('a')}")(motion, path / f"a.{suffix}", **options)
+
+
+@pytest.mark.parametrize("suffix", ["glb", "usda", "npz"])
+def test_write_value_beyond_single_precision_names_joint_and_frame(motion, tmp_path, suffix):
+    name, skeleton = motion.skeleton.names[3], motion.skeleton
+    offsets, positions = skeleton.offsets.copy(), motion.positions.copy()
+    offsets[3, 1] = positions[2, 3, 1] = 1e39
+    with pytest.raises(ValueError, match=rf"position of {name} in frame 2 .* got 1e\+39"):
+        write(suffix, replace(motion, positions=positions), tmp_path)
+    if suffix != "npz":
+        with pytest.raises(ValueError, match=rf"rest position of {name} must"):
+            write(suffix, replace(motion, skeleton=skeleton.with_offsets(offsets)), tmp_path)
+    assert list(tmp_path.iterdir()) == []
+    positions[2, 3, 1] = 1e30
+    write(suffix, replace(motion, positions=positions), tmp_path)
+    with pytest.raises(ValueError, match="rest position of"):
+        formats.write_glb(motion, tmp_path / "b.glb", scale=1e39)
+
+
+HOSTILE_NAMES = [*strategies.HOSTILE_NAMES, "=HYPERLINK(1)", 'a,"b"\n', "-1+2", "@x"]
+
+
+@pytest.mark.parametrize("name", HOSTILE_NAMES)
+def test_hostile_names_are_escaped_in_all_formats(motion, tmp_path, name):
+    skeleton = replace(motion.skeleton, names=(name, name, *motion.skeleton.names[2:]))
+    renamed = replace(motion[:5], skeleton=skeleton, name=name)
+    encoded = name.encode("utf-8", "replace").decode()
+    formats.write_csv(renamed, tmp_path / "m.csv")
+    text = (tmp_path / "m.csv").read_bytes().decode("utf-8")
+    rows = list(csv.reader(io.StringIO(text, newline="")))
+    assert [len(row) for row in rows] == [2 + 3 * 18] * 6
+    formula = "'" if encoded[:1] in ("=", "-", "@") else ""
+    assert rows[0][2] == f"{formula}{encoded}~0.x"
+    formats.write_npz(renamed, tmp_path / "m.npz")
+    # NumPy drops null characters at the end of strings; without a name, that of the file is read.
+    assert formats.read_npz(tmp_path / "m.npz").name == (encoded.rstrip("\0") or "m")
+    formats.write_glb(renamed, tmp_path / "m.glb")
+    document = Glb(tmp_path / "m.glb").document
+    assert document["nodes"][0]["name"] == encoded
+    assert document["animations"][0]["name"] == (encoded or "motion")
+
+
+def test_export_command_writes_each_format_once(motion, tmp_path, capsys):
+    mg.write_bvh(motion, tmp_path / "a.bvh")
+    source = str(tmp_path / "a.bvh")
+    for ending in ("glb", "npz", "csv"):
+        target = tmp_path / f"x.{ending}"
+        assert main(["export", source, "-o", str(target)]) == 0
+        output = capsys.readouterr()
+        assert output.out.strip() == str(target)
+        assert ("y up" if ending == "glb" else "unit and axes of") in output.err
+        before = target.read_bytes()
+        assert main(["export", source, "-o", str(target)]) == 1
+        assert target.read_bytes() == before
+    assert main(["export", source, source, "-o", str(tmp_path / "y.glb"), "--scale", "cm"]) == 0
+    capsys.readouterr()
+    options = ["-o", str(tmp_path / "z.glb"), "--scale", "0.02", "--rate", "15", "--json"]
+    assert main(["export", source, *options]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["schema"] == "mograft.export/1"
+    assert document["metres_in_a_unit"] == 0.02
+    assert document["rate"] == pytest.approx(15, rel=0.02)
+    assert main(["export", source, "-o", str(tmp_path / "z.bvh"), "--rate", "15"]) == 0
+    assert mg.read_bvh(tmp_path / "z.bvh").n_frames == document["frames"][0]
+
+
+@pytest.mark.parametrize("rest", ["b.bvh -o x.npz", "-o x.txt", "-o x.glb --rate -1"])
+def test_export_command_wrong_usage_exits_2(rest, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["export", "a.bvh", *rest.split()])
+    assert stop.value.code == 2
+    assert capsys.readouterr().err

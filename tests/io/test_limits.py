@@ -99,17 +99,13 @@ def test_file_beyond_limit_raises_error_with_file_value_and_limit(tmp_path, file
 @pytest.mark.parametrize(
     ("file", "n"),
     [
-        ("walk.bvh", limits.MAX_LEVELS),
-        ("walk.npz", limits.MAX_LEVELS),
-        ("walk.glb", 998),
-        ("walk.fbx", 998),
-        ("walk.usda", 998),
+        *((f"walk.{own}", limits.MAX_LEVELS) for own in ("bvh", "npz")),
+        *((f"walk.{own}", 998) for own in ("glb", "fbx", "usda")),
     ],
 )
 def test_chain_of_the_greatest_depth_is_read(tmp_path, file, n):
-    skeleton = mg.Skeleton(
-        [f"j{joint}" for joint in range(n)], np.arange(-1, n - 1), np.eye(3)[[1] * n]
-    )
+    names = [f"j{joint}" for joint in range(n)]
+    skeleton = mg.Skeleton(names, np.arange(-1, n - 1), np.eye(3)[[1] * n])
     quats = np.tile([0.0, 0.0, 0.0, 1.0], (2, n, 1))
     chain = mg.Motion(skeleton, 1 / 30, quats, np.tile(skeleton.offsets, (2, 1, 1)))
     WRITERS[file](chain, tmp_path / file)
@@ -135,9 +131,8 @@ def test_arrays_beyond_limits_raise_value_error():
     with patch.object(limits, "MAX_FRAMES", 11):
         with pytest.raises(ValueError, match="at most 11 frames, got 12"):
             mg.Motion(motion.skeleton, 0.1, motion.rotations, motion.positions)
-        with pytest.raises(ValueError, match="`rate` must give at most 11 frames, got 60"):
-            motion[:11].resample(60.0)
         part = motion[:11]
-        with pytest.raises(ValueError, match="`rate` must give at most 11 frames"):
-            part.resample(10.6 / part.duration)  # 12 frames after rounding
+        for rate in (60.0, 1e300, 10.6 / part.duration):  # the last one: 12 frames after rounding
+            with pytest.raises(ValueError, match="`rate` must give at most 11 frames, got"):
+                part.resample(rate)
         assert part.resample(10.4 / part.duration).n_frames == 11

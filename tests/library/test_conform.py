@@ -11,8 +11,7 @@ import mograft as mg
 from mograft.body.joint_matching import match_joints
 from mograft.body.mass import mass_model, up_axis
 from mograft.dancer import dance
-from mograft.io.smpl.joints import SMPL
-from mograft.io.smpl.rest import stand_in
+from mograft.io.smpl.body_models import SMPL, stand_in
 from mograft.library.spec import conform
 from mograft.motion import rotations
 from tests.library.other_figures import in_other_axes, other_names, with_other_rest_pose

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from mograft import Library, SkeletonMismatchError, graft, mirror, replay, write_bvh, write_graft
-from mograft.io.smpl.joints import SMPL_H
-from mograft.io.smpl.rest import stand_in
+from mograft.io.smpl.body_models import SMPL_H, stand_in
 from mograft.library.origin import hash_library
 from mograft.library.spec import conform
 from tests.library.checks import DANCE, assert_same_libraries

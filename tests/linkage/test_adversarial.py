@@ -20,12 +20,8 @@ KINDS = {
     "one-hot": lambda rng, n, d: np.eye(max(n, d))[:n, rng.permutation(max(n, d))[:d]],
     "duplicates": lambda rng, n, d: rng.standard_normal((n, d))[rng.integers(0, 1 + n // 3, n)],
     "near duplicates": lambda rng, n, d: 1.0 + 1e-12 * rng.integers(0, 9, (n, d)),
-    "scale-free": lambda rng, n, d: (
-        rng.standard_normal((n, d)) * 10.0 ** -rng.uniform(0, 8, (n, 1))
-    ),
-    "clumps": lambda rng, n, d: (
-        np.round(rng.standard_normal((n, d))) + 1e-9 * rng.standard_normal((n, d))
-    ),
+    "scale-free": lambda rng, n, d: rng.normal(size=(n, d)) * 10.0 ** -rng.uniform(0, 8, (n, 1)),
+    "clumps": lambda rng, n, d: np.round(rng.normal(size=(n, d))) + rng.normal(0, 1e-9, (n, d)),
     "line": lambda rng, n, d: rng.random((n, 1)) * rng.standard_normal(d),
     "far from the origin": lambda rng, n, d: 1e8 + rng.standard_normal((n, d)),
 }

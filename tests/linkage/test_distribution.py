@@ -12,7 +12,6 @@ import venv
 import zipfile
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from mograft._standalone import mograft_linkage
@@ -43,18 +42,14 @@ def test_modules_import_numpy_and_standard_library_only(path):
     assert absolute_imports(path) - allowed <= sys.stdlib_module_names
 
 
-def run_readme(monkeypatch, folder):
-    """Run the examples of the README with the package as mograft contains it."""
-    monkeypatch.chdir(folder)
-    monkeypatch.setitem(sys.modules, "mograft_linkage", mograft_linkage)
-    return doctest.testfile(str(PROJECT / "README.md"), module_relative=False)
-
-
 def test_readme_examples_run(monkeypatch, tmp_path):
+    """The package is that which mograft contains."""
     pytest.importorskip("seaborn", reason="seaborn is not installed")
     pyplot = pytest.importorskip("matplotlib.pyplot")
     pyplot.switch_backend("agg")
-    result = run_readme(monkeypatch, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "mograft_linkage", mograft_linkage)
+    result = doctest.testfile(str(PROJECT / "README.md"), module_relative=False)
     pyplot.close("all")
     assert result.attempted > 15
     assert not result.failed
@@ -62,10 +57,8 @@ def test_readme_examples_run(monkeypatch, tmp_path):
 
 def test_readme_names_every_public_name():
     text = (PROJECT / "README.md").read_text(encoding="utf-8")
-    for name in {*mograft_linkage.__all__, *mograft_linkage.dendrogram.__all__} - {
-        "__version__",
-        "TruncatedTree",
-    }:
+    names = {*mograft_linkage.__all__, *mograft_linkage.dendrogram.__all__}
+    for name in names - {"__version__", "TruncatedTree"}:
         assert re.search(rf"`{name}\b|\b{name}`", text), name
 
 
@@ -92,12 +85,14 @@ def test_wheels_share_modules_and_no_file_name(wheels):
     inside = "mograft/_standalone/"
     contained = {name.removeprefix(inside) for name in whole if name.startswith(inside)}
     assert contained - {"__init__.py"} == {name for name in slim if "_core.abi3" not in name}
-    with (
-        zipfile.ZipFile(wheels["mograft"]) as one,
-        zipfile.ZipFile(wheels["mograft_linkage"]) as two,
-    ):
-        for name in contained - {"__init__.py"}:
-            assert one.read(inside + name) == two.read(name), name
+    one, two = (zipfile.ZipFile(wheels[name]) for name in ("mograft", "mograft_linkage"))
+    for name in contained - {"__init__.py"}:
+        assert one.read(inside + name) == two.read(name), name
+
+
+def run(*command):
+    """Run a program, and return its result with its output as text."""
+    return subprocess.run(command, capture_output=True, text=True, check=True)
 
 
 @pytest.fixture(scope="module")
@@ -106,18 +101,13 @@ def environment(wheels, tmp_path_factory):
     folder = tmp_path_factory.mktemp("environment")
     venv.create(folder, with_pip=True)
     python = folder / ("Scripts" if sys.platform == "win32" else "bin") / "python"
-    command = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    subprocess.run([*command, wheels["mograft_linkage"]], check=True)
+    run(python, "-m", "pip", "install", "--quiet", wheels["mograft_linkage"])
     return python
 
 
 @pytest.mark.thorough
 def test_wheel_needs_numpy_only_and_imports_fast(environment):
-    listed = subprocess.run(
-        [environment, "-m", "pip", "list", "--format=json", "--disable-pip-version-check"],
-        capture_output=True,
-        check=True,
-    )
+    listed = run(environment, "-m", "pip", "list", "--format=json", "--disable-pip-version-check")
     names = {package["name"] for package in json.loads(listed.stdout)}
     assert names - {"pip", "setuptools"} == {"mograft-linkage", "numpy"}
     code = """
@@ -126,29 +116,11 @@ before = set(sys.modules)
 import mograft_linkage
 print(*set(sys.modules) - before)
 """
-    run = subprocess.run(
-        [environment, "-X", "importtime", "-c", code], capture_output=True, text=True, check=True
-    )
-    added = set(run.stdout.split())
+    found = run(environment, "-X", "importtime", "-c", code)
+    added = set(found.stdout.split())
     ours = {name for name in added if name.startswith("mograft_linkage")}
     # The modules do not depend on the machine; the time has a wide margin.
     assert len(ours) == len(MODULES) + 1
     assert {name.partition(".")[0] for name in added - ours} <= {"numpy", *sys.stdlib_module_names}
-    lines = re.findall(r"import time:\s+(\d+) \|\s+\d+ \|\s+(\S+)", run.stderr)
+    lines = re.findall(r"import time:\s+(\d+) \|\s+\d+ \|\s+(\S+)", found.stderr)
     assert sum(int(microseconds) for microseconds, name in lines if name in added) < 200_000
-
-
-@pytest.mark.thorough
-def test_wheel_gives_tree_of_mograft(environment, tmp_path):
-    code = """
-import numpy as np, mograft_linkage as ml
-points = np.random.default_rng(0).normal(size=(3000, 10))
-np.save("tree.npy", ml.linkage(points))
-print(ml.__version__, ml.CompleteLinkage(n_clusters=4).fit_predict(points).max())
-"""
-    run = subprocess.run(
-        [environment, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path
-    )
-    assert run.stdout.split() == [mograft_linkage.__version__, "3"]
-    points = np.random.default_rng(0).normal(size=(3000, 10))
-    np.testing.assert_array_equal(np.load(tmp_path / "tree.npy"), mograft_linkage.linkage(points))

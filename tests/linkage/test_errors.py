@@ -10,22 +10,23 @@ from scipy.sparse import csr_array
 from sklearn.cluster import AgglomerativeClustering
 
 from mograft import clustering
+from mograft.clustering import cut, linkage, linkage_condensed, threshold
 
 NAN = np.array([[0.0, 1.0], [2.0, 3.0], [4.0, np.nan]])
 INF = np.array([[0.0, 1.0], [-np.inf, 3.0], [4.0, 5.0]])
 POINTS = np.array([[0.0, 1.0], [2.0, 3.0], [4.0, 6.0]])
 TEXTS = [["a", "b"], ["c", "d"]]
+NEGATIVE = {"distance_threshold": -1.0}
 
 
 def fit(points, **parameters):
     return clustering.CompleteLinkage(**parameters).fit(points)
 
 
+COSINE, CORRELATION, SQUARED = ({"metric": own} for own in ("cosine", "correlation", "sqeuclidean"))
 PEERS = {
-    clustering.linkage: lambda points, metric="euclidean": hierarchy.linkage(
-        points, "complete", metric
-    ),
-    clustering.linkage_condensed: lambda distances: hierarchy.complete(np.array(distances)),
+    linkage: lambda points, metric="euclidean": hierarchy.linkage(points, "complete", metric),
+    linkage_condensed: lambda distances: hierarchy.complete(np.array(distances)),
     fit: lambda points, **own: AgglomerativeClustering(linkage="complete", **own).fit(points),
 }
 
@@ -33,16 +34,16 @@ PEERS = {
 @pytest.mark.parametrize(
     ("call", "data", "options", "error", "message"),
     [
-        (clustering.linkage, NAN, {}, ValueError, r"finite, got NaN at \[2, 1\]"),
-        (clustering.linkage, INF, {}, ValueError, r"finite, got -inf at \[1, 0\]"),
-        (clustering.linkage, NAN, {"metric": "cosine"}, ValueError, r"got NaN at \[2, 1\]"),
-        (clustering.linkage, POINTS[:1], {}, ValueError, r"shape \(n >= 2, .*, got \(1, 2\)"),
-        (clustering.linkage, POINTS[:0], {}, ValueError, r"got \(0, 2\)"),
-        (clustering.linkage, POINTS, {"metric": "near"}, ValueError, "`metric` must .*'near'"),
-        (clustering.linkage, TEXTS, {}, (TypeError, ValueError), "must be real numbers, got <U1"),
-        (clustering.linkage_condensed, [], {}, ValueError, "`distances` must have shape"),
-        (clustering.linkage_condensed, np.ones(4), {}, ValueError, "have n.* elements .*got 4"),
-        (clustering.linkage_condensed, [1.0, np.nan, 2.0], {}, ValueError, r"got NaN at \[1\]"),
+        (linkage, NAN, {}, ValueError, r"finite, got NaN at \[2, 1\]"),
+        (linkage, INF, {}, ValueError, r"finite, got -inf at \[1, 0\]"),
+        (linkage, NAN, {"metric": "cosine"}, ValueError, r"got NaN at \[2, 1\]"),
+        (linkage, POINTS[:1], {}, ValueError, r"shape \(n >= 2, .*, got \(1, 2\)"),
+        (linkage, POINTS[:0], {}, ValueError, r"got \(0, 2\)"),
+        (linkage, POINTS, {"metric": "near"}, ValueError, "`metric` must .*'near'"),
+        (linkage, TEXTS, {}, (TypeError, ValueError), "must be real numbers, got <U1"),
+        (linkage_condensed, [], {}, ValueError, "`distances` must have shape"),
+        (linkage_condensed, np.ones(4), {}, ValueError, "have n.* elements .*got 4"),
+        (linkage_condensed, [1.0, np.nan, 2.0], {}, ValueError, r"got NaN at \[1\]"),
         (fit, NAN, {}, ValueError, r"nan at \[2, 1\]"),
         (fit, INF, {}, ValueError, r"-inf at \[1, 0\]"),
         (fit, POINTS[:1], {}, ValueError, "n_samples = 1"),
@@ -55,13 +56,7 @@ PEERS = {
         (fit, POINTS, {"metric": "near"}, ValueError, "`metric` must be one of .*, got 'near'"),
         (fit, POINTS, {"n_clusters": None}, ValueError, "Exactly one of n_clusters and dist"),
         (fit, POINTS, {"distance_threshold": 1.0}, ValueError, "Exactly one of n_clusters"),
-        (
-            fit,
-            POINTS,
-            {"n_clusters": None, "distance_threshold": -1.0},
-            ValueError,
-            "`distance_threshold` must be 0 or more, got -1",
-        ),
+        (fit, POINTS, {"n_clusters": None} | NEGATIVE, ValueError, "_threshold` must be 0 or more"),
     ],
 )
 def test_invalid_input_raises_error_of_peer(call, data, options, error, message):
@@ -72,18 +67,18 @@ def test_invalid_input_raises_error_of_peer(call, data, options, error, message)
 
 
 def test_linkage_excessive_limits_have_no_effect():
-    tree = clustering.linkage(POINTS)
+    tree = linkage(POINTS)
     for name in ("n_threads", "memory_limit", "max_memory"):
-        np.testing.assert_array_equal(clustering.linkage(POINTS, **{name: 10**30}), tree)
+        np.testing.assert_array_equal(linkage(POINTS, **{name: 10**30}), tree)
 
 
 @pytest.mark.parametrize("given", ["2", [1.0, 2.0], 1j], ids=str)
 @pytest.mark.parametrize(
     ("name", "call"),
     [
-        ("max_diameter", lambda given: clustering.cut(POINTS, given)),
-        ("kind", lambda given: clustering.threshold(POINTS, [given])),
-        ("scale", lambda given: clustering.threshold(POINTS, scale=given)),
+        ("max_diameter", lambda given: cut(POINTS, given)),
+        ("kind", lambda given: threshold(POINTS, [given])),
+        ("scale", lambda given: threshold(POINTS, scale=given)),
         ("distance_threshold", lambda t: fit(POINTS, n_clusters=None, distance_threshold=t)),
     ],
 )
@@ -96,44 +91,20 @@ def test_number_arguments_of_other_type_raise_type_error(name, call, given):
     ("call", "data", "options", "error", "message"),
     [
         # errors that the peers do not raise, or not by index
-        (clustering.cut, POINTS, {"max_diameter": -1.0}, ValueError, "must be 0 or more, got -1"),
-        (clustering.cut, POINTS, {"max_diameter": np.nan}, ValueError, "0 or more, got nan"),
-        (clustering.linkage_condensed, [1.0, -1.0, 2.0], {}, ValueError, r"got -1 at \[1\]"),
-        (
-            clustering.linkage,
-            POINTS * [[1], [0], [0]],
-            {"metric": "cosine"},
-            ValueError,
-            "no zero rows for metric 'cosine', got row 1",
-        ),
-        (
-            clustering.linkage,
-            [[0.1, 0.2], [0.1, 0.1]],
-            {"metric": "correlation"},
-            ValueError,
-            "no constant rows for metric 'correlation', got row 1",
-        ),
-        (
-            clustering.linkage,
-            POINTS * 1e200,
-            {"metric": "sqeuclidean"},
-            ValueError,
-            r"squared distances below 1\.8e308",
-        ),
-        (clustering.linkage, POINTS + 1j, {}, TypeError, "must be real numbers, got complex128"),
-        (clustering.linkage, csr_array(POINTS), {}, TypeError, "must be dense, got a sparse"),
-        (clustering.linkage, POINTS, {"n_threads": 0}, ValueError, "must be 1 or more, got 0"),
-        (clustering.linkage, POINTS, {"n_threads": 1.5}, TypeError, "must be a whole number"),
-        (clustering.linkage, POINTS, {"memory_limit": -1}, ValueError, "must be 0 or more"),
-        (clustering.linkage, POINTS, {"max_memory": -1}, ValueError, "must be 0 or more"),
-        (clustering.linkage, POINTS, {"max_memory": 10}, MemoryError, r"\d+ bytes, the limit is"),
-        (
-            clustering.linkage_condensed,
-            np.ones(3),
-            {"max_memory": 10},
-            MemoryError,
-            "the call needs about 24 bytes, the limit is 10",
-        ),
+        (cut, POINTS, {"max_diameter": -1.0}, ValueError, "must be 0 or more, got -1"),
+        (cut, POINTS, {"max_diameter": np.nan}, ValueError, "0 or more, got nan"),
+        (linkage_condensed, [1.0, -1.0, 2.0], {}, ValueError, r"got -1 at \[1\]"),
+        (linkage, POINTS * [[1], [0], [0]], COSINE, ValueError, "no zero rows .*, got row 1"),
+        (linkage, [[0.1, 0.2], [0.1, 0.1]], CORRELATION, ValueError, "no constant .*, got row 1"),
+        (linkage, POINTS * 1e200, SQUARED, ValueError, r"squared distances below 1\.8e308"),
+        (linkage, POINTS + 1j, {}, TypeError, "must be real numbers, got complex128"),
+        (linkage, csr_array(POINTS), {}, TypeError, "must be dense, got a sparse"),
+        (linkage, POINTS, {"n_threads": 0}, ValueError, "must be 1 or more, got 0"),
+        (linkage, POINTS, {"n_threads": 1.5}, TypeError, "must be a whole number"),
+        (linkage, POINTS, {"memory_limit": -1}, ValueError, "must be 0 or more"),
+        (linkage, POINTS, {"max_memory": -1}, ValueError, "must be 0 or more"),
+        (linkage, POINTS, {"max_memory": 10}, MemoryError, r"\d+ bytes, the limit is"),
+        (linkage_condensed, np.ones(3), {"max_memory": 9}, MemoryError, "about 24 bytes, .* is 9"),
     ],
 )
 def test_invalid_input_raises_error(call, data, options, error, message):

@@ -15,8 +15,7 @@ from sklearn.utils.estimator_checks import check_estimator
 
 from mograft import clustering
 from tests.analysis.test_clustering import by_first_appearance, clouds
-
-METRICS = ("euclidean", "sqeuclidean", "cosine", "correlation")
+from tests.linkage.test_adversarial import METRICS
 
 
 @pytest.mark.filterwarnings("ignore:Estimator CompleteLinkage does not inherit:UserWarning")
@@ -48,9 +47,8 @@ def test_complete_linkage_equals_agglomerative_clustering(seed, shape, metric, d
     model = clustering.CompleteLinkage(metric=metric, **parameters).fit(points)
     distances = np.sort(pdist(points, metric))
     assume(np.diff(distances).min(initial=np.inf) > 1e-12)  # else rounding changes the order
-    peer = AgglomerativeClustering(
-        linkage="complete", metric=metric, compute_distances=True, **parameters
-    ).fit(points)
+    options = {"linkage": "complete", "metric": metric, "compute_distances": True}
+    peer = AgglomerativeClustering(**options, **parameters).fit(points)
     np.testing.assert_array_equal(model.labels_, by_first_appearance(peer.labels_))
     np.testing.assert_array_equal(np.sort(model.children_), np.sort(peer.children_))
     np.testing.assert_allclose(model.distances_, peer.distances_, rtol=1e-9, atol=1e-14)
@@ -75,9 +73,8 @@ def test_complete_linkage_unknown_parameter_raises_value_error():
 
 def test_complete_linkage_repr_lists_changed_parameters():
     assert repr(clustering.CompleteLinkage()) == "CompleteLinkage()"
-    assert repr(clustering.CompleteLinkage(3, metric="cosine")) == (
-        "CompleteLinkage(n_clusters=3, metric='cosine')"
-    )
+    model = clustering.CompleteLinkage(3, metric="cosine")
+    assert repr(model) == "CompleteLinkage(n_clusters=3, metric='cosine')"
 
 
 def test_complete_linkage_data_frame_names_and_set_output():
@@ -88,9 +85,8 @@ def test_complete_linkage_data_frame_names_and_set_output():
     assert model.feature_names_in_.tolist() == ["a", "b", "c"]
     np.testing.assert_array_equal(model.labels_, clustering.CompleteLinkage(4).fit_predict(points))
     assert not hasattr(model.fit(points), "feature_names_in_")
-    pipeline = make_pipeline(StandardScaler(), clustering.CompleteLinkage(4)).set_output(
-        transform="pandas"
-    )
+    pipeline = make_pipeline(StandardScaler(), clustering.CompleteLinkage(4))
+    pipeline.set_output(transform="pandas")
     assert pipeline.fit(frame)[-1].feature_names_in_.tolist() == ["a", "b", "c"]
     frame.columns = ["a", 1, "c"]
     with pytest.raises(TypeError, match="X must have column names that are all strings"):

@@ -12,9 +12,9 @@ from scipy.spatial.distance import pdist
 
 from mograft import clustering
 from tests.analysis.test_clustering import by_first_appearance, clouds
+from tests.linkage.test_adversarial import METRICS
 from tests.memory import PEAK_BYTES
 
-METRICS = ("euclidean", "sqeuclidean", "cosine", "correlation")
 EPSILON = np.finfo(float).eps
 
 
@@ -30,15 +30,18 @@ def test_squared_euclidean_tree_has_squared_heights(points):
     np.testing.assert_allclose(squared[:, 2], nearest, rtol=2 * EPSILON, atol=0)
 
 
-@given(
-    clouds(max_points=20, kinds=["lattice", "single precision"]),
-    st.sampled_from(METRICS),
-    st.floats(0, 1),
-)
+def with_other_columns(points):
+    """Return points with two more axes, so that no row is zero or constant."""
+    return np.c_[points, np.full(len(points), 7.0), np.full(len(points), 9.0)]
+
+
+SMALL_CLOUDS = clouds(max_points=20, kinds=["lattice", "single precision"])
+
+
+@given(SMALL_CLOUDS, st.sampled_from(METRICS), st.floats(0, 1))
 @example(np.array([[1e-170], [0.0], [1.0]]), "sqeuclidean", 0.0)
 def test_cut_any_metric_at_and_next_to_height_equals_fcluster(points, metric, quantile):
-    # Neither zero nor constant rows.
-    points = np.c_[points, np.full(len(points), 7.0), np.full(len(points), 9.0)]
+    points = with_other_columns(points)
     tree = clustering.linkage(points, metric=metric)
     height = np.quantile(tree[:, 2], quantile, method="nearest")
     for limit in (height, np.nextafter(height, -1), np.nextafter(height, np.inf), np.inf):
@@ -47,9 +50,9 @@ def test_cut_any_metric_at_and_next_to_height_equals_fcluster(points, metric, qu
             np.testing.assert_array_equal(clustering.cut(points, limit, metric=metric), expected)
 
 
-@given(clouds(max_points=20, kinds=["lattice", "single precision"]), st.sampled_from(METRICS))
+@given(SMALL_CLOUDS, st.sampled_from(METRICS))
 def test_linkage_any_layout_and_precision_gives_one_tree(points, metric):
-    points = np.c_[points, np.full(len(points), 7.0), np.full(len(points), 9.0)]
+    points = with_other_columns(points)
     tree = clustering.linkage(points, metric=metric)
     limit = float(np.median(tree[:, 2]))
     labels = clustering.cut(points, limit, metric=metric)
@@ -72,9 +75,8 @@ def test_linkage_condensed_single_precision_equals_double(seed, n):
 @pytest.mark.parametrize("dtype", [bool, np.uint8, np.int64, np.float16])
 def test_linkage_whole_and_half_numbers_equal_double(dtype):
     points = np.random.default_rng(1).integers(0, 2, (20, 8)).astype(dtype)
-    np.testing.assert_array_equal(
-        clustering.linkage(points), clustering.linkage(points.astype(np.float64))
-    )
+    tree = clustering.linkage(points.astype(np.float64))
+    np.testing.assert_array_equal(clustering.linkage(points), tree)
 
 
 def test_angular_metrics_extreme_lengths_do_not_overflow():

@@ -21,8 +21,7 @@ import pytest
 
 import mograft
 from mograft.cli import main
-from mograft.io.smpl.joints import SMPL_H
-from mograft.io.smpl.rest import stand_in
+from mograft.io.smpl.body_models import SMPL_H, stand_in
 from tests.io.npz_files import dance_arrays, write_arrays
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mograft import EndSite, Motion, Skeleton, write_bvh, write_video
 from mograft.cli import main
 from mograft.dancer import dance
-from mograft.io.palette import PALETTE
+from mograft.io.export_figure import PALETTE
 from mograft.viewing.film_pictures import draw_pictures
 from tests.strategies import HOSTILE_NAMES
 

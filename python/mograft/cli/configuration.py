@@ -20,8 +20,8 @@ from mograft.cli.syntax.options import (
 from mograft.cli.syntax.values import PRESETS, SHAPE_NUMBERS, Range, resolve_frames
 from mograft.config import Config, scale_of_variety
 from mograft.config_text import parse_fields
-from mograft.io.addresses import open_clips, read_clip, split_address
-from mograft.io.smpl.rest import read_offsets
+from mograft.io.formats import open_clips, read_clip, split_address
+from mograft.io.smpl.body_models import read_offsets
 from mograft.library.build import discover_groups
 from mograft.library.derive import BUILD_STAGES
 from mograft.library.ingest_run import IngestOptions

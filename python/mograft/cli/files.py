@@ -9,7 +9,7 @@ from pathlib import Path
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.values import Range, resolve_frames
 from mograft.errors import join_names, suggest_name
-from mograft.io.addresses import split_address
+from mograft.io.formats import split_address
 from mograft.library.discover import FoundClip, exclude_grafts, find_clips
 from mograft.library.library import Library
 from mograft.motion.motion import Motion

@@ -12,8 +12,7 @@ from mograft.cli.files import check_suffix
 from mograft.cli.output import print_remark
 from mograft.cli.syntax.arguments import Options, UsageError
 from mograft.cli.syntax.options import GraftOptions
-from mograft.io.addresses import split_address
-from mograft.io.formats import SUFFIXES
+from mograft.io.formats import SUFFIXES, split_address
 from mograft.provenance.writing import MOTION_SUFFIXES
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.page import open_file

@@ -1,8 +1,7 @@
 """FBX: takes of binary and text files, read by the extension ``mograft-fbx``."""
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -31,49 +30,6 @@ _ROUNDING_INTERVALS = 1e-4
 """Deviation of a duration from whole frame intervals that counts as rounding."""
 
 
-class _Take(NamedTuple):
-    """A take of a file: an animation that is read as a clip."""
-
-    name: str  # in the file
-    clip: str  # name of the clip
-    begin: float  # time of the first frame in seconds
-    length: ClipLength
-
-
-@dataclass(frozen=True, eq=False)
-class _FbxFile:
-    """An open file with its joints and takes."""
-
-    path: Path
-    scene: Any  # a `Scene` of the extension, which is not typed
-    joints: IntArray  # index of the node of each joint
-    rest: RestPose
-    takes: tuple[_Take, ...]
-    max_frames: int  # limit of the frames of a take
-
-    def load(self, index: int) -> Motion:
-        """Return the motion of a take."""
-        name, clip, begin, length = self.takes[index]
-        place, n_frames = f"take {name!r}", length.n_frames
-        with errors_of_file(self.path, place):
-            if n_frames > self.max_frames:
-                limit = f"at most {self.max_frames} frames in a file of this size"
-                raise ValueError(f"expected {limit}, got {n_frames}")
-            limits.check_frames(n_frames)
-            limits.check_frame_time(length.frame_time)
-        joints = self.joints.tolist()
-        quats, positions = self.scene.bake(
-            index, joints, begin=begin, rate=length.rate, n_frames=n_frames
-        )
-        if not (np.isfinite(quats).all() and np.isfinite(positions).all()):
-            is_finite = np.isfinite(quats).all(axis=2) & np.isfinite(positions).all(axis=2)
-            frame, joint = np.argwhere(~is_finite)[0]
-            owner = f"{self.rest.names[joint]} in frame {frame}"
-            message = f"expected finite transforms, got NaN or infinity at {owner}"
-            raise FormatError(message, self.path, place)
-        return rebase(self.rest, quats, positions, length.frame_time, name=clip)
-
-
 def open_fbx(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001
     """Return the takes of an FBX file as clips; see `mograft.io.formats.Opener`.
 
@@ -91,10 +47,10 @@ def open_fbx(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
             if not file_rate > 0:
                 raise ValueError(f"expected a frame rate above 0, got {file_rate:g}")
             limits.check_frame_time(1.0 / file_rate)
-    scene_takes, parents = scene.takes, scene.parents.tolist()
+    takes, parents = scene.takes, scene.parents.tolist()
     is_member = np.array([kind == "bone" for kind in scene.kinds], bool)
     if not is_member.any():
-        for *_, animated in scene_takes:
+        for *_, animated in takes:
             is_member[animated] = True
     joints = find_joints(parents, is_member)
     notes = _describe(scene, joints)
@@ -102,18 +58,36 @@ def open_fbx(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
         return Clips(path, (), tuple[Motion, ...]().__getitem__, "FBX", notes, ())
     with errors_of_file(path):
         limits.check_joints(len(joints))
-    names: list[str] = [take[0] or f"take{i}" for i, take in enumerate(scene_takes, 1)]
-    names = [path.stem] if len(names) == 1 else unique_names(names)
-    takes = tuple(
-        _define_take((take[0], clip), take[1], take[2], rate or file_rate)
-        for clip, take in zip(names, scene_takes, strict=True)
-    )
+    names = unique_names([name or f"take{i}" for i, (name, *_) in enumerate(takes, 1)])
+    names = [path.stem] if len(names) == 1 else names
+    spans = [_frame_span(span, key_span, rate or file_rate) for _, span, key_span, _ in takes]
     n_evaluated, node = len(joints), int(joints[0])  # the nodes above the joints are evaluated, too
     while (node := parents[node]) >= 0:
         n_evaluated += 1
     max_frames = max(_MIN_POSES, _POSES_PER_BYTE * len(data)) // n_evaluated
-    file = _FbxFile(path, scene, joints, _rest_pose(path, scene, joints), takes, max_frames)
-    return Clips(path, tuple(names), file.load, "FBX", notes, tuple(take.length for take in takes))
+    rest = _rest_pose(path, scene, joints)
+
+    def load(take: int) -> Motion:
+        begin, length = spans[take]
+        place = f"take {takes[take][0]!r}"
+        with errors_of_file(path, place):
+            if length.n_frames > max_frames:
+                limit = f"at most {max_frames} frames in a file of this size"
+                raise ValueError(f"expected {limit}, got {length.n_frames}")
+            limits.check_frames(length.n_frames)
+            limits.check_frame_time(length.frame_time)
+        quats, positions = scene.bake(
+            take, joints.tolist(), begin=begin, rate=length.rate, n_frames=length.n_frames
+        )
+        if not (np.isfinite(quats).all() and np.isfinite(positions).all()):
+            is_finite = np.isfinite(quats).all(axis=2) & np.isfinite(positions).all(axis=2)
+            frame, joint = np.argwhere(~is_finite)[0]
+            owner = f"{rest.names[joint]} in frame {frame}"
+            message = f"expected finite transforms, got NaN or infinity at {owner}"
+            raise FormatError(message, path, place)
+        return rebase(rest, quats, positions, length.frame_time, name=names[take])
+
+    return Clips(path, tuple(names), load, "FBX", notes, [length for _, length in spans])
 
 
 def _load_scene(path: Path, data: bytes) -> Any:  # noqa: ANN401 - an object of the extension
@@ -138,17 +112,14 @@ def _load_scene(path: Path, data: bytes) -> Any:  # noqa: ANN401 - an object of 
     return scene
 
 
-def _define_take(
-    names: tuple[str, str],
-    span: tuple[float, float],
-    key_span: tuple[float, float] | None,
-    rate: float,
-) -> _Take:
-    """Return a take whose frames divide its time span into equal intervals.
+def _frame_span(
+    span: tuple[float, float], key_span: tuple[float, float] | None, rate: float
+) -> tuple[float, ClipLength]:
+    """Return the time of the first frame of a take in seconds, and the length of the clip.
 
-    `names` are those of the take and of its clip. `span` is the time span of the take in seconds,
-    first and last; if it is empty, `key_span`, the span of the keys, is used. The frame rate is
-    `rate` or, if the duration is not a multiple of 1 / `rate`, the nearest rate that divides it. A
+    `span` is the time span of the take in seconds, first and last; if it is empty, `key_span`, the
+    span of the keys, is used. The frames divide it into equal intervals. The frame rate is `rate`
+    or, if the duration is not a multiple of 1 / `rate`, the nearest rate that divides it. A
     deviation below `_ROUNDING_INTERVALS` counts as rounding.
     """
     begin, end = span if span[1] > span[0] else key_span or (span[0], span[0])
@@ -158,7 +129,7 @@ def _define_take(
     if abs(n_intervals - duration * rate) > _ROUNDING_INTERVALS:
         n_intervals = max(n_intervals, 1)
         frame_time = duration / n_intervals
-    return _Take(*names, begin, ClipLength(n_intervals + 1, frame_time))
+    return begin, ClipLength(n_intervals + 1, frame_time)
 
 
 def _rest_pose(path: Path, scene: Any, joints: IntArray) -> RestPose:  # noqa: ANN401

@@ -1,24 +1,109 @@
 """GLB: the binary form of glTF 2.0, for browsers, Blender, Unreal and Unity."""
 
+import json
 import os
+import struct
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
-from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.arrays import FloatArray
 from mograft._util.atomic import write_bytes
 from mograft._util.validate import check_type
 from mograft.body.groups import JointGroups
-from mograft.io.bone_mesh import BoneMesh, bone_mesh, joint_group_indices
-from mograft.io.gltf.buffer import GltfBuffer
-from mograft.io.palette import linear_colours
-from mograft.io.units import ExportTransform, check_single_precision
+from mograft.io.export_figure import BoneMesh, ExportTransform, bone_mesh, check_single_precision
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
+
+# Constants of the glTF specification: component types by NumPy type, and the target of vertex
+# buffers.
+_COMPONENT_TYPES = {"f4": 5126, "u1": 5121, "u2": 5123}
+_ARRAY_BUFFER = 34962
+
+Json = dict[str, Any]
+
+
+@dataclass
+class GltfBuffer:
+    """The binary buffer of a GLB file, and the buffer views and accessors of its arrays.
+
+    The views and accessors may begin with those of a file to which arrays are added.
+    """
+
+    data: bytearray = field(default_factory=bytearray)
+    views: list[Json] = field(default_factory=list)
+    accessors: list[Json] = field(default_factory=list)
+
+    def add(
+        self,
+        array: npt.NDArray[Any],
+        element_type: str,
+        *,
+        has_bounds: bool = False,
+        is_vertex_data: bool = False,
+    ) -> int:
+        """Append an array and return the index of its accessor.
+
+        `element_type` is the glTF type of a row, such as ``"VEC3"``. `has_bounds` adds the minimum
+        and maximum; `is_vertex_data` marks vertex attributes.
+        """
+        array = np.ascontiguousarray(array)
+        view = self.add_bytes(array.tobytes())
+        if is_vertex_data:
+            self.views[view]["target"] = _ARRAY_BUFFER
+        accessor = {
+            "bufferView": view,
+            "componentType": _COMPONENT_TYPES[array.dtype.str[1:]],
+            "count": len(array),
+            "type": element_type,
+        }
+        if has_bounds:
+            rows = array.reshape(len(array), -1)
+            accessor |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
+        self.accessors.append(accessor)
+        return len(self.accessors) - 1
+
+    def add_bytes(self, content: bytes | memoryview) -> int:
+        """Append bytes and return the index of their buffer view."""
+        offset = self.append(content)
+        self.views.append({"buffer": 0, "byteOffset": offset, "byteLength": len(content)})
+        return len(self.views) - 1
+
+    def append(self, content: bytes | memoryview) -> int:
+        """Append bytes at a multiple of 4, as glTF requires, and return their offset."""
+        self.data += bytes(-len(self.data) % 4)
+        offset = len(self.data)
+        self.data += content
+        return offset
+
+    def pack(self, document: Json) -> bytes:
+        """Return the bytes of the GLB file: header, JSON chunk of `document`, binary chunk.
+
+        ``bufferViews`` and ``accessors`` of the document become those of this buffer. Its first
+        entry of ``buffers`` describes the binary chunk: the length is set, and other fields are
+        kept, as are the other entries. Raises ValueError if the file would have 4 GiB or more.
+        """
+        self.data += bytes(-len(self.data) % 4)
+        buffers = document.get("buffers") or [{}]
+        document = document | {
+            "buffers": [{**buffers[0], "byteLength": len(self.data)}, *buffers[1:]],
+            "bufferViews": self.views,
+            "accessors": self.accessors,
+        }
+        text = json.dumps(document, separators=(",", ":"), ensure_ascii=False)
+        chunk = text.encode("utf-8", "replace")
+        chunk += b" " * (-len(chunk) % 4)
+        n_bytes = 28 + len(chunk) + len(self.data)
+        if n_bytes >= 2**32:
+            raise ValueError(f"a GLB file must be smaller than 4 GiB, got {n_bytes} bytes")
+        header = struct.pack("<4sIII4s", b"glTF", 2, n_bytes, len(chunk), b"JSON")
+        return b"".join([header, chunk, struct.pack("<I4s", len(self.data), b"BIN\0"), self.data])
 
 
 def write_glb(
@@ -70,32 +155,35 @@ def write_glb(
     >>> target = Path(tempfile.mkdtemp()) / "dance.glb"
     >>> write_glb(dance(strides=1).motion[:30], target)
     """
-    clips = [motions] if isinstance(motions, Motion) else list(motions)
-    if not clips:
-        raise ValueError("`motions` must hold at least one motion, got none")
-    for clip in clips:
-        check_type("motions", clip, Motion)
+    clips = as_motions(motions)
     first = clips[0]
     for clip in clips[1:]:
         first.skeleton.check_same_hierarchy(clip.skeleton, clip.name or "a motion")
     transform = ExportTransform.of(first, scale)
     buffer = GltfBuffer()
-    group_indices = joint_group_indices(first.skeleton, groups)
-    document = _build_document(buffer, clips, transform, group_indices)
+    mesh = bone_mesh(first.skeleton, transform, groups)
+    document = _build_document(buffer, clips, transform, mesh)
     write_bytes(Path(path), buffer.pack(document))
 
 
+def as_motions(motions: Motion | Sequence[Motion]) -> list[Motion]:
+    """Return the argument `motions` as a list; raise an error if it is empty or has other items."""
+    given = [motions] if isinstance(motions, Motion) else list(motions)
+    for motion in given:
+        check_type("motions", motion, Motion)
+    if not given:
+        raise ValueError("`motions` must hold at least one motion, got none")
+    return given
+
+
 def _build_document(
-    buffer: GltfBuffer,
-    motions: Sequence[Motion],
-    transform: ExportTransform,
-    group_indices: IntArray,
-) -> dict[str, Any]:
+    buffer: GltfBuffer, motions: Sequence[Motion], transform: ExportTransform, mesh: BoneMesh
+) -> Json:
     """Fill the buffer; return the JSON document without the entries that `GltfBuffer.pack` adds."""
     skeleton = motions[0].skeleton
     rest = transform.points(skeleton.rest_positions())
     check_single_precision("rest position", rest, skeleton)
-    mesh = _build_mesh(buffer, bone_mesh(skeleton, transform), group_indices)
+    primitive = _build_mesh(buffer, mesh, skeleton.n_joints)
     # In the rest pose, the axes of every joint are those of the root, rotated to y up.
     inverse_bind = np.zeros((skeleton.n_joints, 4, 4))
     from_y_up = rotations.inverse(transform.to_y_up)
@@ -112,7 +200,7 @@ def _build_document(
         "scene": 0,
         "scenes": [{"nodes": [0, skeleton.n_joints]}],
         "nodes": _build_nodes(skeleton, transform, rest[0]),
-        "meshes": [{"name": "bones", "primitives": [mesh]}],
+        "meshes": [{"name": "bones", "primitives": [primitive]}],
         "materials": [{"name": "bones", "pbrMetallicRoughness": surface}],
         "skins": [{"joints": joints, "skeleton": 0, "inverseBindMatrices": columns}],
         "animations": animations,
@@ -121,12 +209,12 @@ def _build_document(
 
 def _build_nodes(
     skeleton: Skeleton, transform: ExportTransform, root_position: FloatArray
-) -> list[dict[str, Any]]:
+) -> list[Json]:
     """Return the glTF nodes: one per joint, and one for the mesh."""
-    nodes: list[dict[str, Any]] = []
+    nodes: list[Json] = []
     for joint, name in enumerate(skeleton.names):
         translation = transform.scale * skeleton.offsets[joint] if joint else root_position
-        node: dict[str, Any] = {"name": name, "translation": translation.tolist()}
+        node: Json = {"name": name, "translation": translation.tolist()}
         if joint == 0:
             node["rotation"] = transform.to_y_up.tolist()
         if skeleton.children[joint]:
@@ -138,7 +226,7 @@ def _build_nodes(
 
 def _build_animation(
     buffer: GltfBuffer, motion: Motion, transform: ExportTransform, offsets: FloatArray
-) -> dict[str, Any]:
+) -> Json:
     """Return the glTF animation of a motion.
 
     `offsets`, shape (n_joints, 3), are those of the nodes. A joint other than the root that stays
@@ -150,8 +238,8 @@ def _build_animation(
     # Accessors of the key times, by number of keys. Each is added at its first use, because
     # validators report unused accessors.
     inputs: dict[int, int] = {}
-    samplers: list[dict[str, Any]] = []
-    channels: list[dict[str, Any]] = []
+    samplers: list[Json] = []
+    channels: list[Json] = []
     for joint in range(motion.n_joints):
         tracks = [("rotation", "VEC4", quats[:, joint])]
         if joint == 0 or (positions[:, joint] != offsets[joint]).any():
@@ -168,14 +256,13 @@ def _build_animation(
     return {"name": motion.name or "motion", "samplers": samplers, "channels": channels}
 
 
-def _build_mesh(buffer: GltfBuffer, mesh: BoneMesh, group_indices: IntArray) -> dict[str, Any]:
+def _build_mesh(buffer: GltfBuffer, mesh: BoneMesh, n_joints: int) -> Json:
     """Return the bones as a glTF mesh primitive; each vertex is bound to one joint."""
-    points, normals, vertex_joints = mesh
-    joints = np.zeros((len(vertex_joints), 4), "u1" if len(group_indices) <= 256 else "<u2")
+    points, normals, vertex_joints, colours = mesh
+    joints = np.zeros((len(vertex_joints), 4), "u1" if n_joints <= 256 else "<u2")
     joints[:, 0] = vertex_joints
     weights = np.zeros((len(vertex_joints), 4), "<f4")
     weights[:, 0] = 1.0
-    colours = linear_colours(group_indices[vertex_joints])
     arrays = {"POSITION": points, "NORMAL": normals, "COLOR_0": colours}
     arrays = {name: array.astype("<f4") for name, array in arrays.items()}
     attributes: dict[str, int] = {}

@@ -11,9 +11,9 @@ import numpy as np
 from mograft._util.arrays import FloatArray
 from mograft.errors import join_names
 from mograft.io.clips import ClipLength, Clips, errors_of_file, single_clip
-from mograft.io.npz_archive import NpzArchive, open_npz_archive
+from mograft.io.npz import NpzArchive, open_npz_archive
 from mograft.io.rest_pose import to_local
-from mograft.io.smpl.joints import BODY_JOINTS, smpl_parents
+from mograft.io.smpl.body_models import BODY_JOINTS, smpl_parents
 from mograft.motion import limits, rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import CHANNELS, Skeleton
@@ -35,16 +35,16 @@ class KimodoSkeleton(NamedTuple):
     parents: tuple[int, ...]  # -1 at the root
 
 
-def _skeleton(name: str, text: str) -> KimodoSkeleton:
-    """Return the skeleton that a text describes.
+def _skeleton(name: str, *texts: str) -> KimodoSkeleton:
+    """Return the skeleton that texts describe.
 
-    The text has parts between ``|``, such as ``Chest > LeftShoulder LeftArm``: the names of joints,
+    A text has parts between ``|``, such as ``Chest > LeftShoulder LeftArm``: the names of joints,
     each of which is the parent of the next. The joint before ``>`` is the parent of the first. The
-    first part begins with the root and has no ``>``. The joints are in the order of the text.
+    first part begins with the root and has no ``>``. The joints are in the order of the texts.
     """
     joints: list[str] = []
     parents: list[int] = []
-    for part in text.split("|"):
+    for part in "|".join(texts).split("|"):
         above, _, below = part.rpartition(">")
         parent = joints.index(above.strip()) if above.strip() else -1
         for joint in below.split():
@@ -55,8 +55,12 @@ def _skeleton(name: str, text: str) -> KimodoSkeleton:
 
 
 def _both_sides(text: str) -> str:
-    """Return a text twice, with ``Left`` and then with ``Right`` in place of ``Side``."""
-    return f"{text} | {text}".replace("Side", "Left", text.count("Side")).replace("Side", "Right")
+    """Return a text twice, with ``Left`` and then with ``Right`` in place of ``Side``.
+
+    Names in lower case have ``left`` and ``right`` in place of ``side``.
+    """
+    sides = (("Left", "left"), ("Right", "right"))
+    return "|".join(text.replace("Side", own).replace("side", lower) for own, lower in sides)
 
 
 _TRUNK = "Hips Spine1 Spine2 Chest Neck1 Neck2 Head"
@@ -78,41 +82,22 @@ _G1_ARM = (
     " side_elbow_skel side_wrist_roll_skel side_wrist_pitch_skel side_wrist_yaw_skel"
     " side_hand_roll_skel"
 )
-_G1 = " | ".join(
-    [
-        "pelvis_skel",
-        *(_G1_LEG.replace("side", side) for side in ("left", "right")),
-        "pelvis_skel > waist_yaw_skel waist_roll_skel waist_pitch_skel",
-        *(_G1_ARM.replace("side", side) for side in ("left", "right")),
-    ]
+_G1 = _skeleton(
+    "G1",
+    "pelvis_skel",
+    _both_sides(_G1_LEG),
+    "pelvis_skel > waist_yaw_skel waist_roll_skel waist_pitch_skel",
+    _both_sides(_G1_ARM),
 )
-
 SOMA_30 = _skeleton(
-    "SOMA", " | ".join([_TRUNK, _FACE, _both_sides(f"{_ARM} | {_FINGER_ENDS}"), _both_sides(_LEG)])
+    "SOMA", _TRUNK, _FACE, _both_sides(f"{_ARM} | {_FINGER_ENDS}"), _both_sides(_LEG)
 )
-SOMA_77 = _skeleton(
-    "SOMA",
-    " | ".join(
-        [
-            f"{_TRUNK} HeadEnd",
-            _FACE,
-            _both_sides(f"{_ARM} | {_FINGERS}"),
-            _both_sides(f"{_LEG} SideToeEnd"),
-        ]
-    ),
-)
+_HANDS = _both_sides(f"{_ARM} | {_FINGERS}")
+SOMA_77 = _skeleton("SOMA", f"{_TRUNK} HeadEnd", _FACE, _HANDS, _both_sides(f"{_LEG} SideToeEnd"))
 _SMPL_X_22 = KimodoSkeleton("SMPL-X", BODY_JOINTS, tuple(smpl_parents(BODY_JOINTS).tolist()))
 
-SKELETONS = {
-    len(skeleton.joints): skeleton
-    for skeleton in (SOMA_30, SOMA_77, _skeleton("G1", _G1), _SMPL_X_22)
-}
+SKELETONS = {len(own.joints): own for own in (SOMA_30, SOMA_77, _G1, _SMPL_X_22)}
 """The skeletons by number of joints: files contain no names."""
-
-
-def is_kimodo(names: frozenset[str]) -> bool:
-    """Return whether an NPZ file with these arrays is a motion of Kimodo."""
-    return {"posed_joints", "global_rot_mats"} <= names
 
 
 def open_kimodo(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001

@@ -1,23 +1,228 @@
-"""NPZ: motions as NumPy arrays."""
+"""NPZ: motions as NumPy arrays; the arrays of any NPZ file, checked before memory is allocated.
 
+Pickled objects are not read.
+"""
+
+import errno
 import io
+import math
 import os
-from collections.abc import Sequence
+import re
+import shutil
+import threading
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import IO, Any, NamedTuple
 
 import numpy as np
+import numpy.lib.format as npy
 import numpy.typing as npt
 
-from mograft._util.atomic import write_bytes
+from mograft._util.arrays import FloatArray, IntArray, Shape
+from mograft._util.atomic import atomic_path, write_bytes
 from mograft.errors import FormatError, join_names
 from mograft.io.clips import Clips, errors_of_file, single_clip
-from mograft.io.npz_archive import NpzArchive, open_npz_archive
-from mograft.io.units import check_single_precision
+from mograft.io.export_figure import check_single_precision
 from mograft.motion import limits
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import EndSite, Skeleton
 
 _FORMAT = "mograft.motion/1"
+
+MAX_ARRAY_BYTES = 2**30
+"""Largest array that is read: about two hours of SMPL-H poses at 120 fps in float64."""
+
+_LONG = re.compile(rb"(?<=[0-9])L")
+"""The mark of integers in headers that Python 2 wrote, about which NumPy warns."""
+
+_PARSER = threading.Lock()
+"""NumPy parses headers by `ast`, which fails at random in several threads in Python 3.11.0 to
+3.11.7 (CPython issue 106905)."""
+
+_MAX_HEADER_BYTES = 10_000  # as NumPy, with the bytes before the text
+_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # those that NumPy writes
+
+
+class ArrayHeader(NamedTuple):
+    """Shape and type of an array, from the header in the file."""
+
+    shape: tuple[int, ...]
+    is_fortran: bool  # whether the first index varies fastest
+    dtype: np.dtype[Any]
+    header_bytes: int  # size of the header
+
+    @property
+    def n_bytes(self) -> int:
+        """Size of all elements in bytes."""
+        return math.prod(self.shape) * self.dtype.itemsize
+
+
+class NpzArchive(NamedTuple):
+    """The headers of all arrays of an NPZ file; `open_npz_archive` reads them."""
+
+    path: Path
+    headers: Mapping[str, ArrayHeader]
+
+    def read(self, name: str, shape: Shape, kinds: str = "", content: str = "") -> npt.NDArray[Any]:
+        """Return an array of the given shape; a string in `shape` stands for any length.
+
+        `kinds` holds the accepted kinds of its type, as NumPy abbreviates them, and `content`
+        describes them; by default all are accepted. Raises `FormatError` if the array is missing,
+        has another shape or type, or more than 1 GiB, is pickled or is damaged.
+        """
+        header = self.header(name, shape)
+        if header.n_bytes > MAX_ARRAY_BYTES:
+            gibibytes = header.n_bytes / 2**30
+            raise self.error(name, f"expected at most 1 GiB, got {gibibytes:.1f} GiB")
+        if kinds and header.dtype.kind not in kinds:
+            raise self.error(name, f"expected {content}, got {header.dtype}")
+        with _named_errors(self.path, name), zipfile.ZipFile(self.path) as archive:
+            info = archive.getinfo(f"{name}.npy")
+            if (n_bytes := info.file_size - header.header_bytes) != header.n_bytes:
+                described = f"shape {header.shape} and type {header.dtype}"
+                raise self.error(
+                    name, f"expected {header.n_bytes} bytes for {described}, got {n_bytes}"
+                )
+            with archive.open(info) as member:
+                member.read(header.header_bytes)
+                elements = np.frombuffer(member.read(header.n_bytes), header.dtype)
+            return elements.reshape(header.shape, order="F" if header.is_fortran else "C")
+
+    def read_floats(self, name: str, shape: Shape) -> FloatArray:
+        """Return an array of finite real numbers as float64.
+
+        Raises the errors of `read`, and `FormatError` if there are other elements.
+        """
+        array = self.read(name, shape, "fiu", "real numbers")
+        with np.errstate(over="ignore"):  # the range of float128 is larger
+            floats = np.ascontiguousarray(array, np.float64).reshape(array.shape)
+        if not np.isfinite(floats).all():
+            index = np.argwhere(~np.isfinite(floats))[0].tolist()
+            raise self.error(
+                name, f"expected finite numbers, got {floats[tuple(index)]} at {index}"
+            )
+        return floats
+
+    def read_integers(self, name: str, shape: Shape) -> IntArray:
+        """Return an array of integers as int64; errors are as for `read`."""
+        return self.read(name, shape, "iu", "integers").astype(np.int64)
+
+    def read_strings(self, name: str, shape: Shape) -> list[str]:
+        """Return the texts of an array; errors are as for `read`, also if texts are too long."""
+        n_characters = self.header(name, shape).dtype.itemsize // 4
+        if n_characters > limits.MAX_NAME_CHARACTERS:
+            raise self.error(
+                name,
+                f"expected at most {limits.MAX_NAME_CHARACTERS} characters, got {n_characters}",
+            )
+        return self.read(name, shape, "U", "text").tolist()
+
+    def header(self, name: str, shape: Shape) -> ArrayHeader:
+        """Return the header of an array; shape and errors are as for `read`."""
+        if name not in self.headers:
+            raise self.error(name, "expected this array, got none of this name")
+        header = self.headers[name]
+        pairs = zip(shape, header.shape, strict=False)
+        if len(shape) != len(header.shape) or any(
+            want != length for want, length in pairs if not isinstance(want, str)
+        ):
+            wanted = str(shape).replace("'", "")
+            raise self.error(name, f"expected shape {wanted}, got {header.shape}")
+        if header.dtype.hasobject:
+            raise self.error(name, "expected numbers, got pickled objects, which are not read")
+        return header
+
+    def error(self, name: str, message: str) -> FormatError:
+        """Return the error for an array."""
+        return FormatError(message, self.path, f"array `{name}`")
+
+
+def open_npz_archive(path: Path) -> NpzArchive:
+    """Read the headers of all arrays of an NPZ file.
+
+    Raises `FormatError` if the file is not an NPZ file or a header is damaged, and OSError if the
+    file cannot be read.
+    """
+    headers = {}
+    with _named_errors(path, None), zipfile.ZipFile(path) as archive:
+        for info in archive.infolist():
+            name = info.filename.removesuffix(".npy")
+            if name == info.filename:
+                continue
+            with _named_errors(path, name):
+                if info.compress_type not in _METHODS:
+                    raise ValueError("expected an array that is uncompressed or deflated")
+                with archive.open(info) as member:
+                    headers[name] = _read_header(member)
+    return NpzArchive(path, headers)
+
+
+def copy_npz_archive(
+    source: NpzArchive, target: Path, replaced: Mapping[str, npt.NDArray[Any]], omitted: set[str]
+) -> None:
+    """Copy an NPZ file; replace some of its arrays and omit others.
+
+    `replaced` holds arrays by name, `omitted` names. The other members of the archive keep their
+    content and their compression, and all keep their order. The same arguments give the same bytes.
+    """
+    with (
+        atomic_path(target) as draft,
+        _named_errors(source.path, None),
+        zipfile.ZipFile(source.path) as old,
+        zipfile.ZipFile(draft, "w") as new,
+    ):
+        for info in old.infolist():
+            name = info.filename.removesuffix(".npy")
+            if name in omitted:
+                continue
+            member = zipfile.ZipInfo(info.filename)  # of 1980: files contain no present dates
+            member.compress_type = info.compress_type
+            member.external_attr = info.external_attr
+            with new.open(member, "w", force_zip64=True) as out:
+                if name in replaced:
+                    npy.write_array(out, replaced[name], allow_pickle=False)
+                else:
+                    with old.open(info) as data:
+                        shutil.copyfileobj(data, out)
+
+
+def _read_header(member: IO[bytes]) -> ArrayHeader:
+    """Read the header of an array at the start of its member; raise ValueError if it is damaged."""
+    # NumPy would read as many bytes as a damaged header claims.
+    start = io.BytesIO(_LONG.sub(b" ", member.read(_MAX_HEADER_BYTES)))
+    # Version 3 differs from version 2 only in the encoding of field names.
+    is_first = npy.read_magic(start) == (1, 0)
+    evaluate = npy.read_array_header_1_0 if is_first else npy.read_array_header_2_0
+    try:
+        with _PARSER:
+            header = evaluate(start)
+    except MemoryError:  # Python's parser raises it for deep expressions
+        raise ValueError("expected the header of a NumPy array, got a deep expression") from None
+    if min(header[0], default=0) < 0:
+        raise ValueError(f"expected a shape without negative lengths, got {header[0]}")
+    return ArrayHeader(*header, start.tell())
+
+
+@contextmanager
+def _named_errors(path: Path, name: str | None) -> Iterator[None]:
+    """Convert the errors of a damaged archive to `FormatError`, for the array `name` if not None.
+
+    zipfile, zlib and NumPy raise exceptions of many classes for damaged files. MemoryError is not
+    converted: the file may be valid.
+    """
+    try:
+        yield
+    except (FormatError, MemoryError):
+        raise
+    except Exception as error:
+        # zipfile seeks to offsets that a damaged directory states, even negative ones.
+        if isinstance(error, OSError) and error.errno != errno.EINVAL:
+            raise
+        if name is None:
+            raise FormatError(f"expected an NPZ file: {error}", path) from error
+        raise FormatError(f"damaged: {error}", path, f"array `{name}`") from error
 
 
 def write_npz(motion: Motion, path: str | os.PathLike[str]) -> None:

@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.arrays import FloatArray
 from mograft._util.atomic import atomic_path
 from mograft.body.groups import JointGroups
-from mograft.io.bone_mesh import BoneMesh, bone_mesh, joint_group_indices
-from mograft.io.palette import linear_colours
-from mograft.io.units import ExportTransform, check_single_precision
+from mograft.io.export_figure import BoneMesh, ExportTransform, bone_mesh, check_single_precision
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -77,13 +75,13 @@ def write_usd(
 
     skeleton = motion.skeleton
     transform = ExportTransform.of(motion, scale)
-    group_indices = joint_group_indices(skeleton, groups)
+    mesh = bone_mesh(skeleton, transform, groups)
     # The stage is in memory, so an interrupted call leaves no file.
     stage = Usd.Stage.CreateInMemory()
     _define_stage(stage, motion, transform)
     _define_skeleton(stage, skeleton, transform)
     _define_animation(stage, motion, transform)
-    _define_mesh(stage, bone_mesh(skeleton, transform), group_indices)
+    _define_mesh(stage, mesh)
     with atomic_path(target) as draft:
         if not stage.GetRootLayer().Export(str(draft)):
             raise OSError(f"{target} cannot be written")
@@ -153,11 +151,11 @@ def _define_animation(stage: Any, motion: Motion, transform: ExportTransform) ->
     binding.CreateAnimationSourceRel().SetTargets([animation.GetPath()])
 
 
-def _define_mesh(stage: Any, mesh: BoneMesh, group_indices: IntArray) -> None:  # noqa: ANN401
+def _define_mesh(stage: Any, mesh: BoneMesh) -> None:  # noqa: ANN401
     """Add the bones as a mesh; each vertex is bound to one joint."""
     from pxr import Gf, Sdf, UsdGeom, UsdSkel, Vt
 
-    points, normals, joints = mesh
+    points, normals, joints, colours = mesh
     prim = UsdGeom.Mesh.Define(stage, _MESH)
     prim.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     prim.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points.astype(np.float32)))
@@ -167,11 +165,10 @@ def _define_mesh(stage: Any, mesh: BoneMesh, group_indices: IntArray) -> None:  
     prim.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     bounds = points.min(axis=0), points.max(axis=0)
     prim.CreateExtentAttr([Gf.Vec3f(*corner.tolist()) for corner in bounds])
-    colours = linear_colours(group_indices[joints]).astype(np.float32)
     display_colour = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(
         "displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex
     )
-    display_colour.Set(Vt.Vec3fArray.FromNumpy(colours))
+    display_colour.Set(Vt.Vec3fArray.FromNumpy(colours.astype(np.float32)))
     skin = UsdSkel.BindingAPI.Apply(prim.GetPrim())
     skin.CreateSkeletonRel().SetTargets([_SKELETON])
     skin.CreateGeomBindTransformAttr(Gf.Matrix4d(1.0))

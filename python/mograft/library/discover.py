@@ -19,15 +19,14 @@ from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from mograft.errors import MograftError, join_names
-from mograft.io.addresses import find_addresses, join_address, open_clips, split_address
-from mograft.io.formats import FORMATS, find_format, recognize_format
+from mograft.io import formats
 from mograft.motion.motion import Motion
 
 ClipSource = Motion | str | PathLike[str]
 T = TypeVar("T")
 
 _RANK_OF_SUFFIX = {
-    suffix: rank for rank, form in reversed(list(enumerate(FORMATS))) for suffix in form.suffixes
+    suffix: rank for rank, form in [*enumerate(formats.FORMATS)][::-1] for suffix in form.suffixes
 }
 """Index in `FORMATS` of the first format with each suffix."""
 
@@ -58,7 +57,7 @@ class SourceFile(NamedTuple):
     @property
     def address(self) -> str:
         """The address of the clip."""
-        return join_address(self.path, self.clip)
+        return formats.join_address(self.path, self.clip)
 
 
 @lru_cache(maxsize=2)  # a file may hold many clips
@@ -69,7 +68,7 @@ def _hash_and_format(path: str, _state: tuple[int, ...]) -> tuple[str, str]:
     """
     with open(path, "rb") as stream:
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
-    return sha256, find_format(Path(path)).name
+    return sha256, formats.find_format(Path(path)).name
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +90,7 @@ class FoundClip:
         """
         if isinstance(self.source, Motion):
             return (self.source.name,)
-        path, clip = split_address(self.source)
+        path, clip = formats.split_address(self.source)
         stem, name = Path(path).stem, Path(path).name
         relative = "/".join((*self.folders, name))
         keys = (stem, name, relative)
@@ -140,19 +139,19 @@ def scan_folder(folder: str) -> list[Path]:
 def _find_files(address: str) -> list[FoundClip]:
     if os.path.isdir(address):
         return _find_in_folder(address)
-    path, clip = split_address(address)
+    path, clip = formats.split_address(address)
     is_glob = glob.has_magic(path)
     matches = sorted(filter(os.path.isfile, glob.glob(path, recursive=True))) if is_glob else []
     if not matches and not os.path.lexists(path):
         reason = f"no file matches {path}"
         raise FileNotFoundError(*([reason] if is_glob else [2, "No such file or directory", path]))
     if clip is None or not matches:
-        files = [join_address(match, clip) for match in matches or [path]]
+        files = [formats.join_address(match, clip) for match in matches or [path]]
         return [FoundClip(own) for file in files for own in _expand_file(file)]
     found: list[FoundClip] = []
     for match in matches:
         with contextlib.suppress(ValueError):  # no clip of this file has the name
-            found += map(FoundClip, find_addresses(join_address(match, clip)))
+            found += map(FoundClip, formats.find_addresses(formats.join_address(match, clip)))
     if not found:
         raise ValueError(
             f"none of the {len(matches)} files that match {path} has a clip that matches {clip!r}"
@@ -162,9 +161,9 @@ def _find_files(address: str) -> list[FoundClip]:
 
 def _expand_file(address: str) -> list[str]:
     """Return the addresses of the clips of a file; a BVH file, which has one, is not opened."""
-    path, clip = split_address(address)
-    is_bvh = clip is None and find_format(Path(path)).name == "BVH"
-    return [address] if is_bvh else find_addresses(address)
+    path, clip = formats.split_address(address)
+    is_bvh = clip is None and formats.find_format(Path(path)).name == "BVH"
+    return [address] if is_bvh else formats.find_addresses(address)
 
 
 def _find_in_folder(folder: str) -> list[FoundClip]:
@@ -177,14 +176,15 @@ def _find_in_folder(folder: str) -> list[FoundClip]:
     found: list[FoundClip] = []
     missing: dict[str, list[str]] = {}
     for file in scan_folder(folder):
-        form = find_format(file) if file.suffix.lower() == ".bvh" else recognize_format(file)
+        is_bvh = file.suffix.lower() == ".bvh"
+        form = (formats.find_format if is_bvh else formats.recognize_format)(file)
         if form is None:
             continue
         if form.requires is not None and find_spec(form.requires) is None:
             missing.setdefault(form.name, []).append(file.name)
             continue
         try:
-            has_clip = form.name == "BVH" or len(open_clips(str(file))) > 0
+            has_clip = form.name == "BVH" or len(formats.open_clips(str(file))) > 0
             addresses = _expand_file(str(file)) if has_clip else []
         except (MograftError, OSError, ValueError):
             addresses = [str(file)]

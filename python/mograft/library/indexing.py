@@ -13,7 +13,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.embedding import CHUNK
 from mograft.errors import MograftError, join_names
-from mograft.io.addresses import find_addresses, open_clips, split_address
+from mograft.io.formats import find_addresses, open_clips, split_address
 from mograft.library.build import choose_groups, join_segments, name_clips, spread_evenly
 from mograft.library.clip_table import ClipInfo, ClipLocation
 from mograft.library.clusters import compare_segments, feature_joints_by_group

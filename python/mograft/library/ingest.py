@@ -21,7 +21,7 @@ from mograft.body.faults import find_faults
 from mograft.body.mass import mass_model
 from mograft.config import Config
 from mograft.errors import MograftError
-from mograft.io.addresses import read_clip, split_address
+from mograft.io.formats import read_clip, split_address
 from mograft.library.clip_table import ClipInfo
 from mograft.library.discover import SourceFile
 from mograft.library.files.stored_clips import PackedMotion, pack

@@ -15,7 +15,7 @@ from mograft.body.anatomy import anatomy
 from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.errors import SkeletonMismatchError, join_names
-from mograft.io.addresses import absolute_address
+from mograft.io.formats import absolute_address
 from mograft.library.clip_table import ClipInfo
 from mograft.library.clusters import Progress
 from mograft.library.discover import (

@@ -15,7 +15,7 @@ from mograft.body.groups import JointGroups
 from mograft.body.mirroring import MirroredClips, mirror
 from mograft.config import Config
 from mograft.errors import MograftError
-from mograft.io.addresses import join_address, read_clip
+from mograft.io.formats import join_address, read_clip
 from mograft.library.build import assemble
 from mograft.library.clip_table import skeleton_to_json
 from mograft.library.data import LibraryData

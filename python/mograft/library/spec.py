@@ -9,7 +9,7 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.body.anatomy import anatomy
 from mograft.body.joint_matching import match_joints
 from mograft.body.mass import mass_model, mean_world_positions, up_axis, up_sign
-from mograft.io.units import UNITS, guess_unit
+from mograft.io.export_figure import UNITS, guess_unit
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import CHANNELS, Skeleton

@@ -12,8 +12,8 @@ from typing import Any, Self, TypeVar
 from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.errors import DAMAGE, LibraryError, ProvenanceError, join_names
-from mograft.io.addresses import join_address, read_clip, split_address
 from mograft.io.bvh.writer import check_digits
+from mograft.io.formats import join_address, read_clip, split_address
 from mograft.library.clip_table import skeleton_from_json
 from mograft.library.discover import SourceFile, scan_folder
 from mograft.library.ingest_run import IngestOptions

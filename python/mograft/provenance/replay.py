@@ -11,7 +11,7 @@ import numpy as np
 from mograft._util.validate import check_type
 from mograft.blend.reach_completion import ReachCompletion
 from mograft.errors import DAMAGE, ProvenanceError
-from mograft.io.addresses import read_clip
+from mograft.io.formats import read_clip
 from mograft.library.library import Library
 from mograft.library.origin import hash_poses
 from mograft.motion.motion import Motion

@@ -10,7 +10,7 @@ import numpy as np
 
 from mograft._util.arrays import IntArray
 from mograft.errors import DAMAGE, MograftError, ProvenanceError
-from mograft.io.addresses import read_clip
+from mograft.io.formats import read_clip
 from mograft.library.discover import has_provenance
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton

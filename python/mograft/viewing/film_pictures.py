@@ -8,7 +8,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.gaussian import gaussian_filter_columns
 from mograft.body.groups import JointGroups
-from mograft.io.palette import PALETTE
+from mograft.io.export_figure import PALETTE
 from mograft.motion.motion import Motion
 from mograft.viewing.geometry import Camera, DrawnSkeleton, front_yaw
 from mograft.viewing.scene import Scene

@@ -11,7 +11,7 @@ from mograft._util.arrays import IntArray
 from mograft.analysis.segmentation import segment
 from mograft.body.groups import JointGroups
 from mograft.config import Config
-from mograft.io.addresses import find_addresses, read_clip, split_address
+from mograft.io.formats import find_addresses, read_clip, split_address
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton

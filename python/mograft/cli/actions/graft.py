@@ -20,8 +20,8 @@ from mograft.cli.syntax.commands import DemoOptions
 from mograft.cli.syntax.options import DEFAULT_DURATION, GraftOptions
 from mograft.cli.syntax.values import resolve_frame
 from mograft.dancer import dance
-from mograft.io.addresses import find_addresses, read_clip, split_address
 from mograft.io.bvh.writer import write_bvh
+from mograft.io.formats import find_addresses, read_clip, split_address
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.provenance.document import graft_record

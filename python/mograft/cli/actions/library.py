@@ -11,7 +11,7 @@ from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax import commands
 from mograft.cli.syntax.arguments import UsageError
 from mograft.errors import join_names
-from mograft.io.addresses import split_address
+from mograft.io.formats import split_address
 from mograft.library.clip_table import ClipInfo
 from mograft.library.discover import find_clips, matching_values, read_tags
 from mograft.library.duplicates import find_duplicates

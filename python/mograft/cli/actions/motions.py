@@ -14,10 +14,9 @@ from mograft.cli.files import check_suffix, check_writable, expand_folders
 from mograft.cli.output import print_error, print_result
 from mograft.cli.syntax.commands import CheckOptions, GroupsOptions, InfoOptions
 from mograft.errors import FormatError
-from mograft.io.addresses import join_address, open_clips, read_clip, split_address
 from mograft.io.bvh.reader import read_bvh
 from mograft.io.clips import Clips
-from mograft.io.formats import find_format
+from mograft.io.formats import find_format, join_address, open_clips, read_clip, split_address
 from mograft.library.build import discover_groups
 from mograft.library.spec import describe_match
 from mograft.motion.skeleton import Skeleton

@@ -24,13 +24,13 @@ from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import ExportOptions, PlotOptions, ViewOptions
 from mograft.cli.syntax.values import Range, resolve_frames
 from mograft.config import Config
-from mograft.io.addresses import read_clip, split_address
 from mograft.io.bvh.writer import write_bvh
 from mograft.io.csv import write_csv
+from mograft.io.export_figure import UNITS, guess_unit
+from mograft.io.formats import read_clip, split_address
 from mograft.io.glb import write_glb
 from mograft.io.npz import write_npz
 from mograft.io.smpl.amass import write_amass
-from mograft.io.units import UNITS, guess_unit
 from mograft.io.usd import write_usd
 from mograft.library.build import discover_groups, discover_in_library
 from mograft.library.discover import has_provenance

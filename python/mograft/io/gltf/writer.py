@@ -13,15 +13,23 @@ from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.atomic import write_bytes
 from mograft._util.names import unique_names
 from mograft._util.validate import check_type
-from mograft.errors import suggest_name
+from mograft.errors import FormatError, suggest_name
+from mograft.io.glb import GltfBuffer, Json, as_motions
 from mograft.io.gltf.animation import PATH_WIDTHS, animation_names
-from mograft.io.gltf.buffer import GltfBuffer, Json, copy_content
+from mograft.io.gltf.container import COMPRESSION, Container
 from mograft.io.gltf.document import GltfFile, read_gltf_file
 from mograft.io.gltf.nodes import SCALE_TOLERANCE, Transforms, remove_mirroring
 from mograft.io.rest_pose import POSITION_TOLERANCE, restore
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
+
+_IMAGE_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
+"""Media types of images by their first bytes."""
+
+_MAX_IMAGE_BYTES = 1 << 30
+
+_Place = tuple[int, int]  # of a buffer's bytes in the copy: the index of the buffer, and the offset
 
 
 def write_glb_animations(
@@ -83,11 +91,7 @@ def write_glb_animations(
     >>> read(folder / "b.glb").names
     ('dance', 'dance~2')
     """
-    given = [motions] if isinstance(motions, Motion) else list(motions)
-    for motion in given:
-        check_type("motions", motion, Motion)
-    if not given:
-        raise ValueError("`motions` must hold at least one motion, got none")
+    given = as_motions(motions)
     origins = [None] * len(given) if bases is None else list(bases)
     if len(origins) != len(given):
         raise ValueError(f"`bases` must have {len(given)} items, got {len(origins)}")
@@ -105,21 +109,6 @@ class Addition:
     clip: int | None = None  # index of the clip
 
 
-def find_base_clip(file: GltfFile, base: Motion) -> int:
-    """Return the index of the clip with the name of `base`.
-
-    Raises ValueError if no clip has the name, or its duration differs from that of `base`.
-    """
-    name, expected = base.clip or base.name, f"`bases` must be clips of {file.container.path}"
-    if name not in file.clip_names:
-        hint = suggest_name(name, file.clip_names)
-        raise ValueError(f"{expected}, which has no {name!r}{hint}")
-    clip = file.clip_names.index(name)
-    if not has_duration(file, clip, base):
-        raise ValueError(f"{expected}, whose clip {name} does not last {base.duration:.6g} s")
-    return clip
-
-
 def has_duration(file: GltfFile, clip: int, base: Motion) -> bool:
     """Return whether the durations of a motion and a clip differ by at most a quarter frame."""
     return abs(base.duration - file.read(clip).duration) <= 0.25 * base.frame_time
@@ -134,7 +123,14 @@ def _add(file: GltfFile, motion: Motion, base: Motion | None) -> Addition:
     if sizes[0] != sizes[1]:
         expected = f"as many frames and joints as their motions, {sizes[0]}"
         raise ValueError(f"`bases` must have {expected}, got {sizes[1]}")
-    return Addition(motion, base, find_base_clip(file, base))
+    name, expected = base.clip or base.name, f"`bases` must be clips of {file.container.path}"
+    if name not in file.clip_names:
+        hint = suggest_name(name, file.clip_names)
+        raise ValueError(f"{expected}, which has no {name!r}{hint}")
+    clip = file.clip_names.index(name)
+    if not has_duration(file, clip, base):
+        raise ValueError(f"{expected}, whose clip {name} does not last {base.duration:.6g} s")
+    return Addition(motion, base, clip)
 
 
 def append_animations(
@@ -331,3 +327,87 @@ def _changed_tracks(
             below[joint] = parent >= 0 and (below[parent] or is_turned[parent])
         is_moved |= below
     return is_turned, is_moved
+
+
+def copy_content(container: Container) -> tuple[Json, GltfBuffer]:
+    """Return the JSON document of a copy, and a binary buffer with all data of the file.
+
+    The binary buffer begins with the file's binary chunk, if there is one. The bytes of the other
+    buffers and of images in other files follow. Buffers without data, which extensions use, are
+    kept as they are. The document shares the objects of the file that do not change.
+    """
+    buffer = GltfBuffer(accessors=list(container.items("accessors")))
+    places, buffers = _merge_buffers(container, buffer)
+    is_moved = any(place != (index, 0) for index, place in enumerate(places))
+    views = container.items("bufferViews")
+    buffer.views += [_move_view(container, view, places) for view in views] if is_moved else views
+    document = {**container.document, "buffers": buffers}
+    images = document.get("images")
+    if isinstance(images, list):
+        document["images"] = [_copy_image(container, image, buffer) for image in images]
+    return document, buffer
+
+
+def _merge_buffers(container: Container, buffer: GltfBuffer) -> tuple[list[_Place], list[Json]]:
+    """Append the data of all buffers to `buffer`.
+
+    Return the place of each buffer, and the entries of ``buffers`` in the copy: that of the binary
+    chunk, then the buffers without data.
+    """
+    items = container.items("buffers")
+    places: list[_Place] = []
+    entries: list[Json] = [{}]
+    for index, item in enumerate(items):
+        has_data = "uri" in item or (index == 0 and container.binary is not None)
+        if has_data:
+            data = container.buffer(index, f"buffers[{index}]")
+            places.append((0, buffer.append(data)))
+            if index == 0:
+                entries[0] = {name: value for name, value in item.items() if name != "uri"}
+        else:
+            places.append((len(entries), 0))
+            entries.append(item)
+    return places, entries
+
+
+def _move_view(container: Container, view: Json, places: list[_Place]) -> Json:
+    """Return a buffer view that refers to the buffers of the copy."""
+    view = _move(container, view, places)
+    extensions = view.get("extensions")
+    if isinstance(extensions, dict):
+        view["extensions"] = extensions | {
+            name: _move(container, extensions[name], places)
+            for name in COMPRESSION
+            if type(extensions.get(name)) is dict
+        }
+    return view
+
+
+def _move(container: Container, reference: Json, places: list[_Place]) -> Json:
+    """Return an object with its ``buffer`` and ``byteOffset`` changed to those in the copy."""
+    index = container.integer(reference.get("buffer"), "bufferViews.buffer")
+    container.item("buffers", index, "bufferViews.buffer")
+    offset = container.integer(reference.get("byteOffset", 0), "bufferViews.byteOffset")
+    place, start = places[index]
+    return {**reference, "buffer": place, "byteOffset": offset + start}
+
+
+def _copy_image(container: Container, image: object, buffer: GltfBuffer) -> object:
+    """Append the bytes of an image in another file to `buffer`; return the changed image.
+
+    An image stays a reference to its file if the file is missing or not in the folder of the glTF
+    file, or if its type is unknown: neither PNG nor JPEG, and no media type is given.
+    """
+    uri = image.get("uri") if isinstance(image, dict) else None
+    if not isinstance(image, dict) or not isinstance(uri, str) or uri.startswith("data:"):
+        return image
+    try:
+        data = container.read_file(uri, _MAX_IMAGE_BYTES, "images")
+    except FormatError:
+        return image
+    found = [name for start, name in _IMAGE_TYPES.items() if data[: len(start)] == start]
+    kind = found[0] if found else image.get("mimeType")
+    if not isinstance(kind, str):
+        return image
+    rest = {name: value for name, value in image.items() if name != "uri"}
+    return {**rest, "mimeType": kind, "bufferView": buffer.add_bytes(data)}

@@ -12,10 +12,9 @@ import numpy.typing as npt
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft.errors import SkeletonMismatchError, join_names
 from mograft.io.clips import ClipLength, Clips, errors_of_file, single_clip
-from mograft.io.npz_archive import NpzArchive, copy_npz_archive, open_npz_archive
+from mograft.io.npz import NpzArchive, copy_npz_archive, open_npz_archive
 from mograft.io.rest_pose import POSITION_TOLERANCE
-from mograft.io.smpl.joints import MODELS, SMPL_H, SMPL_X, BodyModel
-from mograft.io.smpl.rest import rest_skeleton
+from mograft.io.smpl.body_models import MODELS, SMPL_H, SMPL_X, BodyModel, rest_skeleton
 from mograft.motion import limits, rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton

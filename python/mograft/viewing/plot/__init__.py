@@ -4,7 +4,7 @@ Each function draws into the given axes, or into new ones, and returns them. The
 ``plot``, and raise an ImportError if matplotlib is not installed.
 """
 
-from mograft.io.palette import PALETTE
+from mograft.io.export_figure import PALETTE
 from mograft.viewing.plot.cluster_plots import clusters, dendrogram, groups, pca
 from mograft.viewing.plot.motion_plots import energy, strip, timeline
 

@@ -11,7 +11,7 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.embedding import Embedding
 from mograft.analysis.group_discovery import GroupDiscovery
 from mograft.errors import suggest_name
-from mograft.io.palette import PALETTE
+from mograft.io.export_figure import PALETTE
 from mograft.library.library import Library
 from mograft.motion.skeleton import Skeleton
 from mograft.viewing.plot.motion_plots import cluster_colour, ensure_axes, new_axes, strip

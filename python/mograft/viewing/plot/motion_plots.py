@@ -9,7 +9,7 @@ from mograft._util.gaussian import gaussian_filter
 from mograft.analysis.segmentation import kinetic_energy, segment
 from mograft.body.groups import JointGroups
 from mograft.config import Config
-from mograft.io.palette import PALETTE
+from mograft.io.export_figure import PALETTE
 from mograft.motion.motion import Motion
 from mograft.viewing.figure import TimelineRow
 from mograft.viewing.geometry import Camera, DrawnSkeleton, front_yaw

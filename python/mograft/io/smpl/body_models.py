@@ -1,6 +1,10 @@
-"""Rest poses for SMPL joints, from a skeleton that the user gives, or from the stand-in skeleton.
+"""The body models SMPL, SMPL-H and SMPL-X: joints, hierarchies and rest poses.
 
-AMASS files contain rotations only, and the body models, which give the bone lengths, are licensed.
+Names and order of the joints are those of the public package ``smplx`` (Loper et al. 2015, Romero
+et al. 2017, Pavlakos et al. 2019). A rest pose is that of a skeleton that the user gives, or of the
+stand-in skeleton. The models themselves are licensed; nothing here comes from them.
+
+AMASS files contain rotations only, and the body models give the bone lengths.
 The stand-in is a skeleton of published proportions of the body.
 
 Heights, breadths and limb lengths are those of Drillis and Contini (1966), as reproduced by Winter,
@@ -16,23 +20,111 @@ facing +z.
 import json
 import os
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray
+from mograft._util.arrays import FloatArray, IntArray
 from mograft.body.anatomy import anatomy
 from mograft.errors import FormatError, join_names, suggest_name
-from mograft.io.smpl.joints import (
-    BODY_JOINTS,
-    PARENT_OF_JOINT,
-    BodyModel,
-    smpl_channels,
-    smpl_parents,
+from mograft.io.export_figure import UNITS, guess_unit
+from mograft.motion.skeleton import CHANNELS, EndSite, Skeleton
+
+BODY_JOINTS: tuple[str, ...] = (
+    *("pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2"),
+    *("left_ankle", "right_ankle", "spine3", "left_foot", "right_foot", "neck", "left_collar"),
+    *("right_collar", "head", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow"),
+    *("left_wrist", "right_wrist"),
 )
-from mograft.io.units import UNITS, guess_unit
-from mograft.motion.skeleton import EndSite, Skeleton
+"""The 22 joints that all three models share, in their common order."""
+
+_BODY_PARENTS = (0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)
+"""Indices of the parents of the body joints after the pelvis, as in ``kintree_table`` of SMPL."""
+
+_FINGERS = ("index", "middle", "pinky", "ring", "thumb")
+_SIDES = ("left", "right")
+
+
+def _hands() -> dict[str, str]:
+    """Return the parents of the finger joints of both hands, by joint."""
+    return {
+        f"{side}_{finger}{joint}": f"{side}_{finger}{joint - 1}" if joint > 1 else f"{side}_wrist"
+        for side in _SIDES
+        for finger in _FINGERS
+        for joint in (1, 2, 3)
+    }
+
+
+_PALMS = {f"{side}_hand": f"{side}_wrist" for side in _SIDES}
+_FACE = dict.fromkeys(("jaw", "left_eye_smplhf", "right_eye_smplhf"), "head")
+
+_BODY = dict(zip(BODY_JOINTS, ("", *(BODY_JOINTS[i] for i in _BODY_PARENTS)), strict=True))
+
+PARENT_OF_JOINT = {**_BODY, **_PALMS, **_FACE, **_hands()}
+"""The joints of all three models with their parents; the pelvis has none, ``""``."""
+
+
+def smpl_parents(joints: Sequence[str]) -> IntArray:
+    """Return the index of the parent of each joint; -1 at the pelvis."""
+    return np.array(
+        [joints.index(PARENT_OF_JOINT[name]) if name != "pelvis" else -1 for name in joints]
+    )
+
+
+def smpl_channels(n_joints: int) -> tuple[tuple[str, ...], ...]:
+    """Return the channels of the joints, which determine the angles in BVH files.
+
+    The rotation order of the root is X, Z, Y. Its rotation contains about 90 degrees about x, from
+    y up in the rest pose to z up in AMASS. In the usual order Z, X, Y, angles would be near gimbal
+    lock.
+    """
+    root = (*CHANNELS[:3], "Xrotation", "Zrotation", "Yrotation")
+    return (root, *[("Zrotation", "Xrotation", "Yrotation")] * (n_joints - 1))
+
+
+@dataclass(frozen=True, eq=False)
+class BodyModel:
+    """A body model of the SMPL family."""
+
+    name: str
+    joints: tuple[str, ...]  # in the order of the columns of `poses`, three per joint
+    columns: dict[str, slice]  # of `poses`, by the names of arrays that hold parts of it
+
+    @property
+    def n_columns(self) -> int:
+        """Number of columns of `poses`: three per joint."""
+        return 3 * len(self.joints)
+
+    @property
+    def parents(self) -> IntArray:
+        """Index of each joint's parent, shape (n_joints,); -1 at the pelvis."""
+        return smpl_parents(self.joints)
+
+
+SMPL = BodyModel(
+    "SMPL", (*BODY_JOINTS, *_PALMS), {"root_orient": slice(0, 3), "pose_body": slice(3, 72)}
+)
+SMPL_H = BodyModel(
+    "SMPL-H",
+    (*BODY_JOINTS, *_hands()),
+    {"root_orient": slice(0, 3), "pose_body": slice(3, 66), "pose_hand": slice(66, 156)},
+)
+SMPL_X = BodyModel(
+    "SMPL-X",
+    (*BODY_JOINTS, *_FACE, *_hands()),
+    {
+        "root_orient": slice(0, 3),
+        "pose_body": slice(3, 66),
+        "pose_jaw": slice(66, 69),
+        "pose_eye": slice(69, 75),
+        "pose_hand": slice(75, 165),
+    },
+)
+MODELS = (SMPL, SMPL_H, SMPL_X)
+
 
 MAX_OFFSETS_BYTES = 2**20
 """Largest file of offsets that is read."""
