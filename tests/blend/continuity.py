@@ -4,7 +4,6 @@ import numpy as np
 
 from mograft.blend.donor_timeline import SegmentTimes
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
-from mograft.blend.seams import restrict_to_pieces
 
 STEP = 1e-5  # of a frame
 
@@ -12,7 +11,7 @@ STEP = 1e-5  # of a frame
 def close_at(layout, space, times):
     """Values of a layout at any times, with the gaps at seams closed."""
     values = layout.timeline.sample(space, layout.tracks(space), times)
-    near = restrict_to_pieces(layout.piece_times(times), layout.boundaries(space))
+    near = layout.piece_times(times), layout.boundaries(space)
     return SEAM_TREATMENTS[layout.config.seam].close(values, *near)
 
 

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from mograft import Config
 from mograft.blend.recombine import recombine
-from mograft.blend.seam_treatments import SEAM_TREATMENTS
-from mograft.blend.seam_treatments.paper import smoothing_windows
+from mograft.blend.seam_treatments import SEAM_TREATMENTS, smoothing_windows
 from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.motion import rotations
 from tests.oracles import blend as oracle
