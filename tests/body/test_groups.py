@@ -269,8 +269,12 @@ def test_groups_entry_types_are_checked():
         ('base = "a"\n', r"must contain a table \[groups\].*got base"),
         ("groups = 1\n", r"must contain a table \[groups\]"),
         ('speed = 1\n[groups]\na = ["x"]\n', r"must contain a table \[groups\].*got speed, groups"),
-        ('[groups]\na = "x"\nlower = ["b"]\n', "group 'a' must be a list, got 'x'"),
+        (
+            '[groups]\na = "x"\nlower = ["b"]\n',
+            "groups: group 'a' must be a list of joints, got 'x'",
+        ),
         ('[groups]\na = [1.5]\nlower = ["b"]\n', "group 'a' must contain names, indices or"),
+        ('[groups]\nlower = ["b"]\n[groups.a]\nb = 1\n', "group 'a' must be a list of joints"),
         ('[groups]\na = [{tree = "b"}]\nlower = ["b"]\n', "group 'a' must contain names"),
         ('[groups]\na = [{subtree = true}]\nlower = ["b"]\n', "group 'a' must contain names"),
         ('[groups]\nlower = ["b"]\n', "groups: `groups` must have at least two"),

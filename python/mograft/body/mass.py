@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -82,9 +81,6 @@ class MassModel:
 
     def __post_init__(self) -> None:
         set_fields(self, vars(self).copy())
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        set_fields(self, state)
 
     def __repr__(self) -> str:
         return f"MassModel({self.model}, height {self.height:.4g}, {len(self.feet)} feet)"

@@ -194,12 +194,10 @@ class Motion:
 
     def world_track(self, joint: int) -> tuple[FloatArray, FloatArray]:
         """Return the world rotations, (n_frames, 4), and positions, (n_frames, 3), of a joint."""
-        if self.skeleton.parents[joint] < 0:
-            return self.rotations[:, joint], self.positions[:, joint]
-        quats, places = np.empty((self.n_frames, 4)), np.empty((self.n_frames, 3))
-        for frames, world_rotations, world_positions in self.world_blocks():
-            quats[frames], places[frames] = world_rotations[:, joint], world_positions[:, joint]
-        return quats, places
+        chain = [*self.skeleton.ancestors(joint)[::-1], joint]
+        local = self.rotations[:, chain], self.positions[:, chain]
+        quats, positions = forward_kinematics(np.arange(-1, len(chain) - 1), *local)
+        return quats[:, -1], positions[:, -1]
 
     def resample(self, rate: float) -> "Motion":
         """Return the motion resampled to another frame rate, by cubic interpolation.
@@ -287,7 +285,10 @@ class Motion:
                 turns, order = skeleton.rotation_columns[joint], skeleton.rotation_order(joint)
                 axes, near = rotations.euler_axes(order), np.zeros(3)
                 before = self._first_known_angles(joint) if last is None else last[turns]
-                for first, stop in find_runs(is_missing[turns].any(axis=0)).tolist():
+                runs = [(0, len(numbers))]
+                if known is not None:
+                    runs = find_runs(is_missing[turns].any(axis=0)).tolist()
+                for first, stop in runs:
                     # Of equivalent angles, those nearest to the frame before are chosen.
                     near[: len(order)] = np.radians(numbers[first - 1, turns] if first else before)
                     x, y, z = near.tolist()
