@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.body.world_poses import Poses
+from mograft.body.capsules import Poses
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray
 from mograft.analysis.segmentation import kinetic_energy
-from mograft.body.world_poses import Poses
+from mograft.body.capsules import Poses
 from mograft.config import Config
 from mograft.motion.motion import Motion
 

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import as_floats, as_quaternions
+from mograft.body.capsules import Poses
 from mograft.body.contacts import find_legs
-from mograft.body.world_poses import Poses
 from mograft.config import Config
 from mograft.library.library import Library
 from mograft.library.spec import rates_match

@@ -15,7 +15,7 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.embedding import Samples, features, normalise
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.body.anatomy import feature_joints
-from mograft.body.world_poses import Poses
+from mograft.body.capsules import Poses
 from mograft.library.ingest import boundary_states
 from mograft.library.library import Library
 from mograft.motion.motion import Motion, world_transforms
