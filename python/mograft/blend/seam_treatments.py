@@ -16,7 +16,6 @@ from mograft.blend.seams import (
     add_deltas,
     at_piece_ends,
 )
-from mograft.motion.segments import Segments
 
 _GRADIENT_SECONDS = 2.0 / 15.0
 """Seconds over which a gap is spread: 4 frames at 30 frames per second.
@@ -59,8 +58,12 @@ class _Paper(_Displacement):
 
     def smooth(self, closed: ClosedFrames) -> FloatArray:
         """Return the values with a cubic in the window around each seam."""
-        space, values = closed.space, closed.values
-        left, right = smoothing_windows(closed.cut, closed.seams, closed.window)
+        space, values, lengths = closed.space, closed.values, closed.cut.lengths
+        shorter = np.minimum(lengths[closed.seams], lengths[closed.seams + 1])
+        reach = np.minimum(shorter // 2 - 1, closed.window)
+        # The last kept frame before each seam, and the first kept frame after it.
+        frames, reach = closed.cut.stop[closed.seams][reach >= 0], reach[reach >= 0] + 1
+        left, right = frames - reach, frames + reach
         if not len(left) or not values.shape[1]:
             return values
         count = right - left - 1
@@ -162,7 +165,10 @@ class _Inertial(SeamTreatment):
         value, _ = at_piece_ends(-gaps, times.piece)
         velocity, _ = at_piece_ends(rate, times.piece)
         window = _without_overshoot(value, velocity, times.windows[times.piece][:, None])
-        offsets = _decay(value, velocity, times.seconds, window)
+        # Quintics with acceleration 0 at both ends of the window.
+        u = np.minimum(times.seconds[:, None] / window, 1.0)[..., None]
+        scaled = velocity * window[..., None] * u * (1.0 + 3.0 * u)
+        offsets = (1.0 - u) ** 3 * (value * (1.0 + u * (3.0 + 6.0 * u)) + scaled)
         return add_deltas(space, values, offsets)
 
     def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -183,18 +189,6 @@ def _without_overshoot(value: FloatArray, velocity: FloatArray, window: FloatArr
     return np.where(overshoots, np.maximum(shorter, window / 3.0), window)
 
 
-def _decay(
-    value: FloatArray, velocity: FloatArray, seconds: FloatArray, window: FloatArray
-) -> FloatArray:
-    """Return offsets, `seconds` after a seam, that decay from a value and velocity to 0.
-
-    They are quintics with acceleration 0 at both ends of `window`, in seconds, (n, n_joints).
-    """
-    u = np.minimum(seconds[:, None] / window, 1.0)[..., None]
-    scaled = velocity * window[..., None]
-    return (1.0 - u) ** 3 * (value * (1.0 + u * (3.0 + 6.0 * u)) + scaled * u * (1.0 + 3.0 * u))
-
-
 def fit_donors(
     values: FloatArray,
     donors: tuple[IntArray, IntArray, FloatArray, IntArray, FloatArray],
@@ -211,20 +205,6 @@ def fit_donors(
     tau = _GRADIENT_SECONDS * rate
     _core.smooth_gradient(values, donors, (1.0, tau**2, tau**4), reach)
     return values
-
-
-def smoothing_windows(cut: Segments, seams: IntArray, window: int) -> tuple[IntArray, IntArray]:
-    """Return the last kept frame before each seam and the first kept frame after it.
-
-    The frames between the two are replaced.
-
-    `window` is the maximum number of replaced frames on each side of a seam. Seams next to a
-    segment of one frame interval have no entry.
-    """
-    reach = np.minimum(np.minimum(cut.lengths[seams], cut.lengths[seams + 1]) // 2 - 1, window)
-    frames = cut.stop[seams][reach >= 0]
-    reach = reach[reach >= 0]
-    return frames - (reach + 1), frames + (reach + 1)
 
 
 SEAM_TREATMENTS: dict[str, SeamTreatment] = {

@@ -173,7 +173,7 @@ class Motion:
 
         Rotations have shape (n_frames, n_joints, 4), xyzw; positions (n_frames, n_joints, 3).
         """
-        return world_transforms(self.skeleton, self.rotations, self.positions)
+        return forward_kinematics(self.skeleton.parents, self.rotations, self.positions)
 
     def world_positions(self) -> FloatArray:
         """Return the world positions of all joints, shape (n_frames, n_joints, 3)."""
@@ -190,7 +190,7 @@ class Motion:
         for start in range(0, self.n_frames, _FRAMES_PER_BLOCK):
             frames = slice(start, start + _FRAMES_PER_BLOCK)
             local = self.rotations[frames], self.positions[frames]
-            yield frames, *world_transforms(self.skeleton, *local)
+            yield frames, *forward_kinematics(self.skeleton.parents, *local)
 
     def world_track(self, joint: int) -> tuple[FloatArray, FloatArray]:
         """Return the world rotations, (n_frames, 4), and positions, (n_frames, 3), of a joint."""
@@ -345,22 +345,12 @@ def _as_channel_array(
     return array
 
 
-def world_transforms(
-    skeleton: Skeleton, rotations: FloatArray, positions: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return world rotations and positions from local ones, by forward kinematics.
-
-    For n poses, rotations have shape (n, n_joints, 4) and positions (n, n_joints, 3). The results
-    have the same shapes. The values are not checked.
-    """
-    return forward_kinematics(skeleton.parents, rotations, positions)
-
-
 def forward_kinematics(
     parents: IntArray, rotations: FloatArray, positions: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return world rotations and positions as `world_transforms` does, given only the parents.
+    """Return world rotations and positions from local ones, which are not checked.
 
-    Parents precede their children; that of joint 0 is -1.
+    Parents precede their children; that of joint 0 is -1. For n poses, rotations have shape
+    (n, n_joints, 4) and positions (n, n_joints, 3). The results have the same shapes.
     """
     return _core.world(parents, np.ascontiguousarray(rotations), np.ascontiguousarray(positions))

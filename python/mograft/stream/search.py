@@ -18,7 +18,7 @@ from mograft.body.anatomy import feature_joints
 from mograft.body.capsules import Poses
 from mograft.library.ingest import boundary_states
 from mograft.library.library import Library
-from mograft.motion.motion import Motion, world_transforms
+from mograft.motion.motion import Motion, forward_kinematics
 from mograft.motion.segments import Segments
 from mograft.search.boundary_states import BoundaryStates, pose_gaps
 from mograft.search.constraints import Clip, Constraint
@@ -108,7 +108,7 @@ class PendingSegment:
         frames = np.arange(self.start, self.stop + 1)
         n = len(rotations) // len(frames)
         offsets = np.tile(self.base.positions[self.rows], (n, 1, 1))
-        transforms = world_transforms(self.base.skeleton, rotations, offsets)
+        transforms = forward_kinematics(self.base.skeleton.parents, rotations, offsets)
         return self.body.with_poses(np.tile(frames, n), *transforms)
 
 
