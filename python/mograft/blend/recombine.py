@@ -188,9 +188,7 @@ def _grow(is_new: BoolArray, is_near: BoolArray) -> BoolArray:
     """Extend each range of `is_new` over the adjacent frames that `is_near` does not mark."""
     grown = is_new.copy()
     for start, stop in find_runs(~is_near).tolist():
-        touches = is_new[max(start - 1, 0) : stop + 1]
-        if touches.any():
-            grown[start:stop] = True
+        grown[start:stop] |= is_new[max(start - 1, 0) : stop + 1].any()
     return grown
 
 

@@ -37,10 +37,10 @@ def world_jerk(motion: Motion, joints: IntArray, step: int = 1) -> FloatArray:
     at the ends, to which none is assigned, have the value 0.
     """
     jerks = np.zeros((motion.n_frames, len(joints)))
-    parents = motion.skeleton.parents
     for read, assigned, own in _blocks(motion.n_frames, step):
-        local = (np.ascontiguousarray(a[read]) for a in (motion.rotations, motion.positions))
-        jerks[assigned] = _core.world_jerk(parents, *local, joints)[own]
+        quats, places = map(np.ascontiguousarray, (motion.rotations[read], motion.positions[read]))
+        found = _core.world_jerk(motion.skeleton.parents, quats, places, joints)
+        jerks[assigned] = found[own]
     return jerks
 
 

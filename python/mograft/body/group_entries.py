@@ -159,5 +159,6 @@ def _toml_value(value: Entry) -> str:
 
 def _read_entry(entry: object) -> object:
     """Return an entry of a TOML list, with a table ``{subtree = ...}`` as a `Subtree`."""
-    is_subtree = isinstance(entry, dict) and set(entry) == {"subtree"}
-    return Subtree(entry["subtree"]) if is_subtree else entry
+    if isinstance(entry, dict) and set(entry) == {"subtree"}:
+        return Subtree(entry["subtree"])
+    return entry
