@@ -13,6 +13,8 @@ from mograft.body.mass import mass_model, up_axis
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
+__all__ = ["RADII", "Capsules", "box_clearance", "capsules", "clearance"]
+
 RADII: Mapping[str, float] = {
     "pelvis": 0.075,
     "trunk": 0.075,
