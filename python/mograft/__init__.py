@@ -17,7 +17,7 @@ _HOMES = {
     "body.group_entries": "subtree",
     "body.groups": "JointGroups",
     "body.mirroring": "mirror",
-    "body.world_poses": "Poses",
+    "body.capsules": "Poses",
     "config": "Config",
     "errors": "BvhError FormatError InsufficientDataError LibraryError "
     "MemoryBudgetError MograftError ProvenanceError SkeletonMismatchError",

@@ -11,13 +11,13 @@ from mograft.analysis.segmentation import segment as segment
 from mograft.blend.foot_planting import FeetReport as FeetReport
 from mograft.blend.foot_planting import plant_feet as plant_feet
 from mograft.blend.reach_completion import ReachCompletion as ReachCompletion
+from mograft.body.capsules import Poses as Poses
 from mograft.body.contacts import foot_skate as foot_skate
 from mograft.body.faults import Fault as Fault
 from mograft.body.faults import find_faults as find_faults
 from mograft.body.group_entries import subtree as subtree
 from mograft.body.groups import JointGroups as JointGroups
 from mograft.body.mirroring import mirror as mirror
-from mograft.body.world_poses import Poses as Poses
 from mograft.config import Config as Config
 from mograft.errors import BvhError as BvhError
 from mograft.errors import FormatError as FormatError

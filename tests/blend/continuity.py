@@ -1,19 +1,35 @@
-"""Jumps of closed donor layouts, measured between frames."""
+"""Random donor layouts, and the jumps of closed layouts, measured between frames."""
 
 import numpy as np
 
-from mograft.blend.donor_timeline import SegmentTimes
+from mograft import Config
+from mograft.blend.donor_timeline import DonorLayout, DonorTimeline, SegmentTimes
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
-from mograft.blend.seams import restrict_to_pieces
+from mograft.motion import rotations
+from tests.strategies import smooth_rotations, tile_segments
 
+RATE = 30.0
 STEP = 1e-5  # of a frame
+
+
+def random_layout(lengths, seed, speed=0.3, **config):
+    """Segments of a track of two moving joints and one at rest, replaced at random."""
+    rng = np.random.default_rng(seed)
+    cut = tile_segments(lengths)
+    track = smooth_rotations(rng, int(cut.stop[-1]) + 1, 3, speed)
+    track[:, 2] = track[0, 2]
+    donors = cut[rng.integers(0, len(cut), len(cut))]
+    timeline = DonorTimeline(cut, donors, RATE)
+    positions = np.ascontiguousarray(rotations.log(track))
+    seams = timeline.find_seams([track])
+    return DonorLayout(timeline, [track], [positions], seams, Config(**config))
 
 
 def close_at(layout, space, times):
     """Values of a layout at any times, with the gaps at seams closed."""
     values = layout.timeline.sample(space, layout.tracks(space), times)
-    near = restrict_to_pieces(layout.piece_times(times), layout.boundaries(space))
-    return SEAM_TREATMENTS[layout.config.seam].close(values, *near)
+    seams = layout.piece_times(times), layout.boundaries(space)
+    return SEAM_TREATMENTS[layout.config.seam].close(values, *seams)
 
 
 def one_sided_velocities(space, curve, frames, side):

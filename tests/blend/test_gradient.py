@@ -6,31 +6,15 @@ import numpy as np
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from mograft import Config
-from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.seams import ROTATIONS, TRANSLATIONS, ClosedFrames
-from mograft.motion import rotations
 from mograft.motion.resample import cubic, cubic_positions
 from mograft.motion.segments import Segments
+from tests.blend.continuity import RATE, random_layout
 from tests.oracles import seams as oracle
-from tests.strategies import SEEDS, SEGMENT_LENGTHS, few_examples, smooth_rotations, tile_segments
+from tests.strategies import SEEDS, SEGMENT_LENGTHS, few_examples
 
-RATE = 30.0
 TAU = 4.0  # frames
-
-
-def random_layout(lengths, seed, speed=0.3, **config):
-    """Segments of a track of two moving joints and one at rest, replaced at random."""
-    rng = np.random.default_rng(seed)
-    cut = tile_segments(lengths)
-    track = smooth_rotations(rng, int(cut.stop[-1]) + 1, 3, speed)
-    track[:, 2] = track[0, 2]
-    donors = cut[rng.integers(0, len(cut), len(cut))]
-    timeline = DonorTimeline(cut, donors, RATE)
-    positions = np.ascontiguousarray(rotations.log(track))
-    seams = timeline.find_seams([track])
-    return DonorLayout(timeline, [track], [positions], seams, Config(**config))
 
 
 def without_gradient(layout):
@@ -146,9 +130,7 @@ def test_smooth_gradient_agrees_with_numpy(lengths, seed, blend, is_concatenated
         rows = timeline.sample(space, tracks, times)
         closed = ClosedFrames(
             space=space,
-            values=timeline.merge_frames(
-                space.add(rows, 0.1 * rng.normal(size=(*rows.shape[:2], 3)))
-            ),
+            values=space.add(rows, 0.1 * rng.normal(size=(*rows.shape[:2], 3)))[timeline.kept_rows],
             cut=cut,
             seams=seams,
             window=5,
@@ -160,22 +142,3 @@ def test_smooth_gradient_agrees_with_numpy(lengths, seed, blend, is_concatenated
         wanted = oracle.smooth_gradient(closed, (1.0, TAU**2, TAU**4))
         found = SEAM_TREATMENTS["gradient"].smooth(closed)
         np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-11)
-
-
-def test_gradient_of_smooth_donors_keeps_their_acceleration_at_the_seam():
-    """Two arcs with a gap: the peak acceleration stays within 1.5 times that of the arcs."""
-    times = np.arange(121) / RATE
-    track = np.stack([np.sin(2.0 * times), np.cos(3.0 * times), 0.5 * times], axis=1)[:, None]
-    cut = tile_segments(np.array([30, 30, 30, 30]))
-    donors = cut[np.array([0, 3, 2, 1])]
-    timeline = DonorTimeline(cut, donors, RATE)
-    quats = rotations.exp(track)
-    layout = DonorLayout(
-        timeline, [quats], [track], timeline.find_seams([quats]), Config(seam="gradient")
-    )
-
-    def peak(values):
-        return np.linalg.norm(np.diff(values, 2, axis=0), axis=-1).max()
-
-    (_, offset), (_, solved) = without_gradient(layout).close(), layout.close()
-    assert peak(solved) < 0.5 * peak(offset)

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mograft as mg
-from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
+from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms, joint_track
 from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.strategies import SEEDS, few_examples, motions, quaternions, vectors
@@ -50,9 +50,12 @@ def test_alignment_of_equal_roots_is_exact_identity(root, up):
 def test_root_transforms_match_forward_kinematics_and_return_to_local(motion, data):
     joint = data.draw(st.integers(0, motion.n_joints - 1))
     root = RootTransforms.from_motion(motion, joint)
-    turned, placed = motion.world_transforms()
-    np.testing.assert_allclose(root.rotations, turned[:, joint], atol=1e-9)
-    np.testing.assert_allclose(root.positions, placed[:, joint], atol=1e-9)
+    turned, placed = (world[:, joint] for world in motion.world_transforms())
+    for quats, positions in (joint_track(motion, joint), (root.rotations, root.positions)):
+        np.testing.assert_allclose(quats, turned, atol=1e-12)
+        np.testing.assert_allclose(positions, placed, atol=1e-12 * (1 + np.abs(placed).max()))
+    for found, expected in zip(motion.world_track(joint), (turned, placed), strict=True):
+        np.testing.assert_array_equal(found, expected)
     frames = np.array(data.draw(st.lists(st.integers(0, motion.n_frames - 1), max_size=5)), int)
     local = root[frames].relative_to_parent(motion, frames, joint)
     np.testing.assert_allclose(local.rotations, motion.rotations[frames, joint], atol=1e-9)

@@ -2,7 +2,6 @@
 
 import csv
 import io
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -239,16 +238,3 @@ def test_find_faults_clean_recordings_have_only_wraps(row):
         pytest.skip(f"no recordings in {DATA}")
     faults = mg.find_faults(mg.read_bvh(DATA / row["file"]))
     assert {fault.kind for fault in faults} <= {"wrap"}
-
-
-@pytest.mark.parametrize("name", ["paper_shape_A", "paper_shape_B"])
-def test_find_faults_concatenated_clips_report_cuts(name):
-    folder = DATA / "paper_shape_57dof"
-    if not folder.exists():
-        pytest.skip(f"no recordings in {DATA}")
-    seams = json.loads((folder / "seams.json").read_text())[f"{name}.bvh"]["seams"]
-    motion = mg.read_bvh(folder / f"{name}.bvh")
-    teleports = [fault.frames for fault in mg.find_faults(motion) if fault.kind == "teleport"]
-    for seam in seams[1:]:
-        cut = seam["first_frame"]
-        assert any(start < cut <= stop for start, stop in teleports), cut

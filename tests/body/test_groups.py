@@ -1,7 +1,6 @@
 """Properties of joint groups and their TOML files, and the presets on recordings."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,36 +29,6 @@ def small_skeleton():
     return skeleton_from_text("Hips {Spine > Head | LeftLeg > LeftFoot | RightLeg}")[0]
 
 
-# The lower group of recordings, listed by hand; all other joints are upper.
-LOWER = {
-    "bandai_ds1/dataset-1_dance-short_normal_001": "joint_Root Hips UpperLeg_L LowerLeg_L Foot_L"
-    " Toes_L UpperLeg_R LowerLeg_R Foot_R Toes_R",
-    "dance_cmu60_salsa/60_01": "hip rButtock rThigh rShin rFoot lButtock lThigh lShin lFoot",
-    "dance_cmu94_indian_30fps/94_01_1": "Hips LHipJoint LeftUpLeg LeftLeg LeftFoot LeftToeBase"
-    " RHipJoint RightUpLeg RightLeg RightFoot RightToeBase",
-    "dance_mass_snu/backflip": "Character1_Hips Character1_RightUpLeg Character1_RightLeg"
-    " Character1_RightFoot Character1_RightToeBase R_Talus_RIGMESH R_Tibia_RIGMESH R_Femur_RIGMESH"
-    " Character1_LeftUpLeg Character1_LeftLeg Character1_LeftFoot Character1_LeftToeBase"
-    " L_Talus_RIGMESH L_Tibia_RIGMESH L_Femur_RIGMESH Pelvis_RIGMESH",
-    "dance_perfume_test/A_test": "Hips RightHip RightKnee RightAnkle RightToe LeftHip LeftKnee"
-    " LeftAnkle LeftToe",
-    "database_vsports_basket/s_006_1_1": "Hips LeftUpLeg LeftLeg LeftFoot LeftToe RightUpLeg"
-    " RightLeg RightFoot RightToe",
-    "skel_animated_drawings/jumping_jacks": "Hips LHipJoint LeftHip LeftKnee LeftAnkle LeftToe"
-    " RHipJoint RightHip RightKnee RightAnkle RightToe",
-    "skel_bvhfiles_jl/Example": "Pelvis J_L_Hip J_L_Knee J_L_Ankle J_L_Bale J_R_Hip J_R_Knee"
-    " J_R_Ankle J_R_Bale",
-    "skel_dfki/custom_skeleton_walk_example": "FK_back1_jnt L_upLeg_jnt L_lowLeg_jnt L_foot_jnt"
-    " L_toe_jnt L_toe_tip_jnt R_upLeg_jnt R_lowLeg_jnt R_foot_jnt R_toe_jnt R_toe_tip_jnt",
-    "skel_games105/idle": "RootJoint lHip lKnee lAnkle lToeJoint rHip rKnee rAnkle rToeJoint",
-    "skel_makehuman/dance1": "Root Hips __UpLeg_L UpLeg_L LoLeg_L Foot_L Toe_L __UpLeg_R UpLeg_R"
-    " LoLeg_R Foot_R Toe_R",
-    "skel_motionmachine/animation": "Hips RightUpLeg RightUpLegRoll RightLeg RightLegRoll"
-    " RightFoot RightToeBase RightFootPinky1 LeftUpLeg LeftUpLegRoll LeftLeg LeftLegRoll LeftFoot"
-    " LeftToeBase LeftFootPinky1",
-    "synthetic_quadruped/quadruped_trot": "Pelvis Tail1 Tail2 Tail3 Femur_L Tibia_L Tarsus_L"
-    " HindPaw_L Femur_R Tibia_R Tarsus_R HindPaw_R",
-}
 # Presets that need parts which a skeleton does not have.
 MISSING_PARTS = {
     "skel_pybvh/full_precision_frame_time": {
@@ -269,8 +238,12 @@ def test_groups_entry_types_are_checked():
         ('base = "a"\n', r"must contain a table \[groups\].*got base"),
         ("groups = 1\n", r"must contain a table \[groups\]"),
         ('speed = 1\n[groups]\na = ["x"]\n', r"must contain a table \[groups\].*got speed, groups"),
-        ('[groups]\na = "x"\nlower = ["b"]\n', "group 'a' must be a list, got 'x'"),
+        (
+            '[groups]\na = "x"\nlower = ["b"]\n',
+            "groups: group 'a' must be a list of joints, got 'x'",
+        ),
         ('[groups]\na = [1.5]\nlower = ["b"]\n', "group 'a' must contain names, indices or"),
+        ('[groups]\nlower = ["b"]\n[groups.a]\nb = 1\n', "group 'a' must be a list of joints"),
         ('[groups]\na = [{tree = "b"}]\nlower = ["b"]\n', "group 'a' must contain names"),
         ('[groups]\na = [{subtree = true}]\nlower = ["b"]\n', "group 'a' must contain names"),
         ('[groups]\nlower = ["b"]\n', "groups: `groups` must have at least two"),
@@ -321,11 +294,3 @@ def test_preset_recordings_resolve_or_name_missing_parts(path, preset):
             assert {body.sides[joint] for joint in found[group]} == {side}
             tops = {int(skeleton.parents[joint]) for joint in found[group]} - {*found[group]}
             assert len(tops) == 1  # an arm hangs on one joint
-
-
-@needs_recordings
-@pytest.mark.parametrize("name", LOWER)
-def test_preset_lower_group_of_recordings_matches_manual_labels(name):
-    skeleton = read_hierarchy(Path(DATA, f"{name}.bvh"))
-    found = JointGroups.preset("lower_upper", skeleton).resolve(skeleton)
-    assert names_of(skeleton, found["lower"]) == LOWER[name].split()

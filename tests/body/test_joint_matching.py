@@ -69,11 +69,9 @@ def test_match_joints_of_itself_is_the_identity(name):
         [f"ns:{joint}" for joint in skeleton.names], skeleton.parents, skeleton.offsets
     )
     match = match_joints(skeleton, renamed)
-    spare = {joint for joint in range(skeleton.n_joints) if match.sources[joint] < 0}
-    assert (match.sources == np.arange(skeleton.n_joints))[
-        [*set(range(skeleton.n_joints)) - spare]
-    ].all()
-    assert len(spare) <= 2  # of CMU: base joints of fingers whose kind is not named
+    matched = np.flatnonzero(match.sources >= 0)
+    np.testing.assert_array_equal(match.sources[matched], matched)
+    assert len(matched) >= skeleton.n_joints - 2  # CMU: base joints of fingers of no named kind
 
 
 @pytest.mark.parametrize(
@@ -94,12 +92,6 @@ def test_match_joints_of_itself_is_the_identity(name):
             " LowerBack=spine1 Spine=spine2 Spine1=spine3 Neck1=neck Head=head"
             " RightShoulder=right_collar LeftArm=left_shoulder RightForeArm=right_elbow"
             " LeftHand=left_wrist LThumb=left_thumb1 RightHandIndex1=right_index1",
-        ),
-        (
-            "Kimodo 30",
-            "CMU",
-            "Hips=Hips Spine1=LowerBack Chest=Spine1 Head=Head LeftLeg=LeftUpLeg LeftShin=LeftLeg"
-            " RightToeBase=RightToeBase LeftShoulder=LeftShoulder RightArm=RightArm",
         ),
     ],
 )

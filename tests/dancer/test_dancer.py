@@ -1,6 +1,5 @@
 """The procedural dancer: its labels, anatomical limits, floor contact and styles."""
 
-from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise, product
 
@@ -129,13 +128,6 @@ def test_skeleton_rest_pose_is_symmetric_t_pose():
         np.testing.assert_array_equal(rest[name] * [-1, 1, 1], rest[name.replace("Right", "Left")])
 
 
-def test_skeleton_channels_are_positions_then_zyx_rotations():
-    channels = placed_dance().motion.skeleton.channels
-    places = ("Xposition", "Yposition", "Zposition")
-    turns = ("Zrotation", "Yrotation", "Xrotation")
-    assert channels == (places + turns, *[turns] * 17)
-
-
 @for_every_dance
 def test_dance_contains_every_combination_once(sample):
     pairs = list(zip(sample.dance.legs.tolist(), sample.dance.arms.tolist(), strict=True))
@@ -149,8 +141,7 @@ def test_dance_labels_have_one_entry_per_frame(sample):
     labels = sample.dance
     assert labels.legs.shape == labels.arms.shape == labels.phase.shape == (n_frames,)
     assert labels.stance.shape == (n_frames, 2)
-    assert (labels.phase >= 0).all()
-    assert (labels.phase <= 1).all()
+    assert 0 <= labels.phase.min() <= labels.phase.max() <= 1
 
 
 @for_every_dance
@@ -242,8 +233,7 @@ def test_stance_feet_are_flat_and_still(sample):
 def test_stance_covers_all_frames_and_half_of_each_foot(sample):
     assert sample.dance.stance.any(axis=1).all()
     shares = sample.dance.stance.mean(axis=0)
-    assert (shares > 0.45).all()
-    assert (shares < 0.75).all()
+    assert 0.45 < shares.min() <= shares.max() < 0.75
 
 
 @for_every_dance
@@ -253,43 +243,6 @@ def test_feet_stay_above_floor(sample):
             assert sample.point(f"{side}Foot", offset)[:, 1].min() > -1e-6 * HEIGHT
 
 
-def test_feet_roll_over_fixed_toe_at_take_off():
-    sample = placed_dance(0, 1, 120.0)
-    styles = [LEG_STYLES[name] for name in sample.dance.legs]
-    swing, push = (
-        np.array([getattr(style, name) for style in styles]) for name in ("swing", "push")
-    )
-    for column, (side, middle) in enumerate(zip(SIDES, (0.25, 0.75), strict=True)):
-        progress = (sample.dance.phase - middle) / swing + 0.5  # fraction of the swing
-        rolls = (progress > 0) & (progress < push) & ~sample.dance.stance[:, column]
-        through = rolls[1:] & rolls[:-1]
-        toe, heel = sample.tip(f"{side}Foot"), sample.point(f"{side}Foot", HEEL)
-        assert np.linalg.norm(np.diff(toe, axis=0), axis=-1)[through].max() < 1e-6 * HEIGHT
-        assert np.diff(heel[:, 1])[through].min() > 0
-        assert heel[rolls, 1].max() > 2
-
-
-def test_pelvis_too_high_for_legs_is_lowered(monkeypatch):
-    for name, style in LEG_STYLES.items():
-        monkeypatch.setitem(LEG_STYLES, name, replace(style, height=style.height + 12))
-    tall = PlacedDance(0, 1)
-    assert tall.position("Hips")[:, 1].max() < 94  # the height at which both legs are straight
-    for column, side in enumerate(SIDES):
-        stands = tall.dance.stance[:, column]
-        np.testing.assert_allclose(tall.position(f"{side}Foot")[stands, 1], 7.0, atol=1e-6 * HEIGHT)
-        assert bend(tall.local_rotation(f"{side}Leg"), 0).min() > 5
-    acceleration = np.diff(tall.position("Hips"), n=2, axis=0) * tall.motion.rate**2
-    assert np.linalg.norm(acceleration, axis=-1).max() < 4000  # cm a second²
-
-
-@for_every_dance
-def test_toes_in_mid_swing_are_above_floor(sample):
-    for column, (side, middle) in enumerate(zip(SIDES, (0.28, 0.78), strict=True)):
-        swings = ~sample.dance.stance[:, column] & (np.abs(sample.dance.phase - middle) < 0.03)
-        assert swings.any()
-        assert sample.tip(f"{side}Foot")[swings, 1].min() > 0.5
-
-
 # The joints.
 
 
@@ -297,8 +250,7 @@ def test_toes_in_mid_swing_are_above_floor(sample):
 def test_knees_bend_forward_within_anatomical_range(sample):
     for side in SIDES:
         angles = bend(sample.local_rotation(f"{side}Leg"), 0)
-        assert angles.min() > 5
-        assert angles.max() < 130
+        assert 5 < angles.min() <= angles.max() < 130
         hip, knee, ankle = (sample.position(f"{side}{part}") for part in ("UpLeg", "Leg", "Foot"))
         ahead = rotations.rotate(sample.rotation("Hips"), np.array([0.0, 0.0, 1.0]))
         forward = np.einsum("fi,fi->f", knee - 0.5 * (hip + ankle), ahead)
@@ -310,16 +262,14 @@ def test_ankles_stay_within_anatomical_range(sample):
     for side in SIDES:
         angles = np.degrees(rotations.to_euler(sample.local_rotation(f"{side}Foot"), "ZYX"))
         assert np.abs(angles[:, :2]).max() < 25
-        assert angles[:, 2].min() > -72  # toe up
-        assert angles[:, 2].max() < 30
+        assert -72 < angles[:, 2].min() <= angles[:, 2].max() < 30  # toe up, down
 
 
 @for_every_dance
 def test_elbows_bend_outward_within_anatomical_range(sample):
     for side, out in SIDES.items():
         angles = -out * bend(sample.local_rotation(f"{side}ForeArm"), 1)
-        assert angles.min() > 10
-        assert angles.max() < 145
+        assert 10 < angles.min() <= angles.max() < 145
         arm, elbow, wrist = (
             sample.to_local("Spine", sample.position(f"{side}{part}"))
             for part in ("Arm", "ForeArm", "Hand")
@@ -388,43 +338,6 @@ def inner(sample, legs=None, arms=None, margin=20):
     return selected
 
 
-def test_clap_hands_meet_in_front_of_chest():
-    sample = placed_dance()
-    clap = inner(sample.dance, arms="clap")
-    gaps = np.linalg.norm(sample.tip("LeftHand") - sample.tip("RightHand"), axis=-1)[clap]
-    assert gaps.min() < 6
-    assert gaps.max() > 30
-    closed = np.flatnonzero(clap)[gaps < 8]
-    for side in SIDES:
-        tip = sample.to_local("Spine", sample.tip(f"{side}Hand"))[closed]
-        assert tip[:, 2].min() > 35
-        assert (np.abs(tip[:, 1] - 27) < 10).all()
-
-
-def yaw(quats):
-    ahead = rotations.rotate(quats, np.array([0.0, 0.0, 1.0]))
-    return np.degrees(np.arctan2(ahead[:, 0], ahead[:, 2]))
-
-
-def knee_curve(sample, legs, arms):
-    """Mean angles of both knees in 12 bins of the phase, without the margins of the block."""
-    frames = inner(sample.dance, legs, arms, margin=25)
-    bins = (sample.dance.phase[frames] * 12).astype(int).clip(0, 11)
-    knees = [bend(sample.local_rotation(f"{side}Leg"), 0)[frames] for side in SIDES]
-    return np.array([[knee[bins == k].mean() for k in range(12)] for knee in knees])
-
-
-def test_knee_curves_differ_by_leg_style_not_by_arm_pattern():
-    sample = placed_dance()
-    curves = {
-        legs: np.array([knee_curve(sample, legs, arms) for arms in ARM_PATTERNS])
-        for legs in LEG_STYLES
-    }
-    within = {legs: curve.std(axis=0).mean() for legs, curve in curves.items()}
-    between = np.array([curve.mean(axis=0) for curve in curves.values()]).std(axis=0).mean()
-    assert max(within.values()) < 0.5 * between
-
-
 @pytest.mark.parametrize(
     ("style", "forward", "aside"),
     [  # cm a second
@@ -444,10 +357,3 @@ def test_leg_styles_have_expected_root_velocity(style, forward, aside):
     velocities = rotations.rotate(heading, velocities)[frames]
     assert abs(velocities[:, 2].mean() - forward) < 12
     assert (np.abs(velocities[:, 0]).mean() > 26) == aside
-
-
-def test_heading_stays_below_80_degrees():
-    for seed in range(4):
-        headings = yaw(placed_dance(seed, 2).rotation("Hips"))
-        assert np.abs(headings).max() < 80
-        assert np.ptp(headings) > 60

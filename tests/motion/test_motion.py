@@ -1,7 +1,6 @@
 """Laws of `Motion`."""
 
 from dataclasses import replace
-from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -89,6 +88,5 @@ def test_channel_numbers_of_unknown_joints_equal_angles_of_each_joint(motion, le
         if data.draw(st.booleans()):
             values[:, columns] = expected[:, columns]
     partly = replace(motion, channel_values=values)
-    with patch("mograft.motion.motion._BLOCK_ROWS", 3):
-        blocks = np.concatenate(list(partly.channel_blocks(length)))
+    blocks = np.concatenate(list(partly.channel_blocks(length)))
     np.testing.assert_array_equal(blocks, expected)

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 import mograft as mg
 import mograft.constraints as mc
 from mograft._util.runs import dilate
+from mograft.blend.recombine import MAX_ANGLE, splice
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
-from mograft.blend.splice import MAX_ANGLE, splice
 from mograft.blend.transplant import seam_reach
 from mograft.config import CHOICES
 from mograft.dancer import dance

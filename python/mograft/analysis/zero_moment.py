@@ -25,7 +25,7 @@ from mograft.body.support_polygon import (
 )
 from mograft.config import Config
 from mograft.motion import rotations
-from mograft.motion.motion import Motion, world_transforms
+from mograft.motion.motion import Motion, forward_kinematics
 from mograft.motion.segments import Segments
 from mograft.motion.skeleton import Skeleton
 
@@ -53,7 +53,7 @@ def mass_offsets(
     above = [joint for joint in skeleton.ancestors(root) if joint != root]
     poses[:, above] = rotations.IDENTITY  # the samples hold the root's rotation in the world
     offsets = np.broadcast_to(skeleton.offsets, (len(poses), samples.n_joints, 3))
-    world_rotations, positions = world_transforms(skeleton, poses, offsets)
+    world_rotations, positions = forward_kinematics(skeleton.parents, poses, offsets)
     body = mass_model(skeleton)
     heavy = joints[body.mass[joints] > 0]
     arms = np.broadcast_to(body.bone[heavy] * body.center[heavy, None], (len(poses), len(heavy), 3))

@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray, Item
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.blend.rigid_alignment import AlignmentTransform
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.seams import (
@@ -17,15 +16,12 @@ from mograft.blend.seams import (
     PieceTimes,
     SeamBoundaries,
     ValueSpace,
-    restrict_to_pieces,
 )
 from mograft.blend.time_warp import TimeWarp
 from mograft.config import Config
 from mograft.motion import rotations
 from mograft.motion.resample import clip_states, sample_clips
 from mograft.motion.segments import Segments
-
-_FRAMES_PER_BLOCK = 8192
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,13 +86,6 @@ class DonorTimeline:
         segment = np.repeat(np.arange(len(counts)), counts)
         frames = np.arange(len(segment)) - (np.cumsum(counts) - counts)[segment]
         return SegmentTimes(segment, frames.astype(np.float64))
-
-    def merge_frames(self, values: npt.NDArray[Item]) -> npt.NDArray[Item]:
-        """Return one value per frame, given `values` at the times of `frame_times`.
-
-        A frame that two segments share has two values; that of the later segment is returned.
-        """
-        return values.take(self.kept_rows, axis=0)
 
     @cached_property
     def kept_rows(self) -> IntArray:
@@ -246,16 +235,10 @@ class DonorLayout:
         timeline, config, treatment = self.timeline, self.config, SEAM_TREATMENTS[self.config.seam]
         times, kept = timeline.frame_times(), timeline.kept_rows
         rows, boundaries = timeline.sample(space, self.tracks(space), times), self.boundaries(space)
-        pieces = self.piece_times(times)[kept]
-        values = np.empty((len(kept), *rows.shape[1:]))
-        # In blocks, so that no second array has all frames.
-        for start in range(0, len(kept), _FRAMES_PER_BLOCK):
-            block = slice(start, start + _FRAMES_PER_BLOCK)
-            near = restrict_to_pieces(pieces[block], boundaries)
-            values[block] = treatment.close(rows[kept[block]], *near)
+        frames = SegmentTimes(times.segment[kept], times.frames[kept])
         closed = ClosedFrames(
             space=space,
-            values=values,
+            values=treatment.close(rows[kept], self.piece_times(frames), boundaries),
             cut=timeline.cut,
             seams=np.flatnonzero(self.seams),
             window=round(config.seam_window * timeline.rate),

@@ -6,7 +6,7 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray
 from mograft.blend.recombine import Part
-from mograft.blend.seam_treatments.offset import Offset
+from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.seams import ROTATIONS, TRANSLATIONS, PieceTimes, SeamBoundaries, ValueSpace
 
 
@@ -43,7 +43,7 @@ def _close(values: FloatArray, space: ValueSpace, rate: float, blend: float) -> 
         rate * space.delta(values[-2:-1], values[-1:]),
         rate * space.delta(values[:1], values[1:2]),
     )
-    closed = Offset().close(values, times, boundaries)
+    closed = SEAM_TREATMENTS["offset"].close(values, times, boundaries)
     is_opposite = (closed[-1] * closed[0]).sum(axis=-1, keepdims=True) < 0.0
     is_negative = is_opposite if space is ROTATIONS else np.zeros_like(is_opposite)
     closed[-1] = np.where(is_negative, -closed[0], closed[0])

@@ -10,8 +10,8 @@ from mograft._util.runs import dilate, find_runs
 from mograft.blend.recombine import Part, recombine
 from mograft.blend.two_bone_ik import bend_axes, bend_limb, flexion_angles, mean_bend_axis
 from mograft.body.anatomy import TwoBoneLimb, find_limb
+from mograft.body.capsules import Poses
 from mograft.body.mass import mass_model
-from mograft.body.world_poses import Poses
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.search.constraints import Span

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.body.world_poses import Poses
+from mograft.body.capsules import Poses
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 
@@ -108,8 +108,8 @@ class AlignmentTransform:
 def joint_track(clip: Motion, joint: int) -> tuple[FloatArray, FloatArray]:
     """Return the world rotations, (n_frames, 4), and positions, (n_frames, 3), of a joint.
 
-    Only the joint and its ancestors are computed, upwards from the joint. `Motion.world_track`
-    computes all joints downwards, and its results differ by rounding.
+    They are computed upwards from the joint. `Motion.world_track` computes them downwards, and its
+    results differ by rounding.
     """
     quats, positions = clip.rotations[:, joint], clip.positions[:, joint]
     for ancestor in clip.skeleton.ancestors(joint):

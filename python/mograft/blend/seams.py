@@ -5,7 +5,7 @@ Treatments are functions of continuous time, so that they can be evaluated betwe
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import ClassVar, TypeAlias
 
 import numpy as np
@@ -105,10 +105,6 @@ class PieceTimes:
     durations: FloatArray  # (n_pieces,): duration of every piece in seconds
     blend: float  # `Config.seam_blend` in seconds
 
-    def __getitem__(self, chosen: slice | IntArray) -> "PieceTimes":
-        """Return some of the points in time, with all pieces."""
-        return replace(self, piece=self.piece[chosen], seconds=self.seconds[chosen])
-
     @property
     def seconds_left(self) -> FloatArray:
         """Seconds to the end of the piece, shape (n,)."""
@@ -142,49 +138,14 @@ class SeamBoundaries:
         gaps[(self.before == self.after).all(axis=-1)] = 0.0
         return gaps
 
-    def __getitem__(self, seams: slice) -> "SeamBoundaries":
-        """Return the boundaries of some successive seams."""
-        arrays = {name: own[seams] for name, own in vars(self).items() if name != "space"}
-        return replace(self, **arrays)
-
-
-def restrict_to_pieces(
-    times: PieceTimes, boundaries: SeamBoundaries
-) -> tuple[PieceTimes, SeamBoundaries]:
-    """Return times and boundaries of only the pieces that are needed at these times.
-
-    These are the pieces from the first to the last that `times.piece` names, one neighbour on each
-    side, and the seams between them. `SeamTreatment.close` returns the same bits for them, in time
-    independent of all other pieces.
-    """
-    if not len(times.piece):
-        return times, boundaries
-    first = max(int(times.piece.min()) - 1, 0)
-    stop = int(times.piece.max()) + 2
-    near = replace(times, piece=times.piece - first, durations=times.durations[first:stop])
-    return near, boundaries[first : stop - 1]
-
-
-def crossfade_both_sides(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return root velocity weights that rise to ½ at the seam, with a continuous slope."""
-    half = 0.25 * remaining * remaining * (3.0 - remaining)
-    return half, half
-
-
-def crossfade_after(remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return root velocity weights: 0 before the seam, and after it a cubic from 1 to 0."""
-    return np.zeros_like(remaining), remaining * remaining * (3.0 - 2.0 * remaining)
-
 
 class SeamTreatment(ABC):
     """A method that changes the motion near a seam so that two pieces meet without a gap.
 
-    Implementations have no state. Each is the object `TREATMENT` of its own module in
-    `mograft.blend.seam_treatments`.
+    Implementations are in `mograft.blend.seam_treatments`. They have no state.
     """
 
     is_causal: ClassVar[bool]  # frames before a seam never change; `Stream` needs this
-    is_velocity_continuous: ClassVar[bool]  # `close` makes velocities continuous, not only values
     # Which frames `close` changes. True: all of the two segments that meet, and every boundary
     # between segments is treated as a seam. False: those within `Config.seam_blend` seconds of a
     # seam, on the sides that the treatment changes, at most to the end of the piece.
@@ -215,7 +176,7 @@ class SeamTreatment(ABC):
         velocity that the donor on the other side has at the seam. `remaining` is 1 at the seam and
         falls to 0 at the end of the blend time. Both weights have the shape of `remaining` and are
         0 where `remaining` is 0. Their sum at the seam is 1, or 0 if the treatment does not blend
-        root velocities, as here. See `crossfade_both_sides` and `crossfade_after`.
+        root velocities, as here.
         """
         return np.zeros_like(remaining), np.zeros_like(remaining)
 

@@ -213,8 +213,7 @@ def _remove_short_runs(marked: BoolArray, rate: float) -> BoolArray:
         is_inner = start > 0 and stop < len(marked)
         kept[start:stop] = is_inner and stop - start <= round(_MAX_GAP_SECONDS * rate)
     for start, stop in find_runs(kept):
-        if stop - start < round(_MIN_CONTACT_SECONDS * rate):
-            kept[start:stop] = False
+        kept[start:stop] &= stop - start >= round(_MIN_CONTACT_SECONDS * rate)
     return kept
 
 
@@ -222,6 +221,5 @@ def _extend_runs(marked: BoolArray, allowed: BoolArray) -> BoolArray:
     """Return a mask in which each run of marked frames extends over adjacent allowed frames."""
     extended = marked.copy()
     for start, stop in find_runs(allowed | marked):
-        if marked[start:stop].any():
-            extended[start:stop] = True
+        extended[start:stop] |= marked[start:stop].any()
     return extended

@@ -1,7 +1,6 @@
 """Accelerations and jerks of joints, as differences between frames."""
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
@@ -24,10 +23,9 @@ def greatest_derivatives(
     the ends, to which none is assigned, have the value 0.
     """
     derivatives = np.zeros((2, motion.n_frames))
-    for block in _blocks(motion.n_frames, step):
-        rotations = np.ascontiguousarray(motion.rotations[block.read])
-        found = np.stack(_core.greatest_derivatives(rotations, joints))
-        derivatives[:, block.assigned] = found[:, block.own]
+    for read, assigned, own in _blocks(motion.n_frames, step):
+        rotations = np.ascontiguousarray(motion.rotations[read])
+        derivatives[:, assigned] = np.stack(_core.greatest_derivatives(rotations, joints))[:, own]
     return derivatives[0], derivatives[1]
 
 
@@ -39,39 +37,28 @@ def world_jerk(motion: Motion, joints: IntArray, step: int = 1) -> FloatArray:
     at the ends, to which none is assigned, have the value 0.
     """
     jerks = np.zeros((motion.n_frames, len(joints)))
-    parents = motion.skeleton.parents
-    for block in _blocks(motion.n_frames, step):
-        rotations, positions = (
-            np.ascontiguousarray(own[block.read]) for own in (motion.rotations, motion.positions)
-        )
-        found = _core.world_jerk(parents, rotations, positions, joints)
-        jerks[block.assigned] = found[block.own]
+    for read, assigned, own in _blocks(motion.n_frames, step):
+        quats, places = map(np.ascontiguousarray, (motion.rotations[read], motion.positions[read]))
+        found = _core.world_jerk(motion.skeleton.parents, quats, places, joints)
+        jerks[assigned] = found[own]
     return jerks
 
 
-class _Block(NamedTuple):
-    """Frames that are a step apart: those that are read, and those to which results belong."""
-
-    read: slice
-    assigned: slice
-    own: slice  # of the frames that are read, those of `assigned`
-
-
-def _blocks(n_frames: int, step: int) -> Iterator[_Block]:
+def _blocks(n_frames: int, step: int) -> Iterator[tuple[slice, slice, slice]]:
     """Yield small blocks of frames, which save memory; each frame is in one block.
 
-    The frames of a block are `step` apart. A block also reads the frame one step before its frames,
-    and the two frames one and two steps after them, if they exist.
+    The frames of a block are `step` apart. The slices are: the frames that are read, those to which
+    results belong, and the latter among the frames that are read. A block also reads the frame one
+    step before its frames, and the two frames one and two steps after them, if they exist.
     """
     for first in range(min(step, n_frames)):
         frames = range(first, n_frames, step)
         for start in range(0, len(frames), _FRAMES_PER_BLOCK):
             before = min(start, 1)
-            stop = min(start + _FRAMES_PER_BLOCK, len(frames))
-            read = frames[start - before : stop + 2]
-            assigned = frames[start:stop]
-            yield _Block(
+            assigned = frames[start : start + _FRAMES_PER_BLOCK]
+            read = frames[start - before : start + _FRAMES_PER_BLOCK + 2]
+            yield (
                 slice(read.start, read[-1] + 1, step),
                 slice(assigned.start, assigned[-1] + 1, step),
-                slice(before, before + stop - start),
+                slice(before, before + len(assigned)),
             )

@@ -14,7 +14,7 @@ from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.runs import find_runs
 from mograft._util.validate import check_type
 from mograft.motion import rotations
-from mograft.motion.motion import Motion, world_transforms
+from mograft.motion.motion import Motion, forward_kinematics
 
 KINDS = ("frame_time", "first_frame", "teleport", "glitch", "flip", "frozen", "wrap")
 HARMLESS_FAULTS = ("wrap",)
@@ -174,7 +174,7 @@ def _mean_steps(motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]:
     for start, stop in _step_blocks(n):
         frames = slice(start, stop + 2)
         local = motion.rotations[frames], motion.positions[frames]
-        positions = world_transforms(motion.skeleton, *local)[1][:, moving]
+        positions = forward_kinematics(motion.skeleton.parents, *local)[1][:, moving]
         extents[frames] = np.ptp(positions, axis=1).max(axis=-1)
         steps[start:stop] = _mean_lengths(positions[1:] - positions[:-1])[: stop - start]
         passing[start:stop] = _mean_lengths(positions[2:] - positions[:-2])

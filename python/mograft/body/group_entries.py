@@ -126,10 +126,10 @@ def groups_to_toml(groups: Mapping[str, tuple[Entry, ...]], base: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def read_groups(source: str | os.PathLike[str]) -> tuple[dict[str, tuple[Entry, ...]], Any, str]:
+def read_groups(source: str | os.PathLike[str]) -> tuple[dict[str, Any], Any, str]:
     """Read groups and base from TOML, and name the source for messages; see `from_toml`.
 
-    The type of the base is not checked.
+    `JointGroups` checks the entries and the base.
     """
     is_text = isinstance(source, str) and "\n" in source
     place = "groups" if is_text else str(source)
@@ -143,11 +143,10 @@ def read_groups(source: str | os.PathLike[str]) -> tuple[dict[str, tuple[Entry, 
     if set(table) - {"base", "groups"} or not isinstance(table.get("groups"), dict):
         got = ", ".join(table) or "nothing"
         raise ValueError(f"{place}: must contain a table [groups] and optionally base, got {got}")
-    groups = {}
-    for name, entries in table["groups"].items():
-        if not isinstance(entries, list):
-            raise ValueError(f"{place}: group {name!r} must be a list, got {entries!r}")
-        groups[name] = tuple(_read_entry(place, name, entry) for entry in entries)
+    groups = {
+        name: [*map(_read_entry, entries)] if isinstance(entries, list) else entries
+        for name, entries in table["groups"].items()
+    }
     return groups, table.get("base", "lower"), place
 
 
@@ -158,14 +157,8 @@ def _toml_value(value: Entry) -> str:
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _read_entry(place: str, group: str, entry: object) -> Entry:
+def _read_entry(entry: object) -> object:
+    """Return an entry of a TOML list, with a table ``{subtree = ...}`` as a `Subtree`."""
     if isinstance(entry, dict) and set(entry) == {"subtree"}:
-        entry = entry["subtree"]
-        if is_joint(entry):
-            return subtree(entry)
-    elif is_joint(entry):
-        return entry
-    raise ValueError(
-        f'{place}: group {group!r} must contain names, indices or {{subtree = "name"}}, '
-        f"got {entry!r}"
-    )
+        return Subtree(entry["subtree"])
+    return entry

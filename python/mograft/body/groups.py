@@ -85,10 +85,10 @@ class JointGroups:
         for name, entries in self.groups.items():
             if not isinstance(name, str):
                 raise TypeError(f"group names must be str, got {name!r}")
-            if isinstance(entries, str | Subtree) or not isinstance(entries, Iterable):
+            if isinstance(entries, str | Subtree | Mapping) or not isinstance(entries, Iterable):
                 raise TypeError(f"group {name!r} must be a list of joints, got {entries!r}")
             own = groups[name] = tuple(int(e) if isinstance(e, np.integer) else e for e in entries)
-            wrong = [e for e in own if not isinstance(e, Subtree) and not is_joint(e)]
+            wrong = [e for e in own if not is_joint(e.joint if isinstance(e, Subtree) else e)]
             if wrong:
                 expected = "names, indices or subtree(...)"
                 raise TypeError(f"group {name!r} must contain {expected}, got {wrong[0]!r}")

@@ -77,17 +77,12 @@ class JointChains:
             node_of_joint=node_of_joint,
         )
 
-    @property
-    def n_chains(self) -> int:
-        """Number of chains."""
-        return int(self.chains.max()) + 1
-
     def edges(self) -> list[tuple[int, int]]:
         """Return the pairs of nodes that are neighbours in the hierarchy, parents first."""
         return [(parent, node) for node, parent in enumerate(self.parents.tolist()) if parent >= 0]
 
     def base_chains(self, supports: BoolArray) -> BoolArray:
-        """Return which chains must be in the base group, shape (n_chains,).
+        """Return which chains must be in the base group, one value per chain.
 
         A chain must be in the base group if it has one of these joints: the hips, an ancestor of
         the hips or of a leg, another joint that is not below the hips, or a joint that `supports`,
@@ -100,7 +95,7 @@ class JointChains:
         required = {known.hips, *skeleton.ancestors(known.hips), *(leg_ancestors - set(legs))}
         is_required = supports | ~skeleton.subtree_mask([known.hips])
         is_required[list(required)] = True
-        found = np.zeros(self.n_chains, bool)
+        found = np.zeros(self.chains.max() + 1, bool)
         found[self.chains[self.node_of_joint[is_required]]] = True
         is_limb = [known.parts[joints[0]] not in ("pelvis", "other") for joints in self.nodes]
         found[np.setdiff1d(self.chains, self.chains[is_limb])] = True

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -83,9 +82,6 @@ class MassModel:
     def __post_init__(self) -> None:
         set_fields(self, vars(self).copy())
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        set_fields(self, state)
-
     def __repr__(self) -> str:
         return f"MassModel({self.model}, height {self.height:.4g}, {len(self.feet)} feet)"
 
@@ -111,7 +107,9 @@ def mass_model(skeleton: Skeleton) -> MassModel:
     next part towards the trunk. Joints of the face, markers and ancestors of the hips have mass 0.
     In other skeletons each bone is a uniform rod with mass proportional to its length.
     """
-    return _cached_mass_model(_SkeletonKey.of(skeleton))
+    sites = tuple((site.parent, site.offset.tobytes()) for site in skeleton.end_sites)
+    content = (skeleton.names, skeleton.parents.tobytes(), skeleton.offsets.tobytes(), sites)
+    return _cached_mass_model(_SkeletonKey(content, skeleton))
 
 
 @dataclass(frozen=True)
@@ -120,12 +118,6 @@ class _SkeletonKey:
 
     content: tuple[object, ...]
     skeleton: Skeleton = field(compare=False)
-
-    @classmethod
-    def of(cls, skeleton: Skeleton) -> "_SkeletonKey":
-        sites = tuple((site.parent, site.offset.tobytes()) for site in skeleton.end_sites)
-        content = (skeleton.names, skeleton.parents.tobytes(), skeleton.offsets.tobytes(), sites)
-        return cls(content, skeleton)
 
 
 # Called several times per clip; the clips of one actor share their bones.

@@ -28,9 +28,6 @@ from mograft.motion.skeleton import Skeleton
 _FRAMES_PER_BLOCK = 2048
 """Frames whose world transforms are computed together."""
 
-_BLOCK_ROWS = 1 << 16
-"""Rotations, of any joints and frames, whose Euler angles are computed together."""
-
 
 @dataclass(frozen=True, eq=False)
 class Motion:
@@ -176,7 +173,7 @@ class Motion:
 
         Rotations have shape (n_frames, n_joints, 4), xyzw; positions (n_frames, n_joints, 3).
         """
-        return world_transforms(self.skeleton, self.rotations, self.positions)
+        return forward_kinematics(self.skeleton.parents, self.rotations, self.positions)
 
     def world_positions(self) -> FloatArray:
         """Return the world positions of all joints, shape (n_frames, n_joints, 3)."""
@@ -193,16 +190,14 @@ class Motion:
         for start in range(0, self.n_frames, _FRAMES_PER_BLOCK):
             frames = slice(start, start + _FRAMES_PER_BLOCK)
             local = self.rotations[frames], self.positions[frames]
-            yield frames, *world_transforms(self.skeleton, *local)
+            yield frames, *forward_kinematics(self.skeleton.parents, *local)
 
     def world_track(self, joint: int) -> tuple[FloatArray, FloatArray]:
         """Return the world rotations, (n_frames, 4), and positions, (n_frames, 3), of a joint."""
-        if self.skeleton.parents[joint] < 0:
-            return self.rotations[:, joint], self.positions[:, joint]
-        quats, places = np.empty((self.n_frames, 4)), np.empty((self.n_frames, 3))
-        for frames, world_rotations, world_positions in self.world_blocks():
-            quats[frames], places[frames] = world_rotations[:, joint], world_positions[:, joint]
-        return quats, places
+        chain = [*self.skeleton.ancestors(joint)[::-1], joint]
+        local = self.rotations[:, chain], self.positions[:, chain]
+        quats, positions = forward_kinematics(np.arange(-1, len(chain) - 1), *local)
+        return quats[:, -1], positions[:, -1]
 
     def resample(self, rate: float) -> "Motion":
         """Return the motion resampled to another frame rate, by cubic interpolation.
@@ -260,7 +255,11 @@ class Motion:
         frame is NaN, all angles of that joint in that frame are derived. Of equivalent angles,
         those nearest to the previous frame are returned.
         """
-        (numbers,) = self.channel_blocks(self.n_frames)
+        numbers = np.empty((self.n_frames, self.skeleton.n_channels))
+        stop = 0
+        for block in self.channel_blocks(_FRAMES_PER_BLOCK):
+            start, stop = stop, stop + len(block)
+            numbers[start:stop] = block
         return numbers
 
     def channel_blocks(self, length: int) -> Iterator[FloatArray]:
@@ -270,58 +269,33 @@ class Motion:
         last: FloatArray | None = None  # the frame before the block
         for start in range(0, self.n_frames, length):
             frames = slice(start, min(start + length, self.n_frames))
-            numbers = np.full((frames.stop - start, skeleton.n_channels), np.nan)
+            numbers = np.empty((frames.stop - start, skeleton.n_channels))
+            is_missing = np.ones(numbers.T.shape, bool)
             if known is not None:
                 numbers = known[frames].copy()
-            is_missing = np.isnan(numbers)
-            is_unknown = is_missing.all(axis=0).tolist()  # in the whole block
-            unknown_joints: dict[str, list[int]] = {}  # by the order of their rotations
-            for joint in np.unique(owners[is_missing.any(axis=0)]).tolist():
+                is_missing = np.isnan(numbers.T, order="C")
+            missing = np.unique(owners[is_missing.any(axis=1)])
+            quats = np.ascontiguousarray(self.rotations[frames, missing].swapaxes(0, 1))
+            for joint, own in zip(missing.tolist(), quats, strict=True):
                 columns = skeleton.channel_columns[joint]
                 for column, name in zip(columns, skeleton.channels[joint], strict=True):
                     if name.endswith("position"):
                         translations = self.positions[frames, joint, "XYZ".index(name[0])]
-                        is_missing = np.isnan(numbers[:, column])
-                        numbers[is_missing, column] = translations[is_missing]
-                turns = skeleton.rotation_columns[joint]
-                order, quats = skeleton.rotation_order(joint), self.rotations[frames, joint]
-                if all(is_unknown[column] for column in turns):
-                    if turns:
-                        unknown_joints.setdefault(order, []).append(joint)
-                    continue
-                near = self._first_known_angles(joint) if last is None else last[turns]
-                numbers[:, turns] = _fill_angles(numbers[:, turns], quats, order, near)
-            for order, joints in unknown_joints.items():
-                self._fill_unknown_angles(numbers, frames, order, joints, last)
+                        np.copyto(numbers[:, column], translations, where=is_missing[column])
+                turns, order = skeleton.rotation_columns[joint], skeleton.rotation_order(joint)
+                axes, near = rotations.euler_axes(order), np.zeros(3)
+                before = self._first_known_angles(joint) if last is None else last[turns]
+                runs = [(0, len(numbers))]
+                if known is not None:
+                    runs = find_runs(is_missing[turns].any(axis=0)).tolist()
+                for first, stop in runs:
+                    # Of equivalent angles, those nearest to the frame before are chosen.
+                    near[: len(order)] = np.radians(numbers[first - 1, turns] if first else before)
+                    x, y, z = near.tolist()
+                    angles = _core.to_euler(own[first:stop], axes, (x, y, z))
+                    numbers[first:stop, turns] = np.degrees(angles[:, : len(order)])
             last = numbers[-1].copy()  # callers may change the block
             yield numbers
-
-    def _fill_unknown_angles(
-        self,
-        numbers: FloatArray,
-        frames: slice,
-        order: str,
-        joints: list[int],
-        last: FloatArray | None,
-    ) -> None:
-        """Set the angles of joints of which none is known in `frames`, as `_fill_angles` does.
-
-        `order` is the rotation order of `joints`; `last` is the frame before `frames`. A few joints
-        are computed at a time, because motions may be long.
-        """
-        axes, n_together = rotations.euler_axes(order), max(1, _BLOCK_ROWS // len(numbers))
-        for start in range(0, len(joints), n_together):
-            chosen = joints[start : start + n_together]
-            columns = np.array([self.skeleton.rotation_columns[joint] for joint in chosen], int)
-            quats = np.ascontiguousarray(self.rotations[frames, chosen].swapaxes(0, 1))
-            near = np.zeros((len(chosen), 3))
-            if last is None:
-                near[:, : len(order)] = np.radians([*map(self._first_known_angles, chosen)])
-            else:
-                near[:, : len(order)] = np.radians(last[columns])
-            rows = zip(quats, near.tolist(), strict=True)
-            angles = np.array([_core.to_euler(own, axes, (x, y, z)) for own, (x, y, z) in rows])
-            numbers[:, columns] = np.degrees(angles[..., : len(order)]).swapaxes(0, 1)
 
     def _first_known_angles(self, joint: int) -> FloatArray:
         """Return the angles of a joint, in degrees, in the first frame in which none is NaN.
@@ -371,40 +345,12 @@ def _as_channel_array(
     return array
 
 
-def world_transforms(
-    skeleton: Skeleton, rotations: FloatArray, positions: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return world rotations and positions from local ones, by forward kinematics.
-
-    For n poses, rotations have shape (n, n_joints, 4) and positions (n, n_joints, 3). The results
-    have the same shapes. The values are not checked.
-    """
-    return forward_kinematics(skeleton.parents, rotations, positions)
-
-
 def forward_kinematics(
     parents: IntArray, rotations: FloatArray, positions: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return world rotations and positions as `world_transforms` does, given only the parents.
+    """Return world rotations and positions from local ones, which are not checked.
 
-    Parents precede their children; that of joint 0 is -1.
+    Parents precede their children; that of joint 0 is -1. For n poses, rotations have shape
+    (n, n_joints, 4) and positions (n, n_joints, 3). The results have the same shapes.
     """
     return _core.world(parents, np.ascontiguousarray(rotations), np.ascontiguousarray(positions))
-
-
-def _fill_angles(
-    angles: FloatArray, quats: FloatArray, order: str, before: FloatArray
-) -> FloatArray:
-    """Return `angles`, in degrees, after replacing each row that contains NaN by angles of `quats`.
-
-    Of equivalent Euler angles, those nearest to the previous frame are chosen; `before` holds the
-    angles of the frame before the first row. `order`, such as ``"ZXY"``, names the rotation axes of
-    the columns of `angles`.
-    """
-    filled = angles.copy()
-    unknown = np.asarray(np.isnan(angles).any(axis=1))
-    for start, stop in find_runs(unknown):
-        near = np.zeros(3)
-        near[: len(order)] = np.radians(filled[start - 1] if start else before)
-        filled[start:stop] = np.degrees(rotations.to_euler(quats[start:stop], order, near))
-    return filled

@@ -275,13 +275,9 @@ class Skeleton:
             parts = [f"lacks {join_names(missing)}"] if missing else []
             parts += [f"also has {join_names(extra)}"] if extra else []
             raise SkeletonMismatchError(f"{name} {' and '.join(parts)}")
-        if len(self.names) != len(other.names):
-            n_joints = f"{len(self.names)} joints, got {len(other.names)}"
-            raise SkeletonMismatchError(f"{name} must have {n_joints}")
-        for joint, (ours, theirs) in enumerate(zip(self.names, other.names, strict=True)):
-            if ours != theirs:
-                place = f"in the same order: joint {joint} must be {ours}, got {theirs}"
-                raise SkeletonMismatchError(f"{name} must have its joints {place}")
+        if self.names != other.names:
+            ours, theirs = (join_names(one.names) for one in (self, other))
+            raise SkeletonMismatchError(f"{name} must have the joints {ours}, got {theirs}")
         joint = int(np.flatnonzero(self.parents != other.parents)[0])
         above = [skeleton.names[skeleton.parents[joint]] for skeleton in (self, other)]
         place = f"the parent of {self.names[joint]} in {name}"

@@ -10,7 +10,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray
 from mograft._util.runs import find_runs
 from mograft._util.validate import as_integer, is_integer
-from mograft.blend.splice import splice
+from mograft.blend.recombine import splice
 from mograft.errors import join_names
 from mograft.library.origin import is_partial
 from mograft.motion.motion import Motion

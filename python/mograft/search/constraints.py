@@ -16,7 +16,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.runs import find_runs
 from mograft._util.validate import check_not_negative, is_integer
-from mograft.body.world_poses import Poses
+from mograft.body.capsules import Poses
 from mograft.motion.segments import Segments
 
 Span = tuple[int, int]

@@ -11,9 +11,8 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray, as_floats
 from mograft._util.validate import check_finite, check_not_negative, check_type, coerce_vector
-from mograft.body.capsules import box_clearance, capsules, clearance
+from mograft.body.capsules import Poses, box_clearance, capsules, clearance
 from mograft.body.mass import up_axis
-from mograft.body.world_poses import Poses
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 

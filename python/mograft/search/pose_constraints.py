@@ -14,9 +14,8 @@ from mograft._util.validate import (
     coerce_vector,
 )
 from mograft.body.anatomy import anatomy
-from mograft.body.capsules import Capsules, clearance
+from mograft.body.capsules import Capsules, Poses, clearance
 from mograft.body.mass import mass_model
-from mograft.body.world_poses import Poses
 from mograft.motion import rotations
 from mograft.motion.skeleton import Skeleton
 from mograft.search.constraints import Constraint, Errors, no_errors

@@ -9,7 +9,7 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.blend.loop_join import close_join
 from mograft.blend.recombine import Part, recombine
 from mograft.blend.transplant import seam_reach, transplant
-from mograft.body.world_poses import Poses
+from mograft.body.capsules import Poses
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.search.costs import excess

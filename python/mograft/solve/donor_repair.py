@@ -18,7 +18,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.runs import dilate, find_runs
 from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
-from mograft.body.world_poses import Poses
+from mograft.body.capsules import Poses
 from mograft.motion.motion import Motion
 from mograft.search.costs import INFEASIBLE_PENALTY, is_infeasible
 from mograft.search.trellis import DonorSequences, DonorTrellis, Trellis, k_best, viterbi

@@ -13,8 +13,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.channel_groups import merge_axes, split_axes
 from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms, joint_track
-from mograft.body.capsules import Capsules
-from mograft.body.world_poses import Poses
+from mograft.body.capsules import Capsules, Poses
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.resample import resample_segment_positions, resample_segments

@@ -9,8 +9,8 @@ from mograft._util.arrays import BoolArray, IntArray
 from mograft.blend.foot_planting import FeetReport, plant_feet
 from mograft.blend.reach_completion import ReachCompletion, ReachLimits, complete_reaches
 from mograft.body.anatomy import find_limb
+from mograft.body.capsules import Poses
 from mograft.body.contacts import detect_contacts, find_legs
-from mograft.body.world_poses import Poses
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.scenario.scenario import donor_contacts

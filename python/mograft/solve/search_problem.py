@@ -10,9 +10,9 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.blend.transplant import GraftedGroup
 from mograft.blend.trunk_lean import TrunkLean
 from mograft.body.anatomy import feature_joints
+from mograft.body.capsules import Poses
 from mograft.body.contacts import find_legs
 from mograft.body.loops import is_loop
-from mograft.body.world_poses import Poses
 from mograft.config import Config
 from mograft.errors import join_names, suggest_name
 from mograft.library.library import Library

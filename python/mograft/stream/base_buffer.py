@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray, as_floats, as_quaternions
 from mograft.analysis.segmentation import kinetic_energy
-from mograft.body.world_poses import Poses
+from mograft.body.capsules import Poses
 from mograft.config import Config
 from mograft.library.library import Library
 from mograft.library.spec import rates_match

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.blend.seam_treatments import SEAM_TREATMENTS
-from mograft.blend.seam_treatments.gradient import fit_donors
+from mograft.blend.seam_treatments import SEAM_TREATMENTS, fit_donors
 from mograft.blend.seams import ROTATIONS, PieceTimes, SeamBoundaries
 from mograft.config import Config
 from mograft.motion.resample import cubic

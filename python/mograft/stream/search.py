@@ -15,10 +15,10 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.embedding import Samples, features, normalise
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.body.anatomy import feature_joints
-from mograft.body.world_poses import Poses
+from mograft.body.capsules import Poses
 from mograft.library.ingest import boundary_states
 from mograft.library.library import Library
-from mograft.motion.motion import Motion, world_transforms
+from mograft.motion.motion import Motion, forward_kinematics
 from mograft.motion.segments import Segments
 from mograft.search.boundary_states import BoundaryStates, pose_gaps
 from mograft.search.constraints import Clip, Constraint
@@ -99,7 +99,7 @@ class PendingSegment:
         frames = np.arange(self.start, self.stop + 1)
         n = len(rotations) // len(frames)
         offsets = np.tile(self.base.positions[self.rows], (n, 1, 1))
-        transforms = world_transforms(self.base.skeleton, rotations, offsets)
+        transforms = forward_kinematics(self.base.skeleton.parents, rotations, offsets)
         return self.body.with_poses(np.tile(frames, n), *transforms)
 
 

@@ -12,8 +12,8 @@ from mograft._util.arrays import FloatArray
 from mograft._util.validate import as_integer, check_type
 from mograft.analysis.segmentation import OnlineSegmenter
 from mograft.blend.recombine import Part, recombine
+from mograft.body.capsules import Poses
 from mograft.body.contacts import find_legs
-from mograft.body.world_poses import Poses
 from mograft.config import Config
 from mograft.library.library import Library
 from mograft.motion import rotations
