@@ -187,7 +187,7 @@ def test_graft_to_npz_requires_a_base_of_amass(run, mixed_folder, tmp_path, usag
     own = mixed_folder / "b.npz"  # of mograft
     code, _, err = run("graft", own, "-o", tmp_path / "g.npz")
     assert code == 1
-    assert "g.npz must be a .bvh file: b, the base of" in err
+    assert "g.npz must be a .bvh file: the base b is not from AMASS" in err
     assert not list(tmp_path.iterdir())
     for words in ((mixed_folder / "a.bvh",), (own, "-n", "2"), (own, "--digits", "7")):
         usage_error("graft", *words, "-o", tmp_path / "g.npz")

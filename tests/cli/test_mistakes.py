@@ -77,7 +77,7 @@ MISTAKES = [
     ("graft a.bvh -o x --avoid sphere:0,0,0", USAGE, "expected 4 numbers separated by commas"),
     ("graft a.bvh -o x --scenario graph --base b.bvh", USAGE, "--base cannot be combined with"),
     ("graft a.bvh -o x --duration 9", USAGE, "--duration requires --scenario graph"),
-    ("graft a.bvh -o x --scenario graph --duration 1e300", RUNTIME, "at most 86400 seconds"),
+    ("graft a.bvh -o x --scenario graph --duration 1e300", RUNTIME, "at most 86400 s, got 1e+300"),
     ("graft a.bvh -o x --scenario 1,9999", RUNTIME, "--scenario must contain only segments 0 to"),
     ("graft a.bvh -o x --scenario graph --beats 60 --duration 0.5", RUNTIME,
      "--beats must contain at least two times in seconds, got 1"),

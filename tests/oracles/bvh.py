@@ -1,6 +1,7 @@
 """Reading and writing of BVH files in the standard layout."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 
 def read_bvh(path):
@@ -67,3 +68,21 @@ def format_hierarchy(skeleton):
         return format_node(title, item.offset, depth, None, [])
 
     return "\n".join(["HIERARCHY", *format_item(0, 0), ""])
+
+
+def to_transforms(channels, offsets, values):
+    """Return the local rotations (F, J, 4) and positions (F, J, 3) of channel values."""
+    rotations, positions = [], []
+    column = 0
+    for names, offset in zip(channels, offsets, strict=True):
+        block = dict(zip(names, values[:, column : column + len(names)].T, strict=True))
+        column += len(names)
+        order = "".join(name[0] for name in names if name.endswith("rotation"))
+        angles = np.stack([block[axis + "rotation"] for axis in order], axis=1)
+        rotations.append(Rotation.from_euler(order, angles, degrees=True).as_quat())
+        position = np.tile(offset, (len(values), 1))
+        for axis, letter in enumerate("XYZ"):
+            if letter + "position" in block:
+                position[:, axis] = block[letter + "position"]
+        positions.append(position)
+    return np.stack(rotations, axis=1), np.stack(positions, axis=1)

@@ -82,6 +82,9 @@ class MassModel:
     def __post_init__(self) -> None:
         set_fields(self, vars(self).copy())
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        set_fields(self, state)
+
     def __repr__(self) -> str:
         return f"MassModel({self.model}, height {self.height:.4g}, {len(self.feet)} feet)"
 
