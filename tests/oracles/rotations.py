@@ -76,3 +76,9 @@ def resample_positions(frames, count):
                 + velocity[whole + 1] * t**2 * (t - 1)
             )
     return result
+
+
+def to_euler_degrees(rotations, order, before):
+    """Return Euler angles in degrees that continue `before` without jumps of a turn."""
+    angles = Rotation.from_quat(rotations).as_euler(order, degrees=True)
+    return np.unwrap(np.concatenate([before[None], angles]), axis=0, period=360)[1:]
