@@ -12,7 +12,8 @@ set of BVH files with one skeleton below it, at 30 frames per second. It prints
 - ``seeds``: by `temperature`, the share of positions at which donors of two seeds differ, and the
   mean seam gap, which need no motions;
 - ``dial``: the same by the variety of `Config.with_variety`;
-- ``defaults``: the same for the defaults and for settings near them.
+- ``defaults``: the same for the defaults and for settings near them;
+- ``front``: the same for twenty pairs of `sigma_scale` and `diversity`.
 
 ``--only NAME`` prints one of these. "new" is the share of frames in which a grafted joint differs
 from the base by more than 5°, "apart" the mean angle of the grafted joints between two grafts of
@@ -44,6 +45,7 @@ NEW_ANGLE = np.radians(5.0)
 TEMPERATURES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 N_SEEDS = 4
 DIVERSITIES = (0.0, 1.0, 2.0, 4.0)
+FRONT_SCALES, FRONT_DIVERSITIES = (0.5, 0.6, 0.75, 0.8, 1.0), (1.0, 3.0, 4.0, 6.0)
 VARIETIES = (0.0, 0.25, 0.5, 0.75, 1.0)
 PARTS = (
     "radius",
@@ -54,6 +56,7 @@ PARTS = (
     "diversity",
     "dial",
     "defaults",
+    "front",
 )
 EARLIER = {"neighbourhood": "cluster", "diversity": 1.0, "distance_weight": 0.25}
 MAX_BASES = 3  # clips of a source that are bases
@@ -231,6 +234,11 @@ def report(options):
             ("balls, distance weight 1", mg.Config(distance_weight=1.0)),
             ("defaults", mg.Config()),
             ("balls, diversity 6", mg.Config(diversity=6.0)),
+        ],
+        "front": [
+            (f"{scale:g}, {own:g}", mg.Config(sigma_scale=scale, diversity=own))
+            for scale in FRONT_SCALES
+            for own in FRONT_DIVERSITIES
         ],
         "dial": [(f"{own:g}", mg.Config.with_variety(own)) for own in VARIETIES],
     }
