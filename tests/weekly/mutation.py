@@ -91,6 +91,8 @@ class _Recorder:
 
 
 class _Failures(list):
+    __hash__ = object.__hash__  # plugins of pytest are members of sets
+
     def pytest_runtest_logreport(self, report):
         if report.failed:
             self.append(report.nodeid)
