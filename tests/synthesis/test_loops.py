@@ -11,6 +11,8 @@ import mograft as mg
 from mograft.body.loops import is_loop
 from mograft.dancer import dance
 from mograft.motion import rotations
+from mograft.solve.defects import DefectMeasure
+from mograft.solve.plan import GraftPlan
 from tests.hierarchies import human
 from tests.strategies import SEEDS, few_examples
 
@@ -140,3 +142,22 @@ def test_graft_loop_prefers_donors_that_meet_at_the_join(choice):
             for graft in mg.graft_many(replace(library, config=config), "cycle", 4)
         ]
     assert np.mean(gaps["auto"]) < np.mean(gaps["off"])
+
+
+def test_graft_limits_of_a_short_base_are_those_of_its_library():
+    """The same base in a still and in a lively library; the first must not limit the second."""
+    lively = library_of_cycles(4)
+    base = lively.clips[0]
+    still = [
+        replace(own, rotations=own.rotations[:1].repeat(len(own), axis=0))
+        for own in lively.clips[1:]
+    ]
+    calm = mg.Library.build([base, *still], rate=RATE)
+
+    def limits(library):
+        plan = GraftPlan.build(library, base, None, ())
+        return DefectMeasure(plan.problem, "upper")._jerk_limits(0, len(base))
+
+    alone = limits(library_of_cycles(4))
+    assert not np.array_equal(limits(calm), limits(lively))
+    np.testing.assert_allclose(limits(lively), alone)

@@ -257,7 +257,8 @@ class DefectMeasure:
         percentiles = remember(base, key, lambda: np.percentile(jerk, _PERCENTILE, axis=0))
         if base.duration < _SHORT_SECONDS:
             key = ("library jerk", self._driven_joints.tobytes(), self._step)
-            percentiles = np.maximum(percentiles, remember(base, key, self._library_jerk))
+            known = remember(self.problem.library, key, self._library_jerk)
+            percentiles = np.maximum(percentiles, known)
         least = _LEAST * mass_model(base.skeleton).height
         limits: FloatArray = np.maximum(MAX_JERK_RATIO * percentiles, least)
         return np.maximum(limits, jerk[start:stop])
