@@ -1,11 +1,14 @@
 """Laws of every seam treatment: continuity, reach, causality, root velocity."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mograft import _core  # noqa: TID251 - the kernel by itself
+from mograft.blend.donor_timeline import DonorTimeline
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.seams import ROTATIONS, TRANSLATIONS, PieceTimes, SeamBoundaries
 from mograft.motion import rotations
@@ -17,6 +20,7 @@ from tests.strategies import (
     few_examples,
     quaternions,
     smooth_rotations,
+    tile_segments,
     vectors,
 )
 
@@ -157,3 +161,24 @@ def test_displacement_opposite_gaps_cancel_half_way():
     times = PieceTimes(np.array([1]), np.array([0.5]), np.ones(3), 0.3)
     closed = SEAM_TREATMENTS["displacement"].close(pose, times, boundaries)
     np.testing.assert_allclose(closed, pose, atol=1e-15)
+
+
+@given(SEGMENT_LENGTHS, SEEDS)
+def test_find_seams_are_where_poses_do_not_continue(lengths, seed):
+    """Donors of two takes; the second equals the first but for some frames of one joint."""
+    rng = np.random.default_rng(seed)
+    cut = tile_segments(lengths)
+    n = int(cut.stop[-1]) + 1
+    track = smooth_rotations(rng, n, 3)
+    other = track.copy()
+    joint, is_off = int(rng.integers(3)), rng.random(n) < 0.15
+    other[is_off, joint] = rotations.multiply(other[is_off, joint], rotations.exp([0.01, 0.0, 0.0]))
+    clip = rng.integers(0, 2, len(cut))
+    timeline = DonorTimeline(cut, replace(cut, clip=clip), 30.0)
+    expected = []
+    for before, after, frame in zip(clip[:-1], clip[1:], cut.start[1:], strict=True):
+        near = is_off[max(frame - 1, 0) : frame + 2]  # a clip's first frame has one neighbour
+        expected.append(before != after and near.any())
+    np.testing.assert_array_equal(timeline.find_seams([track, other]), expected)
+    others = np.delete(np.arange(3), joint)
+    assert not timeline.find_seams([track, other], others).any()

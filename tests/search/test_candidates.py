@@ -1,5 +1,6 @@
 """Properties of candidate generation and listing."""
 
+import re
 from dataclasses import replace
 from itertools import product
 
@@ -252,6 +253,9 @@ def test_list_candidates_refusals_name_the_exceeded_limits(make_pool, seed):
             assert ("length: " in candidate.refused) == (candidate.segment not in fitting)
             # With `length_slack` a difference of exactly the limit is accepted.
             assert "not below" not in candidate.refused
+            if "length: " in candidate.refused:
+                stated = re.search(r"length: ([\d.]+) is above ([\d.]+)", candidate.refused)
+                assert float(stated[1]) >= float(stated[2])
         total = len(found.allowed) + len(found.refused) + found.elsewhere
         assert total == len(pool.segments)
         strict = list_segment(pool, segment, replace(config, length_slack=0.0)).refused

@@ -188,6 +188,7 @@ def test_find_violations_reports_runs_with_worst_frame(poses):
         covered[first : last + 1] = True
         assert violation.worst == first + heights[first : last + 1].argmin()
         assert violation.joint == HAND
+        assert violation.message.count(HAND) == 1
         assert "heights inside, tolerance 0.005" in violation.message
     assert_array_equal(covered, below)
     assert find_violations([replace(low, weight=1.0)], poses) == []

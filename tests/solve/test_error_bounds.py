@@ -142,6 +142,15 @@ def test_positions_out_of_reach_of_an_obstacle_are_not_evaluated(libraries, make
     assert not evaluated[~is_near].any()
 
 
+@given(SEEDS)
+def test_positions_with_excess_are_those_of_their_frames(libraries, make_problem, seed):
+    problem = make_problem(libraries[0], [], ["upper"])
+    rng = np.random.default_rng(seed)
+    excess = rng.normal(size=problem.base.n_frames) * (rng.random(problem.base.n_frames) < 0.02)
+    greatest = problem.greatest_at_positions(excess)
+    np.testing.assert_array_equal(problem.positions_with(excess), greatest > 0)
+
+
 class _Sphere(mc.Sphere):
     """An obstacle that measures something else than a distance from capsules."""
 

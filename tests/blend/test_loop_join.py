@@ -1,0 +1,61 @@
+"""The join of a loop: last frame equal to the first, continuous velocity, far frames kept."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mograft.blend.loop_join import close_join
+from mograft.blend.recombine import Part
+from mograft.motion import rotations
+from tests.strategies import SEEDS, assert_same_rotations, few_examples, smooth_rotations
+
+RATE = 30.0
+JOINTS = np.array([1, 2])
+
+
+def open_loop(seed, n_frames, opposite=False):
+    """A part whose ends do not meet; quaternions of one joint may change their sign on the way."""
+    rng = np.random.default_rng(seed)
+    quats = smooth_rotations(rng, n_frames, 2, 0.1)
+    if opposite:
+        quats[:, 0] = rotations.from_axis_angle(
+            np.eye(3)[1], np.linspace(0.0, 2 * np.pi, n_frames) + 0.05
+        )
+    quats = rotations.continuous_signs(quats)
+    return Part(JOINTS, quats, np.cumsum(rng.normal(size=(n_frames, 2, 3)), axis=0))
+
+
+@few_examples(40)
+@given(SEEDS, st.integers(8, 80), st.booleans(), st.floats(0.05, 0.5))
+def test_close_join_last_frame_is_first_and_signs_continue(seed, n_frames, opposite, blend):
+    closed = close_join(open_loop(seed, n_frames, opposite), RATE, blend)
+    np.testing.assert_array_equal(closed.positions[-1], closed.positions[0])
+    assert_same_rotations(closed.rotations[-1], closed.rotations[0])
+    assert (np.abs(closed.rotations[-1]) == np.abs(closed.rotations[0])).all()
+    np.testing.assert_allclose(np.linalg.norm(closed.rotations, axis=-1), 1.0, atol=1e-12)
+
+
+@few_examples(40)
+@given(SEEDS, st.integers(30, 80), st.booleans())
+def test_close_join_keeps_full_turn_on_one_side_of_sphere(seed, n_frames, opposite):
+    """Else a writer or a player that interpolates would turn the long way round at the join."""
+    closed = close_join(open_loop(seed, n_frames, opposite), RATE, 0.2)
+    ends = (closed.rotations[-1] * closed.rotations[-2]).sum(axis=-1)
+    assert (ends > 0.0).all()
+
+
+@few_examples(40)
+@given(SEEDS, st.integers(40, 80), st.floats(0.05, 0.3))
+def test_close_join_keeps_frames_farther_than_blend(seed, n_frames, blend):
+    part = open_loop(seed, n_frames)
+    closed = close_join(part, RATE, blend)
+    middle = (n_frames - 1) // 2
+    far = np.arange(n_frames)
+    far = (far > RATE * blend) & (far < n_frames - 1 - RATE * blend) & (far != middle)
+    np.testing.assert_allclose(closed.positions[far], part.positions[far], atol=1e-12)
+    assert_same_rotations(closed.rotations[far], part.rotations[far], 1e-12)
+
+
+def test_close_join_without_translations_has_none():
+    part = open_loop(0, 40)
+    assert close_join(Part(JOINTS, part.rotations, None), RATE, 0.2).positions is None
