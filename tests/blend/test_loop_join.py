@@ -13,7 +13,7 @@ RATE = 30.0
 JOINTS = np.array([1, 2])
 
 
-def open_loop(seed, n_frames, opposite=False):
+def open_loop(seed, n_frames, *, opposite=False):
     """A part whose ends do not meet; quaternions of one joint may change their sign on the way."""
     rng = np.random.default_rng(seed)
     quats = smooth_rotations(rng, n_frames, 2, 0.1)
@@ -28,7 +28,7 @@ def open_loop(seed, n_frames, opposite=False):
 @few_examples(40)
 @given(SEEDS, st.integers(8, 80), st.booleans(), st.floats(0.05, 0.5))
 def test_close_join_last_frame_is_first_and_signs_continue(seed, n_frames, opposite, blend):
-    closed = close_join(open_loop(seed, n_frames, opposite), RATE, blend)
+    closed = close_join(open_loop(seed, n_frames, opposite=opposite), RATE, blend)
     np.testing.assert_array_equal(closed.positions[-1], closed.positions[0])
     assert_same_rotations(closed.rotations[-1], closed.rotations[0])
     assert (np.abs(closed.rotations[-1]) == np.abs(closed.rotations[0])).all()
@@ -39,7 +39,7 @@ def test_close_join_last_frame_is_first_and_signs_continue(seed, n_frames, oppos
 @given(SEEDS, st.integers(30, 80), st.booleans())
 def test_close_join_keeps_full_turn_on_one_side_of_sphere(seed, n_frames, opposite):
     """Else a writer or a player that interpolates would turn the long way round at the join."""
-    closed = close_join(open_loop(seed, n_frames, opposite), RATE, 0.2)
+    closed = close_join(open_loop(seed, n_frames, opposite=opposite), RATE, 0.2)
     ends = (closed.rotations[-1] * closed.rotations[-2]).sum(axis=-1)
     assert (ends > 0.0).all()
 
