@@ -8,7 +8,7 @@ import platform
 import shutil
 import stat
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import IO, Any
@@ -27,6 +27,23 @@ def atomic_path(target: Path) -> Iterator[Path]:
     """
     with atomic_paths(target) as (draft,):
         yield draft
+
+
+@contextmanager
+def checked_path(target: Path, is_whole: Callable[[Path], bool]) -> Iterator[Path]:
+    """Yield a temporary path as `atomic_path`, for a file that another library writes.
+
+    Libraries ignore errors of the system, for example short writes. `is_whole` reads the file
+    again; OSError is raised and `target` kept unless it returns True.
+    """
+    with atomic_path(target) as draft:
+        yield draft
+        try:
+            error, is_good = None, is_whole(draft)
+        except Exception as caught:  # each library has its own
+            error, is_good = caught, False
+        if not is_good:
+            raise OSError(errno.EIO, "was written incompletely", str(target)) from error
 
 
 @contextmanager
@@ -145,7 +162,7 @@ else:
 
 def write_bytes(path: Path, data: bytes) -> None:
     """Write a file atomically."""
-    with atomic_path(path) as draft:
+    with checked_path(path, lambda draft: draft.stat().st_size == len(data)) as draft:
         draft.write_bytes(data)
 
 
