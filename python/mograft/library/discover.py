@@ -216,7 +216,9 @@ def has_provenance(path: Path, *, warn: bool = False) -> bool:
         document = json.loads(provenance.read_bytes()) if provenance.is_file() else None
     except (OSError, ValueError, RecursionError):
         return False
-    schema = document.get("schema") if isinstance(document, dict) else None
+    if not isinstance(document, dict):
+        return False
+    schema = document.get("schema")
     if not isinstance(schema, str) or not schema.startswith(("mograft.graft/", "mograft.grafts/")):
         return False
     if warn and belongs_to_other_motion(document, path):

@@ -179,8 +179,8 @@ def write_graft(
         else:
             with draft.open("xb") as stream:
                 write_bvh(grafts[0].motion, stream, digits=digits)
-        own = documents[0] if len(documents) == 1 else several
-        write_json(record, {**own, MOTION_HASH: hash_file(draft)})
+        document = documents[0] if len(documents) == 1 else several
+        write_json(record, {**document, MOTION_HASH: hash_file(draft)})
 
 
 def _copied_file(graft: Graft, target: Path) -> str:
