@@ -5,7 +5,6 @@ import csv
 import errno
 import glob
 import hashlib
-import json
 import os
 import stat
 import warnings
@@ -18,6 +17,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
+from mograft._util.documents import parse_document
 from mograft.errors import MograftError, join_names
 from mograft.io import formats
 from mograft.motion.motion import Motion
@@ -213,8 +213,8 @@ def has_provenance(path: Path, *, warn: bool = False) -> bool:
     """
     provenance = path.with_suffix(".json")
     try:
-        document = json.loads(provenance.read_bytes()) if provenance.is_file() else None
-    except (OSError, ValueError, RecursionError):
+        document = parse_document(provenance.read_bytes()) if provenance.is_file() else None
+    except (OSError, ValueError):
         return False
     if not isinstance(document, dict):
         return False

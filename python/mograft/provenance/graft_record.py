@@ -1,7 +1,6 @@
 """`GraftRecord`: provenance as read from a JSON document; the library and files that it names."""
 
 import glob
-import json
 import os
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -10,6 +9,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
+from mograft._util.documents import parse_document
 from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.errors import DAMAGE, LibraryError, ProvenanceError, join_names
@@ -152,8 +152,8 @@ def _read_documents(path: Path, *suffixes: str) -> tuple[list[Mapping[str, Any]]
     not belong; None if there is none, or if the file belongs to one of them.
     """
     try:
-        document = json.loads(path.read_bytes())
-    except (ValueError, RecursionError) as error:
+        document = parse_document(path.read_bytes())
+    except ValueError as error:
         raise ProvenanceError(f"{path}: not a JSON document: {error}") from None
     grafts, other = [document], None
     if isinstance(document, Mapping):
