@@ -170,11 +170,15 @@ def test_viewer_click_lists_candidates_with_command(
             ]
         candidate = want[1]
         texts = []
-        for button in rows.nth(1).locator("button").all():
+        for kind in ("take", "ban"):
+            button = rows.nth(1).locator(f"[data-choice^={kind}]")
             button.click()
-            wait_until(page, "document.querySelector('[data-part=copied]').textContent !== ''")
-            texts.append(page.locator("[data-part=command]").input_value())
-        page.keyboard.press("Space")  # Also beside a read-only field.
+            texts.append(page.evaluate("mograft.command(1)"))
+            assert button.get_attribute("aria-pressed") == "true"
+            assert page.locator("[data-part=commands] input").input_value() == texts[-1]
+            button.click()  # The second click takes the choice back.
+            assert page.locator("[data-part=commands] input").count() == 0
+        page.keyboard.press("Space")  # Also beside a button.
         assert page.evaluate("mograft.state.playing")
     donors = []
     for text in texts:
@@ -184,7 +188,7 @@ def test_viewer_click_lists_candidates_with_command(
             assert main([*words, "--force"]) == 0
             changed = replay("a b_new.json")
         else:
-            changed = mg.edit(new, eval(text, {"mg": mograft}))
+            changed = eval(text, {"mg": mograft, "graft": new})
         donors.append([s for s in changed.substitutions if s.group == "upper"][index])
     assert (donors[0].donor_start, donors[0].donor_stop) == (candidate.start, candidate.stop)
     assert donors[1].donor_start != candidate.start
@@ -296,7 +300,8 @@ def test_viewer_keys_and_buttons_change_state(browser, path, new):
         page.locator("[data-part=frame]").press("Enter")
         assert page.evaluate("mograft.frame()") == 42
         unnamed = page.evaluate(
-            "[...document.querySelectorAll('button, select, input, canvas')].filter(e => "
+            "[...document.querySelectorAll('button, select, input, canvas:not([aria-hidden])')]"
+            ".filter(e => "
             "!e.textContent.trim() && !e.getAttribute('aria-label') && !e.labels?.length).length"
         )
         assert unnamed == 0
@@ -331,7 +336,7 @@ HAS_FOCUS = (
 DISPATCH_WHEEL = """() => {
   mograft.state.zoom = 1;
   const event = new WheelEvent("wheel", {deltaY: 100, bubbles: true, cancelable: true});
-  document.querySelector(".stage canvas").dispatchEvent(event);
+  document.querySelector("[data-part=stage]").dispatchEvent(event);
   return [event.defaultPrevented, mograft.state.zoom < 1];
 }"""
 
@@ -357,7 +362,7 @@ def notebook(browser, new, tmp_path):
 
 def test_notebook_wheel_scrolls_until_view_has_focus(notebook):
     view = notebook.frames[1]
-    stage = notebook.frame_locator("iframe").locator(".stage canvas")
+    stage = notebook.frame_locator("iframe").locator("[data-part=stage]")
     text = notebook.locator("#text")
     assert view.evaluate(DISPATCH_WHEEL) == [False, False]
     for has_focus in (False, True, False):

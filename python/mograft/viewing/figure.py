@@ -1,8 +1,9 @@
 """Figures on a page: motions with joint groups and segments, also of grafts in files."""
 
+import shlex
 import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -51,6 +52,7 @@ class TimelineRow(NamedTuple):
 
     group: str
     parts: tuple[TimelinePart, ...]
+    changes: tuple[TimelinePart, ...] = ()  # Ranges that `Graft.changes` replaced.
 
     @classmethod
     def of_clip(
@@ -70,7 +72,23 @@ class Figure:
     members: Mapping[str, IntArray]  # The joints of each group.
     rows: tuple[TimelineRow, ...]  # The rows of the figure in the timeline.
     candidates: CandidateTable | None = None  # The donors that the segments of a graft could have.
-    command: str | None = None  # Command line to which the page appends ``--take`` and ``--ban``.
+    clip_of: Callable[[str], Motion] | None = None  # The donor clip of a name.
+    note: str = ""  # How new a graft is.
+    command: str | None = None  # Command line to which the page appends choices of donors.
+    keep: list[str] | str | None = None  # Files of a graft, or the command that writes it again.
+
+    def with_file(self, path: Path) -> "Figure":
+        """Return the figure of a graft with the commands that edit and keep its file."""
+        source, name = path.with_suffix(".json").as_posix(), self.motion.name
+        stem, keep = path.with_suffix("").as_posix(), [path.as_posix(), source]
+        if path.suffix.lower() == ".glb":
+            source, stem = f"{source}#{name}", f"{stem}_{name}"
+        command = f"mograft graft --from {shlex.quote(source)} -o "
+        if "#" in source:
+            again = f"{command}{shlex.quote(f'kept/{name}{path.suffix}')}"
+            return replace(self, command=command + shlex.quote(f"{stem}_new.glb"), keep=again)
+        new = shlex.quote(f"{stem}_new{path.suffix}")
+        return replace(self, command=command + new, keep=keep)
 
     def group_of_nodes(self, parents: Sequence[int]) -> list[int]:
         """Return the index of the joint group of each node.

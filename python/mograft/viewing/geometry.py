@@ -3,11 +3,13 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import inf
+from typing import NamedTuple
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft.body.anatomy import Anatomy, anatomy, root_carriers
+from mograft.body.capsules import RADII
 from mograft.body.mass import mass_model, mean_world_positions, up_axis, up_sign
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -25,6 +27,8 @@ _BONE_WIDTHS = (
 _TRUNK_TO_LIMB_WIDTH = 1.1
 _DETAIL_WIDTH = 0.4
 
+_BONE_RADIUS = 0.012
+"""Radius, in heights, of a bone of unknown body part and of width 1."""
 
 _UPRIGHT = (
     [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
@@ -32,6 +36,15 @@ _UPRIGHT = (
     [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]],
 )
 """For each vertical axis, the rotation matrix that maps it to the y axis."""
+
+
+class Bone(NamedTuple):
+    """A bone as pages draw it: a capsule, or the shape of a head, hand or foot."""
+
+    joint: int
+    end: FloatArray  # The other end in the axes of the joint.
+    radius: float
+    kind: str  # "head", "hand" or "foot", otherwise "".
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,6 +62,8 @@ class DrawnSkeleton:
     floor: float  # Height of the floor.
     widths: list[float]  # Of each node's bone; 1 is about a fiftieth of the body height.
     tips: list[int]  # The nodes at the ends of the limbs, fingers excepted; at most 12.
+    ends: list[tuple[int, FloatArray]]  # Joint and offset of each node that is no joint.
+    bones: list[Bone]
 
     @classmethod
     def of(cls, motion: Motion, step: int = 1) -> "DrawnSkeleton":
@@ -70,6 +85,10 @@ class DrawnSkeleton:
             stored = turned[first * step - frames.start :: step]
             positions[first : first + len(stored)] = stored
         root = motion.locomotion_root()
+        ends = [(site.parent, site.offset) for site in skeleton.end_sites]
+        if top is not None:
+            ends.append((top, mass.bone[top]))
+        widths = _bone_widths(known, parents)
         return cls(
             positions=positions,
             to_y_up=to_y_up,
@@ -77,8 +96,10 @@ class DrawnSkeleton:
             root=known.hips if root in root_carriers(skeleton) else root,
             height=mass.height,
             floor=float(np.percentile(lowest, 5)),
-            widths=_bone_widths(known, parents),
+            widths=widths,
             tips=_limb_tips(known, parents),
+            ends=ends,
+            bones=_drawn_bones(skeleton, parents, ends, widths, mass.height),
         )
 
 
@@ -91,11 +112,6 @@ def node_parents(motion: Motion) -> list[int]:
     carriers = root_carriers(skeleton)
     parents = [*skeleton.parents.tolist(), *(site.parent for site in skeleton.end_sites)]
     return [-1 if parent in carriers else parent for parent in parents]
-
-
-def count_nodes(motion: Motion) -> int:
-    """Return the number of nodes of the `DrawnSkeleton` of a motion."""
-    return len(node_parents(motion)) + (_head_without_end(motion) is not None)
 
 
 def _node_blocks(motion: Motion, top: int | None) -> Iterator[tuple[slice, FloatArray]]:
@@ -147,6 +163,29 @@ def _bone_widths(known: Anatomy, parents: list[int]) -> list[float]:
         if {node, parent} & set(known.details):
             widths[node] = _DETAIL_WIDTH
     return widths
+
+
+def _drawn_bones(
+    skeleton: Skeleton,
+    parents: list[int],
+    ends: list[tuple[int, FloatArray]],
+    widths: list[float],
+    height: float,
+) -> list[Bone]:
+    parts = anatomy(skeleton).parts
+    offsets = [*skeleton.offsets, *(offset for _, offset in ends)]
+    bones = []
+    for node, joint in enumerate(parents):
+        if joint < 0:
+            continue
+        part, is_end = parts[joint], node >= skeleton.n_joints
+        # Bones from the trunk to a limb and details are thinner than those of their part.
+        is_plain = widths[node] == _BONE_WIDTHS.get(part, 1.0) and part in RADII
+        radius = RADII[part] if is_plain else _BONE_RADIUS * widths[node]
+        radius *= 1.06 if part == "pelvis" else 1.0  # Its end lies inside of the trunk.
+        has_shape = is_plain and (part == "foot" or (is_end and part in ("head", "hand")))
+        bones.append(Bone(joint, offsets[node], radius * height, part if has_shape else ""))
+    return bones
 
 
 def _limb_tips(known: Anatomy, parents: list[int]) -> list[int]:

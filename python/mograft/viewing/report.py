@@ -2,7 +2,6 @@
 
 import html
 import os
-import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -118,18 +117,14 @@ def _details(heading: str, content: str) -> str:
 
 def _scene(grafts: Sequence[Graft], files: Sequence[Path | None]) -> Scene:
     """Return the scene of grafts; a graft with a file has the command line that edits it."""
-    commands = {
-        id(graft.motion): f"mograft graft --from {shlex.quote(str(file.with_suffix('.json')))} "
-        f"-o {shlex.quote(str(file.with_name(f'{file.stem}_new.bvh')))}"
-        for graft, file in zip(grafts, files, strict=False)
-        if file is not None
-    }
-    return Scene.of(grafts).with_commands(commands)
+    pairs = zip(grafts, files, strict=False)
+    return Scene.of(grafts).with_files({id(own.motion): path for own, path in pairs if path})
 
 
 _TIMELINE_NOTE = (
-    "Hatched segments of the timeline are exchanged; point at one to see its donor, click it to "
-    "list the donors that it could have."
+    "Coloured blocks of the timeline are exchanged, one colour per clip; the mark at the left edge "
+    "of a block is the angle of its seam. Click a block to list its donors, point at a donor to "
+    "see it; your choices become a command."
 )
 _MOTION_NOTE = (
     "New frames: share of frames in which a grafted joint differs by more than 5° from the base; "
