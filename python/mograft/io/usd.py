@@ -85,13 +85,10 @@ def write_usd(
     _define_mesh(stage, mesh)
     with checked_path(target, lambda draft: _has_keys(draft, motion.n_frames)) as draft:
         try:
-            is_written = stage.GetRootLayer().Export(str(draft))
-        except Tf.ErrorException as error:  # it lists the functions of usd-core
-            reason = re.search(" : '(.*?)'", str(error))
-            message = reason.group(1) if reason else "cannot be written"
-            raise OSError(errno.EIO, message, str(target)) from error
-        if not is_written:
-            raise OSError(errno.EIO, "cannot be written", str(target))
+            stage.GetRootLayer().Export(str(draft))
+        except Tf.ErrorException as error:  # its text lists functions of usd-core
+            reason = re.findall(" : '(.*?)'", f"{error} : 'cannot be written'")[0]
+            raise OSError(errno.EIO, reason, str(target)) from error
 
 
 def _has_keys(path: Path, count: int) -> bool:

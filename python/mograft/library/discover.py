@@ -70,13 +70,9 @@ def _hash_and_format(path: str, _state: tuple[int, ...]) -> tuple[str, str]:
 
     `_state` is part of the key of the cache: a file that has changed is read again.
     """
-    return hash_file(Path(path)), formats.find_format(Path(path)).name
-
-
-def hash_file(path: Path) -> str:
-    """Return the SHA-256 of a file."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+    with open(path, "rb") as stream:
+        sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+    return sha256, formats.find_format(Path(path)).name
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,11 +212,10 @@ def has_provenance(path: Path, *, warn: bool = False) -> bool:
         document = parse_document(provenance.read_bytes()) if provenance.is_file() else None
     except (OSError, ValueError):
         return False
-    if not isinstance(document, dict):
-        return False
-    schema = document.get("schema")
+    schema = document.get("schema") if isinstance(document, dict) else None
     if not isinstance(schema, str) or not schema.startswith(("mograft.graft/", "mograft.grafts/")):
         return False
+    assert document is not None  # it has a schema
     if warn and belongs_to_other_motion(document, path):
         warnings.warn(f"{provenance} belongs to another motion than {path.name}", stacklevel=6)
     return True
@@ -232,7 +227,8 @@ def belongs_to_other_motion(document: Mapping[str, Any], path: Path) -> bool:
     A kill between the replacements of the two files causes this, and so does a program that changes
     the motion.
     """
-    return MOTION_HASH in document and hash_file(path) != document[MOTION_HASH]
+    known = document.get(MOTION_HASH)
+    return known is not None and SourceFile.from_path(str(path)).sha256 != known
 
 
 def exclude_grafts(clips: Sequence[FoundClip]) -> list[FoundClip]:
