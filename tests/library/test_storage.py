@@ -216,3 +216,17 @@ def test_library_beyond_limits_raises_library_error(small_library, name, value, 
     with patch.object(limits, name, value), pytest.raises(LibraryError, match=message) as caught:
         list(Library.open(small_library).clips)
     assert str(caught.value).startswith(f"{small_library} is damaged: ")
+
+
+@pytest.mark.parametrize("is_at_exit", [False, True])
+def test_row_file_close_fails_without_a_traceback_of_a_finalizer(small_library, is_at_exit):
+    code = (
+        "import os, sys\n"
+        "from mograft import Library\n"
+        "library = Library.open(sys.argv[1])\n"
+        "for each in library.samples.files:\n"
+        "    os.close(each._handle)\n" + ("" if is_at_exit else "del each, library\n")
+    )
+    words = [sys.executable, "-c", code, str(small_library)]
+    child = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert (child.returncode, child.stderr) == (0, "")

@@ -71,11 +71,11 @@ static int fails(const char *call) {
 }
 
 static int opened(int fd, int flags, int inside) {
-    if (fd >= 0 && fd < MAX_FDS) is_inside_fd[fd] = inside && flags & (O_WRONLY | O_RDWR);
+    if (fd >= 0 && fd < MAX_FDS) is_inside_fd[fd] = !inside ? 0 : flags & (O_WRONLY | O_RDWR) ? 2 : 1;
     return fd;
 }
 
-static int tracked(int fd) { return root && fd >= 0 && fd < MAX_FDS && is_inside_fd[fd]; }
+static int tracked(int fd) { return root && fd >= 0 && fd < MAX_FDS && is_inside_fd[fd] == 2; }
 
 #define OPEN(name, parameters, folder) \
     int name parameters { \
@@ -124,7 +124,7 @@ ON_FD(fdatasync)
 
 int close(int fd) {
     REAL(int, close, int);
-    int was = tracked(fd);
+    int was = root && fd >= 0 && fd < MAX_FDS && is_inside_fd[fd];
     if (was) is_inside_fd[fd] = 0;
     int code = real(fd);
     return was && fails("close") ? -1 : code;
