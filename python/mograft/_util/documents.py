@@ -1,6 +1,7 @@
 """Parse JSON and TOML, with limits of depth and of numbers."""
 
 import json
+import re
 from collections.abc import Iterable
 from contextlib import suppress
 from importlib import import_module
@@ -10,7 +11,8 @@ MAX_LEVELS = 100
 """Lists and tables in each other. Deeper ones exhaust the stack of Python, also in messages."""
 
 MAX_TOML_CHARACTERS = 1 << 20
-"""The parser of TOML takes seconds for longer texts."""
+_DEEP_KEY = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{MAX_LEVELS}}}""")
+"""A key such as ``a.b.c`` of more levels: Python parses it in quadratic time."""
 
 _MAX_INTEGER = 10**300  # larger ones are no floats
 
@@ -23,6 +25,8 @@ def parse_document(text: str | bytes, kind: Literal["JSON", "TOML"] = "JSON") ->
     if kind == "TOML" and len(text) > MAX_TOML_CHARACTERS:
         raise ValueError(f"expected at most {MAX_TOML_CHARACTERS} characters, got {len(text)}")
     with suppress(RecursionError):
+        if kind == "TOML" and _DEEP_KEY.search(str(text)):
+            raise RecursionError
         document = (json if kind == "JSON" else import_module("tomllib")).loads(text)
         items = [document]
         for _ in range(MAX_LEVELS + 1):

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import partial
-from multiprocessing import resource_tracker
+from multiprocessing import resource_tracker, spawn
 from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from typing import Any, ParamSpec, TypeVar
@@ -42,6 +42,21 @@ def worker_processes(n: int) -> Iterator[Executor | None]:
         pool.end()
 
 
+_command_line = spawn.get_command_line
+_SILENT = "import sys; sys.excepthook = lambda *own: own[0] is EOFError or sys.__excepthook__(*own)"
+
+
+def _silent_command_line(**arguments: Any) -> list[str]:  # noqa: ANN401 - of multiprocessing
+    """Return the command of a worker, which prints nothing if this process ends before it starts.
+
+    `multiprocessing` would print the traceback of an EOFError.
+    """
+    words = _command_line(**arguments)
+    if "-c" in words:
+        words[words.index("-c") + 1] = f"{_SILENT}; {words[words.index('-c') + 1]}"
+    return words
+
+
 class _Worker:
     """A process with a pipe to which no other process writes.
 
@@ -55,7 +70,11 @@ class _Worker:
         context = multiprocessing.get_context("spawn")
         self.connection, far_end = context.Pipe()
         self.process = context.Process(target=_serve, args=(far_end,), daemon=True)
-        self.process.start()
+        spawn.get_command_line = _silent_command_line
+        try:
+            self.process.start()
+        finally:
+            spawn.get_command_line = _command_line
         far_end.close()  # now only the process has it open
 
     def call(self, function: Callable[[], T]) -> T:
