@@ -78,7 +78,7 @@ def failing_calls(folder, scale, rng) -> Iterator[tuple[str, str]]:
         for call, at, error in rng.sample(cases, max(1, round(scale * len(cases)))):
             prepare(command, folder)
             (code, _, err), (_, n_faults) = attack(command, call, at, error)
-            problems = [complaint(code, err)] if n_faults or code else []
+            problems = [complaint(code, "", err)] if n_faults or code else []
             found = state(folder)
             problems += differences(found, old, new)
             if code == 0 and found != new:
@@ -161,9 +161,9 @@ def mutated_files(folder, scale, rng) -> Iterator[tuple[str, str]]:
                 files = [Path(batch) / f"{number}.{kind}" for number in range(25)]
                 for file in files:
                     file.write_bytes(_mutated(data, rng))
-                problem = complaint(*run("check " + " ".join(map(str, files)), folder)[::2])
+                problem = complaint(*run("check " + " ".join(map(str, files)), folder))
                 for file in files:
-                    alone = problem and complaint(*run(f"check {file}", folder, seconds=20)[::2])
+                    alone = problem and complaint(*run(f"check {file}", folder, seconds=20))
                     if alone:
                         shutil.copy(file, folder.parent / f"failed-{file.parent.name}-{file.name}")
                     yield f"files {kind}", alone
@@ -207,7 +207,7 @@ def hostile_texts(folder, scale, rng) -> Iterator[tuple[str, str]]:
             shutil.rmtree(place, ignore_errors=True)
             place.mkdir()
             (place / name).write_text(_hostile(text, rng), encoding="utf-8")
-            yield name, complaint(*run(words, place, seconds=20)[::2])
+            yield name, complaint(*run(words, place, seconds=20))
 
 
 def damaged_libraries(folder, scale, rng) -> Iterator[tuple[str, str]]:
@@ -233,7 +233,7 @@ def damaged_libraries(folder, scale, rng) -> Iterator[tuple[str, str]]:
             file = rng.choice(files)
             file.write_bytes(_mutated(file.read_bytes(), rng))
         for words in ("lib verify damaged", "graft damaged -o again --force"):
-            end = complaint(*run(words, folder, seconds=30)[::2])
+            end = complaint(*run(words, folder, seconds=30))
             yield (
                 f"library, {'sealed' if is_sealed else 'damaged'}",
                 f"{words}: {end}" if end else "",

@@ -95,7 +95,7 @@ def run(words, folder, variables=None, seconds=SECONDS):
     return process.returncode, out, err
 
 
-def complaint(code, err):
+def complaint(code, out, err):
     """Return what is wrong with the end of a command; "" if it succeeded or has one error."""
     if code is None:
         return "does not end"
@@ -104,9 +104,8 @@ def complaint(code, err):
     if "Traceback" in err or "Exception ignored" in err or "Warning" in err or "pxr" in err:
         return f"prints {err[-300:]!r}"
     n_errors = len(re.findall("^error: ", err, re.MULTILINE))
-    return (
-        "" if n_errors or code in (0, 2) else f"exit code {code} without an error: {err[-200:]!r}"
-    )
+    is_silent = not n_errors and not out and code not in (0, 2)
+    return f"exit code {code} without an error: {err[-200:]!r}" if is_silent else ""
 
 
 def make_inputs(folder):
