@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Iterable
 from contextlib import suppress
 from importlib import import_module
 from typing import Any, Literal
@@ -32,12 +31,8 @@ def parse_document(text: str | bytes, kind: Literal["JSON", "TOML"] = "JSON") ->
         for _ in range(MAX_LEVELS + 1):
             if any(isinstance(own, int) and abs(own) > _MAX_INTEGER for own in items):
                 raise ValueError("expected numbers of at most 300 digits, got an integer of more")
-            items = [own for item in items for own in _inner_items(item)]
+            lists = [list(own.values()) if isinstance(own, dict) else own for own in items]
+            items = [own for inner in lists if isinstance(inner, list) for own in inner]
             if not items:
                 return document
     raise ValueError(f"expected at most {MAX_LEVELS} levels, got more")
-
-
-def _inner_items(item: object) -> Iterable[object]:
-    """Return the items of a list or table."""
-    return item.values() if isinstance(item, dict) else item if isinstance(item, list) else ()

@@ -11,12 +11,6 @@ from mograft.errors import join_names
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-_MAX_SIZE_RATIO = 2.0
-"""Ratio of sizes above which `describe_sizes` names a figure: an inch has 2.54 centimetres, and
-adults are less than twice as large as school children."""
-
-_MAX_NAMES = 8
-
 
 def figure_size(skeleton: Skeleton) -> float:
     """Return the mean length of the legs along the bones; without legs, the stature."""
@@ -49,12 +43,7 @@ def describe_sizes(skeletons: Mapping[str, Skeleton]) -> list[str]:
     less than half, the median.
     """
     sizes = {name: figure_size(own) for name, own in skeletons.items()}
-    reference = sorted(sizes, key=lambda name: sizes[name])[(len(sizes) - 1) // 2 :][:1]
-    ratios = {name: size / sizes[reference[0]] for name, size in sizes.items()}
-    others = [
-        f"{name} ({ratio:.3g} times)"
-        for name, ratio in ratios.items()
-        if max(ratio, 1.0 / ratio) > _MAX_SIZE_RATIO
-    ]
-    names = join_names(others, _MAX_NAMES)
-    return [f"the legs are longer or shorter than in {reference[0]}: {names}"] if others else []
+    (median,) = sorted(sizes.values())[(len(sizes) - 1) // 2 :][:1] or (1.0,)
+    ratios = {name: size / median for name, size in sizes.items()}
+    others = [f"{name} ({own:.3g} times)" for name, own in ratios.items() if not 0.5 <= own <= 2.0]
+    return [f"legs are not as long as the median: {join_names(others)}"] if others else []

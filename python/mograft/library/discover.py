@@ -192,7 +192,7 @@ def _find_in_folder(folder: str) -> list[FoundClip]:
             addresses = _expand_file(str(file)) if has_clip else []
         except (MograftError, OSError, ValueError):
             addresses = [str(file)]
-        folders, is_graft = file.relative_to(folder).parts[:-1], has_provenance(file, warn=True)
+        folders, is_graft = file.relative_to(folder).parts[:-1], has_provenance(file)
         found += [FoundClip(own, folders, is_graft=is_graft) for own in addresses]
     for name, files in missing.items():
         remedy = f"pip install 'mograft[{name.lower()}]'"
@@ -202,10 +202,10 @@ def _find_in_folder(folder: str) -> list[FoundClip]:
     return found
 
 
-def has_provenance(path: Path, *, warn: bool = False) -> bool:
+def has_provenance(path: Path) -> bool:
     """Return whether a JSON file that ``mograft graft`` wrote lies beside a motion file.
 
-    If `warn` is true, warn of a file that belongs to another motion.
+    Warn if it belongs to another motion.
     """
     provenance = path.with_suffix(".json")
     try:
@@ -216,19 +216,22 @@ def has_provenance(path: Path, *, warn: bool = False) -> bool:
     if not isinstance(schema, str) or not schema.startswith(("mograft.graft/", "mograft.grafts/")):
         return False
     assert document is not None  # it has a schema
-    if warn and belongs_to_other_motion(document, path):
-        warnings.warn(f"{provenance} belongs to another motion than {path.name}", stacklevel=6)
+    warn_of_other_motion(document, provenance)
     return True
 
 
-def belongs_to_other_motion(document: Mapping[str, Any], path: Path) -> bool:
-    """Return whether provenance states another SHA-256 than that of a motion file.
+def warn_of_other_motion(document: Mapping[str, Any], path: Path) -> bool:
+    """Warn, and return True, if the provenance in a file belongs to no motion file beside it.
 
     A kill between the replacements of the two files causes this, and so does a program that changes
     the motion.
     """
-    known = document.get(MOTION_HASH)
-    return known is not None and SourceFile.from_path(str(path)).sha256 != known
+    motions = filter(Path.is_file, map(path.with_suffix, (".bvh", ".glb", ".npz")))
+    found = [SourceFile.from_path(str(own)).sha256 for own in motions]
+    is_other = bool(found) and document.get(MOTION_HASH, found[0]) not in found
+    if is_other:
+        warnings.warn(f"{path} belongs to another motion than the file beside it", stacklevel=3)
+    return is_other
 
 
 def exclude_grafts(clips: Sequence[FoundClip]) -> list[FoundClip]:

@@ -170,7 +170,6 @@ def write_graft(
     if is_glb:
         names, data = _add_animations(grafts, files, target)
         documents = [{**own, "animation": name} for own, name in zip(documents, names, strict=True)]
-    several = {"schema": SEVERAL_SCHEMA, "mograft": VERSION, "grafts": documents}
     # The provenance comes first: an interruption then leaves no motion without it.
     with delay_signals(), atomic_path(target) as draft:
         if is_glb:
@@ -179,9 +178,10 @@ def write_graft(
             write_amass(grafts[0].motion, draft, like=files[0])
         else:
             write_bvh(grafts[0].motion, draft, digits=digits)
-        document = documents[0] if len(documents) == 1 else several
         known = {MOTION_HASH: SourceFile.from_path(str(draft)).sha256}
-        write_json(target.with_suffix(".json"), {**document, **known})
+        documents = [{**own, **known} for own in documents]
+        several = {"schema": SEVERAL_SCHEMA, "mograft": VERSION, **known, "grafts": documents}
+        write_json(target.with_suffix(".json"), documents[0] if len(documents) == 1 else several)
 
 
 def _copied_file(graft: Graft, target: Path) -> str:
