@@ -4,7 +4,7 @@ import os
 import struct
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -108,8 +108,11 @@ def _usd_errors(path: Path) -> Iterator[None]:
     except FormatError:
         raise
     except (Tf.ErrorException, *_VALUE_ERRORS) as error:
-        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-        raise FormatError(f"expected a USD file: {lines[-1] if lines else error}", path) from error
+        text = "expected text in UTF-8"
+        with suppress(UnicodeDecodeError):  # usd-core quotes the file
+            text = str(error)
+        lines = [line.strip() for line in text.splitlines() if line.strip()]
+        raise FormatError(f"expected a USD file: {lines[-1] if lines else text}", path) from error
 
 
 def _open_stage(path: Path) -> Any:  # noqa: ANN401 - pxr has no types
