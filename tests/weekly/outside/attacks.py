@@ -53,7 +53,7 @@ def failing_calls(folder, scale, rng) -> Iterator[tuple[str, str]]:
     library, counts = compile_faults(folder), folder / "counts"
 
     def attack(command, call, at, error):
-        counts.write_bytes(bytes(16))
+        counts.write_bytes(bytes(8 * (1 + len(CALLS))))
         variables = {
             "LD_PRELOAD": str(library),
             "OUTSIDE_ROOT": str(folder / "work"),
@@ -63,21 +63,24 @@ def failing_calls(folder, scale, rng) -> Iterator[tuple[str, str]]:
             "OUTSIDE_ERROR": str(error),
         }
         end = run(command.words, folder, variables)
-        return end, struct.unpack("qq", counts.read_bytes())
+        return end, struct.unpack(f"q{len(CALLS)}q", counts.read_bytes())
 
     for command in COMMANDS:
         old = prepare(command, folder)
         code, _, err = run(command.words, folder)
         assert code == 0, err
         new = state(folder)
-        cases = []
-        for call, errors in CALLS.items():
+        prepare(command, folder)
+        _, (_, *numbers) = attack(command, "none", 0, 0)
+        cases = [
+            (call, at, error)
+            for (call, errors), number in zip(CALLS.items(), numbers, strict=True)
+            for at in range(1, number + 1)
+            for error in errors
+        ]
+        for call, at, error in rng.sample(cases, max(3, round(scale * len(cases)))):
             prepare(command, folder)
-            _, (n_calls, _) = attack(command, call, 0, 0)
-            cases += itertools.product([call], range(1, n_calls + 1), errors)
-        for call, at, error in rng.sample(cases, max(1, round(scale * len(cases)))):
-            prepare(command, folder)
-            (code, _, err), (_, n_faults) = attack(command, call, at, error)
+            (code, _, err), (n_faults, *_) = attack(command, call, at, error)
             problems = [complaint(code, "", err)] if n_faults or code else []
             found = state(folder)
             problems += differences(found, old, new)
@@ -213,12 +216,12 @@ def hostile_texts(folder, scale, rng) -> Iterator[tuple[str, str]]:
 def damaged_libraries(folder, scale, rng) -> Iterator[tuple[str, str]]:
     """Open libraries with damaged files, and with values that were changed and sealed again."""
     place = folder / "damaged"
-    for number in range(max(2, round(200 * scale))):
+    for number in range(n_trials := max(2, round(200 * scale))):
         shutil.rmtree(place, ignore_errors=True)
         shutil.copytree(folder / "in" / "l", place)
         manifest = place / "manifest.json"
         document = json.loads(manifest.read_text())
-        is_sealed = number % 2
+        is_sealed = 2 * number >= n_trials
         if is_sealed:
             containers = [own for own in document.values() if isinstance(own, dict) and own]
             container = rng.choice([document, *containers])
@@ -244,14 +247,13 @@ ATTACKS = (failing_calls, random_signals, mutated_files, hostile_texts, damaged_
 
 
 def attack(name, scale, seed):
-    """Run an attack; return its number of trials and its failures, by what was attacked."""
+    """Run an attack; yield what was attacked, the number of trials, and the failures."""
     rng = random.Random(f"{name} {seed}")
-    results = {}
     with tempfile.TemporaryDirectory() as parent:
         folder = Path(parent).resolve() / "attack"
         folder.mkdir()
         make_inputs(folder)
         function = next(own for own in ATTACKS if own.__name__ == name)
-        for subject, problem in function(folder, scale, rng):
-            results.setdefault(subject, []).append(problem)
-    return results
+        for subject, trials in itertools.groupby(function(folder, scale, rng), lambda own: own[0]):
+            problems = [problem for _, problem in trials]
+            yield subject, len(problems), [own for own in problems if own]

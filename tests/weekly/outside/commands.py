@@ -129,11 +129,15 @@ def make_inputs(folder):
 
 def prepare(command, folder):
     """Make the old state of a command in ``work``."""
+    old = folder / f"old {command.name}"
     shutil.rmtree(folder / "work", ignore_errors=True)
-    (folder / "work").mkdir()
-    if command.prepare:
-        code, _, err = run(command.prepare, folder)
-        assert code == 0, err
+    if not old.exists():
+        (folder / "work").mkdir()
+        if command.prepare:
+            code, _, err = run(command.prepare, folder)
+            assert code == 0, err
+        (folder / "work").rename(old)
+    shutil.copytree(old, folder / "work", symlinks=True)
     return state(folder)
 
 
