@@ -86,9 +86,19 @@ def write_usd(
     with checked_path(target, lambda draft: _has_keys(draft, motion.n_frames)) as draft:
         try:
             stage.GetRootLayer().Export(str(draft))
-        except Tf.ErrorException as error:  # its text lists functions of usd-core
-            reason = re.findall(" : '(.*?)'", f"{error} : 'cannot be written'")[0]
-            raise OSError(errno.EIO, reason, str(target)) from error
+        except Tf.ErrorException as error:
+            raise OSError(errno.EIO, usd_reasons(error)[0], str(target)) from error
+
+
+def usd_reasons(error: Exception) -> list[str]:
+    """Return the reasons in an error of usd-core, without its functions and files."""
+    try:
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    except UnicodeDecodeError:  # usd-core quotes a file that is not text
+        lines = ["expected text in UTF-8"]
+    return [
+        re.sub(r"^Error in '.*?' at line \d+ in file .*? : '(.*)'$", r"\1", own) for own in lines
+    ]
 
 
 def _has_keys(path: Path, count: int) -> bool:

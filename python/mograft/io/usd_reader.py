@@ -4,7 +4,7 @@ import os
 import struct
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from mograft.io.clips import Clips, errors_of_file
 from mograft.io.gltf.animation import DEFAULT_RATE
 from mograft.io.gltf.nodes import Transforms, decompose, to_transforms, to_world
 from mograft.io.rest_pose import RestPose, rebase
-from mograft.io.usd import require_usd_core
+from mograft.io.usd import require_usd_core, usd_reasons
 from mograft.motion import limits
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -108,11 +108,8 @@ def _usd_errors(path: Path) -> Iterator[None]:
     except FormatError:
         raise
     except (Tf.ErrorException, *_VALUE_ERRORS) as error:
-        text = "expected text in UTF-8"
-        with suppress(UnicodeDecodeError):  # usd-core quotes the file
-            text = str(error)
-        lines = [line.strip() for line in text.splitlines() if line.strip()]
-        raise FormatError(f"expected a USD file: {lines[-1] if lines else text}", path) from error
+        reason = (usd_reasons(error) or [type(error).__name__])[-1]
+        raise FormatError(f"expected a USD file: {reason}", path) from error
 
 
 def _open_stage(path: Path) -> Any:  # noqa: ANN401 - pxr has no types

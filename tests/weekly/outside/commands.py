@@ -102,7 +102,7 @@ def complaint(code, out, err):
     if code not in _CODES:
         return f"exit code {code}: {err[-200:]}"
     # "encountered in" is in warnings of NumPy.
-    if re.search("Traceback|Exception ignored|Warning|encountered in|pxrInternal", err):
+    if re.search("Traceback|Exception ignored|Warning|encountered in|at line .* in file", err):
         return f"prints {err[-300:]!r}"
     n_errors = len(re.findall("^error: ", err, re.MULTILINE))
     is_silent = not n_errors and not out and code not in (0, 2)
