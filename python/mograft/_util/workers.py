@@ -44,17 +44,7 @@ def worker_processes(n: int) -> Iterator[Executor | None]:
 
 _command_line = spawn.get_command_line
 _SILENT = "import sys; sys.excepthook = lambda *own: own[0] is EOFError or sys.__excepthook__(*own)"
-
-
-def _silent_command_line(**arguments: Any) -> list[str]:  # noqa: ANN401 - of multiprocessing
-    """Return the command of a worker, which prints nothing if this process ends before it starts.
-
-    `multiprocessing` would print the traceback of an EOFError.
-    """
-    words = _command_line(**arguments)
-    if "-c" in words:
-        words[words.index("-c") + 1] = f"{_SILENT}; {words[words.index('-c') + 1]}"
-    return words
+"""Code of a worker that prints no traceback if this process was killed while it started it."""
 
 
 class _Worker:
@@ -70,7 +60,10 @@ class _Worker:
         context = multiprocessing.get_context("spawn")
         self.connection, far_end = context.Pipe()
         self.process = context.Process(target=_serve, args=(far_end,), daemon=True)
-        spawn.get_command_line = _silent_command_line
+        spawn.get_command_line = lambda **own: [
+            f"{_SILENT}; {word}" if word.startswith("from multiprocessing") else word
+            for word in map(os.fsdecode, _command_line(**own))
+        ]
         try:
             self.process.start()
         finally:
