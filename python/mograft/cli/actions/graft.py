@@ -416,7 +416,8 @@ def _print_remarks(
             f"warning: {n_near} of {n} motions differ from an earlier one by less than "
             f"{_NEAR_DEGREES:g}°; --distinct {2 * _NEAR_DEGREES:g} replaces them"
         )
-    for remark in [*remarks, *advise(last, substitutions)]:
+    advice = [] if options.change else advise(last, substitutions)
+    for remark in [*remarks, *advice]:
         for name, flag in _ADVISED_OPTIONS.items():
             remark = remark.replace(f"`{name}`", flag)
         print_remark(remark)
