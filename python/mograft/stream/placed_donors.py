@@ -46,6 +46,21 @@ class SampledDonors:
         step = ROTATIONS.delta(self.values[:, -4], self.values[:, -3])
         return 2.0 * (self.end_velocity / self.rate - step)
 
+    def select(self, placed: FloatArray, index: int) -> "PlacedDonor":
+        """Return one of the donors; `placed` are `values` after seam treatment.
+
+        Joints that the seam treatment does not change at the end have the velocity of the donor.
+        """
+        last = placed[index, -3:]
+        one_step, two_steps = ROTATIONS.delta(last[0], last[1:])
+        velocity = (0.5 * two_steps - 2.0 * one_step) * (self.rate / VELOCITY_STEP)
+        is_unchanged = (last == self.values[index, -3:]).all(axis=(0, 2))
+        return PlacedDonor(
+            frames=placed[index, :-2],
+            end_velocity=np.where(is_unchanged[:, None], self.end_velocity[index], velocity),
+            end_acceleration=self.end_acceleration[index],
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class PlacedDonor:
@@ -54,34 +69,6 @@ class PlacedDonor:
     frames: FloatArray  # rotations, shape (n_frames, n_joints, 4)
     end_velocity: FloatArray  # angular, in the last frame, radians per second, (n_joints, 3)
     end_acceleration: FloatArray  # of the donor in the last frame, rad/frame², (n_joints, 3)
-
-
-@dataclass(frozen=True, eq=False)
-class PlacedDonors:
-    """n donors resampled to the length of a base segment, after seam treatment."""
-
-    sampled: SampledDonors  # the donors before seam treatment
-    values: FloatArray  # rotations after it, in the shape of `sampled.values`
-
-    @property
-    def frames(self) -> FloatArray:
-        """Rotations in the frames of the base segment, shape (n, n_frames, n_joints, 4)."""
-        return self.values[:, :-2]
-
-    def select(self, index: int) -> PlacedDonor:
-        """Return one of the donors.
-
-        Joints that the seam treatment does not change at the end have the velocity of the donor.
-        """
-        sampled, last = self.sampled, self.values[index, -3:]
-        one_step, two_steps = ROTATIONS.delta(last[0], last[1:])
-        velocity = (0.5 * two_steps - 2.0 * one_step) * (sampled.rate / VELOCITY_STEP)
-        is_unchanged = (last == sampled.values[index, -3:]).all(axis=(0, 2))
-        return PlacedDonor(
-            frames=self.frames[index],
-            end_velocity=np.where(is_unchanged[:, None], sampled.end_velocity[index], velocity),
-            end_acceleration=sampled.end_acceleration[index],
-        )
 
 
 def frames_with_neighbours(track: FloatArray, start: int, stop: int) -> FloatArray:
@@ -132,7 +119,7 @@ def sample_donors(
 
 def place_donors(
     sampled: SampledDonors, previous: PlacedDonor | None, config: Config
-) -> PlacedDonors:
+) -> FloatArray:
     """Close the seam between the committed motion and each donor.
 
     `previous` is None for the first segment, which has no seam. A treatment `Config.seam` that
@@ -140,7 +127,7 @@ def place_donors(
     """
     raw = sampled.values
     if previous is None:
-        return PlacedDonors(sampled, raw)
+        return raw
     treatment = SEAM_TREATMENTS[config.seam]
     if not treatment.is_causal:
         treatment = SEAM_TREATMENTS["inertial"]
@@ -160,7 +147,7 @@ def place_donors(
         sampled.start_velocity,
     )
     values = treatment.close(raw.reshape(-1, *raw.shape[2:]), times, boundaries)
-    return PlacedDonors(sampled, values.reshape(raw.shape))
+    return values.reshape(raw.shape)
 
 
 def smooth_with_following(
@@ -172,22 +159,22 @@ def smooth_with_following(
     the next one. The first frame of the segment and the frame before it are committed and do not
     change. If there is no gap, the result is that of `place_donors`.
     """
-    all_placed = place_donors(sampled, previous, config)
-    placed = all_placed.select(0)
+    values = place_donors(sampled, previous, config)
+    placed = sampled.select(values, 0)
     is_continuous = (
-        (all_placed.values == sampled.values).all()
+        (values == sampled.values).all()
         and (sampled.frames[0, -1] == following.frames[0, 0]).all()
         and np.allclose(sampled.end_velocity, following.start_velocity, atol=1e-9)
     )
     if is_continuous:
         return placed
     # The starting point of the solution is continuous.
-    values = [placed.frames, place_donors(following, placed, config).frames[0, 1:]]
+    parts = [placed.frames, place_donors(following, placed, config)[0, 1:-2]]
     rows = [sampled.frames[0], following.frames[0]]
     n_before = 0
     if previous is not None:
         n_before = 1
-        values.insert(0, previous.frames[-2:-1])
+        parts.insert(0, previous.frames[-2:-1])
         # The kernel takes the acceleration in the first frame from the steps beside it.
         acceleration = 0.5 * (previous.end_acceleration + sampled.start_acceleration[0])
         step_before = ROTATIONS.delta(*rows[0][:2]) - acceleration
@@ -195,7 +182,7 @@ def smooth_with_following(
     stops = np.cumsum([len(own) - 1 for own in rows])
     acceleration = 0.5 * (sampled.end_acceleration + following.start_acceleration)
     smooth = fit_donors(
-        np.concatenate(values),
+        np.concatenate(parts),
         (np.append(0, stops[:-1]), stops, np.concatenate(rows), np.array([n_before]), acceleration),
         sampled.rate,
         # The first frame of the segment is the nearest one that does not change.

@@ -262,7 +262,7 @@ class StreamSearch:
             costs, all_placed = candidates.origin_costs, None
             if candidates.sampled is not None:
                 all_placed = place_donors(candidates.sampled, end, config)
-                costs = costs + self.pose_costs(segment, group, all_placed.frames, context)
+                costs = costs + self.pose_costs(segment, group, all_placed[:, :-2], context)
             trellis = self._trellis(group, costs)
             kept = np.arange(len(segment.donors))
             if all_placed is None and group in self._following:
@@ -270,8 +270,8 @@ class StreamSearch:
                 trellis = trellis.restrict_first(kept)
             path = DONOR_CHOICES[config.choice].choose_path(trellis, config, rng)
             index = int(kept[path[0]])
-            if all_placed is not None:
-                placed = all_placed.select(index)
+            if candidates.sampled is not None and all_placed is not None:
+                placed = candidates.sampled.select(all_placed, index)
             else:
                 sampled = self._sample(segment, group, segment.donors[[index]])
                 if uses_next:
@@ -280,7 +280,7 @@ class StreamSearch:
                     next_sampled = self._sample(self.pending[1], group, donors)
                     placed = smooth_with_following(sampled, next_sampled, end, config)
                 else:
-                    placed = place_donors(sampled, end, config).select(0)
+                    placed = sampled.select(place_donors(sampled, end, config), 0)
             boundary, gap = candidates.boundary[index : index + 1], 0.0
             if previous is not None:
                 gap = float(pose_gaps(previous.boundary.last, boundary.first)[0, 0])
