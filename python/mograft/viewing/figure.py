@@ -78,13 +78,13 @@ class Figure:
         `parents` holds the parent of each node: of the joints, then of the end sites. An end site
         belongs to the group of its parent.
         """
-        groups = np.zeros(len(parents), np.int64)
+        groups = [0] * len(parents)
         for index, joints in enumerate(self.members.values()):
-            groups[joints] = index
+            for joint in joints.tolist():
+                groups[joint] = index
         for node in range(self.motion.n_joints, len(parents)):
             groups[node] = groups[max(parents[node], 0)]
-        indices: list[int] = groups.tolist()
-        return indices
+        return groups
 
 
 class ShownConstraint(NamedTuple):
