@@ -191,12 +191,8 @@ def _balance_of_points(
     )
     distances /= support.height
     distances = np.where(support.sizes < 3, distances - _DEGENERATE_MARGIN, distances)
-    return Balance(
-        kind=kind,
-        distance=np.where(grounded, distances, np.nan),
-        grounded=grounded,
-        model=mass_model(motion.skeleton).model,
-    )
+    distances = np.where(grounded, distances, np.nan)
+    return Balance(kind, distances, grounded, mass_model(motion.skeleton).model)
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,9 +286,8 @@ def balance_row(method: str, samples: Sequence[BalanceSample], rule: Rule = "all
     if not is_grounded.any():
         raise InsufficientDataError("balance needs feet on the floor: every segment is in flight")
     changed = np.where(np.concatenate([own.changed for own in samples], axis=1), values, np.nan)
-    blocks = estimate.segment_blocks(
-        np.repeat(np.arange(len(samples)), [len(sample.cut) for sample in samples])
-    )
+    lengths = [len(sample.cut) for sample in samples]
+    blocks = estimate.segment_blocks(np.repeat(np.arange(len(samples)), lengths))
 
     def average(rows: FloatArray, unit: str) -> Estimate:
         return estimate.block_mean(rows.ravel(), np.broadcast_to(blocks, rows.shape).ravel(), unit)

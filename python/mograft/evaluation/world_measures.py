@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 
@@ -196,15 +196,12 @@ class WorldReference:
     def __init__(self, library: Library) -> None:
         self.blocks = body_tracks.FrameBlocks.of(library)
         self._base = lru_cache(maxsize=1)(_Base)
-        self._clip_jerks = lru_cache(maxsize=None)(
-            lambda clip: _landmark_jerks(library.clips[clip])
-        )
+        self._clip_jerks = cache(lambda clip: _landmark_jerks(library.clips[clip]))
 
     def measure(self, graft: Graft) -> WorldMeasures:
         """Return the measures of one graft; see `world_measures`."""
-        origins = {
-            group: body_tracks.Origin.of(graft, group, self.blocks) for group in graft.alternatives
-        }
+        groups, origin_of = graft.alternatives, body_tracks.Origin.of
+        origins = {group: origin_of(graft, group, self.blocks) for group in groups}
         is_exchanged = np.any([origin.is_exchanged for origin in origins.values()], axis=0)
         base = self._base(graft.base)
         feet = _feet(graft.motion, base.ground)
