@@ -141,8 +141,7 @@ def check_stream_frames(frames: Motion, library: Library, skeleton: Skeleton | N
 
 def _tracks(frames: Motion) -> Tracks:
     names = ("rotations", "positions", "channel_values", "computed_values")
-    tracks = {name: getattr(frames, name) for name in names}
-    return {name: track for name, track in tracks.items() if track is not None}
+    return {name: track for name in names if (track := getattr(frames, name)) is not None}
 
 
 def _join_tracks(parts: Sequence[Tracks]) -> Tracks:

@@ -283,10 +283,7 @@ class Stream:
 
     def pieces(self) -> list[StreamPiece]:
         """Commit segments with `advance` until it returns None; return their pieces."""
-        pieces = []
-        while (piece := self.advance()) is not None:
-            pieces.append(piece)
-        return pieces
+        return list(iter(self.advance, None))
 
     def advance(self) -> StreamPiece | None:
         """Commit the next segment.
