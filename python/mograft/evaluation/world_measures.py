@@ -14,11 +14,11 @@ from functools import cache, lru_cache
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.body.contacts import Ground, find_legs, skating_share
+from mograft.body.contacts import Ground, skating_share
 from mograft.body.support_polygon import Support, support_polygons
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import body_tracks, estimate
-from mograft.evaluation.balance import Balance, dynamic_balance
+from mograft.evaluation.balance import Balance, dynamic_balance, graft_balance
 from mograft.evaluation.estimate import Estimate, Record
 from mograft.evaluation.novelty import Novelty, novelty
 from mograft.library.library import Library
@@ -262,8 +262,7 @@ class _Base:
         before = self.balance
         if before is None:
             return math.nan
-        support = self.support if has_base_legs(graft) else None
-        new = dynamic_balance(graft.motion, support=support, floor_reference=graft.base)
+        new = graft_balance("dynamic", graft, self.support)
         both = before.grounded & new.grounded
         used = both & is_exchanged if is_exchanged.any() else both
         if not used.any():
@@ -284,16 +283,6 @@ def _feet(motion: Motion, ground: Ground) -> dict[str, float]:
         "under_floor": float((depths > UNDER_FLOOR).mean()),
         "skate": skating_share(motion, ground),
     }
-
-
-def has_base_legs(graft: Graft) -> bool:
-    """Return whether all joints of the legs and their ancestors move as in the base."""
-    ends = [leg.ankle if leg.toe is None else leg.toe for leg in find_legs(graft.base.skeleton)]
-    joints = sorted({j for end in ends for j in (end, *graft.base.skeleton.ancestors(end))})
-    new, base = graft.motion, graft.base
-    return np.array_equal(new.rotations[:, joints], base.rotations[:, joints]) and np.array_equal(
-        new.positions[:, joints], base.positions[:, joints]
-    )
 
 
 def _landmark_jerks(motion: Motion) -> dict[str, FloatArray]:
