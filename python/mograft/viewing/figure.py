@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -193,12 +194,10 @@ def recorded_base(
     `skeleton` is the rest pose for files that store none, by default that of the provenance.
     """
     skeleton = record.library.rest if skeleton is None else skeleton
-    for clip in record.clips:
-        if clip.is_base and clip.name == record.base and not clip.is_mirrored:
-            try:
-                base = read_clip(find_clip(record, clip, ()), skeleton=skeleton)
-            except (MograftError, OSError):
-                return None
+    clips = [own for own in record.clips if own.is_base and not own.is_mirrored]
+    for clip in [own for own in clips if own.name == record.base][:1]:
+        with suppress(MograftError, OSError):
+            base = read_clip(find_clip(record, clip, ()), skeleton=skeleton)
             return base if base.n_frames == motion.n_frames else None
     return None
 
@@ -211,8 +210,6 @@ def recorded_constraints(record: GraftRecord) -> list[Constraint]:
 
     found: list[Constraint] = []
     for values in (record.document.get("request") or {}).get("constraints", ()):
-        try:
+        with suppress(*DAMAGE, MograftError, OSError):
             found.append(decode_constraint(values, decode_motion))
-        except (*DAMAGE, MograftError, OSError):
-            continue
     return found
