@@ -90,7 +90,7 @@ def _join(library: Library, pairs: list[tuple[int, int]]) -> list[DuplicateSpan]
             continue
         left.remove(pair)
         ends, following = pair, (pair[0] + 1, pair[1] + 1)
-        while following in left and (cut.clip[[*following]] == cut.clip[[*ends]]).all():
+        while following in left and np.array_equal(cut.clip[list(following)], cut.clip[list(ends)]):
             left.remove(following)
             ends, following = following, (following[0] + 1, following[1] + 1)
         (clip, frames), (other, others) = (

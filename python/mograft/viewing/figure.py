@@ -194,11 +194,11 @@ def recorded_base(
     `skeleton` is the rest pose for files that store none, by default that of the provenance.
     """
     skeleton = record.library.rest if skeleton is None else skeleton
-    clips = [own for own in record.clips if own.is_base and not own.is_mirrored]
-    for clip in [own for own in clips if own.name == record.base][:1]:
-        with suppress(MograftError, OSError):
-            base = read_clip(find_clip(record, clip, ()), skeleton=skeleton)
-            return base if base.n_frames == motion.n_frames else None
+    for clip in record.clips:
+        if clip.is_base and clip.name == record.base and not clip.is_mirrored:
+            with suppress(MograftError, OSError):
+                base = read_clip(find_clip(record, clip, ()), skeleton=skeleton)
+                return base if base.n_frames == motion.n_frames else None
     return None
 
 

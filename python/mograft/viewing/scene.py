@@ -164,9 +164,9 @@ class _Builder:
                 if len(new.rows) > len(old.rows):
                     self.figures[index] = replace(new, name=old.name)
                 return
-        names, stem = {figure.name for figure in self.figures}, new.name or "motion"
-        numbered = (f"{stem} ({number})" for number in count(2))
-        name = next(name for name in chain([stem], numbered) if name not in names)
+        taken, stem = {figure.name for figure in self.figures}, new.name or "motion"
+        names = chain([stem], (f"{stem} ({number})" for number in count(2)))
+        name = next(name for name in names if name not in taken)
         self.figures.append(replace(new, name=name))
 
 
