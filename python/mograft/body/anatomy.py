@@ -100,6 +100,41 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
     )
 
 
+def find_joint(skeleton: Skeleton, name: str) -> int:
+    """Return the index of the joint that has a name or that a body part means, such as "chest".
+
+    A limb needs its side, as in "left hand". Raise ValueError if there is none.
+    """
+    if name not in skeleton.names and (joint := _counterpart(skeleton, name)) is not None:
+        return joint
+    return skeleton.index(name)
+
+
+def named_joint(skeleton: Skeleton, name: str) -> int:
+    """Return the index of the joint named `name`.
+
+    Raise ValueError if no joint or more than one has the name. The message names the joint of the
+    body part that the name means, as names differ between figures, or else the most similar name.
+    """
+    if name not in skeleton.names and (joint := _counterpart(skeleton, name)) is not None:
+        hint = f"did you mean {skeleton.names[joint]!r}, the same body part?"
+        raise ValueError(f"no joint is named {name!r}; {hint}")
+    return skeleton.index(name)
+
+
+def _counterpart(skeleton: Skeleton, name: str) -> int | None:
+    """Return the joint of the part and side that a name means, and of most of its words."""
+    (words,), (side,) = read_names((name,))
+    known, meant = anatomy(skeleton), part_of_words(words)
+    part = {"leg": "shank", "shoulder": "upper_arm", "hip": "thigh" if side else "pelvis"}.get(
+        meant, meant
+    )
+    own_words = read_names(skeleton.names)[0]
+    # Of the trunk the top, where the arms begin, unless the name is another.
+    joints = known.joints(part, side=side)[:: -1 if part == "trunk" else 1]
+    return max(joints, key=lambda joint: len({*own_words[joint]} & {*words}), default=None)
+
+
 def root_carriers(skeleton: Skeleton) -> list[int]:
     """Return the ancestors of the hips of a skeleton with legs, from the hips upwards.
 

@@ -10,10 +10,13 @@ from mograft._util.arrays import IntArray
 from mograft.config import scale_of_variety
 from mograft.library.library import Library
 from mograft.search.costs import length_fits
-from mograft.synthesis.graft_result import Graft, Substitution
+from mograft.search.donor_constraints import OnlyFrom
+from mograft.search.pose_constraints import PoseConstraint, Reach
+from mograft.synthesis.graft import graft as make_graft
+from mograft.synthesis.graft_result import Graft, Substitution, find_missing
 
 _REMEDIES = {
-    "no similar segment": "{similar} or add clips",
+    "no similar segment": "{similar}add clips",
     "none of similar length": "raise `max_stretch` (now {max_stretch:.2f})",
     "only segments with recording faults": "correct the faults that mograft check lists",
     "only copies of the captured part": "add other clips",
@@ -46,6 +49,8 @@ def advise(graft: Graft, motions: Sequence[Sequence[Substitution]] = ()) -> list
     >>> advise(graft(library))[0]
     'warning: no segment was exchanged: no segment has a candidate'
     """
+    if graft.remarks is not None:
+        return list(graft.remarks)
     motions = motions or [graft.substitutions]
     lines = []
     is_kept = np.ones(graft.base.n_frames - 1, bool)  # intervals between frames
@@ -61,7 +66,7 @@ def advise(graft: Graft, motions: Sequence[Sequence[Substitution]] = ()) -> list
         lines.append(f"in {kept:.1f} of {total:.1f} s no segment was exchanged in {where}")
     if graft.request.method == "repair":
         return lines  # Only segments near violations have other candidates.
-    without = [group for group, counts in graft.alternatives.items() if (counts == 0).any()]
+    without = [group for group in graft.alternatives if find_missing(graft, group).any()]
     return [*lines, *(_describe_missing(graft, group) for group in without)]
 
 
@@ -82,7 +87,33 @@ def find_helpful_option(graft: Graft) -> str:
             lists = pool.candidate_lists(np.array(scenario, np.int64), config)
             n_candidates += sum(map(len, lists))
         gains.append(n_candidates)
-    return "`max_stretch`" if gains[1] > gains[0] else "`variety`"
+    is_widest = library.config.sigma_scale >= scale_of_variety(1.0)
+    return "`max_stretch`" if is_widest or gains[1] > gains[0] else "`variety`"
+
+
+def find_remedies(graft: Graft) -> list[str]:
+    """Return what helps against the violations of a new graft: options, named as in `advise`.
+
+    A `Reach` is tried with the limit 1 of `Config.reach_ik`.
+    """
+    config, request, remedies = graft.library.config, graft.request, list[str]()
+    violated = [own.constraint for own in graft.violations]
+    if any(isinstance(own, Reach) for own in violated) and config.reach_ik < 1.0:
+        trial = make_graft(
+            graft.library.relabelled(replace(config, reach_ik=1.0)),
+            request.base,
+            constraints=request.constraints,
+            swap=request.swap,
+            seed=graft.seed,
+            scenario=request.scenario,
+        )
+        result = "leaves violations" if trial.violations else "satisfies them"
+        remedies.append(f"`reach_ik=1` {result}")
+    if any(isinstance(own, PoseConstraint) for own in violated) and request.method == "graft":
+        remedies.append("`only_violations` also tries less similar donors")
+    if any(isinstance(own, OnlyFrom) for own in violated):
+        remedies.append("a larger `variety` allows less similar donors")
+    return remedies
 
 
 def _cause_of_no_exchange(graft: Graft) -> str:
@@ -102,17 +133,17 @@ def _describe_missing(graft: Graft, group: str) -> str:
     """Return how many segments of a group have no candidate, with causes and remedies."""
     library, counts = graft.library, graft.alternatives[group]
     segments = np.array([own.segment for own in graft.substitutions if own.group == group])
-    causes = Counter(_find_causes(library, group, segments[counts == 0]))
+    causes = Counter(_find_causes(library, group, segments[find_missing(graft, group)]))
     numbers = ", ".join(f"{n} {cause}" for cause, n in causes.most_common())
     config = library.config
     is_widest = config.sigma_scale >= scale_of_variety(1.0)
-    similar = "raise `sigma_scale`" if is_widest else "raise `variety`"
+    similar = "" if is_widest else "raise `variety` or "
     remedies = ", ".join(
         _REMEDIES[cause].format(similar=similar, max_stretch=config.max_stretch)
         for cause, _ in causes.most_common()
     )
     return (
-        f"{group}: {int((counts == 0).sum())} of {len(counts)} segments had no candidate "
+        f"{group}: {causes.total()} of {len(counts)} segments had no candidate "
         f"({numbers}): {remedies}"
     )
 

@@ -28,6 +28,9 @@ _USES_OF_PACKAGES = {
     "scipy": "mograft evaluate",
 }
 
+_SOURCES = {"mograft-fbx": "./python-fbx in a checkout of mograft, with a C compiler and cargo"}
+"""Where packages are that no index has."""
+
 
 def run_doctor(options: DoctorOptions) -> int:
     """Print the result of each check; return exit code 1 if a check found a defect, else 0."""
@@ -50,7 +53,8 @@ def _check_package(name: str) -> tuple[str, str, str]:
         return name, "ok", metadata.version(name)
     except metadata.PackageNotFoundError:
         state = "broken" if name == _REQUIRED else "absent"
-        return name, state, f"needed for {_USES_OF_PACKAGES[name]}: pip install {name}"
+        source = _SOURCES.get(name, name)
+        return name, state, f"needed for {_USES_OF_PACKAGES[name]}: pip install {source}"
 
 
 def _check_graft() -> tuple[str, str]:
