@@ -13,7 +13,7 @@ from mograft._util.validate import (
     check_positive,
     coerce_vector,
 )
-from mograft.body.anatomy import anatomy, find_joint, named_joint
+from mograft.body.anatomy import anatomy, find_joint
 from mograft.body.capsules import Capsules, Poses, clearance
 from mograft.body.mass import mass_model
 from mograft.motion import rotations
@@ -173,7 +173,7 @@ class FigurePosition:
         forward = _forward(skeleton, positions, upward)
         left, height = np.cross(upward, forward), mass_model(skeleton).height
         x, y, z = (height * own for own in self.offset)
-        origin = positions[:, find_joint(skeleton, self.part)]
+        origin = positions[:, find_joint(skeleton, self.part, is_part=True)]
         return origin + x * left + y * upward + z * forward
 
 
@@ -226,7 +226,7 @@ class Reach(PoseConstraint):
             raise ValueError("`frame` or `frames` must be given, got neither")
 
     def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
-        at = named_joint(poses.skeleton, self.joint)
+        at = find_joint(poses.skeleton, self.joint)
         if joints is not None and not joints[at]:
             return no_errors(poses)
         target = self.target
@@ -278,7 +278,7 @@ class Face(PoseConstraint):
 
     def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
         skeleton = poses.skeleton
-        at = mass_model(skeleton).head if self.joint is None else named_joint(skeleton, self.joint)
+        at = mass_model(skeleton).head if self.joint is None else find_joint(skeleton, self.joint)
         if at is None:
             raise ValueError("`joint` must be given: the skeleton has no head")
         if joints is not None and not joints[at]:
@@ -329,7 +329,7 @@ class KeepOut(PoseConstraint):
         check_positive(self, "tolerance")
 
     def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
-        at = named_joint(poses.skeleton, self.joint)
+        at = find_joint(poses.skeleton, self.joint)
         if joints is not None and not joints[at]:
             return no_errors(poses)
         joint, bones, radii = np.array([at]), np.zeros((1, 3)), np.zeros(1)
@@ -376,7 +376,7 @@ class Custom(PoseConstraint):
             raise TypeError(f"`function` must be callable, got {self.function!r}")
 
     def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
-        at = -1 if self.joint is None else named_joint(poses.skeleton, self.joint)
+        at = -1 if self.joint is None else find_joint(poses.skeleton, self.joint)
         if joints is not None and at >= 0 and not joints[at]:
             return no_errors(poses)
         label = f"result of {self.name}"

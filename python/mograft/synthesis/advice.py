@@ -11,9 +11,11 @@ from mograft.config import scale_of_variety
 from mograft.library.library import Library
 from mograft.search.costs import length_fits
 from mograft.search.donor_constraints import OnlyFrom
-from mograft.search.pose_constraints import PoseConstraint, Reach
+from mograft.search.pose_constraints import Reach
 from mograft.synthesis.graft import graft as make_graft
 from mograft.synthesis.graft_result import Graft, Substitution, find_missing
+
+_MAX_TRIED = 20_000  # frames
 
 _REMEDIES = {
     "no similar segment": "{similar}add clips",
@@ -70,46 +72,22 @@ def advise(graft: Graft, motions: Sequence[Sequence[Substitution]] = ()) -> list
     return [*lines, *(_describe_missing(graft, group) for group in without)]
 
 
-def find_helpful_option(graft: Graft) -> str:
-    """Return the option that adds most candidates for the base of a graft.
-
-    It is "`variety`", tried with a radius greater by a third, or "`max_stretch`", tried with twice
-    its value; ties go to the first.
-    """
-    library, gains = graft.library, []
-    stretched = replace(library.config, max_stretch=2.0 * library.config.max_stretch)
-    for factor, config in ((4.0 / 3.0, library.config), (1.0, stretched)):
-        n_candidates = 0
-        for group in graft.alternatives:
-            scenario = [own.segment for own in graft.substitutions if own.group == group]
-            pool = library.pool(group)
-            pool = replace(pool, sigma=factor * pool.sigma)
-            lists = pool.candidate_lists(np.array(scenario, np.int64), config)
-            n_candidates += sum(map(len, lists))
-        gains.append(n_candidates)
-    is_widest = library.config.sigma_scale >= scale_of_variety(1.0)
-    return "`max_stretch`" if is_widest or gains[1] > gains[0] else "`variety`"
-
-
 def find_remedies(graft: Graft) -> list[str]:
     """Return what helps against the violations of a new graft: options, named as in `advise`.
 
-    A `Reach` is tried with the limit 1 of `Config.reach_ik`.
+    A `Reach` on a base of at most `_MAX_TRIED` frames is tried with the `Config.reach_ik` 1.
     """
-    config, request, remedies = graft.library.config, graft.request, list[str]()
+    library, request, remedies = graft.library, graft.request, list[str]()
     violated = [own.constraint for own in graft.violations]
-    if any(isinstance(own, Reach) for own in violated) and config.reach_ik < 1.0:
-        trial = make_graft(
-            graft.library.relabelled(replace(config, reach_ik=1.0)),
-            request.base,
-            constraints=request.constraints,
-            swap=request.swap,
-            seed=graft.seed,
-            scenario=request.scenario,
-        )
-        result = "leaves violations" if trial.violations else "satisfies them"
+    is_short = graft.base.n_frames <= _MAX_TRIED
+    if is_short and library.config.reach_ik < 1.0 and any(isinstance(v, Reach) for v in violated):
+        longer = library.relabelled(replace(library.config, reach_ik=1.0))
+        names = ("constraints", "swap", "scenario")
+        arguments = {name: getattr(request, name) for name in names}
+        trial = make_graft(longer, request.base, seed=graft.seed, **arguments)
+        result = "is not enough" if trial.violations else "satisfies them"
         remedies.append(f"`reach_ik=1` {result}")
-    if any(isinstance(own, PoseConstraint) for own in violated) and request.method == "graft":
+    if request.method == "graft" and any(own.is_on_poses for own in violated):
         remedies.append("`only_violations` also tries less similar donors")
     if any(isinstance(own, OnlyFrom) for own in violated):
         remedies.append("a larger `variety` allows less similar donors")

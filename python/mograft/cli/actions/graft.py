@@ -33,7 +33,7 @@ from mograft.scenario import Scenario, fill, follow, to_beats, transitions, walk
 from mograft.scenario.walks import check_duration
 from mograft.search.candidates import count_combinations
 from mograft.search.constraints import Constraint
-from mograft.synthesis.advice import advise, find_helpful_option, find_remedies
+from mograft.synthesis.advice import advise, find_remedies
 from mograft.synthesis.graft import graft_many, kept_violations, repair
 from mograft.synthesis.graft_result import Graft, Substitution
 from mograft.synthesis.newness import newness
@@ -348,10 +348,10 @@ def _print_remarks(
     if n < options.count:
         apart = f" that are {options.distinct:g}° apart" if options.distinct else ""
         smaller = "a smaller --distinct, " if options.distinct else ""
+        wider = "" if options.variety is None else "--variety or "
         remarks.append(
             f"warning: the donors allow only {n} different motion{'s' * (n > 1)}{apart}, not "
-            f"{options.count}; {smaller}a larger {find_helpful_option(last)} or more clips allow "
-            "more"
+            f"{options.count}; {smaller}a larger {wider}--max-stretch or more clips allow more"
         )
     if n_near:
         remarks.append(

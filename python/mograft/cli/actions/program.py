@@ -28,9 +28,6 @@ _USES_OF_PACKAGES = {
     "scipy": "mograft evaluate",
 }
 
-_SOURCES = {"mograft-fbx": "./python-fbx in a checkout of mograft, with a C compiler and cargo"}
-"""Where packages are that no index has."""
-
 
 def run_doctor(options: DoctorOptions) -> int:
     """Print the result of each check; return exit code 1 if a check found a defect, else 0."""
@@ -53,7 +50,7 @@ def _check_package(name: str) -> tuple[str, str, str]:
         return name, "ok", metadata.version(name)
     except metadata.PackageNotFoundError:
         state = "broken" if name == _REQUIRED else "absent"
-        source = _SOURCES.get(name, name)
+        source = "./python-fbx in a checkout" if name == "mograft-fbx" else name
         return name, state, f"needed for {_USES_OF_PACKAGES[name]}: pip install {source}"
 
 

@@ -24,9 +24,6 @@ SHAPE_NUMBERS = {"sphere": 4, "capsule": 7, "box": 6, "wall": 6}
 REACH_TOLERANCE = 0.03
 """Default tolerance of ``--reach`` in skeleton heights."""
 
-MAX_MOTIONS = 100_000
-"""`mograft.synthesis.graft.MAX_COUNT`, which needs NumPy."""
-
 PRESETS = ("lower_upper", "lower_torso_arms", "lower_torso_larm_rarm", "lower_torso_head_larm_rarm")
 UNITS = ("m", "cm", "mm", "inch", "CMU")
 
@@ -360,12 +357,7 @@ def face(text: str) -> tuple[Point, Range | None]:
 
 
 _count = _number(int, "an integer of at least 1", lambda n: n >= 1)
-_motions = _number(
-    int,
-    f"an integer from 1 to {MAX_MOTIONS}, as the donors of all motions are in memory (another "
-    "--seed gives others)",
-    lambda n: 1 <= n <= MAX_MOTIONS,
-)
+_motions = _number(int, "from 1 to 100000 (other seeds give more)", lambda n: 1 <= n <= 100_000)
 _index = _number(int, "an integer of at least 0", lambda n: n >= 0)
 _decimals = _number(int, "an integer from 1 to 12", lambda n: 1 <= n <= 12)
 _port = _number(int, "an integer from 0 to 65535", lambda n: 0 <= n <= 65535)
