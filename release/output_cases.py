@@ -242,9 +242,9 @@ GRAFT_OPTIONS = """
     --reach 120:LeftHand:30,140,20
     --reach 120-130:RightHand:30,140,20~0.2 --best-effort
     --reach 120:LeftHand:30,140,20 --best-effort --set reach_ik=0
-    --repair --avoid sphere:40,120,50,15 --best-effort
-    --repair --avoid-self --best-effort
-    --repair --reach 120:LeftHand:30,140,20 --best-effort
+    --only-violations --avoid sphere:40,120,50,15 --best-effort
+    --only-violations --avoid-self --best-effort
+    --only-violations --reach 120:LeftHand:30,140,20 --best-effort
     --take 24=take1:667-679 --ban 31
     --ban 24=take0 --ban 190-220 --best-effort
     --only-from take1
@@ -264,7 +264,7 @@ GRAFT_OPTIONS = """
     --groups auto
     --groups auto:2 -n 2
     --scenario graph --duration 20
-    --scenario graph --frames 601 --seed 7
+    --scenario graph --length 601 --seed 7
     --scenario graph --path 0,0:300,0:300,200
     --scenario graph --beats 120 --duration 20
     --scenario graph --among take1 --duration 20

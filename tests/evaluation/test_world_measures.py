@@ -53,6 +53,25 @@ def test_world_measures_captured_motion_has_ratios_one_and_no_difference(library
         assert found.frames == 0
 
 
+def test_world_measures_of_the_base_are_within_their_ranges(library):
+    for clip in library.clips:
+        found = world_measures(grafts_by(Captured(), library, clip.name)[0])
+        assert set(found.ranges) <= {*vars(found)} - {"frames", "ranges"}
+        assert {"head_jerk", "hands_jerk", "skate"} <= set(found.ranges)
+        for name, (low, high) in found.ranges.items():
+            assert low <= getattr(found, name) <= high
+        assert all("(within " in text for text in found.columns().values() if text != "none")
+
+
+def test_world_measures_jitter_is_above_its_range(new):
+    found = world_measures(add_jitter(new, chest_joint(new.motion)))
+    text = found.columns()["head jerk, ratio"]
+    low, high = found.ranges["head_jerk"]
+    assert found.head_jerk > high
+    assert text == f"{found.head_jerk:.2f} (above {low:.2f} to {high:.2f})"
+    assert found.ranges == world_measures(new).ranges
+
+
 def test_world_measures_jitter_at_seams_raises_head_jerk(new):
     before, after = world_measures(new), world_measures(add_jitter(new, chest_joint(new.motion)))
     assert after.head_jerk > 1.5 * before.head_jerk
@@ -134,8 +153,10 @@ def test_world_measures_transformed_recordings_give_same_measures(library, new):
     motion = transform_motion(new.motion, 0.01, 0.7, (2.0, 0.0, -1.0))
     other = replace(new, library=moved, motion=motion, base=moved.clips[0])
     found = world_measures(other)
-    for name, value in vars(expected).items():
-        assert getattr(found, name) == pytest.approx(value, rel=1e-6, abs=1e-9), name
+    assert list(found.ranges) == list(expected.ranges)
+    values, others = ({**vars(own), **own.ranges} for own in (expected, found))
+    for name in values.keys() - {"ranges"}:
+        assert others[name] == pytest.approx(values[name], rel=1e-6, abs=1e-9), name
 
 
 @pytest.fixture(scope="module")

@@ -182,6 +182,11 @@ def graft_many(
         As for `graft`, and if `count` is not from 1 to 100,000, `seed` is negative or not an
         integer, or `distinct` is not from 0 to π.
 
+    Warns
+    -----
+    UserWarning
+        Before the search, if the candidates of all segments cannot be combined in `count` ways.
+
     Examples
     --------
     >>> from mograft.dancer import dance

@@ -88,7 +88,7 @@ def _describe(clips: Sequence[dict[str, Any]]) -> list[str]:
     first = clips[0]
     lines = [f"  {group}: {' '.join(names)}" for group, names in first["groups"].items()]
     if not lines:
-        lines = ["  no joint groups recognized: pass your own as a TOML file with --groups"]
+        lines = ["  no joint groups recognized: use --groups auto, or a TOML file of your own"]
     lines += [f"  note: {note}" for note in first["notes"]]
     if first.get("match"):
         lines.append(f"  joints matched by anatomy: {first['match']}")

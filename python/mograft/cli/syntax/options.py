@@ -70,7 +70,7 @@ class LibraryFileOptions(SkeletonOptions, section="input"):
     """Options for the files from which a library is built."""
 
     files: tuple[values.LibraryOrFile, ...] = positional("motion files, or one library", "+")
-    groups: values.Groups | None = groups_option("which joint groups exist")
+    groups: values.Groups | None = groups_option("joint groups that exist")
     include_grafts: bool = setting(
         "also read grafts in folders: motions with a .json file of mograft graft beside them",
         is_expert=True,
@@ -109,11 +109,10 @@ class PlaceOptions(Options, section="where the hands go"):
     """Options for places that the body must reach, face or avoid."""
 
     reach: tuple[values.Reach, ...] = option(
-        "position of a joint in a frame, in the world or from a body part, such as "
-        "120:LeftHand:@chest+0,0.1,0.4",
+        "position of a joint in a frame",
         details="or in all frames to LAST, within TOL skeleton heights "
-        f"(default: {values.REACH_TOLERANCE}); with @PART the numbers are skeleton heights to the "
-        "left of the figure, up and forward; may be repeated",
+        f"(default: {values.REACH_TOLERANCE}); 120:LeftHand:@chest+0,0.1,0.4 is relative to the "
+        "chest: in skeleton heights to the left of the figure, up and forward; may be repeated",
     )
     avoid: tuple[values.Avoid, ...] = option(
         "obstacle, such as sphere:X,Y,Z,RADIUS",
@@ -227,9 +226,7 @@ class RecordOptions(Options, section="input"):
 class ChangeOptions(Options, section="what to change"):
     """Options for the parts that are exchanged."""
 
-    swap: values.Words | None = setting(
-        "which of the groups of --groups change (default: all but the base)"
-    )
+    swap: values.Words | None = setting("which of --groups change (default: all but base)")
     only_violations: bool = option(
         "exchange only segments that violate the constraints, also by less similar donors",
         is_expert=True,
