@@ -15,8 +15,9 @@ from mograft._util.validate import (
 )
 from mograft.body.anatomy import anatomy, find_joint
 from mograft.body.capsules import Capsules, Poses, clearance
-from mograft.body.mass import mass_model
+from mograft.body.mass import mass_model, up_axis
 from mograft.motion import rotations
+from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 from mograft.search.constraints import Constraint, Errors, no_errors
 from mograft.search.obstacles import Obstacle, Vector
@@ -229,13 +230,22 @@ class Reach(PoseConstraint):
         at = find_joint(poses.skeleton, self.joint)
         if joints is not None and not joints[at]:
             return no_errors(poses)
-        target = self.target
-        if isinstance(target, FigurePosition):
-            places = target.locate(poses.skeleton, poses.positions, poses.up)
-        else:
-            places = np.array(target)
-        distance = np.linalg.norm(poses.positions[:, at] - places, axis=1)
+        targets = self._locate(poses.skeleton, poses.positions, lambda: poses.up)
+        distance = np.linalg.norm(poses.positions[:, at] - targets, axis=1)
         return distance / (self.tolerance * poses.height), np.full(len(poses), at)
+
+    def targets(self, motion: Motion) -> FloatArray:
+        """Return the target in each frame of a motion in which the constraint applies, (n, 3)."""
+        first, last = self.frames or (0, motion.n_frames)
+        positions = motion[first : last + 1].world_positions()
+        return self._locate(motion.skeleton, positions, lambda: up_axis(motion))
+
+    def _locate(
+        self, skeleton: Skeleton, positions: FloatArray, find_up: Callable[[], int]
+    ) -> FloatArray:
+        if isinstance(self.target, FigurePosition):
+            return self.target.locate(skeleton, positions, find_up())
+        return np.broadcast_to(np.array(self.target), (len(positions), 3))
 
     def describe_error(self, error: float, height: float) -> str:
         """As `Constraint.describe_error`."""
