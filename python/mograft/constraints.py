@@ -14,7 +14,15 @@ from mograft.search.donor_constraints import (
     Use,
 )
 from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Sphere
-from mograft.search.pose_constraints import Avoid, AvoidSelf, Custom, Face, KeepOut, Reach
+from mograft.search.pose_constraints import (
+    Avoid,
+    AvoidSelf,
+    Custom,
+    Face,
+    FigurePosition,
+    KeepOut,
+    Reach,
+)
 
 __all__ = [
     "Avoid",
@@ -26,6 +34,7 @@ __all__ = [
     "Constraint",
     "Custom",
     "Face",
+    "FigurePosition",
     "HalfSpace",
     "KeepOriginal",
     "KeepOut",

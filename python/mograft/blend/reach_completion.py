@@ -11,11 +11,11 @@ from mograft.blend.recombine import Part, recombine
 from mograft.blend.two_bone_ik import bend_axes, bend_limb, flexion_angles, mean_bend_axis
 from mograft.body.anatomy import TwoBoneLimb, find_limb
 from mograft.body.capsules import Poses
-from mograft.body.mass import mass_model
+from mograft.body.mass import mass_model, up_axis
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.search.constraints import Span
-from mograft.search.pose_constraints import Reach
+from mograft.search.pose_constraints import FigurePosition, Reach
 
 _MIN_DISTANCE = 1e-4  # skeleton heights; a nearer joint is at its target
 _STRAIGHT_MARGIN = 0.1  # radians of flexion below which a limb is straightened more slowly
@@ -74,7 +74,7 @@ class _Task:
 
     limb: TwoBoneLimb
     frames: Span
-    target: FloatArray
+    targets: FloatArray  # of each frame
 
     def touches(self, other: "_Task", n_blend: int) -> bool:
         """Return whether this task and `other` move the same limb in frames that are too close.
@@ -125,7 +125,7 @@ def measure_completions(
     """Return the completions with `after` replaced by the maximum distance in `motion`."""
     height = mass_model(motion.skeleton).height
     return tuple(
-        replace(own, after=_greatest_distance(motion, own.reach) / height) for own in completions
+        replace(own, after=_greatest_distance(motion, own.reach)[0] / height) for own in completions
     )
 
 
@@ -136,7 +136,7 @@ def _plan_task(
     end = motion.skeleton.index(reach.joint)
     first, last = _frames_of(reach, motion)
     limb = find_limb(motion.skeleton, end)
-    distance = _greatest_distance(motion, reach)
+    distance, targets = _greatest_distance(motion, reach)
     task, reason = None, ""
     if distance <= _MIN_DISTANCE * height:
         reason = "the donors reach the target"
@@ -147,7 +147,7 @@ def _plan_task(
     elif limits.is_kept[first : last + 1].any():
         reason = "KeepOriginal keeps these frames"
     else:
-        task = _Task(limb, (first, last), np.array(reach.target))
+        task = _Task(limb, (first, last), targets)
         _, positions = motion[first : first + 1].world_transforms()
         upper, middle, lower = positions[0, [limb.start, limb.middle, limb.end]]
         length = float(np.linalg.norm(upper - middle) + np.linalg.norm(lower - middle))
@@ -169,12 +169,19 @@ def _frames_of(reach: Reach, motion: Motion) -> Span:
     return first, min(last, motion.n_frames - 1)
 
 
-def _greatest_distance(motion: Motion, reach: Reach) -> float:
-    """Return the maximum distance of the joint from the target in the frames of a `Reach`."""
+def _greatest_distance(motion: Motion, reach: Reach) -> tuple[float, FloatArray]:
+    """Return the maximum distance of the joint from the target in the frames of a `Reach`.
+
+    The second result is the target in each of these frames, shape (n, 3).
+    """
     first, last = _frames_of(reach, motion)
     _, positions = motion[first : last + 1].world_transforms()
-    own = positions[:, motion.skeleton.index(reach.joint)]
-    return float(np.linalg.norm(own - np.array(reach.target), axis=1).max())
+    own, target = positions[:, motion.skeleton.index(reach.joint)], reach.target
+    if isinstance(target, FigurePosition):
+        targets = target.locate(motion.skeleton, positions, up_axis(motion))
+    else:
+        targets = np.broadcast_to(np.array(target), own.shape)
+    return float(np.linalg.norm(own - targets, axis=1).max()), targets
 
 
 def _corrected_limb(motion: Motion, tasks: Sequence[_Task], n_blend: int, reference: Poses) -> Part:
@@ -186,7 +193,7 @@ def _corrected_limb(motion: Motion, tasks: Sequence[_Task], n_blend: int, refere
         targets = np.full((motion.n_frames, 3), np.nan)
         for task in tasks:
             if task.limb.end == end:
-                targets[task.frames[0] : task.frames[1] + 1] = task.target
+                targets[task.frames[0] : task.frames[1] + 1] = task.targets
         points = (reference.positions[:, joint] for joint in (*joints, end))
         usual = mean_bend_axis(reference.rotations[:, limb.start], *points)
         is_changed = dilate(~np.isnan(targets[:, 0]), n_blend - 1)

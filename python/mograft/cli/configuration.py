@@ -32,7 +32,7 @@ from mograft.search import donor_constraints
 from mograft.search.constraints import Constraint, Span
 from mograft.search.donor_constraints import Ban, KeepOriginal, Use
 from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Obstacle, Sphere
-from mograft.search.pose_constraints import Avoid, AvoidSelf, Face, Reach
+from mograft.search.pose_constraints import Avoid, AvoidSelf, Face, FigurePosition, Reach
 
 FIXED_OPTIONS = ("groups", "preset", "match", "skeleton")
 """Options that can only be set when a library is created."""
@@ -217,7 +217,8 @@ def read_constraints(options: ConstraintOptions, rate: float) -> list[Constraint
     ]
     if options.avoid_self:
         found.append(AvoidSelf())
-    for given, joint, target, tolerance in options.reach:
+    for given, joint, part, place, tolerance in options.reach:
+        target = place if part is None else FigurePosition(part, place)
         found.append(Reach(joint, target, tolerance=tolerance, frames=span(given)))
     found += [Face(target, frames=span(given)) for target, given in options.face]
     found += read_segment_constraints(options, rate)

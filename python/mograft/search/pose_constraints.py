@@ -13,7 +13,7 @@ from mograft._util.validate import (
     check_positive,
     coerce_vector,
 )
-from mograft.body.anatomy import anatomy
+from mograft.body.anatomy import anatomy, find_joint
 from mograft.body.capsules import Capsules, Poses, clearance
 from mograft.body.mass import mass_model
 from mograft.motion import rotations
@@ -141,6 +141,43 @@ class AvoidSelf(PoseConstraint):
 
 
 @dataclass(frozen=True)
+class FigurePosition:
+    """A position relative to the figure, as the target of a `Reach`; it moves with the figure.
+
+    Parameters
+    ----------
+    part : str
+        Name of a joint, or a body part such as "chest" or "left hand".
+    offset : tuple of float
+        Distance from this joint to the left of the figure, up and forward, in skeleton heights.
+        Forward is the horizontal direction that hips and shoulders face.
+
+    Examples
+    --------
+    >>> FigurePosition("chest", (0, 0.1, 0.4))
+    FigurePosition(part='chest', offset=(0.0, 0.1, 0.4))
+    """
+
+    part: str
+    offset: Vector
+
+    def __post_init__(self) -> None:
+        coerce_vector(self, "offset")
+
+    def locate(self, skeleton: Skeleton, positions: FloatArray, up: int) -> FloatArray:
+        """Return the position in the world for each of some poses, shape (n, 3).
+
+        `positions` are those of the joints, shape (n, n_joints, 3), and `up` is the vertical axis.
+        """
+        upward = np.eye(3)[up]
+        forward = _forward(skeleton, positions, upward)
+        left, height = np.cross(upward, forward), mass_model(skeleton).height
+        x, y, z = (height * own for own in self.offset)
+        origin = positions[:, find_joint(skeleton, self.part, is_part=True)]
+        return origin + x * left + y * upward + z * forward
+
+
+@dataclass(frozen=True)
 class Reach(PoseConstraint):
     """Bring a joint to a position at a frame, or hold it there.
 
@@ -151,8 +188,8 @@ class Reach(PoseConstraint):
     ----------
     joint : str
         Name of the joint.
-    target : tuple of float
-        World position, in the unit of the file.
+    target : tuple of float or FigurePosition
+        World position, in the unit of the file, or a position relative to the figure.
     frame : int, optional
         The frame of the base motion; `frames` gives a range of frames instead.
     tolerance : float
@@ -170,13 +207,14 @@ class Reach(PoseConstraint):
     """
 
     joint: str
-    target: Vector
+    target: Vector | FigurePosition
     frame: int | None = None
     tolerance: float = 0.03
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        coerce_vector(self, "target")
+        if not isinstance(self.target, FigurePosition):
+            coerce_vector(self, "target")
         check_positive(self, "tolerance")
         if self.frame is not None:
             frame = as_integer("frame", self.frame)
@@ -188,10 +226,15 @@ class Reach(PoseConstraint):
             raise ValueError("`frame` or `frames` must be given, got neither")
 
     def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
-        at = poses.skeleton.index(self.joint)
+        at = find_joint(poses.skeleton, self.joint)
         if joints is not None and not joints[at]:
             return no_errors(poses)
-        distance = np.linalg.norm(poses.positions[:, at] - np.array(self.target), axis=1)
+        target = self.target
+        if isinstance(target, FigurePosition):
+            places = target.locate(poses.skeleton, poses.positions, poses.up)
+        else:
+            places = np.array(target)
+        distance = np.linalg.norm(poses.positions[:, at] - places, axis=1)
         return distance / (self.tolerance * poses.height), np.full(len(poses), at)
 
     def describe_error(self, error: float, height: float) -> str:
@@ -235,7 +278,7 @@ class Face(PoseConstraint):
 
     def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
         skeleton = poses.skeleton
-        at = mass_model(skeleton).head if self.joint is None else skeleton.index(self.joint)
+        at = mass_model(skeleton).head if self.joint is None else find_joint(skeleton, self.joint)
         if at is None:
             raise ValueError("`joint` must be given: the skeleton has no head")
         if joints is not None and not joints[at]:
@@ -286,7 +329,7 @@ class KeepOut(PoseConstraint):
         check_positive(self, "tolerance")
 
     def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
-        at = poses.skeleton.index(self.joint)
+        at = find_joint(poses.skeleton, self.joint)
         if joints is not None and not joints[at]:
             return no_errors(poses)
         joint, bones, radii = np.array([at]), np.zeros((1, 3)), np.zeros(1)
@@ -333,7 +376,7 @@ class Custom(PoseConstraint):
             raise TypeError(f"`function` must be callable, got {self.function!r}")
 
     def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
-        at = -1 if self.joint is None else poses.skeleton.index(self.joint)
+        at = -1 if self.joint is None else find_joint(poses.skeleton, self.joint)
         if joints is not None and at >= 0 and not joints[at]:
             return no_errors(poses)
         label = f"result of {self.name}"
@@ -369,18 +412,26 @@ def _rest_forward(skeleton: Skeleton, up: int) -> FloatArray:
 
     `up` is the index of the vertical axis.
     """
-    known, rest = anatomy(skeleton), skeleton.rest_positions()
+    known, rest = mass_model(skeleton), skeleton.rest_positions()
+    top = rest[known.hips if known.head is None else known.head]
+    feet = [foot.ankle for foot in known.feet]
+    is_upright = not feet or top[up] >= rest[feet].mean(axis=0)[up]
+    return _forward(skeleton, rest, np.eye(3)[up] * (1.0 if is_upright else -1.0))
+
+
+def _forward(skeleton: Skeleton, positions: FloatArray, upward: FloatArray) -> FloatArray:
+    """Return the horizontal directions that hips and shoulders face, as unit vectors, (..., 3).
+
+    `positions` are those of the joints, shape (..., n_joints, 3); `upward` is a unit vector.
+    """
+    known = anatomy(skeleton)
     left, right = (known.joints("thigh", "upper_arm", side=side) for side in ("left", "right"))
     if not left or not right:
         raise ValueError("the view direction is unknown: the skeleton has no left and right limbs")
-    lateral = rest[left].mean(axis=0) - rest[right].mean(axis=0)
-    head = mass_model(skeleton).head
-    top = rest[known.hips] if head is None else rest[head]
-    feet = [foot.ankle for foot in mass_model(skeleton).feet]
-    upward = np.zeros(3)
-    upward[up] = 1.0 if not feet or top[up] >= rest[feet].mean(axis=0)[up] else -1.0
+    lateral = positions[..., left, :].mean(axis=-2) - positions[..., right, :].mean(axis=-2)
     direction = np.cross(lateral, upward)
-    return direction / np.linalg.norm(direction)
+    length = np.linalg.norm(direction, axis=-1, keepdims=True)
+    return direction / np.where(length > 0.0, length, 1.0)
 
 
 def _check_obstacle(name: str, value: object) -> None:

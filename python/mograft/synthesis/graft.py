@@ -1,5 +1,6 @@
 """Grafting: new motions from a library and a base motion."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import inf, pi
@@ -10,6 +11,7 @@ from mograft._util.arrays import IntArray
 from mograft._util.containers import LazySequence
 from mograft._util.memory import check_memory
 from mograft._util.validate import as_integer, check_type
+from mograft.config import variety_of_scale
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.scenario import Scenario
@@ -25,6 +27,9 @@ from mograft.synthesis.newness import grafted_joints, mean_angle
 
 MAX_SIGMA_SCALE = 4.0
 """At four times the spread of all segments one cluster contains them all."""
+
+MAX_COUNT = 100_000
+"""Maximum number of motions of one call, whose donors are in memory together."""
 
 _DRAWN_PER_MOTION = 4
 """Number of motions that are drawn for each that is wanted, if they must be distinct."""
@@ -152,10 +157,11 @@ def graft_many(
     library, base, constraints, swap, seed, scenario
         As for `graft`, which returns the first of these motions.
     count : int
-        Greatest number of motions.
+        Greatest number of motions, at most 100,000.
     widen : bool
         Whether `Config.sigma_scale` is multiplied by 4/3 until the donors allow `count` different
-        motions or it would exceed 4. `Grafts.notes` describes each step.
+        motions or it would exceed 4. `Grafts.notes` describes each step. If they never do, the
+        result is that of the step with the most motions.
     distinct : float
         Smallest mean angle, in radians, between the exchanged joints of any two of the motions.
         Motions that are nearer to an earlier one are left out. Each motion is then built once
@@ -173,8 +179,8 @@ def graft_many(
     Raises
     ------
     ValueError
-        As for `graft`, and if `count` is below 1, `seed` is negative or not an integer, or
-        `distinct` is not from 0 to π.
+        As for `graft`, and if `count` is not from 1 to 100,000, `seed` is negative or not an
+        integer, or `distinct` is not from 0 to π.
 
     Examples
     --------
@@ -185,24 +191,39 @@ def graft_many(
     (3, ['dance_graft0', 'dance_graft1', 'dance_graft2'])
     """
     count, seed = as_integer("count", count, 1), as_integer("seed", seed)
+    if count > MAX_COUNT:
+        raise ValueError(f"`count` must be at most {MAX_COUNT} for each seed, got {count}")
     _check_base(library, base)
     if isinstance(distinct, bool) or not isinstance(distinct, Real) or not 0 <= distinct <= pi:
         raise ValueError(f"`distinct` must be an angle from 0 to π, in radians, got {distinct!r}")
     if scenario is None:
         _check_memory(library, base)
     notes: list[str] = []
+    best: Grafts | None = None
     while True:
         plan = GraftPlan.build(library, base, swap, constraints, scenario)
+        wider = _widened(library, MAX_SIGMA_SCALE) if widen else None
+        if best is None and plan.n_combinations < count:
+            widest = replace(library.config, sigma_scale=MAX_SIGMA_SCALE)
+            all_similar = library if wider is None else library.relabelled(widest)
+            most = GraftPlan.build(all_similar, base, swap, constraints, scenario).n_combinations
+            if most < count:
+                warnings.warn(f"at most {most} different motions exist, not {count}", stacklevel=2)
         donors = _choose_donors(plan, count, seed, float(distinct))
-        wider = _widened(library, MAX_SIGMA_SCALE) if widen and len(donors) < count else None
-        if wider is None:
-            return Grafts(plan, donors, seed, tuple(notes), _request(plan, base, swap))
-        scales = [own.config.sigma_scale for own in (library, wider)]
+        if best is None or len(donors) >= len(best):
+            best = Grafts(plan, donors, seed, _request=_request(plan, base, swap))
+        if wider is None or len(donors) >= count:
+            break
+        scales = [variety_of_scale(own.config.sigma_scale) for own in (library, wider)]
         notes.append(
-            f"only {len(donors)} different motions with sigma_scale {scales[0]:.3g}; trying "
-            f"{scales[1]:.3g}, which allows less similar donors"
+            f"only {len(donors)} different motions with a variety of {scales[0]:.2f}; trying "
+            f"{scales[1]:.2f}, which allows less similar donors"
         )
         library = wider
+    if best._plan is not plan:
+        scale = variety_of_scale(best._plan.config.sigma_scale)
+        notes.append(f"keeping the {len(best)} motions with a variety of {scale:.2f}")
+    return replace(best, notes=tuple(notes))
 
 
 def _choose_donors(

@@ -40,7 +40,7 @@ def run(options: EvaluateOptions) -> int:
         page.save(paths[1], force=True)
     if not options.json:
         for sentence in summarize(found):
-            print_remark(sentence)
+            print_remark(sentence, is_result=True)
         if folder is None:
             print_remark("use -o DIR to write all numbers and a page to a folder")
     print_result(options, "evaluation/1", document, paths)

@@ -70,7 +70,7 @@ class LibraryFileOptions(SkeletonOptions, section="input"):
     """Options for the files from which a library is built."""
 
     files: tuple[values.LibraryOrFile, ...] = positional("motion files, or one library", "+")
-    groups: values.Groups | None = groups_option()
+    groups: values.Groups | None = groups_option("which joint groups exist")
     include_grafts: bool = setting(
         "also read grafts in folders: motions with a .json file of mograft graft beside them",
         is_expert=True,
@@ -107,9 +107,11 @@ class PlaceOptions(Options, section="where the hands go"):
     """Options for places that the body must reach, face or avoid."""
 
     reach: tuple[values.Reach, ...] = option(
-        "position of a joint in a frame",
+        "position of a joint in a frame, in the world or from a body part, such as "
+        "120:LeftHand:@chest+0,0.1,0.4",
         details="or in all frames to LAST, within TOL skeleton heights "
-        f"(default: {values.REACH_TOLERANCE}); may be repeated",
+        f"(default: {values.REACH_TOLERANCE}); with @PART the numbers are skeleton heights to the "
+        "left of the figure, up and forward; may be repeated",
     )
     avoid: tuple[values.Avoid, ...] = option(
         "obstacle, such as sphere:X,Y,Z,RADIUS",
@@ -192,7 +194,7 @@ class ScenarioOptions(Options, section="scenario"):
     duration: values.Duration | None = option(
         f"duration of --scenario graph in seconds, at most 86400 (default: {DEFAULT_DURATION:.0f})"
     )
-    frames: values.Length | None = option(
+    length: values.Length | None = option(
         "exact number of frames of --scenario graph, or a time such as 30s"
     )
     path: values.Corners | None = setting(
@@ -224,7 +226,9 @@ class RecordOptions(Options, section="input"):
 class ChangeOptions(Options, section="what to change"):
     """Options for the parts that are exchanged."""
 
-    swap: values.Words | None = setting("groups to exchange (default: all but the base)")
+    swap: values.Words | None = setting(
+        "which of the groups of --groups change (default: all but the base)"
+    )
     change: tuple[values.Change, ...] = option(
         "another part of a clip for a group",
         details="in a range of frames or times; CLIP may be a glob such as wave*; without CLIP, "
@@ -232,7 +236,10 @@ class ChangeOptions(Options, section="what to change"):
         "any frame. All other frames stay as they are in the graft of --from, or else as captured; "
         "may be repeated",
     )
-    repair: bool = option("exchange only segments that violate the constraints", is_expert=True)
+    only_violations: bool = option(
+        "exchange only segments that violate the constraints, also by less similar donors",
+        is_expert=True,
+    )
     reroll: tuple[values.Segment, ...] = option(
         "with --from: index of a base segment that gets another donor, or frames FIRST-LAST of "
         "several; may be repeated",
@@ -243,11 +250,11 @@ class ChangeOptions(Options, section="what to change"):
 class VarietyOptions(SeedOptions, section="how different"):
     """Options for several motions."""
 
-    count: values.Count = option(
+    count: values.Motions = option(
         "number of motions (default: 1)",
         default=1,
-        details="if neither --variety nor --set sigma_scale is given and the donors allow fewer "
-        "different motions, the clusters are enlarged",
+        details="if --variety is not given and the donors allow fewer different motions, less "
+        "similar donors are used",
         short="-n",
     )
     distinct: values.Distance = setting(

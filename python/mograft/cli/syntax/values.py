@@ -269,6 +269,9 @@ def true_rate(text: str) -> tuple[str, float]:
 
 def preset(text: str, more: str = "") -> str:
     """Parse the name of a preset of joint groups, ``auto`` or ``auto:N``."""
+    fitting = next((name for name in PRESETS if text in name.split("_")), None)
+    if fitting is not None:
+        raise ArgumentTypeError(f"{text} is one group: use --groups {fitting} --swap {text}")
     if not is_automatic(text):
         return one_of((*PRESETS, AUTOMATIC), more)(text)
     try:
@@ -349,19 +352,26 @@ def _shape(text: str) -> tuple[str, tuple[float, ...]]:
     return name, (*_numbers(place, 3, 4), 0.0)[:4]
 
 
+Reached = tuple[Range, str, str | None, Point, float]
+"""Frames, joint, part to which the position is relative, position and tolerance of a reach."""
+
+
 @_parser(
-    "expected FRAME:JOINT:X,Y,Z[~TOL] or FIRST-LAST:JOINT:X,Y,Z[~TOL], with frames such as 315 or "
-    "10.5s and TOL above 0"
+    "expected FRAME:JOINT:X,Y,Z[~TOL] or FRAME:JOINT:@PART+LEFT,UP,FORWARD[~TOL], with a frame "
+    "such as 315 or 10.5s, or FIRST-LAST, and TOL above 0"
 )
-def reach(text: str) -> tuple[Range, str, Point, float]:
-    """Parse ``FRAMES:JOINT:X,Y,Z[~TOL]``; the tolerance TOL is in skeleton heights."""
+def reach(text: str) -> Reached:
+    """Parse ``FRAMES:JOINT:[@PART+]X,Y,Z[~TOL]``; TOL and offsets are in skeleton heights."""
     when, _, rest = text.partition(":")
-    joint, colon, place = rest.rpartition(":")  # The name of a joint may contain colons.
-    if not colon:
+    joint, is_relative, place = rest.partition(":@")
+    part, sign, offset = place.partition("+")
+    if not is_relative:
+        joint, sign, offset = rest.rpartition(":")  # The name of a joint may contain colons.
+    if not (sign and joint) or (is_relative and not part):
         raise ValueError
-    place, tilde, tolerance = place.partition("~")
+    offset, tilde, tolerance = offset.partition("~")
     within = _positive(tolerance) if tilde else REACH_TOLERANCE
-    return frame_or_frames(when), joint, _point(place), within
+    return frame_or_frames(when), joint, part or None, _point(offset), within
 
 
 def face(text: str) -> tuple[Point, Range | None]:
@@ -371,6 +381,7 @@ def face(text: str) -> tuple[Point, Range | None]:
 
 
 _count = _number(int, "an integer of at least 1", lambda n: n >= 1)
+_motions = _number(int, "from 1 to 100000 (other seeds give more)", lambda n: 1 <= n <= 100_000)
 _index = _number(int, "an integer of at least 0", lambda n: n >= 0)
 _decimals = _number(int, "an integer from 1 to 12", lambda n: 1 <= n <= 12)
 _port = _number(int, "an integer from 0 to 65535", lambda n: 0 <= n <= 65535)
@@ -379,6 +390,7 @@ _non_negative = _number(float, "a number of at least 0", lambda x: 0 <= x < math
 
 Name = Annotated[str, Value("NAME")]
 Count = Annotated[int, Value("N", _count)]
+Motions = Annotated[int, Value("N", _motions)]
 Index = Annotated[int, Value("N", _index)]
 Decimals = Annotated[int, Value("N", _decimals)]
 Port = Annotated[int, Value("N", _port)]
@@ -416,6 +428,6 @@ Take = Annotated[tuple[SegmentValue, Taken], Value("SEGMENT=CLIP:FIRST-LAST", ta
 Ban = Annotated[tuple[SegmentValue, str | Taken | None], Value("SEGMENT[=CLIP[:FIRST-LAST]]", ban)]
 Change = Annotated[Changed, Value("GROUP@FIRST-LAST[=CLIP[:FIRST-LAST]]", change)]
 Corners = Annotated[list[tuple[float, float]], Value("X,Z:X,Z:...", corners)]
-Reach = Annotated[tuple[Range, str, Point, float], Value("FRAME[-LAST]:JOINT:X,Y,Z[~TOL]", reach)]
+Reach = Annotated[Reached, Value("FRAME[-LAST]:JOINT:[@PART+]X,Y,Z[~TOL]", reach)]
 Avoid = Annotated[tuple[str, tuple[float, ...], Range | None], Value("WHAT[@FIRST-LAST]", obstacle)]
 Face = Annotated[tuple[Point, Range | None], Value("X,Y,Z[@FIRST-LAST]", face)]
