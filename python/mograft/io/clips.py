@@ -7,6 +7,8 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import overload
 
+import numpy as np
+
 from mograft._util.validate import is_integer
 from mograft.errors import FormatError, join_names, suggest_name
 from mograft.motion.motion import Motion
@@ -110,7 +112,8 @@ class Clips(Sequence[Motion]):
 
     def _load(self, index: int) -> Motion:
         """Read a clip; set `path` and `clip` of the motion to the parts of its address."""
-        motion = self.load(index)
+        with np.errstate(all="ignore"):
+            motion = self.load(index)
         clip = None if len(self) == 1 else self.names[index]
         if (motion.path, motion.clip) == (self.path, clip):
             return motion

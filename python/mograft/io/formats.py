@@ -9,6 +9,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+
 from mograft.errors import FormatError, join_names
 from mograft.io.clips import Clips
 from mograft.motion.motion import Motion
@@ -173,7 +175,9 @@ def read(
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(2, "No such file or directory", str(path))
-    return find_format(path).open(path, rate=rate, skeleton=skeleton)
+    # Numbers that overflow in a damaged file are refused when they become a motion.
+    with np.errstate(all="ignore"):
+        return find_format(path).open(path, rate=rate, skeleton=skeleton)
 
 
 def join_address(path: str, clip: str | None) -> str:

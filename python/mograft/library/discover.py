@@ -5,7 +5,6 @@ import csv
 import errno
 import glob
 import hashlib
-import json
 import os
 import stat
 import warnings
@@ -16,8 +15,9 @@ from functools import lru_cache
 from importlib.util import find_spec
 from os import PathLike, fspath
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
+from mograft._util.documents import parse_document
 from mograft.errors import MograftError, join_names
 from mograft.io import formats
 from mograft.motion.motion import Motion
@@ -29,6 +29,10 @@ _RANK_OF_SUFFIX = {
     suffix: rank for rank, form in [*enumerate(formats.FORMATS)][::-1] for suffix in form.suffixes
 }
 """Index in `FORMATS` of the first format with each suffix."""
+
+
+MOTION_HASH = "motion_sha256"
+"""Key of the SHA-256 of the motion file in provenance."""
 
 
 class SourceFile(NamedTuple):
@@ -66,9 +70,13 @@ def _hash_and_format(path: str, _state: tuple[int, ...]) -> tuple[str, str]:
 
     `_state` is part of the key of the cache: a file that has changed is read again.
     """
-    with open(path, "rb") as stream:
-        sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
-    return sha256, formats.find_format(Path(path)).name
+    return hash_file(Path(path)), formats.find_format(Path(path)).name
+
+
+def hash_file(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +196,7 @@ def _find_in_folder(folder: str) -> list[FoundClip]:
             addresses = _expand_file(str(file)) if has_clip else []
         except (MograftError, OSError, ValueError):
             addresses = [str(file)]
-        folders, is_graft = file.relative_to(folder).parts[:-1], has_provenance(file)
+        folders, is_graft = file.relative_to(folder).parts[:-1], has_provenance(file, warn=True)
         found += [FoundClip(own, folders, is_graft=is_graft) for own in addresses]
     for name, files in missing.items():
         remedy = f"pip install 'mograft[{name.lower()}]'"
@@ -198,15 +206,33 @@ def _find_in_folder(folder: str) -> list[FoundClip]:
     return found
 
 
-def has_provenance(path: Path) -> bool:
-    """Return whether a JSON file that ``mograft graft`` wrote lies beside a motion file."""
+def has_provenance(path: Path, *, warn: bool = False) -> bool:
+    """Return whether a JSON file that ``mograft graft`` wrote lies beside a motion file.
+
+    If `warn` is true, warn of a file that belongs to another motion.
+    """
     provenance = path.with_suffix(".json")
     try:
-        document = json.loads(provenance.read_bytes()) if provenance.is_file() else None
-    except (OSError, ValueError, RecursionError):
+        document = parse_document(provenance.read_bytes()) if provenance.is_file() else None
+    except (OSError, ValueError):
         return False
-    schema = document.get("schema") if isinstance(document, dict) else None
-    return isinstance(schema, str) and schema.startswith(("mograft.graft/", "mograft.grafts/"))
+    if not isinstance(document, dict):
+        return False
+    schema = document.get("schema")
+    if not isinstance(schema, str) or not schema.startswith(("mograft.graft/", "mograft.grafts/")):
+        return False
+    if warn and belongs_to_other_motion(document, path):
+        warnings.warn(f"{provenance} belongs to another motion than {path.name}", stacklevel=6)
+    return True
+
+
+def belongs_to_other_motion(document: Mapping[str, Any], path: Path) -> bool:
+    """Return whether provenance states another SHA-256 than that of a motion file.
+
+    A kill between the replacements of the two files causes this, and so does a program that changes
+    the motion.
+    """
+    return MOTION_HASH in document and hash_file(path) != document[MOTION_HASH]
 
 
 def exclude_grafts(clips: Sequence[FoundClip]) -> list[FoundClip]:

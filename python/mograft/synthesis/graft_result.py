@@ -14,7 +14,7 @@ from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.scenario import Scenario, repetition
-from mograft.search.constraints import Constraint, Violation, overlaps
+from mograft.search.constraints import Constraint, Span, Violation, overlaps
 from mograft.search.donor_constraints import KeepOriginal, limit_config
 from mograft.search.trellis import DonorSequences
 from mograft.solve.self_repair import RepairedWindow
@@ -83,6 +83,35 @@ class Seam:
     group: str
     frame: int
     gap: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """A range of frames in which a group moves as in a part of a clip; made by `mograft.change`.
+
+    Attributes
+    ----------
+    group : str
+        The joint group.
+    frames : tuple of int
+        First and last frame in the base, both included.
+    clip : str
+        Name of the donor's clip.
+    clip_frames : tuple of int
+        First and last frame of the donor in its clip.
+    command : str or None
+        The command line, as typed; None in Python.
+    """
+
+    group: str
+    frames: Span
+    clip: str
+    clip_frames: Span
+    command: str | None = None
+
+    def __str__(self) -> str:
+        where, donor = (f"{first}-{last}" for first, last in (self.frames, self.clip_frames))
+        return f"{self.group}, frames {where}: {self.clip} {donor}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -157,6 +186,11 @@ class Graft:
         The donors by group before each call of `replace`, oldest first.
     completion_history : tuple of tuple of ReachCompletion
         `reach_completions` before each call of `replace`, oldest first.
+    changes : tuple of Change
+        The calls of `mograft.change`, oldest first. The other attributes, except `motion` and
+        `violations`, are those of `unchanged`.
+    unchanged : Graft or None
+        The graft without these changes; None if there are none.
     remarks : tuple of str or None
         Of a replayed graft, what `advise` returned for the original; otherwise None.
     """
@@ -176,6 +210,8 @@ class Graft:
     request: GraftRequest = field(default_factory=GraftRequest)
     history: tuple[DonorSequences, ...] = ()
     completion_history: tuple[tuple[ReachCompletion, ...], ...] = ()
+    changes: tuple[Change, ...] = ()
+    unchanged: "Graft | None" = None
     remarks: tuple[str, ...] | None = None
 
     def __repr__(self) -> str:
@@ -229,6 +265,7 @@ class Graft:
             )
         for group in self.alternatives:
             lines += _group_lines(self, group, each=each)
+        lines += [f"  changed {own}" for own in self.changes]
         lines += [f"  {violation.message}" for violation in self.violations]
         lines += [_repair_line(own) for own in self.self_repairs]
         feet = self.feet

@@ -1,11 +1,12 @@
 """``mograft view``, ``plot`` and ``export``: motions as pages, pictures and files."""
 
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mograft._util.atomic import atomic_path
+from mograft._util.atomic import write_bytes
 from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
 from mograft.analysis.group_discovery import GroupDiscovery
 from mograft.body.groups import JointGroups
@@ -111,11 +112,13 @@ def run_plot(options: PlotOptions) -> int:
         figure = _draw(options).get_figure(root=True)
         assert figure is not None  # The axes were created with a figure.
         target.parent.mkdir(parents=True, exist_ok=True)
+        picture = io.BytesIO()  # Matplotlib and Pillow ignore short writes to files
         try:
-            with atomic_path(target) as draft:
-                figure.savefig(draft, dpi=150, metadata=metadata)
+            kind = target.suffix.lower().removeprefix(".")
+            figure.savefig(picture, dpi=150, metadata=metadata, format=kind)
         finally:
             pyplot.close("all")
+        write_bytes(target, picture.getvalue())
     print_result(options, "plot/1", {"file": str(target), "kind": options.kind}, [target])
     return 0
 
