@@ -60,6 +60,8 @@ def advise(graft: Graft, motions: Sequence[Sequence[Substitution]] = ()) -> list
     for substitution in exchanged:
         is_kept[substitution.start : substitution.stop] = False
     kept = float(is_kept.sum()) * graft.base.frame_time
+    if not exchanged and graft.changes:
+        return lines
     if not exchanged:
         lines.append(f"warning: no segment was exchanged: {_cause_of_no_exchange(graft)}")
     elif kept > 0 and graft.request.method != "repair":
