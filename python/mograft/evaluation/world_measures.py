@@ -274,30 +274,32 @@ class _Base:
             self.support = support_polygons(motion)
             self.balance = dynamic_balance(motion, support=self.support)
 
+    def _measure(self, part: slice) -> dict[str, float]:
+        """Return measures of some frames that are not compared with others; may have NaN."""
+        found = {f"{name}_jerk": float(np.median(own[part])) for name, own in self.jerks.items()}
+        found |= _feet(self.motion[part], self.ground)
+        if self.balance is not None:
+            is_out = self.balance.distance[part][self.balance.grounded[part]] > 0
+            found["balance"] = float(is_out.mean()) if len(is_out) else math.nan
+        return found
+
     @cached_property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """`WorldMeasures.ranges`; measures that the parts do not have are left out."""
-        n, balance = self.motion.n_frames, self.balance
+        """`WorldMeasures.ranges`; measures that the base does not have are left out."""
+        n, whole = self.motion.n_frames, self._measure(slice(None))
         n_parts = round(self.motion.duration / body_tracks.BLOCK_SECONDS)
         edges = np.linspace(0, n, max(n_parts, min(_MIN_PARTS, n // 2)) + 1).astype(int).tolist()
-        values: dict[str, list[float]] = {}
-        for part in starmap(slice, pairwise(edges)):
-            for name, own in self.jerks.items():
-                if (whole := np.median(own)) > 0:
-                    values.setdefault(f"{name}_jerk", [1.0]).append(np.median(own[part]) / whole)
-            for name, value in _feet(self.motion[part], self.ground).items():
-                values.setdefault(name, [0.0]).append(value - self.feet[name])
-            if balance is not None and balance.grounded[part].any():
-                is_out, used = balance.distance > 0, balance.grounded
-                share = is_out[part][used[part]].mean() - is_out[used].mean()
-                values.setdefault("balance", [0.0]).append(share)
-        found = {name: np.percentile(own[1:], (25.0, 75.0)) for name, own in values.items()}
-        # The first value is that of the whole base, which is always within the range.
-        return {
-            name: (float(min(low, values[name][0])), float(max(high, values[name][0])))
-            for name, (low, high) in found.items()
-            if np.isfinite(low)
-        }
+        parts = [self._measure(part) for part in starmap(slice, pairwise(edges))]
+        found = {}
+        for name, own in whole.items():
+            is_ratio, values = name.endswith("_jerk"), np.array([part[name] for part in parts])
+            if not math.isfinite(own) or (is_ratio and own == 0.0):
+                continue
+            values = values / own if is_ratio else values - own
+            # The whole base is within its range.
+            ends = (*np.percentile(values[np.isfinite(values)], (25.0, 75.0)), float(is_ratio))
+            found[name] = (float(min(ends)), float(max(ends)))
+        return found
 
     def added_imbalance(self, graft: Graft, is_exchanged: BoolArray) -> float:
         """Return `WorldMeasures.balance`; NaN without known legs or frames to compare."""

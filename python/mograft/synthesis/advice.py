@@ -54,7 +54,7 @@ def advise(graft: Graft, motions: Sequence[Sequence[Substitution]] = ()) -> list
     if graft.remarks is not None:
         return list(graft.remarks)
     motions = motions or [graft.substitutions]
-    lines = []
+    lines: list[str] = []
     is_kept = np.ones(graft.base.n_frames - 1, bool)  # intervals between frames
     exchanged = [own for substitutions in motions for own in substitutions if not own.is_own]
     for substitution in exchanged:

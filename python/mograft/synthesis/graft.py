@@ -28,9 +28,6 @@ from mograft.synthesis.newness import grafted_joints, mean_angle
 MAX_SIGMA_SCALE = 4.0
 """At four times the spread of all segments one cluster contains them all."""
 
-MAX_COUNT = 100_000
-"""Maximum number of motions of one call, whose donors are in memory together."""
-
 _DRAWN_PER_MOTION = 4
 """Number of motions that are drawn for each that is wanted, if they must be distinct."""
 
@@ -157,7 +154,7 @@ def graft_many(
     library, base, constraints, swap, seed, scenario
         As for `graft`, which returns the first of these motions.
     count : int
-        Greatest number of motions, at most 100,000.
+        Greatest number of motions.
     widen : bool
         Whether `Config.sigma_scale` is multiplied by 4/3 until the donors allow `count` different
         motions or it would exceed 4. `Grafts.notes` describes each step. If they never do, the
@@ -179,13 +176,13 @@ def graft_many(
     Raises
     ------
     ValueError
-        As for `graft`, and if `count` is not from 1 to 100,000, `seed` is negative or not an
-        integer, or `distinct` is not from 0 to π.
+        As for `graft`, and if `count` is below 1, `seed` is negative or not an integer, or
+        `distinct` is not from 0 to π.
 
     Warns
     -----
     UserWarning
-        Before the search, if the candidates of all segments cannot be combined in `count` ways.
+        Before the last search, if the candidates of all segments allow fewer combinations.
 
     Examples
     --------
@@ -196,8 +193,6 @@ def graft_many(
     (3, ['dance_graft0', 'dance_graft1', 'dance_graft2'])
     """
     count, seed = as_integer("count", count, 1), as_integer("seed", seed)
-    if count > MAX_COUNT:
-        raise ValueError(f"`count` must be at most {MAX_COUNT} for each seed, got {count}")
     _check_base(library, base)
     if isinstance(distinct, bool) or not isinstance(distinct, Real) or not 0 <= distinct <= pi:
         raise ValueError(f"`distinct` must be an angle from 0 to π, in radians, got {distinct!r}")
@@ -208,12 +203,8 @@ def graft_many(
     while True:
         plan = GraftPlan.build(library, base, swap, constraints, scenario)
         wider = _widened(library, MAX_SIGMA_SCALE) if widen else None
-        if best is None and plan.n_combinations < count:
-            widest = replace(library.config, sigma_scale=MAX_SIGMA_SCALE)
-            all_similar = library if wider is None else library.relabelled(widest)
-            most = GraftPlan.build(all_similar, base, swap, constraints, scenario).n_combinations
-            if most < count:
-                warnings.warn(f"at most {most} different motions exist, not {count}", stacklevel=2)
+        if wider is None and (n := plan.n_combinations) < count:
+            warnings.warn(f"at most {n} different motions exist, not {count}", stacklevel=2)
         donors = _choose_donors(plan, count, seed, float(distinct))
         if best is None or len(donors) >= len(best):
             best = Grafts(plan, donors, seed, _request=_request(plan, base, swap))
@@ -226,8 +217,7 @@ def graft_many(
         )
         library = wider
     if best._plan is not plan:
-        scale = variety_of_scale(best._plan.config.sigma_scale)
-        notes.append(f"keeping the {len(best)} motions with a variety of {scale:.2f}")
+        notes.append(f"the attempt with {len(best)} motions is kept")
     return replace(best, notes=tuple(notes))
 
 

@@ -70,9 +70,9 @@ def _contents(clips: Clips, index: int, options: InfoOptions) -> dict[str, Any]:
     motion = clips[index]
     skeleton = motion.skeleton
     members: Mapping[str, IntArray] = {}
-    for preset in ("lower_torso_arms", "lower_upper"):
+    for preset in ("lower_upper", "lower_torso_arms"):  # the default of graft, or finer groups
         with suppress(ValueError):
-            members = members or JointGroups.preset(preset, skeleton).resolve(skeleton)
+            members = JointGroups.preset(preset, skeleton).resolve(skeleton)
     source = {"file": str(clips.path), "error": None, "format": clips.format}
     source["clip"] = clips.names[index] if len(clips) > 1 else None
     size = {"joints": skeleton.n_joints, "channels": skeleton.n_channels, "frames": motion.n_frames}
