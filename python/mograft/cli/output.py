@@ -53,6 +53,8 @@ def with_flags(text: str, options: Options, *, is_advice: bool = False) -> str:
         return f"--{name} {value}" if is_option else f"--set {name}={value.lower()}"
 
     text = re.sub(r"`(\w+)=([^`]+)`", flag, text)
+    for name, kind in (("take", "Use"), ("ban", "Ban")):
+        text = re.sub(rf"`(\w+)` of {kind}\b", rf"\1 of --{name}", text)
     set_options = {name for name, value in vars(options).items() if value or is_advice}
     for name in set_options | _OPTIONS_OF_NAMES.keys():
         origins = [own for own in _OPTIONS_OF_NAMES.get(name, (name,)) if own in set_options]
