@@ -1,5 +1,6 @@
 """Positions relative to the figure: how they move with it, and what they are named after."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,9 @@ import mograft.constraints as mc
 from mograft.body.anatomy import find_joint
 from mograft.body.mass import mass_model
 from mograft.dancer import dance
+from mograft.synthesis.graft import kept_violations
+from mograft.viewing.encoding import encode_objects
+from mograft.viewing.figure import ShownConstraint
 from tests.hierarchies import skeleton_from_text
 from tests.strategies import few_examples, transform_motion
 
@@ -103,10 +107,14 @@ def test_find_joint_of_other_names_is_the_same_body_part():
     skeleton = MOTION.skeleton
     other = replace(skeleton, names=tuple(OTHER_NAMES.get(name, name) for name in skeleton.names))
     for name, counterpart in OTHER_NAMES.items():
+        index = skeleton.index(name)
         for own, words in ((skeleton, counterpart), (other, name)):
-            assert find_joint(own, words, is_part=True) == skeleton.index(name)
-            with pytest.raises(ValueError, match="the same body part"):
+            assert find_joint(own, words, is_part=True) == index
+            expected = f"no joint is named '{words}'; did you mean '{own.names[index]}', the same"
+            with pytest.raises(ValueError, match=re.escape(expected)):
                 find_joint(own, words)
+            with pytest.raises(ValueError, match=re.escape(expected)):
+                mg.JointGroups({"lower": ["*"], "upper": [words]}).resolve(own)
 
 
 @given(st.sampled_from(MOTION.skeleton.names))
@@ -126,6 +134,21 @@ def test_find_joint_chest_is_the_top_of_the_trunk(trunk):
     text = f"Hips {{{trunk} {{Neck > Head | {' | '.join(limbs)}}} | {' | '.join(legs)}}}"
     skeleton, _ = skeleton_from_text(text)
     assert skeleton.names[find_joint(skeleton, "chest", is_part=True)] == trunk.split()[-1]
+
+
+def test_figure_position_target_is_drawn_where_it_is_in_the_first_frame():
+    reach = mc.Reach("LeftHand", mc.FigurePosition("chest", (0.1, 0.0, 0.3)), frames=(40, 60))
+    (shown,) = encode_objects([ShownConstraint(reach, MOTION)])
+    assert_allclose(shown["center"], located(MOTION, "chest", (0.1, 0.0, 0.3))[40], atol=0.01)
+    assert (shown["kind"], shown["frames"], shown["label"][:8]) == ("target", [40, 60], "LeftHand")
+
+
+def test_kept_violations_ignore_targets_that_donors_may_move():
+    library = mg.Library.build(MOTION)
+    place = located(MOTION, "chest", (0.0, 0.0, 0.0))[10]
+    for target, n_kept in ((tuple(place), 1), (mc.FigurePosition("chest", (0, 0, 0)), 0)):
+        reach = mc.Reach("LeftFoot", target, 10)
+        assert len(kept_violations(library, constraints=[reach])) == n_kept
 
 
 @pytest.mark.parametrize("name", ["hand", "wing", "LeftHnd", ""])

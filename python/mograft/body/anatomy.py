@@ -16,6 +16,7 @@ from mograft.body.joint_names import (
     read_names,
 )
 from mograft.body.limb_structure import recognise_structure, unbranched_chain
+from mograft.errors import suggest_name
 from mograft.motion.skeleton import Skeleton
 
 _BONES_OF_END = {
@@ -114,9 +115,16 @@ def find_joint(skeleton: Skeleton, name: str, *, is_part: bool = False) -> int:
     if joint is None:
         return skeleton.index(name)
     if not is_part:
-        hint = f"did you mean {skeleton.names[joint]!r}, the same body part?"
-        raise ValueError(f"no joint is named {name!r}; {hint}")
+        raise ValueError(f"no joint is named {name!r}{suggest_joint(skeleton, name)}")
     return joint
+
+
+def suggest_joint(skeleton: Skeleton, name: str) -> str:
+    """Return the joint of the part that a name means, or else of the most similar name, as text."""
+    joint = _counterpart(skeleton, name)
+    if joint is None:
+        return suggest_name(name, skeleton.names)
+    return f"; did you mean {skeleton.names[joint]!r}, the same body part?"
 
 
 def _counterpart(skeleton: Skeleton, name: str) -> int | None:
