@@ -32,7 +32,9 @@ def plans(draw):
 def test_n_combinations_is_never_exceeded_and_counts_all_sequences(plan, count):
     donors = plan.choose_donors(count, 0)
     assert len(donors) <= plan.n_combinations
-    if plan.n_combinations <= 200:
+    size = np.prod([float(len(own)) for own in plan.problem.candidates["upper"]])
+    assert plan.n_combinations == pytest.approx(size)
+    if size <= 200:
         sequences = {tuple(own) for own in product(*plan.problem.candidates["upper"])}
         assert len(sequences) == plan.n_combinations
         assert {tuple(own["upper"].tolist()) for own in donors} <= sequences

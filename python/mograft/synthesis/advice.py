@@ -80,6 +80,8 @@ def find_remedies(graft: Graft) -> list[str]:
     A `Reach` on a base of at most `_MAX_TRIED` frames is tried with the `Config.reach_ik` 1.
     """
     library, request, remedies = graft.library, graft.request, list[str]()
+    if request.method == "repair":
+        return remedies
     violated = [own.constraint for own in graft.violations]
     is_short = graft.base.n_frames <= _MAX_TRIED
     if is_short and library.config.reach_ik < 1.0 and any(isinstance(v, Reach) for v in violated):
@@ -89,7 +91,7 @@ def find_remedies(graft: Graft) -> list[str]:
         trial = make_graft(longer, request.base, seed=graft.seed, **arguments)
         result = "is not enough" if trial.violations else "satisfies them"
         remedies.append(f"`reach_ik=1` {result}")
-    if request.method == "graft" and any(own.is_on_poses for own in violated):
+    if any(own.is_on_poses for own in violated):
         remedies.append("`only_violations` also tries less similar donors")
     if any(isinstance(own, OnlyFrom) for own in violated):
         remedies.append("a larger `variety` allows less similar donors")
