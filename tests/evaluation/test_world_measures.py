@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,11 +13,13 @@ from hypothesis import strategies as st
 from lab.donors.donor_methods import grafts_by
 from mograft import JointGroups, Library, Motion, graft
 from mograft.body.contacts import Ground
+from mograft.body.contacts import skating_share as foot_skate
 from mograft.evaluation.balance import dynamic_balance
 from mograft.evaluation.body_tracks import (
     BodyTracks,
     FrameBlocks,
     Origin,
+    bone_ends,
     driving_group,
     jerk,
     landmarks,
@@ -61,6 +64,20 @@ def test_world_measures_of_the_base_are_within_their_ranges(library):
         for name, (low, high) in found.ranges.items():
             assert low <= getattr(found, name) <= high
         assert all("(within " in text for text in found.columns().values() if text != "none")
+
+
+def test_world_measures_ranges_are_quartiles_of_parts_and_the_whole_base(new):
+    found, base = world_measures(new), new.base
+    track = jerk(bone_ends(base, landmarks(base.skeleton)["head"]), base.rate)
+    edges = np.linspace(0, base.n_frames, max(round(base.duration / 5.0), 4) + 1).astype(int)
+    ratios = [np.median(track[a:b]) / np.median(track) for a, b in pairwise(edges)]
+    low, high = np.percentile(ratios, (25, 75))
+    assert found.ranges["head_jerk"] == pytest.approx((min(low, 1.0), max(high, 1.0)))
+    ground = Ground.of(base)
+    shares = [foot_skate(base[a:b], ground) for a, b in pairwise(edges)]
+    low, high = np.percentile(shares, (25, 75)) - foot_skate(base, ground)
+    assert found.ranges["skate"] == pytest.approx((min(low, 0.0), max(high, 0.0)))
+    assert found.ranges["floor_depth"][1] == 0.0  # no part is deeper than the whole base
 
 
 def test_world_measures_jitter_is_above_its_range(new):
