@@ -49,11 +49,14 @@ class Case:
         return self.old_steps or tuple(map(old_command, self.steps))
 
 
+OLD_NAMES = {"--only-violations": "--repair", "--length": "--frames"}
+
+
 def old_command(step: str) -> str:
-    """Return a command with an option for each field of the configuration; snippets stay."""
+    """Return a command with the old names of options, and one for each field; snippets stay."""
     if not step.startswith("mograft "):
         return step
-    words = shlex.split(step)
+    words = [OLD_NAMES.get(word, word) for word in shlex.split(step)]
     while "--set" in words:
         place = words.index("--set")
         name, value = words[place + 1].split("=", 1)
