@@ -120,6 +120,8 @@ MISTAKES = [
     ("graft a.bvh -o x --reroll 3", USAGE, "--reroll requires --from"),
     ("graft a.bvh -o x --only-violations -n 2", USAGE,
      "-n must be 1 with --only-violations, got 2"),
+    ("graft a.bvh -o x --only-violations --scenario graph", USAGE,
+     "--scenario cannot be combined with --only-violations"),
     ("graft -o x", USAGE, "expected LIB or FILE"),
     ("candidates a.bvh --segment 1 --frame 2", USAGE, "one of --segment and --frame is required"),
     ("stream a.bvh", USAGE, "one of --port and --socket is required"),

@@ -91,7 +91,7 @@ def find_remedies(graft: Graft) -> list[str]:
         trial = make_graft(longer, request.base, seed=graft.seed, **arguments)
         result = "is not enough" if trial.violations else "satisfies them"
         remedies.append(f"`reach_ik=1` {result}")
-    if any(own.is_on_poses for own in violated):
+    if request.scenario is None and any(own.is_on_poses for own in violated):
         remedies.append("`only_violations` also tries less similar donors")
     if any(isinstance(own, OnlyFrom) for own in violated):
         remedies.append("a larger `variety` allows less similar donors")

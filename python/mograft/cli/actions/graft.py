@@ -120,6 +120,8 @@ def _check_options(options: GraftOptions) -> None:
         raise UsageError("--change cannot be combined with --only-violations")
     if options.only_violations and options.count != 1:
         raise UsageError(f"-n must be 1 with --only-violations, got {options.count}")
+    if options.only_violations and options.scenario != "original":
+        raise UsageError("--scenario cannot be combined with --only-violations")
     _check_scenario(options)
 
 
