@@ -142,7 +142,8 @@ _MOTION_NOTE = (
 _MEASURE_NOTE = (
     " Jerk: of the end of the bone in the world, divided by that of base and donors. Floor depth, "
     "foot skate and out of balance: difference from the base; depth in percent of the body height, "
-    "out of balance over frames with the zero-moment point outside of the support."
+    "out of balance over frames with the zero-moment point outside of the support. In brackets: "
+    "the middle half of the parts of the base."
 )
 _DONOR_NOTE = (
     "Average number of donors per segment that satisfy each condition and all previous ones: "
