@@ -96,7 +96,7 @@ MISTAKES = [
     ("candidates a.bvh --frame 99s", RUNTIME, "--frame must be 0 to 299 in clip a, got 2970"),
     ("export a.bvh -o x.csv --frames 100-900", RUNTIME, "--frames must be two or more"),
     ("graft a.bvh -o x --avoid cube:0,0,0,1", USAGE, "got cube"),
-    ("graft a.bvh -o x --avoid sphere:0,0,0", USAGE, "expected 4 numbers separated by commas"),
+    ("graft a.bvh -o x --avoid sphere:0,0,0", USAGE, "expected X,Y,Z,RADIUS, got 0,0,0"),
     ("graft a.bvh -o x --scenario graph --base b.bvh", USAGE, "--base cannot be combined with"),
     ("graft a.bvh -o x --duration 9", USAGE, "--duration requires --scenario graph"),
     ("graft a.bvh -o x --scenario graph --duration 1e300", RUNTIME, "at most 86400 s, got 1e+300"),

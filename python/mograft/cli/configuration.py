@@ -17,7 +17,7 @@ from mograft.cli.syntax.options import (
     LibraryOptions,
     SkeletonOptions,
 )
-from mograft.cli.syntax.values import PRESETS, SHAPE_NUMBERS, Range, resolve_frames
+from mograft.cli.syntax.values import PRESETS, SHAPES, Range, resolve_frames
 from mograft.config import Config, scale_of_variety
 from mograft.config_text import parse_fields
 from mograft.io.formats import open_clips, read_clip, split_address
@@ -260,7 +260,7 @@ def _read_obstacle(kind: str, numbers: Sequence[float]) -> Obstacle:
     """
     x, y, z, *rest = numbers
     place = (x, y, z)
-    if kind not in SHAPE_NUMBERS:
+    if kind not in SHAPES:
         return Character(read_clip(kind), place, math.radians(rest[0]))
     try:
         if kind == "sphere":

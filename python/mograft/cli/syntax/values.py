@@ -18,8 +18,13 @@ from mograft.errors import suggest_name
 T = TypeVar("T")
 _MAX_SECONDS = 1e9  # times the frame rate of any file, this is a finite number of frames
 
-SHAPE_NUMBERS = {"sphere": 4, "capsule": 7, "box": 6, "wall": 6}
-"""How many numbers describe each shape of ``--avoid``."""
+SHAPES = {
+    "sphere": "X,Y,Z,RADIUS",
+    "capsule": "X,Y,Z,X,Y,Z,RADIUS",
+    "box": "X,Y,Z,HX,HY,HZ",
+    "wall": "X,Y,Z,NX,NY,NZ",
+}
+"""The numbers that describe each shape of ``--avoid``."""
 
 REACH_TOLERANCE = 0.03
 """Default tolerance of ``--reach`` in skeleton heights."""
@@ -296,27 +301,28 @@ def picture_size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def _numbers(text: str, *counts: int) -> tuple[float, ...]:
+def _numbers(text: str, *forms: str) -> tuple[float, ...]:
+    """Parse as many numbers as one of `forms`, such as ``X,Y,Z``, has."""
     words = text.split(",")
     try:
+        counts = [len(form.split(",")) for form in forms]
         numbers = tuple(float(word) for word in words if len(words) in counts)
     except ValueError:
         numbers = ()
     if not numbers:
-        expected = " or ".join(map(str, counts))
-        raise ArgumentTypeError(f"expected {expected} numbers separated by commas, got {text}")
+        raise ArgumentTypeError(f"expected {' or '.join(forms)}, got {text}")
     return numbers
 
 
 def _point(text: str) -> Point:
-    x, y, z = _numbers(text, 3)
+    x, y, z = _numbers(text, "X,Y,Z")
     return x, y, z
 
 
 @_parser("must be at least two corners, such as 0,0:300,0")
 def corners(text: str) -> list[tuple[float, ...]]:
     """Parse ``X,Z:X,Z:...``, at least two positions on the floor, into pairs of numbers."""
-    found = [_numbers(pair, 2) for pair in text.split(":")]
+    found = [_numbers(pair, "X,Z") for pair in text.split(":")]
     if len(found) < 2:
         raise ValueError
     return found
@@ -339,17 +345,17 @@ def obstacle(text: str) -> tuple[str, tuple[float, ...], Range | None]:
 def _shape(text: str) -> tuple[str, tuple[float, ...]]:
     """Parse a shape or the file of a character into its name and numbers."""
     kind, colon, rest = text.partition(":")
-    if colon and kind in SHAPE_NUMBERS:
-        return kind, _numbers(rest, SHAPE_NUMBERS[kind])
+    if colon and kind in SHAPES:
+        return kind, _numbers(rest, SHAPES[kind])
     if colon and len(kind) > 1 and kind.isalpha() and not Path(text).exists():
         raise ArgumentTypeError(
-            f"expected a file or one of the shapes {', '.join(SHAPE_NUMBERS)}, got {kind}"
-            f"{suggest_name(kind, SHAPE_NUMBERS)}"
+            f"expected a file or one of the shapes {', '.join(SHAPES)}, got {kind}"
+            f"{suggest_name(kind, SHAPES)}"
         )
     name, separator, place = text.rpartition("@")
     if not separator or Path(text).exists():
         return text, (0.0,) * 4
-    return name, (*_numbers(place, 3, 4), 0.0)[:4]
+    return name, (*_numbers(place, "X,Y,Z", "X,Y,Z,YAW"), 0.0)[:4]
 
 
 Reached = tuple[Range, str, str | None, Point, float]
