@@ -13,16 +13,9 @@ from mograft.search.donor_constraints import (
     OnlyFrom,
     Use,
 )
+from mograft.search.figure_position import FigurePosition
 from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Sphere
-from mograft.search.pose_constraints import (
-    Avoid,
-    AvoidSelf,
-    Custom,
-    Face,
-    FigurePosition,
-    KeepOut,
-    Reach,
-)
+from mograft.search.pose_constraints import Avoid, AvoidSelf, Custom, Face, KeepOut, Reach
 
 __all__ = [
     "Avoid",

@@ -31,8 +31,9 @@ from mograft.motion.skeleton import Skeleton
 from mograft.search import donor_constraints
 from mograft.search.constraints import Constraint, Span
 from mograft.search.donor_constraints import Ban, KeepOriginal, Use
+from mograft.search.figure_position import FigurePosition
 from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Obstacle, Sphere
-from mograft.search.pose_constraints import Avoid, AvoidSelf, Face, FigurePosition, Reach
+from mograft.search.pose_constraints import Avoid, AvoidSelf, Face, Reach
 
 FIXED_OPTIONS = ("groups", "preset", "match", "skeleton")
 """Options that can only be set when a library is created."""

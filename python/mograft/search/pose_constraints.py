@@ -13,13 +13,14 @@ from mograft._util.validate import (
     check_positive,
     coerce_vector,
 )
-from mograft.body.anatomy import anatomy, find_joint
+from mograft.body.anatomy import find_joint
 from mograft.body.capsules import Capsules, Poses, clearance
 from mograft.body.mass import mass_model, up_axis
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 from mograft.search.constraints import Constraint, Errors, no_errors
+from mograft.search.figure_position import FigurePosition, facing_direction
 from mograft.search.obstacles import Obstacle, Vector
 
 
@@ -139,43 +140,6 @@ class AvoidSelf(PoseConstraint):
         """As `Constraint.describe_error`."""
         depth, limit = error * self.tolerance, self.tolerance
         return f"self-collision {depth:.3f} heights deeper than captured, tolerance {limit:.3f}"
-
-
-@dataclass(frozen=True)
-class FigurePosition:
-    """A position relative to the figure, as the target of a `Reach`; it moves with the figure.
-
-    Parameters
-    ----------
-    part : str
-        Name of a joint, or a body part such as "chest" or "left hand".
-    offset : tuple of float
-        Distance from this joint to the left of the figure, up and forward, in skeleton heights.
-        Forward is the horizontal direction that hips and shoulders face.
-
-    Examples
-    --------
-    >>> FigurePosition("chest", (0, 0.1, 0.4))
-    FigurePosition(part='chest', offset=(0.0, 0.1, 0.4))
-    """
-
-    part: str
-    offset: Vector
-
-    def __post_init__(self) -> None:
-        coerce_vector(self, "offset")
-
-    def locate(self, skeleton: Skeleton, positions: FloatArray, up: int) -> FloatArray:
-        """Return the position in the world for each of some poses, shape (n, 3).
-
-        `positions` are those of the joints, shape (n, n_joints, 3), and `up` is the vertical axis.
-        """
-        upward = np.eye(3)[up]
-        forward = _forward(skeleton, positions, upward)
-        left, height = np.cross(upward, forward), mass_model(skeleton).height
-        x, y, z = (height * own for own in self.offset)
-        origin = positions[:, find_joint(skeleton, self.part, is_part=True)]
-        return origin + x * left + y * upward + z * forward
 
 
 @dataclass(frozen=True)
@@ -426,22 +390,7 @@ def _rest_forward(skeleton: Skeleton, up: int) -> FloatArray:
     top = rest[known.hips if known.head is None else known.head]
     feet = [foot.ankle for foot in known.feet]
     is_upright = not feet or top[up] >= rest[feet].mean(axis=0)[up]
-    return _forward(skeleton, rest, np.eye(3)[up] * (1.0 if is_upright else -1.0))
-
-
-def _forward(skeleton: Skeleton, positions: FloatArray, upward: FloatArray) -> FloatArray:
-    """Return the horizontal directions that hips and shoulders face, as unit vectors, (..., 3).
-
-    `positions` are those of the joints, shape (..., n_joints, 3); `upward` is a unit vector.
-    """
-    known = anatomy(skeleton)
-    left, right = (known.joints("thigh", "upper_arm", side=side) for side in ("left", "right"))
-    if not left or not right:
-        raise ValueError("the view direction is unknown: the skeleton has no left and right limbs")
-    lateral = positions[..., left, :].mean(axis=-2) - positions[..., right, :].mean(axis=-2)
-    direction = np.cross(lateral, upward)
-    length = np.linalg.norm(direction, axis=-1, keepdims=True)
-    return direction / np.where(length > 0.0, length, 1.0)
+    return facing_direction(skeleton, rest, np.eye(3)[up] * (1.0 if is_upright else -1.0))
 
 
 def _check_obstacle(name: str, value: object) -> None:

@@ -23,7 +23,8 @@ from mograft.search.constraints import (
 )
 from mograft.search.costs import excess, origin_violations
 from mograft.search.donor_constraints import KeepOriginal, OnlyFrom, find_seam_violations
-from mograft.search.pose_constraints import Avoid, Face, FigurePosition, KeepOut, Reach
+from mograft.search.figure_position import FigurePosition
+from mograft.search.pose_constraints import Avoid, Face, KeepOut, Reach
 from mograft.search.trellis import DonorSequences
 from mograft.solve.search_problem import SearchProblem, driven_joints
 
