@@ -2,7 +2,6 @@
 
 import glob
 import os
-import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
@@ -16,7 +15,7 @@ from mograft.errors import DAMAGE, LibraryError, ProvenanceError, join_names
 from mograft.io.bvh.writer import check_digits
 from mograft.io.formats import join_address, read_clip, split_address
 from mograft.library.clip_table import skeleton_from_json
-from mograft.library.discover import SourceFile, belongs_to_other_motion, scan_folder
+from mograft.library.discover import SourceFile, scan_folder, warn_of_other_motion
 from mograft.library.ingest_run import IngestOptions
 from mograft.library.library import Library
 from mograft.library.origin import (
@@ -118,9 +117,8 @@ def read_record(source: str | PathLike[str] | Mapping[str, Any]) -> GraftRecord:
     if not address or os.path.exists(source):
         address, name = fspath(source), ""
     path = Path(address)
-    grafts, motion = _read_documents(path)
-    if motion is not None:
-        warnings.warn(f"{path} belongs to another motion than {motion.name}", stacklevel=2)
+    grafts = _read_documents(path)
+    warn_of_other_motion(grafts[0], path)
     names = [str(own.get("name")) for own in grafts]
     if names.count(name) != 1 if name else len(grafts) > 1:
         raise ProvenanceError(
@@ -132,39 +130,29 @@ def read_record(source: str | PathLike[str] | Mapping[str, Any]) -> GraftRecord:
 def read_clip_record(path: Path, clip: str | None) -> GraftRecord | None:
     """Read the provenance beside a motion file; None if the clip of the file is not a graft.
 
-    `clip` is None for the only clip. Raises as `read_record`, and ProvenanceError if the provenance
-    belongs to another motion.
+    `clip` is None for the only clip. If the provenance belongs to another motion, warn and return
+    None. Raises as `read_record`.
     """
     source = path.with_suffix(".json")
-    documents, other = _read_documents(source, path.suffix)
-    if other is not None:
-        raise ProvenanceError(f"{source} belongs to another motion than {path.name}")
-    for document in documents:
+    documents = _read_documents(source)
+    for document in [] if warn_of_other_motion(documents[0], source) else documents:
         if clip is None or document.get("animation", clip) == clip:
             return _parse(document, str(source), source.parent)
     return None
 
 
-def _read_documents(path: Path, *suffixes: str) -> tuple[list[Mapping[str, Any]], Path | None]:
-    """Return the documents of all grafts in a file, at least one object, and another's motion.
-
-    That is a motion file beside it with one of `suffixes`, by default any, to which the file does
-    not belong; None if there is none, or if the file belongs to one of them.
-    """
+def _read_documents(path: Path) -> list[Mapping[str, Any]]:
+    """Return the documents of all grafts in a file: at least one object."""
     try:
         document = parse_document(path.read_bytes())
     except ValueError as error:
         raise ProvenanceError(f"{path}: not a JSON document: {error}") from None
-    grafts, other = [document], None
-    if isinstance(document, Mapping):
-        motions = [path.with_suffix(own) for own in suffixes or (".bvh", ".glb", ".npz")]
-        is_other = {own: belongs_to_other_motion(document, own) for own in motions if own.is_file()}
-        other = next(iter(is_other), None) if all(is_other.values()) else None
+    grafts = [document]
     if isinstance(document, Mapping) and document.get("schema") == SEVERAL_SCHEMA:
         grafts = document.get("grafts", [])
     if not isinstance(grafts, list) or not grafts:
         raise ProvenanceError(f"{path}: damaged: `grafts` must be a list of objects")
-    return [own if isinstance(own, Mapping) else {} for own in grafts], other
+    return [own if isinstance(own, Mapping) else {} for own in grafts]
 
 
 def _parse(document: Any, label: str, folder: Path) -> GraftRecord:  # noqa: ANN401 - of JSON

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
-from mograft._util.atomic import atomic_paths, write_json
+from mograft._util.atomic import atomic_path, write_json
+from mograft._util.signals import delay_signals
 from mograft._util.validate import check_type
 from mograft.errors import suggest_name
 from mograft.io.bvh.writer import check_digits, write_bvh
@@ -17,7 +18,7 @@ from mograft.io.gltf.writer import Addition, append_animations, has_duration
 from mograft.io.npz import write_npz
 from mograft.io.smpl.amass import write_amass
 from mograft.io.usd import write_usd
-from mograft.library.discover import MOTION_HASH, SourceFile, hash_file
+from mograft.library.discover import MOTION_HASH, SourceFile
 from mograft.library.origin import find_clip_origin
 from mograft.motion.motion import Motion
 from mograft.provenance.document import SEVERAL_SCHEMA, graft_record
@@ -169,18 +170,18 @@ def write_graft(
     if is_glb:
         names, data = _add_animations(grafts, files, target)
         documents = [{**own, "animation": name} for own, name in zip(documents, names, strict=True)]
-    several = {"schema": SEVERAL_SCHEMA, "mograft": VERSION, "grafts": documents}
     # The provenance comes first: an interruption then leaves no motion without it.
-    with atomic_paths(target.with_suffix(".json"), target) as (record, draft):
+    with delay_signals(), atomic_path(target) as draft:
         if is_glb:
             draft.write_bytes(data)
         elif files:
             write_amass(grafts[0].motion, draft, like=files[0])
         else:
-            with draft.open("xb") as stream:
-                write_bvh(grafts[0].motion, stream, digits=digits)
-        document = documents[0] if len(documents) == 1 else several
-        write_json(record, {**document, MOTION_HASH: hash_file(draft)})
+            write_bvh(grafts[0].motion, draft, digits=digits)
+        known = {MOTION_HASH: SourceFile.from_path(str(draft)).sha256}
+        documents = [{**own, **known} for own in documents]
+        several = {"schema": SEVERAL_SCHEMA, "mograft": VERSION, **known, "grafts": documents}
+        write_json(target.with_suffix(".json"), documents[0] if len(documents) == 1 else several)
 
 
 def _copied_file(graft: Graft, target: Path) -> str:
