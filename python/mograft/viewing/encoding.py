@@ -19,6 +19,7 @@ from mograft.motion.skeleton import Skeleton
 from mograft.search.constraints import Constraint
 from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Obstacle, Sphere
 from mograft.search.pose_constraints import Avoid, Face, KeepOut, Reach
+from mograft.viewing.character import find_characters
 from mograft.viewing.figure import Figure, ShownConstraint, TimelineRow
 from mograft.viewing.geometry import DrawnSkeleton
 from mograft.viewing.scene import Scene
@@ -67,9 +68,13 @@ def encode_scene(
     for own in objects:
         if own["kind"] == "figure":
             own["clip"] = _encode_character(own["clip"], own.pop("to_page"), step)
-    note = ""
+    paths = [(figure.motion.path, figure.motion.skeleton) for figure in scene.figures]
+    characters, worn, notes = find_characters(paths, scene.character)
+    for clip, number in zip(clips, worn, strict=True):
+        clip["character"] = number
     if step > 1:
         note = f"Long motions: every {_ordinal(step)} frame is stored, the others are interpolated."
+        notes.append(note)
     candidates = [
         {group: _with_numbers(table, donors) for group, table in (own.candidates or {}).items()}
         for own in listed.values()
@@ -79,7 +84,8 @@ def encode_scene(
         "format": "mograft.view/2",
         "height": max(each.height for each in skeletons),
         "floor": min(each.floor for each in skeletons),
-        **{"note": note, "shown": shown, "groups": list(scene.groups), "characters": []},
+        **{"note": " ".join(notes), "shown": shown, "groups": list(scene.groups)},
+        "characters": characters,
         "windows": _encode_windows(list(listed.values()), scene, max_rotations // 15),
         **{"candidates": candidates, "objects": objects, "donors": list(donors), "clips": clips},
     }
@@ -99,7 +105,6 @@ def _encode_figure(
         "energy": _energy_curve(figure.motion),
         **{"command": figure.command, "keep": figure.keep, "note": figure.note},
         "isGraft": any(part.clip is not None for row in figure.rows for part in row.parts),
-        "character": None,
         "rows": [_encode_row(row, donors) for row in figure.rows],
     }
 

@@ -185,6 +185,10 @@ def viewer_html(scene: Scene, max_rotations: int = MAX_ROTATIONS, n_shown: int =
         clip["data"] = f"mograft-poses-{index}"
         poses = {key: clip.pop(key) for key in ("units", "pose")}
         elements.append(embed_json(poses, clip["data"]))
+    for index, character in enumerate(data["characters"]):
+        character["data"] = f"mograft-character-{index}"
+        stored = {key: character.pop(key) for key in ("arrays", "textures")}
+        elements.append(embed_json(stored, character["data"]))
     return "\n".join([*elements, embed_json(data)])
 
 

@@ -13,6 +13,7 @@ from mograft.analysis.segmentation import segment
 from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.io.formats import find_addresses, read_clip, split_address
+from mograft.io.gltf.document import read_gltf_file
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -41,6 +42,7 @@ class Scene:
 
     figures: tuple[Figure, ...]
     constraints: tuple[ShownConstraint, ...] = ()  # Their obstacles and targets are drawn.
+    character: Path | None = None  # A glTF file with the mesh of the figures.
 
     @classmethod
     def of(
@@ -80,6 +82,12 @@ class Scene:
     def of_clips(cls, library: Library, clips: Iterable[int]) -> "Scene":
         """Return a scene of the clips of a library that have the given indices."""
         return cls(tuple(_clip_figure(library, library.clips[clip]) for clip in clips))
+
+    def with_character(self, path: Path | None) -> "Scene":
+        """Return the scene with the mesh of a glTF file for all figures of its joints."""
+        if path is not None:
+            read_gltf_file(path)  # Raises an error if the file is invalid or has no joints.
+        return replace(self, character=path)
 
     def with_files(self, files: Mapping[int, Path]) -> "Scene":
         """Return the scene with the commands of files, which are given by the `id` of motions."""

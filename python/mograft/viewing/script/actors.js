@@ -2,7 +2,7 @@
 import { groupColour, ink } from "./colours.js";
 import { characterMeshes } from "./character.js";
 import { setPose } from "./poses.js";
-import { clips, state } from "./scene.js";
+import { clips, scene, state } from "./scene.js";
 
 const UP = new THREE.Vector3(0, 1, 0);
 
@@ -130,6 +130,19 @@ export function poseActor(actor, frame, { alpha = 1, colour } = {}) {
     if (material.opacity === alpha) continue;
     Object.assign(material, { opacity: alpha, transparent: alpha < 1, needsUpdate: true });
   }
+}
+
+// How much higher than its skeleton a figure is drawn, in the pose of the first view.
+export function sizeOf(actor) {
+  if (!actor.capsules.visible) {
+    actor.size ||= actor.meshes.reduce((size, mesh) => {
+      mesh.skeleton.update();
+      mesh.computeBoundingBox();
+      return Math.max(size, (mesh.boundingBox.max.y - scene.floor) / scene.height);
+    }, 1);
+    return Math.min(actor.size, 2);
+  }
+  return 1;
 }
 
 export const hasMesh = () => clips.some((clip) => clip.character !== null);

@@ -50,23 +50,22 @@ function makeMaterial(own, textures) {
   });
 }
 
-// The meshes of a figure's character, bound to its bones.
+// The meshes of a figure's character, bound to its bones. Rigid parts are in the axes of their joint.
 export function characterMeshes(clip, bones, bind) {
-  const character = clip.character === null || clip.character === undefined ? null : scene.characters[clip.character];
-  if (!character?.parts) return [];
+  const character = scene.characters[clip.character];
+  if (!character) return [];
   const inverses = character.inverses.map((values) => new THREE.Matrix4().fromArray(values));
-  const joined = character.joints.map((joint) => bones[joint]);
-  return character.parts.map((part) => {
+  return character.parts.map(({ arrays, material, isRigid }) => {
     const geometry = new THREE.BufferGeometry();
-    for (const [name, attribute] of Object.entries(part.arrays)) {
+    for (const [name, attribute] of Object.entries(arrays)) {
       if (name === "index") geometry.setIndex(attribute);
       else geometry.setAttribute(name, attribute);
     }
     const { count } = geometry.attributes.position;
     geometry.setAttribute("color", new THREE.BufferAttribute(new Float32Array(3 * count), 3));
     if (!geometry.attributes.normal) geometry.computeVertexNormals();
-    const mesh = new THREE.SkinnedMesh(geometry, makeMaterial(part.material, character.textures));
+    const mesh = new THREE.SkinnedMesh(geometry, makeMaterial(material, character.textures));
     mesh.userData = { plain: mesh.material, tinted: new THREE.MeshLambertMaterial({ vertexColors: true }) };
-    return bind(mesh, joined, inverses);
+    return bind(mesh, bones, isRigid ? bones.map(() => new THREE.Matrix4()) : inverses);
   });
 }

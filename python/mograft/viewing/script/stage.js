@@ -1,5 +1,5 @@
 // The stage: one drawing by three.js, with a view for each shown figure, and marks above it.
-import { actorOf, allActors, poseActor } from "./actors.js";
+import { actorOf, allActors, poseActor, sizeOf } from "./actors.js";
 import { groupColour, ink } from "./colours.js";
 import { makePose, nodePlace, rotate, setPose } from "./poses.js";
 import { addObjects, drawLabels, poseObjects } from "./objects.js";
@@ -79,12 +79,12 @@ export function tiles() {
 }
 
 // Aim the camera at a figure; return the middle of the view and the projection to the canvas.
-function aim(clip, [left, top, width, height]) {
+function aim(clip, [left, top, width, height], grown) {
   // A camera that does not follow stays where it was when following was switched off.
   const seen = clipFrame(clip, state.follow ? state.frame : state.stand);
   const k = Math.min(Math.round(seen / clip.step), clip.kept - 1) * 3;
-  const target = new THREE.Vector3(clip.cameraPath[k], scene.floor + 0.5 * tall, clip.cameraPath[k + 2]);
-  const distance = ((state.follow ? 3.4 : 5) * tall) / state.zoom;
+  const target = new THREE.Vector3(clip.cameraPath[k], scene.floor + 0.5 * tall * grown, clip.cameraPath[k + 2]);
+  const distance = ((state.follow ? 3.4 : 5) * tall * grown) / state.zoom;
   // The figure fills two thirds of the height, and most of the width of a narrow view.
   const focus = 2.25 * Math.min(1.25 * width, height);
   camera.fov = (360 / Math.PI) * Math.atan(height / 2 / focus);
@@ -203,8 +203,9 @@ export function drawStage() {
     poseActor(actor, clipFrame(clip, state.frame), { alpha: state.overlay && i ? 0.45 : 1 });
     return actor;
   });
+  const grown = renderer ? Math.max(...actors.map(sizeOf)) : 1;
   places.forEach((tile, i) => {
-    const view = aim(shown[i], tile);
+    const view = aim(shown[i], tile, grown);
     const seen = state.overlay ? shown : [shown[i]];
     pen.save();
     pen.beginPath();
