@@ -42,6 +42,13 @@ def used_names() -> list[str]:
 
 def build() -> bytes:
     """Return the module: the used names and what they need, minified, in one global object."""
+    banner = f"/*!\nthree.js {read_version()}, https://threejs.org\n\n{read_licence()}\n*/"
+    entry = f'export {{ {", ".join(used_names())} }} from "three";\n'
+    return bundle(entry, "--global-name=THREE", f"--banner:js={banner}")
+
+
+def bundle(entry: str, *options: str) -> bytes:
+    """Return a script in JavaScript and the pinned packages that it imports as one script."""
     npm = shutil.which("npm")
     if npm is None:
         raise FileNotFoundError("npm is not installed")
@@ -50,13 +57,13 @@ def build() -> bytes:
         for file in ("package.json", "package-lock.json"):
             shutil.copy(FOLDER / file, folder)
         subprocess.run([npm, "ci", "--ignore-scripts", "--no-audit"], cwd=folder, check=True)
-        entry = f'export {{ {", ".join(used_names())} }} from "three";\n'
-        banner = f"/*!\nthree.js {read_version()}, https://threejs.org\n\n{read_licence()}\n*/"
-        options = ["--bundle", "--minify", "--format=iife", "--global-name=THREE"]
-        options += ["--target=es2022", "--charset=ascii", "--legal-comments=none"]
-        command = [folder / "node_modules" / ".bin" / "esbuild", *options, f"--banner:js={banner}"]
+        words = ["--bundle", "--minify", "--format=iife", "--target=es2022", "--charset=ascii"]
         done = subprocess.run(
-            command, cwd=folder, input=entry.encode(), check=True, stdout=subprocess.PIPE
+            [folder / "node_modules/.bin/esbuild", *words, "--legal-comments=none", *options],
+            cwd=folder,
+            input=entry.encode(),
+            check=True,
+            stdout=subprocess.PIPE,
         )
     return done.stdout
 

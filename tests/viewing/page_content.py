@@ -27,8 +27,8 @@ class Tags(HTMLParser):
 def page_data(page):
     """Return the JSON data of a page, with the positions of each clip."""
     data = _element(page, "mograft-data")
-    for clip in data["clips"]:
-        clip |= _element(page, clip["data"])
+    for own in (*data["clips"], *data["characters"]):
+        own |= _element(page, own["data"])
     return data
 
 

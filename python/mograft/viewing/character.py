@@ -123,7 +123,8 @@ def _check_skeleton(file: GltfFile, skeleton: Skeleton) -> float:
     if file.rest.names != skeleton.names:
         file.container.fail("nodes", "expected the joints of the motion")
     bones, own = file.rest.offsets[1:], skeleton.offsets[1:]
-    scale = float(np.linalg.norm(own) / max(float(np.linalg.norm(bones)), 1e-12))
+    length = float(np.linalg.norm(bones))
+    scale = float(np.linalg.norm(own)) / length if length else 1.0
     if np.abs(own - scale * bones).max(initial=0) > _REST_TOLERANCE * scale * file.rest.extent:
         file.container.fail("nodes", "expected the rest pose of the motion")
     return scale

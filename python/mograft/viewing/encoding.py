@@ -30,6 +30,9 @@ MAX_ROTATIONS = 6_000_000
 _ROTATION_UNIT = 2.0**-17
 """Step to which the components of unit quaternions are rounded."""
 
+_MESH_PRECISION = 1 / 16
+"""Steps of rotations and positions of a mesh, relative to those of capsules."""
+
 _MAX_CURVE_POINTS = 1_500
 """Maximum number of points of the energy curve, which is about the width of a screen in pixels."""
 
@@ -60,18 +63,16 @@ def encode_scene(
     donors: dict[str, int] = {}
     listed = {id(own.candidates): own for own in scene.figures if own.candidates}
     numbers = {key: number for number, key in enumerate(listed)}
+    paths = [(figure.motion.path, figure.motion.skeleton) for figure in scene.figures]
+    characters, worn, notes = find_characters(paths, scene.character)
     clips = [
-        _encode_figure(figure, skeleton, step, donors)
-        | {"candidates": numbers.get(id(figure.candidates))}
-        for figure, skeleton in zip(scene.figures, skeletons, strict=True)
+        _encode_figure(figure, skeleton, (step, 1.0 if number is None else _MESH_PRECISION), donors)
+        | {"candidates": numbers.get(id(figure.candidates)), "character": number}
+        for figure, skeleton, number in zip(scene.figures, skeletons, worn, strict=True)
     ]
     for own in objects:
         if own["kind"] == "figure":
             own["clip"] = _encode_character(own["clip"], own.pop("to_page"), step)
-    paths = [(figure.motion.path, figure.motion.skeleton) for figure in scene.figures]
-    characters, worn, notes = find_characters(paths, scene.character)
-    for clip, number in zip(clips, worn, strict=True):
-        clip["character"] = number
     if step > 1:
         note = f"Long motions: every {_ordinal(step)} frame is stored, the others are interpolated."
         notes.append(note)
@@ -92,14 +93,14 @@ def encode_scene(
 
 
 def _encode_figure(
-    figure: Figure, skeleton: DrawnSkeleton, step: int, donors: dict[str, int]
+    figure: Figure, skeleton: DrawnSkeleton, steps: tuple[int, float], donors: dict[str, int]
 ) -> dict[str, Any]:
     """Return a figure as a dict for JSON.
 
     `donors` maps names of donor clips to numbers. The figure's donor clips that it does not contain
     are added to it, with the next numbers.
     """
-    poses, groups = _encode_motion(figure.motion, skeleton, step), list(figure.members)
+    poses, groups = _encode_motion(figure.motion, skeleton, *steps), list(figure.members)
     return {"name": figure.name, **poses, "tips": skeleton.tips, "groups": groups} | {
         "group": figure.group_of_nodes(skeleton.parents),
         "energy": _energy_curve(figure.motion),
@@ -109,13 +110,23 @@ def _encode_figure(
     }
 
 
-def _encode_motion(motion: Motion, drawn: DrawnSkeleton, step: int) -> dict[str, Any]:
-    """Return a skeleton with its shapes, and the rotations of every `step`-th frame."""
+def _encode_motion(
+    motion: Motion, drawn: DrawnSkeleton, step: int, precision: float = 1.0
+) -> dict[str, Any]:
+    """Return a skeleton with its shapes, and the rotations of every `step`-th frame.
+
+    `precision` is that of rotations and positions, relative to that of capsules.
+    """
     skeleton = motion.skeleton
     joints: IntArray = np.arange(skeleton.n_joints)
     return {
         **{"frames": motion.n_frames, "dt": motion.frame_time},
-        **_encode_frames(motion, np.arange(0, motion.n_frames, step), joints, drawn.height),
+        **_encode_frames(
+            motion,
+            np.arange(0, motion.n_frames, step),
+            joints,
+            (precision * _ROTATION_UNIT, precision * 1e-4 * drawn.height),
+        ),
         **{"step": step, "parents": skeleton.parents.tolist(), "root": drawn.root},
         "offsets": _numbers(skeleton.offsets.ravel()),
         "ends": [[joint, *_numbers(offset)] for joint, offset in drawn.ends],
@@ -129,7 +140,7 @@ def _encode_motion(motion: Motion, drawn: DrawnSkeleton, step: int) -> dict[str,
 
 
 def _encode_frames(
-    motion: Motion, frames: IntArray, joints: IntArray, height: float
+    motion: Motion, frames: IntArray, joints: IntArray, units: tuple[float, float]
 ) -> dict[str, Any]:
     """Return the rotations of some joints in some frames, and the positions that vary.
 
@@ -142,8 +153,8 @@ def _encode_frames(
         rotations.continuous_signs(turns[:, is_turning]).reshape(len(frames), -1),
         motion.positions[frames][:, moving].reshape(len(frames), -1),
     ]
-    units, pose = quantize(tracks, (_ROTATION_UNIT, 1e-4 * height))
-    packed = {"units": units, "pose": _compress(pose)}
+    steps, pose = quantize(tracks, units)
+    packed = {"units": steps, "pose": _compress(pose)}
     named = {"turning": joints[is_turning].tolist(), "moving": moving.tolist()}
     return {"kept": len(frames), **named, **packed}
 
@@ -179,7 +190,7 @@ def _encode_windows(figures: Sequence[Figure], scene: Scene, max_rotations: int)
             continue
         motion, runs = figure.clip_of(name), find_runs(mask)
         joints: IntArray = np.arange(1, motion.n_joints)
-        packed = _encode_frames(motion, np.flatnonzero(mask), joints, 1.0)
+        packed = _encode_frames(motion, np.flatnonzero(mask), joints, (_ROTATION_UNIT, 1e-3))
         ends = {"start": runs[:, 0].tolist(), "stop": (runs[:, 1] - 1).tolist()}
         windows[name] = {**packed, "step": 1, **ends}
     return windows

@@ -76,7 +76,8 @@ class Scene:
             scene.add(item)
         if not scene.figures:
             raise ValueError("`items` must contain at least one motion, got none")
-        return cls(tuple(scene.figures), tuple(scene.constraints))
+        given = [item.character for item in items if isinstance(item, Scene) and item.character]
+        return cls(tuple(scene.figures), tuple(scene.constraints), *given[:1])
 
     @classmethod
     def of_clips(cls, library: Library, clips: Iterable[int]) -> "Scene":

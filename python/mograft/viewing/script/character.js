@@ -65,7 +65,7 @@ export function characterMeshes(clip, bones, bind) {
     geometry.setAttribute("color", new THREE.BufferAttribute(new Float32Array(3 * count), 3));
     if (!geometry.attributes.normal) geometry.computeVertexNormals();
     const mesh = new THREE.SkinnedMesh(geometry, makeMaterial(material, character.textures));
-    mesh.userData = { plain: mesh.material, tinted: new THREE.MeshLambertMaterial({ vertexColors: true }) };
+    mesh.userData = { isRigid, plain: mesh.material, tinted: new THREE.MeshLambertMaterial({ vertexColors: true }) };
     return bind(mesh, bones, isRigid ? bones.map(() => new THREE.Matrix4()) : inverses);
   });
 }

@@ -157,7 +157,11 @@ async function begin() {
       return Array.from({ length: clip.parents.length + clip.ends.length }, (_, node) => nodePlace(clip, pose, node)).flat();
     },
     preview: (row, part, own) => preview({ line: timeline.lines[row], part }, own),
-    matrices: (index) => Array.from(actorOf(clips[index]).bones, (bone) => bone.matrixWorld.toArray()),
+    skin: (index) => {
+      const { skeleton } = actorOf(clips[index]).meshes.find(({ userData }) => !userData.isRigid);
+      skeleton.update();
+      return Array.from(skeleton.boneMatrices);
+    },
     command: (index) => commandOf(clips[index]),
     isLoaded: (clip) => Boolean(clips[clip].values),
     describe: (row, part) => describe({ line: timeline.lines[row], part }),
