@@ -27,7 +27,7 @@ class Tags(HTMLParser):
 def page_data(page):
     """Return the JSON data of a page, with the positions of each clip."""
     data = _element(page, "mograft-data")
-    for own in (*data["clips"], *data["characters"]):
+    for own in (*data["clips"], *data["characters"], *data["windows"].values()):
         own |= _element(page, own["data"])
     return data
 

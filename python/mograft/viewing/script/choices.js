@@ -37,14 +37,15 @@ export function commandOf(clip) {
 export const choicesOf = (clip) => choices.get(clip) || [];
 export const markOf = (clip) => verdicts.get(clip);
 
-// Two choices exclude each other if both are for the same segment or the same range. Several donors
-// can be banned.
+// Two choices exclude each other if both are for the same segment or range, or if one keeps the
+// captured motion of the other's segment. Several donors can be banned.
 function excludes(a, b) {
-  if (a.row !== b.row) return false;
-  const isRange = [a, b].map(({ kind }) => kind === "keep" || kind === "change");
-  if (isRange[0] || isRange[1]) return isRange[0] && isRange[1] && a.start === b.start && a.stop === b.stop;
+  const isTake = [a, b].map(({ kind }) => kind === "take" || kind === "ban");
+  const isKeep = a.kind === "keep" || b.kind === "keep";
+  if (isTake[0] !== isTake[1]) return isKeep && a.start <= b.stop && b.start <= a.stop;
+  if (!isTake[0]) return (isKeep || a.row === b.row) && a.start === b.start && a.stop === b.stop;
   const isSame = a.clip === b.clip && a.from === b.from;
-  return a.part === b.part && (isSame || (a.kind === "take" && b.kind === "take"));
+  return a.row === b.row && a.part === b.part && (isSame || a.kind === b.kind) && (isSame || a.kind === "take");
 }
 
 // Add a choice in place of those that it excludes, or remove it if it was made before.

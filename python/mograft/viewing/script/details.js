@@ -89,15 +89,15 @@ export function preview(chosen, own) {
 }
 
 // The selected range in frames of a figure, or else the segment without the frame that it shares with the next.
-function rangeOf({ line: { clip, row }, part }) {
-  if (!state.range) return [row.start[part], Math.max(row.stop[part] - 1, row.start[part])];
-  return state.range.map((frame) => clipFrame(clip, frame));
+function rangeOf({ line: { clip, row }, part }, range = state.range) {
+  if (!range) return [row.start[part], Math.max(row.stop[part] - 1, row.start[part])];
+  return range.map((frame) => clipFrame(clip, frame));
 }
 
 function chooseFor(chosen, kind, own) {
   const { line, part } = chosen;
   const { clip, row } = line;
-  const [start, stop] = rangeOf(chosen);
+  const [start, stop] = rangeOf(chosen, kind === "take" || kind === "ban" ? null : state.range);
   const group = clip.rows.length > 1 ? row.group : null;
   choose(clip, { kind, group, row: row.group, part, start, stop, ...(own && { clip: own.clip, from: own.from, to: own.to }) });
 }

@@ -162,6 +162,11 @@ async function begin() {
       skeleton.update();
       return Array.from(skeleton.boneMatrices);
     },
+    pin: (row, part) => {
+      state.pinned = { line: timeline.lines[row], part };
+      redraw();
+    },
+    isWindowLoaded: (name) => Boolean(scene.windows[name].values),
     command: (index) => commandOf(clips[index]),
     isLoaded: (clip) => Boolean(clips[clip].values),
     describe: (row, part) => describe({ line: timeline.lines[row], part }),
