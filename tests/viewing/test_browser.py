@@ -324,6 +324,54 @@ def test_viewer_hostile_names_remain_text(browser, name, tmp_path):
         assert page.locator("img").count() == 0
 
 
+@pytest.mark.parametrize("has_policy", [True, False])
+def test_viewer_hostile_clip_names_run_no_script(browser, tmp_path, has_policy):
+    """Also without the policy of the page: names of donors, candidates, notes and commands."""
+    names = [name for name in HOSTILE_NAMES if "<" in name][:2]
+    takes = [
+        replace(dance(seed=seed, strides=1).motion[:300], name=name)
+        for seed, name in enumerate(names)
+    ]
+    new = graft(Library.build(takes), names[0], seed=1)
+    text = report_page([new], [Path(f"{names[0]}.bvh")]).html
+    if not has_policy:
+        text = re.sub(r'<meta http-equiv="Content-Security-Policy".*?">', "", text, flags=re.DOTALL)
+    path = tmp_path / "evil.html"
+    path.write_text(text, encoding="utf-8")
+    with open_page(browser, path) as page:
+        page.evaluate("mograft.pin(2, 5); mograft.seek(mograft.frame())")
+        page.locator("[data-part=donors] tr button").first.click()
+        page.locator("[data-mark=star]").click()
+        page.locator("[data-part=parts] summary").click()
+        wait_until(page, "document.querySelectorAll('[data-part=table] tr').length > 5")
+        assert page.locator("[data-part=commands] input").count() == 2
+        assert page.title() != "owned"
+        assert page.locator(".viewer img, .viewer script").count() == 0
+
+
+def test_viewer_without_webgl_shows_stills_and_reason(browser, path):
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    messages = []
+    page.on("console", lambda message: messages.append(message.text))
+    page.on("pageerror", lambda error: messages.append(str(error)))
+    page.add_init_script(
+        "const given = HTMLCanvasElement.prototype.getContext;"
+        "HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {"
+        "return kind.startsWith('webgl') ? null : given.call(this, kind, ...rest); };"
+    )
+    page.goto(path.as_uri())
+    page.wait_for_selector("#mograft[data-ready='1']")
+    assert page.locator("[data-part=reason]").is_visible()
+    assert "no WebGL" in page.locator("[data-part=reason]").text_content()
+    before = pixels(page, ".stage")
+    page.evaluate("mograft.seek(60)")
+    after = pixels(page, ".stage")
+    assert (np.abs(after - before).max(axis=-1) > 0.1).mean() > 0.003
+    assert page.locator("[data-part=donors]").count() == 1
+    page.close()
+    assert messages == []
+
+
 pytestmark = pytest.mark.browser
 
 N_TRIES = 20

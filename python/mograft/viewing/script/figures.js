@@ -42,13 +42,14 @@ function markCaptions() {
 }
 onChoice(markCaptions);
 
+// A caption covers the tile of its figure; its edges separate the tiles.
 export function placeCaptions() {
   const places = tiles();
   captions.forEach(({ box }, i) => {
-    const tile = state.overlay ? [0, i * 64, size.width, 64] : places[i];
-    box.style.left = `${tile[0]}px`;
-    box.style.top = `${tile[1]}px`;
-    box.style.width = `${tile[2]}px`;
+    const [left, top, width, height] = state.overlay ? [0, i * 64, size.width, 64] : places[i];
+    Object.assign(box.style, { left: `${left}px`, top: `${top}px`, width: `${width}px`, height: `${height}px` });
+    box.classList.toggle("beside", left > 0);
+    box.classList.toggle("below", top > 0 && !state.overlay);
     box.style.opacity = state.overlay && i ? "0.65" : "1";
   });
 }

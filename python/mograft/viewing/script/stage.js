@@ -39,13 +39,10 @@ function makeFloor() {
 
 // Start three.js; without WebGL, the stage shows still figures and the reason.
 export function startStage() {
-  try {
-    renderer = new THREE.WebGLRenderer({ canvas: stage, alpha: true, antialias: true });
-  } catch {
-    find("reason").textContent = "This browser has no WebGL, so the page shows still pictures of the figures. All numbers are in the timeline and the tables.";
-    find("reason").hidden = false;
-    return;
-  }
+  const context = stage.getContext("webgl2", { antialias: true });
+  find("reason").hidden = context !== null;
+  if (!context) return;
+  renderer = new THREE.WebGLRenderer({ canvas: stage, context, alpha: true, antialias: true });
   renderer.autoClear = false;
   renderer.shadowMap.enabled = true;
   renderer.shadowMap.type = THREE.PCFSoftShadowMap;
@@ -165,23 +162,6 @@ function render({ clip, target, tile: [left, top, width, height] }, actors) {
   renderer.render(world, camera);
 }
 
-function drawBorders(places) {
-  pen.strokeStyle = ink.line;
-  pen.lineWidth = 1;
-  for (const [left, top, wide, high] of places) {
-    pen.beginPath();
-    if (left > 0) {
-      pen.moveTo(left + 0.5, top);
-      pen.lineTo(left + 0.5, top + high);
-    }
-    if (top > 0) {
-      pen.moveTo(left, top + 0.5);
-      pen.lineTo(left + wide, top + 0.5);
-    }
-    pen.stroke();
-  }
-}
-
 export function drawStage() {
   const { width, height, ratio } = size;
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
@@ -219,5 +199,4 @@ export function drawStage() {
     if (state.trails) for (const clip of seen) drawTrails(clip, clipFrame(clip, state.frame), view);
     pen.restore();
   });
-  drawBorders(places);
 }
