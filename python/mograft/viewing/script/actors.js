@@ -12,7 +12,7 @@ function limb(a, b, radius, width) {
   const length = along.length();
   const shape = width
     ? new THREE.SphereGeometry(1, 16, 12).scale(width, radius, width)
-    : new THREE.CapsuleGeometry(radius, length, 4, 12);
+    : new THREE.CapsuleGeometry(radius, length, 4, 16);
   const turn = new THREE.Quaternion().setFromUnitVectors(UP, length ? along.divideScalar(length) : UP);
   const middle = a.clone().add(b).multiplyScalar(0.5);
   return shape.applyQuaternion(turn).translate(middle.x, middle.y, middle.z);
