@@ -63,8 +63,8 @@ function capsuleGeometry(clip) {
   return geometry;
 }
 
-// A skeleton whose bones have the world transforms that `poseActor` sets.
-export function bind(mesh, bones, inverses) {
+// Bind a mesh to bones; by default, each vertex is in the axes of its bone.
+export function bind(mesh, bones, inverses = bones.map(() => new THREE.Matrix4())) {
   mesh.bind(new THREE.Skeleton(bones, inverses), new THREE.Matrix4());
   mesh.frustumCulled = false;
   mesh.castShadow = true;
@@ -76,11 +76,11 @@ export const allActors = () => actors.values();
 
 export function actorOf(clip) {
   if (!actors.has(clip)) {
-    const bones = clip.parents.map(() => new THREE.Bone());
+    const { base, bones } = clip.now;
     const material = new THREE.MeshLambertMaterial({ vertexColors: true });
     const capsules = new THREE.SkinnedMesh(capsuleGeometry(clip), material);
     const root = new THREE.Group();
-    root.add(bind(capsules, bones, bones.map(() => new THREE.Matrix4())));
+    root.add(base, bind(capsules, bones));
     const actor = { clip, bones, capsules, root, meshes: characterMeshes(clip, bones, bind), version: -1 };
     for (const mesh of actor.meshes) root.add(mesh);
     actors.set(clip, actor);
@@ -109,16 +109,9 @@ function paint(actor, colour) {
   }
 }
 
-const one = new THREE.Vector3(1, 1, 1);
-const turn = new THREE.Quaternion();
-const place = new THREE.Vector3();
-
 // Set the pose of a frame, and how the figure is drawn: its opacity, and a colour instead of those of groups.
 export function poseActor(actor, frame, { alpha = 1, colour } = {}) {
-  const pose = setPose(actor.clip, frame, actor.clip.now);
-  actor.bones.forEach((bone, i) => {
-    bone.matrixWorld.compose(place.fromArray(pose.places, 3 * i), turn.fromArray(pose.turns, 4 * i), one);
-  });
+  setPose(actor.clip, frame, actor.clip.now);
   const isMesh = actor.meshes.length > 0 && state.mesh;
   actor.capsules.visible = !isMesh;
   paint(actor, colour);

@@ -66,6 +66,6 @@ export function characterMeshes(clip, bones, bind) {
     if (!geometry.attributes.normal) geometry.computeVertexNormals();
     const mesh = new THREE.SkinnedMesh(geometry, makeMaterial(material, character.textures));
     mesh.userData = { isRigid, plain: mesh.material, tinted: new THREE.MeshLambertMaterial({ vertexColors: true }) };
-    return bind(mesh, bones, isRigid ? bones.map(() => new THREE.Matrix4()) : inverses);
+    return bind(mesh, bones, isRigid ? undefined : inverses);
   });
 }

@@ -44,23 +44,31 @@ export function load(clip) {
   return clip.loading;
 }
 
-// World rotations and positions of the joints, four and three numbers each.
-export function makePose({ parents, offsets }) {
-  const turns = new Float32Array(4 * parents.length);
-  for (let i = 3; i < turns.length; i += 4) turns[i] = 1;
-  return { local: turns, offsets: Float32Array.from(offsets), turns: turns.slice(), places: new Float32Array(offsets.length) };
+// The bones of a figure, which stand in the axes of the page below `base`.
+export function makePose({ parents, offsets, turn, place }) {
+  const base = new THREE.Group();
+  base.quaternion.fromArray(turn);
+  base.position.fromArray(place);
+  const bones = parents.map(() => new THREE.Bone());
+  bones.forEach((bone, joint) => {
+    bone.position.fromArray(offsets, 3 * joint);
+    (bones[parents[joint]] || base).add(bone);
+  });
+  return { base, bones };
 }
 
 // The path of the camera: a moving average of the root, without the sway of single steps.
 function smooth(clip, radius) {
-  const { kept, parents, root } = clip;
-  const line = [];
-  for (let joint = root; joint >= 0; joint = parents[joint]) line.unshift(joint);
+  const { kept, root } = clip;
   const pose = makePose(clip);
+  const line = new Set();
+  for (let joint = root; joint >= 0; joint = clip.parents[joint]) line.add(joint);
+  const place = new THREE.Vector3();
   const sums = new Float64Array(3 * kept + 3);
   for (let k = 0; k < kept; k++) {
-    setPose(clip, k * clip.step, pose, line);
-    for (let axis = 0; axis < 3; axis++) sums[3 * k + 3 + axis] = sums[3 * k + axis] + pose.places[3 * root + axis];
+    rotateBones(clip, k * clip.step, pose, (joint) => line.has(joint));
+    pose.bones[root].getWorldPosition(place).toArray(sums, 3 * k + 3);
+    for (let i = 3 * k; i < 3 * k + 3; i++) sums[i + 3] += sums[i];
   }
   return Float32Array.from({ length: 3 * kept }, (_, i) => {
     const k = Math.floor(i / 3);
@@ -69,60 +77,39 @@ function smooth(clip, radius) {
   });
 }
 
-// Copy values of a frame, interpolated between the stored frames; rotations are normalized.
-function copyTrack(source, at, from, width, out, to) {
+// Set a rotation or position to that of a frame, interpolated between the stored frames.
+function setTrack(source, at, from, target) {
   const low = Math.min(Math.floor(at), source.kept - 1);
   const high = Math.min(low + 1, source.kept - 1);
-  const part = at - low;
-  let square = 0;
-  for (let i = 0; i < width; i++) {
+  const values = target.toArray().map((_, i) => {
     const a = source.values[low * source.tracks + from + i];
-    const value = a + part * (source.values[high * source.tracks + from + i] - a);
-    out[to + i] = value;
-    square += value * value;
-  }
-  if (width === 4) for (let i = 0; i < 4; i++) out[to + i] /= Math.sqrt(square);
+    return a + (at - low) * (source.values[high * source.tracks + from + i] - a);
+  });
+  target.fromArray(values);
+  if (target.isQuaternion) target.normalize();
 }
 
-// out = a * b for quaternions at offsets of arrays, and the rotation of a vector.
-function multiply(a, i, b, k, out, to) {
-  const [ax, ay, az, aw] = [a[i], a[i + 1], a[i + 2], a[i + 3]];
-  const [bx, by, bz, bw] = [b[k], b[k + 1], b[k + 2], b[k + 3]];
-  out[to] = aw * bx + ax * bw + ay * bz - az * by;
-  out[to + 1] = aw * by - ax * bz + ay * bw + az * bx;
-  out[to + 2] = aw * bz + ax * by - ay * bx + az * bw;
-  out[to + 3] = aw * bw - ax * bx - ay * by - az * bz;
-}
-export function rotate(turns, i, [x, y, z]) {
-  const [qx, qy, qz, qw] = [turns[i], turns[i + 1], turns[i + 2], turns[i + 3]];
-  const [tx, ty, tz] = [2 * (qy * z - qz * y), 2 * (qz * x - qx * z), 2 * (qx * y - qy * x)];
-  return [x + qw * tx + qy * tz - qz * ty, y + qw * ty + qz * tx - qx * tz, z + qw * tz + qx * ty - qy * tx];
-}
-
-// Compute the world pose of a frame, of all joints or of a list that contains their ancestors.
-export function setPose(clip, frame, pose, joints = clip.parents.keys()) {
+function rotateBones(clip, frame, { bones }, isWanted = () => true) {
   const at = Math.min(frame / clip.step, clip.kept - 1);
-  clip.turning.forEach((joint, i) => copyTrack(clip, at, 4 * i, 4, pose.local, 4 * joint));
-  const first = 4 * clip.turning.length;
-  clip.moving.forEach((joint, i) => copyTrack(clip, at, first + 3 * i, 3, pose.offsets, 3 * joint));
-  if (state.preview?.clip === clip) applyDonor(state.preview, frame, pose);
-  const { turns, places, local, offsets } = pose;
-  for (const joint of joints) {
-    const parent = clip.parents[joint];
-    const [above, index] = parent < 0 ? [clip.turn, 0] : [turns, 4 * parent];
-    multiply(above, index, local, 4 * joint, turns, 4 * joint);
-    const moved = rotate(above, index, offsets.subarray(3 * joint, 3 * joint + 3));
-    for (let i = 0; i < 3; i++) places[3 * joint + i] = moved[i] + (parent < 0 ? clip.place[i] : places[3 * parent + i]);
-  }
+  const turns = 4 * clip.turning.length;
+  clip.turning.forEach((joint, i) => isWanted(joint) && setTrack(clip, at, 4 * i, bones[joint].quaternion));
+  clip.moving.forEach((joint, i) => setTrack(clip, at, turns + 3 * i, bones[joint].position));
+  if (state.preview?.clip === clip) applyDonor(state.preview, frame, bones);
+}
+
+// Set the bones to a frame, and compute their world transforms.
+export function setPose(clip, frame, pose) {
+  rotateBones(clip, frame, pose);
+  pose.base.updateMatrixWorld(true);
   return pose;
 }
 
-export function nodePlace(clip, pose, node) {
-  const n = clip.parents.length;
-  if (node < n) return Array.from(pose.places.subarray(3 * node, 3 * node + 3));
-  const [joint, ...offset] = clip.ends[node - n];
-  return rotate(pose.turns, 4 * joint, offset).map((value, i) => value + pose.places[3 * joint + i]);
+// The world position of a joint, or of an end of a bone that is no joint.
+export function nodePlace(clip, { bones }, node) {
+  const [joint, ...offset] = clip.ends[node - bones.length] || [node, 0, 0, 0];
+  return bonePlace(bones[joint], offset);
 }
+export const bonePlace = (bone, offset) => new THREE.Vector3(...offset).applyMatrix4(bone.matrixWorld).toArray();
 
 // Frames of a donor: those of a figure of the page, or a window of frames; null without any.
 export function donorFrames(name, from, to) {
@@ -136,13 +123,13 @@ export function donorFrames(name, from, to) {
   return { source, shift };
 }
 
-function applyDonor({ joints, start, stop, first, last, frames: { source, shift } }, frame, pose) {
+function applyDonor({ joints, start, stop, first, last, frames: { source, shift } }, frame, bones) {
   if (frame < start || frame > stop || !source.values) return;
   const share = (frame - start) / Math.max(stop - start, 1);
   const at = (first + share * (last - first) + shift) / source.step;
   for (const joint of joints) {
     const index = source.turning.indexOf(joint);
-    if (index >= 0) copyTrack(source, at, 4 * index, 4, pose.local, 4 * joint);
-    else pose.local.set([0, 0, 0, 1], 4 * joint);
+    if (index >= 0) setTrack(source, at, 4 * index, bones[joint].quaternion);
+    else bones[joint].quaternion.identity();
   }
 }

@@ -1,7 +1,7 @@
 // The stage: one drawing by three.js, with a view for each shown figure, and marks above it.
 import { actorOf, allActors, poseActor, sizeOf } from "./actors.js";
 import { groupColour, ink } from "./colours.js";
-import { makePose, nodePlace, rotate, setPose } from "./poses.js";
+import { bonePlace, makePose, nodePlace, setPose } from "./poses.js";
 import { addObjects, drawLabels, poseObjects } from "./objects.js";
 import { clipFrame, find, marks, scene, shownClips, size, stage, state } from "./scene.js";
 
@@ -13,27 +13,15 @@ const tall = scene.height;
 let renderer = null;
 let floor = null;
 
-// Lines of the floor fade with distance, so that it has no visible edge.
+// Fog of the colour of the page hides the edge of the floor.
 function makeFloor() {
-  const reach = 9;
-  const [places, strengths] = [[], []];
-  for (let i = -reach; i <= reach; i++) {
-    for (let k = -reach; k < reach; k++) {
-      for (const [x, z, u, w] of [[i, k, i, k + 1], [k, i, k + 1, i]]) {
-        places.push(x, 0, z, u, 0, w);
-        for (const away of [Math.hypot(x, z), Math.hypot(u, w)]) strengths.push(1, 1, 1, Math.max(0, 1 - (away / reach) ** 2));
-      }
-    }
-  }
-  const geometry = new THREE.BufferGeometry();
-  geometry.setAttribute("position", new THREE.Float32BufferAttribute(places, 3));
-  geometry.setAttribute("color", new THREE.Float32BufferAttribute(strengths, 4));
-  const lines = new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ vertexColors: true, transparent: true, depthWrite: false }));
-  const shadow = new THREE.Mesh(new THREE.PlaneGeometry(18, 18).rotateX(-Math.PI / 2), new THREE.ShadowMaterial({ opacity: 0.2, depthWrite: false }));
+  const lines = new THREE.GridHelper(24, 24);
+  const shadow = new THREE.Mesh(new THREE.PlaneGeometry(24, 24).rotateX(-Math.PI / 2), new THREE.ShadowMaterial({ opacity: 0.2 }));
+  for (const { material } of [lines, shadow]) Object.assign(material, { vertexColors: false, depthWrite: false });
   shadow.receiveShadow = true;
   floor = new THREE.Group().add(lines, shadow);
   floor.scale.setScalar(tall / 3);
-  floor.userData = { lines, shadow };
+  floor.userData = { lines };
   return floor;
 }
 
@@ -136,7 +124,7 @@ function drawStrip(clip, view) {
     pen.globalAlpha = still ? 0.35 : 1;
     for (const [joint, x, y, z, radius] of clip.bones) {
       const start = nodePlace(clip, pose, joint);
-      const end = rotate(pose.turns, 4 * joint, [x, y, z]).map((value, i) => value + start[i]);
+      const end = bonePlace(pose.bones[joint], [x, y, z]);
       pen.strokeStyle = groupColour(clip.groups[clip.group[joint]]);
       pen.lineWidth = Math.max(1.5, radius * view.scale);
       pen.beginPath();
@@ -154,6 +142,7 @@ function render({ clip, target, tile: [left, top, width, height] }, actors) {
   floor.visible = state.floor;
   floor.position.set(Math.round(target.x / step) * step, scene.floor, Math.round(target.z / step) * step);
   floor.userData.lines.material.color.set(ink.line);
+  world.fog = new THREE.Fog(ink.paper, camera.far - 11.5 * tall, camera.far - 8 * tall);
   const [x, , z] = nodePlace(clip, clip.now, clip.root);
   sun.target.position.set(x, scene.floor + 0.4 * tall, z);
   sun.position.set(x + 0.7 * tall, scene.floor + 3 * tall, z + 0.9 * tall);
