@@ -56,8 +56,8 @@ class Scenario:
         segments = as_indices("segments", self.segments, ("n",)).copy()
         if not len(segments):
             raise ValueError("`segments` must contain at least one segment, got none")
-        fields: dict[str, object] = {"segments": segments}
-        fields["turn"] = float(as_floats("turn", self.turn, ()))
+        turn = float(as_floats("turn", self.turn, ()))
+        fields: dict[str, object] = {"segments": segments, "turn": turn}
         if self.lengths is not None:
             lengths = as_indices("lengths", self.lengths, (len(segments),)).copy()
             if (lengths < 1).any():
@@ -154,11 +154,9 @@ class RepeatedRuns:
 
     def lengths_before(self) -> dict[int, int]:
         """Return the items that would extend a repeated run, with the length of the longest one."""
-        lengths: dict[int, int] = {}
-        for position, length in self._runs.items():
-            item = self._items[position + 1]
-            lengths[item] = max(length, lengths.get(item, 0))
-        return lengths
+        # Of equal items the last one stays: that of the longest run.
+        runs = sorted(self._runs.items(), key=lambda run: run[1])
+        return {self._items[position + 1]: length for position, length in runs}
 
 
 def realize_scenario(library: Library, scenario: Scenario) -> tuple[Motion, Segments]:

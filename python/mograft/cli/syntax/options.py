@@ -215,9 +215,9 @@ class RecordOptions(Options, section="input"):
     )
     from_: values.Record | None = option(
         ".json file of a graft to make again, byte for byte",
-        details="--change, --take, --ban, --keep, --reroll, and options for places and donors, "
-        "change what they must and leave the rest unchanged; LIB|FILE is needed only if files "
-        "have moved",
+        details="--change, --take, --ban, --keep, --reroll, and options for places and donors "
+        "change what they must and leave the rest unchanged; --set of fields of blending keeps all "
+        "donors; LIB|FILE is needed only if files have moved",
     )
 
 
