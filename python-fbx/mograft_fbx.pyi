@@ -9,7 +9,9 @@ VERSION: str
 
 @final
 class Scene:
-    def __new__(cls, data: bytes, memory_limit: int) -> Scene: ...
+    def __new__(
+        cls, data: bytes, memory_limit: int, *, with_geometry: bool = False
+    ) -> Scene: ...
     @property
     def names(self) -> list[str]: ...
     @property
@@ -24,6 +26,25 @@ class Scene:
     def settings(self) -> tuple[int, bool, float, str, float]: ...
     @property
     def n_constraints(self) -> int: ...
+    def meshes(
+        self, max_corners: int
+    ) -> list[
+        tuple[
+            str,
+            int,
+            int | None,
+            npt.NDArray[np.uint32],
+            npt.NDArray[np.float64],
+            npt.NDArray[np.float32],
+            npt.NDArray[np.float32],
+            npt.NDArray[np.int64],
+            npt.NDArray[np.float32],
+        ]
+    ]: ...
+    @property
+    def materials(
+        self,
+    ) -> list[tuple[str, tuple[float, float, float], tuple[str, bytes] | None]]: ...
     def rest_pose(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
     def bake(
         self, take: int, joints: Sequence[int], *, begin: float, rate: float, n_frames: int

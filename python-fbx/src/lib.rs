@@ -6,6 +6,7 @@ use numpy::ndarray::Array2;
 use numpy::{IntoPyArray as _, PyArray1, PyArray2, PyArray3, PyArrayMethods as _};
 use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 
 /// Hierarchy, rest pose and takes of one FBX file.
 #[pyclass(frozen, module = "mograft_fbx")]
@@ -20,12 +21,34 @@ type RestArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 /// Name, first and last second of the take and of its keys, and indices of the animated nodes.
 type TakeTuple = (String, (f64, f64), Option<(f64, f64)>, Vec<usize>);
 
+/// Name, node, material, triangles, positions, normals, texture coordinates, joints and weights.
+type PartTuple<'py> = (
+    String,
+    usize,
+    Option<usize>,
+    Bound<'py, PyArray1<u32>>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<f32>>,
+    Bound<'py, PyArray2<f32>>,
+    Bound<'py, PyArray2<i64>>,
+    Bound<'py, PyArray2<f32>>,
+);
+
+/// Name, linear RGB, and the texture: its file name, and its bytes, which may be empty.
+type MaterialTuple<'py> = (String, [f64; 3], Option<(String, Bound<'py, PyBytes>)>);
+
 #[pymethods]
 impl Scene {
     /// Load a file from its bytes.
     #[new]
-    fn new(py: Python<'_>, data: &[u8], memory_limit: usize) -> PyResult<Self> {
-        let scene = py.detach(|| mograft_fbx::Scene::load(data, memory_limit));
+    #[pyo3(signature = (data, memory_limit, *, with_geometry = false))]
+    fn new(
+        py: Python<'_>,
+        data: &[u8],
+        memory_limit: usize,
+        with_geometry: bool,
+    ) -> PyResult<Self> {
+        let scene = py.detach(|| mograft_fbx::Scene::load(data, memory_limit, with_geometry));
         scene
             .map(Self)
             .map_err(|error| PyValueError::new_err(error.to_string()))
@@ -97,6 +120,39 @@ impl Scene {
     #[getter]
     fn n_constraints(&self) -> usize {
         self.0.n_constraints()
+    }
+
+    /// The triangles of all meshes in the rest pose, by mesh and material; needs `with_geometry`.
+    fn meshes<'py>(&self, py: Python<'py>, max_corners: usize) -> PyResult<Vec<PartTuple<'py>>> {
+        let parts = py
+            .detach(|| self.0.meshes(max_corners))
+            .map_err(|error| PyValueError::new_err(error.to_string()))?;
+        let to_tuple = |part: mograft_fbx::Part| {
+            (
+                part.name,
+                part.node,
+                part.material,
+                part.triangles.into_pyarray(py),
+                Array2::from(part.positions).into_pyarray(py),
+                Array2::from(part.normals).into_pyarray(py),
+                Array2::from(part.uvs).into_pyarray(py),
+                Array2::from(part.joints).into_pyarray(py),
+                Array2::from(part.weights).into_pyarray(py),
+            )
+        };
+        Ok(parts.into_iter().map(to_tuple).collect())
+    }
+
+    /// Name, linear RGB, and file name and bytes of the texture of each material.
+    #[getter]
+    fn materials<'py>(&self, py: Python<'py>) -> Vec<MaterialTuple<'py>> {
+        let materials = self.0.materials().into_iter();
+        materials
+            .map(|own| {
+                let texture = own.texture.map(|(name, data)| (name, PyBytes::new(py, &data)));
+                (own.name, own.color, texture)
+            })
+            .collect()
     }
 
     /// World transforms of `joints`, indices of nodes, in frames from second `begin` on.

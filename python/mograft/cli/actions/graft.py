@@ -48,8 +48,8 @@ _N_DEMO_GRAFTS = 3
 _NEAR_DEGREES = 1.0  # mean angle below which a motion counts as an earlier one again
 _GRAPH_OPTIONS = ("duration", "frames", "path", "beats", "among")
 _EDITS = ("take", "ban", "keep", "reroll")
-_OUTPUTS = ("output", "report", "measure", "digits", "json", "force", "quiet", "verbose")
-_ALLOWED = (*_EDITS, *_OUTPUTS, "files", "from_")
+_OUTPUTS = ("output", "into", "as_", "report", "measure", "digits", "json", "force", "quiet")
+_ALLOWED = (*_EDITS, *_OUTPUTS, "verbose", "files", "from_")
 """Arguments that may be given with ``--from``; the provenance sets all others."""
 
 _KEPT_VIOLATIONS = (
@@ -67,7 +67,7 @@ _ADVISED_OPTIONS = {
 
 def run(options: GraftOptions) -> int:
     """Run the command."""
-    graft_files.check_graft_suffix(options)
+    options = graft_files.with_target(options)
     if options.from_ is not None:
         return _run_replay(options)
     _check_options(options)
@@ -81,7 +81,7 @@ def run(options: GraftOptions) -> int:
         options, files[0] if library is None else library.names[0]
     )
     written = [*graft_files.files_of_grafts(paths), *([page] if options.report else [])]
-    check_writable(written, force=options.force, inputs=files)
+    graft_files.check_targets(written, options, files)
     if options.measure and find_spec("scipy") is None:
         raise ValueError("--measure needs SciPy: pip install 'mograft[evaluate]'")
     if library is None:
@@ -111,8 +111,10 @@ def _check_options(options: GraftOptions) -> None:
         raise UsageError("expected LIB or FILE")
     if options.reroll:
         raise UsageError("--reroll requires --from")
-    if options.output.suffix.lower() in (".bvh", ".npz") and options.count != 1:
-        raise UsageError(f"-o must be a folder if -n is above 1, got {options.output}")
+    if options.output.suffix.lower() == ".bvh" and options.count != 1:
+        raise UsageError(
+            f"-o must be a folder, or a .glb or .npz file, if -n is above 1, got {options.output}"
+        )
     if options.distinct > 180.0:
         raise UsageError(f"--distinct must be at most 180, got {options.distinct:g}")
     if options.repair and options.count != 1:
@@ -129,11 +131,11 @@ def _run_replay(options: GraftOptions) -> int:
         is_set = getattr(options, name) not in (argument.default, None)
         if is_set and name not in options.origins and name not in allowed:
             raise UsageError(f"--{argument.name} cannot be combined with --from")
-    source, path = Path(options.from_ or ""), options.output
+    source, path = options.from_ or "", options.output
     record = read_record(source)
     if path.suffix.lower() not in MOTION_SUFFIXES:
         path = path / f"{record.name}.bvh"
-    check_writable(graft_files.files_of_grafts([path]), force=options.force)
+    graft_files.check_targets(graft_files.files_of_grafts([path]), options)
     folder = library_folder(options.files)
     library = None if folder is None else Library.open(folder)
     sources = options.files if library is None else ()
@@ -293,7 +295,7 @@ def _write_results(
 ) -> None:
     """Write grafts and the page that describes them, and print their paths and remarks."""
     paths[0].parent.mkdir(parents=True, exist_ok=True)
-    is_together = paths[0].suffix.lower() == ".glb"
+    is_together = paths[0].suffix.lower() != ".bvh"
     reference, motions, kept = None, list[Motion](), list[Graft]()
     substitutions, sections, columns, documents = [], [], [], []
     n_near = 0
@@ -304,6 +306,7 @@ def _write_results(
     # Each access to `grafts` builds the graft anew.
     for path, graft in zip(paths, grafts, strict=False):
         own = graft if options.from_ else graft_files.with_command(graft, options, options.files)
+        own = graft_files.renamed(own, options.as_)
         new, section = newness(own, motions), dict[str, Any]()
         n_near += new.apart is not None and np.degrees(new.apart) < _NEAR_DEGREES
         motions = [*motions, own.motion][-_MAX_REPORTED:] if len(paths) > 1 else []
@@ -326,7 +329,7 @@ def _write_results(
         if is_together or (options.report and len(kept) < _MAX_REPORTED):
             kept.append(own)
     if is_together:
-        write_graft(kept, paths[0], sections)
+        kept = graft_files.write_together(kept, paths[0], sections, options)
         if not options.json:
             print(paths[0])
     _print_remarks(own, substitutions, n_near, options)
