@@ -40,6 +40,7 @@ from mograft.motion.segments import Segments as Segments
 from mograft.motion.skeleton import EndSite as EndSite
 from mograft.motion.skeleton import Skeleton as Skeleton
 from mograft.provenance.document import graft_record as graft_record
+from mograft.provenance.graft_change import change as change
 from mograft.provenance.graft_edit import edit as edit
 from mograft.provenance.replay import replay as replay
 from mograft.provenance.writing import write as write
@@ -56,6 +57,7 @@ from mograft.synthesis.graft import Grafts as Grafts
 from mograft.synthesis.graft import graft as graft
 from mograft.synthesis.graft import graft_many as graft_many
 from mograft.synthesis.graft import repair as repair
+from mograft.synthesis.graft_result import Change as Change
 from mograft.synthesis.graft_result import Graft as Graft
 from mograft.synthesis.graft_result import GraftRequest as GraftRequest
 from mograft.synthesis.graft_result import Seam as Seam

@@ -4,11 +4,14 @@ import _signal  # type: ignore[import-not-found]  # a module in C without stubs
 import os
 import sys
 
-# `signal` imports `enum`, which takes milliseconds in which Ctrl-C would print a traceback.
-if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
-    _signal.signal(_signal.SIGINT, lambda *_: os._exit(130))
+# `signal` imports `enum`, which takes milliseconds in which a signal would end the process in
+# another way. A worker process imports this module, too, and must print nothing.
+if "multiprocessing" not in sys.modules:
+    for number, line in ((_signal.SIGINT, b"interrupted\n"), (_signal.SIGTERM, b"terminated\n")):
+        if _signal.getsignal(number) in (_signal.SIG_DFL, _signal.default_int_handler):
+            _signal.signal(number, lambda n, _, line=line: (os.write(2, line), os._exit(128 + n)))
 
-from mograft._util.signals import end_on_signals
+from mograft._util.signals import end_on_signals, ignore_signals
 
 
 def main() -> int:
@@ -17,7 +20,10 @@ def main() -> int:
     # Imported now: a signal during these imports must not print a traceback.
     from mograft.cli import main as run_command
 
-    return run_command()
+    try:
+        return run_command()
+    finally:
+        ignore_signals()
 
 
 if __name__ == "__main__":

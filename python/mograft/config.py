@@ -251,6 +251,9 @@ class Config:
             raise ValueError(
                 f"`{own.name}` must be a whole number of at least {at_least}, got {value!r}"
             )
+        power = 15 if own.type is int else 300  # larger ones are no indices, or no floats
+        if is_integer(value) and value > 10**power:
+            raise ValueError(f"`{own.name}` must be at most 10^{power}, got a larger number")
         if own.type is float:
             if isinstance(value, bool) or not isinstance(value, int | float):
                 raise ValueError(f"`{own.name}` must be a number, got {value!r}")

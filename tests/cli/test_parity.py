@@ -41,6 +41,12 @@ def replayed(library, reroll=()):
     return [mg.edit(new, reroll=reroll) if reroll else new]
 
 
+def changed(graft, rank):
+    """The changes of the cases."""
+    graft = mg.change(graft, "upper", (20, 90), ("b", 10, 70), rank=rank)
+    return mg.change(graft, "upper", (100, 130), rank=rank)
+
+
 WIDE = mg.Config(max_stretch=0.4)
 STEEP = mg.Config(max_angle=float(np.radians(60)))
 CASES = [
@@ -124,6 +130,14 @@ CASES = [
     ),
     Case("--from {first}", make=replayed),
     Case("--from {first} --reroll 3", make=lambda library: replayed(library, [3])),
+    Case(
+        "--from {first} --change upper@20-90=b:10-70 --change upper@100-130 -n 2",
+        make=lambda library: [changed(replayed(library)[0], rank) for rank in range(2)],
+    ),
+    Case(
+        "--change upper@20-90=b:10-70 --change upper@100-130",
+        make=lambda library: [changed(mg.graft(library, constraints=[c.KeepOriginal()]), 0)],
+    ),
 ]
 
 

@@ -3,6 +3,7 @@
 import io
 import subprocess
 import sys
+import warnings
 import zipfile
 
 import numpy as np
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 import mograft as mg
 from mograft.body.anatomy import anatomy
 from mograft.body.mass import mass_model, up_axis
+from mograft.dancer import dance
 from mograft.io.kimodo import SKELETONS, SOMA_30, SOMA_77
 from mograft.io.npz import open_npz_archive
 from tests.fuzz import npz as fuzz_npz
@@ -20,6 +22,8 @@ from tests.hierarchies import DATA
 from tests.io.npz_files import kimodo_arrays, write_arrays
 from tests.memory import PEAK_BYTES
 from tests.strategies import SEEDS, assert_same_rotations, few_examples
+
+MOTION = dance(strides=1).motion[:5]
 
 
 def header_of(shape, dtype="<f8"):
@@ -47,6 +51,44 @@ def test_npz_claim_larger_than_file_raises_format_error(tmp_path):
         archive.read("poses", ("n", 156))
     with pytest.raises(mg.FormatError, match=r"array `x`: expected 16 bytes .* got 0"):
         archive.read("x", (2,))
+
+
+@given(code=st.integers(sys.maxunicode + 1, 2**32 - 1), byte_order=st.sampled_from("<>"))
+def test_npz_text_of_numbers_that_are_no_characters_raises(tmp_path_factory, code, byte_order):
+    path = tmp_path_factory.mktemp("text") / "a.npz"
+    mg.write(MOTION, path)
+    with zipfile.ZipFile(path) as archive:
+        members = {name.removesuffix(".npy"): archive.read(name) for name in archive.namelist()}
+    for name in ("name", "names", "format"):
+        shape = (MOTION.n_joints,) if name == "names" else ()
+        text = np.full(shape, code, f"{byte_order}u4").tobytes()
+        header = header_of(shape, f"{byte_order}U1")
+        damaged = write_members(path.with_name(f"{name}.npz"), {**members, name: header + text})
+        with pytest.raises(mg.FormatError, match=f"array `{name}`.*no characters"):
+            mg.read(damaged)[0]
+
+
+def test_npz_shape_of_booleans_raises_format_error(tmp_path):
+    header = header_of((2, 3)).replace(b"(2, 3)", b"(True,)")
+    path = write_members(tmp_path / "a.npz", {"poses": header + bytes(8)})
+    with pytest.raises(mg.FormatError, match="expected a shape of lengths"):
+        open_npz_archive(path)
+
+
+@few_examples(20)
+@given(exponent=st.integers(100, 307), name=st.sampled_from(["positions", "offsets"]))
+def test_npz_huge_coordinate_raises_format_error_without_warnings(tmp_path_factory, exponent, name):
+    path = tmp_path_factory.mktemp("huge") / "a.npz"
+    mg.write(MOTION, path)
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    arrays[name] = arrays[name].astype(float)
+    arrays[name].flat[-1] = -1.1 * 10.0**exponent
+    write_arrays(path, arrays)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(mg.FormatError, match=r"at most 1e\+100"):
+            mg.read(path)[0]
 
 
 READ_BOMB = """

@@ -262,7 +262,7 @@ def test_replace_in_scenario_numbers_segments_of_the_scenario(library):
         ([mc.KeepOriginal(frames=(9000, 9010))], {}, "`frames` must be within .*, got 9000-"),
         ([mc.Use(3, ("secnd", 0, 9))], {}, "did you mean 'second'"),
         ([mc.Ban(3, group="uper")], {}, "`group` of Ban must be .*; did you mean 'upper'"),
-        ([mc.AvoidSelf()], {}, "edits must be Use, Ban or"),
+        (["knee"], {}, "edits must be constraints"),
         ([mc.Use(3, 4, weight=1.0)], {}, "hard"),
         ([mc.Use(3, 4)], {"seed": -1}, "`seed`"),
     ],

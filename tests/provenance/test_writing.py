@@ -1,11 +1,21 @@
 """`mograft.write` chooses the writer by the ending and never replaces a file unasked."""
 
+import hashlib
+import json
+import os
+import signal
+import warnings
+from pathlib import Path
+
 import pytest
 
 import mograft as mg
 from mograft import formats
 from mograft.dancer import dance
+from mograft.library.discover import find_clips
+from mograft.provenance.graft_record import read_record
 from mograft.provenance.writing import WRITERS
+from mograft.viewing.scene import Scene
 
 MOTION = dance(strides=1).motion[:40]
 
@@ -50,3 +60,56 @@ def test_write_wrong_ending_or_type_raises(tmp_path):
         mg.write("a.bvh", tmp_path / "a.bvh")
     assert set(WRITERS) >= {".bvh", ".csv", ".glb", ".npz", ".usda"}
     assert list(tmp_path.iterdir()) == []
+
+
+def test_write_interrupted_between_the_files_is_reported_by_every_reader(
+    tmp_path, new, monkeypatch
+):
+    target = tmp_path / "new.bvh"
+    mg.write(new, target)
+    old = target.read_bytes()
+    other = mg.graft(new.library, seed=2)
+    with monkeypatch.context() as patch:
+        replace = Path.replace
+        patch.setattr(Path, "replace", lambda path, to: None if to == target else replace(path, to))
+        mg.write(other, target, force=True)
+    assert target.read_bytes() == old
+    message = "new.json belongs to another motion than new.bvh"
+    with pytest.warns(UserWarning, match=message):
+        assert read_record(tmp_path / "new.json").name == other.motion.name
+    with pytest.warns(UserWarning, match=f"{message}.*without donors"):
+        assert len(Scene.of([target]).figures) == 1
+    with pytest.warns(UserWarning, match=message):
+        assert [clip.is_graft for clip in find_clips(tmp_path)] == [True]
+    mg.write(other, target, force=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_record(tmp_path / "new.json")
+        Scene.of([target])
+        find_clips(tmp_path)
+
+
+def test_write_graft_replaces_both_files_without_an_interruption_by_signals(tmp_path, new):
+    target, state = tmp_path / "new.bvh", []
+    mg.write(new, target)
+    previous = signal.signal(signal.SIGTERM, lambda *_: state.append(_pair(target)))
+    replace = Path.replace
+
+    def send(path, to):
+        replace(path, to)
+        if to.parent == tmp_path:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    try:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Path, "replace", send)
+            mg.write(mg.graft(new.library, seed=2), target, force=True)
+    finally:
+        signal.signal(signal.SIGTERM, previous)
+    assert state == [True, True]
+
+
+def _pair(target):
+    """Return whether a motion has the SHA-256 in its provenance."""
+    document = json.loads(target.with_suffix(".json").read_text())
+    return document["motion_sha256"] == hashlib.sha256(target.read_bytes()).hexdigest()

@@ -14,19 +14,24 @@ Item = TypeVar("Item", bound=np.generic)
 Shape: TypeAlias = tuple[int | str, ...]
 
 _ROWS_PER_BLOCK = 4096
+_LARGEST = float(np.finfo(float).max)
 
 
-def as_floats(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> FloatArray:
+def as_floats(
+    name: str, value: npt.ArrayLike, shape: Shape | None = None, maximum: float = _LARGEST
+) -> FloatArray:
     """Return `value` as a finite, C-contiguous float64 array; copy it only if necessary.
 
     `shape` has the expected length of each axis; a string stands for any length, and None accepts
     any shape. Raises TypeError if the elements are not real numbers, ValueError if the shape
-    differs or an element is not finite. Error messages call the argument `name`.
+    differs, an element is not finite or its amount exceeds `maximum`. Error messages call the
+    argument `name`.
     """
     array = _as_real_array(name, value, shape)
-    if not all(np.isfinite(block).all() for block in _blocks(array)):
-        index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise ValueError(f"`{name}` must be finite, got {array[index]} at {list(index)}")
+    if not all((np.abs(block) <= maximum).all() for block in _blocks(array)):
+        index = tuple(int(i) for i in np.argwhere(~(np.abs(array) <= maximum))[0])
+        rule = f"at most {maximum:g}" if np.isfinite(array[index]) else "finite"
+        raise ValueError(f"`{name}` must be {rule}, got {array[index]} at {list(index)}")
     return array
 
 
@@ -61,9 +66,11 @@ def _blocks(array: FloatArray) -> Iterator[FloatArray]:
         yield array[start : start + _ROWS_PER_BLOCK]
 
 
-def as_vectors(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> FloatArray:
+def as_vectors(
+    name: str, value: npt.ArrayLike, shape: Shape | None = None, maximum: float = _LARGEST
+) -> FloatArray:
     """Return `value` as finite vectors, shape (*shape, 3); the errors are those of `as_floats`."""
-    vectors = as_floats(name, value, None if shape is None else (*shape, 3))
+    vectors = as_floats(name, value, None if shape is None else (*shape, 3), maximum)
     if vectors.shape[-1:] != (3,):
         raise ValueError(f"`{name}` must have shape (..., 3), got {vectors.shape}")
     return vectors

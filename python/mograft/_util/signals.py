@@ -48,6 +48,16 @@ def end_on_signals() -> None:
     _thread.start_new_thread(_watch, (read_end, frozenset(handled)))
 
 
+def ignore_signals() -> None:
+    """Ignore the signals of `end_on_signals`, because the command has ended.
+
+    Python restores their default actions while it ends: the exit code would be that of the signal.
+    """
+    for number in _SIGNALS:
+        if signal.getsignal(number) is _handle:
+            signal.signal(number, signal.SIG_IGN)
+
+
 def _handle(number: int, _: FrameType | None) -> None:
     end_process(number)
 

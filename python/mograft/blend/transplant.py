@@ -13,6 +13,7 @@ from mograft.blend.root_motion import GraftedRoot
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.time_warp import ALIGNMENTS
 from mograft.blend.trunk_lean import TrunkLean
+from mograft.body.size import resize
 from mograft.config import Config
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
@@ -57,7 +58,7 @@ def transplant(
 
     `cut` contains the segments of the base in order of time, `donors` the donor of each, which may
     be the segment itself. `donors.clip` are indices into `clips`, which have the hierarchy of the
-    base.
+    base. Their lengths are scaled to the size of the base by `resize`.
 
     Every donor is resampled to the length of its base segment, by a curve that also depends on the
     neighbouring frames of its clip. There is a seam between two successive donors if either is
@@ -87,17 +88,18 @@ def transplant(
         seams |= timeline.find_seams(channels)
     quats = np.empty((base.n_frames, len(joints), 4))
     positions = base.positions.take(joints, axis=1) if moving.any() else None
+    resized = [resize(clip, base.skeleton) for clip in clips] if moving.any() else clips
     blocks = _joint_blocks(cut, is_root, max(clip.n_frames for clip in clips))
     for block in blocks:
         own, is_moving = joints[block], moving[block]
         tracks = [lean.upright_tracks(clip, block) for clip in clips]
-        places = [clip.positions.take(own[is_moving], axis=1) for clip in clips]
+        places = [clip.positions.take(own[is_moving], axis=1) for clip in resized]
         layout = DonorLayout(timeline, tracks, places, seams, config)
         if group.root in own.tolist():
             assert group.root is not None
             columns = (int(np.argmax(ids == group.root)) for ids in (own, own[is_moving]))
             root = GraftedRoot(group.root, group.up, *columns)
-            layout, turned, moved = root.close(layout, base, clips)
+            layout, turned, moved = root.close(layout, base, resized)
             seams = layout.seams
         else:
             turned, moved = layout.close()

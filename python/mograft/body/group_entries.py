@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -12,6 +11,7 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
+from mograft._util.documents import parse_document
 from mograft.errors import join_names, suggest_name
 from mograft.motion.skeleton import Skeleton
 
@@ -135,10 +135,10 @@ def read_groups(source: str | os.PathLike[str]) -> tuple[dict[str, Any], Any, st
     place = "groups" if is_text else str(source)
     try:
         text = str(source) if is_text else Path(source).read_text(encoding="utf-8")
-        table = tomllib.loads(text)
+        table = parse_document(text, "TOML")
     except UnicodeDecodeError as error:
         raise ValueError(f"{place}: not UTF-8: {error}") from error
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
         raise ValueError(f"{place}: not valid TOML: {error}") from error
     if set(table) - {"base", "groups"} or not isinstance(table.get("groups"), dict):
         got = ", ".join(table) or "nothing"

@@ -338,8 +338,10 @@ def _height(
     stature is (hips to ankles) / 0.525, or (hips to head joint) / 0.345. If neither is known, the
     stature is the longest path between two joints, or 1 if all bones have length 0.
     """
-    leg = float(np.mean([_path(skeleton, hips, foot.ankle) for foot in feet])) if feet else 0.0
-    upper = _path(skeleton, hips, head) if head is not None else 0.0
+    leg = (
+        float(np.mean([path_length(skeleton, hips, foot.ankle) for foot in feet])) if feet else 0.0
+    )
+    upper = path_length(skeleton, hips, head) if head is not None else 0.0
     if leg > 0 and upper > 0:
         return (leg + upper) / _LEGS_AND_HEAD, "legs and head"
     if leg > 0 or upper > 0:
@@ -353,7 +355,7 @@ def _height(
     return (longest, "longest path") if longest > 0 else (1.0, "nothing")
 
 
-def _path(skeleton: Skeleton, a: int, b: int) -> float:
+def path_length(skeleton: Skeleton, a: int, b: int) -> float:
     """Return the length of the path between joints `a` and `b` along the bones."""
     between = {a, *skeleton.ancestors(a)} ^ {b, *skeleton.ancestors(b)}
     return float(np.linalg.norm(skeleton.offsets[sorted(between)], axis=1).sum())

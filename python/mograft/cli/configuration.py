@@ -1,11 +1,11 @@
 """The library, joint groups, configuration and constraints that the options of a command select."""
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from mograft._util.documents import parse_document
 from mograft._util.names import automatic_number, is_automatic
 from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders, library_folder
@@ -197,7 +197,7 @@ def _with_limits(
 def _read_json(path: Path) -> object:
     """Read a JSON file, such as the cut frames of each clip; the error names the file."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return parse_document(path.read_text(encoding="utf-8"))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 

@@ -7,6 +7,8 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import overload
 
+import numpy as np
+
 from mograft._util.validate import is_integer
 from mograft.errors import FormatError, join_names, suggest_name
 from mograft.motion.motion import Motion
@@ -117,7 +119,9 @@ class Clips(Sequence[Motion]):
 
     def _load(self, index: int) -> Motion:
         """Read a clip; set `path` and `clip` of the motion to the parts of its address."""
-        motion, clip = self.load(index), self.clip(index)
+        with np.errstate(all="ignore"):
+            motion = self.load(index)
+        clip = self.clip(index)
         if (motion.path, motion.clip) == (self.path, clip):
             return motion
         return replace(motion, path=self.path, clip=clip)

@@ -9,6 +9,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+
 from mograft.errors import FormatError, join_names
 from mograft.io.clips import Clips
 from mograft.motion.motion import Motion
@@ -174,7 +176,9 @@ def read(
     file = Path(name)
     if not file.exists():
         raise FileNotFoundError(2, "No such file or directory", name)
-    clips = find_format(file).open(file, rate=rate, skeleton=skeleton)
+    # Numbers that overflow in a damaged file are refused when they become a motion.
+    with np.errstate(all="ignore"):
+        clips = find_format(file).open(file, rate=rate, skeleton=skeleton)
     return clips if pattern is None else clips.select(pattern)
 
 

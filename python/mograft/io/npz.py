@@ -9,6 +9,7 @@ import math
 import os
 import re
 import shutil
+import sys
 import threading
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -100,6 +101,10 @@ class NpzArchive(NamedTuple):
             with archive.open(info) as member:
                 member.read(header.header_bytes)
                 elements = np.frombuffer(member.read(header.n_bytes), header.dtype)
+            if header.dtype.kind == "U":
+                numbers = elements.view(header.dtype.byteorder + "u4")
+                if numbers.max(initial=0) > sys.maxunicode:
+                    raise self.error(name, "expected text, got numbers that are no characters")
             return elements.reshape(header.shape, order="F" if header.is_fortran else "C")
 
     def read_floats(self, name: str, shape: Shape) -> FloatArray:
@@ -212,8 +217,8 @@ def _read_header(member: IO[bytes]) -> ArrayHeader:
             header = evaluate(start)
     except MemoryError:  # Python's parser raises it for deep expressions
         raise ValueError("expected the header of a NumPy array, got a deep expression") from None
-    if min(header[0], default=0) < 0:
-        raise ValueError(f"expected a shape without negative lengths, got {header[0]}")
+    if not all(type(length) is int and length >= 0 for length in header[0]):
+        raise ValueError(f"expected a shape of lengths from 0 on, got {header[0]}")
     return ArrayHeader(*header, start.tell())
 
 
@@ -357,7 +362,7 @@ def _read_motion(archive: NpzArchive) -> Motion:
             f"{join_names(sorted(archive.headers)) or 'no arrays'}",
             archive.path,
         )
-    given = str(archive.read("format", ()))
+    given = str(archive.read("format", (), "U", "text"))
     if given != _FORMAT:
         raise archive.error("format", f"expected {_FORMAT}, got {given}")
     with errors_of_file(archive.path):

@@ -1,5 +1,6 @@
 """USD: UsdSkel files for Houdini, Maya, Omniverse, Unreal and Blender."""
 
+import errno
 import os
 import re
 from importlib import import_module
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mograft._util.arrays import FloatArray
-from mograft._util.atomic import atomic_path
+from mograft._util.atomic import checked_path
 from mograft.body.groups import JointGroups
 from mograft.io.export_figure import BoneMesh, ExportTransform, bone_mesh, check_single_precision
 from mograft.motion import rotations
@@ -71,7 +72,7 @@ def write_usd(
     if target.suffix.lower() not in SUFFIXES:
         raise ValueError(f"`path` must end in {', '.join(SUFFIXES)}, got {target.name}")
     require_usd_core()
-    from pxr import Usd
+    from pxr import Tf, Usd
 
     skeleton = motion.skeleton
     transform = ExportTransform.of(motion, scale)
@@ -82,9 +83,23 @@ def write_usd(
     _define_skeleton(stage, skeleton, transform)
     _define_animation(stage, motion, transform)
     _define_mesh(stage, mesh)
-    with atomic_path(target) as draft:
-        if not stage.GetRootLayer().Export(str(draft)):
-            raise OSError(f"{target} cannot be written")
+    with checked_path(target, lambda draft: _has_keys(draft, motion.n_frames)) as draft:
+        try:
+            is_written = stage.GetRootLayer().Export(str(draft))
+        except Tf.ErrorException as error:  # it lists the functions of usd-core
+            reason = re.search(" : '(.*?)'", str(error))
+            message = reason.group(1) if reason else "cannot be written"
+            raise OSError(errno.EIO, message, str(target)) from error
+        if not is_written:
+            raise OSError(errno.EIO, "cannot be written", str(target))
+
+
+def _has_keys(path: Path, count: int) -> bool:
+    """Return whether usd-core reads `count` keys of the rotations in a file."""
+    from pxr import Sdf
+
+    layer = Sdf.Layer.OpenAsAnonymous(str(path))
+    return bool(layer.GetNumTimeSamplesForPath(f"{_ANIMATION}.rotations") == count)
 
 
 def require_usd_core() -> None:

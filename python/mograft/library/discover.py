@@ -5,7 +5,6 @@ import csv
 import errno
 import glob
 import hashlib
-import json
 import os
 import stat
 import warnings
@@ -16,8 +15,9 @@ from functools import lru_cache
 from importlib.util import find_spec
 from os import PathLike, fspath
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
+from mograft._util.documents import parse_document
 from mograft.errors import MograftError, join_names
 from mograft.io import formats
 from mograft.io.gltf.container import read_container
@@ -31,6 +31,10 @@ _RANK_OF_SUFFIX = {
     suffix: rank for rank, form in [*enumerate(formats.FORMATS)][::-1] for suffix in form.suffixes
 }
 """Index in `FORMATS` of the first format with each suffix."""
+
+
+MOTION_HASH = "motion_sha256"
+"""Key of the SHA-256 of the motion file in provenance."""
 
 
 class SourceFile(NamedTuple):
@@ -71,8 +75,13 @@ def _hash_and_format(path: str, _state: tuple[int, ...]) -> tuple[str, str]:
     form = formats.find_format(Path(path)).name
     if form == "glTF":
         return find_original(read_container(Path(path))).sha256, form
-    with open(path, "rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest(), form
+    return hash_file(Path(path)), form
+
+
+def hash_file(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,13 +216,14 @@ def _find_in_folder(folder: str) -> list[FoundClip]:
         try:
             has_clip = form.name == "BVH" or len(formats.open_clips(str(file))) > 0
             addresses = _expand_file(str(file)) if has_clip else []
-            is_graft = [read_provenance(own) is not None for own in addresses]
+            kinds = [is_graft(own) for own in addresses]
         except (MograftError, OSError, ValueError):
-            addresses, is_graft = [str(file)], [has_provenance(file)]
+            addresses, kinds = [str(file)], [has_provenance(file)]
+        has_provenance(file, warn=True)
         folders = file.relative_to(folder).parts[:-1]
         found += [
             FoundClip(own, folders, is_graft=kind)
-            for own, kind in zip(addresses, is_graft, strict=True)
+            for own, kind in zip(addresses, kinds, strict=True)
         ]
     for name, files in missing.items():
         remedy = f"pip install 'mograft[{name.lower()}]'"
@@ -233,25 +243,38 @@ def holds_graft(address: str) -> bool:
     return len(names) == 1 and names[0] in clips.grafts
 
 
-def read_provenance(address: str) -> bytes | None:
-    """Return the JSON document of a graft: in its file, or beside it; None if there is none."""
-    path, clip = formats.split_address(address)
-    if holds_graft(address):
-        clips = formats.open_clips(path)
-        return clips.grafts[clip or clips.names[0]].encode()
-    file = Path(path)
-    return file.with_suffix(".json").read_bytes() if has_provenance(file) else None
+def is_graft(address: str) -> bool:
+    """Return whether the provenance of a clip is in its file or beside it."""
+    return holds_graft(address) or has_provenance(Path(formats.split_address(address)[0]))
 
 
-def has_provenance(path: Path) -> bool:
-    """Return whether a JSON file that ``mograft graft`` wrote lies beside a motion file."""
+def has_provenance(path: Path, *, warn: bool = False) -> bool:
+    """Return whether a JSON file that ``mograft graft`` wrote lies beside a motion file.
+
+    If `warn` is true, warn of a file that belongs to another motion.
+    """
     provenance = path.with_suffix(".json")
     try:
-        document = json.loads(provenance.read_bytes()) if provenance.is_file() else None
-    except (OSError, ValueError, RecursionError):
+        document = parse_document(provenance.read_bytes()) if provenance.is_file() else None
+    except (OSError, ValueError):
         return False
-    schema = document.get("schema") if isinstance(document, dict) else None
-    return isinstance(schema, str) and schema.startswith("mograft.graft/")
+    if not isinstance(document, dict):
+        return False
+    schema = document.get("schema")
+    if not isinstance(schema, str) or not schema.startswith("mograft.graft/"):
+        return False
+    if warn and belongs_to_other_motion(document, path):
+        warnings.warn(f"{provenance} belongs to another motion than {path.name}", stacklevel=6)
+    return True
+
+
+def belongs_to_other_motion(document: Mapping[str, Any], path: Path) -> bool:
+    """Return whether provenance states another SHA-256 than that of a motion file.
+
+    A kill between the replacements of the two files causes this, and so does a program that changes
+    the motion.
+    """
+    return MOTION_HASH in document and hash_file(path) != document[MOTION_HASH]
 
 
 def exclude_grafts(clips: Sequence[FoundClip]) -> list[FoundClip]:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mograft._util.atomic import atomic_path, draft_folder, sync
+from mograft._util.atomic import atomic_path, checked_path, draft_folder, sync
 from mograft.io.csv import without_formula
 from mograft.library.data import Column, library_tables
 from mograft.library.library import Library
@@ -75,4 +75,5 @@ def _write_parquet(path: Path, columns: Mapping[str, Column]) -> None:
             "Parquet needs pyarrow: pip install 'mograft[parquet]'", name="pyarrow"
         ) from error
     table = pyarrow.table({name: pyarrow.array(column) for name, column in columns.items()})
-    pyarrow.parquet.write_table(table, path)
+    with checked_path(path, lambda draft: table.equals(pyarrow.parquet.read_table(draft))) as draft:
+        pyarrow.parquet.write_table(table, draft)

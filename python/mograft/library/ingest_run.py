@@ -13,6 +13,7 @@ import numpy as np
 from mograft._util.validate import check_choice, check_type
 from mograft.body.anatomy import anatomy
 from mograft.body.groups import JointGroups
+from mograft.body.size import describe_sizes
 from mograft.config import Config
 from mograft.errors import SkeletonMismatchError, join_names
 from mograft.io.formats import absolute_address
@@ -301,7 +302,7 @@ def _guess_spec(
 
 
 def warn_of_clips(entries: Sequence[ClipInfo], result: IngestResult[T], *, stacklevel: int) -> None:
-    """Warn about clips that were matched by anatomy, resampled, or have faults.
+    """Warn about clips that were matched by anatomy, resampled, have another size, or faults.
 
     `stacklevel` is the stack frame to which warnings refer: 1 for the caller, 2 for its caller.
     """
@@ -316,6 +317,8 @@ def warn_of_clips(entries: Sequence[ClipInfo], result: IngestResult[T], *, stack
     if resampled:
         names = join_names(resampled, _MAX_WARNINGS)
         warn(f"resampled to {rate:.6g} fps, the frame rate of the library: {names}")
+    for line in describe_sizes({own[2].source_name: own[1] for own in result.properties}):
+        warn(f"{line}. Their lengths are scaled to the leg length of the base")
     faulty = [info for info in entries if info.faults]
     for info in faulty[:_MAX_WARNINGS]:
         faults = list(info.faults[:_MAX_FAULTS])

@@ -20,6 +20,9 @@ MIN_CLIP_FRAME_TIME, MAX_CLIP_FRAME_TIME = 1e-4, 1.0
 """Seconds from one frame to the next in clips that are segmented. The memory of smoothing is
 inversely proportional to it."""
 
+MAX_COORDINATE = 1e100
+"""In the unit of the file: products of three coordinates are finite."""
+
 MAX_NAME_CHARACTERS = (1 << 16) - 1
 
 

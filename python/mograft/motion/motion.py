@@ -94,7 +94,9 @@ class Motion:
     def __post_init__(self) -> None:
         n_joints = self.skeleton.n_joints
         quats = as_quaternions("rotations", self.rotations, ("n_frames", n_joints))
-        places = as_vectors("positions", self.positions, (len(quats), n_joints))
+        places = as_vectors(
+            "positions", self.positions, (len(quats), n_joints), limits.MAX_COORDINATE
+        )
         if not len(quats):
             raise ValueError("`rotations` must hold at least one frame, got none")
         limits.check_frames(len(quats))

@@ -20,7 +20,7 @@ from mograft._util.arrays import (
     set_fields,
 )
 from mograft.errors import SkeletonMismatchError, join_names, suggest_name
-from mograft.motion.limits import check_hierarchy
+from mograft.motion.limits import MAX_COORDINATE, check_hierarchy
 
 CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
 
@@ -47,7 +47,7 @@ class EndSite:
     name: str = ""
 
     def __post_init__(self) -> None:
-        set_fields(self, {"offset": as_floats("offset", self.offset, (3,)).copy()})
+        set_fields(self, {"offset": as_floats("offset", self.offset, (3,), MAX_COORDINATE).copy()})
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         set_fields(self, state)
@@ -60,7 +60,7 @@ def make_end_sites(
 
     Checking all offsets together is faster than constructing each `EndSite`.
     """
-    rows = as_vectors("offsets", offsets, (len(parents),)).copy()
+    rows = as_vectors("offsets", offsets, (len(parents),), MAX_COORDINATE).copy()
     make_read_only(rows)
     sites = tuple(object.__new__(EndSite) for _ in rows)
     for site, *own in zip(sites, parents, rows, before, names, strict=True):
@@ -122,7 +122,7 @@ class Skeleton:
         if parents[0] != -1 or (parents[1:] < 0).any():
             raise ValueError("`parents` must be -1 at joint 0, the root, and nowhere else")
         check_hierarchy(names, parents.tolist())
-        offsets = as_vectors("offsets", self.offsets, (n_joints,)).copy()
+        offsets = as_vectors("offsets", self.offsets, (n_joints,), MAX_COORDINATE).copy()
         rotation = ("Zrotation", "Xrotation", "Yrotation")
         default = ((*CHANNELS[:3], *rotation), *[rotation] * (n_joints - 1))
         channels = tuple(tuple(names) for names in self.channels) or default

@@ -81,6 +81,16 @@ def graft_record(graft: Graft, folder: str | PathLike[str] = ".") -> Record:
                 strict=True,
             )
         ],
+        "changes": [
+            {
+                "group": own.group,
+                "frames": list(own.frames),
+                "clip": own.clip,
+                "clip_frames": list(own.clip_frames),
+                "command": own.command,
+            }
+            for own in graft.changes
+        ],
         "seams": [
             {"group": s.group, "frame": s.frame, "gap_degrees": round(np.degrees(s.gap), 4)}
             for s in graft.seams
@@ -143,6 +153,7 @@ def _clip_records(graft: Graft, folder: Path) -> list[Record]:
         "donor": [own for version in (*graft.history, graft.donors) for own in _flat(version)],
     }
     roles = {role: set(clip_of[own].tolist()) for role, own in segments.items()}
+    roles["donor"] |= {library.names.index(own.clip) for own in graft.changes}
     records = []
     for clip in sorted(set.union(*roles.values())):
         info, origin = library.entries[clip], find_clip_origin(library, clip)

@@ -8,21 +8,27 @@ from functools import partial
 import numpy as np
 
 from mograft._util.arrays import BoolArray
-from mograft._util.runs import find_runs
+from mograft._util.runs import dilate, find_runs
 from mograft._util.validate import as_integer, is_integer
 from mograft.blend.recombine import splice
 from mograft.errors import join_names
 from mograft.library.origin import is_partial
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
+from mograft.provenance.graft_change import apply_changes, plan_of, unchanged
 from mograft.search.constraint_records import UnrestoredConstraint
 from mograft.search.constraints import Constraint, Span, as_span, overlaps
 from mograft.search.donor_constraints import Ban, DonorReference, KeepOriginal, Use
+from mograft.search.pose_constraints import Reach
 from mograft.search.trellis import DonorSequences
+from mograft.solve.finish import find_motion_violations
 from mograft.solve.plan import GraftPlan
 from mograft.solve.search_problem import SearchProblem, check_constraints, resolve_segments
 from mograft.synthesis.graft_building import finish_graft
 from mograft.synthesis.graft_result import Graft
+
+_RULES = (Use, Ban, KeepOriginal)
+"""Constraints that select segments, and replace earlier ones there."""
 
 _MAX_CHANGES = 20
 """Replaced donors that `describe_changes` lists."""
@@ -40,12 +46,14 @@ def edit(
     ----------
     graft : Graft
         The graft, which does not change.
-    *edits : Use, Ban or KeepOriginal
+    *edits : Constraint
         `Use` sets the donor of a segment, `KeepOriginal` restores the captured motion. `Ban`
         excludes a donor, by default the present one, and the segment gets another. At its
         segments an edit replaces the constraints `Use` and `KeepOriginal` of the graft and of
         earlier edits, and `Use` and `KeepOriginal` also replace earlier bans. Other bans remain
-        in force: no ban and no reroll brings an excluded donor back.
+        in force: no ban and no reroll brings an excluded donor back. Any other constraint is
+        added to those of the graft; the segments that violate it, and those beside them, get
+        other donors.
     reroll : sequence of int or tuple of int
         Segments to draw again, by their numbers or by ranges of frames. Each gets another donor
         than the present one if it has another candidate.
@@ -55,7 +63,8 @@ def edit(
     Returns
     -------
     Graft
-        Other segments have the same donors. The frames near the changed segments are new. A
+        Other segments have the same donors, and the changes of `change` remain, except those that
+        an edit of their segments replaces. The frames near the changed segments are new. A
         range of new frames ends at least `Config.seam_blend` seconds outside these segments, at
         a frame at which no joint differs by more than 0.0001 radians from the present motion.
         All other frames are the same, bit for bit. If an exchanged group contains the root, the
@@ -65,7 +74,7 @@ def edit(
     Raises
     ------
     TypeError
-        If an edit is of another class.
+        If an edit is not a constraint.
     ValueError
         If neither an edit nor `reroll` is given; if an edit has a weight; if a segment, donor,
         group or frame does not exist; if the library has only the clips of the graft, because
@@ -83,17 +92,19 @@ def edit(
     if is_partial(graft.library):
         raise ValueError("the whole library is needed to replace donors: use replay(path, library)")
     for own in edits:
-        if not isinstance(own, Use | Ban | KeepOriginal):
-            raise TypeError(f"edits must be Use, Ban or KeepOriginal, got {own!r}")
+        if not isinstance(own, Constraint):
+            raise TypeError(f"edits must be constraints, got {own!r}")
         if not own.is_hard:
             raise ValueError(f"edits must be hard constraints, got weight {own.weight}")
     if not edits and not reroll:
         raise ValueError("an edit or `reroll` must be given, got neither")
     seed = graft.seed if seed is None else as_integer("seed", seed)
-    problem = _plan(graft, ()).problem
+    changes, graft = graft.changes, unchanged(graft)
+    problem = plan_of(graft, ()).problem
     groups, cut = list(problem.pools), problem.base_segments
     bans = [Ban(frames=_segment_span("reroll", value, cut)) for value in reroll]
-    rules = _resolve_edits(graft, edits, problem)
+    rules = _resolve_edits(graft, [own for own in edits if isinstance(own, _RULES)], problem)
+    added = [own for own in edits if not isinstance(own, _RULES)]
     old = list(graft.request.constraints)
     for constraint in old:
         if isinstance(constraint, UnrestoredConstraint):
@@ -102,8 +113,8 @@ def edit(
                 "contain: the new donors need not satisfy it",
                 stacklevel=2,
             )
-    kept = _remaining_constraints(old, [*rules, *bans], groups, cut)
-    plan = _plan(graft, [*kept, *rules])
+    kept = [*_remaining_constraints(old, [*rules, *bans], groups, cut), *added]
+    plan = plan_of(graft, [*kept, *rules])
     selected = [place for own in bans for place in _places(own, groups, cut)]
     rerolled = [
         _ban_present(graft, problem, group, position)
@@ -117,9 +128,31 @@ def edit(
             stacklevel=2,
         )
     if rerolled:
-        plan = _plan(graft, [*kept, *rules, *rerolled])
-    is_open = _masks([*rules, *bans], groups, cut)
-    return _choose(graft, plan, dict(zip(groups, is_open, strict=True)), seed)
+        plan = plan_of(graft, [*kept, *rules, *rerolled])
+    edited = _masks([*rules, *bans], groups, cut)
+    is_open = edited | (_violating(graft, plan.problem, old) if added else False)
+    result = _choose(graft, plan, dict(zip(groups, is_open, strict=True)), seed)
+    remaining = [
+        own
+        for own in changes
+        if not (edited[groups.index(own.group)] & overlaps(cut, own.frames)).any()
+    ]
+    return apply_changes(result, plan.problem, remaining)
+
+
+def _violating(graft: Graft, problem: SearchProblem, old: Sequence[Constraint]) -> BoolArray:
+    """Return the positions at or beside which a graft violates constraints that are not `old`.
+
+    The result has shape (n_groups, n_segments).
+    """
+    selected = np.zeros((len(problem.pools), len(problem.base_segments)), bool)
+    for row, (group, donors) in enumerate(graft.donors.items()):
+        for own in find_motion_violations(problem, graft.motion, {group: donors}):
+            is_new = not any(own.constraint is known for known in old)
+            if is_new and own.constraint.applies_to_group(group):
+                selected[row] |= overlaps(problem.base_segments, own.frames)
+        selected[row] = dilate(selected[row])
+    return selected
 
 
 def describe_changes(graft: Graft, edited: Graft) -> list[str]:
@@ -141,16 +174,6 @@ def describe_changes(graft: Graft, edited: Graft) -> list[str]:
     is_new |= (graft.motion.positions != edited.motion.positions).any(axis=(1, 2))
     ranges = [f"{start}-{stop - 1}" for start, stop in find_runs(is_new).tolist()]
     return [*lines, f"new frames: {join_names(ranges) or 'none'}; all others are unchanged"]
-
-
-def _plan(graft: Graft, constraints: Sequence[Constraint]) -> GraftPlan:
-    """Return the plan of a graft with other constraints."""
-    library, scenario = graft.library, graft.request.scenario
-    groups = list(graft.alternatives)
-    if scenario is not None:
-        return GraftPlan.build(library, None, groups, constraints, scenario)
-    clip = int(library.segments.clip[graft.substitutions[0].segment])
-    return GraftPlan.build(library, clip, groups, constraints)
 
 
 def _resolve_edits(
@@ -270,7 +293,12 @@ def _choose(graft: Graft, plan: GraftPlan, is_open: Mapping[str, BoolArray], see
     (chosen,) = restricted.choose_donors(1, seed)
     assembly, repairs = restricted.assemble(chosen, graft.motion.name)
     steps = (before, assembly.donors)
-    adjust = partial(splice_versions, plan.problem, *steps, graft.motion)
+    reaches = [
+        own
+        for own in plan.problem.constraints
+        if type(own) is Reach and not any(own is old for old in graft.request.constraints)
+    ]
+    adjust = partial(splice_versions, plan.problem, *steps, graft.motion, reaches=reaches)
     edited = finish_graft(plan.problem, assembly, seed, graft.index, adjust)
     cut, changed = plan.problem.base_segments, changed_positions(*steps)
     starts, stops = cut.start[changed], cut.stop[changed]
@@ -291,15 +319,26 @@ def _choose(graft: Graft, plan: GraftPlan, is_open: Mapping[str, BoolArray], see
 
 
 def splice_versions(
-    problem: SearchProblem, old: DonorSequences, new: DonorSequences, before: Motion, after: Motion
+    problem: SearchProblem,
+    old: DonorSequences,
+    new: DonorSequences,
+    before: Motion,
+    after: Motion,
+    *,
+    reaches: Sequence[Reach] = (),
 ) -> Motion:
     """Return `before` with frames of `after` near the positions at which `old` and `new` differ.
 
-    `before` and `after` are the motions of the donors `old` and `new`. All other frames are those
-    of `before`, bit for bit, except for a root whose donors changed; see `splice`.
+    `before` and `after` are the motions of the donors `old` and `new`. Frames in which inverse
+    kinematics may move limbs to the targets of `reaches`, those that only `after` has, are new,
+    too. All other frames are those of `before`, bit for bit, except for a root whose donors
+    changed; see `splice`.
     """
     cut, is_new = problem.base_segments, np.zeros(before.n_frames, bool)
     blend = int(np.ceil(problem.config.seam_blend * problem.base.rate))
+    for own in reaches if problem.config.reach_ik else ():
+        first, last = own.frames or (0, before.n_frames)
+        is_new[max(first - 2 * blend, 0) : last + 2 * blend + 1] = True
     for position in np.flatnonzero(changed_positions(old, new)).tolist():
         is_new[max(cut.start[position] - blend, 0) : cut.stop[position] + blend + 1] = True
     root = problem.root_group

@@ -1,20 +1,27 @@
 """`GraftRecord`: provenance as read from a JSON document; the library and files that it names."""
 
 import glob
-import json
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
+from mograft._util.documents import parse_document
 from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.errors import DAMAGE, LibraryError, ProvenanceError, join_names
 from mograft.io.bvh.writer import check_digits
 from mograft.io.formats import find_format, join_address, open_clips, read_clip, split_address
 from mograft.library.clip_table import skeleton_from_json
-from mograft.library.discover import SourceFile, has_provenance, read_provenance, scan_folder
+from mograft.library.discover import (
+    SourceFile,
+    belongs_to_other_motion,
+    has_provenance,
+    holds_graft,
+    scan_folder,
+)
 from mograft.library.ingest_run import IngestOptions
 from mograft.library.library import Library
 from mograft.library.origin import (
@@ -114,33 +121,61 @@ def read_record(source: str | PathLike[str] | Mapping[str, Any]) -> GraftRecord:
     if isinstance(source, Mapping):
         return _parse(source, "document", Path())
     path, name = split_address(fspath(source))
-    if find_format(Path(path)).name not in ("glTF", "NPZ"):
-        file = Path(path).with_suffix(".json") if has_provenance(Path(path)) else Path(path)
-        return _parse(_load(file.read_bytes(), str(file)), str(file), file.parent)
+    file = Path(path)
+    if find_format(file).name not in ("glTF", "NPZ"):
+        file = file.with_suffix(".json") if has_provenance(file) else file
+        document, motion = _read_document(file, ".bvh", ".npz")
+        if motion is not None:
+            warnings.warn(f"{file} belongs to another motion than {motion.name}", stacklevel=2)
+        return _parse(document, str(file), file.parent)
     grafts = open_clips(path).grafts
     if name not in grafts and (name is not None or len(grafts) != 1):
         known = f"a graft, as in {path}#{next(iter(grafts))}" if grafts else "a graft"
         raise ProvenanceError(f"{path}: expected {known}, got {name or 'none'}")
-    name = name or next(iter(grafts))
-    label = f"{path}#{name}"
-    return _parse(_load(grafts[name].encode(), label), label, Path(path).parent, Path(path))
+    return _held_record(file, name or next(iter(grafts)))
 
 
 def read_clip_record(path: Path, clip: str | None) -> GraftRecord | None:
     """Read the provenance of the clip of a motion file; None if the clip is not a graft.
 
-    `clip` is None for the only clip. Raises as `read_record`.
+    `clip` is None for the only clip. Raises as `read_record`, and ProvenanceError if the provenance
+    belongs to another motion.
     """
     address = join_address(str(path), clip)
-    content = read_provenance(address)
-    return None if content is None else _parse(_load(content, address), address, path.parent)
+    if holds_graft(address):
+        return _held_record(path, clip or open_clips(str(path)).names[0])
+    if not has_provenance(path):
+        return None
+    source = path.with_suffix(".json")
+    document, other = _read_document(source, path.suffix)
+    if other is not None:
+        raise ProvenanceError(f"{source} belongs to another motion than {path.name}")
+    return _parse(document, str(source), source.parent)
 
 
-def _load(content: bytes, label: str) -> Any:  # noqa: ANN401 - of JSON
+def _held_record(path: Path, name: str) -> GraftRecord:
+    """Read the provenance that a file holds of the graft with this name."""
+    label = f"{path}#{name}"
+    return _parse(_load(open_clips(str(path)).grafts[name], label), label, path.parent, path)
+
+
+def _load(text: str | bytes, label: str) -> Any:  # noqa: ANN401 - of JSON
     try:
-        return json.loads(content)
-    except (ValueError, RecursionError) as error:
+        return parse_document(text)
+    except ValueError as error:
         raise ProvenanceError(f"{label}: not a JSON document: {error}") from None
+
+
+def _read_document(path: Path, *suffixes: str) -> tuple[Any, Path | None]:
+    """Return a document in a file, and the motion file beside it if it belongs to another one.
+
+    The motion file has one of `suffixes`. It is None if there is none, or if the document belongs
+    to one of them.
+    """
+    document = _load(path.read_bytes(), str(path))
+    motions = [path.with_suffix(own) for own in suffixes] if isinstance(document, Mapping) else []
+    is_other = {own: belongs_to_other_motion(document, own) for own in motions if own.is_file()}
+    return document, next(iter(is_other), None) if all(is_other.values()) else None
 
 
 def _parse(

@@ -15,6 +15,7 @@ from mograft.io.formats import read_clip
 from mograft.library.library import Library
 from mograft.library.origin import hash_poses
 from mograft.motion.motion import Motion
+from mograft.provenance.graft_change import apply_changes
 from mograft.provenance.graft_edit import splice_versions
 from mograft.provenance.graft_record import (
     ClipRecord,
@@ -34,7 +35,7 @@ from mograft.solve.assembly import Assembly
 from mograft.solve.plan import GraftPlan
 from mograft.solve.self_repair import RepairedWindow
 from mograft.synthesis.graft_building import finish_graft
-from mograft.synthesis.graft_result import Graft, GraftRequest
+from mograft.synthesis.graft_result import Change, Graft, GraftRequest
 
 
 def replay(
@@ -103,13 +104,17 @@ def _replay(record: GraftRecord, library: Library | None, sources: Sequence[str]
     versions = _find_versions(record, recorded, plan)
     request = _read_request(record, sources)
     graft = _finish_versions(record, plan, versions, request.constraints)
+    graft = apply_changes(graft, plan.problem, _read_changes(record, plan))
     expected, found = record.document["poses_sha256"], hash_poses(graft.motion)
     if expected != found:
         raise record.error(
             f"the motion differs from that of the provenance: SHA-256 of its poses {found}, "
             f"expected {expected}; another version of mograft made it"
         )
-    return _with_recorded(graft, record, replace(request, scenario=plan.scenario))
+    request = replace(request, scenario=plan.scenario)
+    if graft.unchanged is not None:
+        graft = replace(graft, unchanged=_with_recorded(graft.unchanged, record, request))
+    return _with_recorded(graft, record, request)
 
 
 def _read_scenario(record: GraftRecord, recorded: RecordedLibrary) -> Scenario | None:
@@ -153,6 +158,26 @@ def _find_versions(
     return versions
 
 
+def _read_changes(record: GraftRecord, plan: GraftPlan) -> list[Change]:
+    """Return the recorded changes; raise ProvenanceError if a group, clip or frame is unknown."""
+    changes, clips = [], plan.problem.library
+    for own in record.document["changes"]:
+        made = Change(
+            group=str(own["group"]),
+            frames=as_frames(own["frames"]),
+            clip=str(own["clip"]),
+            clip_frames=as_frames(own["clip_frames"]),
+            command=own["command"],
+        )
+        is_known = made.group in plan.pools and made.clip in clips.names
+        n_frames = is_known and clips.clips[clips.names.index(made.clip)].n_frames
+        spans = ((made.frames, plan.problem.base.n_frames), (made.clip_frames, n_frames))
+        if not all(0 <= first < last < n for (first, last), n in spans):
+            raise record.error(f"`changes` has a group, clip or frame that does not exist: {made}")
+        changes.append(made)
+    return changes
+
+
 def _finish_versions(
     record: GraftRecord,
     plan: GraftPlan,
@@ -172,7 +197,9 @@ def _finish_versions(
         steps = versions[max(index - 1, 0)], donors
         adjust = None
         if graft is not None:
-            adjust = partial(splice_versions, plan.problem, *steps, graft.motion)
+            known = [own.reach for own in completions[index - 1]]
+            added = [own.reach for own in found if not any(own.reach is old for old in known)]
+            adjust = partial(splice_versions, plan.problem, *steps, graft.motion, reaches=added)
         moved = [own.reach for own in found if own.is_moved]
         graft = finish_graft(plan.problem, assembly, seed, index, adjust, moved)
     assert graft is not None

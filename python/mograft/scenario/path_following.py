@@ -31,8 +31,8 @@ def follow(library: Library, path: npt.ArrayLike, *, graph: Transitions | None =
     library : Library
         The library of the segments.
     path : array_like, shape (n_points, 2)
-        Corners of the path in the file's unit. The columns are the two horizontal axes in their
-        order: x and z if y points up.
+        Corners of the path in the unit of the library's skeleton. The columns are the two
+        horizontal axes in their order: x and z if y points up.
     graph : Transitions, optional
         The transition graph of the library, to save its computation. Default: `transitions`.
 

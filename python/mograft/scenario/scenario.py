@@ -13,6 +13,7 @@ from mograft.blend.recombine import recombine
 from mograft.blend.rigid_alignment import RootTransforms
 from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.body.contacts import detect_contacts, find_legs, foot_heights
+from mograft.body.size import resize
 from mograft.library.library import Library
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -164,7 +165,8 @@ class RepeatedRuns:
 def realize_scenario(library: Library, scenario: Scenario) -> tuple[Motion, Segments]:
     """Return the motion of a scenario, and the frames of its segments in this motion.
 
-    Gaps at seams are closed. Feet are planted unless `Config.feet` is "never".
+    The figure has the size of the library's skeleton. Gaps at seams are closed. Feet are planted
+    unless `Config.feet` is "never".
     """
     donors = library.segments[scenario.segments]
     lengths = donors.lengths if scenario.lengths is None else scenario.lengths
@@ -172,7 +174,7 @@ def realize_scenario(library: Library, scenario: Scenario) -> tuple[Motion, Segm
     cut = Segments(np.concatenate([[0], stops[:-1]]), stops)
     # Clips of a stored library are read on access: each is read once.
     used, index = np.unique(donors.clip, return_inverse=True)
-    clips = [library.clips[int(clip)] for clip in used]
+    clips = [resize(library.clips[int(clip)], library.skeleton) for clip in used]
     donors = replace(donors, clip=index)
     base = _still(clips[index[0]], int(donors.start[0]), int(stops[-1]) + 1)
     if scenario.place is not None or scenario.turn:

@@ -11,6 +11,7 @@ from mograft.blend.root_motion import root_velocity_weights, yaw_rates
 from mograft.body.anatomy import feature_joints
 from mograft.body.contacts import detect_contacts
 from mograft.body.mass import mass_model
+from mograft.body.size import resize
 from mograft.library.library import Library
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -89,7 +90,8 @@ def segment_ends(library: Library, segments: IntArray) -> tuple[SegmentEnds, Seg
 
 def _clip_ends(library: Library, index: int, segments: IntArray) -> tuple[SegmentEnds, SegmentEnds]:
     """Return the starts and the ends of some segments of one clip."""
-    clip, cut, config, rate = library.clips[index], library.segments, library.config, library.rate
+    cut, config, rate = library.segments, library.config, library.rate
+    clip = resize(library.clips[index], library.skeleton)
     root, up = library.root, library.up
     members = library.joints(library.groups.base)
     joints = clip.rotations[:, np.setdiff1d(feature_joints(library.skeleton, members), [root])]

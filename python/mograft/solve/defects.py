@@ -17,6 +17,7 @@ from mograft.body.anatomy import anatomy, feature_joints
 from mograft.body.contacts import Ground
 from mograft.body.derivatives import greatest_derivatives, world_jerk
 from mograft.body.mass import mass_model
+from mograft.body.size import resize, size_ratio
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
@@ -203,7 +204,7 @@ class DefectMeasure:
         limits = np.zeros(len(joints))
         for donor in np.unique(donors).tolist():
             segment = library.segments[donor : donor + 1]
-            percentile = self._jerk_percentile(library.clips[int(segment.clip[0])])
+            percentile = self._jerk_percentile(self.problem.sized_clip(int(segment.clip[0])))
             # A third difference reaches from one step before to two behind.
             first, last = int(segment.start[0]) - 2 * step, int(segment.stop[0]) + step
             percentiles = percentile.without(first, last + 1, joints)
@@ -258,20 +259,23 @@ class DefectMeasure:
         if base.duration < _SHORT_SECONDS:
             key = ("library jerk", self._driven_joints.tobytes(), self._step)
             known = remember(self.problem.library, key, self._library_jerk)
-            percentiles = np.maximum(percentiles, known)
+            size = size_ratio(base.skeleton, self.problem.library.skeleton)
+            percentiles = np.maximum(percentiles, size * known)
         least = _LEAST * mass_model(base.skeleton).height
         limits: FloatArray = np.maximum(MAX_JERK_RATIO * percentiles, least)
         return np.maximum(limits, jerk[start:stop])
 
     def _library_jerk(self) -> FloatArray:
-        """Return the world jerk of each joint that a tenth of the library's clips reach."""
-        clips, joints, step = self.problem.library.clips, self._driven_joints, self._step
-        chosen = np.unique(np.linspace(0, len(clips) - 1, _COMPARED_CLIPS).round().astype(int))
+        """Return the world jerk of each joint that a tenth of the library's clips reach.
+
+        The clips have the size of the library's skeleton.
+        """
+        library, joints, step = self.problem.library, self._driven_joints, self._step
+        last = len(library.clips) - 1
+        chosen = np.unique(np.linspace(0, last, _COMPARED_CLIPS).round().astype(int)).tolist()
         frames = int(_SHORT_SECONDS * self.problem.base.rate)
-        peaks = [
-            np.percentile(world_jerk(clips[index][:frames], joints, step), _PERCENTILE, axis=0)
-            for index in chosen.tolist()
-        ]
+        clips = (resize(library.clips[index][:frames], library.skeleton) for index in chosen)
+        peaks = [np.percentile(world_jerk(own, joints, step), _PERCENTILE, axis=0) for own in clips]
         found: FloatArray = np.percentile(peaks, 90.0, axis=0)
         return found
 

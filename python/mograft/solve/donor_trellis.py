@@ -208,7 +208,7 @@ def advance_root(
     first, last = _empty_roots(len(donors)), _empty_roots(len(donors))
     for clip in np.unique(taken.clip):
         in_clip = taken.clip == clip
-        root = RootTransforms.from_motion(library.clips[clip], library.root)
+        root = RootTransforms.from_motion(problem.sized_clip(clip), library.root)
         for ends, frames in ((first, taken.start[in_clip]), (last, taken.stop[in_clip])):
             ends.rotations[in_clip] = root.rotations[frames]
             ends.positions[in_clip] = root.positions[frames]
@@ -273,7 +273,7 @@ def _resample_roots(problem: SearchProblem, taken: Segments, counts: IntArray) -
     clip_of_row = np.repeat(taken.clip, counts)
     for clip in np.unique(taken.clip):
         in_clip, rows = taken.clip == clip, clip_of_row == clip
-        root = RootTransforms.from_motion(library.clips[clip], library.root)
+        root = RootTransforms.from_motion(problem.sized_clip(clip), library.root)
         bounds = taken.start[in_clip], taken.stop[in_clip], counts[in_clip]
         turns = resample_segments(root.rotations[:, None], *bounds)
         places = resample_segment_positions(root.positions[:, None], *bounds)

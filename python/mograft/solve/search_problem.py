@@ -13,6 +13,7 @@ from mograft.body.anatomy import feature_joints
 from mograft.body.capsules import Poses
 from mograft.body.contacts import find_legs
 from mograft.body.loops import is_loop
+from mograft.body.size import resize
 from mograft.config import Config
 from mograft.errors import join_names, suggest_name
 from mograft.library.library import Library
@@ -238,6 +239,10 @@ class SearchProblem:
     def poses_of(self, motion: Motion) -> Poses:
         """Return the world poses of all frames of a motion of the same skeleton."""
         return self.base_poses.with_poses(np.arange(motion.n_frames), *motion.world_transforms())
+
+    def sized_clip(self, clip: int) -> Motion:
+        """Return a clip of the library in the size of the base; see `resize`."""
+        return resize(self.library.clips[clip], self.base.skeleton)
 
     @cached_property
     def cost_models(self) -> dict[str, CostModel]:

@@ -13,7 +13,7 @@ from mograft.blend.reach_completion import ReachCompletion
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.scenario import Scenario, repetition
-from mograft.search.constraints import Constraint, Violation
+from mograft.search.constraints import Constraint, Span, Violation
 from mograft.search.donor_constraints import limit_config
 from mograft.search.trellis import DonorSequences
 from mograft.solve.self_repair import RepairedWindow
@@ -82,6 +82,35 @@ class Seam:
     group: str
     frame: int
     gap: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """A range of frames in which a group moves as in a part of a clip; made by `mograft.change`.
+
+    Attributes
+    ----------
+    group : str
+        The joint group.
+    frames : tuple of int
+        First and last frame in the base, both included.
+    clip : str
+        Name of the donor's clip.
+    clip_frames : tuple of int
+        First and last frame of the donor in its clip.
+    command : str or None
+        The command line, as typed; None in Python.
+    """
+
+    group: str
+    frames: Span
+    clip: str
+    clip_frames: Span
+    command: str | None = None
+
+    def __str__(self) -> str:
+        where, donor = (f"{first}-{last}" for first, last in (self.frames, self.clip_frames))
+        return f"{self.group}, frames {where}: {self.clip} {donor}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -156,6 +185,11 @@ class Graft:
         The donors by group before each call of `replace`, oldest first.
     completion_history : tuple of tuple of ReachCompletion
         `reach_completions` before each call of `replace`, oldest first.
+    changes : tuple of Change
+        The calls of `mograft.change`, oldest first. The other attributes, except `motion` and
+        `violations`, are those of `unchanged`.
+    unchanged : Graft or None
+        The graft without these changes; None if there are none.
     """
 
     motion: Motion
@@ -173,6 +207,8 @@ class Graft:
     request: GraftRequest = field(default_factory=GraftRequest)
     history: tuple[DonorSequences, ...] = ()
     completion_history: tuple[tuple[ReachCompletion, ...], ...] = ()
+    changes: tuple[Change, ...] = ()
+    unchanged: "Graft | None" = None
 
     def __repr__(self) -> str:
         new = sum(not s.is_own for s in self.substitutions)
@@ -225,6 +261,7 @@ class Graft:
             )
         for group in self.alternatives:
             lines += _group_lines(self, group, each=each)
+        lines += [f"  changed {own}" for own in self.changes]
         lines += [f"  {violation.message}" for violation in self.violations]
         lines += [_repair_line(own) for own in self.self_repairs]
         feet = self.feet

@@ -1,17 +1,19 @@
 """Films of motions: MP4 and GIF."""
 
 import contextlib
+import io
 import os
 import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mograft._util.atomic import atomic_path
+from mograft._util.atomic import checked_path, write_bytes
 from mograft._util.signals import clean_up_by
 from mograft.body.groups import JointGroups
 from mograft.motion.motion import Motion
@@ -112,10 +114,10 @@ def write_video(
     count = max(motion.n_frames for motion in resampled)
     if progress is not None:
         pictures = _report(pictures, count, progress)
-    with atomic_path(target) as draft:
-        if ending == ".gif":
-            _write_gif(pictures, draft, rate, count)
-        else:
+    if ending == ".gif":
+        write_bytes(target, _gif(pictures, rate, count))
+    else:
+        with checked_path(target, partial(_is_whole_mp4, program)) as draft:
             _write_mp4(pictures, draft, rate, size, program)
     return float(rate)
 
@@ -144,7 +146,8 @@ def _find_ffmpeg() -> str:
     return program
 
 
-def _write_gif(pictures: "Iterator[Image]", path: Path, rate: float, count: int) -> None:
+def _gif(pictures: "Iterator[Image]", rate: float, count: int) -> bytes:
+    """Return a film as GIF: Pillow ignores short writes to a file."""
     from PIL import Image
 
     hundredths = np.round(100 * np.arange(count + 1) / rate).astype(int)
@@ -156,8 +159,9 @@ def _write_gif(pictures: "Iterator[Image]", path: Path, rate: float, count: int)
 
     options: dict[str, Any] = {"format": "GIF", "save_all": True, "loop": 0, "optimize": False}
     options["duration"] = (10 * np.diff(hundredths)).tolist()
-    with path.open("wb") as stream:
-        reduce(first).save(stream, append_images=map(reduce, pictures), **options)
+    film = io.BytesIO()
+    reduce(first).save(film, append_images=map(reduce, pictures), **options)
+    return film.getvalue()
 
 
 def _write_mp4(
@@ -189,6 +193,14 @@ def _write_mp4(
             lines = errors.read().decode("utf-8", "replace").strip().splitlines()
             reason = lines[-1] if lines else f"exit code {process.returncode}"
             raise OSError(f"ffmpeg could not write the film: {reason}")
+
+
+def _is_whole_mp4(program: str, path: Path) -> bool:
+    """Return whether ffmpeg reads all packets of a film without an error."""
+    words = [program, "-v", "error", "-nostdin", "-i", os.fspath(path)]
+    words += ["-c", "copy", "-f", "null", "-"]
+    found = subprocess.run(words, capture_output=True, check=False)
+    return found.returncode == 0 and not found.stderr
 
 
 def _kill(process: "subprocess.Popen[bytes]") -> None:

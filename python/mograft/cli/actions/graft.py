@@ -12,19 +12,20 @@ import numpy as np
 
 from mograft._util.arrays import IntArray
 from mograft.cli import graft_files
-from mograft.cli.configuration import load_library, read_constraints, read_segment_constraints
+from mograft.cli.configuration import load_library, read_constraints
 from mograft.cli.files import check_suffix, check_writable, expand_folders, library_folder
 from mograft.cli.output import print_error, print_remark, print_result, show_progress
 from mograft.cli.syntax.arguments import UsageError, arguments_of
 from mograft.cli.syntax.commands import DemoOptions
 from mograft.cli.syntax.options import DEFAULT_DURATION, GraftOptions
-from mograft.cli.syntax.values import resolve_frame
+from mograft.cli.syntax.values import resolve_frame, resolve_frames
 from mograft.dancer import dance
 from mograft.io.bvh.writer import write_bvh
 from mograft.io.formats import find_addresses, read_clip, split_address
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.provenance.document import graft_record
+from mograft.provenance.graft_change import change
 from mograft.provenance.graft_edit import describe_changes, edit
 from mograft.provenance.graft_record import find_whole_library, read_record
 from mograft.provenance.replay import replay
@@ -33,6 +34,7 @@ from mograft.scenario import Scenario, fill, follow, to_beats, transitions, walk
 from mograft.scenario.walks import check_duration
 from mograft.search.candidates import count_combinations
 from mograft.search.constraints import Constraint
+from mograft.search.donor_constraints import KeepOriginal
 from mograft.synthesis.advice import advise, find_helpful_option
 from mograft.synthesis.graft import graft_many, kept_violations, repair
 from mograft.synthesis.graft_result import Graft, Substitution
@@ -47,7 +49,9 @@ All of them are in memory at the same time.
 _N_DEMO_GRAFTS = 3
 _NEAR_DEGREES = 1.0  # mean angle below which a motion counts as an earlier one again
 _GRAPH_OPTIONS = ("duration", "frames", "path", "beats", "among")
-_EDITS = ("take", "ban", "keep", "reroll")
+_PLACES = ("reach", "avoid", "avoid_self", "face")
+_DONORS = ("only_from", "not_from", "only_tagged", "not_tagged")
+_EDITS = ("change", "take", "ban", "keep", "reroll", *_PLACES, *_DONORS)
 _OUTPUTS = ("output", "into", "as_", "report", "measure", "digits", "json", "force", "quiet")
 _ALLOWED = (*_EDITS, *_OUTPUTS, "verbose", "files", "from_")
 """Arguments that may be given with ``--from``; the provenance sets all others."""
@@ -87,6 +91,8 @@ def run(options: GraftOptions) -> int:
     if library is None:
         library = load_library(replace(options, files=files))
     constraints = read_constraints(options, library.rate)
+    if options.change:
+        constraints.append(KeepOriginal())
     if options.mirror:
         library = library.with_mirror_images()
     base = _find_base(library, options.base, folder)
@@ -97,6 +103,8 @@ def run(options: GraftOptions) -> int:
             print_error(_KEPT_VIOLATIONS, [violation.message for violation in kept])
             return 4
     grafts = _make_grafts(library, base, constraints, options)
+    if options.change:
+        grafts = _change(grafts[0], options)
     if constraints:
         grafts = list(grafts)
         if _are_refused(grafts, options):
@@ -117,6 +125,8 @@ def _check_options(options: GraftOptions) -> None:
         )
     if options.distinct > 180.0:
         raise UsageError(f"--distinct must be at most 180, got {options.distinct:g}")
+    if options.repair and options.change:
+        raise UsageError("--change cannot be combined with --repair")
     if options.repair and options.count != 1:
         raise UsageError(f"-n must be 1 with --repair, got {options.count}")
     _check_scenario(options)
@@ -126,6 +136,7 @@ def _run_replay(options: GraftOptions) -> int:
     """Write the graft of ``--from``, edited if options require it; return the exit code."""
     is_edit = any(getattr(options, name) for name in _EDITS)
     allowed = (*_ALLOWED, "seed", "best_effort") if is_edit else _ALLOWED
+    allowed = (*allowed, "count") if options.change else allowed
     for argument in arguments_of(GraftOptions):
         name = argument.dest
         is_set = getattr(options, name) not in (argument.default, None)
@@ -133,37 +144,75 @@ def _run_replay(options: GraftOptions) -> int:
             raise UsageError(f"--{argument.name} cannot be combined with --from")
     source, path = options.from_ or "", options.output
     record = read_record(source)
+    names = [record.name]
+    if options.count > 1:
+        names = [f"{record.name}_{k}" for k in range(options.count)]
+    paths = [path] * options.count
     if path.suffix.lower() not in MOTION_SUFFIXES:
-        path = path / f"{record.name}.bvh"
-    graft_files.check_targets(graft_files.files_of_grafts([path]), options)
+        paths = [path / f"{name}.bvh" for name in names]
+    elif options.count > 1 and path.suffix.lower() == ".bvh":
+        raise UsageError(f"-o must be a folder, .glb or .npz file if -n is above 1, got {path}")
+    graft_files.check_targets(graft_files.files_of_grafts(paths), options)
     folder = library_folder(options.files)
     library = None if folder is None else Library.open(folder)
     sources = options.files if library is None else ()
     if is_edit and library is None:
         library = find_whole_library(record, sources)
-    graft = replay(source, library, sources=sources)
+    grafts = [replay(source, library, sources=sources)]
     if is_edit:
-        graft = _edit(graft, options)
-        if _are_refused([graft], options):
+        grafts = _edit(grafts[0], options)
+        if _are_refused(grafts, options):
             return 4  # The edits contradict each other or the constraints of the graft.
     if not options.given("digits"):
         options = replace(options, digits=record.digits)
-    _write_results([graft], [path], path.with_suffix(".html"), options)
+    _write_results(grafts, paths, paths[0].with_suffix(".html"), options)
     return 0
 
 
-def _edit(graft: Graft, options: GraftOptions) -> Graft:
-    """Return a graft with the edits that the options describe."""
+def _edit(graft: Graft, options: GraftOptions) -> list[Graft]:
+    """Return the versions of a graft with the edits and changes that the options describe."""
     rate = graft.base.rate
-    edited = edit(
-        graft,
-        *read_segment_constraints(options, rate),
-        reroll=[own.resolve_span(rate) or own.number or 0 for own in options.reroll],
-        seed=options.seed,
-    )
-    print_remark("\n".join(describe_changes(graft, edited)))
-    commands = (*graft.request.edit_commands, shlex.join(options.words))
-    return replace(edited, request=replace(edited.request, edit_commands=commands))
+    edits = read_constraints(options, rate)
+    reroll = [own.resolve_span(rate) or own.number or 0 for own in options.reroll]
+    edited = graft
+    if edits or reroll:
+        edited = edit(graft, *edits, reroll=reroll, seed=options.seed)
+        command = shlex.join(options.words)
+        commands = (*graft.request.edit_commands, command)
+        edited = replace(edited, request=replace(edited.request, edit_commands=commands))
+    versions = _change(edited, options)
+    print_remark("\n".join(describe_changes(graft, versions[0])))
+    return versions
+
+
+def _change(graft: Graft, options: GraftOptions) -> list[Graft]:
+    """Return ``-n`` versions of a graft with the changes of ``--change``, fewer if donors lack.
+
+    Version k has in each range the part of the k-th lowest cost.
+    """
+    if not options.change:
+        return [graft]
+    rate, versions = graft.base.rate, list[Graft]()
+    for rank in range(options.count):
+        changed = graft
+        try:
+            for group, span, donor in options.change:
+                if isinstance(donor, tuple):
+                    donor = (donor[0], *resolve_frames(donor[1:], rate))
+                changed = change(changed, group, resolve_frames(span, rate), donor, rank=rank)
+        except ValueError as error:
+            if not versions:
+                raise
+            print_remark(f"warning: {rank} of {options.count} motions are written: {error}")
+            break
+        command = shlex.join(options.words)
+        changes = [own if own.command else replace(own, command=command) for own in changed.changes]
+        changed = replace(changed, changes=tuple(changes))
+        if options.count > 1:
+            name = f"{graft.motion.name}_{rank}"
+            changed = replace(changed, motion=replace(changed.motion, name=name))
+        versions.append(changed)
+    return versions
 
 
 def _find_base(library: Library, name: str | None, folder: Path | None) -> Motion | str | None:
@@ -252,7 +301,7 @@ def _make_grafts(
     grafts = graft_many(
         library,
         base,
-        options.count,
+        1 if options.change else options.count,
         constraints=constraints,
         swap=options.swap,
         seed=options.seed or 0,
@@ -349,7 +398,7 @@ def _print_remarks(
     `last` is one of the grafts, and `n_near` the number of those that are near to an earlier one.
     """
     n, remarks = len(substitutions), list[str]()
-    if n < options.count:
+    if n < options.count and not options.change:
         apart = f" that are {options.distinct:g}° apart" if options.distinct else ""
         smaller = "a smaller --distinct, " if options.distinct else ""
         remarks.append(
@@ -357,7 +406,7 @@ def _print_remarks(
             f"{options.count}; {smaller}a larger {find_helpful_option(last)} or more clips allow "
             "more"
         )
-    if n_near:
+    if n_near and not options.change:
         remarks.append(
             f"warning: {n_near} of {n} motions differ from an earlier one by less than "
             f"{_NEAR_DEGREES:g}°; --distinct {2 * _NEAR_DEGREES:g} replaces them"

@@ -9,6 +9,7 @@ from mograft._util.names import automatic_number, is_automatic
 from mograft.body.faults import HARMLESS_FAULTS, find_faults
 from mograft.body.groups import JointGroups
 from mograft.body.loops import is_loop
+from mograft.body.size import describe_sizes
 from mograft.cli.configuration import selected_skeleton
 from mograft.cli.files import check_suffix, check_writable, expand_folders
 from mograft.cli.output import print_error, print_result
@@ -25,6 +26,7 @@ from mograft.motion.skeleton import Skeleton
 def run_info(options: InfoOptions) -> int:
     """Describe every file; return exit code 3 if one of them is invalid, else 0."""
     documents: list[dict[str, Any]] = []
+    skeletons: dict[str, Skeleton] = {}
     rest, hierarchy = selected_skeleton(options.skeleton), None
     for address in _find_files(options.files):
         path, pattern = split_address(address)
@@ -34,19 +36,20 @@ def run_info(options: InfoOptions) -> int:
                 raise ValueError(f"{path} holds no motion: {'; '.join(clips.notes)}")
             chosen = range(len(clips)) if pattern is None else clips.find(pattern)
             found = [_contents(clips, index, options) for index in chosen]
+            skeletons[path] = clips[chosen[0]].skeleton
         except FormatError as error:
             documents.append({"file": path, "error": str(error)})
             print_error(str(error))
             continue
         if options.match == "anatomy":
-            own = clips[chosen[0]].skeleton
-            hierarchy = hierarchy or own
-            match = describe_match(hierarchy, own, path)
+            hierarchy = hierarchy or skeletons[path]
+            match = describe_match(hierarchy, skeletons[path], path)
             found = [{**document, "match": match} for document in found]
         documents += found
         if not options.json:
             print("\n".join(_describe(found)))
-    print_result(options, "info/1", {"files": documents}, [])
+    sizes = describe_sizes(skeletons)
+    print_result(options, "info/1", {"files": documents, "sizes": sizes}, sizes)
     return 3 if any(document["error"] for document in documents) else 0
 
 
@@ -113,9 +116,10 @@ def _length(document: dict[str, Any]) -> str:
 
 def run_check(options: CheckOptions) -> int:
     """Check every file; return exit code 3 if one of them is not valid, else 0."""
-    documents, skeleton = [], selected_skeleton(options.skeleton)
+    documents, rest = [], selected_skeleton(options.skeleton)
+    skeletons: dict[str, Skeleton] = {}
     for name in expand_folders(options.files):
-        document = _check_file(name, skeleton, strict=options.strict)
+        document = _check_file(name, rest, skeletons, strict=options.strict)
         documents.append(document)
         if options.json:
             continue
@@ -129,16 +133,21 @@ def run_check(options: CheckOptions) -> int:
             if options.verbose or fault["kind"] not in HARMLESS_FAULTS
         ]
         print("\n  ".join([f"{name}: {'' if lines else 'good'}".rstrip(), *lines]))
-    print_result(options, "check/1", {"files": documents}, [])
+    sizes = describe_sizes(skeletons)
+    print_result(options, "check/1", {"files": documents, "sizes": sizes}, sizes)
     return 3 if any(document["error"] for document in documents) else 0
 
 
-def _check_file(name: str, skeleton: Skeleton | None, *, strict: bool) -> dict[str, Any]:
+def _check_file(
+    name: str, rest: Skeleton | None, skeletons: dict[str, Skeleton], *, strict: bool
+) -> dict[str, Any]:
+    """Return the faults of a file, and add its skeleton to `skeletons`."""
     try:
         is_bvh = find_format(Path(split_address(name)[0])).name == "BVH"
-        motion = read_bvh(name, strict=strict) if is_bvh else read_clip(name, skeleton=skeleton)
+        motion = read_bvh(name, strict=strict) if is_bvh else read_clip(name, skeleton=rest)
     except FormatError as error:
         return {"file": name, "error": str(error), "repairs": [], "faults": []}
+    skeletons[name] = motion.skeleton
     names = motion.skeleton.names
     faults = []
     for fault in find_faults(motion):

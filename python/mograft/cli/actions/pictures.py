@@ -1,11 +1,12 @@
 """``mograft view``, ``plot`` and ``export``: motions as pages, pictures and files."""
 
+import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mograft._util.atomic import atomic_path
+from mograft._util.atomic import write_bytes
 from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
 from mograft.analysis.group_discovery import GroupDiscovery
 from mograft.body.groups import JointGroups
@@ -36,7 +37,7 @@ from mograft.io.npz import write_npz
 from mograft.io.smpl.amass import write_amass
 from mograft.io.usd import write_usd
 from mograft.library.build import discover_groups, discover_in_library
-from mograft.library.discover import read_provenance
+from mograft.library.discover import is_graft
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.provenance.writing import write_character
@@ -118,11 +119,13 @@ def run_plot(options: PlotOptions) -> int:
         figure = _draw(options).get_figure(root=True)
         assert figure is not None  # The axes were created with a figure.
         target.parent.mkdir(parents=True, exist_ok=True)
+        picture = io.BytesIO()  # Matplotlib and Pillow ignore short writes to files
         try:
-            with atomic_path(target) as draft:
-                figure.savefig(draft, dpi=150, metadata=metadata)
+            kind = target.suffix.lower().removeprefix(".")
+            figure.savefig(picture, dpi=150, metadata=metadata, format=kind)
         finally:
             pyplot.close("all")
+        write_bytes(target, picture.getvalue())
     print_result(options, "plot/1", {"file": str(target), "kind": options.kind}, [target])
     return 0
 
@@ -186,7 +189,7 @@ def _timeline_scene(options: PlotOptions, folder: Path | None) -> Scene:
         library = configuration.load_library(options)
         return Scene.of_clips(library, select_clips(library, options.clip))
     files = expand_folders(options.files)
-    grafts = [file for file in files if read_provenance(file) is not None]
+    grafts = [file for file in files if is_graft(file)]
     others = tuple(file for file in files if file not in grafts)
     libraries = [configuration.load_library(replace(options, files=others))] if others else []
     return Scene.of(

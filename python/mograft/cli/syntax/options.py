@@ -91,9 +91,7 @@ class LibraryOptions(FieldOptions, LibraryFileOptions, section="how different"):
         "(default: default)",
         is_expert=True,
     )
-    variety: values.Share | None = setting(
-        "from 0 (few, similar donors) to 1 (many, less similar donors) (default: 0.5)"
-    )
+    variety: values.Share | None = setting("0 (few, similar donors) to 1 (default: 0.5)")
 
 
 class KeepOptions(Options, section="what to keep"):
@@ -217,8 +215,9 @@ class RecordOptions(Options, section="input"):
     )
     from_: values.Record | None = option(
         ".json file of a graft to make again, byte for byte, or FILE.glb#NAME",
-        details="--take, --ban, --keep and --reroll change some segments and leave the others "
-        "unchanged; LIB|FILE is needed only if files have moved",
+        details="--change, --take, --ban, --keep, --reroll, and options for places and donors, "
+        "change what they must and leave the rest unchanged; LIB|FILE is needed only if files "
+        "have moved",
     )
 
 
@@ -226,6 +225,13 @@ class ChangeOptions(Options, section="what to change"):
     """Options for the parts that are exchanged."""
 
     swap: values.Words | None = setting("groups to exchange (default: all but the base)")
+    change: tuple[values.Change, ...] = option(
+        "another part of a clip for a group",
+        details="in a range of frames or times; CLIP may be a glob such as wave*; without CLIP, "
+        "the part that fits best; -n makes as many alternatives. The range and the part begin at "
+        "any frame. All other frames stay as they are in the graft of --from, or else as captured; "
+        "may be repeated",
+    )
     repair: bool = option("exchange only segments that violate the constraints", is_expert=True)
     reroll: tuple[values.Segment, ...] = option(
         "with --from: index of a base segment that gets another donor, or frames FIRST-LAST of "
@@ -245,8 +251,8 @@ class VarietyOptions(SeedOptions, section="how different"):
         short="-n",
     )
     distinct: values.Distance = setting(
-        "smallest mean angle, in degrees, between the exchanged joints of any two motions; motions "
-        "that are nearer are left out (default: 0)",
+        "smallest mean angle, in degrees, between the exchanged joints of any two motions "
+        "(default: 0)",
         default=0.0,
     )
     mirror: bool = setting(

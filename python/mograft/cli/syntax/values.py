@@ -213,6 +213,30 @@ def ban(text: str) -> tuple[SegmentValue, str | Taken | None]:
     return _group_segment(segment), clip or None
 
 
+Changed = tuple[str, Range, str | Taken | None]
+"""A group, its first and last frame, and a donor."""
+
+
+@_parser(
+    "expected GROUP@FIRST-LAST, optionally with =CLIP or =CLIP:FIRST-LAST, such as "
+    "upper@100-160=wave or upper@4s-6s"
+)
+def change(text: str) -> Changed:
+    """Parse a value of ``--change``: ``GROUP@FIRST-LAST[=CLIP[:FIRST-LAST]]``.
+
+    Return the group, the first and last frame, and the donor: None, a clip, or a clip with its
+    first and last frame.
+    """
+    where, equals, donor = text.partition("=")
+    group, _, span = where.rpartition("@")
+    if not group or (equals and not donor):
+        raise ValueError
+    name, _, part = donor.rpartition(":")
+    if name and part[:1].isdecimal():
+        return group, frames(span), (name, *frames(part))
+    return group, frames(span), donor or None
+
+
 @_parser(f"must be {', '.join(UNITS)} or a number above 0")
 def unit(text: str) -> float | str:
     """Parse a unit of length: one of the names `UNITS`, or a number of metres."""
@@ -390,6 +414,7 @@ Length = Annotated[Frame, Value("N|S", frame_count)]
 Segment = Annotated[SegmentValue, Value("SEGMENT", segment_value)]
 Take = Annotated[tuple[SegmentValue, Taken], Value("SEGMENT=CLIP:FIRST-LAST", take)]
 Ban = Annotated[tuple[SegmentValue, str | Taken | None], Value("SEGMENT[=CLIP[:FIRST-LAST]]", ban)]
+Change = Annotated[Changed, Value("GROUP@FIRST-LAST[=CLIP[:FIRST-LAST]]", change)]
 Corners = Annotated[list[tuple[float, float]], Value("X,Z:X,Z:...", corners)]
 Reach = Annotated[tuple[Range, str, Point, float], Value("FRAME[-LAST]:JOINT:X,Y,Z[~TOL]", reach)]
 Avoid = Annotated[tuple[str, tuple[float, ...], Range | None], Value("WHAT[@FIRST-LAST]", obstacle)]

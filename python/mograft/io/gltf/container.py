@@ -6,7 +6,6 @@ read only from the folder of the file and its subfolders.
 
 import base64
 import binascii
-import json
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -18,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray
+from mograft._util.documents import parse_document
 from mograft.errors import FormatError
 
 MAGIC = b"glTF"
@@ -155,8 +155,8 @@ def read_container(path: Path, content: bytes | None = None) -> Container:
     is_binary = data[:4] == MAGIC
     text, binary = _split_chunks(path, data) if is_binary else (data, None)
     try:
-        document = json.loads(bytes(text).decode("utf-8-sig"))
-    except (ValueError, RecursionError) as error:
+        document = parse_document(bytes(text).decode("utf-8-sig"))
+    except ValueError as error:
         place = "JSON chunk" if is_binary else "JSON"
         raise FormatError(f"expected JSON: {error}", path, place) from error
     if not isinstance(document, dict) or not isinstance(document.get("asset"), dict):

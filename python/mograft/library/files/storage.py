@@ -5,7 +5,6 @@ library when the manifest that names it replaces the previous manifest. Readers 
 writers hold an exclusive one (`mograft.library.files.generation`).
 """
 
-import json
 import os
 import re
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
+from mograft._util.documents import parse_document
 from mograft.analysis.embedding import Embedding
 from mograft.body.groups import JointGroups
 from mograft.config import Config
@@ -82,7 +82,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     if not folder.exists():
         raise FileNotFoundError(2, "no such library", str(folder))
     try:
-        document = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        document = parse_document((folder / MANIFEST).read_text(encoding="utf-8"))
     except NotADirectoryError as error:
         raise LibraryError(f"{folder} is not a mograft library: it is a file") from error
     except FileNotFoundError as error:
@@ -90,7 +90,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
             f"{folder} is not a mograft library: it has no {MANIFEST}; "
             f"create one with: mograft index CLIPS -o {folder}"
         ) from error
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise damage(folder, f"{MANIFEST} is not valid JSON: {error}") from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise LibraryError(f"{folder} is not a mograft library: its {MANIFEST} has another format")

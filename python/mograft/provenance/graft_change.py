@@ -1,0 +1,205 @@
+"""Changes of a graft: another part of a clip for a group, from one frame to another."""
+
+import fnmatch
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import islice
+
+from mograft._util.validate import as_integer
+from mograft.errors import join_names, suggest_name
+from mograft.library.library import Library
+from mograft.library.origin import is_partial
+from mograft.search.constraints import Constraint, Span, as_span, find_violations
+from mograft.solve.donor_spans import MAX_RATIO, DonorSpan, find_donor_spans, insert_span
+from mograft.solve.finish import find_motion_violations
+from mograft.solve.plan import GraftPlan
+from mograft.solve.search_problem import SearchProblem
+from mograft.synthesis.graft_result import Change, Graft
+
+_MAX_TRIALS = 32  # spans whose motions are tested for constraints on poses
+
+
+def change(
+    graft: Graft,
+    group: str,
+    frames: tuple[int, int],
+    donor: str | tuple[str, int, int] | None = None,
+    *,
+    constraints: Sequence[Constraint] = (),
+    rank: int = 0,
+) -> Graft:
+    """Return a graft in which a group moves as in another part of a clip in a range of frames.
+
+    Range and part begin and end at any frame, also inside of segments. The part is stretched to
+    the length of the range, and the seams at both ends are closed.
+
+    Parameters
+    ----------
+    graft : Graft
+        The graft, which does not change.
+    group : str
+        The exchanged group that changes.
+    frames : tuple of int
+        First and last frame of the range, both included.
+    donor : str or tuple of (str, int, int), optional
+        The clip of the donor, or a pattern such as ``"wave*"`` for several; or a clip with its
+        first and last frame. Default: all clips, without parts in which the group moves as now.
+    constraints : sequence of Constraint, optional
+        Further constraints. Those on donors limit the parts that are compared. Of these parts, the
+        first that satisfies all hard constraints on poses, of `graft` and here, is taken, or
+        else the one with the smallest violation.
+    rank : int
+        0 for the part with the lowest cost, 1 for the next best, and so on. Without effect if
+        `donor` has frames.
+
+    Returns
+    -------
+    Graft
+        Frames farther from the range than `Config.seam_blend` are the same, bit for bit. If the
+        group contains the root, the later frames of the root are moved rigidly. `Graft.changes`
+        lists the parts; `edit` keeps them.
+
+    Raises
+    ------
+    ValueError
+        If a group, frame or clip does not exist, if a part is more than three times as long or as
+        short as the range, or if no part of the clips satisfies the constraints on donors; if the
+        library has only the clips of the graft, because `replay` read their files.
+
+    Examples
+    --------
+    >>> import mograft as mg
+    >>> from mograft.dancer import dance
+    >>> new = mg.graft(mg.Library.build(dance(strides=2).motion), seed=7)
+    >>> waved = mg.change(new, "upper", (100, 160), ("dance", 400, 455))
+    >>> print(waved.changes[0])
+    upper, frames 100-160: dance 400-455
+    >>> (waved.motion.rotations[200:] == new.motion.rotations[200:]).all()
+    np.True_
+    """
+    if is_partial(graft.library):
+        raise ValueError("the whole library is needed to find donors: use replay(path, library)")
+    span = as_span("frames", frames)
+    source = unchanged(graft)
+    problem = plan_of(source, (*graft.request.constraints, *constraints)).problem
+    if group not in problem.pools:
+        raise ValueError(
+            f"`group` must be an exchanged group, one of {join_names(list(problem.pools))}; got "
+            f"{group!r}{suggest_name(group, problem.pools)}"
+        )
+    if not span[0] < span[1] < graft.motion.n_frames:
+        raise ValueError(
+            f"`frames` must be at least two frames from 0 to {graft.motion.n_frames - 1}, got "
+            f"{span[0]}-{span[1]}"
+        )
+    found = _choose(problem, graft, group, span, donor, as_integer("rank", rank))
+    made = Change(
+        group=group,
+        frames=span,
+        clip=problem.library.entries[found.clip].name,
+        clip_frames=(found.start, found.stop),
+    )
+    source = replace(source, request=replace(graft.request, constraints=problem.constraints))
+    return apply_changes(source, problem, (*graft.changes, made))
+
+
+def unchanged(graft: Graft) -> Graft:
+    """Return a graft without its changes, with the same request."""
+    return graft if graft.unchanged is None else replace(graft.unchanged, request=graft.request)
+
+
+def apply_changes(graft: Graft, problem: SearchProblem, changes: Sequence[Change]) -> Graft:
+    """Return a graft, which has no changes, with `changes`, one after the other."""
+    if not changes:
+        return graft
+    motion, names = graft.motion, problem.library.names
+    for own in changes:
+        span = DonorSpan(names.index(own.clip), *own.clip_frames)
+        motion = insert_span(problem, motion, own.group, own.frames, span)
+    return replace(
+        graft,
+        motion=motion,
+        violations=tuple(find_motion_violations(problem, motion, graft.donors)),
+        changes=tuple(changes),
+        unchanged=graft,
+    )
+
+
+def plan_of(graft: Graft, constraints: Sequence[Constraint]) -> GraftPlan:
+    """Return the plan of a graft with other constraints."""
+    library, scenario = graft.library, graft.request.scenario
+    groups = list(graft.alternatives)
+    if scenario is not None:
+        return GraftPlan.build(library, None, groups, constraints, scenario)
+    clip = int(library.segments.clip[graft.substitutions[0].segment])
+    return GraftPlan.build(library, clip, groups, constraints)
+
+
+def _choose(
+    problem: SearchProblem,
+    graft: Graft,
+    group: str,
+    frames: Span,
+    donor: str | tuple[str, int, int] | None,
+    rank: int,
+) -> DonorSpan:
+    """Return the span that `change` takes."""
+    library, motion, within = problem.library, graft.motion, None
+    if isinstance(donor, tuple):
+        return _exact_span(library, frames, donor)
+    if donor is not None:
+        within = [(clip, None) for clip in _find_clips(library, donor)]
+    spans = find_donor_spans(problem, motion, group, frames, within)
+    hard = [own for own in problem.pose_constraints if own.is_hard]
+    if not hard:
+        first = next(islice(spans, rank, None), None)
+        if first is not None:
+            return first
+    errors: list[tuple[float, int, DonorSpan]] = []
+    for number, span in enumerate(islice(spans, _MAX_TRIALS + rank)):
+        trial = insert_span(problem, motion, group, frames, span)
+        found = find_violations(hard, problem.poses_of(trial))
+        errors.append((sum(own.error for own in found), number, span))
+        if sum(not error for error, _, _ in errors) > rank:
+            break
+    if len(errors) <= rank:
+        n, what = frames[1] - frames[0], "all clips" if donor is None else repr(donor)
+        others = f"only {len(errors)} parts" if errors else "no part"
+        raise ValueError(
+            f"{others} of {what} can replace {group} in frames {frames[0]}-{frames[1]}: expected a "
+            f"part of {n / MAX_RATIO:.0f} to {n * MAX_RATIO:.0f} frames without recording faults "
+            f"that satisfies the constraints on donors"
+        )
+    return sorted(errors)[rank][2]
+
+
+def _exact_span(library: Library, frames: Span, donor: tuple[str, int, int]) -> DonorSpan:
+    """Return the span of `donor`, a clip with its first and last frame."""
+    (clip,) = _find_clips(library, donor[0])[:1]
+    first, last = as_span("donor", donor[1:])
+    n_frames = library.clips[clip].n_frames
+    if not first < last < n_frames:
+        raise ValueError(
+            f"`donor` must be at least two frames from 0 to {n_frames - 1} of {donor[0]}, got "
+            f"{first}-{last}"
+        )
+    ratio = (last - first) / (frames[1] - frames[0])
+    if not 1 / MAX_RATIO <= ratio <= MAX_RATIO:
+        raise ValueError(
+            f"`donor` must be at most {MAX_RATIO:g} times as long or as short as the range "
+            f"{frames[0]}-{frames[1]}, got {first}-{last}"
+        )
+    return DonorSpan(clip, first, last)
+
+
+def _find_clips(library: Library, pattern: str) -> list[int]:
+    """Return the indices of the clips with a name; patterns such as ``walk*`` are accepted."""
+    names = library.names
+    found = [names.index(pattern)] if pattern in names else []
+    found = found or [i for i, name in enumerate(names) if fnmatch.fnmatchcase(name, pattern)]
+    if not found:
+        raise ValueError(
+            f"`donor` must be from a clip among {join_names(names)}; got {pattern!r}"
+            f"{suggest_name(pattern, names)}"
+        )
+    return found

@@ -1,0 +1,244 @@
+"""Donor spans: parts of clips, between any two frames, that replace a range of a motion."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.blend.foot_planting import plant_feet
+from mograft.blend.loop_join import close_join
+from mograft.blend.recombine import recombine, splice
+from mograft.blend.transplant import transplant
+from mograft.body.anatomy import feature_joints
+from mograft.body.contacts import detect_contacts, find_legs
+from mograft.motion import rotations
+from mograft.motion.motion import Motion
+from mograft.motion.segments import Segments
+from mograft.search.boundary_states import pose_gaps, velocity_gaps
+from mograft.search.constraints import Span, overlaps
+from mograft.search.copies import COPY_ANGLE
+from mograft.search.costs import INFEASIBLE_PENALTY
+from mograft.search.donor_constraints import Ban, MaxStretch, NotFrom, OnlyFrom
+from mograft.solve.search_problem import SearchProblem
+
+_N_SAMPLES = 8  # poses at which a span is compared with the range
+_N_LENGTHS = 7  # lengths that are tried, from the shortest to the longest
+MAX_RATIO = 3.0
+"""The greatest ratio of the lengths of a span and the range that it replaces."""
+
+
+@dataclass(frozen=True)
+class DonorSpan:
+    """A part of a clip, `clip` being its index in the library; both frames are included."""
+
+    clip: int
+    start: int
+    stop: int
+    cost: float = 0.0
+
+
+def find_donor_spans(
+    problem: SearchProblem,
+    motion: Motion,
+    group: str,
+    frames: Span,
+    within: Sequence[tuple[int, Span | None]] | None = None,
+) -> Iterator[DonorSpan]:
+    """Yield the spans that can replace a group in a range of frames of a motion, cheapest first.
+
+    `within` has the clips that may donate, each with the frames of which a span is a part. By
+    default all clips donate, and spans in which the group moves as in the motion or its base, or
+    with seams wider than `Config.max_angle`, are left out. The
+    cost is that of `CostModel`, with the seams at the ends of the range, the mean angle of the base
+    part instead of distances in the embedding, and the pose difference to the range. Spans of
+    one clip that overlap by more than half are one: the cheapest. Spans are as long as the range
+    up to `Config.max_stretch`; a clip or part that is shorter is taken as a whole.
+    """
+    range_ = _Range(problem, motion, group, frames)
+    given = within or [(clip, None) for clip in range(len(problem.library.clips))]
+    found = []
+    for clip, part in given:
+        starts, stops, costs = range_.compare(clip, part, accept_same=within is not None)
+        for index in _pick(starts, stops, costs):
+            span = DonorSpan(clip, int(starts[index]), int(stops[index]), float(costs[index]))
+            found.append(span)
+    yield from sorted(found, key=lambda own: (own.cost, own.clip, own.start))
+
+
+def _pick(starts: IntArray, stops: IntArray, costs: FloatArray) -> Iterator[int]:
+    """Yield the indices of spans, cheapest first, that overlap no earlier one by over a half."""
+    is_left = np.isfinite(costs)
+    for index in np.argsort(costs, kind="stable").tolist():
+        if is_left[index]:
+            yield index
+            shared = np.minimum(stops, stops[index]) - np.maximum(starts, starts[index])
+            is_left &= shared * 2 <= np.minimum(stops - starts, stops[index] - starts[index])
+
+
+class _Range:
+    """A range of a motion with which spans of clips are compared."""
+
+    def __init__(self, problem: SearchProblem, motion: Motion, group: str, frames: Span) -> None:
+        self.problem, self.group, self.frames = problem, group, frames
+        library = problem.library
+        whole = problem.whole_joints[group]
+        self.joints = np.setdiff1d(feature_joints(library.skeleton, whole), [library.root])
+        base_joints = problem.group_specs[group].base_joints
+        self.base_joints = np.zeros(0, np.int64) if base_joints is None else base_joints
+        self.n = frames[1] - frames[0]
+        samples = frames[0] + np.round(np.linspace(0.0, self.n, _N_SAMPLES)).astype(np.int64)
+        # Of the motion, and of the base, which is no more new.
+        self.parts = [own.rotations[samples][:, self.joints] for own in (motion, problem.base)]
+        self.base_part = motion.rotations[samples][:, self.base_joints]
+        ends = [max(frames[0] - 1, 0), min(frames[1], motion.n_frames - 2)]
+        self.speeds = _speeds(motion, self.joints)[ends] if motion.n_frames > 1 else None
+
+    def compare(
+        self, clip: int, part: Span | None, *, accept_same: bool
+    ) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return first frames, last frames and costs of the spans of a clip, each (n_spans,).
+
+        The cost is infinite where constraints or faults exclude a span.
+        """
+        motion = self.problem.library.clips[clip]
+        first, last = part or (0, motion.n_frames - 1)
+        longest, stretch = last - first, self.problem.config.max_stretch
+        wanted = np.round(self.n * np.linspace(1.0 - stretch, 1.0 + stretch, _N_LENGTHS))
+        lengths = np.unique(wanted[(wanted >= 1) & (wanted <= longest)].astype(np.int64))
+        if not len(lengths) and longest >= max(self.n / MAX_RATIO, 1):
+            lengths = np.array([longest])
+        spans = [
+            np.stack([own := np.arange(first, last - n + 1), own + n], axis=1)
+            for n in lengths.tolist()
+        ]
+        starts, stops = np.concatenate([np.zeros((0, 2), np.int64), *spans]).T
+        if not len(starts):
+            return starts, stops, np.zeros(0)
+        costs = self._costs(motion, starts, stops, accept_same=accept_same)
+        costs[self._is_excluded(clip, starts, stops)] = np.inf
+        return starts, stops, costs
+
+    def _costs(
+        self, motion: Motion, starts: IntArray, stops: IntArray, *, accept_same: bool
+    ) -> FloatArray:
+        model = self.problem.cost_models[self.group]
+        poses = motion.rotations[:, self.joints]
+        gaps, captured_gaps = (pose_gaps(own, poses) for own in self.parts)
+        speeds = _speeds(motion, self.joints)
+        shares = np.linspace(0.0, 1.0, _N_SAMPLES)
+        # (n_samples, n_spans): the frames of the clip that are compared with those of the range.
+        frames = np.round(starts + shares[:, None] * (stops - starts)).astype(np.int64)
+        rows = np.arange(_N_SAMPLES)[:, None]
+        differences = gaps[rows, frames].mean(axis=0)
+        distances = np.zeros(len(starts))
+        if len(self.base_joints):
+            base_gaps = pose_gaps(self.base_part, motion.rotations[:, self.base_joints])
+            distances = base_gaps[rows, frames].mean(axis=0) / model.scales.angle
+        n, is_same = np.full(len(starts), self.n), np.zeros(len(starts), bool)
+        costs = model.unary(n, stops - starts, distances, is_same) + model.similarity(differences)
+        if self.speeds is not None:
+            last = len(speeds) - 1
+            for side, at in ((0, starts), (1, stops - 1)):
+                velocities = velocity_gaps(self.speeds[[side]], speeds)[0]
+                angles = gaps[0 if side == 0 else -1]
+                seam_at = starts if side == 0 else stops
+                costs += model.pairwise(angles[seam_at], velocities[at.clip(0, last)])
+        if not accept_same:
+            is_known = captured_gaps[rows, frames].mean(axis=0) < COPY_ANGLE
+            is_known |= differences < COPY_ANGLE
+            costs[is_known | (costs >= INFEASIBLE_PENALTY)] = np.inf
+        return costs
+
+    def _is_excluded(self, clip: int, starts: IntArray, stops: IntArray) -> BoolArray:
+        """Return which spans contain a recording fault, or violate a constraint on donors."""
+        library, problem = self.problem.library, self.problem
+        own = library.segments.of_clip(clip)
+        is_faulty = np.zeros(library.clips[clip].n_frames + 1, bool)
+        for segment in own[~problem.pools[self.group].is_donor[own]].tolist():
+            is_faulty[library.segments.start[segment] : library.segments.stop[segment] + 1] = True
+        count = np.concatenate([[0], np.cumsum(is_faulty)])
+        excluded = count[stops + 1] > count[starts]
+        spans = Segments(starts, stops, np.full(len(starts), clip))
+        base = Segments(*(np.full(len(starts), value) for value in (*self.frames, -1)))
+        for constraint in problem.constraints:
+            is_rule = isinstance(constraint, OnlyFrom | NotFrom | MaxStretch | Ban)
+            if is_rule and constraint.is_hard and constraint.applies_to_group(self.group):
+                errors = constraint.donor_errors(base, spans, library.entries)
+                excluded |= (errors > 1.0) & overlaps(base, constraint.frames)
+        return excluded
+
+
+def _speeds(motion: Motion, joints: IntArray) -> FloatArray:
+    """Return angular velocities from each frame to the next, (n_frames - 1, n_joints, 3)."""
+    quats = motion.rotations[:, joints]
+    steps = rotations.multiply(rotations.inverse(quats[:-1]), quats[1:])
+    return rotations.log(steps) * motion.rate
+
+
+def insert_span(
+    problem: SearchProblem, motion: Motion, group: str, frames: Span, span: DonorSpan
+) -> Motion:
+    """Return a motion in which a group moves as in a donor span in a range of frames.
+
+    The span is stretched to the length of the range, and the seams at both ends are closed. Frames
+    farther from the range than `Config.seam_blend` are those of `motion`, bit for bit, except for
+    a root that the group contains; see `splice`.
+    """
+    library, config, last = problem.library, problem.config, motion.n_frames - 1
+    bounds = sorted({0, *frames, last})
+    cut = Segments(*np.array(list(pairwise(bounds))).T)
+    is_new = cut.start == frames[0]
+    donors = Segments(
+        np.where(is_new, span.start, cut.start),
+        np.where(is_new, span.stop, cut.stop),
+        is_new.astype(np.int64),
+    )
+    clip, spec = library.clips[span.clip], problem.group_specs[group]
+    part = transplant(motion, cut, donors, [motion, clip], spec, config)
+    if problem.is_loop and (frames[0] == 0 or frames[1] == last):
+        part = close_join(part, motion.rate, config.seam_blend)
+    new = recombine(motion, [part], motion.name)
+    reach = int(np.ceil(config.seam_blend * motion.rate))
+    at, near = np.arange(motion.n_frames), np.zeros(motion.n_frames, bool)
+    for turn in (-last, 0, last) if problem.is_loop else (0,):
+        near |= (at + turn >= frames[0] - reach) & (at + turn <= frames[1] + reach)
+    new = _plant_feet(problem, new, group, frames, span, near)
+    moving = [library.root] if library.root in spec.whole_joints else []
+    return splice(motion, new, near, problem.base_poses.height, moving)
+
+
+def _plant_feet(
+    problem: SearchProblem,
+    motion: Motion,
+    group: str,
+    frames: Span,
+    span: DonorSpan,
+    near: BoolArray,
+) -> Motion:
+    """Plant the feet that a group drives in their contacts of the new motion and of the span.
+
+    Only contacts in the frames `near`, a mask of shape (n_frames,), count.
+    """
+    library, skeleton = problem.library, motion.skeleton
+    joints = set(problem.whole_joints[group].tolist())
+    legs = find_legs(skeleton)
+    driving = {joint for leg in legs for joint in (leg.ankle, *skeleton.ancestors(leg.ankle))}
+    if library.config.feet == "never" or joints.isdisjoint(
+        driving - set(skeleton.ancestors(library.root))
+    ):
+        return motion
+    contacts = detect_contacts(motion)
+    at = np.linspace(span.start, span.stop, frames[1] - frames[0] + 1).round().astype(np.int64)
+    captured = detect_contacts(library.clips[span.clip])[at]
+    for index, leg in enumerate(legs):
+        if leg.ankle in joints:
+            contacts[frames[0] : frames[1] + 1, index] |= captured[:, index]
+    return plant_feet(
+        motion,
+        contacts & near[:, None, None],
+        movable_legs=problem.movable_legs,
+        move_root=library.root in joints,
+        floor_reference=problem.base,
+    )[0]

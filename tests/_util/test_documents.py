@@ -1,0 +1,71 @@
+"""Texts of JSON and TOML: the content, or a ValueError for what Python cannot handle."""
+
+import json
+import sys
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mograft._util.documents import MAX_LEVELS, MAX_TOML_CHARACTERS, parse_document
+from mograft.body.groups import JointGroups
+from mograft.cli import main
+from mograft.config import Config
+
+DOCUMENTS = st.recursive(
+    st.none() | st.booleans() | st.integers(-(10**30), 10**30) | st.floats(allow_nan=False)
+    | st.text(max_size=3),
+    lambda own: st.lists(own, max_size=3) | st.dictionaries(st.text(max_size=3), own, max_size=3),
+)  # fmt: skip
+
+
+@given(DOCUMENTS)
+def test_parse_document_equals_json_loads(document):
+    text = json.dumps(document)
+    assert parse_document(text) == parse_document(text.encode()) == document
+
+
+@given(st.integers(1, 20_000), st.sampled_from(["JSON", "TOML", "keys", "tables"]))
+def test_parse_document_any_depth_is_content_or_valueerror(depth, kind):
+    text = {
+        "JSON": "[" * depth + "]" * depth,
+        "TOML": f"a = {'[' * depth}{']' * depth}",
+        "keys": f"{'.'.join('a' * depth)} = 1",
+        "tables": f"[{'.'.join('a' * depth)}]",
+    }[kind]
+    if depth < MAX_LEVELS:
+        assert repr(parse_document(text, "JSON" if kind == "JSON" else "TOML"))
+    else:
+        with pytest.raises(ValueError, match="expected at most 100 levels, got more"):
+            parse_document(text, "JSON" if kind == "JSON" else "TOML")
+
+
+@given(st.integers(290, 4_200), st.sampled_from(["", "-"]))
+def test_parse_document_integer_fits_a_float_or_raises(n_digits, sign):
+    text = f'{{"a": [{sign}{"9" * n_digits}]}}'
+    if n_digits > 300:
+        with pytest.raises(ValueError, match="at most 300 digits"):
+            parse_document(text)
+    else:
+        assert abs(float(parse_document(text)["a"][0])) < sys.float_info.max
+
+
+def test_parse_document_long_toml_raises():
+    with pytest.raises(ValueError, match="at most 1048576 characters"):
+        parse_document("#" * (MAX_TOML_CHARACTERS + 1), "TOML")
+
+
+@pytest.mark.parametrize("text", [f"{'.'.join('a' * 5000)} = 1", f"a = {'[' * 5000}{']' * 5000}"])
+def test_commands_with_deep_toml_print_one_line(tmp_path, monkeypatch, capsys, text):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mograft.toml").write_text(text)
+    assert main(["config", "show", "graft"]) == 1
+    assert "mograft.toml: expected at most 100 levels" in capsys.readouterr().err
+    with pytest.raises(ValueError, match="not valid TOML: expected at most 100 levels"):
+        JointGroups.from_toml(text + "\n")
+
+
+@pytest.mark.parametrize("name", ["max_candidates", "samples", "sigma_scale", "temperature"])
+def test_config_integer_of_hundreds_of_digits_raises(name):
+    with pytest.raises(ValueError, match=f"`{name}` must be at most 10"):
+        Config(**{name: 10**400})

@@ -1,0 +1,104 @@
+"""Figures of one hierarchy in different units: lengths of donors are scaled to the base."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft.body.size import describe_sizes, figure_size, resize
+from mograft.dancer import dance
+from mograft.scenario.scenario import Scenario, realize_scenario
+from tests.strategies import few_examples
+
+
+def scaled(motion, factor):
+    """Return a motion in another unit of length."""
+    own = motion.skeleton
+    sites = tuple(replace(site, offset=factor * site.offset) for site in own.end_sites)
+    skeleton = replace(own, offsets=factor * own.offsets, end_sites=sites)
+    return replace(
+        motion, skeleton=skeleton, positions=factor * motion.positions, channel_values=None
+    )
+
+
+@pytest.fixture(scope="module")
+def clips():
+    """Return two short dances, in which the spine also moves along its bone."""
+    found = []
+    for seed in range(2):
+        motion = dance(seed=seed, strides=1).motion[:300]
+        positions = motion.positions.copy()
+        spine = motion.skeleton.index("Spine")
+        positions[:, spine, 1] += np.sin(0.1 * np.arange(motion.n_frames))
+        found.append(replace(motion, positions=positions, channel_values=None, name=f"clip{seed}"))
+    return found
+
+
+# Powers of two scale numbers exactly, so that every choice and every bit must be the same.
+FACTORS = st.lists(st.integers(-6, 6).map(lambda power: 2.0**power), min_size=2, max_size=2)
+
+
+@pytest.fixture(scope="module")
+def plain(clips):
+    """Return libraries of these clips by base group: "lower" holds the root, "upper" does not."""
+    preset = mg.JointGroups.preset("lower_upper", clips[0].skeleton)
+    members = {name: own.tolist() for name, own in preset.resolve(clips[0].skeleton).items()}
+    groups = {base: mg.JointGroups(members, base=base) for base in members}
+    return {base: mg.Library.build(clips, own) for base, own in groups.items()}
+
+
+@pytest.mark.parametrize("base", ["lower", "upper"])
+@few_examples(6)
+@given(factors=FACTORS, chosen=st.integers(0, 1), seed=st.integers(0, 99))
+@pytest.mark.filterwarnings("ignore:the legs are longer or shorter")
+def test_graft_clips_in_other_units_equals_scaled_graft(plain, base, factors, chosen, seed):
+    library = plain[base]
+    expected = mg.graft(library, f"clip{chosen}", seed=seed)
+    mixed = [scaled(clip, factor) for clip, factor in zip(library.clips, factors, strict=True)]
+    library = mg.Library.build(mixed, library.groups)
+    found = mg.graft(library, f"clip{chosen}", seed=seed)
+    assert any(own.donor != own.segment for own in expected.substitutions)
+    assert (found.motion.rotations == expected.motion.rotations).all()
+    assert (found.motion.positions == factors[chosen] * expected.motion.positions).all()
+
+
+@few_examples(3)
+@given(factors=FACTORS)
+@pytest.mark.filterwarnings("ignore:the legs are longer or shorter")
+def test_scenario_clips_in_other_units_has_the_size_of_the_library(plain, factors):
+    library = plain["lower"]
+    segments = np.flatnonzero(library.segments.start > 50)[::7]
+    expected, _ = realize_scenario(library, Scenario(segments))
+    mixed = [scaled(clip, factor) for clip, factor in zip(library.clips, factors, strict=True)]
+    library = mg.Library.build(mixed, library.groups)
+    found, _ = realize_scenario(library, Scenario(segments))
+    assert (found.positions == factors[0] * expected.positions).all()
+
+
+def test_graft_with_a_root_from_another_unit_stays_in_the_range_of_the_base(plain):
+    clips = plain["upper"].clips
+    with pytest.warns(UserWarning, match=r"shorter than in clip0: clip1 \(17.2 times\)"):
+        library = mg.Library.build([clips[0], scaled(clips[1], 17.2)], plain["upper"].groups)
+    heights = mg.graft(library, "clip0").motion.positions[:, 0, 1]
+    assert np.ptp(heights) < 3 * np.ptp(clips[0].positions[:, 0, 1])
+
+
+def test_resize_motion_of_equal_size_returns_it(plain):
+    clip = plain["lower"].clips[0]
+    assert resize(clip, clip.skeleton) is clip
+    larger = resize(clip, scaled(clip, 3.0).skeleton)
+    assert figure_size(larger.skeleton) == pytest.approx(3 * figure_size(clip.skeleton))
+
+
+@given(st.lists(st.sampled_from([0.01, 0.3, 0.9, 1.0, 1.2, 3.0, 17.2]), min_size=1, max_size=6))
+def test_describe_sizes_names_exactly_the_figures_of_another_size(factors):
+    skeleton = dance(strides=1).motion.skeleton
+    named = {f"<{i}>": skeleton.with_offsets(f * skeleton.offsets) for i, f in enumerate(factors)}
+    median = sorted(factors)[(len(factors) - 1) // 2]
+    expected = {f"<{i}>" for i, f in enumerate(factors) if max(f / median, median / f) > 2.0}
+    lines = describe_sizes(named)
+    assert len(lines) == bool(expected)
+    assert {name for name in named for line in lines if f"{name} (" in line} == expected

@@ -1,0 +1,292 @@
+"""Changes of a graft: a range gets another part of a clip, all other frames stay bit for bit."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mograft as mg
+import mograft.constraints as mc
+from mograft._util.runs import dilate
+from mograft.blend.transplant import seam_reach
+from mograft.dancer import dance
+from mograft.motion import rotations
+from mograft.provenance.graft_change import plan_of
+from mograft.search.costs import NOVEL_ANGLE
+from mograft.solve.donor_spans import MAX_RATIO, find_donor_spans
+from tests.strategies import SEEDS, few_examples
+
+
+@pytest.fixture(scope="module")
+def library():
+    motion = dance(seed=1, strides=2).motion[:1200]
+    clips = [motion[:700], replace(motion[700:], name="second")]
+    return mg.Library.build(clips, "lower_torso_larm_rarm")
+
+
+@pytest.fixture(scope="module")
+def graft(library):
+    return mg.graft(library, seed=3)
+
+
+@st.composite
+def changes(draw, library, n_frames=700):
+    """A group, a range of frames, and a part of a clip with which it may be replaced."""
+    group = draw(st.sampled_from([own for own in library.groups.names if own != "lower"]))
+    n = draw(st.integers(1, 120))
+    start = draw(st.integers(0, n_frames - 1 - n))
+    clip = draw(st.integers(0, 1))
+    most = library.clips[clip].n_frames - 1
+    length = draw(st.integers(max(int(np.ceil(n / MAX_RATIO)), 1), min(int(n * MAX_RATIO), most)))
+    first = draw(st.integers(0, most - length))
+    return group, (start, start + n), (library.names[clip], first, first + length)
+
+
+def check_replays(changed):
+    document = json.loads(json.dumps(mg.graft_record(changed)))
+    again = mg.replay(document, changed.library)
+    np.testing.assert_array_equal(again.motion.rotations, changed.motion.rotations)
+    np.testing.assert_array_equal(again.motion.channel_numbers(), changed.motion.channel_numbers())
+    assert again.changes == changed.changes
+    assert json.loads(json.dumps(mg.graft_record(again))) == document
+
+
+def outside(graft, *spans):
+    """The mask of the frames farther from ranges than the seams reach."""
+    reach = int(np.ceil(seam_reach(graft.library.config) * graft.motion.rate))
+    frames, far = np.arange(graft.motion.n_frames), np.ones(graft.motion.n_frames, bool)
+    for first, last in spans:
+        far &= (frames < first - reach) | (frames > last + reach)
+    return far
+
+
+@few_examples(25)
+@given(st.data())
+def test_change_frames_outside_range_and_other_groups_keep_every_bit(library, graft, data):
+    group, frames, donor = data.draw(changes(library))
+    changed = mg.change(graft, group, frames, donor)
+    far = outside(graft, frames)
+    np.testing.assert_array_equal(changed.motion.rotations[far], graft.motion.rotations[far])
+    np.testing.assert_array_equal(
+        changed.motion.channel_numbers()[far], graft.motion.channel_numbers()[far]
+    )
+    others = np.setdiff1d(np.arange(graft.motion.n_joints), library.joints(group))
+    np.testing.assert_array_equal(
+        changed.motion.rotations[:, others], graft.motion.rotations[:, others]
+    )
+    np.testing.assert_array_equal(changed.motion.positions, graft.motion.positions)
+    assert changed.donors.keys() == graft.donors.keys()
+    check_replays(changed)
+
+
+@few_examples(25)
+@given(st.data())
+def test_change_of_equal_length_moves_as_donor_far_from_both_ends(library, graft, data):
+    """Seams are closed within `seam_blend`; arms have no lean that the base sets."""
+    which, start = data.draw(st.integers(0, 1)), 200
+    name, clip = library.names[which], library.clips[which]
+    first = data.draw(st.integers(0, clip.n_frames - 102))
+    changed = mg.change(graft, "larm", (start, start + 100), (name, first, first + 100))
+    blend = int(np.ceil(library.config.seam_blend * graft.motion.rate))
+    joints = library.joints("larm")
+    near = np.arange(blend + 1, 100 - blend)
+    angles = rotations.angle(
+        changed.motion.rotations[start + near][:, joints], clip.rotations[first + near][:, joints]
+    )
+    assert angles.max() < 1e-6
+
+
+@few_examples(12)
+@given(st.data())
+def test_several_changes_and_edits_replay_to_the_same_bytes(library, graft, data):
+    """One request with all changes, as replayed, equals the changes one after the other."""
+    current, spans = graft, []
+    for group, frames, donor in data.draw(st.lists(changes(library), min_size=2, max_size=4)):
+        current = mg.change(current, group, frames, donor)
+        spans.append(frames)
+        if data.draw(st.booleans()):
+            current = mg.edit(current, reroll=[data.draw(st.integers(0, 20))])
+    check_replays(current)
+    pristine = current.unchanged
+    for own in current.changes:
+        pristine = mg.change(pristine, own.group, own.frames, (own.clip, *own.clip_frames))
+    np.testing.assert_array_equal(pristine.motion.rotations, current.motion.rotations)
+
+
+@few_examples(15)
+@given(SEEDS, st.integers(1, 60))
+def test_first_donor_span_has_least_cost_of_all(graft, seed, n):
+    """The oracle computes the cost of each span by itself, sample by sample."""
+    rng = np.random.default_rng(seed)
+    start = int(rng.integers(1, 600))
+    group, problem, motion = "rarm", plan_of(graft, ()).problem, graft.motion
+    part = (100, 100 + min(2 * n, 599))
+    spans = list(find_donor_spans(problem, motion, group, (start, start + n), [(0, part)]))
+    costs = [span_cost(problem, motion, group, (start, start + n), own) for own in spans]
+    np.testing.assert_allclose([own.cost for own in spans], costs, rtol=1e-6, atol=1e-6)
+    assert costs == sorted(costs) or np.diff(costs).min() > -1e-6
+    shortest, longest = np.round(n * np.array([0.85, 1.15])).astype(int).clip(1)
+    assert {own.stop - own.start for own in spans} <= {*range(shortest, longest + 1)}
+    # Spans of the same length anywhere in the part cost no less than the first.
+    length = spans[0].stop - spans[0].start
+    for first in rng.integers(part[0], part[1] - length + 1, 5).tolist():
+        other = replace(spans[0], start=first, stop=first + length)
+        cost = span_cost(problem, motion, group, (start, start + n), other)
+        assert cost >= costs[0] - 1e-6
+
+
+def span_cost(problem, motion, group, frames, span):
+    """The cost of one span (oracle)."""
+    config, model = problem.config, problem.cost_models[group]
+    clip, n, m = problem.library.clips[span.clip], frames[1] - frames[0], span.stop - span.start
+    joints, base = problem.library.joints(group), problem.group_specs[group].base_joints
+
+    def angle(frame, own, which):
+        return rotations.angle(motion.rotations[frame, which], clip.rotations[own, which]).mean()
+
+    def speed(source, frame):
+        now, then = source.rotations[frame, joints], source.rotations[frame + 1, joints]
+        return rotations.log(rotations.multiply(rotations.inverse(now), then)) * source.rate
+
+    shares = np.linspace(0.0, 1.0, 8)
+    pairs = [(frames[0] + round(s * n), span.start + round(s * m)) for s in shares.tolist()]
+    new = np.mean([angle(*pair, joints) for pair in pairs])
+    distance = np.mean([angle(*pair, base) for pair in pairs]) / model.scales.angle
+    cost = config.length_weight * (1 - min(n, m) / max(n, m)) + config.distance_weight * distance
+    cost -= config.novelty * (1 + min(1, new / NOVEL_ANGLE)) / 2
+    before, after = max(frames[0] - 1, 0), min(frames[1], motion.n_frames - 2)
+    for frame, own, mine, theirs in (
+        (frames[0], span.start, before, span.start),
+        (frames[1], span.stop, after, span.stop - 1),
+    ):
+        gap = speed(motion, mine) - speed(clip, min(theirs, clip.n_frames - 2))
+        gap = np.linalg.norm(gap, axis=-1).mean()
+        cost += model.pairwise(np.array(angle(frame, own, joints)), np.array(gap))
+    return float(cost)
+
+
+def test_change_without_donor_is_new_and_alternatives_differ(library, graft):
+    frames, joints = (150, 200), library.joints("larm")
+    made = [mg.change(graft, "larm", frames, rank=rank) for rank in range(4)]
+    parts = [own.motion.rotations[155:196][:, joints] for own in made]
+    parts += [own.rotations[155:196][:, joints] for own in (graft.motion, graft.base)]
+    for first in range(4):
+        for second in range(first + 1, 6):
+            assert rotations.angle(parts[first], parts[second]).max() > np.radians(0.5)
+
+
+def test_change_respects_constraints_on_donors(graft):
+    only = mg.change(graft, "larm", (150, 200), constraints=[mc.OnlyFrom("second")])
+    assert only.changes[0].clip == "second"
+    banned = mc.Ban(frames=(150, 200), donor="second", group="larm")
+    other = mg.change(graft, "larm", (150, 200), "*", constraints=[banned])
+    assert other.changes[0].clip != "second"
+
+
+def test_change_takes_first_part_that_satisfies_constraints_on_poses(graft):
+    hand = graft.motion.world_positions()[:, graft.motion.skeleton.index("LeftHand")]
+    top = float(hand[150:200, 1].max())
+    low = mc.KeepOut("LeftHand", mc.HalfSpace((0, top - 1.0, 0), (0, -1.0, 0)), frames=(160, 190))
+    plain = mg.change(graft, "larm", (140, 210))
+    limited = mg.change(graft, "larm", (140, 210), constraints=[low])
+    assert len(limited.violations) <= len(plain.violations)
+    poses = limited.motion.world_positions()[160:191, limited.motion.skeleton.index("LeftHand"), 1]
+    if not limited.violations:
+        assert poses.max() <= top - 1.0 + 0.005 * 200
+    check_replays(limited)
+
+
+def test_change_of_root_moves_later_frames_rigidly(library):
+    upper = mg.JointGroups(
+        {
+            name: [int(joint) for joint in library.joints(name)]
+            for name in ("lower", "torso", "larm", "rarm")
+        },
+        base="torso",
+    )
+    own = mg.Library.build(list(library.clips), upper)
+    graft = mg.graft(own, constraints=[mc.KeepOriginal()])
+    changed = mg.change(graft, "lower", (150, 230), (own.names[1], 20, 95))
+    legs = own.joints("lower")
+    legs = legs[legs != own.root]
+    far = outside(graft, (150, 230))
+    np.testing.assert_array_equal(
+        changed.motion.rotations[far][:, legs], graft.motion.rotations[far][:, legs]
+    )
+    steps = [
+        np.linalg.norm(np.diff(m.positions[300:, own.root], axis=0), axis=1)
+        for m in (graft.motion, changed.motion)
+    ]
+    np.testing.assert_allclose(*steps, atol=1e-6)
+    check_replays(changed)
+
+
+def test_edit_keeps_changes_of_other_segments_and_drops_those_of_its_own(library, graft):
+    first = mg.change(graft, "larm", (150, 200), ("second", 10, 60))
+    both = mg.change(first, "rarm", (300, 350), ("second", 100, 150))
+    kept = mg.edit(both, mc.KeepOriginal(frames=(150, 200), group="larm"))
+    assert [own.group for own in kept.changes] == ["rarm"]
+    joints = library.joints("larm")
+    np.testing.assert_array_equal(
+        kept.motion.rotations[160:190][:, joints], graft.base.rotations[160:190][:, joints]
+    )
+    check_replays(kept)
+
+
+@pytest.mark.parametrize(
+    ("constraint", "selects"),
+    [
+        (mc.NotFrom("second"), lambda own: own.clip == "second"),
+        (mc.MaxStretch(0.02), lambda own: abs(own.stretch) > 0.021),
+    ],
+)
+def test_edit_with_constraint_on_donors_changes_only_segments_that_violate_it(
+    graft, constraint, selects
+):
+    edited = mg.edit(graft, constraint)
+    assert not [own for own in edited.violations if own.constraint is constraint]
+    assert any(selects(own) and not own.is_own for own in graft.substitutions)
+    for group in graft.donors:
+        old = [own for own in graft.substitutions if own.group == group]
+        is_violating = np.array([selects(own) and not own.is_own for own in old])
+        is_changed = graft.donors[group] != edited.donors[group]
+        assert not (is_changed & ~dilate(is_violating)).any()
+
+
+def test_edit_with_reach_moves_hand_and_keeps_frames_far_away(library):
+    own = library.relabelled(mg.Config.from_dict(library.config.as_dict() | {"reach_ik": 1.0}))
+    graft = mg.graft(own, seed=3)
+    hand = graft.motion.world_positions()[200, graft.motion.skeleton.index("LeftHand")]
+    reach = mc.Reach("LeftHand", (hand[0], hand[1] + 12.0, hand[2]), frames=(200, 200))
+    edited = mg.edit(graft, reach)
+    assert not edited.violations
+    far = outside(graft, (120, 280))
+    np.testing.assert_array_equal(edited.motion.rotations[far], graft.motion.rotations[far])
+    check_replays(edited)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("arms", (10, 20)), "`group` must be an exchanged group"),
+        (("larm", (10, 10)), "`frames` must be at least two frames"),
+        (("larm", (10, 700)), "`frames` must be at least two frames from 0 to 699"),
+        (("larm", (10, 20), "secnd"), "got 'secnd'.*second"),
+        (("larm", (10, 20), ("second", 5, 500)), "at least two frames from 0 to 499"),
+        (("larm", (10, 20), ("second", 5, 100)), "at most 3 times as long"),
+    ],
+)
+def test_change_bad_arguments_raise(graft, arguments, message):
+    with pytest.raises(ValueError, match=message):
+        mg.change(graft, *arguments)
+
+
+@pytest.mark.parametrize("key", ["group", "clip", "frames", "clip_frames"])
+def test_replay_damaged_change_raises(library, graft, key):
+    document = mg.graft_record(mg.change(graft, "larm", (150, 200), ("second", 10, 60)))
+    document["changes"][0][key] = {"frames": [150, 9999], "clip_frames": [10, 9999]}.get(key, "no")
+    with pytest.raises(mg.ProvenanceError, match="does not exist"):
+        mg.replay(document, library)
