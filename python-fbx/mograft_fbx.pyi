@@ -1,4 +1,4 @@
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import final
 
 import numpy as np
@@ -26,25 +26,17 @@ class Scene:
     def settings(self) -> tuple[int, bool, float, str, float]: ...
     @property
     def n_constraints(self) -> int: ...
-    def meshes(
-        self, max_corners: int
-    ) -> list[
-        tuple[
-            str,
-            int,
-            int | None,
-            npt.NDArray[np.uint32],
-            npt.NDArray[np.float64],
-            npt.NDArray[np.float32],
-            npt.NDArray[np.float32],
-            npt.NDArray[np.int64],
-            npt.NDArray[np.float32],
-        ]
-    ]: ...
     @property
-    def materials(
+    def textures(self) -> list[str]: ...
+    def to_glb(
         self,
-    ) -> list[tuple[str, tuple[float, float, float], tuple[str, bytes] | None]]: ...
+        joints: Sequence[int],
+        names: Sequence[str],
+        textures: Mapping[str, bytes],
+        *,
+        generator: str,
+        max_corners: int,
+    ) -> tuple[bytes, list[str]] | None: ...
     def rest_pose(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
     def bake(
         self, take: int, joints: Sequence[int], *, begin: float, rate: float, n_frames: int

@@ -1,6 +1,8 @@
 //! Python bindings of mograft-fbx: convert arguments, release the GIL, convert results.
 #![allow(clippy::needless_pass_by_value, reason = "PyO3 extracts arguments by value")]
 
+use std::collections::HashMap;
+
 use mograft_fbx::{BakeError, Kind};
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray as _, PyArray1, PyArray2, PyArray3, PyArrayMethods as _};
@@ -21,21 +23,8 @@ type RestArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 /// Name, first and last second of the take and of its keys, and indices of the animated nodes.
 type TakeTuple = (String, (f64, f64), Option<(f64, f64)>, Vec<usize>);
 
-/// Name, node, material, triangles, positions, normals, texture coordinates, joints and weights.
-type PartTuple<'py> = (
-    String,
-    usize,
-    Option<usize>,
-    Bound<'py, PyArray1<u32>>,
-    Bound<'py, PyArray2<f64>>,
-    Bound<'py, PyArray2<f32>>,
-    Bound<'py, PyArray2<f32>>,
-    Bound<'py, PyArray2<i64>>,
-    Bound<'py, PyArray2<f32>>,
-);
-
-/// Name, linear RGB, and the texture: its file name, and its bytes, which may be empty.
-type MaterialTuple<'py> = (String, [f64; 3], Option<(String, Bound<'py, PyBytes>)>);
+/// The bytes of a GLB file, and the names of missing textures.
+type GlbTuple<'py> = (Bound<'py, PyBytes>, Vec<String>);
 
 #[pymethods]
 impl Scene {
@@ -122,37 +111,36 @@ impl Scene {
         self.0.n_constraints()
     }
 
-    /// The triangles of all meshes in the rest pose, by mesh and material; needs `with_geometry`.
-    fn meshes<'py>(&self, py: Python<'py>, max_corners: usize) -> PyResult<Vec<PartTuple<'py>>> {
-        let parts = py
-            .detach(|| self.0.meshes(max_corners))
-            .map_err(|error| PyValueError::new_err(error.to_string()))?;
-        let to_tuple = |part: mograft_fbx::Part| {
-            (
-                part.name,
-                part.node,
-                part.material,
-                part.triangles.into_pyarray(py),
-                Array2::from(part.positions).into_pyarray(py),
-                Array2::from(part.normals).into_pyarray(py),
-                Array2::from(part.uvs).into_pyarray(py),
-                Array2::from(part.joints).into_pyarray(py),
-                Array2::from(part.weights).into_pyarray(py),
-            )
-        };
-        Ok(parts.into_iter().map(to_tuple).collect())
+    /// File names of the textures that are not embedded.
+    #[getter]
+    fn textures(&self) -> Vec<String> {
+        let textures = self.0.materials().into_iter().filter_map(|own| own.texture);
+        textures
+            .filter_map(|(name, data)| data.is_empty().then_some(name))
+            .collect()
     }
 
-    /// Name, linear RGB, and file name and bytes of the texture of each material.
-    #[getter]
-    fn materials<'py>(&self, py: Python<'py>) -> Vec<MaterialTuple<'py>> {
-        let materials = self.0.materials().into_iter();
-        materials
-            .map(|own| {
-                let texture = own.texture.map(|(name, data)| (name, PyBytes::new(py, &data)));
-                (own.name, own.color, texture)
-            })
-            .collect()
+    /// The figure as a GLB file and the names of missing textures; None without meshes.
+    #[pyo3(signature = (joints, names, textures, *, generator, max_corners))]
+    fn to_glb<'py>(
+        &self,
+        py: Python<'py>,
+        joints: Vec<usize>,
+        names: Vec<String>,
+        textures: HashMap<String, Vec<u8>>,
+        generator: String,
+        max_corners: usize,
+    ) -> PyResult<Option<GlbTuple<'py>>> {
+        let figure = mograft_fbx::Figure {
+            joints: &joints,
+            names: &names,
+            textures: &textures,
+            generator: &generator,
+        };
+        let found = py
+            .detach(|| self.0.to_glb(&figure, max_corners))
+            .map_err(|error| PyValueError::new_err(error.to_string()))?;
+        Ok(found.map(|own| (PyBytes::new(py, &own.data), own.missing)))
     }
 
     /// World transforms of `joints`, indices of nodes, in frames from second `begin` on.

@@ -1,10 +1,11 @@
-//! Hierarchy, rest pose and animation of FBX scenes, read with ufbx.
+//! Hierarchy, rest pose, animation and meshes of FBX scenes, read with ufbx.
 //!
 //! World transforms are right-handed with y up, in the unit of the file. Nodes are in preorder: a
 //! node precedes its children, and the nodes below a node follow it. Node 0 is the root that ufbx
 //! adds above the nodes of the file.
 
 mod bake;
+mod glb;
 mod hierarchy;
 mod mesh;
 mod orthogonal;
@@ -16,6 +17,7 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 use crate::orthogonal::nearest_rotation;
 
 pub use bake::{BakeError, Poses};
+pub use glb::{Figure, Glb, GlbError};
 pub use hierarchy::{Kind, Node};
 pub use mesh::{MAX_INFLUENCES, Material, Part, TooManyCorners};
 

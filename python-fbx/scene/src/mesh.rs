@@ -94,7 +94,7 @@ impl Scene {
 
     /// Return the materials in the order of the file.
     pub fn materials(&self) -> Vec<Material> {
-        (&self.root.materials).into_iter().map(|own| material(own)).collect()
+        (&self.root.materials).into_iter().map(material).collect()
     }
 
     fn bounds(
@@ -135,7 +135,10 @@ impl Scene {
         index: usize,
     ) -> Part {
         let which = part.index as usize;
-        let material = node.materials.get(which).or_else(|| mesh.materials.get(which));
+        let material = node
+            .materials
+            .get(which)
+            .or_else(|| mesh.materials.get(which));
         let mut found = Part {
             name: self.nodes[index].name.clone(),
             material: material.map(|own| own.element.typed_id as usize),
@@ -256,10 +259,15 @@ fn material(material: &ufbx::Material) -> Material {
 }
 
 fn texture(texture: &ufbx::Texture) -> (String, Vec<u8>) {
-    let file = texture.file_textures.first().map_or(texture, |own| own.as_ref());
-    let name = if file.relative_filename.is_empty() { &file.filename } else { &file.relative_filename };
+    let file = texture
+        .file_textures
+        .first()
+        .map_or(texture, |own| own.as_ref());
+    let name =
+        if file.relative_filename.is_empty() { &file.filename } else { &file.relative_filename };
     let embedded = file.video.as_ref().map(|video| video.content.as_ref());
-    let content = if file.content.is_empty() { embedded.unwrap_or(&[]) } else { file.content.as_ref() };
+    let content =
+        if file.content.is_empty() { embedded.unwrap_or(&[]) } else { file.content.as_ref() };
     (name.to_string(), content.to_vec())
 }
 

@@ -20,10 +20,10 @@ from mograft.motion import rotations
 from mograft.motion.motion import Motion, as_motions
 from mograft.motion.skeleton import Skeleton
 
-# Constants of the glTF specification: component types by NumPy type, and the targets of vertices
-# and of their indices.
-_COMPONENT_TYPES = {"f4": 5126, "u1": 5121, "u2": 5123, "u4": 5125}
-_ARRAY_BUFFER, _ELEMENT_ARRAY_BUFFER = 34962, 34963
+# Constants of the glTF specification: component types by NumPy type, and the target of vertex
+# buffers.
+_COMPONENT_TYPES = {"f4": 5126, "u1": 5121, "u2": 5123}
+_ARRAY_BUFFER = 34962
 
 Json = dict[str, Any]
 
@@ -67,12 +67,6 @@ class GltfBuffer:
             accessor |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
         self.accessors.append(accessor)
         return len(self.accessors) - 1
-
-    def add_indices(self, indices: npt.NDArray[Any]) -> int:
-        """Append indices of vertices and return the index of their accessor."""
-        accessor = self.add(indices.astype("<u4"), "SCALAR")
-        self.views[-1]["target"] = _ELEMENT_ARRAY_BUFFER
-        return accessor
 
     def add_bytes(self, content: bytes | memoryview) -> int:
         """Append bytes and return the index of their buffer view."""
