@@ -307,11 +307,12 @@ def find_whole_library(record: GraftRecord, sources: Sequence[str]) -> Library:
         "hierarchy": origin.hierarchy,
         "skeleton": origin.rest,
     }
-    library = Library.build(names, record.groups, record.config, **options)
-    if hash_library(library) != origin.sha256 and any(Path(name).is_dir() for name in names):
+    strict = not any(Path(name).is_dir() for name in names)
+    library = Library.build(names, record.groups, record.config, strict=strict, **options)
+    if hash_library(library) != origin.sha256 and not strict:
         # The graft may have been made with --include-grafts.
         options["include_grafts"] = True
-        library = Library.build(names, record.groups, record.config, **options)
+        library = Library.build(names, record.groups, record.config, strict=strict, **options)
     return _prepare_library(record, library, f"the library of {join_names(names)}")
 
 

@@ -89,7 +89,11 @@ def run(options: GraftOptions) -> int:
     if options.measure and find_spec("scipy") is None:
         raise ValueError("--measure needs SciPy: pip install 'mograft[evaluate]'")
     if library is None:
-        library = load_library(replace(options, files=files))
+        strict = not any(map(os.path.isdir, options.files))
+        library = load_library(replace(options, files=files), strict=strict)
+        if library.refused:  # the first file may be one of them
+            paths, page = graft_files.output_paths(options, library.names[0])
+            graft_files.check_targets(graft_files.files_of_grafts(paths), options, files)
     constraints = read_constraints(options, library.rate)
     if options.change:
         constraints.append(KeepOriginal())
