@@ -1,7 +1,6 @@
 """The library, joint groups, configuration and constraints that the options of a command select."""
 
 import math
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -70,12 +69,12 @@ def refuse_fixed_options(options: Options, *names: str) -> None:
 
 
 def load_library(
-    options: LibraryOptions, *, rate: float | None = None, strict: bool | None = None
+    options: LibraryOptions, *, rate: float | None = None, strict: bool = True
 ) -> Library:
     """Open the library that is given to a command; without one, build it from the motion files.
 
     The motions of motion files are resampled to `rate` frames per second, if it is given. `strict`
-    is that of `Library.build`; by default, clips may be left out if a folder is given.
+    is that of `Library.build`.
     """
     folder = library_folder(options.files)
     if folder is not None:
@@ -84,7 +83,6 @@ def load_library(
         config = _with_options(library.config, options, is_stored=True)
         return library if config == library.config else library.relabelled(config)
     files = expand_folders(options.files, include_grafts=options.include_grafts)
-    strict = not any(map(os.path.isdir, options.files)) if strict is None else strict
     groups, config = selected_groups(options.groups), selected_config(options)
     skeleton, hierarchy = selected_skeleton(options.skeleton), None
     if options.match == "anatomy":

@@ -13,7 +13,13 @@ import numpy as np
 from mograft._util.arrays import IntArray
 from mograft.cli import graft_files
 from mograft.cli.configuration import load_library, read_constraints
-from mograft.cli.files import check_suffix, check_writable, expand_folders, library_folder
+from mograft.cli.files import (
+    check_suffix,
+    check_writable,
+    expand_folders,
+    has_folder,
+    library_folder,
+)
 from mograft.cli.output import print_error, print_remark, print_result, show_progress
 from mograft.cli.syntax.arguments import UsageError, arguments_of
 from mograft.cli.syntax.commands import DemoOptions
@@ -89,7 +95,7 @@ def run(options: GraftOptions) -> int:
     if options.measure and find_spec("scipy") is None:
         raise ValueError("--measure needs SciPy: pip install 'mograft[evaluate]'")
     if library is None:
-        strict = not any(map(os.path.isdir, options.files))
+        strict = not has_folder(options.files)
         library = load_library(replace(options, files=files), strict=strict)
         if library.refused:  # the first file may be one of them
             paths, page = graft_files.output_paths(options, library.names[0])
