@@ -130,9 +130,9 @@ def fit_motion(file: GltfFile, motion: Motion) -> Motion:
         own, wanted = rotations.rotate(turn, motion.skeleton.offsets[1:]), rest.offsets[1:]
         products, size = (own * wanted).sum(axis=1), float((own * own).sum())
         scale = float(products.sum()) / size if size else 1.0
-        lengths = np.linalg.norm(scale * own, axis=1), np.linalg.norm(wanted, axis=1)
-        counts = np.minimum(*lengths) > reach
-        cosines = scale * products[counts] / (lengths[0] * lengths[1])[counts]
+        lengths = np.linalg.norm(wanted, axis=1)
+        areas = np.maximum(np.linalg.norm(own, axis=1) * lengths, 1e-300)
+        cosines = (products / areas)[lengths > reach]
         if scale > 0 and cosines.min(initial=1.0) >= _MIN_COSINE:
             return _transform(motion, rest.offsets, turn, scale)
     raise SkeletonMismatchError(
@@ -144,7 +144,7 @@ def fit_motion(file: GltfFile, motion: Motion) -> Motion:
 def _transform(motion: Motion, offsets: FloatArray, turn: FloatArray, scale: float) -> Motion:
     """Return a motion, with its rest pose, turned and scaled, and with the given offsets."""
     old = motion.skeleton.offsets
-    if np.abs(old[1:] - offsets[1:]).max(initial=0.0) <= 1e-4 * np.abs(offsets).max(initial=0.0):
+    if np.abs(old[1:] - offsets[1:]).max(initial=0.0) <= 1e-6 * np.abs(offsets).max(initial=0.0):
         return motion
     turned = rotations.multiply(turn, motion.rotations)
     quats = rotations.multiply(turned, rotations.inverse(turn))
