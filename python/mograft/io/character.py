@@ -1,6 +1,7 @@
 """Characters: files with meshes to which animations are added."""
 
 import warnings
+from contextlib import suppress
 from pathlib import Path
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
@@ -64,12 +65,9 @@ def _convert_fbx(path: Path) -> GltfFile | None:
 def _texture(path: Path, name: str) -> bytes:
     """Return the bytes of a texture in the folder of a file or below it; empty without one."""
     folder, relative = path.parent.resolve(), Path(name.replace("\\", "/"))
-    for file in (relative, Path(relative.name), Path(f"{path.stem}.fbm", relative.name)):
-        try:
+    for file in (relative, relative.name, f"{path.stem}.fbm/{relative.name}"):
+        with suppress(OSError, ValueError):
             found = (folder / file).resolve()
-            is_inside = found.is_relative_to(folder) and found.is_file()
-            if is_inside and found.stat().st_size <= MAX_IMAGE_BYTES:
+            if found.is_relative_to(folder) and 0 < found.stat().st_size <= MAX_IMAGE_BYTES:
                 return found.read_bytes()
-        except (OSError, ValueError):
-            continue
     return b""

@@ -69,15 +69,6 @@ class NpzArchive(NamedTuple):
     headers: Mapping[str, ArrayHeader]
     prefix: str = ""  # of the arrays in the file
 
-    def part(self, prefix: str) -> "NpzArchive":
-        """Return the arrays whose names begin with a prefix, without it."""
-        headers = {
-            name.removeprefix(prefix): header
-            for name, header in self.headers.items()
-            if name.startswith(prefix)
-        }
-        return NpzArchive(self.path, headers, prefix)
-
     def read(self, name: str, shape: Shape, kinds: str = "", content: str = "") -> npt.NDArray[Any]:
         """Return an array of the given shape; a string in `shape` stands for any length.
 
@@ -138,9 +129,9 @@ class NpzArchive(NamedTuple):
 
     def header(self, name: str, shape: Shape) -> ArrayHeader:
         """Return the header of an array; shape and errors are as for `read`."""
-        if name not in self.headers:
+        header = self.headers.get(f"{self.prefix}{name}")
+        if header is None:
             raise self.error(name, "expected this array, got none of this name")
-        header = self.headers[name]
         pairs = zip(shape, header.shape, strict=False)
         if len(shape) != len(header.shape) or any(
             want != length for want, length in pairs if not isinstance(want, str)
@@ -355,7 +346,7 @@ def read_npz(path: str | os.PathLike[str]) -> Motion:
 
 
 def _read_motion(archive: NpzArchive) -> Motion:
-    if "format" not in archive.headers:
+    if f"{archive.prefix}format" not in archive.headers:
         raise FormatError(
             "expected the arrays of mograft (`format`), AMASS (`poses`, `trans`) or Kimodo "
             "(`posed_joints`, `global_rot_mats`), got "
@@ -374,11 +365,10 @@ def open_npz(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
     archive = open_npz_archive(path)
     parts = [archive]
     while f"{_prefix(len(parts))}format" in archive.headers:
-        parts.append(archive.part(_prefix(len(parts))))
+        parts.append(archive._replace(prefix=_prefix(len(parts))))
     names, is_single = [path.stem], len(parts) == 1
     if not is_single:
-        stored = [str(own.read("name", (), "U", "text")) or path.stem for own in parts]
-        names = unique_names(stored)
+        names = unique_names([str(own.read("name", (), "U", "text")) for own in parts])
 
     def load(clip: int) -> Motion:
         with errors_of_file(path):
@@ -389,7 +379,7 @@ def open_npz(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
     grafts = {
         name: str(own.read("provenance", (), "U", "text"))
         for name, own in zip(names, parts, strict=True)
-        if "provenance" in own.headers
+        if f"{own.prefix}provenance" in archive.headers
     }
     return Clips(path, tuple(names), load, "NPZ", grafts=grafts)
 

@@ -174,19 +174,22 @@ def _find_files(address: str) -> list[FoundClip]:
         raise FileNotFoundError(*([reason] if is_glob else [2, "No such file or directory", path]))
     if clip is None or not matches:
         files = [formats.join_address(match, clip) for match in matches or [path]]
-        pairs = [(file, own) for file in files for own in _expand_file(file)]
-        return [FoundClip(own, is_graft=own != file and holds_graft(own)) for file, own in pairs]
+        return [own for file in files for own in _found(file)]
     found: list[FoundClip] = []
     for match in matches:
         with contextlib.suppress(ValueError):  # no clip of this file has the name
-            address = formats.join_address(match, clip)
-            for own in formats.find_addresses(address):
-                found.append(FoundClip(own, is_graft=own != address and holds_graft(own)))
+            found += _found(formats.join_address(match, clip))
     if not found:
         raise ValueError(
             f"none of the {len(matches)} files that match {path} has a clip that matches {clip!r}"
         )
     return found
+
+
+def _found(address: str) -> list[FoundClip]:
+    """Return the clips of a file; those that the address names exactly do not count as grafts."""
+    clips = _expand_file(address)
+    return [FoundClip(own, is_graft=own != address and holds_graft(own)) for own in clips]
 
 
 def _expand_file(address: str) -> list[str]:
@@ -216,15 +219,12 @@ def _find_in_folder(folder: str) -> list[FoundClip]:
         try:
             has_clip = form.name == "BVH" or len(formats.open_clips(str(file))) > 0
             addresses = _expand_file(str(file)) if has_clip else []
-            kinds = [is_graft(own) for own in addresses]
+            kinds = [*map(holds_graft, addresses)]
         except (MograftError, OSError, ValueError):
-            addresses, kinds = [str(file)], [has_provenance(file)]
-        has_provenance(file, warn=True)
-        folders = file.relative_to(folder).parts[:-1]
-        found += [
-            FoundClip(own, folders, is_graft=kind)
-            for own, kind in zip(addresses, kinds, strict=True)
-        ]
+            addresses, kinds = [str(file)], [False]
+        folders, is_graft = file.relative_to(folder).parts[:-1], has_provenance(file, warn=True)
+        pairs = zip(addresses, kinds, strict=True)
+        found += [FoundClip(own, folders, is_graft=is_graft or kind) for own, kind in pairs]
     for name, files in missing.items():
         remedy = f"pip install 'mograft[{name.lower()}]'"
         warnings.warn(f"left out {join_names(files)}: {name} needs {remedy}", stacklevel=5)

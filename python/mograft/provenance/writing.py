@@ -25,7 +25,7 @@ from mograft.io.usd import write_usd
 from mograft.library.discover import MOTION_HASH, SourceFile, hash_file
 from mograft.library.origin import find_clip_origin
 from mograft.motion.motion import Motion
-from mograft.provenance.document import Record, graft_record, move_record
+from mograft.provenance.document import graft_record, move_record
 from mograft.synthesis.graft_result import Graft
 
 WRITERS: dict[str, Callable[[Motion, Path], object]] = {
@@ -186,17 +186,19 @@ def write_graft(
         {"mograft": VERSION, **graft_record(own, target.parent), "digits": digits, **extra}
         for own, extra in zip(grafts, sections, strict=True)
     ]
+    texts = [json.dumps(own) for own in documents]
     if suffix == ".glb":
         file = read_gltf_file(target) if update else _find_character(grafts, target)
         if update and not force:
             _refuse_captured(file, grafts)
         file = _move_provenance(file, target.parent)
-        names, data = _add_grafts(file, grafts, documents, update=update)
+        pairs = zip(grafts, texts, strict=True)
+        additions = [_addition(file, *pair, is_copy=not update) for pair in pairs]
+        names, data = append_animations(file, additions, is_update=update)
         write_bytes(target, data)
         return names
     like = _base_file(grafts[0], "AMASS") if suffix == ".npz" and n == 1 else None
     if suffix == ".npz" and like is None:
-        texts = [json.dumps(own) for own in documents]
         write_npz([own.motion for own in grafts], target, provenance=texts)
         return tuple(own.motion.name for own in grafts)
     # The provenance comes first: an interruption then leaves no motion without it.
@@ -226,23 +228,10 @@ def _find_character(grafts: Sequence[Graft], target: Path) -> GltfFile:
     return figure or read_gltf_file(target, bone_figure(grafts[0].base))
 
 
-def _add_grafts(
-    file: GltfFile, grafts: Sequence[Graft], documents: Sequence[Record], *, update: bool
-) -> tuple[tuple[str, ...], bytes]:
-    """Return the names of the animations of grafts, and the copy of a file that has them.
-
-    `documents` has the provenance of the grafts. If `update` is true, animations with the names of
-    the grafts are replaced.
-    """
-    texts = [json.dumps(own) for own in documents]
-    additions = [_addition(file, *pair, update) for pair in zip(grafts, texts, strict=True)]
-    return append_animations(file, additions, is_update=update)
-
-
 def _refuse_captured(file: GltfFile, grafts: Sequence[Graft]) -> None:
     """Raise FileExistsError if an animation with the name of a graft is not a graft."""
     animations = file.container.items("animations")
-    captured = {own.get("name") for own in animations if provenance(own) is None}
+    captured = [own.get("name") for own in animations if provenance(own) is None]
     for graft in grafts:
         if graft.motion.name in captured:
             raise FileExistsError(
@@ -251,26 +240,25 @@ def _refuse_captured(file: GltfFile, grafts: Sequence[Graft]) -> None:
             )
 
 
-def _addition(file: GltfFile, graft: Graft, text: str, is_update: bool) -> Addition:  # noqa: FBT001
+def _addition(file: GltfFile, graft: Graft, text: str, *, is_copy: bool) -> Addition:
     """Return the motion of a graft, with its base if this is the motion of a clip of the file."""
     origin = find_clip_origin(graft.library, _base_clips(graft)[0])
-    source, motion = origin.source_file, graft.motion
+    source, base, clip = origin.source_file, graft.base, None
     is_own = source is not None and find_original(file.container).sha256 == source.sha256
-    is_copy = not is_update and source is not None and source.format == "FBX"
-    if not is_own:
-        motion = fit_motion(file, motion)
-    if not (is_own or is_copy) or graft.scenario or origin.is_mirrored or source is None:
-        return Addition(motion, provenance=text)
-    items = [file.container.items("animations")[index] for index in file.animations]
-    captured = [
-        name for name, own in zip(file.clip_names, items, strict=True) if not provenance(own)
-    ]
-    name = source.clip or next(iter(captured), None)
-    clip = file.clip_names.index(name) if name in file.clip_names else None
+    is_same = is_own or (is_copy and source is not None and source.format == "FBX")
+    if source is not None and is_same and not (graft.scenario or origin.is_mirrored):
+        clip = _find_clip(file, source.clip)
+    motion = graft.motion if is_own else fit_motion(file, graft.motion)
     # A base whose frame rate was corrected has another duration than the clip.
-    if clip is None or not has_duration(file, clip, graft.base):
+    if clip is None or not has_duration(file, clip, base):
         return Addition(motion, provenance=text)
-    return Addition(motion, graft.base if is_own else fit_motion(file, graft.base), clip, text)
+    return Addition(motion, base if is_own else fit_motion(file, base), clip, text)
+
+
+def _find_clip(file: GltfFile, name: str | None) -> int:
+    """Return the index of a clip of a file; without a name, that of the only captured one."""
+    items = [file.container.items("animations")[index] for index in file.animations]
+    return file.clip_names.index(name) if name else [*map(provenance, items)].index(None)
 
 
 def write_character(

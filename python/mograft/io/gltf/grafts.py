@@ -9,7 +9,7 @@ change of the other content, and without changing the file's identity.
 import hashlib
 import json
 from contextlib import suppress
-from dataclasses import asdict, dataclass, fields
+from typing import NamedTuple
 
 from mograft.errors import DAMAGE
 from mograft.io.glb import GltfBuffer, Json
@@ -19,8 +19,7 @@ _PROVENANCE = "mograft"
 _ORIGINAL = "mograft_original"
 
 
-@dataclass(frozen=True)
-class Original:
+class Original(NamedTuple):
     """A file without its grafts."""
 
     sha256: str  # of the file before its first graft; "" if its animations have changed since
@@ -37,12 +36,6 @@ class Original:
         digest = hashlib.sha256(json.dumps(kept, sort_keys=True).encode())
         digest.update(data[: self.n_bytes])
         return digest.hexdigest()
-
-    def describe(self, document: Json, buffer: GltfBuffer) -> Json:
-        """Return what `find_original` reads, for a document and its buffer."""
-        document = document | {"accessors": buffer.accessors, "bufferViews": buffer.views}
-        content = self.hash_content(document, buffer.data)
-        return {**asdict(self), "sha256": self.sha256 or content, "content_sha256": content}
 
 
 def _extras(animation: Json) -> Json:
@@ -73,11 +66,9 @@ def find_original(container: Container, copy: GltfBuffer | None = None) -> Origi
     copied = sizes if copy is None else (len(copy.accessors), len(copy.views), len(copy.data))
     sha256 = ""
     for animation in container.items("animations"):
-        record = _extras(animation).get(_ORIGINAL)
-        if not isinstance(record, dict):
-            continue
         with suppress(*DAMAGE):
-            original = Original(**{own.name: record[own.name] for own in fields(Original)})
+            record = _extras(animation)[_ORIGINAL]
+            original = Original(*(record[name] for name in Original._fields))
             if original.hash_content(container.document, data) == record["content_sha256"]:
                 if copied == sizes:
                     return original
@@ -96,6 +87,7 @@ def complete(document: Json, buffer: GltfBuffer, original: Original) -> Json:
     accessors, views, data = buffer.accessors[first:], list(buffer.views), bytes(buffer.data)
     del buffer.accessors[first:], buffer.views[original.views :], buffer.data[original.n_bytes :]
     moved: dict[int, int] = {}
+    sizes: tuple[int, int, int] | None = None
 
     def move(index: int) -> int:
         if index >= first and index not in moved:
@@ -111,19 +103,21 @@ def complete(document: Json, buffer: GltfBuffer, original: Original) -> Json:
         return {**sampler, **{key: move(index) for key, index in used.items()}}
 
     is_graft = [provenance(own) is not None for own in animations]
-    for kind in (False, True):
-        for index, own in enumerate(animations):
-            if is_graft[index] == kind:
-                animations[index] = {**own, "samplers": [*map(renumber, own["samplers"])]}
-        if not kind:
+    for index in sorted(range(len(animations)), key=is_graft.__getitem__):
+        if not is_graft[index]:
+            sizes = None
+        elif sizes is None:
             sizes = len(buffer.accessors), len(buffer.views), len(buffer.data)
+        own = animations[index]
+        animations[index] = {**own, "samplers": [*map(renumber, own["samplers"])]}
     document = {**document, "animations": animations}
     if not animations:
         del document["animations"]  # glTF forbids empty lists
-    if any(is_graft):
+    if sizes is not None:
         original = Original(original.sha256, *sizes)
-        record = original.describe(document, buffer)
-        for index, own in enumerate(animations):
-            if is_graft[index]:
-                animations[index] = {**own, "extras": {**_extras(own), _ORIGINAL: record}}
+        lists = {"accessors": buffer.accessors, "bufferViews": buffer.views}
+        content = original.hash_content(document | lists, buffer.data)
+        hashes = {"sha256": original.sha256 or content, "content_sha256": content}
+        for own in filter(provenance, animations):
+            own["extras"] = {**_extras(own), _ORIGINAL: original._asdict() | hashes}
     return document

@@ -202,18 +202,16 @@ def append_animations(
     before = file.container.items("animations")
     animations = list(before if kept is None else kept)
     present = animation_names(animations)
-    old = [] if is_update else present
     given = [own.motion.name or "motion" for own in additions]
-    names = unique_names([*old, *given])[len(old) :]
+    names = given if is_update else unique_names([*present, *given])[len(present) :]
     tables = [_new_tables(file, addition) for addition in additions]
     document["nodes"] = _animated_nodes(file, {node for table in tables for node, _ in table.keys})
     for new in map(partial(_build_animation, file, buffer), tables, additions, names):
-        is_old = is_update and new["name"] in present
-        place = present.index(new["name"]) if is_old else len(animations)
+        place = present.index(new["name"]) if new["name"] in present else len(animations)
         animations[place : place + 1] = [new]
     captured = [[own for own in items if not provenance(own)] for items in (before, animations)]
     if captured[0] != captured[1]:
-        original = replace(original, sha256="")
+        original = original._replace(sha256="")
     try:
         document = complete({**document, "animations": animations}, buffer, original)
     except DAMAGE as error:
