@@ -254,3 +254,12 @@ def test_graft_folder_leaves_out_clips_in_one_line(succeed, run, folder, tmp_pat
     code, _, err = run("graft", tmp_path / "a.bvh", tmp_path / "0pose1.bvh", "-o", "other")
     assert code == 1
     assert "must have at least 2 frames, got 1" in err
+
+
+def test_export_of_grafts_keeps_their_provenance(succeed, figure, tmp_path):
+    (tmp_path / "in").mkdir()
+    succeed("graft", figure, "-n", 2, "-o", "in/new.glb")
+    succeed("export", figure, "in/new.glb#*graft*", "-o", "all.glb")
+    clips = mg.read("all.glb")
+    assert (clips.names, [*clips.grafts]) == (("a", "b", *clips.grafts), ["a_graft0", "a_graft1"])
+    succeed("graft", "--from", "all.glb#a_graft1", "-o", "again.bvh")

@@ -56,7 +56,7 @@ def test_write_graft_update_has_the_bytes_of_the_last_graft_of_each_name(hero, g
     target = hero.with_name("updated.glb")
     target.write_bytes(hero.read_bytes())
     for name, index in steps:
-        assert mg.write_graft(named(grafts[index], name), target, update=True) == (name,)
+        mg.write_graft(named(grafts[index], name), target, update=True)
     last = dict(steps)
     mg.write_graft([named(grafts[i], name) for name, i in last.items()], hero.with_name("all.glb"))
     assert target.read_bytes() == hero.with_name("all.glb").read_bytes()
@@ -216,10 +216,11 @@ def test_write_graft_of_bvh_writes_all_motions_to_one_file(tmp_path, suffix):
     library = mg.Library.build(tmp_path / "a.bvh")
     grafts = list(mg.graft_many(library, count=3, seed=4))
     target = tmp_path / f"many{suffix}"
-    names = mg.write_graft(grafts, target)
+    mg.write_graft(grafts, target)
+    names = tuple(own.motion.name for own in grafts)
     assert not target.with_suffix(".json").exists()
     clips = mg.read(target)
-    assert clips.names == names == tuple(own.motion.name for own in grafts)
+    assert clips.names == names
     for clip, graft in zip(clips, grafts, strict=True):
         motion = graft.motion
         expected = fit_motion(read_gltf_file(target), motion) if suffix == ".glb" else motion

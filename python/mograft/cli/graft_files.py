@@ -13,7 +13,7 @@ from mograft.cli.output import print_remark
 from mograft.cli.syntax.arguments import Options, UsageError
 from mograft.cli.syntax.options import GraftOptions
 from mograft.io.formats import SUFFIXES, split_address
-from mograft.provenance.writing import MOTION_SUFFIXES, files_of_graft, write_graft
+from mograft.provenance.writing import MOTION_SUFFIXES, files_of_graft, write_grafts
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.page import open_file
 from mograft.viewing.report import report_page
@@ -60,7 +60,7 @@ def write_together(
 ) -> list[Graft]:
     """Write grafts to one file; return them with the names that the motions have in the file."""
     update = options.into is not None
-    names = write_graft(grafts, path, sections, update=update, force=options.force)
+    names = write_grafts(grafts, path, sections, update=update, force=options.force)
     return [renamed(own, name) for own, name in zip(grafts, names, strict=True)]
 
 

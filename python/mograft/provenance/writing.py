@@ -15,6 +15,7 @@ from mograft.errors import suggest_name
 from mograft.io.bvh.writer import check_digits, write_bvh
 from mograft.io.character import open_character
 from mograft.io.csv import write_csv
+from mograft.io.formats import open_clips
 from mograft.io.glb import Json, bone_figure, write_glb
 from mograft.io.gltf.document import GltfFile, read_gltf_file
 from mograft.io.gltf.grafts import find_original, provenance, with_provenance
@@ -113,7 +114,7 @@ def write_graft(
     digits: int | None = None,
     update: bool = False,
     force: bool = False,
-) -> tuple[str, ...]:
+) -> None:
     """Write the motions of grafts, and the provenance from which `replay` remakes them.
 
     A ``.glb`` file is a copy of the glTF or FBX file of the bases, to which the motions are added
@@ -139,11 +140,6 @@ def write_graft(
     force : bool
         With `update`, whether to replace also an animation that is not a graft.
 
-    Returns
-    -------
-    tuple of str
-        The name of each motion in the file.
-
     Raises
     ------
     ValueError
@@ -163,13 +159,25 @@ def write_graft(
     >>> from mograft.dancer import dance
     >>> library = mg.Library.build(dance(strides=1).motion)
     >>> with TemporaryDirectory() as folder:
-    ...     _ = mg.write_graft(mg.graft(library, seed=7), f"{folder}/new.bvh")
+    ...     mg.write_graft(mg.graft(library, seed=7), f"{folder}/new.bvh")
     ...     mg.replay(f"{folder}/new.json", library)
     Graft(dance_graft0: 195 of 197 parts exchanged)
     """
-    target = Path(fspath(path))
-    digits = None if digits is None else check_digits(digits)
     grafts = [graft] if isinstance(graft, Graft) else list(graft)
+    digits = None if digits is None else check_digits(digits)
+    write_grafts(grafts, Path(fspath(path)), sections, digits=digits, update=update, force=force)
+
+
+def write_grafts(
+    grafts: Sequence[Graft],
+    target: Path,
+    sections: Sections | Sequence[Sections] | None = None,
+    *,
+    digits: int | None = None,
+    update: bool = False,
+    force: bool = False,
+) -> tuple[str, ...]:
+    """Write grafts as `write_graft` does; return the names that the motions have in the file."""
     for own in grafts:
         check_type("graft", own, Graft)
     suffix = target.suffix.lower()
@@ -276,10 +284,27 @@ def write_character(
         fitted, name = fit_motion(file, motion), motion.clip or motion.name
         is_own = motion.path == file.container.path and name in file.clip_names
         clip = file.clip_names.index(name) if is_own else None
-        is_whole = clip is not None and has_duration(file, clip, motion)
-        additions.append(Addition(fitted, *((fitted, clip) if is_whole else ())))
+        text = _find_provenance(motion, path.parent)
+        is_kept = clip is not None and has_duration(file, clip, motion)
+        base, clip = (fitted, clip) if is_kept else (None, None)
+        additions.append(Addition(fitted, base, clip, text))
     kept: list[Json] | None = None if keeps_animations else []
     write_bytes(path, append_animations(file, additions, kept=kept)[1])
+
+
+def _find_provenance(motion: Motion, folder: Path) -> str | None:
+    """Return the provenance that the file of a motion has, with paths relative to a folder."""
+    clips = None if motion.path is None else open_clips(str(motion.path))
+    name = motion.clip or (clips.names[0] if clips else "")
+    text = None if clips is None else clips.grafts.get(name)
+    return None if clips is None or text is None else _move(text, clips.path.parent, folder)
+
+
+def _move(text: str, old: Path, new: Path) -> str:
+    """Return provenance with paths relative to another folder; damaged one unchanged."""
+    with suppress(ValueError, RecursionError):
+        return json.dumps(move_record(json.loads(text), old, new))
+    return text
 
 
 def _move_provenance(file: GltfFile, folder: Path) -> GltfFile:
@@ -288,17 +313,10 @@ def _move_provenance(file: GltfFile, folder: Path) -> GltfFile:
     if old.resolve() == folder.resolve():
         return file
 
-    def move(animation: Json) -> Json:
-        text = provenance(animation)
-        if text is None:
-            return animation
-        with suppress(ValueError, RecursionError):
-            animation = with_provenance(
-                animation, json.dumps(move_record(json.loads(text), old, folder))
-            )
-        return animation
-
-    animations = [*map(move, file.container.items("animations"))]
+    animations = [
+        with_provenance(own, _move(text, old, folder)) if (text := provenance(own)) else own
+        for own in file.container.items("animations")
+    ]
     document = {**file.container.document, "animations": animations}
     return replace(file, container=replace(file.container, document=document))
 
