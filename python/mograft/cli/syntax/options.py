@@ -214,8 +214,8 @@ class RecordOptions(Options, section="input"):
         "motion files, or one library; none with --from", "*"
     )
     from_: values.Record | None = option(
-        ".json file of a graft to make again, byte for byte, or FILE.glb#NAME",
-        details="--change, --take, --ban, --keep, --reroll, and options for places and donors, "
+        "graft to make again: .json or FILE.glb#NAME",
+        details="the bytes are the same; --change, --take, --ban, --keep, --reroll, and options for places and donors, "
         "change what they must and leave the rest unchanged; LIB|FILE is needed only if files "
         "have moved",
     )
