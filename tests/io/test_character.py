@@ -200,3 +200,13 @@ def test_export_of_recorded_fbx_has_no_faults_for_the_validator(path, tmp_path):
     validate = clients.gltf_validator()
     assert main(["export", str(path), "-o", str(tmp_path / "hero.glb")]) == 0
     assert [own for own in validate(tmp_path / "hero.glb") if own["severity"] < 2] == []
+
+
+def test_character_of_fbx_with_one_bone_is_in_metres(tmp_path):
+    scene = textured("")
+    moves = {(0, "T"): np.array([[0, 0, 0], [100.0, 0, 0]])}
+    take = Take("move", 2, (Layer(moves),))
+    path = tmp_path / "scene.fbx"
+    path.write_bytes(fbx.to_binary(Scene(scene.nodes, (take,), meshes=scene.meshes)))
+    places = clip_of(open_character(path)).world_positions()[:, 0]
+    np.testing.assert_allclose(places, [[0, 0, 0], [1, 0, 0]], atol=1e-6)

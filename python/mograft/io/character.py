@@ -11,7 +11,8 @@ from mograft.io.fbx import figure_joints, load_scene, open_fbx, read_rest_pose
 from mograft.io.formats import find_format
 from mograft.io.gltf.copy_content import MAX_IMAGE_BYTES
 from mograft.io.gltf.document import GltfFile, read_gltf_file
-from mograft.io.gltf.writer import Addition, append_animations, fit_motion
+from mograft.io.gltf.writer import Addition, append_animations, transform
+from mograft.motion import rotations
 
 _MIN_CORNERS, _CORNERS_PER_BYTE = 1 << 22, 4
 """Limit of the corners of triangles: at least the constant, else corners per byte of the file."""
@@ -58,7 +59,9 @@ def _convert_fbx(path: Path) -> GltfFile | None:
             stacklevel=4,
         )
     file = read_gltf_file(path, content)
-    takes = [Addition(fit_motion(file, own)) for own in open_fbx(path, rate=None, skeleton=None)]
+    clips = open_fbx(path, rate=None, skeleton=None)
+    change = file.rest.offsets, rotations.IDENTITY, scene.settings[2]
+    takes = [Addition(transform(own, *change)) for own in clips]
     return read_gltf_file(path, append_animations(file, takes)[1]) if takes else file
 
 

@@ -134,17 +134,18 @@ def fit_motion(file: GltfFile, motion: Motion) -> Motion:
         areas = np.maximum(np.linalg.norm(own, axis=1) * lengths, 1e-300)
         cosines = (products / areas)[lengths > reach]
         if scale > 0 and cosines.min(initial=1.0) >= _MIN_COSINE:
-            return _transform(motion, rest.offsets, turn, scale)
+            return transform(motion, rest.offsets, turn, scale)
     raise SkeletonMismatchError(
         f"{name} has another rest pose than {file.container.path}, so that its rotations do not fit"
         f"{_REMEDY}"
     )
 
 
-def _transform(motion: Motion, offsets: FloatArray, turn: FloatArray, scale: float) -> Motion:
+def transform(motion: Motion, offsets: FloatArray, turn: FloatArray, scale: float) -> Motion:
     """Return a motion, with its rest pose, turned and scaled, and with the given offsets."""
     old = motion.skeleton.offsets
-    if np.abs(old[1:] - offsets[1:]).max(initial=0.0) <= 1e-6 * np.abs(offsets).max(initial=0.0):
+    difference = np.abs(old[1:] - offsets[1:]).max(initial=0.0)
+    if abs(scale - 1.0) < 1e-6 and difference <= 1e-6 * np.abs(offsets).max(initial=0.0):
         return motion
     turned = rotations.multiply(turn, motion.rotations)
     quats = rotations.multiply(turned, rotations.inverse(turn))
