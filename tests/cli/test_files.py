@@ -183,3 +183,17 @@ def test_graft_of_file_with_long_name_writes_shorter_name(run, clip, working_fol
     names = sorted(path.name for path in (working_folder / "out").iterdir())
     assert [name.split("_graft0")[1] for name in names] == [".bvh", ".json"]
     assert all(set(name.split("_graft0")[0]) == {character} for name in names)
+
+
+@pytest.mark.parametrize("command", ["check", "info"])
+def test_check_and_info_name_files_of_another_size(succeed, folder, tmp_path, command):
+    clips = tmp_path / "clips"
+    shutil.copytree(folder, clips)
+    assert "as long" not in succeed(command, clips)[0]
+    motion = read_bvh(folder / "a.bvh")
+    skeleton = motion.skeleton.with_offsets(motion.skeleton.offsets / 17)
+    small = replace(motion, skeleton=skeleton, positions=motion.positions / 17, channel_values=None)
+    write_bvh(small, clips / "metres.bvh")
+    line = f"legs are not as long as the median: {clips / 'metres.bvh'} (0.0588 times)"
+    assert succeed(command, clips)[0].splitlines()[-1] == line
+    assert json.loads(succeed(command, clips, "--json")[0])["sizes"] == [line]

@@ -290,3 +290,21 @@ def test_replay_damaged_change_raises(library, graft, key):
     document["changes"][0][key] = {"frames": [150, 9999], "clip_frames": [10, 9999]}.get(key, "no")
     with pytest.raises(mg.ProvenanceError, match="does not exist"):
         mg.replay(document, library)
+
+
+@few_examples(8)
+@given(st.data(), st.sampled_from([{"seam_blend": 0.6}, {"seam": "offset"}, {"torso": "pelvis"}]))
+def test_replay_with_other_blending_keeps_donors_and_replays(library, graft, data, fields):
+    edited = mg.change(mg.edit(graft, reroll=[9]), *data.draw(changes(library)))
+    config = replace(library.config, **fields)
+    other = mg.replay(mg.graft_record(edited), library, config=config)
+    assert all((other.donors[name] == own).all() for name, own in edited.donors.items())
+    assert other.changes == edited.changes
+    assert (other.motion.rotations != edited.motion.rotations).any()
+    check_replays(other)
+
+
+def test_replay_with_other_search_raises(library, graft):
+    config = replace(library.config, novelty=1.0)
+    with pytest.raises(ValueError, match="`config` must differ in fields of blending only"):
+        mg.replay(mg.graft_record(graft), library, config=config)

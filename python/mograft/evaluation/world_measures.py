@@ -9,16 +9,16 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.body.contacts import Ground, find_legs, skating_share
+from mograft.body.contacts import Ground, skating_share
 from mograft.body.support_polygon import Support, support_polygons
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import body_tracks, estimate
-from mograft.evaluation.balance import Balance, dynamic_balance
+from mograft.evaluation.balance import Balance, dynamic_balance, graft_balance
 from mograft.evaluation.estimate import Estimate, Record
 from mograft.evaluation.novelty import Novelty, novelty
 from mograft.library.library import Library
@@ -196,15 +196,12 @@ class WorldReference:
     def __init__(self, library: Library) -> None:
         self.blocks = body_tracks.FrameBlocks.of(library)
         self._base = lru_cache(maxsize=1)(_Base)
-        self._clip_jerks = lru_cache(maxsize=None)(
-            lambda clip: _landmark_jerks(library.clips[clip])
-        )
+        self._clip_jerks = cache(lambda clip: _landmark_jerks(library.clips[clip]))
 
     def measure(self, graft: Graft) -> WorldMeasures:
         """Return the measures of one graft; see `world_measures`."""
-        origins = {
-            group: body_tracks.Origin.of(graft, group, self.blocks) for group in graft.alternatives
-        }
+        groups, origin_of = graft.alternatives, body_tracks.Origin.of
+        origins = {group: origin_of(graft, group, self.blocks) for group in groups}
         is_exchanged = np.any([origin.is_exchanged for origin in origins.values()], axis=0)
         base = self._base(graft.base)
         feet = _feet(graft.motion, base.ground)
@@ -265,8 +262,7 @@ class _Base:
         before = self.balance
         if before is None:
             return math.nan
-        support = self.support if has_base_legs(graft) else None
-        new = dynamic_balance(graft.motion, support=support, floor_reference=graft.base)
+        new = graft_balance("dynamic", graft, self.support)
         both = before.grounded & new.grounded
         used = both & is_exchanged if is_exchanged.any() else both
         if not used.any():
@@ -287,16 +283,6 @@ def _feet(motion: Motion, ground: Ground) -> dict[str, float]:
         "under_floor": float((depths > UNDER_FLOOR).mean()),
         "skate": skating_share(motion, ground),
     }
-
-
-def has_base_legs(graft: Graft) -> bool:
-    """Return whether all joints of the legs and their ancestors move as in the base."""
-    ends = [leg.ankle if leg.toe is None else leg.toe for leg in find_legs(graft.base.skeleton)]
-    joints = sorted({j for end in ends for j in (end, *graft.base.skeleton.ancestors(end))})
-    new, base = graft.motion, graft.base
-    return np.array_equal(new.rotations[:, joints], base.rotations[:, joints]) and np.array_equal(
-        new.positions[:, joints], base.positions[:, joints]
-    )
 
 
 def _landmark_jerks(motion: Motion) -> dict[str, FloatArray]:

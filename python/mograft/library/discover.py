@@ -75,13 +75,8 @@ def _hash_and_format(path: str, _state: tuple[int, ...]) -> tuple[str, str]:
     form = formats.find_format(Path(path)).name
     if form == "glTF":
         return find_original(read_container(Path(path))).sha256, form
-    return hash_file(Path(path)), form
-
-
-def hash_file(path: Path) -> str:
-    """Return the SHA-256 of a file."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+    with open(path, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest(), form
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,7 +217,7 @@ def _find_in_folder(folder: str) -> list[FoundClip]:
             kinds = [*map(holds_graft, addresses)]
         except (MograftError, OSError, ValueError):
             addresses, kinds = [str(file)], [False]
-        folders, is_graft = file.relative_to(folder).parts[:-1], has_provenance(file, warn=True)
+        folders, is_graft = file.relative_to(folder).parts[:-1], has_provenance(file)
         pairs = zip(addresses, kinds, strict=True)
         found += [FoundClip(own, folders, is_graft=is_graft or kind) for own, kind in pairs]
     for name, files in missing.items():
@@ -248,33 +243,36 @@ def is_graft(address: str) -> bool:
     return holds_graft(address) or has_provenance(Path(formats.split_address(address)[0]))
 
 
-def has_provenance(path: Path, *, warn: bool = False) -> bool:
+def has_provenance(path: Path) -> bool:
     """Return whether a JSON file that ``mograft graft`` wrote lies beside a motion file.
 
-    If `warn` is true, warn of a file that belongs to another motion.
+    Warn if it belongs to another motion.
     """
     provenance = path.with_suffix(".json")
     try:
         document = parse_document(provenance.read_bytes()) if provenance.is_file() else None
     except (OSError, ValueError):
         return False
-    if not isinstance(document, dict):
-        return False
-    schema = document.get("schema")
+    schema = document.get("schema") if isinstance(document, dict) else None
     if not isinstance(schema, str) or not schema.startswith("mograft.graft/"):
         return False
-    if warn and belongs_to_other_motion(document, path):
-        warnings.warn(f"{provenance} belongs to another motion than {path.name}", stacklevel=6)
+    assert document is not None  # it has a schema
+    warn_of_other_motion(document, provenance)
     return True
 
 
-def belongs_to_other_motion(document: Mapping[str, Any], path: Path) -> bool:
-    """Return whether provenance states another SHA-256 than that of a motion file.
+def warn_of_other_motion(document: Mapping[str, Any], path: Path) -> bool:
+    """Warn, and return True, if the provenance in a file belongs to no motion file beside it.
 
     A kill between the replacements of the two files causes this, and so does a program that changes
     the motion.
     """
-    return MOTION_HASH in document and hash_file(path) != document[MOTION_HASH]
+    motions = filter(Path.is_file, map(path.with_suffix, (".bvh", ".glb", ".npz")))
+    found = [SourceFile.from_path(str(own)).sha256 for own in motions]
+    is_other = bool(found) and document.get(MOTION_HASH, found[0]) not in found
+    if is_other:
+        warnings.warn(f"{path} belongs to another motion than the file beside it", stacklevel=3)
+    return is_other
 
 
 def exclude_grafts(clips: Sequence[FoundClip]) -> list[FoundClip]:

@@ -346,7 +346,9 @@ def warn_of_clips(entries: Sequence[ClipInfo], result: IngestResult[T], *, stack
     if resampled:
         names = join_names(resampled, _MAX_WARNINGS)
         warn(f"resampled to {rate:.6g} fps, the frame rate of the library: {names}")
-    for line in describe_sizes({own[2].source_name: own[1] for own in result.properties}):
+    known, skeleton = result.properties, result.spec.skeleton
+    same = {info.source_name: own for _, own, info in known if own.has_same_hierarchy(skeleton)}
+    for line in describe_sizes(same):
         warn(f"{line}. Their lengths are scaled to the leg length of the base")
     faulty = [info for info in entries if info.faults]
     for info in faulty[:_MAX_WARNINGS]:

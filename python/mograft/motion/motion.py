@@ -16,7 +16,6 @@ from mograft._util.arrays import (
     IntArray,
     as_floats,
     as_quaternions,
-    as_vectors,
     set_fields,
 )
 from mograft._util.html_table import notebook_html
@@ -94,8 +93,8 @@ class Motion:
     def __post_init__(self) -> None:
         n_joints = self.skeleton.n_joints
         quats = as_quaternions("rotations", self.rotations, ("n_frames", n_joints))
-        places = as_vectors(
-            "positions", self.positions, (len(quats), n_joints), limits.MAX_COORDINATE
+        places = as_floats(
+            "positions", self.positions, (len(quats), n_joints, 3), limits.MAX_COORDINATE
         )
         if not len(quats):
             raise ValueError("`rotations` must hold at least one frame, got none")

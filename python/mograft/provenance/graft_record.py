@@ -1,7 +1,6 @@
 """`GraftRecord`: provenance as read from a JSON document; the library and files that it names."""
 
 import glob
-import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
@@ -17,10 +16,10 @@ from mograft.io.formats import find_format, join_address, open_clips, read_clip,
 from mograft.library.clip_table import skeleton_from_json
 from mograft.library.discover import (
     SourceFile,
-    belongs_to_other_motion,
     has_provenance,
     holds_graft,
     scan_folder,
+    warn_of_other_motion,
 )
 from mograft.library.ingest_run import IngestOptions
 from mograft.library.library import Library
@@ -123,10 +122,11 @@ def read_record(source: str | PathLike[str] | Mapping[str, Any]) -> GraftRecord:
     path, name = split_address(fspath(source))
     file = Path(path)
     if find_format(file).name not in ("glTF", "NPZ"):
-        file = file.with_suffix(".json") if has_provenance(file) else file
-        document, motion = _read_document(file, ".bvh", ".npz")
-        if motion is not None:
-            warnings.warn(f"{file} belongs to another motion than {motion.name}", stacklevel=2)
+        is_motion = file.suffix.lower() != ".json" and has_provenance(file)
+        file = file.with_suffix(".json") if is_motion else file
+        document = _load(file.read_bytes(), str(file))
+        if isinstance(document, Mapping):
+            warn_of_other_motion(document, file)
         return _parse(document, str(file), file.parent)
     grafts = open_clips(path).grafts
     if name not in grafts and (name is not None or len(grafts) != 1):
@@ -138,8 +138,8 @@ def read_record(source: str | PathLike[str] | Mapping[str, Any]) -> GraftRecord:
 def read_clip_record(path: Path, clip: str | None) -> GraftRecord | None:
     """Read the provenance of the clip of a motion file; None if the clip is not a graft.
 
-    `clip` is None for the only clip. Raises as `read_record`, and ProvenanceError if the provenance
-    belongs to another motion.
+    `clip` is None for the only clip. If the provenance belongs to another motion, warn and return
+    None. Raises as `read_record`.
     """
     address = join_address(str(path), clip)
     if holds_graft(address):
@@ -147,10 +147,12 @@ def read_clip_record(path: Path, clip: str | None) -> GraftRecord | None:
     if not has_provenance(path):
         return None
     source = path.with_suffix(".json")
-    document, other = _read_document(source, path.suffix)
-    if other is not None:
-        raise ProvenanceError(f"{source} belongs to another motion than {path.name}")
-    return _parse(document, str(source), source.parent)
+    document = _load(source.read_bytes(), str(source))
+    return (
+        None
+        if warn_of_other_motion(document, source)
+        else _parse(document, str(source), source.parent)
+    )
 
 
 def _held_record(path: Path, name: str) -> GraftRecord:
@@ -164,18 +166,6 @@ def _load(text: str | bytes, label: str) -> Any:  # noqa: ANN401 - of JSON
         return parse_document(text)
     except ValueError as error:
         raise ProvenanceError(f"{label}: not a JSON document: {error}") from None
-
-
-def _read_document(path: Path, *suffixes: str) -> tuple[Any, Path | None]:
-    """Return a document in a file, and the motion file beside it if it belongs to another one.
-
-    The motion file has one of `suffixes`. It is None if there is none, or if the document belongs
-    to one of them.
-    """
-    document = _load(path.read_bytes(), str(path))
-    motions = [path.with_suffix(own) for own in suffixes] if isinstance(document, Mapping) else []
-    is_other = {own: belongs_to_other_motion(document, own) for own in motions if own.is_file()}
-    return document, next(iter(is_other), None) if all(is_other.values()) else None
 
 
 def _parse(

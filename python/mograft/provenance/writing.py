@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
-from mograft._util.atomic import atomic_paths, write_bytes, write_json
+from mograft._util.atomic import atomic_path, write_bytes, write_json
+from mograft._util.signals import delay_signals
 from mograft._util.validate import check_type
 from mograft.errors import suggest_name
 from mograft.io.bvh.writer import check_digits, write_bvh
@@ -23,7 +24,7 @@ from mograft.io.gltf.writer import Addition, append_animations, fit_motion, has_
 from mograft.io.npz import write_npz
 from mograft.io.smpl.amass import write_amass
 from mograft.io.usd import write_usd
-from mograft.library.discover import MOTION_HASH, SourceFile, hash_file
+from mograft.library.discover import MOTION_HASH, SourceFile
 from mograft.library.origin import find_clip_origin
 from mograft.motion.motion import Motion
 from mograft.provenance.document import graft_record, move_record
@@ -210,13 +211,13 @@ def write_grafts(
         write_npz([own.motion for own in grafts], target, provenance=texts)
         return tuple(own.motion.name for own in grafts)
     # The provenance comes first: an interruption then leaves no motion without it.
-    with atomic_paths(target.with_suffix(".json"), target) as (record, draft):
+    with delay_signals(), atomic_path(target) as draft:
         if like is not None:
             write_amass(grafts[0].motion, draft, like=like.path)
         else:
-            with draft.open("xb") as stream:
-                write_bvh(grafts[0].motion, stream, digits=digits)
-        write_json(record, {**documents[0], MOTION_HASH: hash_file(draft)})
+            write_bvh(grafts[0].motion, draft, digits=digits)
+        known = {MOTION_HASH: SourceFile.from_path(str(draft)).sha256}
+        write_json(target.with_suffix(".json"), {**documents[0], **known})
     return (grafts[0].motion.name,)
 
 

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -77,13 +78,13 @@ class Figure:
         `parents` holds the parent of each node: of the joints, then of the end sites. An end site
         belongs to the group of its parent.
         """
-        groups = np.zeros(len(parents), np.int64)
+        groups = [0] * len(parents)
         for index, joints in enumerate(self.members.values()):
-            groups[joints] = index
+            for joint in joints.tolist():
+                groups[joint] = index
         for node in range(self.motion.n_joints, len(parents)):
             groups[node] = groups[max(parents[node], 0)]
-        indices: list[int] = groups.tolist()
-        return indices
+        return groups
 
 
 class ShownConstraint(NamedTuple):
@@ -192,11 +193,9 @@ def recorded_base(
     skeleton = record.library.rest if skeleton is None else skeleton
     for clip in record.clips:
         if clip.is_base and clip.name == record.base and not clip.is_mirrored:
-            try:
+            with suppress(MograftError, OSError):
                 base = read_clip(find_clip(record, clip, ()), skeleton=skeleton)
-            except (MograftError, OSError):
-                return None
-            return base if base.n_frames == motion.n_frames else None
+                return base if base.n_frames == motion.n_frames else None
     return None
 
 
@@ -208,8 +207,6 @@ def recorded_constraints(record: GraftRecord) -> list[Constraint]:
 
     found: list[Constraint] = []
     for values in (record.document.get("request") or {}).get("constraints", ()):
-        try:
+        with suppress(*DAMAGE, MograftError, OSError):
             found.append(decode_constraint(values, decode_motion))
-        except (*DAMAGE, MograftError, OSError):
-            continue
     return found

@@ -25,6 +25,8 @@ from mograft.cli.syntax.arguments import UsageError, arguments_of
 from mograft.cli.syntax.commands import DemoOptions
 from mograft.cli.syntax.options import DEFAULT_DURATION, GraftOptions
 from mograft.cli.syntax.values import resolve_frame, resolve_frames
+from mograft.config import Config
+from mograft.config_text import parse_fields
 from mograft.dancer import dance
 from mograft.io.bvh.writer import write_bvh
 from mograft.io.formats import find_addresses, read_clip, split_address
@@ -146,7 +148,7 @@ def _run_replay(options: GraftOptions) -> int:
     """Write the graft of ``--from``, edited if options require it; return the exit code."""
     is_edit = any(getattr(options, name) for name in _EDITS)
     allowed = (*_ALLOWED, "seed", "best_effort") if is_edit else _ALLOWED
-    allowed = (*allowed, "count") if options.change else allowed
+    allowed = (*allowed, "set", *(("count",) if options.change else ()))
     for argument in arguments_of(GraftOptions):
         name = argument.dest
         is_set = getattr(options, name) not in (argument.default, None)
@@ -168,7 +170,13 @@ def _run_replay(options: GraftOptions) -> int:
     sources = options.files if library is None else ()
     if is_edit and library is None:
         library = find_whole_library(record, sources)
-    grafts = [replay(source, library, sources=sources)]
+    config = None
+    if options.set:
+        config = Config.from_dict(record.config.as_dict() | parse_fields(options.set))
+        fixed = set(dict(options.set)) - set(Config.fields_of("blend"))
+        if fixed:
+            raise UsageError(f"--set {min(fixed)} cannot be combined with --from, which gives it")
+    grafts = [replay(source, library, sources=sources, config=config)]
     if is_edit:
         grafts = _edit(grafts[0], options)
         if _are_refused(grafts, options):
@@ -421,7 +429,8 @@ def _print_remarks(
             f"warning: {n_near} of {n} motions differ from an earlier one by less than "
             f"{_NEAR_DEGREES:g}°; --distinct {2 * _NEAR_DEGREES:g} replaces them"
         )
-    for remark in [*remarks, *advise(last, substitutions)]:
+    advice = [] if options.change else advise(last, substitutions)
+    for remark in [*remarks, *advice]:
         for name, flag in _ADVISED_OPTIONS.items():
             remark = remark.replace(f"`{name}`", flag)
         print_remark(remark)

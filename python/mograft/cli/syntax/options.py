@@ -216,8 +216,8 @@ class RecordOptions(Options, section="input"):
     from_: values.Record | None = option(
         "graft to make again: .json or FILE.glb#NAME",
         details="the bytes are the same; --change, --take, --ban, --keep, --reroll, and options "
-        "for places and donors, change what they must and leave the rest unchanged; LIB|FILE is "
-        "needed only if files have moved",
+        "for places and donors change what they must and leave the rest unchanged; --set of fields "
+        "of blending keeps all donors; LIB|FILE is needed only if files have moved",
     )
 
 
