@@ -69,10 +69,13 @@ MISTAKES = [
     ("graft lib a.bvh -o x", USAGE, "expected one library or motion files, got both"),
     ("export lib -o x.glb", RUNTIME, "lib is a library; expected motion files"),
     # Outputs
-    ("graft a.bvh", USAGE, "required: -o/--output"),
-    ("graft a.bvh -o x.glb", USAGE, "-o must be a folder or a file that ends in .bvh, got x.glb; "
-     "mograft export writes .glb from a .bvh file"),
-    ("graft a.bvh -o x.bvh -n 3", USAGE, "-o must be a folder if -n is above 1"),
+    ("graft a.bvh", USAGE, "one of -o and --into is required, got none"),
+    ("graft a.bvh -o x --into y.glb", USAGE, "one of -o and --into is required, got both"),
+    ("graft a.bvh --into y.glb", RUNTIME, "y.glb: No such file"),
+    ("graft a.bvh --into y.bvh", USAGE, "--into must be a .glb file, got y.bvh"),
+    ("graft a.bvh -o x --as new", USAGE, "--as requires a .glb file and a single motion"),
+    ("graft a.bvh -o x.glb -n 2 --as new", USAGE, "--as requires a .glb file and a single motion"),
+    ("graft a.bvh -o x.bvh -n 3", USAGE, "-o must be a folder, or a .glb or .npz file, if -n"),
     ("view a.bvh -o x.txt", USAGE, "-o must be a file that ends in .html, .htm, got x.txt"),
     ("export a.bvh -o x.fbx", USAGE, "-o cannot be .fbx: write .glb or .bvh"),
     ("plot pie a.bvh -o x.png", USAGE, "must be one of strip, timeline, energy,"),

@@ -120,12 +120,21 @@ def _details(heading: str, content: str) -> str:
 def _scene(grafts: Sequence[Graft], files: Sequence[Path | None]) -> Scene:
     """Return the scene of grafts; a graft with a file has the command line that edits it."""
     commands = {
-        id(graft.motion): f"mograft graft --from {shlex.quote(str(file.with_suffix('.json')))} "
-        f"-o {shlex.quote(str(file.with_name(f'{file.stem}_new.bvh')))}"
+        id(graft.motion): _edit_command(graft.motion.name, file)
         for graft, file in zip(grafts, files, strict=False)
         if file is not None
     }
     return Scene.of(grafts).with_commands(commands)
+
+
+def _edit_command(name: str, file: Path) -> str:
+    """Return the command line that edits the graft of this name in a file, as a new motion."""
+    source, target = str(file.with_suffix(".json")), [str(file.with_name(f"{file.stem}_new.bvh"))]
+    if file.suffix.lower() == ".glb":
+        source, target = f"{file}#{name}", [str(file), "--as", f"{name}_new"]
+    elif file.suffix.lower() == ".npz":
+        source = f"{file}#{name}"
+    return shlex.join(["mograft", "graft", "--from", source, "-o", *target])
 
 
 _TIMELINE_NOTE = (
