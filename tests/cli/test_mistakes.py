@@ -53,6 +53,11 @@ MISTAKES = [
     ("index b.bvh -o lib --add --set segmentation=energy", USAGE, "--set is fixed when"),
     ("graft lib -o x --set segmentation=energy", USAGE, "--set segmentation is fixed when"),
     ("config show grapht", USAGE, "got grapht; did you mean 'graft'?"),
+    ("graft a.bvh -o x --change 5-9", USAGE, "--change: expected GROUP@FIRST-LAST"),
+    ("graft a.bvh -o x --change upper@5-9=", USAGE, "--change: expected GROUP@FIRST-LAST"),
+    ("graft a.bvh -o x --change uper@5-9", RUNTIME, "the group of --change must be an exchanged"),
+    ("graft a.bvh -o x --change upper@5-9=wlk", RUNTIME, "the donor of --change must match"),
+    ("graft a.bvh -o x --change upper@5-99999", RUNTIME, "the frames of --change must be at"),
     # Files
     ("info othr.bvh", RUNTIME, "othr.bvh: No such file or directory; did you mean 'other.bvh'?"),
     ("graft clps/walk.bvh -o x", RUNTIME, "No such file or directory; did you mean 'clips'?"),

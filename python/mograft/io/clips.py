@@ -3,12 +3,12 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import overload
 
 import numpy as np
 
+from mograft._util.names import find_matches
 from mograft._util.validate import is_integer
 from mograft.errors import FormatError, join_names, suggest_name
 from mograft.motion.motion import Motion
@@ -131,19 +131,11 @@ class Clips(Sequence[Motion]):
         return ValueError(f"{self.path} has no clip named {name!r}{hint}")
 
     def find(self, pattern: str) -> list[int]:
-        """Return the indices of the clips whose names match a pattern.
-
-        If a clip has exactly the name `pattern`, return only its index. Otherwise `pattern` is a
-        glob, and a clip matches if its name, or the part of its name after the last ``|``, matches
-        the glob. Blender writes names such as ``Rig|Walk``. Raises ValueError if no name matches.
-        """
-        if pattern in self.names:
-            return [self.names.index(pattern)]
-        pairs = [(name, name.rpartition("|")[2]) for name in self.names]
-        found = [i for i, pair in enumerate(pairs) if any(fnmatchcase(n, pattern) for n in pair)]
-        if not found:
-            raise self._unknown(pattern)
-        return found
+        """Return the indices of the clips whose names match a pattern; see `find_matches`."""
+        try:
+            return find_matches("pattern", pattern, self.names)
+        except ValueError:
+            raise self._unknown(pattern) from None
 
     def select(self, pattern: str) -> "Clips":
         """Return the clips that `find` finds."""

@@ -1,6 +1,7 @@
 """``mograft graft`` and ``demo``: new motions on the base group of a captured one."""
 
 import os
+import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
@@ -209,9 +210,10 @@ def _change(graft: Graft, options: GraftOptions) -> list[Graft]:
                     donor = (donor[0], *resolve_frames(donor[1:], rate))
                 changed = change(changed, group, resolve_frames(span, rate), donor, rank=rank)
         except ValueError as error:
+            message = re.sub(r"`(group|frames|donor)`", r"the \1 of --change", str(error))
             if not versions:
-                raise
-            print_remark(f"warning: {rank} of {options.count} motions are written: {error}")
+                raise ValueError(message) from None
+            print_remark(f"warning: {rank} of {options.count} motions are written: {message}")
             break
         command = shlex.join(options.words)
         changes = [own if own.command else replace(own, command=command) for own in changed.changes]
