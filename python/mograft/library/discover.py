@@ -214,7 +214,7 @@ def _find_in_folder(folder: str) -> list[FoundClip]:
         try:
             has_clip = form.name == "BVH" or len(formats.open_clips(str(file))) > 0
             addresses = _expand_file(str(file)) if has_clip else []
-            kinds = [*map(holds_graft, addresses)]
+            kinds = [form.name != "BVH" and holds_graft(own) for own in addresses]
         except (MograftError, OSError, ValueError):
             addresses, kinds = [str(file)], [False]
         folders, is_graft = file.relative_to(folder).parts[:-1], has_provenance(file)
