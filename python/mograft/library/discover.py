@@ -58,6 +58,8 @@ class SourceFile(NamedTuple):
             raise OSError(errno.EINVAL, "is not a regular file", path)
         state = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
         sha256, form = _hash_and_format(path, state)
+        if form == "glTF" and holds_graft(formats.join_address(path, clip)):
+            sha256 = hashlib.sha256(Path(path).read_bytes()).hexdigest()  # it may be replaced
         return cls(path, status.st_size, status.st_mtime_ns, sha256, form, clip)
 
     @property
