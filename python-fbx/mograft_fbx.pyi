@@ -9,9 +9,7 @@ VERSION: str
 
 @final
 class Scene:
-    def __new__(
-        cls, data: bytes, memory_limit: int, *, with_geometry: bool = False
-    ) -> Scene: ...
+    def __new__(cls, data: bytes, memory_limit: int, *, with_geometry: bool = False) -> Scene: ...
     @property
     def names(self) -> list[str]: ...
     @property

@@ -16,6 +16,18 @@ MISTAKES = [
     ("graft a.bvh -o x --set seam=ofset", USAGE, "got 'ofset'; did you mean 'offset'?"),
     ("graft a.bvh -o x --reach 9:LeftHnd:0,90,0", RUNTIME, "'LeftHnd'; did you mean 'LeftHand'?"),
     ("graft lib -o x --base walkk", RUNTIME, "got 'walkk'; did you mean 'walk'?"),
+    ("graft a.bvh -o x --swap arms", RUNTIME, "--swap must name groups other than the base group "
+     "'lower', got 'arms': choose from upper; --groups lower_torso_arms has the groups lower, "
+     "torso, arms"),
+    ("candidates a.bvh --segment 1 --group larm", RUNTIME, "got 'larm'; --groups "
+     "lower_torso_larm_rarm has the groups lower, torso, larm, rarm"),
+    ("graft a.bvh -o x --groups arms", USAGE, "arms is one group: use --groups lower_torso_arms "
+     "--swap arms"),
+    ("graft a.bvh -o x --reach 9:hand.l:0,90,0", RUNTIME, "no joint is named 'hand.l'; did you "
+     "mean 'LeftHand', the same body part?"),
+    ("graft a.bvh -o x --reach 9:LeftHand:@left_hnd+0,0,0", RUNTIME, "no joint is named 'left_h"),
+    ("graft a.bvh -o x --reach 9:LeftHand:@+0,0,0", USAGE, "FRAME:JOINT:@PART+LEFT,UP,FORWARD"),
+    ("graft a.bvh -o x --reach 9:LeftHand:@chest", USAGE, "FRAME:JOINT:@PART+LEFT,UP,FORWARD"),
     ("graft a.bvh -o x --swap lower", RUNTIME, "--swap must name groups other than the"),
     ("graft a.bvh -o x --swap uper", RUNTIME, "choose from upper; did you mean 'upper'?"),
     ("graft a.bvh -o x --only-from aa", RUNTIME, "--only-from must match at least one of a; got"),
@@ -31,7 +43,10 @@ MISTAKES = [
     ("evaluate balance", USAGE, "expected one library or at least one motion file"),
     ("evaluate a.bvh --rate 0", USAGE, "--rate: must be a number above 0, got 0"),
     ("evaluate a.bvh --runs 0", USAGE, "--runs: must be an integer of at least 1, got 0"),
-    ("evaluate a.bvh qualiti", RUNTIME, "qualiti: No such file"),
+    ("evaluate a.bvh qualiti", USAGE, "got qualiti; did you mean 'quality'?"),
+    ("graft a.bvh -o x --base othr.bvh", RUNTIME, "got 'othr.bvh'; did you mean 'other.bvh'?"),
+    ("graft a.bvh -o x --take 3=a:5-9", RUNTIME, "donor of --take must be a segment of a, got 5-9"),
+    ("graft a.bvh -o x --ban 999=a", RUNTIME, "segment of --ban must be 0 to"),
     ("graft a.bvh -o x --set seem=offset", USAGE, "'seem' is no field of Config; did you mean"),
     ("graft a.bvh -o x --set seam", USAGE, "expected FIELD=VALUE, such as seam=offset, got seam"),
     ("graft a.bvh -o x --set segmentation=no.json", RUNTIME, "no.json: No such file or directory"),
@@ -39,6 +54,10 @@ MISTAKES = [
     ("graft lib -o x --set segmentation=energy", USAGE, "--set segmentation is fixed when"),
     ("config show grapht", USAGE, "got grapht; did you mean 'graft'?"),
     # Files
+    ("info othr.bvh", RUNTIME, "othr.bvh: No such file or directory; did you mean 'other.bvh'?"),
+    ("graft clps/walk.bvh -o x", RUNTIME, "No such file or directory; did you mean 'clips'?"),
+    ("graft clips/wlk.bvh -o x", RUNTIME, "file or directory; did you mean 'clips/walk.bvh'?"),
+    ("lib info libb", RUNTIME, "libb: no such library; did you mean 'lib'?"),
     ("info none.bvh", RUNTIME, "none.bvh: No such file or directory"),
     ("graft empty -o x", RUNTIME, "empty: no motion file in this folder"),
     ("info broken.bvh", INVALID, "broken.bvh:4:2: expected OFFSET"),
@@ -70,14 +89,17 @@ MISTAKES = [
     ("demo -o text --force", RUNTIME, "text is a file; expected a folder"),
     ("index a.bvh -o lib", RUNTIME, "lib exists; use --force to replace a library"),
     # Values
-    ("graft a.bvh -o x -n 0", USAGE, "--count: must be an integer of at least 1, got 0"),
+    ("graft a.bvh -o x -n 0", USAGE, "must be from 1 to 100000 (other seeds give more), got 0"),
+    ("graft a.bvh -o x -n 1000000000", USAGE, "must be from 1 to 100000 (other seeds give more)"),
     ("graft a.bvh -o x --variety 5", USAGE, "--variety: must be a number from 0 to 1, got 5"),
     ("graft a.bvh -o x --keep 90", USAGE, "--keep: expected FIRST-LAST"),
     ("graft a.bvh -o x --keep 9000-9100", RUNTIME, "frames of --keep must be within 0 to 299"),
+    ("graft a.bvh -o x --keep 0-999999", RUNTIME, "frames of --keep must be within 0 to 299 "
+     "(9.96667 s), got 0-999999"),
     ("candidates a.bvh --frame 99s", RUNTIME, "--frame must be 0 to 299 in clip a, got 2970"),
     ("export a.bvh -o x.csv --frames 100-900", RUNTIME, "--frames must be two or more"),
     ("graft a.bvh -o x --avoid cube:0,0,0,1", USAGE, "got cube"),
-    ("graft a.bvh -o x --avoid sphere:0,0,0", USAGE, "expected 4 numbers separated by commas"),
+    ("graft a.bvh -o x --avoid sphere:0,0,0", USAGE, "expected X,Y,Z,RADIUS, got 0,0,0"),
     ("graft a.bvh -o x --scenario graph --base b.bvh", USAGE, "--base cannot be combined with"),
     ("graft a.bvh -o x --duration 9", USAGE, "--duration requires --scenario graph"),
     ("graft a.bvh -o x --scenario graph --duration 1e300", RUNTIME, "at most 86400 s, got 1e+300"),
@@ -99,17 +121,20 @@ MISTAKES = [
     ("graft a.bvh -o x --take 24", USAGE, "expected SEGMENT=CLIP:FIRST-LAST, such as"),
     ("graft a.bvh -o x --ban 3=", USAGE, "expected SEGMENT, SEGMENT=CLIP or"),
     ("graft a.bvh -o x --reroll 3", USAGE, "--reroll requires --from"),
-    ("graft a.bvh -o x --repair -n 2", USAGE, "-n must be 1 with --repair, got 2"),
+    ("graft a.bvh -o x --only-violations -n 2", USAGE,
+     "-n must be 1 with --only-violations, got 2"),
+    ("graft a.bvh -o x --only-violations --scenario graph", USAGE,
+     "--scenario cannot be combined with --only-violations"),
     ("graft -o x", USAGE, "expected LIB or FILE"),
     ("candidates a.bvh --segment 1 --frame 2", USAGE, "one of --segment and --frame is required"),
     ("stream a.bvh", USAGE, "one of --port and --socket is required"),
     ("plot pca a.bvh -o x.png --frames 1-5", USAGE, "--frames requires strip, timeline, energy"),
     ("plot strip a.bvh -o x.png --group lower", USAGE, "--group requires pca, dendrogram"),
     ("graft a.bvh -o x --scenario waltz", USAGE, "original, graph or segment numbers; got waltz"),
-    ("graft a.bvh -o x --frames 9", USAGE, "--frames requires --scenario graph"),
-    ("graft a.bvh -o x --scenario graph --frames 1", USAGE, "--frames: must be at least 2 frames"),
-    ("graft a.bvh -o x --scenario graph --frames 9 --beats 90", USAGE,
-     "--frames cannot be combined with --beats"),
+    ("graft a.bvh -o x --length 9", USAGE, "--length requires --scenario graph"),
+    ("graft a.bvh -o x --scenario graph --length 1", USAGE, "--length: must be at least 2 frames"),
+    ("graft a.bvh -o x --scenario graph --length 9 --beats 90", USAGE,
+     "--length cannot be combined with --beats"),
     ("graft a.bvh -o x --scenario graph --path 1,2", USAGE, "must be at least two corners"),
     ("graft a.bvh -o x --reach 9000:LeftHand:0,0,0", RUNTIME, "frames of --reach must be within"),
     ("graft a.bvh -o x --face 0,0,0@900-910", RUNTIME, "frames of --face must be within 0 to 299"),
@@ -123,7 +148,13 @@ MISTAKES = [
     ("graft --from n.json -o x", RUNTIME, "n.json: No such file or directory"),
     # Constraints that nothing satisfies
     ("graft a.bvh -o x --reach 9:LeftHand:0,9999,0", INFEASIBLE, "1 of 1 motions violate the "
-     "constraints, because no donor sequence satisfies them; no motion was written"),
+     "constraints, because no donor sequence satisfies them; no motion was written; --set "
+     "reach_ik=1 is not enough; --only-violations also tries less similar donors; --best-effort "
+     "writes all"),
+    ("graft a.bvh -o x --reach 9:LeftHand:@chest+0,0.1,0.3 --set reach_ik=0", INFEASIBLE,
+     "no motion was written; --set reach_ik=1 satisfies them; --only-violations also tries"),
+    ("graft a.bvh b.bvh -o x --only-from b --set sigma_scale=1e-6", INFEASIBLE,
+     "no motion was written; a larger --variety allows less similar donors; --best-effort writes"),
 ]  # fmt: skip
 
 

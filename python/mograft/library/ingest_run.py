@@ -350,12 +350,15 @@ def warn_of_clips(entries: Sequence[ClipInfo], result: IngestResult[T], *, stack
     same = {info.source_name: own for _, own, info in known if own.has_same_hierarchy(skeleton)}
     for line in describe_sizes(same):
         warn(f"{line}. Their lengths are scaled to the leg length of the base")
-    faulty = [info for info in entries if info.faults]
-    for info in faulty[:_MAX_WARNINGS]:
-        faults = list(info.faults[:_MAX_FAULTS])
-        if len(info.faults) > _MAX_FAULTS:
-            faults.append(f"and {len(info.faults) - _MAX_FAULTS} more")
-        warn(f"{info.name}: {'; '.join(faults)}. Segments with these frames are excluded as donors")
+    faulty: dict[tuple[str, ...], list[str]] = {}  # clips of the same content have the same faults
+    for info in entries:
+        if info.faults:
+            faulty.setdefault(tuple(info.faults), []).append(info.name)
+    for faults, clips in list(faulty.items())[:_MAX_WARNINGS]:
+        more = [f"and {len(faults) - _MAX_FAULTS} more"] * (len(faults) > _MAX_FAULTS)
+        listed = "; ".join([*faults[:_MAX_FAULTS], *more])
+        names = join_names(clips, _MAX_WARNINGS)
+        warn(f"{names}: {listed}. Segments with these frames are excluded as donors")
     if len(faulty) > _MAX_WARNINGS:
-        n = len(faulty) - _MAX_WARNINGS
+        n = sum(map(len, list(faulty.values())[_MAX_WARNINGS:]))
         warn(f"faults in {n} more clips; segments with faulty frames are excluded as donors")

@@ -25,7 +25,8 @@ from mograft.search.constraint_records import constraint_kind, encode_constraint
 from mograft.search.constraints import Constraint, Violation
 from mograft.search.trellis import DonorSequences
 from mograft.solve.self_repair import RepairedWindow
-from mograft.synthesis.graft_result import Graft, Substitution
+from mograft.synthesis.advice import advise
+from mograft.synthesis.graft_result import Graft, Substitution, find_missing
 
 Record = dict[str, Any]
 
@@ -102,8 +103,9 @@ def graft_record(graft: Graft, folder: str | PathLike[str] = ".") -> Record:
         "feet": None if graft.feet is None else asdict(graft.feet),
         "reach_ik": _completions(graft, graft.reach_completions),
         "kept_without_candidate": {
-            name: int((counts == 0).sum()) for name, counts in graft.alternatives.items()
+            name: int(find_missing(graft, name).sum()) for name in graft.alternatives
         },
+        "remarks": advise(graft),
     }
 
 
