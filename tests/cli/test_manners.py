@@ -94,6 +94,23 @@ def test_quiet_prints_results_and_errors_only(run, clip, monkeypatch):
     assert run("graft", clip, "-o", "d.bvh")[2]
 
 
+@pytest.mark.parametrize(
+    ("words", "result"),
+    [
+        (("evaluate", "quality", "--runs", 1, "--bases", 1), "of the parts of"),
+        (("graft", "-o", "a.bvh", "--force", "--measure"), "head jerk, ratio"),
+    ],
+)
+def test_quiet_prints_the_same_measures(succeed, clip, words, result):
+    pytest.importorskip("scipy", reason="SciPy is not installed")
+    command, *options = words
+    loud, quiet = (succeed(command, clip, *options, *flags)[1] for flags in ((), ("-q",)))
+    measures = [line for line in loud.splitlines() if result in line]
+    assert len(measures) == 1
+    assert measures[0] in quiet.splitlines()
+    assert len(quiet.splitlines()) < len(loud.splitlines())
+
+
 def test_verbose_graft_lists_every_exchanged_segment(run, clip):
     short = run("graft", clip, "-o", "a.bvh")[2]
     long = run("graft", clip, "-o", "b.bvh", "--verbose")[2]

@@ -12,7 +12,7 @@ from mograft.analysis.channel_groups import restrict_samples
 from mograft.analysis.embedding import Embedding, Samples, features
 from mograft.analysis.segmentation import segment_clip
 from mograft.config import Config
-from mograft.errors import SkeletonMismatchError, join_names, suggest_name
+from mograft.errors import SkeletonMismatchError, join_names, suggest_name, suggest_path
 from mograft.library import clusters
 from mograft.library.clip_table import ClipInfo
 from mograft.library.data import LibraryData
@@ -138,8 +138,11 @@ class DerivableLibrary(LibraryData):
             return self, 0
         if isinstance(base, str):
             names = list(self.names)
+            found = [i for i, name in enumerate(names) if name.rpartition("|")[2] == base]
+            if base not in names and len(found) == 1:
+                return self, found[0]
             if base not in names:
-                hint = suggest_name(base, names)
+                hint = suggest_name(base, names) or suggest_path(base)
                 raise ValueError(
                     f"`base` must be a clip, one of {join_names(names)}; got {base!r}{hint}"
                 )

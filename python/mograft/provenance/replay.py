@@ -275,6 +275,7 @@ def _with_recorded(graft: Graft, record: GraftRecord, request: GraftRequest) -> 
             _read_violation(own, request.constraints) for own in document["violations"]
         ),
         self_repairs=tuple(_read_repair(own) for own in document["self_repair"]),
+        remarks=tuple(map(str, document["remarks"])),
         request=request,
     )
 

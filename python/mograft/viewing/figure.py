@@ -12,7 +12,6 @@ import numpy as np
 from mograft._util.arrays import IntArray
 from mograft.errors import DAMAGE, MograftError, ProvenanceError
 from mograft.io.formats import read_clip
-from mograft.library.discover import has_provenance
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 from mograft.provenance.graft_record import ClipRecord, GraftRecord, find_clip, read_clip_record
@@ -133,14 +132,12 @@ def _list_candidates(graft: Graft, group: str, max_count: int) -> dict[str, list
 
 
 def read_recorded(motion: Motion, path: Path) -> tuple[Figure, GraftRecord] | None:
-    """Return the figure of a graft, and the provenance in the ``.json`` file beside it.
+    """Return the figure of a graft, and its provenance, in its file or beside it.
 
     The figure has the donors, seams and groups of the provenance. The result is None if there is no
     provenance of the clip, and with a warning also if the provenance is damaged or is that of a
     motion of another length.
     """
-    if not has_provenance(path):
-        return None
     try:
         record = read_clip_record(path, motion.clip)
         return None if record is None else (_recorded_figure(motion, record), record)

@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 from mograft.cli.configuration import load_library, read_constraints
+from mograft.cli.files import has_folder
 from mograft.cli.output import print_result
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.options import CandidatesOptions
@@ -19,7 +20,7 @@ def run(options: CandidatesOptions) -> int:
     """Run the command."""
     if (options.segment is None) == (options.frame is None):
         raise UsageError("one of --segment and --frame is required")
-    library = load_library(options)
+    library = load_library(options, strict=not has_folder(options.files))
     constraints = read_constraints(options, library.rate)
     clip, number, segment = _find_segment(library, options)
     others = [name for name in library.groups.names if name != library.groups.base]

@@ -130,7 +130,7 @@ def _keywords(argument: Argument, *, is_short: bool) -> dict[str, Any]:
     if argument.is_positional:
         return {**keywords, "nargs": argument.count}
     action = "append" if argument.is_repeated else "store"
-    required = argument.is_required
+    required = argument.is_required and argument.alternative is None
     return {**keywords, "action": action, "required": required, "dest": argument.dest}
 
 
