@@ -93,8 +93,12 @@ def find_remedies(graft: Graft) -> list[str]:
         remedies.append(f"`reach_ik=1` {result}")
     if request.scenario is None and any(own.is_on_poses for own in violated):
         remedies.append("`only_violations` also tries less similar donors")
+    if any(own.is_on_poses for own in violated):
+        remedies.append("a target or obstacle elsewhere, or a larger tolerance, may help")
     if any(isinstance(own, OnlyFrom) for own in violated):
-        remedies.append("a larger `variety` allows less similar donors")
+        scale = library.config.sigma_scale
+        name = "`variety`" if scale >= scale_of_variety(0.0) else f"`sigma_scale`, now {scale:g},"
+        remedies.append(f"a larger {name} allows less similar donors")
     return remedies
 
 
