@@ -97,8 +97,10 @@ def find_remedies(graft: Graft) -> list[str]:
         remedies.append("a target or obstacle elsewhere, or a larger tolerance, may help")
     if any(isinstance(own, OnlyFrom) for own in violated):
         scale = library.config.sigma_scale
-        name = "`variety`" if scale >= scale_of_variety(0.0) else f"`sigma_scale`, now {scale:g},"
-        remedies.append(f"a larger {name} allows less similar donors")
+        is_usual = scale >= scale_of_variety(0.0)
+        small = "" if is_usual else f"`sigma_scale={scale:g}` is small: "
+        name = "`variety`" if is_usual else "value"
+        remedies.append(f"{small}a larger {name} allows less similar donors")
     return remedies
 
 
