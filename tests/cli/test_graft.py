@@ -176,7 +176,7 @@ def test_commands_exclude_grafts_in_folders(run, succeed, folder, tmp_path, word
     position = 2 if words[0] == "plot" else 1
     command = [*words[:position], clips, *words[position:]]
     err = succeed(*command)[1]
-    assert err.count("1 graft of mograft in these folders") == 1
+    assert err.count("1 graft of mograft excluded") == 1
     if words[0] == "graft":
         clips = json.loads(Path("x/a_graft0.json").read_text())["clips"]
         assert [clip["name"] for clip in clips] == ["a", "b"]

@@ -274,7 +274,7 @@ def test_edit_with_reach_moves_hand_and_keeps_frames_far_away(library):
         (("arms", (10, 20)), "`group` must be an exchanged group"),
         (("larm", (10, 10)), "`frames` must be at least two frames"),
         (("larm", (10, 700)), "`frames` must be at least two frames from 0 to 699"),
-        (("larm", (10, 20), "secnd"), "got 'secnd'.*second"),
+        (("larm", (10, 20), "secnd"), "`donor` must match .*; got 'secnd'.*second"),
         (("larm", (10, 20), ("second", 5, 500)), "at least two frames from 0 to 499"),
         (("larm", (10, 20), ("second", 5, 100)), "at most 3 times as long"),
     ],

@@ -54,8 +54,9 @@ def as_words(name: str, words: object) -> str | Collection[str]:
 def find_matches(argument: str, patterns: str | Iterable[str], names: Sequence[str]) -> list[int]:
     """Return the indices of the names that are one of `patterns`, or match one such as ``walk*``.
 
-    A pattern that is a name selects only this name. Raises ValueError, which calls the argument
-    `argument`, for a pattern that selects no name.
+    A pattern that is a name selects only this name. Others match names, or the part of names after
+    the last ``|``: Blender writes names such as ``Rig|Walk``. Raises ValueError, which calls the
+    argument `argument`, for a pattern that selects no name.
     """
     places: dict[str, list[int]] = {}
     for index, name in enumerate(names):
@@ -63,11 +64,15 @@ def find_matches(argument: str, patterns: str | Iterable[str], names: Sequence[s
     found: set[int] = set()
     for pattern in [patterns] if isinstance(patterns, str) else patterns:
         own = places.get(pattern)
-        own = own or [index for index, name in enumerate(names) if fnmatchcase(name, pattern)]
+        own = own or [
+            index
+            for index, name in enumerate(names)
+            if fnmatchcase(name, pattern) or fnmatchcase(name.rpartition("|")[2], pattern)
+        ]
         if not own:
             raise ValueError(
                 f"`{argument}` must match at least one of {join_names(names)}; got {pattern!r}"
-                f"{suggest_name(pattern, names)}"
+                f"{'' if set(pattern) & set('*?[') else suggest_name(pattern, names)}"
             )
         found.update(own)
     return sorted(found)

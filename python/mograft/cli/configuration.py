@@ -12,7 +12,7 @@ from mograft._util.documents import parse_document
 from mograft._util.names import automatic_number, is_automatic
 from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders, library_folder
-from mograft.cli.output import show_progress
+from mograft.cli.output import print_remark, show_progress
 from mograft.cli.syntax.arguments import Options, UsageError
 from mograft.cli.syntax.options import (
     DEFAULT_DURATION,
@@ -29,7 +29,7 @@ from mograft.io.formats import open_clips, read_clip, split_address
 from mograft.io.smpl.body_models import read_offsets
 from mograft.library.build import discover_groups
 from mograft.library.derive import BUILD_STAGES
-from mograft.library.ingest_run import IngestOptions
+from mograft.library.ingest_run import MISMATCH_REMEDY, IngestOptions
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -41,6 +41,8 @@ from mograft.search.donor_constraints import Ban, KeepOriginal, Use
 from mograft.search.figure_position import FigurePosition
 from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Obstacle, Sphere
 from mograft.search.pose_constraints import Avoid, AvoidSelf, Face, Reach
+
+_MAX_EXCLUDED = 3  # clips whose reasons are stated without --verbose
 
 FIXED_OPTIONS = ("groups", "preset", "match", "skeleton")
 """Options that can only be set when a library is created."""
@@ -72,14 +74,18 @@ def refuse_fixed_options(options: Options, *names: str) -> None:
         fixed += [f"set {name}" for name, _ in options.set if name in _FIXED_FIELDS]
     if fixed:
         raise UsageError(
-            f"--{fixed[0]} is fixed when a library is created: use it with mograft index, not --add"
+            f"--{fixed[0]} is fixed when a library is created: make another library "
+            "with it by mograft index, or give the motion files instead of a library"
         )
 
 
-def load_library(options: LibraryOptions, *, rate: float | None = None) -> Library:
+def load_library(
+    options: LibraryOptions, *, rate: float | None = None, strict: bool = True
+) -> Library:
     """Open the library that is given to a command; without one, build it from the motion files.
 
-    The motions of motion files are resampled to `rate` frames per second, if it is given.
+    The motions of motion files are resampled to `rate` frames per second, if it is given. `strict`
+    is that of `Library.build`.
     """
     folder = library_folder(options.files)
     if folder is not None:
@@ -99,7 +105,27 @@ def load_library(options: LibraryOptions, *, rate: float | None = None) -> Libra
             clips = [read_clip(file, skeleton=skeleton).resample(rate) for file in files]
         more: IngestOptions = {"match": options.match or "names", "hierarchy": hierarchy}
         more |= {"skeleton": skeleton, "progress": progress}
-        return Library.build(clips, groups, config, **more)
+        library = Library.build(clips, groups, config, strict=strict, **more)
+    for line in describe_excluded(library.refused, options):
+        print_remark(line)
+    return library
+
+
+def describe_excluded(excluded: Mapping[str, str], options: Options) -> list[str]:
+    """Return the lines that report excluded clips, from the reasons by the address of the clip.
+
+    Without ``--verbose``, these are at most three, and clips of other hierarchies are left out, of
+    which the library warns.
+    """
+    lines = [
+        f"excluded: {'' if why.startswith(split_address(address)[0]) else f'{address}: '}{why}"
+        for address, why in excluded.items()
+        if options.verbose or not why.endswith(MISMATCH_REMEDY)
+    ]
+    n = len(excluded) - min(len(lines), _MAX_EXCLUDED)
+    if options.verbose or not n:
+        return lines
+    return [*lines[:_MAX_EXCLUDED], f"excluded: {n} other clips; -v states the reasons"]
 
 
 def _base_address(base: str | None, files: Sequence[str]) -> str:

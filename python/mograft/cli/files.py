@@ -45,6 +45,11 @@ def expand_folders(names: Iterable[str], *, include_grafts: bool = True) -> list
     return [str(clip.source) for clip in kept]
 
 
+def has_folder(files: Iterable[str]) -> bool:
+    """Return whether folders are among files; their clips may be left out."""
+    return any(map(os.path.isdir, files))
+
+
 def library_folder(files: Sequence[str]) -> Path | None:
     """Return the library folder among the files of a command, or None if there is none.
 

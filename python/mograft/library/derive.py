@@ -138,6 +138,9 @@ class DerivableLibrary(LibraryData):
             return self, 0
         if isinstance(base, str):
             names = list(self.names)
+            found = [i for i, name in enumerate(names) if name.rpartition("|")[2] == base]
+            if base not in names and len(found) == 1:
+                return self, found[0]
             if base not in names:
                 hint = suggest_name(base, names) or suggest_path(base)
                 raise ValueError(

@@ -13,7 +13,6 @@ import numpy as np
 from mograft._util.arrays import IntArray
 from mograft.errors import DAMAGE, MograftError, ProvenanceError
 from mograft.io.formats import read_clip
-from mograft.library.discover import has_provenance
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 from mograft.provenance.graft_record import ClipRecord, GraftRecord, find_clip, read_clip_record
@@ -27,6 +26,8 @@ _MAX_LISTED = 20
 
 _MAX_SEGMENTS = 1_500
 """Maximum number of segments with listed donors, over all groups."""
+
+_FROM = ("mograft", "graft", "--from")
 
 CandidateTable: TypeAlias = Mapping[str, Mapping[str, list[Any]]]
 """For each exchanged group, one list per quantity for all listed candidates."""
@@ -80,16 +81,15 @@ class Figure:
 
     def with_file(self, path: Path) -> "Figure":
         """Return the figure of a graft with the commands that edit and keep its file."""
-        source, name = path.with_suffix(".json").as_posix(), self.motion.name
-        stem, keep = path.with_suffix("").as_posix(), [path.as_posix(), source]
+        name, file, record = self.motion.name, str(path), str(path.with_suffix(".json"))
+        source, target = record, [str(path.with_name(f"{path.stem}_new.bvh"))]
+        keep: list[str] | str = [file, record]
+        if path.suffix.lower() in (".glb", ".npz"):
+            source = f"{file}#{name}"
+            keep = shlex.join([*_FROM, source, "-o", f"kept/{name}{path.suffix}"])
         if path.suffix.lower() == ".glb":
-            source, stem = f"{source}#{name}", f"{stem}_{name}"
-        command = f"mograft graft --from {shlex.quote(source)} -o "
-        if "#" in source:
-            again = f"{command}{shlex.quote(f'kept/{name}{path.suffix}')}"
-            return replace(self, command=command + shlex.quote(f"{stem}_new.glb"), keep=again)
-        new = shlex.quote(f"{stem}_new{path.suffix}")
-        return replace(self, command=command + new, keep=keep)
+            target = [file, "--as", f"{name}_new"]
+        return replace(self, command=shlex.join([*_FROM, source, "-o", *target]), keep=keep)
 
     def group_of_nodes(self, parents: Sequence[int]) -> list[int]:
         """Return the index of the joint group of each node.
@@ -151,14 +151,12 @@ def _list_candidates(graft: Graft, group: str, max_count: int) -> dict[str, list
 
 
 def read_recorded(motion: Motion, path: Path) -> tuple[Figure, GraftRecord] | None:
-    """Return the figure of a graft, and the provenance in the ``.json`` file beside it.
+    """Return the figure of a graft, and its provenance, in its file or beside it.
 
     The figure has the donors, seams and groups of the provenance. The result is None if there is no
     provenance of the clip, and with a warning also if the provenance is damaged or is that of a
     motion of another length.
     """
-    if not has_provenance(path):
-        return None
     try:
         record = read_clip_record(path, motion.clip)
         return None if record is None else (_recorded_figure(motion, record), record)

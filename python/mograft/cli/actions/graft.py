@@ -1,6 +1,7 @@
 """``mograft graft`` and ``demo``: new motions on the base group of a captured one."""
 
 import os
+import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,7 +12,13 @@ from typing import Any
 import numpy as np
 
 from mograft.cli import configuration, graft_files
-from mograft.cli.files import check_suffix, check_writable, expand_folders, library_folder
+from mograft.cli.files import (
+    check_suffix,
+    check_writable,
+    expand_folders,
+    has_folder,
+    library_folder,
+)
 from mograft.cli.output import print_error, print_remark, print_result, show_progress, with_flags
 from mograft.cli.syntax.arguments import UsageError, arguments_of
 from mograft.cli.syntax.commands import DemoOptions
@@ -49,19 +56,20 @@ _NEAR_DEGREES = 1.0  # mean angle below which a motion counts as an earlier one 
 _PLACES = ("reach", "avoid", "avoid_self", "face")
 _DONORS = ("only_from", "not_from", "only_tagged", "not_tagged")
 _EDITS = ("change", "take", "ban", "keep", "reroll", *_PLACES, *_DONORS)
-_OUTPUTS = ("output", "report", "measure", "digits", "json", "force", "quiet", "verbose")
-_ALLOWED = (*_EDITS, *_OUTPUTS, "files", "from_")
+_OUTPUTS = ("output", "into", "as_", "report", "measure", "digits", "json", "force", "quiet")
+_ALLOWED = (*_EDITS, *_OUTPUTS, "verbose", "files", "from_")
 """Arguments that may be given with ``--from``; the provenance sets all others."""
 
 _KEPT_VIOLATIONS = (
     "joints that are not exchanged violate constraints, and no donor can remove these violations; "
-    "no motion was written; move the obstacle or target, limit its frames, or give --best-effort"
+    "no motion was written; choose another --base, exchange their group (--swap), place the "
+    "obstacle or target elsewhere, or give --best-effort"
 )
 
 
 def run(options: GraftOptions) -> int:
     """Run the command."""
-    graft_files.check_graft_suffix(options)
+    options = graft_files.with_target(options)
     if options.from_ is not None:
         return _run_replay(options)
     _check_options(options)
@@ -75,11 +83,15 @@ def run(options: GraftOptions) -> int:
         options, files[0] if library is None else library.names[0]
     )
     written = [*graft_files.files_of_grafts(paths), *([page] if options.report else [])]
-    check_writable(written, force=options.force, inputs=files)
+    graft_files.check_targets(written, options, files)
     if options.measure and find_spec("scipy") is None:
         raise ValueError("--measure needs SciPy: pip install 'mograft[evaluate]'")
     if library is None:
-        library = configuration.load_library(replace(options, files=files))
+        strict = not has_folder(options.files)
+        library = configuration.load_library(replace(options, files=files), strict=strict)
+        if library.refused:  # the first file may be one of them
+            paths, page = graft_files.output_paths(options, library.names[0])
+            graft_files.check_targets(graft_files.files_of_grafts(paths), options, files)
     constraints = configuration.read_constraints(options, library.rate)
     if options.change:
         constraints.append(KeepOriginal())
@@ -109,8 +121,10 @@ def _check_options(options: GraftOptions) -> None:
         raise UsageError("expected LIB or FILE")
     if options.reroll:
         raise UsageError("--reroll requires --from")
-    if options.output.suffix.lower() in (".bvh", ".npz") and options.count != 1:
-        raise UsageError(f"-o must be a folder if -n is above 1, got {options.output}")
+    if options.output.suffix.lower() == ".bvh" and options.count != 1:
+        raise UsageError(
+            f"-o must be a folder, or a .glb or .npz file, if -n is above 1, got {options.output}"
+        )
     if options.distinct > 180.0:
         raise UsageError(f"--distinct must be at most 180, got {options.distinct:g}")
     if options.only_violations and options.change:
@@ -131,8 +145,11 @@ def _run_replay(options: GraftOptions) -> int:
         name = argument.dest
         is_set = getattr(options, name) not in (argument.default, None)
         if is_set and name not in options.origins and name not in allowed:
-            raise UsageError(f"--{argument.name} cannot be combined with --from")
-    source, path = Path(options.from_ or ""), options.output
+            raise UsageError(
+                f"--{argument.name} cannot be combined with --from, which makes a graft again; "
+                "--change, --take, --ban, --keep and --reroll change parts of it"
+            )
+    source, path = options.from_ or "", options.output
     record = read_record(source)
     names = [record.name]
     if options.count > 1:
@@ -140,9 +157,9 @@ def _run_replay(options: GraftOptions) -> int:
     paths = [path] * options.count
     if path.suffix.lower() not in MOTION_SUFFIXES:
         paths = [path / f"{name}.bvh" for name in names]
-    elif options.count > 1:
-        raise UsageError(f"-o must be a folder if -n is above 1, got {path}")
-    check_writable(graft_files.files_of_grafts(paths), force=options.force)
+    elif options.count > 1 and path.suffix.lower() == ".bvh":
+        raise UsageError(f"-o must be a folder, .glb or .npz file if -n is above 1, got {path}")
+    graft_files.check_targets(graft_files.files_of_grafts(paths), options)
     folder = library_folder(options.files)
     library = None if folder is None else Library.open(folder)
     sources = options.files if library is None else ()
@@ -197,9 +214,10 @@ def _change(graft: Graft, options: GraftOptions) -> list[Graft]:
                     donor = (donor[0], *resolve_frames(donor[1:], rate))
                 changed = change(changed, group, resolve_frames(span, rate), donor, rank=rank)
         except ValueError as error:
+            message = re.sub(r"`(group|frames|donor)`", r"the \1 of --change", str(error))
             if not versions:
-                raise
-            print_remark(f"warning: {rank} of {options.count} motions are written: {error}")
+                raise ValueError(message) from None
+            print_remark(f"warning: {rank} of {options.count} motions are written: {message}")
             break
         command = shlex.join(options.words)
         changes = [own if own.command else replace(own, command=command) for own in changed.changes]
@@ -297,7 +315,7 @@ def _write_results(
 ) -> None:
     """Write grafts and the page that describes them, and print their paths and remarks."""
     paths[0].parent.mkdir(parents=True, exist_ok=True)
-    is_together = paths[0].suffix.lower() == ".glb"
+    is_together = paths[0].suffix.lower() != ".bvh"
     reference, motions, kept = None, list[Motion](), list[Graft]()
     substitutions, sections, columns, documents = [], [], [], []
     n_near = 0
@@ -308,6 +326,7 @@ def _write_results(
     # Each access to `grafts` builds the graft anew.
     for path, graft in zip(paths, grafts, strict=False):
         own = graft if options.from_ else graft_files.with_command(graft, options, options.files)
+        own = graft_files.renamed(own, options.as_)
         new, section = newness(own, motions), dict[str, Any]()
         n_near += new.apart is not None and np.degrees(new.apart) < _NEAR_DEGREES
         motions = [*motions, own.motion][-_MAX_REPORTED:] if len(paths) > 1 else []
@@ -333,7 +352,7 @@ def _write_results(
         if is_together or (options.report and len(kept) < _MAX_REPORTED):
             kept.append(own)
     if is_together:
-        write_graft(kept, paths[0], sections)
+        kept = graft_files.write_together(kept, paths[0], sections, options)
         if not options.json:
             print(paths[0])
     _print_remarks(own, substitutions, n_near, options)

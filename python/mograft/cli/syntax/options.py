@@ -71,7 +71,7 @@ class LibraryFileOptions(SkeletonOptions, section="input"):
     files: tuple[values.LibraryOrFile, ...] = positional("motion files, or one library", "+")
     groups: values.Groups | None = groups_option("joint groups that exist")
     include_grafts: bool = setting(
-        "also read grafts in folders: motions with a .json file of mograft graft beside them",
+        "also read grafts: motions with the provenance of mograft graft in the file or beside it",
         is_expert=True,
     )
     match: Literal["names", "anatomy"] | None = setting(
@@ -203,10 +203,10 @@ class RecordOptions(Options, section="input"):
         "motion files, or one library; none with --from", "*"
     )
     from_: values.Record | None = option(
-        ".json file of a graft to make again, byte for byte",
-        details="--change, --take, --ban, --keep, --reroll, and options for places and donors "
-        "change what they must and leave the rest unchanged; --set of fields of blending keeps all "
-        "donors; LIB|FILE is needed only if files have moved",
+        "graft to make again: .json or FILE.glb#NAME",
+        details="the bytes are the same; --change, --take, --ban, --keep, --reroll, and options "
+        "for places and donors change what they must and leave the rest unchanged; --set of fields "
+        "of blending keeps all donors; LIB|FILE is needed only if files have moved",
     )
 
 
@@ -276,12 +276,19 @@ class GraftOptions(
 
     output: values.OutputPath = option(
         "folder, or a .bvh, .npz or .glb file",
-        details="a .bvh file for a single motion; an .npz file for a single motion, which is a "
-        "copy of the base's AMASS file; a .glb file for one or more motions, which is a copy of "
-        "the base's glTF file",
+        details="a .bvh file for a single motion; a .glb or .npz file for one or more: a copy of "
+        "the glTF, FBX or AMASS file of the base, else bones or arrays. With --from, a .glb file "
+        "that exists is updated as with --into",
         short="-o",
         is_required=True,
+        alternative="into",
     )
+    into: values.OutputPath | None = option(
+        "instead of -o: .glb file to which the motions are added as animations; a graft of the "
+        "same name is replaced, another animation only with --force",
+        is_expert=True,
+    )
+    as_: values.Name | None = option("name of the animation in a .glb file", is_expert=True)
     report: bool = setting("also write an HTML page that describes the motions")
     measure: bool = setting(
         "also measure jerk, foot contacts and balance of each motion (needs mograft[evaluate])",

@@ -26,9 +26,13 @@ function boneShapes(clip, [, x, y, z, radius, kind]) {
   if (kind === "head") {
     const high = Math.max(0.66 * length, 1.2 * radius);
     const middle = end.clone().multiplyScalar(0.5);
-    return [limb(middle, middle.clone().add(end.clone().multiplyScalar(1e-3)), high, 0.76 * high), limb(start, middle, 0.6 * radius)];
+    return [
+      limb(middle, middle.clone().add(end.clone().multiplyScalar(1e-3)), high, 0.76 * high),
+      limb(start, middle, 0.6 * radius),
+    ];
   }
-  if (kind === "hand") return [limb(start, end, 0.56 * length + 0.4 * radius, Math.min(1.25 * radius, 0.5 * length + 0.4 * radius))];
+  if (kind === "hand")
+    return [limb(start, end, 0.56 * length + 0.4 * radius, Math.min(1.25 * radius, 0.5 * length + 0.4 * radius))];
   if (kind === "foot") {
     // The heel is below the ankle, at the height of the ball of the foot.
     const up = UP.clone().applyQuaternion(new THREE.Quaternion(...clip.turn).invert());

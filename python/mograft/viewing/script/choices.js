@@ -10,13 +10,16 @@ const text = (value) => JSON.stringify(value);
 
 // A donor for a segment, its exclusion, the captured motion in a range, or a donor for a range.
 const OPTIONS = {
-  take: ({ group, part, clip, from, to }) => `--take ${quote(`${group === null ? "" : `${group}:`}${part}=${clip}:${from}-${to}`)}`,
+  take: ({ group, part, clip, from, to }) =>
+    `--take ${quote(`${group === null ? "" : `${group}:`}${part}=${clip}:${from}-${to}`)}`,
   ban: ({ group, part, clip, from, to }) => `--ban ${quote(`${group === null ? "" : `${group}:`}${part}=${clip}:${from}-${to}`)}`,
   keep: ({ start, stop }) => `--keep ${start}-${stop}`,
-  change: ({ row, start, stop, clip, from, to }) => `--change ${quote(`${row}@${start}-${stop}${clip ? `=${clip}:${from}-${to}` : ""}`)}`,
+  change: ({ row, start, stop, clip, from, to }) =>
+    `--change ${quote(`${row}@${start}-${stop}${clip ? `=${clip}:${from}-${to}` : ""}`)}`,
 };
 const EDITS = {
-  take: ({ group, part, clip, from, to }) => `mg.constraints.Use(${part}, (${text(clip)}, ${from}, ${to})${group === null ? "" : `, group=${text(group)}`})`,
+  take: ({ group, part, clip, from, to }) =>
+    `mg.constraints.Use(${part}, (${text(clip)}, ${from}, ${to})${group === null ? "" : `, group=${text(group)}`})`,
   ban: (choice) => EDITS.take(choice).replace("Use", "Ban"),
   keep: ({ start, stop }) => `mg.constraints.KeepOriginal(frames=(${start}, ${stop}))`,
 };
@@ -71,7 +74,11 @@ export function keepCommand() {
   const starred = made.filter((clip) => verdicts.get(clip) === "star");
   const kept = starred.length ? starred : made.filter((clip) => verdicts.get(clip) !== "reject");
   if (!kept.length) return "";
-  if (kept.every((clip) => Array.isArray(clip.keep))) return `mkdir -p kept && cp ${kept.flatMap((clip) => clip.keep).map(quote).join(" ")} kept`;
+  if (kept.every((clip) => Array.isArray(clip.keep)))
+    return `mkdir -p kept && cp ${kept
+      .flatMap((clip) => clip.keep)
+      .map(quote)
+      .join(" ")} kept`;
   return kept.map((clip) => clip.keep).join(" && ");
 }
 

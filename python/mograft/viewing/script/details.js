@@ -6,7 +6,8 @@ import { clipFrame, create, createButton, find, scene, state, toPageFrame } from
 import { donorName, timeline } from "./timeline.js";
 
 const degrees = (value) => `${value.toFixed(1)}°`;
-const NOTE = "Cost and seams are those between the captured neighbours, as mograft candidates prints them. Point at a donor to see it.";
+const NOTE =
+  "Cost and seams are those between the captured neighbours, as mograft candidates prints them. Point at a donor to see it.";
 const IDLE = "Click a block to list the donors that it could have; drag over blocks to select a range of frames.";
 
 export function describe({ line, part }) {
@@ -63,7 +64,17 @@ export function candidatesOf({ line, part }) {
     const { row } = line;
     const isSame = row.source[part] === table.source[k] && row.first[part] === from && row.last[part] === to;
     const isUsed = row.source[part] < 0 ? isOwn : isSame;
-    return { clip, from, to, isOwn, isUsed, cost: table.cost[k], stretch: table.stretch[k], before: table.before[k], after: table.after[k] };
+    return {
+      clip,
+      from,
+      to,
+      isOwn,
+      isUsed,
+      cost: table.cost[k],
+      stretch: table.stretch[k],
+      before: table.before[k],
+      after: table.after[k],
+    };
   });
   return { list, more: table.total[part] - list.length };
 }
@@ -113,7 +124,9 @@ function writeCandidates() {
   find("more").textContent = more + (found?.list.some((own) => own.cost !== null) ? NOTE : "");
   const where = state.range ? `${rangeOf(pinned).join("–")}` : "this segment";
   const keep = createButton(`keep captured motion in ${where}`, "Add to the command", () => chooseFor(pinned, "keep"));
-  const other = createButton(`other motion in ${where}`, "The best part of any clip that is new there", () => chooseFor(pinned, "change"));
+  const other = createButton(`other motion in ${where}`, "The best part of any clip that is new there", () =>
+    chooseFor(pinned, "change"),
+  );
   find("ranges").replaceChildren(keep, other);
   markChoices();
 }
@@ -127,7 +140,9 @@ function candidateRow(chosen, own) {
   record.append(...cells.map((text) => create("td", text)));
   const last = create("td");
   for (const kind of ["take", "ban", ...(state.range ? ["change"] : [])]) {
-    const button = createButton(kind === "change" ? "use in range" : kind, "Add to the command", () => chooseFor(chosen, kind, own));
+    const button = createButton(kind === "change" ? "use in range" : kind, "Add to the command", () =>
+      chooseFor(chosen, kind, own),
+    );
     button.dataset.choice = [kind, own.clip, own.from, own.to].join();
     button.setAttribute("aria-pressed", "false");
     last.append(button, " ");
@@ -144,7 +159,8 @@ function markChoices() {
   if (!pinned) return;
   const taken = choicesOf(pinned.line.clip).filter(({ row, part }) => row === pinned.line.row.group && part === pinned.part);
   const keys = taken.map(({ kind, clip, from, to }) => [kind, clip, from, to].join());
-  for (const button of find("donors").querySelectorAll("button")) button.setAttribute("aria-pressed", keys.includes(button.dataset.choice));
+  for (const button of find("donors").querySelectorAll("button"))
+    button.setAttribute("aria-pressed", keys.includes(button.dataset.choice));
 }
 onChoice(markChoices);
 

@@ -9,7 +9,10 @@ let captions = [];
 
 function markButtons(clip) {
   if (clip.keep === null) return [];
-  const made = [["star", "★"], ["reject", "✕"]].map(([value, sign]) => {
+  const made = [
+    ["star", "★"],
+    ["reject", "✕"],
+  ].map(([value, sign]) => {
     const button = createButton(sign, `${value === "star" ? "Keep" : "Reject"} this motion`, () => mark(clip, value));
     button.setAttribute("aria-label", `${button.title}: ${clip.name}`);
     button.dataset.mark = value;
@@ -36,7 +39,8 @@ export function makeCaptions() {
 
 function markCaptions() {
   for (const { box, clip } of captions) {
-    for (const button of box.querySelectorAll("button")) button.setAttribute("aria-pressed", markOf(clip) === button.dataset.mark);
+    for (const button of box.querySelectorAll("button"))
+      button.setAttribute("aria-pressed", markOf(clip) === button.dataset.mark);
     box.classList.toggle("rejected", markOf(clip) === "reject");
   }
 }

@@ -41,7 +41,9 @@ function onFiguresChange() {
 }
 
 function describeStage() {
-  const names = shownClips().map((clip) => clip.name).join(" and ");
+  const names = shownClips()
+    .map((clip) => clip.name)
+    .join(" and ");
   stage.setAttribute("aria-label", `Moving figures: ${names}. Space plays, arrow keys step.`);
   find("overlay").hidden = state.shown.length < 2;
   find("loop").hidden = find("parts").hidden = !timeline.lines.length;

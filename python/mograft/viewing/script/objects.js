@@ -52,7 +52,10 @@ export function poseObjects({ target }) {
       poseActor(actor, clamp(moved, 0, clip.frames - 1), { alpha: 0.6 * strength, colour: ink.character });
       continue;
     }
-    for (const [material, alpha] of [[shape.material, 0.3], [lines.material, 0.8]]) {
+    for (const [material, alpha] of [
+      [shape.material, 0.3],
+      [lines.material, 0.8],
+    ]) {
       material.color.set(colourOf(object));
       material.opacity = alpha * strength;
     }
@@ -70,7 +73,12 @@ function drawTarget(pen, object, view) {
   pen.lineWidth = 2;
   pen.beginPath();
   pen.arc(x, y, radius, 0, 2 * Math.PI);
-  for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
+  for (const [dx, dy] of [
+    [1, 0],
+    [-1, 0],
+    [0, 1],
+    [0, -1],
+  ]) {
     pen.moveTo(x + 0.5 * radius * dx, y + 0.5 * radius * dy);
     pen.lineTo(x + 1.6 * radius * dx, y + 1.6 * radius * dy);
   }

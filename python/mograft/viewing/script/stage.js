@@ -16,7 +16,10 @@ let floor = null;
 // Fog of the colour of the page hides the edge of the floor.
 function makeFloor() {
   const lines = new THREE.GridHelper(24, 24);
-  const shadow = new THREE.Mesh(new THREE.PlaneGeometry(24, 24).rotateX(-Math.PI / 2), new THREE.ShadowMaterial({ opacity: 0.2 }));
+  const shadow = new THREE.Mesh(
+    new THREE.PlaneGeometry(24, 24).rotateX(-Math.PI / 2),
+    new THREE.ShadowMaterial({ opacity: 0.2 }),
+  );
   for (const { material } of [lines, shadow]) Object.assign(material, { vertexColors: false, depthWrite: false });
   shadow.receiveShadow = true;
   floor = new THREE.Group().add(lines, shadow);
