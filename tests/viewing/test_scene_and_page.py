@@ -119,7 +119,9 @@ def test_drawn_skeleton_world_root_adds_no_bone(motion, is_moving):
     np.testing.assert_allclose(rooted.positions[:, 0], plain.positions[:, 0], atol=1e-9)
     assert rooted.root == plain.root + 1
     assert rooted.tips == [tip + 1 for tip in plain.tips]
-    assert rooted.widths[2:] == plain.widths[1:]
+    assert [(*own.end, own.radius, own.kind) for own in rooted.bones] == [
+        (*own.end, pytest.approx(own.radius), own.kind) for own in plain.bones
+    ]
     assert (rooted.height, rooted.floor) == pytest.approx((plain.height, plain.floor))
 
 

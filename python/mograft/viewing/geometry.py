@@ -17,18 +17,10 @@ from mograft.motion.skeleton import Skeleton
 
 _MAX_TIPS = 12
 
-_BONE_WIDTHS = (
-    {"head": 2.6, "neck": 1.1, "trunk": 1.9, "pelvis": 1.9, "clavicle": 1.2}
-    | {"upper_arm": 1.3, "forearm": 1.1, "hand": 0.9, "finger": 0.4}
-    | {"thigh": 1.7, "shank": 1.4, "foot": 1.2, "toe": 1.0}
-)
-"""Width of the bones of a body part; 1 is about a fiftieth of the height."""
-
-_TRUNK_TO_LIMB_WIDTH = 1.1
-_DETAIL_WIDTH = 0.4
-
-_BONE_RADIUS = 0.012
-"""Radius, in heights, of a bone of unknown body part and of width 1."""
+_FINGER_RADIUS = 0.006
+_DETAIL_RADIUS = 0.005
+_OTHER_RADIUS = 0.012
+"""Radii of bones without a capsule in `RADII`, in heights."""
 
 _UPRIGHT = (
     [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
@@ -60,7 +52,6 @@ class DrawnSkeleton:
     root: int  # The joint whose path the camera follows.
     height: float  # Of the body.
     floor: float  # Height of the floor.
-    widths: list[float]  # Of each node's bone; 1 is about a fiftieth of the body height.
     tips: list[int]  # The nodes at the ends of the limbs, fingers excepted; at most 12.
     ends: list[tuple[int, FloatArray]]  # Joint and offset of each node that is no joint.
     bones: list[Bone]
@@ -88,7 +79,6 @@ class DrawnSkeleton:
         ends = [(site.parent, site.offset) for site in skeleton.end_sites]
         if top is not None:
             ends.append((top, mass.bone[top]))
-        widths = _bone_widths(known, parents)
         return cls(
             positions=positions,
             to_y_up=to_y_up,
@@ -96,10 +86,9 @@ class DrawnSkeleton:
             root=known.hips if root in root_carriers(skeleton) else root,
             height=mass.height,
             floor=float(np.percentile(lowest, 5)),
-            widths=widths,
             tips=_limb_tips(known, parents),
             ends=ends,
-            bones=_drawn_bones(skeleton, parents, ends, widths, mass.height),
+            bones=_drawn_bones(skeleton, parents, ends, mass.height),
         )
 
 
@@ -150,41 +139,27 @@ def _head_without_end(motion: Motion) -> int | None:
     return head if head is not None and on_head and on_head <= details else None
 
 
-def _bone_widths(known: Anatomy, parents: list[int]) -> list[float]:
-    by_joint = [_BONE_WIDTHS.get(part, 1.0) for part in known.parts]
-    above = [max(parent, 0) for parent in parents]
-    widths = [by_joint[node] for node in above]
-    for joint, part in enumerate(known.parts):
-        is_trunk = widths[joint] == _BONE_WIDTHS["trunk"]
-        if is_trunk and part not in ("trunk", "neck", "head"):
-            widths[joint] = _TRUNK_TO_LIMB_WIDTH
-    for node, parent in enumerate(above):
-        # Eyes and markers drawn as wide as the head would look like a second head.
-        if {node, parent} & set(known.details):
-            widths[node] = _DETAIL_WIDTH
-    return widths
-
-
 def _drawn_bones(
-    skeleton: Skeleton,
-    parents: list[int],
-    ends: list[tuple[int, FloatArray]],
-    widths: list[float],
-    height: float,
+    skeleton: Skeleton, parents: list[int], ends: list[tuple[int, FloatArray]], height: float
 ) -> list[Bone]:
-    parts = anatomy(skeleton).parts
+    known = anatomy(skeleton)
     offsets = [*skeleton.offsets, *(offset for _, offset in ends)]
+    parts = [*known.parts, *(known.parts[joint] for joint, _ in ends)]
     bones = []
     for node, joint in enumerate(parents):
         if joint < 0:
             continue
-        part, is_end = parts[joint], node >= skeleton.n_joints
-        # Bones from the trunk to a limb and details are thinner than those of their part.
-        is_plain = widths[node] == _BONE_WIDTHS.get(part, 1.0) and part in RADII
-        radius = RADII[part] if is_plain else _BONE_RADIUS * widths[node]
-        radius *= 1.06 if part == "pelvis" else 1.0  # Its end lies inside of the trunk.
-        has_shape = is_plain and (part == "foot" or (is_end and part in ("head", "hand")))
-        bones.append(Bone(joint, offsets[node], radius * height, part if has_shape else ""))
+        part, shape = parts[joint], ""
+        radius = RADII.get(part, _FINGER_RADIUS if part == "finger" else _OTHER_RADIUS)
+        if {node, joint} & set(known.details):
+            radius = _DETAIL_RADIUS  # Eyes as wide as the head would look like a second head.
+        elif part == "trunk" and parts[node] not in ("trunk", "neck", "head"):
+            radius = RADII["clavicle"]  # From the trunk to a limb.
+        elif part == "foot" or (node >= skeleton.n_joints and part in ("head", "hand")):
+            shape = part
+        elif part == "pelvis":  # It is wider than the trunk, in which it ends.
+            radius = RADII["thigh"] if parts[node] == "thigh" else 1.06 * radius
+        bones.append(Bone(joint, offsets[node], radius * height, shape))
     return bones
 
 
