@@ -16,6 +16,7 @@ import mograft as mg
 import mograft.constraints as mc
 from mograft import graft, segment, view
 from mograft.cli import main
+from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.viewing.encoding import encode_scene, quantize
 from mograft.viewing.figure import ShownConstraint
@@ -213,6 +214,40 @@ def test_view_candidates_equal_library_candidates(new, library):
         ("after", np.degrees([own.gap_after for _, own in listed])),
     ):
         np.testing.assert_allclose(table[key], values, atol=6e-5)
+
+
+@given(st.integers(1, 400_000))
+@settings(max_examples=15)
+def test_encode_scene_donor_frames_stay_within_budget(two_takes, max_rotations):
+    """Frames of donors are runs of those that are listed, and at most a fifteenth of all."""
+    library, new = two_takes
+    data = encode_scene(Scene.of([new]), max_rotations)
+    table = data["candidates"][0]["upper"]
+    pairs = zip(table["source"], table["first"], table["last"], strict=True)
+    listed = {
+        frame
+        for source, first, last in pairs
+        for frame in range(first, last + 1)
+        if data["donors"][source] == "take1"
+    }
+    kept = 0
+    for name, window in data["windows"].items():
+        assert name == "take1"
+        spans = list(zip(window["start"], window["stop"], strict=True))
+        frames = {frame for first, last in spans for frame in range(first, last + 1)}
+        assert frames <= listed
+        assert window["kept"] == len(frames) == sum(b - a + 1 for a, b in spans)
+        kept += window["kept"] * library.skeleton.n_joints
+    assert kept <= max_rotations // 15
+    if max_rotations // 15 >= len(listed) * library.skeleton.n_joints:
+        assert kept == len(listed) * library.skeleton.n_joints
+
+
+@pytest.fixture(scope="module")
+def two_takes():
+    takes = [replace(dance(seed=s, strides=1).motion[:420], name=f"take{s}") for s in range(2)]
+    library = mg.Library.build(takes)
+    return library, graft(library, "take0", seed=1)
 
 
 def test_view_grafts_of_one_base_share_candidates(library):

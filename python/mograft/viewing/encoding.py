@@ -164,35 +164,31 @@ def _encode_windows(figures: Sequence[Figure], scene: Scene, max_rotations: int)
 
     Clips that the page shows are left out. At most `max_rotations` joint rotations are included.
     """
-    shown = {figure.name for figure in scene.figures}
-    masks: dict[tuple[int, str], tuple[Figure, BoolArray]] = {}
+    shown = {own.name for own in scene.figures if own.candidates is None}
+    found: dict[str, tuple[Motion, BoolArray]] = {}
     listed = []
     for figure in figures:
         for table in (figure.candidates or {}).values():
-            ranks = np.concatenate([np.arange(count) for count in (0, *table["counts"])])
-            spans = zip(table["source"], table["first"], table["last"], strict=True)
-            listed += [(int(r), figure, *span) for r, span in zip(ranks, spans, strict=True)]
-    for _, figure, name, first, last in sorted(listed, key=lambda own: own[0]):
-        if name in shown or figure.clip_of is None:
-            continue
-        n_joints = figure.motion.n_joints
-        key = (id(figure.clip_of), name)
-        if key not in masks:
-            masks[key] = figure, np.zeros(figure.clip_of(name).n_frames, bool)
-        mask = masks[key][1]
-        max_rotations -= n_joints * int((~mask[first : last + 1]).sum())
+            ranks = np.concatenate([np.arange(count) for count in (0, *table["counts"])]).tolist()
+            spans = zip(ranks, table["source"], table["first"], table["last"], strict=True)
+            listed += [(*span, figure.clip_of) for span in spans if span[1] not in shown]
+    for _, name, first, last, clip_of in sorted(listed, key=lambda own: own[0]):
+        if name not in found and clip_of is not None:
+            motion = clip_of(name)
+            found[name] = motion, np.zeros(motion.n_frames, bool)
+        motion, mask = found[name]
+        max_rotations -= motion.n_joints * int((~mask[first : last + 1]).sum())
         if max_rotations < 0:
             break
         mask[first : last + 1] = True
-    windows: dict[str, Any] = {}
-    for (_, name), (figure, mask) in masks.items():
-        if figure.clip_of is None or not mask.any() or name in windows:
+    windows = {}
+    for name, (motion, mask) in found.items():
+        if not mask.any():
             continue
-        motion, runs = figure.clip_of(name), find_runs(mask)
+        start, stop = find_runs(mask).T
         joints: IntArray = np.arange(1, motion.n_joints)
         packed = _encode_frames(motion, np.flatnonzero(mask), joints, (_ROTATION_UNIT, 1e-3))
-        ends = {"start": runs[:, 0].tolist(), "stop": (runs[:, 1] - 1).tolist()}
-        windows[name] = {**packed, "step": 1, **ends}
+        windows[name] = {**packed, "step": 1, "start": start.tolist(), "stop": (stop - 1).tolist()}
     return windows
 
 
