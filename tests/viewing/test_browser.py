@@ -279,6 +279,47 @@ def test_viewer_draws_obstacles_and_targets(browser, motion, tmp_path, name):
     assert shares[1] > shares[0] + 2e-4, shares
 
 
+def test_viewer_range_is_selected_by_drag_and_repeats(browser, path, new):
+    with open_page(browser, path) as page:
+        first, last = page.evaluate("mograft.state.window")
+        box = page.locator("[data-part=rows]").bounding_box()
+        wide = box["width"] - 168
+        ends = [first + (last - first) * share for share in (0.3, 0.5)]
+        page.mouse.move(
+            box["x"] + 160 + 0.5 * wide, box["y"] + page.evaluate("mograft.offset(2)") + 9
+        )
+        page.mouse.down()
+        page.mouse.move(
+            box["x"] + 160 + 0.3 * wide, box["y"] + page.evaluate("mograft.offset(2)") + 9
+        )
+        page.mouse.up()
+        selected = page.evaluate("mograft.state.range")
+        np.testing.assert_allclose(selected, ends, atol=1.5)
+        page.evaluate("mograft.seek(mograft.frame())")
+        assert (
+            f"range {selected[0]}{DASH}{selected[1]}"
+            in page.locator("[data-part=detail]").text_content()
+        )
+        page.locator("[data-part=loop]").click()
+        page.evaluate(f"mograft.seek({selected[1] - 2})")
+        page.locator("[data-part=play]").click()
+        wait_until(page, f"mograft.frame() < {selected[1] - 2}")
+        assert page.evaluate("mograft.frame()") >= selected[0]
+        page.keyboard.press("Space")
+        page.keyboard.press("Escape")
+        assert page.evaluate("[mograft.state.range, mograft.state.pinned]") == [None, None]
+        page.evaluate("mograft.seek(50)")
+        page.keyboard.press("i")
+        page.evaluate("mograft.seek(80)")
+        page.keyboard.press("u")
+        assert page.evaluate("mograft.state.range") == [50, 80]
+        # Two fingers apart enlarge the timeline, and leave the range.
+        page.evaluate(PINCH)
+        start, stop = page.evaluate("mograft.state.window")
+        assert stop - start < 0.6 * (last - first) or stop - start == 20
+        assert page.evaluate("mograft.state.range") == [50, 80]
+
+
 def test_viewer_keys_and_buttons_change_state(browser, path, new):
     with open_page(browser, path) as page:
         for key, name in (("o", "overlay"), ("f", "follow"), ("t", "trails"), ("g", "floor")):
@@ -373,6 +414,17 @@ def test_viewer_without_webgl_shows_stills_and_reason(browser, path):
 
 
 pytestmark = pytest.mark.browser
+
+PINCH = """() => {
+  const rows = document.querySelector("[data-part=rows]");
+  rows.setPointerCapture = () => {};
+  const clientY = rows.getBoundingClientRect().top + 5;
+  const send = (kind, pointerId, clientX) =>
+    rows.dispatchEvent(new PointerEvent(kind, {pointerId, clientX, clientY}));
+  send("pointerdown", 1, 400); send("pointerdown", 2, 500); send("pointermove", 2, 501);
+  send("pointermove", 2, 600); send("pointermove", 1, 300);
+  send("pointerup", 1, 300); send("pointerup", 2, 600);
+}"""
 
 N_TRIES = 20
 """Clicks until Chromium moves the focus; usually the first one suffices."""

@@ -114,7 +114,7 @@ export function listenToTimeline(canvas, hasRows) {
       state.pinned = segmentAt(...at);
       if (state.range && (frameOf(at[0]) < state.range[0] || frameOf(at[0]) > state.range[1])) state.range = null;
       seek(clamp(frameOf(at[0]), ...state.window));
-    } else if (hasRows && state.range) {
+    } else if (hasRows && start && state.range) {
       state.pinned ||= segmentAt(...start);
       seek(state.range[0]);
     }
