@@ -265,3 +265,17 @@ def test_fit_motion_another_rest_pose_raises(hero):
     other = replace(motion, skeleton=replace(motion.skeleton, offsets=offsets))
     with pytest.raises(mg.SkeletonMismatchError, match="has another rest pose than"):
         fit_motion(read_gltf_file(hero), other)
+
+
+def test_graft_as_a_source_is_another_clip_after_its_replacement(copy, grafts):
+    name = grafts[0].motion.name
+    mg.write_graft(grafts[0], copy, update=True)
+    library = mg.Library.build(f"{copy}#{name}")
+    second = named(mg.graft(library, seed=3), "second")
+    mg.write_graft(second, copy, update=True)
+    assert_equal_to_float32(mg.read(copy)["second"], second.motion)
+    mg.write_graft(named(grafts[2], name), copy, update=True)
+    mg.write_graft(second, copy, update=True)
+    assert_equal_to_float32(mg.read(copy)["second"], second.motion)
+    with pytest.raises(mg.ProvenanceError, match="has changed: SHA-256"):
+        mg.replay(f"{copy}#second")

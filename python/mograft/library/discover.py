@@ -58,6 +58,8 @@ class SourceFile(NamedTuple):
             raise OSError(errno.EINVAL, "is not a regular file", path)
         state = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
         sha256, form = _hash_and_format(path, state)
+        if form == "glTF" and holds_graft(formats.join_address(path, clip)):
+            sha256 = hashlib.sha256(Path(path).read_bytes()).hexdigest()  # it may be replaced
         return cls(path, status.st_size, status.st_mtime_ns, sha256, form, clip)
 
     @property
@@ -214,7 +216,7 @@ def _find_in_folder(folder: str) -> list[FoundClip]:
         try:
             has_clip = form.name == "BVH" or len(formats.open_clips(str(file))) > 0
             addresses = _expand_file(str(file)) if has_clip else []
-            kinds = [*map(holds_graft, addresses)]
+            kinds = [form.name != "BVH" and holds_graft(own) for own in addresses]
         except (MograftError, OSError, ValueError):
             addresses, kinds = [str(file)], [False]
         folders, is_graft = file.relative_to(folder).parts[:-1], has_provenance(file)

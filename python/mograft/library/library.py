@@ -99,8 +99,9 @@ class Library(DerivableLibrary):
             Whether a clip that cannot be read or does not fit is an error. Otherwise it is left
             out and listed in `refused`.
         include_grafts : bool
-            Whether to include grafts in folders: files beside which ``mograft graft`` wrote a
-            ``.json``. By default they are left out, unless a path or glob names the file.
+            Whether to include grafts: files in folders beside which ``mograft graft`` wrote a
+            ``.json``, and clips that have their provenance in a GLB or NPZ file. By default they
+            are left out, unless an address names the file or the clip exactly.
         rate : float, optional
             Frames per second of the library. Default: the rate that most frames have.
         match : {"names", "anatomy"}

@@ -370,7 +370,7 @@ def _find_file(record: GraftRecord, clip: ClipRecord, sources: Iterable[str]) ->
     for path in _possible_paths(record, clip.file, sources):
         if not path.is_file():
             continue
-        found = SourceFile.from_path(str(path)).sha256
+        found = SourceFile.from_path(str(path), clip.clip).sha256
         if found == clip.sha256:
             return str(path)
         changed = changed or f"{path} has changed: SHA-256 {found}, expected {clip.sha256}"

@@ -93,8 +93,14 @@ def find_remedies(graft: Graft) -> list[str]:
         remedies.append(f"`reach_ik=1` {result}")
     if request.scenario is None and any(own.is_on_poses for own in violated):
         remedies.append("`only_violations` also tries less similar donors")
+    if any(own.is_on_poses for own in violated):
+        remedies.append("a target or obstacle elsewhere, or a larger tolerance, may help")
     if any(isinstance(own, OnlyFrom) for own in violated):
-        remedies.append("a larger `variety` allows less similar donors")
+        scale = library.config.sigma_scale
+        is_usual = scale >= scale_of_variety(0.0)
+        small = "" if is_usual else f"`sigma_scale={scale:g}` is small: "
+        name = "`variety`" if is_usual else "value"
+        remedies.append(f"{small}a larger {name} allows less similar donors")
     return remedies
 
 

@@ -62,7 +62,8 @@ _ALLOWED = (*_EDITS, *_OUTPUTS, "verbose", "files", "from_")
 
 _KEPT_VIOLATIONS = (
     "joints that are not exchanged violate constraints, and no donor can remove these violations; "
-    "no motion was written; move the obstacle or target, limit its frames, or give --best-effort"
+    "no motion was written; choose another --base, exchange their group (--swap), place the "
+    "obstacle or target elsewhere, or give --best-effort"
 )
 
 
@@ -144,7 +145,10 @@ def _run_replay(options: GraftOptions) -> int:
         name = argument.dest
         is_set = getattr(options, name) not in (argument.default, None)
         if is_set and name not in options.origins and name not in allowed:
-            raise UsageError(f"--{argument.name} cannot be combined with --from")
+            raise UsageError(
+                f"--{argument.name} cannot be combined with --from, which makes a graft again; "
+                "--change, --take, --ban, --keep and --reroll change parts of it"
+            )
     source, path = options.from_ or "", options.output
     record = read_record(source)
     names = [record.name]
