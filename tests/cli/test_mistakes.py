@@ -125,7 +125,6 @@ MISTAKES = [
     ("graft a.bvh -o x --avoid sphere:0,0,0,-1", USAGE, "`radius` must not be negative"),
     ("graft a.bvh -o x --take 24", USAGE, "expected SEGMENT=CLIP:FIRST-LAST, such as"),
     ("graft a.bvh -o x --ban 3=", USAGE, "expected SEGMENT, SEGMENT=CLIP or"),
-    ("graft a.bvh -o x --reroll 3", USAGE, "--reroll requires --from"),
     ("graft a.bvh -o x --only-violations -n 2", USAGE,
      "-n must be 1 with --only-violations, got 2"),
     ("graft a.bvh -o x --only-violations --scenario graph", USAGE,
@@ -147,8 +146,8 @@ MISTAKES = [
      "frames of --avoid must be within 0 to 299"),
     ("graft --from n.json -o x --seed 0", USAGE, "--seed cannot be combined with --from"),
     ("graft --from n.json -o x -n 2", USAGE, "--count cannot be combined with --from"),
-    ("graft --from n.json -o x --reroll 3 --swap upper", USAGE, "--swap cannot be combined with"),
-    ("graft --from n.json -o x --reroll 12s-10s", USAGE, "expected a segment such as 24,"),
+    ("graft --from n.json -o x --ban 3 --swap upper", USAGE, "--swap cannot be combined with"),
+    ("graft --from n.json -o x --ban 12s-10s", USAGE, "expected SEGMENT, SEGMENT=CLIP or"),
     ("graft --from n.json -o x --take :3=b:0-9", USAGE, "expected SEGMENT=CLIP:FIRST-LAST"),
     ("graft --from n.json -o x", RUNTIME, "n.json: No such file or directory"),
     # Constraints that nothing satisfies

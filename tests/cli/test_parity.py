@@ -36,9 +36,9 @@ def nth_segment(library, clip, number):
     return int(segments.start[number]), int(segments.stop[number])
 
 
-def replayed(library, reroll=()):
+def replayed(library, *edits):
     new = mg.graft(library, seed=2)
-    return [mg.edit(new, reroll=reroll) if reroll else new]
+    return [mg.edit(new, *edits) if edits else new]
 
 
 def changed(graft, rank):
@@ -129,7 +129,7 @@ CASES = [
         ),
     ),
     Case("--from {first}", make=replayed),
-    Case("--from {first} --reroll 3", make=lambda library: replayed(library, [3])),
+    Case("--from {first} --ban 3", make=lambda library: replayed(library, c.Ban(3))),
     Case(
         "--from {first} --change upper@20-90=b:10-70 --change upper@100-130 -n 2",
         make=lambda library: [changed(replayed(library)[0], rank) for rank in range(2)],

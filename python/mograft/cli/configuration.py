@@ -22,7 +22,14 @@ from mograft.cli.syntax.options import (
     LibraryOptions,
     SkeletonOptions,
 )
-from mograft.cli.syntax.values import PRESETS, SHAPES, Range, resolve_frame, resolve_frames
+from mograft.cli.syntax.values import (
+    PRESETS,
+    SHAPES,
+    resolve_donor,
+    resolve_frame,
+    resolve_frames,
+    resolve_span,
+)
 from mograft.config import Config, scale_of_variety
 from mograft.config_text import parse_fields
 from mograft.io.formats import open_clips, read_clip, split_address
@@ -36,7 +43,7 @@ from mograft.motion.skeleton import Skeleton
 from mograft.scenario import Scenario, fill, follow, to_beats, transitions, walk
 from mograft.scenario.walks import check_duration
 from mograft.search import donor_constraints
-from mograft.search.constraints import Constraint, Span
+from mograft.search.constraints import Constraint
 from mograft.search.donor_constraints import Ban, KeepOriginal, Use
 from mograft.search.figure_position import FigurePosition
 from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Obstacle, Sphere
@@ -242,48 +249,31 @@ def read_constraints(options: ConstraintOptions, rate: float) -> list[Constraint
 
     Raise UsageError if an obstacle is invalid.
     """
-
-    def span(given: Range | None) -> Span | None:
-        return None if given is None else resolve_frames(given, rate)
-
     found: list[Constraint] = [
-        Avoid(_read_obstacle(kind, numbers), frames=span(given))
-        for kind, numbers, given in options.avoid
+        Avoid(_read_obstacle(kind, numbers), frames=resolve_span(span, rate))
+        for kind, numbers, span in options.avoid
     ]
     if options.avoid_self:
         found.append(AvoidSelf())
-    for given, joint, part, place, tolerance in options.reach:
+    for within, joint, part, place, tolerance in options.reach:
         target = place if part is None else FigurePosition(part, place)
-        found.append(Reach(joint, target, tolerance=tolerance, frames=span(given)))
-    found += [Face(target, frames=span(given)) for target, given in options.face]
-    found += read_segment_constraints(options, rate)
-    for kind, clips, tags in (
+        found.append(Reach(joint, target, tolerance=tolerance, frames=resolve_frames(within, rate)))
+    found += [Face(target, frames=resolve_span(span, rate)) for target, span in options.face]
+    found += [KeepOriginal(frames=resolve_frames(span, rate)) for span in options.keep]
+    for kind, values in ((Use, options.take), (Ban, options.ban)):
+        for (number, span, group), donor in values:
+            frames, chosen = resolve_span(span, rate), resolve_donor(donor, rate)
+            found.append(kind(number, chosen, frames=frames, group=group))
+    for selector, clips, tags in (
         (donor_constraints.OnlyFrom, options.only_from, options.only_tagged),
         (donor_constraints.NotFrom, options.not_from, options.not_tagged),
     ):
         if clips is not None or tags is not None:
-            found.append(kind(clips or (), tags=tags or ()))
+            found.append(selector(clips or (), tags=tags or ()))
     if options.max_stretch is not None:
         found.append(donor_constraints.MaxStretch(options.max_stretch))
     if options.max_angle is not None:
         found.append(donor_constraints.MaxAngle(math.radians(options.max_angle)))
-    return found
-
-
-def read_segment_constraints(
-    options: ConstraintOptions, rate: float
-) -> list[KeepOriginal | Use | Ban]:
-    """Return the constraints of ``--keep``, ``--take`` and ``--ban``; `rate` is in frames/s."""
-    found: list[KeepOriginal | Use | Ban] = [
-        KeepOriginal(frames=resolve_frames(span, rate)) for span in options.keep
-    ]
-    kinds: tuple[type[Use | Ban], ...] = (Use, Ban)
-    for kind, values in zip(kinds, (options.take, options.ban), strict=True):
-        for value, donor in values:
-            if isinstance(donor, tuple):
-                donor = (donor[0], *resolve_frames(donor[1:], rate))
-            frames = value.resolve_span(rate)
-            found.append(kind(value.number, donor, frames=frames, group=value.group))
     return found
 
 

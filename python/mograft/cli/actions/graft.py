@@ -23,7 +23,7 @@ from mograft.cli.output import print_error, print_remark, print_result, show_pro
 from mograft.cli.syntax.arguments import UsageError, arguments_of
 from mograft.cli.syntax.commands import DemoOptions
 from mograft.cli.syntax.options import GraftOptions
-from mograft.cli.syntax.values import resolve_frames
+from mograft.cli.syntax.values import resolve_donor, resolve_frames
 from mograft.config import Config
 from mograft.config_text import parse_fields
 from mograft.dancer import dance
@@ -55,7 +55,7 @@ _N_DEMO_GRAFTS = 3
 _NEAR_DEGREES = 1.0  # mean angle below which a motion counts as an earlier one again
 _PLACES = ("reach", "avoid", "avoid_self", "face")
 _DONORS = ("only_from", "not_from", "only_tagged", "not_tagged")
-_EDITS = ("change", "take", "ban", "keep", "reroll", *_PLACES, *_DONORS)
+_EDITS = ("change", "take", "ban", "keep", *_PLACES, *_DONORS)
 _OUTPUTS = ("output", "into", "as_", "report", "measure", "digits", "json", "force", "quiet")
 _ALLOWED = (*_EDITS, *_OUTPUTS, "verbose", "files", "from_")
 """Arguments that may be given with ``--from``; the provenance sets all others."""
@@ -118,8 +118,6 @@ def _check_options(options: GraftOptions) -> None:
     """Raise a UsageError if options without ``--from`` contradict each other."""
     if not options.files:
         raise UsageError("expected LIB or FILE")
-    if options.reroll:
-        raise UsageError("--reroll requires --from")
     if options.output.suffix.lower() == ".bvh" and options.count != 1:
         raise UsageError(
             f"-o must be a folder, or a .glb or .npz file, if -n is above 1, got {options.output}"
@@ -182,10 +180,9 @@ def _edit(graft: Graft, options: GraftOptions) -> list[Graft]:
     """Return the versions of a graft with the edits and changes that the options describe."""
     rate = graft.base.rate
     edits = configuration.read_constraints(options, rate)
-    reroll = [own.resolve_span(rate) or own.number or 0 for own in options.reroll]
     edited = graft
-    if edits or reroll:
-        edited = edit(graft, *edits, reroll=reroll, seed=options.seed)
+    if edits:
+        edited = edit(graft, *edits, seed=options.seed)
         command = shlex.join(options.words)
         commands = (*graft.request.edit_commands, command)
         edited = replace(edited, request=replace(edited.request, edit_commands=commands))
@@ -206,9 +203,8 @@ def _change(graft: Graft, options: GraftOptions) -> list[Graft]:
         changed = graft
         try:
             for group, span, donor in options.change:
-                if isinstance(donor, tuple):
-                    donor = (donor[0], *resolve_frames(donor[1:], rate))
-                changed = change(changed, group, resolve_frames(span, rate), donor, rank=rank)
+                frames, chosen = resolve_frames(span, rate), resolve_donor(donor, rate)
+                changed = change(changed, group, frames, chosen, rank=rank)
         except ValueError as error:
             message = re.sub(r"`(group|frames|donor)`", r"the \1 of --change", str(error))
             if not versions:
