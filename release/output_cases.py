@@ -271,7 +271,6 @@ GRAFT_OPTIONS = """
     --scenario graph --path 0,0:300,0:300,200
     --scenario graph --beats 120 --duration 20
     --scenario graph --among take1 --duration 20
-    --scenario 3,4,5,20,21,22
     --set seam=gradient
     --set seam=offset
     --set seam=paper

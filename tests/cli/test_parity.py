@@ -110,7 +110,6 @@ CASES = [
         "--only-violations --avoid sphere:10,100,20,15 --best-effort",
         make=lambda library: [mg.repair(library, constraints=[c.Avoid(c.Sphere(HAND, 15.0))])],
     ),
-    Case("--scenario 3,4,0", scenario=lambda _: [3, 4, 0]),
     Case(
         "--scenario graph --length 200", scenario=lambda library: mg.scenario.fill(library, 200, 0)
     ),

@@ -300,14 +300,11 @@ def _read_obstacle(kind: str, numbers: Sequence[float]) -> Obstacle:
 
 def check_scenario(options: GraftOptions) -> None:
     """Raise a UsageError if the options of the scenario contradict each other."""
-    scenario = options.scenario
-    numbers = [word.strip() for word in scenario.split(",")]
-    if scenario not in ("original", "graph") and not all(word.isdecimal() for word in numbers):
-        raise UsageError(f"--scenario must be original, graph or segment numbers; got {scenario}")
-    if scenario != "original" and options.base is not None:
+    is_graph = options.scenario == "graph"
+    if is_graph and options.base is not None:
         raise UsageError("--base cannot be combined with --scenario, which creates the base")
     given = [name for name in _GRAPH_OPTIONS if getattr(options, name) is not None]
-    if scenario != "graph" and given:
+    if given and not is_graph:
         raise UsageError(f"--{given[0]} requires --scenario graph")
     lengths = [name for name in given if name in ("duration", "length", "path")]
     if len(lengths) > 1:
@@ -316,14 +313,10 @@ def check_scenario(options: GraftOptions) -> None:
         raise UsageError(f"--{lengths[0]} cannot be combined with --beats")
 
 
-def read_scenario(
-    library: Library, options: GraftOptions
-) -> Sequence[int] | IntArray | Scenario | None:
+def read_scenario(library: Library, options: GraftOptions) -> IntArray | Scenario | None:
     """Return the base segments that ``--scenario`` selects, or None for a captured clip."""
     if options.scenario == "original":
         return None
-    if options.scenario != "graph":
-        return [int(word) for word in options.scenario.split(",")]
     seed, duration = options.seed or 0, options.duration or DEFAULT_DURATION
     check_duration(duration)
     graph = transitions(library, options.among)

@@ -1,6 +1,6 @@
 """Options of ``mograft graft`` and those that commands share, by heading of ``--help``."""
 
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from mograft.cli.syntax import values
 from mograft.cli.syntax.arguments import Options, option, positional, setting
@@ -176,10 +176,10 @@ class BaseOptions(Options, section="what to keep"):
 class ScenarioOptions(Options, section="scenario"):
     """Options for base motions that are not captured."""
 
-    scenario: Annotated[str, values.Value("original|graph|N,...")] = option(
+    scenario: Literal["original", "graph"] = option(
         "motion of the base group: original - a captured clip; graph - a random sequence of "
-        "segments, in which each segment continues the motion of the previous one; or indices of "
-        "segments in the library, which are joined in this order (default: original)",
+        "segments, in which each segment continues the motion of the previous one (default: "
+        "original)",
         default="original",
     )
     duration: values.Duration | None = option(
