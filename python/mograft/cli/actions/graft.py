@@ -78,19 +78,15 @@ def run(options: GraftOptions) -> int:
         library = configuration.load_library(options)
     else:
         files = tuple(expand_folders(files, include_grafts=options.include_grafts))
-    paths, page = graft_files.output_paths(
-        options, files[0] if library is None else library.names[0]
-    )
-    written = [*graft_files.files_of_grafts(paths), *([page] if options.report else [])]
-    graft_files.check_targets(written, options, files)
+    first = files[0] if library is None else library.names[0]
+    paths, page = graft_files.output_paths(options, first, files)
     if options.measure and find_spec("scipy") is None:
         raise ValueError("--measure needs SciPy: pip install 'mograft[evaluate]'")
     if library is None:
         strict = not has_folder(options.files)
         library = configuration.load_library(replace(options, files=files), strict=strict)
         if library.refused:  # the first file may be one of them
-            paths, page = graft_files.output_paths(options, library.names[0])
-            graft_files.check_targets(graft_files.files_of_grafts(paths), options, files)
+            paths, page = graft_files.output_paths(options, library.names[0], files)
     constraints = configuration.read_constraints(options, library.rate)
     if options.change:
         constraints.append(KeepOriginal())
@@ -153,7 +149,8 @@ def _run_replay(options: GraftOptions) -> int:
         paths = [path / f"{name}.bvh" for name in names]
     elif options.count > 1 and path.suffix.lower() == ".bvh":
         raise UsageError(f"-o must be a folder, .glb or .npz file if -n is above 1, got {path}")
-    graft_files.check_targets(graft_files.files_of_grafts(paths), options)
+    page = paths[0].with_suffix(".html")
+    graft_files.check_targets(paths, options, page=page if options.report else None)
     folder = library_folder(options.files)
     library = None if folder is None else Library.open(folder)
     sources = options.files if library is None else ()
@@ -172,7 +169,7 @@ def _run_replay(options: GraftOptions) -> int:
             return 4  # The edits contradict each other or the constraints of the graft.
     if not options.given("digits"):
         options = replace(options, digits=record.digits)
-    _write_results(grafts, paths, paths[0].with_suffix(".html"), options)
+    _write_results(grafts, paths, page, options)
     return 0
 
 
@@ -330,7 +327,7 @@ def _write_results(
             text = ", ".join(f"{name} {text}" for name, text in columns[-1].items())
             measured = f"  {text}; ranges: parts of the base"
         if not is_together:
-            write_graft(own, path, section, digits=options.digits)
+            write_graft(own, path, [section], digits=options.digits)
         if options.json:
             record = {**graft_record(own, path.parent), "digits": options.digits}
             documents.append({"file": str(path), **record, **section, "newness": new.as_dict()})
@@ -344,7 +341,9 @@ def _write_results(
         if is_together or (options.report and len(kept) < _MAX_REPORTED):
             kept.append(own)
     if is_together:
-        kept = graft_files.write_together(kept, paths[0], sections, options)
+        update = options.into is not None
+        names = write_graft(kept, paths[0], sections, update=update, force=options.force)
+        kept = list(map(graft_files.renamed, kept, names))
         if not options.json:
             print(paths[0])
     _print_remarks(own, substitutions, n_near, options)
