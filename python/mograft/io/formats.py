@@ -243,8 +243,8 @@ def find_addresses(address: str, *, skeleton: Skeleton | None = None) -> list[st
     """Return the addresses of all clips that an address stands for, in the order of the file.
 
     A path stands for all clips of the file, ``path#pattern`` for those that `Clips.find` returns.
-    Clips of one frame are poses: they are left out if the format states the lengths of clips, and
-    another of the clips has more frames. Raises `FormatError` if there is no clip, ValueError if no
+    Clips of one frame are poses: they are left out if `Clips.count_frames` finds them, and another
+    of the clips has more frames. Raises `FormatError` if there is no clip, ValueError if no
     name matches, and the errors of `read`.
     """
     path, pattern = split_address(address)
@@ -252,9 +252,8 @@ def find_addresses(address: str, *, skeleton: Skeleton | None = None) -> list[st
     found = range(len(clips)) if pattern is None else clips.find(pattern)
     if not found:
         raise FormatError("expected at least one motion, got none", path)
-    lengths = clips.lengths
-    if len(found) > 1 and lengths is not None:
-        found = [index for index in found if lengths[index].n_frames > 1] or found
+    if len(found) > 1 and clips.count_frames is not None:
+        found = [index for index in found if clips.count_frames(index) > 1] or found
     return [clips.address(index) for index in found]
 
 
