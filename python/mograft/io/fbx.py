@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from mograft._util.arrays import IntArray
+from mograft._util.extras import import_extra
 from mograft._util.names import unique_names
 from mograft.errors import FormatError, join_names
 from mograft.io.clips import Clips, errors_of_file
@@ -97,14 +98,8 @@ def figure_joints(scene: Any) -> IntArray:  # noqa: ANN401 - an object of the ex
 
 def load_scene(path: Path, data: bytes, **options: bool) -> Any:  # noqa: ANN401
     """Parse a file with the extension; `options` may have ``with_geometry``."""
-    try:
-        import mograft_fbx
-    except ImportError as error:
-        raise ModuleNotFoundError(
-            "FBX needs mograft-fbx: pip install 'mograft[fbx]', or pip install ./python-fbx in the "
-            "repository of mograft",
-            name="mograft_fbx",
-        ) from error
+    need = "FBX needs mograft-fbx (./python-fbx in the repository of mograft)"
+    mograft_fbx = import_extra("mograft_fbx", need, "fbx")
     try:
         scene = mograft_fbx.Scene(data, _MEMORY_BYTES + _MEMORY_FACTOR * len(data), **options)
     except ValueError as error:

@@ -217,16 +217,14 @@ def absolute_address(address: str) -> str:
     return join_address(os.path.abspath(path), clip)
 
 
-def read_clip(
-    address: str | os.PathLike[str], *, rate: float | None = None, skeleton: Skeleton | None = None
-) -> Motion:
+def read_clip(address: str | os.PathLike[str], *, skeleton: Skeleton | None = None) -> Motion:
     """Read the motion at an address.
 
-    `rate` and `skeleton` are as for `read`. Raises `FormatError` unless the address stands for
+    `skeleton` is as for `read`. Raises `FormatError` unless the address stands for
     exactly one clip, and the errors of `read`.
     """
     path, pattern = split_address(os.fspath(address))
-    clips = open_clips(path, rate=rate, skeleton=skeleton)
+    clips = open_clips(path, skeleton=skeleton)
     found = [*range(len(clips))] if pattern is None else clips.find(pattern)
     if pattern is None:
         found = [index for index in found if clips.clip(index) is None] or found
@@ -257,24 +255,23 @@ def find_addresses(address: str, *, skeleton: Skeleton | None = None) -> list[st
     return [clips.address(index) for index in found]
 
 
-def open_clips(path: str, *, rate: float | None = None, skeleton: Skeleton | None = None) -> Clips:
-    """Return the clips of a file as `read` does.
+def open_clips(path: str, *, skeleton: Skeleton | None = None) -> Clips:
+    """Return the clips of a file as `read` does, at the rate of the file.
 
     The result of the last call is kept, and returned again unless the file has changed: a file is
     not parsed again for each of its clips.
     """
     if not os.path.isfile(path):
-        return read(path, rate=rate, skeleton=skeleton)
+        return read(path, skeleton=skeleton)
     status = os.stat(path)
     state = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
-    return _read_once(path, state, rate, skeleton)
+    return _read_once(path, state, skeleton)
 
 
 @lru_cache(maxsize=1)
 def _read_once(
     path: str,
     state: tuple[int, ...],  # noqa: ARG001 - part of the key
-    rate: float | None,
     skeleton: Skeleton | None,
 ) -> Clips:
-    return read(path, rate=rate, skeleton=skeleton)
+    return read(path, skeleton=skeleton)
