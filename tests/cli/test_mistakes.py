@@ -125,7 +125,7 @@ MISTAKES = [
     ("graft a.bvh -o x --take 24", USAGE, "expected SEGMENT=CLIP:FIRST-LAST, such as"),
     ("graft a.bvh -o x --ban 3=", USAGE, "expected SEGMENT, SEGMENT=CLIP or"),
     ("graft a.bvh -o x --only-violations -n 2", USAGE,
-     "-n must be 1 with --only-violations, got 2"),
+     "--count cannot be combined with --only-violations"),
     ("graft a.bvh -o x --only-violations --scenario graph", USAGE,
      "--scenario cannot be combined with --only-violations"),
     ("graft -o x", USAGE, "expected LIB or FILE"),
@@ -152,10 +152,10 @@ MISTAKES = [
     # Constraints that nothing satisfies
     ("graft a.bvh -o x --reach 9:LeftHand:0,9999,0", INFEASIBLE, "1 of 1 motions violate the "
      "constraints, because no donor sequence satisfies them; no motion was written; --set "
-     "reach_ik=1 is not enough; --only-violations also tries less similar donors; --best-effort "
-     "writes all"),
+     "reach_ik=1 moves limbs farther; --only-violations also tries less similar donors; "
+     "--best-effort writes all"),
     ("graft a.bvh -o x --reach 9:LeftHand:@chest+0,0.1,0.3 --set reach_ik=0", INFEASIBLE,
-     "no motion was written; --set reach_ik=1 satisfies them; --only-violations also tries"),
+     "no motion was written; --set reach_ik=1 moves limbs farther; --only-violations"),
     ("graft a.bvh b.bvh -o x --only-from b --set sigma_scale=1e-6", INFEASIBLE,
      "no motion was written; a larger --variety allows less similar donors; --best-effort writes"),
 ]  # fmt: skip

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mograft._util.arrays import IntArray
-from mograft._util.documents import parse_document
+from mograft._util.documents import read_document
 from mograft._util.names import automatic_number, is_automatic
 from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders, library_folder
@@ -55,6 +55,14 @@ FIXED_OPTIONS = ("groups", "preset", "match", "skeleton")
 """Options that can only be set when a library is created."""
 
 _GRAPH_OPTIONS = ("duration", "length", "path", "beats", "among")
+_CONFLICTS = {
+    "only_violations": ("change", "count", "scenario"),
+    "scenario": ("base",),
+    "duration": ("length", "path"),
+    "length": ("path",),
+    "beats": ("length", "path"),
+}
+"""Options that cannot be combined."""
 
 _FIXED_FIELDS = Config.fields_of(*BUILD_STAGES)
 """Fields of `Config` that can only be set when a library is created."""
@@ -202,7 +210,7 @@ def _with_options(config: Config, options: FieldOptions, *, is_stored: bool = Fa
         fields = _with_variety(configured, given, options)
         path = fields.get("segmentation")
         if isinstance(path, str) and path.endswith(".json"):
-            fields["segmentation"] = _read_json(Path(path))
+            fields["segmentation"] = read_document(Path(path))
         if isinstance(options, ConstraintOptions):
             fields = _with_limits(config, fields, options)
         return Config.from_dict(config.as_dict() | fields)
@@ -234,14 +242,6 @@ def _with_limits(
         if limit is not None:
             fields = fields | {name: max(fields.get(name, getattr(config, name)), limit)}
     return fields
-
-
-def _read_json(path: Path) -> object:
-    """Read a JSON file, such as the cut frames of each clip; the error names the file."""
-    try:
-        return parse_document(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
 
 
 def read_constraints(options: ConstraintOptions, rate: float) -> list[Constraint]:
@@ -298,19 +298,15 @@ def _read_obstacle(kind: str, numbers: Sequence[float]) -> Obstacle:
         raise UsageError(f"--avoid {kind}: {error}") from None
 
 
-def check_scenario(options: GraftOptions) -> None:
-    """Raise a UsageError if the options of the scenario contradict each other."""
-    is_graph = options.scenario == "graph"
-    if is_graph and options.base is not None:
-        raise UsageError("--base cannot be combined with --scenario, which creates the base")
-    given = [name for name in _GRAPH_OPTIONS if getattr(options, name) is not None]
-    if given and not is_graph:
-        raise UsageError(f"--{given[0]} requires --scenario graph")
-    lengths = [name for name in given if name in ("duration", "length", "path")]
-    if len(lengths) > 1:
-        raise UsageError(f"--{lengths[1]} cannot be combined with --{lengths[0]}")
-    if "beats" in given and lengths not in ([], ["duration"]):
-        raise UsageError(f"--{lengths[0]} cannot be combined with --beats")
+def check_combinations(options: GraftOptions) -> None:
+    """Raise a UsageError if options for new grafts contradict each other."""
+    names = options.changed()
+    if options.scenario != "graph":
+        for graph_option in filter(names.get, _GRAPH_OPTIONS):
+            raise UsageError(f"--{graph_option} requires --scenario graph")
+    for name, others in _CONFLICTS.items():
+        for other in filter(names.get, others if name in names else ()):
+            raise UsageError(f"--{names[other]} cannot be combined with --{names[name]}")
 
 
 def read_scenario(library: Library, options: GraftOptions) -> IntArray | Scenario | None:

@@ -20,7 +20,7 @@ from mograft.cli.files import (
     library_folder,
 )
 from mograft.cli.output import print_error, print_remark, print_result, show_progress, with_flags
-from mograft.cli.syntax.arguments import UsageError, arguments_of
+from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import DemoOptions
 from mograft.cli.syntax.options import GraftOptions
 from mograft.cli.syntax.values import resolve_donor, resolve_frames
@@ -120,13 +120,7 @@ def _check_options(options: GraftOptions) -> None:
         )
     if options.distinct > 180.0:
         raise UsageError(f"--distinct must be at most 180, got {options.distinct:g}")
-    if options.only_violations and options.change:
-        raise UsageError("--change cannot be combined with --only-violations")
-    if options.only_violations and options.count != 1:
-        raise UsageError(f"-n must be 1 with --only-violations, got {options.count}")
-    if options.only_violations and options.scenario != "original":
-        raise UsageError("--scenario cannot be combined with --only-violations")
-    configuration.check_scenario(options)
+    configuration.check_combinations(options)
 
 
 def _run_replay(options: GraftOptions) -> int:
@@ -134,11 +128,9 @@ def _run_replay(options: GraftOptions) -> int:
     is_edit = any(getattr(options, name) for name in _EDITS)
     allowed = (*_ALLOWED, "seed", "best_effort") if is_edit else _ALLOWED
     allowed = (*allowed, "set", *(("count",) if options.change else ()))
-    for argument in arguments_of(GraftOptions):
-        name = argument.dest
-        is_set = getattr(options, name) not in (argument.default, None)
-        if is_set and name not in options.origins and name not in allowed:
-            raise UsageError(f"--{argument.name} cannot be combined with --from")
+    for field, name in options.changed().items():
+        if field not in (*options.origins, *allowed):
+            raise UsageError(f"--{name} cannot be combined with --from")
     source, path = options.from_ or "", options.output
     record = read_record(source)
     names = [record.name]
