@@ -106,7 +106,7 @@ def test_several_changes_and_edits_replay_to_the_same_bytes(library, graft, data
         current = mg.change(current, group, frames, donor)
         spans.append(frames)
         if data.draw(st.booleans()):
-            current = mg.edit(current, reroll=[data.draw(st.integers(0, 20))])
+            current = mg.edit(current, mg.constraints.Ban(data.draw(st.integers(0, 20))))
     check_replays(current)
     pristine = current.unchanged
     for own in current.changes:
@@ -324,7 +324,7 @@ def test_replay_damaged_change_raises(library, graft, key):
 @few_examples(8)
 @given(st.data(), st.sampled_from([{"seam_blend": 0.6}, {"seam": "offset"}, {"torso": "pelvis"}]))
 def test_replay_with_other_blending_keeps_donors_and_replays(library, graft, data, fields):
-    edited = mg.change(mg.edit(graft, reroll=[9]), *data.draw(changes(library)))
+    edited = mg.change(mg.edit(graft, mg.constraints.Ban(9)), *data.draw(changes(library)))
     config = replace(library.config, **fields)
     other = mg.replay(mg.graft_record(edited), library, config=config)
     assert all((other.donors[name] == own).all() for name, own in edited.donors.items())
