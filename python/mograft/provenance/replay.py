@@ -189,7 +189,7 @@ def _read_changes(record: GraftRecord, plan: GraftPlan) -> list[Change]:
             clip_frames=as_frames(own["clip_frames"]),
             command=own["command"],
         )
-        is_known = made.group in plan.pools and made.clip in clips.names
+        is_known = made.clip in clips.names
         n_frames = is_known and clips.clips[clips.names.index(made.clip)].n_frames
         spans = ((made.frames, plan.problem.base.n_frames), (made.clip_frames, n_frames))
         if not all(0 <= first < last < n for (first, last), n in spans):

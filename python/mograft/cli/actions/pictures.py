@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mograft._util.atomic import write_bytes
+from mograft._util.extras import import_extra
 from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
 from mograft.analysis.group_discovery import GroupDiscovery
 from mograft.body.groups import JointGroups
@@ -105,10 +106,7 @@ def run_plot(options: PlotOptions) -> int:
     target = options.output
     check_suffix(target, ".png", ".svg", ".pdf")
     check_writable([target], force=options.force, inputs=options.files)
-    try:
-        import matplotlib as mpl
-    except ImportError as error:
-        raise ValueError("plots need matplotlib: pip install 'mograft[plot]'") from error
+    mpl = import_extra("matplotlib", "plots need matplotlib", "plot")
     mpl.use("agg")
     metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(target.suffix.lower())
     from matplotlib import pyplot

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from mograft import __version__
-from mograft._util.documents import parse_document
+from mograft._util.documents import read_document
 from mograft.cli.syntax.arguments import SECTIONS, Argument, Command, Options
 from mograft.errors import suggest_name
 
@@ -255,10 +255,7 @@ def _read_file(path: Path, command: Command, commands: Sequence[Command]) -> dic
     Keys before all tables apply to every command; the table of the command overrides them.
     `commands` are all commands, whose names are the allowed names of tables.
     """
-    try:
-        document = parse_document(path.read_text(encoding="utf-8"), "TOML")
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+    document = read_document(path, "TOML")
     known = {each.name: {argument.dest for argument in each.settings()} for each in commands}
     shared = {k: v for k, v in document.items() if k == "set" or not isinstance(v, dict)}
     for name in document.keys() - shared.keys() - known.keys():
