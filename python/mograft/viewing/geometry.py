@@ -158,7 +158,7 @@ def _drawn_bones(
         elif part == "foot" or (node >= skeleton.n_joints and part in ("head", "hand")):
             shape = part
         elif part == "pelvis":  # It is wider than the trunk, in which it ends.
-            radius = RADII["thigh"] if parts[node] == "thigh" else 1.06 * radius
+            radius = 1.06 * radius if parts[node] == "trunk" else RADII["thigh"]
         bones.append(Bone(joint, offsets[node], radius * height, shape))
     return bones
 
