@@ -279,7 +279,7 @@ def test_viewer_draws_obstacles_and_targets(browser, motion, tmp_path, name):
     assert shares[1] > shares[0] + 2e-4, shares
 
 
-def test_viewer_range_is_selected_by_drag_and_repeats(browser, path, new):
+def test_viewer_range_is_selected_by_drag_and_repeats(browser, path):
     with open_page(browser, path) as page:
         first, last = page.evaluate("mograft.state.window")
         box = page.locator("[data-part=rows]").bounding_box()
