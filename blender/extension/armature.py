@@ -1,0 +1,437 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Armatures as skeletons of mograft, and their actions as motions, in world space.
+
+A pose bone turns and moves relative to its rest pose in axes of its own. mograft, as BVH, has world
+axes in the rest pose. Both directions go through the poses of all bones in the space of the
+armature, so that bones that inherit no rotation, and parents outside of the figure, are right.
+"""
+
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from mograft import rotations
+from mograft.io.rest_pose import RestPose, rebase, restore
+
+from .curves import (
+    BONE_PATH,
+    OBJECT_CHANNELS,
+    find_bag,
+    find_curves,
+    find_slot,
+    frames_of,
+    sample_channel,
+    write_channel,
+)
+
+OBJECT_JOINT = "Object"
+REST_ANGLES = {
+    "rotation_quaternion": (1, 0, 0, 0),
+    "rotation_axis_angle": (0, 0, 1, 0),
+    "rotation_euler": (0, 0, 0),
+}
+UNITY = np.array([0.0, 0.0, 0.0, 1.0])
+TOLERANCE = 1e-4
+"""Relative difference up to which scales count as equal."""
+
+
+class RefusedError(Exception):
+    """What cannot be grafted, in words for the user."""
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where an armature stands: the transform of its object, or of what its object moves in."""
+
+    location: tuple
+    rotation: tuple  # xyzw
+    scale: float
+    rest: tuple | None = None  # rotation of an animated object that counts as its rest pose
+
+    @property
+    def world_rest(self):
+        """The rotation from the space of the armature to the world in the rest pose."""
+        turn = np.array(self.rotation)
+        return turn if self.rest is None else rotations.multiply(turn, np.array(self.rest))
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The bones of an armature that form a figure."""
+
+    owner: object
+    placement: Placement
+    bones: tuple  # of Bone, parents first
+    parents: tuple  # index of the joint above each bone; -1 for none
+    rest: RestPose
+    heads: np.ndarray  # rest positions in the space of the armature, (n_bones, 3)
+    turns: np.ndarray  # rest rotations in the space of the armature, (n_bones, 4)
+
+    @property
+    def has_object(self):
+        """Whether the object is the first joint, before the bones."""
+        return self.placement.rest is not None
+
+
+def check_armature(owner):
+    """Raise RefusedError if the actions of an object cannot be grafted."""
+    if owner is None or owner.type != "ARMATURE":
+        raise RefusedError("Select an armature")
+    for block in (owner, owner.data):
+        if block.library is not None:
+            raise RefusedError(
+                f"{owner.name} is linked from {block.library.filepath}: make it local, or open "
+                "that file"
+            )
+    if owner.override_library is not None:
+        raise RefusedError(f"{owner.name} is a library override: make it local")
+    if owner.mode == "EDIT":
+        raise RefusedError(f"{owner.name} is in edit mode: leave it with Tab")
+
+
+def place(owner, actions):
+    """Return where an armature stands; its object is a joint if one of `actions` moves it."""
+    curves = next(
+        (
+            found
+            for found in (find_curves(own, owner) for own in actions)
+            if any(
+                path in ("location", "rotation_euler", "rotation_quaternion") for path, _ in found
+            )
+        ),
+        None,
+    )
+    if curves is None and sum(own.parent is None for own in owner.data.bones) == 1:
+        return Placement(*_decompose(owner, owner.matrix_world))
+    curves = {} if curves is None else curves
+    matrix = owner.matrix_parent_inverse.copy()
+    if owner.parent is not None:
+        matrix = owner.parent.matrix_world @ matrix
+    location, turn, scale = _decompose(owner, matrix)
+    frame = np.array([min((c.range()[0] for c in curves.values()), default=0.0)])
+    size = sample_channel(curves, "scale", 3, frame, owner.scale)[0]
+    if np.ptp(size) > TOLERANCE * size.max() or size.min() <= 0:
+        raise RefusedError(f"The scale of {owner.name} differs between the axes: apply it")
+    rest = _rotations_of(owner, curves, "", frame)[0]
+    return Placement(location, turn, scale * float(size[0]), tuple(rest.tolist()))
+
+
+def _decompose(owner, matrix):
+    location, turn, scale = matrix.decompose()
+    if max(scale) - min(scale) > TOLERANCE * max(scale) or min(scale) <= 0:
+        raise RefusedError(f"The scale of {owner.name} differs between the axes: apply it")
+    return tuple(location), (turn.x, turn.y, turn.z, turn.w), sum(scale) / 3
+
+
+def make_rig(owner, placement, *, is_deform_only=False):
+    """Return the figure that the bones of an armature form."""
+    bones = [own for own in _parents_first(owner) if own.use_deform or not is_deform_only]
+    if not bones:
+        raise RefusedError(f"{owner.name} has no deform bones")
+    index = {own.name: i for i, own in enumerate(bones)}
+    has_object = placement.rest is not None
+    parents = []
+    for number, bone in enumerate(bones):
+        above = (_joint_of(own, index) for own in bone.parent_recursive)
+        known = (own for own in above if own is not None and own < number)
+        parents.append(next(known, -1))
+    matrices = np.array([own.matrix_local for own in bones])
+    heads, turns = matrices[:, :3, 3], rotations.from_matrices(_orthogonal(matrices[:, :3, :3]))
+    names, links = [own.name for own in bones], np.array(parents)
+    location, base = np.array(placement.location), placement.world_rest
+    places = rotations.rotate(base, placement.scale * heads)
+    quats = rotations.multiply(base, turns)
+    if has_object:
+        names, links = [OBJECT_JOINT, *names], np.concatenate([[-1], links + 1])
+        quats, places = np.vstack([base, quats]), np.vstack([np.zeros(3), places])
+    elif parents.count(-1) > 1:
+        roots = ", ".join(own.name for own, above in zip(bones, parents) if above < 0)
+        raise RefusedError(f"The deform bones of {owner.name} have several roots: {roots}")
+    rest = RestPose(tuple(names), links, quats, places + location)
+    return Rig(owner, placement, tuple(bones), tuple(parents), rest, heads, turns)
+
+
+def _joint_of(bone, index):
+    """Return the joint of a bone above; an ORG bone of Rigify stands for its deform bone."""
+    own = index.get(bone.name)
+    return index.get("DEF-" + bone.name.removeprefix("ORG-")) if own is None else own
+
+
+def _parents_first(owner):
+    found, stack = [], [own for own in reversed(owner.data.bones) if own.parent is None]
+    while stack:
+        found.append(stack.pop())
+        stack += reversed(found[-1].children)
+    return found
+
+
+def _orthogonal(matrices):
+    left, _, right = np.linalg.svd(matrices)
+    return left @ right
+
+
+def find_scaled_bones(rig, action):
+    """Return the names of bones whose scale an action changes; grafts do not consider scale."""
+    curves = find_curves(action, rig.owner)
+    found = []
+    for bone in rig.bones:
+        path = _path(rig.owner, bone, "scale")
+        ends = [curves[path, i] for i in range(3) if (path, i) in curves]
+        values = [point.co[1] for curve in ends for point in curve.keyframe_points]
+        if values and max(abs(own - 1.0) for own in values) > 1e-3:
+            found.append(bone.name)
+    return found
+
+
+def _path(owner, bone, channel):
+    return owner.pose.bones[bone.name].path_from_id(channel)
+
+
+def _rotations_of(owned, curves, prefix, frames):
+    """Return the rotations of an object or pose bone in frames, from the curves of its mode."""
+    mode, defaults = owned.rotation_mode, REST_ANGLES
+    if not prefix:  # an object need not stand straight without keys
+        defaults = {name: tuple(getattr(owned, name)) for name in REST_ANGLES}
+    channel = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}.get(
+        mode, "rotation_euler"
+    )
+    default = defaults[channel]
+    values = sample_channel(curves, prefix + channel, len(default), frames, default)
+    if mode == "QUATERNION":
+        quats = values[:, [1, 2, 3, 0]]
+        norms = np.linalg.norm(quats, axis=1, keepdims=True)
+        return np.where(norms > 1e-9, quats / np.maximum(norms, 1e-9), UNITY)
+    if mode == "AXIS_ANGLE":
+        norms = np.linalg.norm(values[:, 1:], axis=1, keepdims=True)
+        axes = np.where(norms > 1e-9, values[:, 1:] / np.maximum(norms, 1e-9), (0, 1, 0))
+        return rotations.exp(axes * values[:, :1])
+    order = mode[::-1]  # Blender turns about the fixed axes, in the order of the name
+    return rotations.from_euler(values[:, ["XYZ".index(own) for own in order]], order)
+
+
+def _angles_of(owned, quats):
+    """Return the channel and the values that give rotations in the mode of a pose bone."""
+    mode = owned.rotation_mode
+    if mode == "QUATERNION":
+        quats = rotations.continuous_signs(np.ascontiguousarray(quats))
+        return "rotation_quaternion", quats[:, [3, 0, 1, 2]]
+    if mode == "AXIS_ANGLE":
+        turns = rotations.log(quats)
+        angles = np.linalg.norm(turns, axis=1, keepdims=True)
+        axes = np.where(angles > 1e-9, turns / np.maximum(angles, 1e-9), (0, 1, 0))
+        return "rotation_axis_angle", np.hstack([angles, axes])
+    order = mode[::-1]
+    angles = rotations.to_euler(np.ascontiguousarray(quats), order)
+    return "rotation_euler", angles[:, [order.index(own) for own in "XYZ"]]
+
+
+def _bases(rig, number, above):
+    """Return the axes of rotation, those of location, and the origin of a bone in each frame.
+
+    `above` has the rotation and position of the bone's parent, or is None.
+    """
+    bone = rig.bones[number]
+    if above is None:
+        return (
+            rig.turns[number],
+            rig.turns[number] if bone.use_local_location else UNITY,
+            rig.heads[number],
+        )
+    turn, position = above
+    rest = np.array(bone.parent.matrix_local)
+    rest_turn = rotations.from_matrices(_orthogonal(rest[:3, :3]))
+    link = rotations.multiply(rotations.inverse(rest_turn), rig.turns[number])
+    offset = rotations.rotate(rotations.inverse(rest_turn), rig.heads[number] - rest[:3, 3])
+    moved = rotations.multiply(turn, link)
+    return (
+        moved if bone.use_inherit_rotation else rig.turns[number],
+        moved if bone.use_local_location else turn,
+        position + rotations.rotate(turn, offset),
+    )
+
+
+def read_action(rig, action, rate, span=None):
+    """Return the motion of an action, sampled in whole frames.
+
+    Channels without curves have their rest values. Cyclic and other modifiers are evaluated.
+    """
+    first, last = frames_of(action) if span is None else span
+    frames = np.arange(first, last + 1)
+    owner, curves = rig.owner, find_curves(action, rig.owner)
+    if len(frames) < 2:
+        raise RefusedError(f"{action.name} has one frame: an action to graft needs several")
+    if not any(BONE_PATH.match(path) for path, _ in curves):
+        raise RefusedError(f"{action.name} animates no bone of {owner.name}")
+    turns = np.empty((len(frames), len(rig.bones), 4))
+    places = np.empty((len(frames), len(rig.bones), 3))
+    numbers = {own.name: i for i, own in enumerate(rig.bones)}
+    for number, bone in enumerate(rig.bones):
+        above = None
+        if bone.parent is not None:
+            parent = numbers.get(bone.parent.name)
+            if parent is None:
+                raise RefusedError(
+                    f"{bone.name} is below {bone.parent.name}, which is no deform bone: choose "
+                    "Visual"
+                )
+            above = turns[:, parent], places[:, parent]
+        own = owner.pose.bones[bone.name]
+        axes, move, origin = _bases(rig, number, above)
+        quats = _rotations_of(own, curves, own.path_from_id() + ".", frames)
+        turns[:, number], places[:, number] = rotations.multiply(axes, quats), origin
+        path = own.path_from_id("location")
+        if not bone.use_connect and any((path, i) in curves for i in range(3)):
+            shift = sample_channel(curves, path, 3, frames, (0, 0, 0))
+            places[:, number] += rotations.rotate(move, shift)
+    return _to_motion(rig, action, curves, frames, turns, places, rate)
+
+
+def _to_motion(rig, action, curves, frames, turns, places, rate):
+    """Return the motion of bones given in the space of the armature."""
+    placement, owner = rig.placement, rig.owner
+    object_turns = np.tile(np.array(placement.rotation), (len(frames), 1))
+    object_places = np.tile(np.array(placement.location), (len(frames), 1))
+    if rig.has_object:
+        outer = np.array(placement.rotation)
+        own = _rotations_of(owner, curves, "", frames)
+        moved = sample_channel(curves, "location", 3, frames, owner.location)
+        factor = placement.scale / sample_channel(curves, "scale", 3, frames[:1], owner.scale)[0, 0]
+        object_places = object_places + rotations.rotate(outer, factor * moved)
+        object_turns = rotations.multiply(outer, own)
+    quats = rotations.multiply(object_turns[:, None], turns)
+    points = object_places[:, None] + rotations.rotate(
+        object_turns[:, None], placement.scale * places
+    )
+    if rig.has_object:
+        quats = np.concatenate([object_turns[:, None], quats], axis=1)
+        points = np.concatenate([object_places[:, None], points], axis=1)
+    return rebase(rig.rest, quats, points, 1.0 / rate, name=action.name)
+
+
+def sample_visual(rig, action, rate):
+    """Return the motion of the evaluated pose, and the evaluated parents outside of the figure.
+
+    Constraints and drivers are evaluated in every frame. The scene is left as it was.
+    """
+    first, last = frames_of(action)
+    frames = np.arange(first, last + 1)
+    if len(frames) < 2:
+        raise RefusedError(f"{action.name} has one frame: an action to graft needs several")
+    owner, scene = rig.owner, bpy.context.scene
+    parents = {b.parent.name for b in rig.bones if b.parent} - {b.name for b in rig.bones}
+    names = [*(own.name for own in rig.bones), *sorted(parents)]
+    matrices = np.empty((len(frames), len(names), 4, 4), np.float32)
+    with Shown(owner, action):
+        graph = bpy.context.evaluated_depsgraph_get()
+        for row, frame in enumerate(frames.tolist()):
+            scene.frame_set(frame)
+            pose = owner.evaluated_get(graph).pose.bones
+            matrices[row] = [pose[own].matrix for own in names]
+    quats = rotations.from_matrices(_orthogonal(matrices[..., :3, :3].astype(float)))
+    places = matrices[..., :3, 3].astype(float)
+    n, curves = len(rig.bones), find_curves(action, owner)
+    motion = _to_motion(rig, action, curves, frames, quats[:, :n], places[:, :n], rate)
+    outside = {own: (quats[:, n + i], places[:, n + i]) for i, own in enumerate(names[n:])}
+    return motion, outside
+
+
+class Shown:
+    """While a block runs, an armature has an action; then action, pose and frame are restored."""
+
+    def __init__(self, owner, action):
+        self.owner, self.action = owner, action
+
+    def __enter__(self):
+        scene, data = bpy.context.scene, self.owner.animation_data_create()
+        self.frame = scene.frame_current, scene.frame_subframe
+        self.old = data.action, getattr(data, "action_slot", None), data.use_nla
+        self.pose = [(own, own.matrix_basis.copy()) for own in self.owner.pose.bones]
+        self.channels = [
+            tuple(tuple(getattr(own, name)) for name in CHANNELS) for own, _ in self.pose
+        ]
+        data.use_nla = False
+        show(self.owner, self.action)
+
+    def __exit__(self, *_):
+        data = self.owner.animation_data
+        data.action, slot, data.use_nla = self.old
+        if slot is not None:
+            data.action_slot = slot
+        bpy.context.scene.frame_set(self.frame[0], subframe=self.frame[1])
+        for (own, _), values in zip(self.pose, self.channels):
+            for name, value in zip(CHANNELS, values):
+                setattr(own, name, value)
+
+
+CHANNELS = ("location", "scale", "rotation_euler", "rotation_quaternion", "rotation_axis_angle")
+
+
+def show(owner, action):
+    """Assign an action, with its slot, to an armature."""
+    data, slot = owner.animation_data_create(), find_slot(action, owner)
+    data.action = action
+    if slot is not None and data.action_slot != slot:
+        data.action_slot = slot
+
+
+def write_action(rig, action, first, motion, base, outside=None):
+    """Key the bones in which a motion differs from its base; return their names.
+
+    `action` is a copy of the action of the base. `outside` has the poses of parents that are not in
+    the figure, if it was sampled as evaluated.
+    """
+    owner, skip = rig.owner, int(rig.has_object)
+    frames = np.arange(first, first + motion.n_frames)
+    turns, places = restore(rig.rest, motion)
+    turns, places = _to_armature(rig, turns, places)
+    differs = (motion.rotations != base.rotations).any(axis=(0, 2))
+    moves = (motion.positions != base.positions).any(axis=(0, 2))
+    if skip and (differs[0] or moves[0]):
+        raise RefusedError("The object moves with an exchanged group: put it in the base group")
+    bag = find_bag(action, find_slot(action, owner))
+    numbers = {own.name: i for i, own in enumerate(rig.bones)}
+    written, is_changed = [], np.zeros(len(rig.bones), bool)
+    for number, bone in enumerate(rig.bones):
+        joint, parent = number + skip, rig.parents[number]
+        is_outside = bone.parent is not None and bone.parent.name not in numbers
+        is_bound = bone.use_inherit_rotation and not is_outside
+        below = parent >= 0 and is_changed[parent]
+        is_changed[number] = differs[joint] or moves[joint] or below
+        if not (differs[joint] or moves[joint] or (below and not is_bound)):
+            continue
+        above = None
+        if is_outside:
+            above = outside[bone.parent.name]
+        elif bone.parent is not None:
+            above = turns[:, numbers[bone.parent.name]], places[:, numbers[bone.parent.name]]
+        own = owner.pose.bones[bone.name]
+        axes, move, origin = _bases(rig, number, above)
+        channel, values = _angles_of(
+            own, rotations.multiply(rotations.inverse(axes), turns[:, number])
+        )
+        write_channel(bag, own.path_from_id(channel), bone.name, frames, values)
+        if (moves[joint] or not is_bound or outside is not None) and not bone.use_connect:
+            shift = rotations.rotate(rotations.inverse(move), places[:, number] - origin)
+            write_channel(bag, own.path_from_id("location"), bone.name, frames, shift)
+        written.append(bone.name)
+    return written
+
+
+def _to_armature(rig, turns, places):
+    """Return world rotations and positions of bones in the space of the armature."""
+    placement = rig.placement
+    object_turns, object_places = np.array(placement.rotation), np.array(placement.location)
+    if rig.has_object:
+        object_turns, object_places = turns[:, :1], places[:, :1]
+        turns, places = turns[:, 1:], places[:, 1:]
+    back = rotations.inverse(object_turns)
+    return (
+        rotations.multiply(back, turns),
+        rotations.rotate(back, places - object_places) / placement.scale,
+    )
+
+
+def has_object_curves(action, owner):
+    """Return whether an action moves the object of an armature."""
+    return any(path in OBJECT_CHANNELS for path, _ in find_curves(action, owner))
