@@ -29,7 +29,7 @@ PLATFORMS = {
 
 ALLOWED_IMPORTS = {
     *("bl_ui", "bpy", "mathutils", "mograft", "numpy"),
-    *("dataclasses", "hashlib", "json", "re", "threading", "traceback", "warnings"),
+    *("dataclasses", "hashlib", "json", "pathlib", "re", "threading", "traceback", "warnings"),
 }
 """Packages that the extension may import: none of them opens connections or starts processes."""
 

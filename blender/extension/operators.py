@@ -1,0 +1,282 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Operators that make grafts: generate, batch and repeat; sources, groups and conditions."""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
+
+import mograft as mg
+
+from .actions import preview, push_down, write_results
+from .armature import RefusedError
+from .curves import frames_of
+from .grafting import VARIETIES, Request, change, make
+from .groups import read_groups, write_groups
+from .scene_constraints import make_constraints
+from .sources import (
+    RECORD,
+    Setup,
+    collect,
+    find_actions,
+    find_assets,
+    load,
+    read_other,
+    restore_others,
+)
+from .work import WorkOperator
+
+
+class _Armature:
+    """Operators of the active armature."""
+
+    bl_options = {"UNDO"}  # noqa: RUF012 - as Blender expects
+
+    @classmethod
+    def poll(cls, context):
+        """Return whether the active object is an armature."""
+        if context.object is None or context.object.type != "ARMATURE":
+            cls.poll_message_set("Select an armature")
+            return False
+        return True
+
+    def guarded(self, function, *words):
+        """Call a function, and report what it refuses."""
+        try:
+            function(*words)
+        except (RefusedError, ValueError, mg.MograftError) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class _Generate(WorkOperator, _Armature):
+    """What `generate` and `batch` share."""
+
+    count: IntProperty(
+        name="Number", min=0, max=1000, description="Number of grafts; 0: as in the panel"
+    )
+    seed: IntProperty(name="Seed", min=-1, default=-1, description="-1: as in the panel")
+
+    def bases(self, base, _loaded):
+        """Return the names of the clips that are bases."""
+        return (base,)
+
+    def prepare(self, context):
+        """Read all actions and constraints."""
+        settings = context.object.mograft
+        setup, base = collect(context, settings)
+        loaded = load(setup)
+        groups = read_groups(loaded.rig, settings.base_group) or settings.preset
+        first, last = frames_of(bpy.data.actions[base])
+        constraints, others = make_constraints(
+            settings.conditions, first, last, lambda own: read_other(own, setup.rate, first)
+        )
+        variety = next(own[3] for own in VARIETIES if own[0] == settings.variety)
+        request = Request(
+            motions=loaded.motions,
+            match=loaded.match,
+            bases=self.bases(base, loaded),
+            groups=groups,
+            config=mg.Config.with_variety(variety, loop=settings.loop),
+            is_mirrored=setup.is_mirrored,
+            count=self.count or settings.count,
+            seed=settings.seed if self.seed < 0 else self.seed,
+            constraints=tuple(constraints),
+            others=others,
+        )
+        self._state = context.object, loaded, settings.pushes_down
+        return lambda report: make(request, report)
+
+    def finish(self, _context, results):
+        """Write the new actions."""
+        owner, loaded, pushes_down = self._state
+        violated = [own for own in results if own.graft.violations]
+        results = [own for own in results if not own.graft.violations]
+        for note in dict.fromkeys(note for own in [*violated, *results] for note in own.notes):
+            self.report({"WARNING"}, note)
+        message = violated[0].graft.violations[0].message if violated else ""
+        if not results:
+            raise RefusedError(f"No graft meets all conditions: {message}")
+        if violated:
+            self.report({"WARNING"}, f"{len(violated)} grafts violate conditions: {message}")
+        made = write_results(loaded, results)
+        for own in made if pushes_down else ():
+            push_down(owner, own)
+        preview(owner, made[0])
+        names = made[0].name if len(made) == 1 else f"{made[0].name} to {made[-1].name}"
+        self.report({"INFO"}, f"{names}: {results[0].newness}")
+
+
+class MOGRAFT_OT_generate(_Generate, bpy.types.Operator):
+    """Make new actions that keep the base and take other parts from the sources"""
+
+    bl_idname = "mograft.generate"
+    bl_label = "Generate"
+
+
+class MOGRAFT_OT_batch(_Generate, bpy.types.Operator):
+    """Make new actions on every source of this armature"""
+
+    bl_idname = "mograft.batch"
+    bl_label = "Generate on All"
+
+    def bases(self, _base, loaded):
+        """Return all sources of the armature in this file."""
+        setup = loaded.setup
+        if len(setup.others) or bpy.context.object.mograft.conditions:
+            raise RefusedError("Conditions are for one base: remove them to generate on all")
+        own = [s for s in setup.sources if s.armature == setup.armature and not s.file]
+        return tuple(source.clip for source in own)
+
+
+def request_of(loaded, setup):
+    """Return the arguments of `grafting.change` for a stored setup."""
+    return Request(
+        motions=loaded.motions,
+        match=loaded.match,
+        bases=(),
+        groups=None,
+        config=mg.Config(),
+        is_mirrored=setup.is_mirrored,
+        count=1,
+        seed=0,
+        constraints=(),
+        others=restore_others(setup),
+    )
+
+
+class MOGRAFT_OT_repeat(WorkOperator, _Armature, bpy.types.Operator):
+    """Make a graft again from its provenance, and compare it bit for bit"""
+
+    bl_idname = "mograft.repeat"
+    bl_label = "Repeat from Provenance"
+
+    action: StringProperty(description="Name of the graft; empty: the action of the armature")
+
+    def prepare(self, context):
+        """Read the sources of a graft."""
+        data = context.object.animation_data
+        action = bpy.data.actions.get(self.action) if self.action else data and data.action
+        setup = Setup.from_action(action)
+        loaded, record = load(setup), action[RECORD]
+        request = request_of(loaded, setup)
+        self._state = context.object, loaded, action.name
+        return lambda report: change(request, record, None, report)
+
+    def finish(self, _context, result):
+        """Write the graft under another name."""
+        owner, loaded, name = self._state
+        (made,) = write_results(loaded, [result], [f"{name[:50]}_repeat"])
+        preview(owner, made)
+        self.report({"INFO"}, f"{made.name} is equal to {name}")
+
+
+class MOGRAFT_OT_add_sources(_Armature, bpy.types.Operator):
+    """Add all actions that fit the bones of this armature, or of the other selected armatures"""
+
+    bl_idname = "mograft.add_sources"
+    bl_label = "Add Actions"
+
+    def execute(self, context):
+        """Add the actions that are not in the list."""
+        settings = context.object.mograft
+        known = {own.action for own in settings.sources if own.action is not None}
+        others = [own for own in context.selected_objects if own.type == "ARMATURE"]
+        for owner in dict.fromkeys([context.object, *others]):
+            for action in find_actions(owner):
+                if action not in known:
+                    item = settings.sources.add()
+                    item.name, item.action, item.armature = action.name, action, owner
+                    known.add(action)
+        return {"FINISHED"}
+
+
+def _libraries(_self, context):
+    found = context.preferences.filepaths.asset_libraries
+    _libraries.items = [(own.path, own.name, own.path) for own in found]  # Blender keeps no text
+    return _libraries.items or [("", "none", "Add one in the preferences, under File Paths")]
+
+
+class MOGRAFT_OT_add_assets(_Armature, bpy.types.Operator):
+    """Add the actions of an asset library that fit the bones of this armature"""
+
+    bl_idname = "mograft.add_assets"
+    bl_label = "Add Asset Library"
+    bl_property = "library"
+
+    library: EnumProperty(name="Library", items=_libraries)
+    folder: StringProperty(description="A folder or .blend file instead of a library")
+
+    def invoke(self, context, _event):
+        """Show the libraries of the preferences."""
+        context.window_manager.invoke_search_popup(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context):
+        """Add the actions that are not in the list."""
+        return self.guarded(self._add, context.object)
+
+    def _add(self, owner):
+        settings = owner.mograft
+        known = {(own.file, own.name) for own in settings.sources}
+        for source in find_assets(self.folder or self.library, owner, is_library=not self.folder):
+            if (source.file, source.action) not in known:
+                item = settings.sources.add()
+                item.name, item.file, item.armature = source.action, source.file, owner
+
+
+class MOGRAFT_OT_find_groups(_Armature, bpy.types.Operator):
+    """Show the parts of the body as bone collections, which you can edit"""
+
+    bl_idname = "mograft.find_groups"
+    bl_label = "Show Parts as Bone Collections"
+
+    def execute(self, context):
+        """Find the groups, and write them."""
+        return self.guarded(self._find, context)
+
+    def _find(self, context):
+        owner, settings = context.object, context.object.mograft
+        setup, _ = collect(context, settings)
+        loaded = load(setup)
+        skeleton = loaded.motions[0].skeleton
+        if settings.preset == "auto":
+            own = [m for m in loaded.motions if m.skeleton.names == skeleton.names]
+            groups = mg.discover_groups(own).groups
+        else:
+            groups = mg.JointGroups.preset(settings.preset, skeleton)
+        write_groups(owner, skeleton, groups)
+        settings.base_group = groups.base
+
+
+class MOGRAFT_OT_edit_list(_Armature, bpy.types.Operator):
+    """Add or remove a line"""
+
+    bl_idname = "mograft.edit_list"
+    bl_label = "Edit List"
+
+    name: EnumProperty(items=[(own, own, "") for own in ("sources", "conditions")])
+    is_added: BoolProperty()
+
+    def execute(self, context):
+        """Edit the list."""
+        settings = context.object.mograft
+        items = getattr(settings, self.name)
+        active = "active_source" if self.name == "sources" else "active_condition"
+        if self.is_added:
+            items.add()
+            setattr(settings, active, len(items) - 1)
+        elif len(items):
+            items.remove(getattr(settings, active))
+            setattr(settings, active, max(getattr(settings, active) - 1, 0))
+        return {"FINISHED"}
+
+
+CLASSES = (
+    MOGRAFT_OT_generate,
+    MOGRAFT_OT_batch,
+    MOGRAFT_OT_repeat,
+    MOGRAFT_OT_add_sources,
+    MOGRAFT_OT_add_assets,
+    MOGRAFT_OT_find_groups,
+    MOGRAFT_OT_edit_list,
+)

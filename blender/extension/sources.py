@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The actions of a graft: which they are, as JSON, and their motions."""
+
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import bpy
+
+import mograft as mg
+
+from .armature import (
+    Placement,
+    RefusedError,
+    check_armature,
+    make_rig,
+    place,
+    read_action,
+    sample_visual,
+)
+from .curves import BONE_PATH, find_curves, frames_of
+from .scene_constraints import avoid_motion
+
+RECORD, SETUP, BEFORE, EDIT, PARENT = (
+    "mograft_record",
+    "mograft_setup",
+    "mograft_before",
+    "mograft_edit",
+    "mograft_parent",
+)
+"""Custom properties of new actions: provenance, sources, and those of a preview."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """An action, the armature that it animates, and the file of an asset; empty if it is here."""
+
+    action: str
+    armature: str
+    file: str = ""
+
+    @property
+    def clip(self):
+        """The name of its motion."""
+        stem = self.file.replace("\\", "/").rpartition("/")[2].removesuffix(".blend")
+        return f"{stem}/{self.action}" if self.file else self.action
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setup:
+    """All that determines the library of a graft, as JSON values."""
+
+    armature: str
+    sources: tuple
+    placements: dict  # of each armature
+    rate: float
+    is_visual: bool = False
+    is_mirrored: bool = False
+    others: dict = field(default_factory=dict)  # armatures to avoid, by number of the constraint
+
+    def to_json(self):
+        """Return the setup as text."""
+        return json.dumps(asdict(self))
+
+    @classmethod
+    def from_action(cls, action):
+        """Return the setup of a graft; raise RefusedError if an action is none."""
+        text = "" if action is None else action.get(SETUP, "")
+        if not text or RECORD not in action:
+            name = "No action" if action is None else action.name
+            raise RefusedError(f"{name} is not a graft: choose one that Generate made")
+        try:
+            values = json.loads(text)
+            sources = tuple(Source(**own) for own in values.pop("sources"))
+            places = {name: Placement(**own) for name, own in values.pop("placements").items()}
+            others = {int(number): own for number, own in values.pop("others").items()}
+            return cls(sources=sources, placements=places, others=others, **values)
+        except (TypeError, ValueError, KeyError, AttributeError) as error:
+            raise RefusedError(f"{SETUP} of {action.name} is damaged") from error
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """The motions of a setup, and for each action of the own armature what its writing needs."""
+
+    setup: Setup
+    rig: object
+    motions: tuple
+    outside: dict
+    first: dict  # first frame of each clip
+
+    @property
+    def match(self):
+        """How the bones of all armatures correspond: by name if all are the same."""
+        hierarchies = {(*own.skeleton.names, *own.skeleton.parents) for own in self.motions}
+        return "names" if len(hierarchies) == 1 else "anatomy"
+
+
+def collect(context, settings):
+    """Return the setup that a panel describes, and the name of the base clip."""
+    owner = context.object
+    check_armature(owner)
+    chosen = [own for own in settings.sources if own.is_used]
+    sources = []
+    for item in chosen:
+        if not item.file and item.action is None:
+            continue
+        armature = item.armature or owner
+        check_armature(armature)
+        name = item.name if item.file else item.action.name
+        sources.append(Source(action=name, armature=armature.name, file=item.file))
+    base = settings.base
+    if base is None:
+        base = owner.animation_data.action if owner.animation_data else None
+    if base is None:
+        data = owner.animation_data
+        has_nla = data is not None and len(data.nla_tracks)
+        hint = ": bake its NLA tracks to an action first" if has_nla else ": choose a base action"
+        raise RefusedError(f"{owner.name} has no action{hint}")
+    if base.library is not None:
+        raise RefusedError(f"{base.name} is linked: make it local to use it as a base")
+    own = Source(action=base.name, armature=owner.name)
+    sources = tuple(dict.fromkeys([own, *sources]))
+    placements = {}
+    for name in dict.fromkeys(source.armature for source in sources):
+        armature = bpy.data.objects[name]
+        actions = [bpy.data.actions[s.action] for s in sources if s.armature == name and not s.file]
+        placements[name] = place(armature, actions)
+    render = context.scene.render
+    setup = Setup(
+        armature=owner.name,
+        sources=sources,
+        placements=placements,
+        rate=render.fps / render.fps_base,
+        is_visual=settings.is_visual,
+        is_mirrored=settings.is_mirrored,
+    )
+    return setup, own.clip
+
+
+def load(setup):
+    """Read all actions of a setup; raise RefusedError if one is missing."""
+    rigs, motions, outside, first = {}, [], {}, {}
+    with Assets(setup.sources) as assets:
+        for source in setup.sources:
+            action = assets.get(source) if source.file else bpy.data.actions.get(source.action)
+            owner = bpy.data.objects.get(source.armature)
+            if action is None or owner is None:
+                missing = source.action if action is None else source.armature
+                raise RefusedError(f"{missing} is missing: it was deleted or renamed")
+            if source.armature not in rigs:
+                check_armature(owner)
+                placed = setup.placements[source.armature]
+                rigs[source.armature] = make_rig(owner, placed, is_deform_only=setup.is_visual)
+            rig = rigs[source.armature]
+            if setup.is_visual and not source.file:
+                motion, outside[source.clip] = sample_visual(rig, action, setup.rate)
+            else:
+                motion = read_action(rig, action, setup.rate)
+            motions.append(mg.Motion(**{**_fields(motion), "name": source.clip}))
+            first[source.clip] = frames_of(action)[0]
+    return Loaded(setup, rigs[setup.armature], tuple(motions), outside, first)
+
+
+def _fields(motion):
+    names = ("skeleton", "frame_time", "rotations", "positions")
+    return {name: getattr(motion, name) for name in names}
+
+
+def read_other(owner, rate, first):
+    """Return the motion of another armature, and what a setup stores of it."""
+    check_armature(owner)
+    action = owner.animation_data.action if owner.animation_data else None
+    if action is None:
+        raise RefusedError(f"{owner.name}, which is to be avoided, has no action")
+    placed = place(owner, [action])
+    motion = read_action(make_rig(owner, placed), action, rate)
+    delay = (frames_of(action)[0] - first) / rate
+    stored = {"armature": owner.name, "action": action.name, "delay": delay}
+    return motion, {**stored, "placement": asdict(placed)}
+
+
+def restore_others(setup):
+    """Return the conditions to avoid armatures, by number, with what the setup stores of them."""
+    found = {}
+    for number, other in setup.others.items():
+        owner = bpy.data.objects.get(other["armature"])
+        action = bpy.data.actions.get(other["action"])
+        if owner is None or action is None:
+            raise RefusedError(f"{other['armature']} or its action, which is avoided, is missing")
+        rig = make_rig(owner, Placement(**other["placement"]))
+        motion = read_action(rig, action, setup.rate)
+        frames = None if other["frames"] is None else tuple(other["frames"])
+        found[number] = avoid_motion(motion, other, frames), other
+    return found
+
+
+def find_actions(owner, actions=None):
+    """Return the actions, by default all local ones but grafts, that fit the bones of an armature.
+
+    At least half of the bones that they animate must be in it.
+    """
+    found, bones = [], {own.name for own in owner.data.bones}
+    if actions is None:
+        actions = [own for own in bpy.data.actions if own.library is None and RECORD not in own]
+    for action in actions:
+        matches = (BONE_PATH.match(path) for path, _ in find_curves(action, owner))
+        names = {bpy.utils.unescape_identifier(own[1]) for own in matches if own}
+        if names and 2 * len(names & bones) >= len(names):
+            first, last = frames_of(action)
+            found += [action] if last > first else []
+    return found
+
+
+def find_assets(path, owner, *, is_library):
+    """Return the actions of a .blend file or folder that fit an armature, as sources."""
+    folder = Path(bpy.path.abspath(path))
+    files = [folder] if folder.is_file() else sorted(folder.rglob("*.blend"))
+    if not path or not files:
+        raise RefusedError(f"{path or 'The asset library'} has no .blend file")
+    sources, old = [], {*bpy.data.libraries}
+    for file in map(str, files):
+        try:
+            with bpy.data.libraries.load(file, link=True, assets_only=is_library) as (inside, _):
+                names = list(inside.actions)
+        except OSError as error:
+            raise RefusedError(f"{file} cannot be read: {error}") from error
+        finally:
+            bpy.data.batch_remove({*bpy.data.libraries} - old)
+        sources += [Source(action=own, armature=owner.name, file=file) for own in names]
+    with Assets(sources) as assets:
+        fitting = find_actions(owner, filter(None, map(assets.get, sources)))
+        return [own for own in sources if assets.get(own) in fitting]
+
+
+class Assets:
+    """The actions of other files, linked while a block runs."""
+
+    def __init__(self, sources):
+        self.sources = [own for own in sources if own.file]
+        self.found = {}
+
+    def __enter__(self):
+        self.old = {*bpy.data.actions}, {*bpy.data.libraries}
+        for file in dict.fromkeys(own.file for own in self.sources):
+            names = [own.action for own in self.sources if own.file == file]
+            try:
+                with bpy.data.libraries.load(file, link=True) as (inside, linked):
+                    linked.actions = [own for own in names if own in inside.actions]
+            except OSError as error:
+                self.__exit__()
+                raise RefusedError(f"{file} cannot be read: {error}") from error
+            self.found |= {(file, own.name): own for own in linked.actions if own is not None}
+        return self
+
+    def get(self, source):
+        """Return the action of a source; None if the file has none of the name."""
+        return self.found.get((source.file, source.action))
+
+    def __exit__(self, *_):
+        actions, libraries = self.old
+        bpy.data.batch_remove({*bpy.data.actions} - actions)
+        bpy.data.batch_remove({*bpy.data.libraries} - libraries)
