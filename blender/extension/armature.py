@@ -47,13 +47,8 @@ class Placement:
     location: tuple
     rotation: tuple  # xyzw
     scale: float
-    rest: tuple | None = None  # rotation of an animated object that counts as its rest pose
-
-    @property
-    def world_rest(self):
-        """The rotation from the space of the armature to the world in the rest pose."""
-        turn = np.array(self.rotation)
-        return turn if self.rest is None else rotations.multiply(turn, np.array(self.rest))
+    rest: tuple  # rotation to the world in the rest pose, without a turn about the vertical
+    has_object: bool  # whether the object moves, and is the first joint
 
 
 @dataclass(frozen=True)
@@ -67,11 +62,6 @@ class Rig:
     rest: RestPose
     heads: np.ndarray  # rest positions in the space of the armature, (n_bones, 3)
     turns: np.ndarray  # rest rotations in the space of the armature, (n_bones, 4)
-
-    @property
-    def has_object(self):
-        """Whether the object is the first joint, before the bones."""
-        return self.placement.rest is not None
 
 
 def check_armature(owner):
@@ -90,31 +80,42 @@ def check_armature(owner):
         raise RefusedError(f"{owner.name} is in edit mode: leave it with Tab")
 
 
-def place(owner, actions):
-    """Return where an armature stands; its object is a joint if one of `actions` moves it."""
-    curves = next(
-        (
-            found
-            for found in (find_curves(own, owner) for own in actions)
-            if any(
-                path in ("location", "rotation_euler", "rotation_quaternion") for path, _ in found
-            )
-        ),
-        None,
-    )
-    if curves is None and sum(own.parent is None for own in owner.data.bones) == 1:
-        return Placement(*_decompose(owner, owner.matrix_world))
-    curves = {} if curves is None else curves
+def needs_object(owner, actions):
+    """Return whether the object is a joint: it moves, or the bones have several roots."""
+    paths = {path for own in actions for path, _ in find_curves(own, owner)}
+    return not paths.isdisjoint(OBJECT_CHANNELS) or sum(not b.parent for b in owner.data.bones) > 1
+
+
+def place(owner, actions, *, has_object):
+    """Return where an armature stands; its object moves as in `actions` if it is a joint."""
+    if not has_object:
+        found = _decompose(owner, owner.matrix_world)
+        return Placement(*found, _upright(np.array(found[1])), has_object)
     matrix = owner.matrix_parent_inverse.copy()
     if owner.parent is not None:
         matrix = owner.parent.matrix_world @ matrix
     location, turn, scale = _decompose(owner, matrix)
-    frame = np.array([min((c.range()[0] for c in curves.values()), default=0.0)])
+    curves = next(filter(None, (_object_curves(own, owner) for own in actions)), {})
+    frame = np.array([min((own.range()[0] for own in curves.values()), default=0.0)])
     size = sample_channel(curves, "scale", 3, frame, owner.scale)[0]
     if np.ptp(size) > TOLERANCE * size.max() or size.min() <= 0:
         raise RefusedError(f"The scale of {owner.name} differs between the axes: apply it")
-    rest = _rotations_of(owner, curves, "", frame)[0]
-    return Placement(location, turn, scale * float(size[0]), tuple(rest.tolist()))
+    rest = rotations.multiply(np.array(turn), _rotations_of(owner, curves, "", frame)[0])
+    return Placement(location, turn, scale * float(size[0]), _upright(rest), has_object)
+
+
+def _object_curves(action, owner):
+    found = find_curves(action, owner)
+    return {key: own for key, own in found.items() if key[0] in OBJECT_CHANNELS}
+
+
+def _upright(turn):
+    """Return a rotation without its part about the vertical axis.
+
+    Armatures that face different ways then have the same rest pose.
+    """
+    heading = rotations.twist(turn, 2)
+    return tuple(rotations.multiply(rotations.inverse(heading), turn).tolist())
 
 
 def _decompose(owner, matrix):
@@ -130,7 +131,6 @@ def make_rig(owner, placement, *, is_deform_only=False):
     if not bones:
         raise RefusedError(f"{owner.name} has no deform bones")
     index = {own.name: i for i, own in enumerate(bones)}
-    has_object = placement.rest is not None
     parents = []
     for number, bone in enumerate(bones):
         above = (_joint_of(own, index) for own in bone.parent_recursive)
@@ -139,10 +139,10 @@ def make_rig(owner, placement, *, is_deform_only=False):
     matrices = np.array([own.matrix_local for own in bones])
     heads, turns = matrices[:, :3, 3], rotations.from_matrices(_orthogonal(matrices[:, :3, :3]))
     names, links = [own.name for own in bones], np.array(parents)
-    location, base = np.array(placement.location), placement.world_rest
+    location, base = np.array(placement.location), np.array(placement.rest)
     places = rotations.rotate(base, placement.scale * heads)
     quats = rotations.multiply(base, turns)
-    if has_object:
+    if placement.has_object:
         names, links = [OBJECT_JOINT, *names], np.concatenate([[-1], links + 1])
         quats, places = np.vstack([base, quats]), np.vstack([np.zeros(3), places])
     elif parents.count(-1) > 1:
@@ -292,7 +292,7 @@ def _to_motion(rig, action, curves, frames, turns, places, rate):
     placement, owner = rig.placement, rig.owner
     object_turns = np.tile(np.array(placement.rotation), (len(frames), 1))
     object_places = np.tile(np.array(placement.location), (len(frames), 1))
-    if rig.has_object:
+    if rig.placement.has_object:
         outer = np.array(placement.rotation)
         own = _rotations_of(owner, curves, "", frames)
         moved = sample_channel(curves, "location", 3, frames, owner.location)
@@ -303,7 +303,7 @@ def _to_motion(rig, action, curves, frames, turns, places, rate):
     points = object_places[:, None] + rotations.rotate(
         object_turns[:, None], placement.scale * places
     )
-    if rig.has_object:
+    if rig.placement.has_object:
         quats = np.concatenate([object_turns[:, None], quats], axis=1)
         points = np.concatenate([object_places[:, None], points], axis=1)
     return rebase(rig.rest, quats, points, 1.0 / rate, name=action.name)
@@ -381,7 +381,7 @@ def write_action(rig, action, first, motion, base, outside=None):
     `action` is a copy of the action of the base. `outside` has the poses of parents that are not in
     the figure, if it was sampled as evaluated.
     """
-    owner, skip = rig.owner, int(rig.has_object)
+    owner, skip = rig.owner, int(rig.placement.has_object)
     frames = np.arange(first, first + motion.n_frames)
     turns, places = restore(rig.rest, motion)
     turns, places = _to_armature(rig, turns, places)
@@ -422,7 +422,7 @@ def _to_armature(rig, turns, places):
     """Return world rotations and positions of bones in the space of the armature."""
     placement = rig.placement
     object_turns, object_places = np.array(placement.rotation), np.array(placement.location)
-    if rig.has_object:
+    if rig.placement.has_object:
         object_turns, object_places = turns[:, :1], places[:, :1]
         turns, places = turns[:, 1:], places[:, 1:]
     back = rotations.inverse(object_turns)
@@ -430,8 +430,3 @@ def _to_armature(rig, turns, places):
         rotations.multiply(back, turns),
         rotations.rotate(back, places - object_places) / placement.scale,
     )
-
-
-def has_object_curves(action, owner):
-    """Return whether an action moves the object of an armature."""
-    return any(path in OBJECT_CHANNELS for path, _ in find_curves(action, owner))

@@ -6,10 +6,7 @@ import re
 import numpy as np
 
 BONE_PATH = re.compile(r'pose\.bones\["((?:[^"\\]|\\.)*)"\]\.(\w+)$')
-OBJECT_CHANNELS = {
-    *("location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale"),
-    *("delta_location", "delta_rotation_euler", "delta_rotation_quaternion"),
-}
+OBJECT_CHANNELS = {"location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle"}
 
 
 def find_slot(action, owner):

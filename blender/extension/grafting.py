@@ -116,7 +116,13 @@ def change(request, record, edit, report):
             report,
         )
         report("graft", 0, 1)
-        graft = mg.replay(document, library)
+        try:
+            graft = mg.replay(document, library)
+        except mg.ProvenanceError as error:
+            reason = str(error).removeprefix("document: ")
+            raise mg.ProvenanceError(
+                f"{document['name']} cannot be made again: a source was changed ({reason})"
+            ) from error
         known = list(graft.request.constraints)
         for number, (constraint, _) in request.others.items():
             known[number] = constraint

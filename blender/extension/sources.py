@@ -2,7 +2,7 @@
 """The actions of a graft: which they are, as JSON, and their motions."""
 
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import bpy
@@ -14,6 +14,7 @@ from .armature import (
     RefusedError,
     check_armature,
     make_rig,
+    needs_object,
     place,
     read_action,
     sample_visual,
@@ -121,11 +122,17 @@ def collect(context, settings):
         raise RefusedError(f"{base.name} is linked: make it local to use it as a base")
     own = Source(action=base.name, armature=owner.name)
     sources = tuple(dict.fromkeys([own, *sources]))
-    placements = {}
-    for name in dict.fromkeys(source.armature for source in sources):
-        armature = bpy.data.objects[name]
-        actions = [bpy.data.actions[s.action] for s in sources if s.armature == name and not s.file]
-        placements[name] = place(armature, actions)
+    armatures = {bpy.data.objects[name]: [] for name in (own.armature for own in sources)}
+    for source in sources:
+        if not source.file:
+            armatures[bpy.data.objects[source.armature]].append(bpy.data.actions[source.action])
+    has_object = any(needs_object(*item) for item in armatures.items())
+    placements, size = {}, 0.0
+    for armature, actions in armatures.items():
+        placed = place(armature, actions, has_object=has_object)
+        extent = make_rig(armature, placed, is_deform_only=settings.is_visual).rest.extent
+        size = size or extent  # that of the base: parts come from figures of its size
+        placements[armature.name] = replace(placed, scale=placed.scale * size / extent)
     render = context.scene.render
     setup = Setup(
         armature=owner.name,
@@ -173,7 +180,7 @@ def read_other(owner, rate, first):
     action = owner.animation_data.action if owner.animation_data else None
     if action is None:
         raise RefusedError(f"{owner.name}, which is to be avoided, has no action")
-    placed = place(owner, [action])
+    placed = place(owner, [action], has_object=needs_object(owner, [action]))
     motion = read_action(make_rig(owner, placed), action, rate)
     delay = (frames_of(action)[0] - first) / rate
     stored = {"armature": owner.name, "action": action.name, "delay": delay}

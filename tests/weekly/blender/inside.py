@@ -5,6 +5,7 @@ The script is run by the Python of a `bpy` and imports nothing of the repository
 
 import hashlib
 import json
+import os
 import sys
 import time
 import traceback
@@ -247,6 +248,271 @@ def fbx_quaternius():
     return generate_and_compare(owner, next(a.name for a in bpy.data.actions if "Walk" in a.name))
 
 
+@check
+def undo_restores_the_file():
+    owner = load_bvh()
+    bpy.ops.ed.undo_push(message="start")
+    before = hash_all(owner)
+    assert bpy.ops.mograft.generate("EXEC_DEFAULT", True, count=2) == {"FINISHED"}  # noqa: FBT003
+    assert len(grafts()) == 2
+    bpy.ops.ed.undo()
+    assert not grafts()
+    owner = armature()
+    assert hash_all(owner) == before
+    bpy.ops.ed.redo()
+    assert len(grafts()) == 2
+    return "one step"
+
+
+@check
+def change_one_part():
+    owner = load_bvh("skel_snu_wd2/wd2_spiral_walk_slow02.bvh")
+    before = hash_all(owner)
+    bpy.ops.mograft.generate(count=1, seed=1)
+    (graft,) = grafts()
+    original = hash_action(graft, owner)
+    items = graft.mograft.ranges
+    graft.mograft.active = len(items) // 2
+    assert bpy.context.scene.frame_current == items[graft.mograft.active].first
+    seen = {original}
+    for _ in range(3):
+        bpy.ops.mograft.next_donor()
+        shown = owner.animation_data.action
+        assert shown.name == f"{graft.name}_preview", shown.name
+        seen.add(hash_action(shown, owner))
+        assert hash_action(graft, owner) == original
+    assert len(seen) == 4, "a next part is equal to an earlier one"
+    bpy.ops.mograft.accept(is_accepted=False)
+    assert owner.animation_data.action == graft
+    assert hash_action(graft, owner) == original
+    assert len(grafts()) == 1
+    item = graft.mograft.ranges[graft.mograft.active]
+    first, last = item.first, item.last
+    clip = bpy.data.actions[item.clip]
+    bpy.ops.mograft.choose_donor(clip=clip.name, first=100, last=100 + last - first)
+    bpy.ops.mograft.accept()
+    (graft,) = grafts()
+    changed = [
+        (own.first, own.last, own.donor_first + own.donor_start) for own in graft.mograft.ranges
+    ]
+    assert (first, last, 100) in changed, changed
+    bpy.ops.mograft.keep_captured()
+    bpy.ops.mograft.accept()
+    (graft,) = grafts()
+    kept = [own for own in graft.mograft.ranges if own.first < last and own.last > first]
+    assert not kept, [(own.first, own.last) for own in kept]
+    graft.mograft.ranges[0].is_locked = True
+    locked = graft.mograft.ranges[0].first, graft.mograft.ranges[0].last
+    scene = bpy.context.scene
+    scene.use_preview_range = True
+    scene.frame_preview_start, scene.frame_preview_end = 1, 400
+    donors = [(own.first, own.clip, own.donor_first) for own in graft.mograft.ranges]
+    bpy.ops.mograft.regenerate()
+    shown = owner.animation_data.action
+    again = [(own.first, own.clip, own.donor_first) for own in shown.mograft.ranges]
+    assert again != donors
+    assert [own for own in again if own[0] == locked[0]] == donors[:1]
+    assert shown.mograft.ranges[0].is_locked
+    bpy.ops.mograft.accept()
+    (graft,) = grafts()
+    bpy.ops.mograft.repeat()
+    error, *_ = compare(owner, owner.mograft.base or bpy.data.actions[0], graft)
+    assert hash_all(owner) == before
+    return f"{len(graft.mograft.ranges)} ranges, error {error:.1e}"
+
+
+@check
+def repeat_after_saving():
+    owner = load_bvh("skel_snu_wd2/wd2_spiral_walk_slow02.bvh")
+    bpy.ops.mograft.find_groups()
+    bpy.ops.mograft.generate(count=1, seed=5)
+    expected = hash_action(grafts()[0], owner)
+    file = str(Path(bpy.utils.user_resource("CONFIG", create=True)) / "saved.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=file)
+    bpy.ops.wm.open_mainfile(filepath=file)
+    owner = activate(armature())
+    assert owner.data.collections_all["mograft upper"].bones
+    bpy.ops.mograft.repeat(action=grafts()[0].name)
+    assert hash_action(bpy.data.actions[grafts()[0].name + "_repeat"], owner) == expected
+    base = next(own for own in bpy.data.actions if "mograft_record" not in own)
+    curves_of(base, owner)[next(iter(curves_of(base, owner)))].keyframe_points[5].co[1] += 1
+    message = refusal(bpy.ops.mograft.repeat, action=grafts()[0].name)
+    assert "SHA-256" in message, message
+    return "equal keys; a changed source is refused"
+
+
+@check
+def groups_are_editable():
+    owner = load_bvh("skel_snu_wd2/wd2_spiral_walk_slow02.bvh")
+    bpy.ops.mograft.find_groups()
+    collections = owner.data.collections_all
+    names = {own.name for own in collections}
+    assert {"mograft lower", "mograft upper"} <= names, names
+    arm = next(own for own in owner.data.bones if own.name == "LeftArm")
+    new = owner.data.collections.new("mograft left")
+    for bone in [arm, *arm.children_recursive]:
+        collections["mograft upper"].unassign(bone)
+        new.assign(bone)
+    bpy.ops.mograft.generate(count=1)
+    groups = json.loads(grafts()[0]["mograft_record"])["groups"]
+    assert set(groups) == {"lower", "upper", "left"}
+    assert set(groups["left"]) == {own.name for own in [arm, *arm.children_recursive]}
+    new.assign(owner.data.bones[0])
+    collections["mograft upper"].assign(owner.data.bones[0])
+    assert "two groups" in refusal(bpy.ops.mograft.generate)
+    return ", ".join(groups)
+
+
+@check
+def batch_on_all_sources():
+    owner = load_glb("kaykit_Med_MovementBasic.glb")
+    owner.mograft.variety = "MAXIMUM"
+    bpy.ops.mograft.add_sources()
+    n = len(owner.mograft.sources)
+    before = hash_all(owner)
+    owner.mograft.pushes_down = True
+    bpy.ops.mograft.batch(count=1)
+    assert len(grafts()) == n, (len(grafts()), n)
+    assert hash_all(owner) == before
+    tracks = owner.animation_data.nla_tracks
+    assert len(tracks) == n
+    assert all(own.mute for own in tracks)
+    return f"{n} bases"
+
+
+@check
+def conditions():
+    owner = load_bvh("skel_snu_wd2/wd2_spiral_walk_slow02.bvh", global_scale=0.01)
+    settings, base = owner.mograft, owner.animation_data.action
+    places, names = evaluated_positions(owner, base, [300])
+    hand = places[0, names.index("LeftForeArm")]
+    target = bpy.data.objects.new("target", None)
+    bpy.context.collection.objects.link(target)
+    target.location = hand + 0.01 * np.ptp(places[0], axis=0).max()
+    mesh = bpy.data.meshes.new("box")
+    mesh.from_pydata([(-1, -1, -1), (1, 1, 1)], [], [])
+    box = bpy.data.objects.new("box", mesh)
+    bpy.context.collection.objects.link(box)
+    box.location = (0, 0, 50)
+    other = owner.copy()
+    other.location = (100, 0, 0)
+    bpy.context.collection.objects.link(other)
+    bpy.context.view_layer.update()
+    for kind, item in (
+        ("REACH", target),
+        ("AVOID", box),
+        ("AVOID", other),
+        ("FACE", target),
+        ("KEEP", None),
+    ):
+        own = settings.conditions.add()
+        own.kind, own.target = kind, item
+        own.use_frames, own.first, own.last = kind in ("KEEP", "REACH"), 300, 301
+    bone = "LeftForeArm"
+    assert "Choose the bone" in refusal(bpy.ops.mograft.generate)
+    settings.conditions[0].bone = bone
+    settings.conditions.remove(3)
+    settings.conditions.remove(3)
+    bpy.ops.mograft.generate(count=1)
+    (graft,) = grafts()
+    found, _ = evaluated_positions(owner, graft, [300])
+    distance = float(np.linalg.norm(found[0, names.index(bone)] - np.array(target.location)))
+    height = float(np.ptp(found[0], axis=0).max())
+    assert distance < 0.03 * height, distance / height
+    bpy.ops.mograft.repeat(action=graft.name)
+    show(owner, graft)
+    graft.mograft.active = 0
+    bpy.ops.mograft.next_donor()
+    own = settings.conditions.add()
+    own.kind, own.use_frames, own.first, own.last = "KEEP", True, 300, 100000
+    show(owner, base)
+    assert "must be from" in refusal(bpy.ops.mograft.generate)
+    return f"hand at {distance / height:.4f} heights"
+
+
+@check
+def other_armatures():
+    owner = load_bvh("dance_cmu60_salsa/60_03.bvh")
+    bpy.ops.import_anim.bvh(filepath=str(DATA / "dance_cmu60_salsa/60_02.bvh"))
+    twin = next(own for own in bpy.data.objects if own.type == "ARMATURE" and own != owner)
+    bpy.ops.import_anim.bvh(filepath=str(DATA / "skel_snu_wd2/wd2_u-turn.bvh"))
+    third = next(o for o in bpy.data.objects if o.type == "ARMATURE" and o not in (owner, twin))
+    activate(owner)
+    twin.rotation_euler.z, twin.location.x = 1.0, 30.0
+    owner.scale = (0.5, 0.5, 0.5)
+    bpy.context.view_layer.update()
+    base = owner.animation_data.action
+    for armature in (twin, third):
+        item = owner.mograft.sources.add()
+        item.action, item.armature = armature.animation_data.action, armature
+    owner.mograft.sources[1].is_used = False
+    bpy.ops.mograft.generate(count=1, seed=2)
+    errors = [compare(owner, base, grafts()[0])[0]]
+    clips = {own.clip for own in grafts()[0].mograft.ranges}
+    assert twin.animation_data.action.name in clips, clips
+    show(owner, base)
+    owner.mograft.sources[1].is_used = True
+    bpy.ops.mograft.generate(count=1, seed=2)
+    errors.append(compare(owner, base, grafts()[1])[0])
+    clips = {own.clip for own in grafts()[1].mograft.ranges}
+    assert max(errors) < MAX_ERROR, errors
+    return f"by name and by anatomy ({len(clips)} donors), error {max(errors):.1e}"
+
+
+@check
+def asset_library():
+    owner = load_bvh("dance_cmu60_salsa/60_02.bvh")
+    folder = Path(bpy.utils.user_resource("CONFIG", create=True)) / "assets"
+    folder.mkdir(exist_ok=True)
+    action = owner.animation_data.action
+    action.name = "stored"
+    action.asset_mark()
+    action.use_fake_user = True
+    bpy.data.libraries.write(str(folder / "pack.blend"), {action}, fake_user=True)
+    owner = load_bvh("dance_cmu60_salsa/60_03.bvh")
+    assert "no .blend file" in refusal(bpy.ops.mograft.add_assets, folder=str(folder / "none"))
+    bpy.ops.mograft.add_assets(folder=str(folder))
+    assert [own.name for own in owner.mograft.sources] == ["stored"]
+    base = owner.animation_data.action
+    bpy.ops.mograft.generate(count=1)
+    assert not bpy.data.libraries
+    assert "stored" not in bpy.data.actions
+    assert "pack/stored" in {own.clip for own in grafts()[0].mograft.ranges}
+    error, *_ = compare(owner, base, grafts()[0])
+    assert error < MAX_ERROR
+    return f"error {error:.1e}, nothing stays linked"
+
+
+@check
+def axis_angle_and_root_on_object():
+    owner = load_bvh("skel_snu_wd2/wd2_spiral_walk_slow02.bvh", rotate_mode="QUATERNION")
+    base = owner.animation_data.action
+    curves = package().sources.find_bag if hasattr(package().sources, "find_bag") else None
+    assert curves is None
+    bag = package().actions.find_bag(base, package().actions.find_slot(base, owner))
+    rotations = sys.modules["mograft"].rotations
+    write = package().actions.write_channel
+    for bone in owner.pose.bones:
+        path = bone.path_from_id("rotation_quaternion")
+        frames = np.arange(1, 777)
+        curves = curves_of(base, owner)
+        sample = sys.modules[MODULE + ".curves"].sample_channel
+        quats = sample(curves, path, 4, frames, (1, 0, 0, 0))[:, [1, 2, 3, 0]]
+        turns = rotations.log(quats)
+        angles = np.linalg.norm(turns, axis=1, keepdims=True)
+        bone.rotation_mode = "AXIS_ANGLE"
+        values = np.hstack([angles, turns / np.maximum(angles, 1e-9)])
+        write(bag, bone.path_from_id("rotation_axis_angle"), bone.name, frames, values)
+        for index in range(4):
+            bag.fcurves.remove(bag.fcurves.find(path, index=index))
+    write(bag, "location", "Object", np.array([1, 700]), [[0, 0, 0], [50, 20, 0]])
+    write(bag, "rotation_euler", "Object", np.array([1, 700]), [[0, 0, 0], [0, 0, 2]])
+    result = generate_and_compare(owner)
+    modes = {own.rotation_mode for own in owner.pose.bones}
+    assert modes == {"AXIS_ANGLE"}
+    return result
+
+
 def main():
     wanted = sys.argv[3:] or list(CHECKS)
     for name in dict.fromkeys(["install", *wanted]):
@@ -259,6 +525,7 @@ def main():
         seconds = time.perf_counter() - begin
         row = {"name": name, "passed": is_passed, "remark": remark, "seconds": seconds}
         print("RESULT" + json.dumps(row), flush=True)
+    os._exit(0)  # bpy 4.2 crashes on exit after an operator was registered
 
 
 if __name__ == "__main__":
