@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """New actions from grafts: keys, markers, provenance; nothing remains if one cannot be written."""
 
+import json
 from dataclasses import replace
 
 import bpy
 
-from .armature import RefusedError, find_slot, show, write_action
+from .armature import INFLUENCES, RefusedError, find_slot, show, write_action
 from .curves import find_bag, write_channel
 from .sources import RECORD, SETUP
-
-INFLUENCES = "mograft_influences"
-"""Custom property: the influence of the constraints that a new action turns off."""
 
 
 def write_results(loaded, results, names=None):
@@ -75,7 +73,7 @@ def _turn_off_constraints(owner, action, names, frame):
             if own.enabled and own.influence:
                 stored[path] = own.influence
                 write_channel(bag, path, name, [frame], [[0.0]])
-    action[INFLUENCES] = stored
+    action[INFLUENCES] = json.dumps(stored)
 
 
 def preview(owner, action):
@@ -83,13 +81,8 @@ def preview(owner, action):
     old = owner.animation_data_create().action
     if old == action:
         return
-    if old is not None:
-        if old.library is None and not old.use_fake_user:
-            old.use_fake_user = True
-        for path, value in dict(old.get(INFLUENCES, {})).items():
-            bone, _, rest = path.partition(".constraints")
-            constraint = owner.path_resolve(f"{bone}.constraints{rest.rpartition('.')[0]}")
-            constraint.influence = value
+    if old is not None and old.library is None and not old.use_fake_user:
+        old.use_fake_user = True
     show(owner, action)
 
 

@@ -6,6 +6,7 @@ axes in the rest pose. Both directions go through the poses of all bones in the 
 armature, so that bones that inherit no rotation, and parents outside of the figure, are right.
 """
 
+import json
 from dataclasses import dataclass
 
 import bpy
@@ -26,10 +27,15 @@ from .curves import (
 )
 
 OBJECT_JOINT = "Object"
-REST_ANGLES = {
+INFLUENCES = "mograft_influences"
+"""Custom property: the influence of the constraints that a new action turns off, as JSON."""
+
+REST_CHANNELS = {
     "rotation_quaternion": (1, 0, 0, 0),
     "rotation_axis_angle": (0, 0, 1, 0),
     "rotation_euler": (0, 0, 0),
+    "location": (0, 0, 0),
+    "scale": (1, 1, 1),
 }
 UNITY = np.array([0.0, 0.0, 0.0, 1.0])
 TOLERANCE = 1e-4
@@ -68,14 +74,14 @@ def check_armature(owner):
     """Raise RefusedError if the actions of an object cannot be grafted."""
     if owner is None or owner.type != "ARMATURE":
         raise RefusedError("Select an armature")
+    if owner.override_library is not None:
+        raise RefusedError(f"{owner.name} is a library override: make it local")
     for block in (owner, owner.data):
         if block.library is not None:
             raise RefusedError(
                 f"{owner.name} is linked from {block.library.filepath}: make it local, or open "
                 "that file"
             )
-    if owner.override_library is not None:
-        raise RefusedError(f"{owner.name} is a library override: make it local")
     if owner.mode == "EDIT":
         raise RefusedError(f"{owner.name} is in edit mode: leave it with Tab")
 
@@ -190,9 +196,9 @@ def _path(owner, bone, channel):
 
 def _rotations_of(owned, curves, prefix, frames):
     """Return the rotations of an object or pose bone in frames, from the curves of its mode."""
-    mode, defaults = owned.rotation_mode, REST_ANGLES
+    mode, defaults = owned.rotation_mode, REST_CHANNELS
     if not prefix:  # an object need not stand straight without keys
-        defaults = {name: tuple(getattr(owned, name)) for name in REST_ANGLES}
+        defaults = {name: tuple(getattr(owned, name)) for name in REST_CHANNELS}
     channel = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}.get(
         mode, "rotation_euler"
     )
@@ -251,18 +257,22 @@ def _bases(rig, number, above):
     )
 
 
-def read_action(rig, action, rate, span=None):
+def _frames_to_read(rig, action):
+    """Return the frames of an action that can be grafted; raise RefusedError for others."""
+    if not any(BONE_PATH.match(path) for path, _ in find_curves(action, rig.owner)):
+        raise RefusedError(f"{action.name} animates no bone of {rig.owner.name}")
+    first, last = frames_of(action)
+    if last <= first:
+        raise RefusedError(f"{action.name} has one frame: an action to graft needs several")
+    return np.arange(first, last + 1)
+
+
+def read_action(rig, action, rate):
     """Return the motion of an action, sampled in whole frames.
 
     Channels without curves have their rest values. Cyclic and other modifiers are evaluated.
     """
-    first, last = frames_of(action) if span is None else span
-    frames = np.arange(first, last + 1)
-    owner, curves = rig.owner, find_curves(action, rig.owner)
-    if len(frames) < 2:
-        raise RefusedError(f"{action.name} has one frame: an action to graft needs several")
-    if not any(BONE_PATH.match(path) for path, _ in curves):
-        raise RefusedError(f"{action.name} animates no bone of {owner.name}")
+    frames, owner, curves = _frames_to_read(rig, action), rig.owner, find_curves(action, rig.owner)
     turns = np.empty((len(frames), len(rig.bones), 4))
     places = np.empty((len(frames), len(rig.bones), 3))
     numbers = {own.name: i for i, own in enumerate(rig.bones)}
@@ -314,11 +324,7 @@ def sample_visual(rig, action, rate):
 
     Constraints and drivers are evaluated in every frame. The scene is left as it was.
     """
-    first, last = frames_of(action)
-    frames = np.arange(first, last + 1)
-    if len(frames) < 2:
-        raise RefusedError(f"{action.name} has one frame: an action to graft needs several")
-    owner, scene = rig.owner, bpy.context.scene
+    frames, owner, scene = _frames_to_read(rig, action), rig.owner, bpy.context.scene
     parents = {b.parent.name for b in rig.bones if b.parent} - {b.name for b in rig.bones}
     names = [*(own.name for own in rig.bones), *sorted(parents)]
     matrices = np.empty((len(frames), len(names), 4, 4), np.float32)
@@ -346,30 +352,38 @@ class Shown:
         scene, data = bpy.context.scene, self.owner.animation_data_create()
         self.frame = scene.frame_current, scene.frame_subframe
         self.old = data.action, getattr(data, "action_slot", None), data.use_nla
-        self.pose = [(own, own.matrix_basis.copy()) for own in self.owner.pose.bones]
-        self.channels = [
-            tuple(tuple(getattr(own, name)) for name in CHANNELS) for own, _ in self.pose
+        self.pose = [
+            (own, name, tuple(getattr(own, name)))
+            for own in self.owner.pose.bones
+            for name in REST_CHANNELS
         ]
         data.use_nla = False
         show(self.owner, self.action)
 
     def __exit__(self, *_):
-        data = self.owner.animation_data
-        data.action, slot, data.use_nla = self.old
+        data, (action, slot, data.use_nla) = self.owner.animation_data, self.old
+        data.action = action
         if slot is not None:
             data.action_slot = slot
         bpy.context.scene.frame_set(self.frame[0], subframe=self.frame[1])
-        for (own, _), values in zip(self.pose, self.channels):
-            for name, value in zip(CHANNELS, values):
-                setattr(own, name, value)
-
-
-CHANNELS = ("location", "scale", "rotation_euler", "rotation_quaternion", "rotation_axis_angle")
+        for own, name, value in self.pose:
+            setattr(own, name, value)
 
 
 def show(owner, action):
-    """Assign an action, with its slot, to an armature."""
+    """Assign an action, with its slot, to an armature.
+
+    What only a graft keys, and the constraints that it turns off, get their values from before.
+    """
     data, slot = owner.animation_data_create(), find_slot(action, owner)
+    old, new = data.action, find_curves(action, owner)
+    if old is not None and INFLUENCES in old:
+        for path, value in json.loads(old[INFLUENCES]).items():
+            owner.path_resolve(path.rpartition(".")[0]).influence = value
+        for path, index in find_curves(old, owner).keys() - new.keys():
+            found = BONE_PATH.match(path)
+            if found is not None and found[2] in REST_CHANNELS:
+                owner.path_resolve(path)[index] = REST_CHANNELS[found[2]][index]
     data.action = action
     if slot is not None and data.action_slot != slot:
         data.action_slot = slot

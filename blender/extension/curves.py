@@ -74,9 +74,9 @@ def sample_channel(curves, path, size, frames, default):
     return values
 
 
-def write_channel(bag, path, group, frames, values):
-    """Replace the curves of a property by linear keys in consecutive frames."""
-    for index, column in enumerate(np.asarray(values, np.float32).T):
+def write_channel(bag, path, group, frames, values, indices=(0, 1, 2, 3)):
+    """Replace the curves of a property by linear keys in frames."""
+    for index, column in zip(indices, np.asarray(values, np.float32).T):
         curve = bag.fcurves.find(path, index=index)
         name = group if curve is None or curve.group is None else curve.group.name
         if curve is not None:

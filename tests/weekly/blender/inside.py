@@ -513,6 +513,223 @@ def axis_angle_and_root_on_object():
     return result
 
 
+@check
+def refusals():
+    messages = []
+
+    def refused(expected, operator=None, **options):
+        message = refusal(operator or bpy.ops.mograft.generate, **options)
+        assert expected in message, (expected, message)
+        messages.append(message)
+
+    start()
+    refused("Select an armature")
+    owner = load_bvh("skel_snu_wd2/wd2_u-turn.bvh")
+    action = owner.animation_data.action
+    other = bpy.data.actions.new("one frame")
+    owner.animation_data.action = other
+    for frame in (5, 5.0):
+        owner.pose.bones[0].keyframe_insert("location", frame=frame)
+    refused("has one frame")
+    owner.animation_data.action = bpy.data.actions.new("empty")
+    refused("animates no bone")
+    owner.animation_data.action = None
+    refused("choose a base action")
+    track = owner.animation_data.nla_tracks.new()
+    track.strips.new("strip", 1, action)
+    refused("bake its NLA tracks")
+    owner.mograft.base = action
+    bpy.ops.object.mode_set(mode="EDIT")
+    refused("edit mode")
+    bpy.ops.object.mode_set(mode="OBJECT")
+    owner.scale = (1, 2, 1)
+    bpy.context.view_layer.update()
+    refused("apply it")
+    owner.scale = (1, 1, 1)
+    bpy.context.view_layer.update()
+    show(owner, action)
+    refused("is not a graft", bpy.ops.mograft.repeat)
+    refused("Show a graft", bpy.ops.mograft.next_donor)
+    bpy.ops.mograft.generate(count=1)
+    (graft,) = grafts()
+    show(owner, graft)
+    graft.mograft.active = -1
+    refused("Select a range", bpy.ops.mograft.next_donor)
+    graft.mograft.active = 0
+    graft["mograft_setup"] = "{}"
+    refused("is damaged", bpy.ops.mograft.repeat)
+    file = str(Path(bpy.utils.user_resource("CONFIG", create=True)) / "linked.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=file)
+    for is_override in (False, True):
+        start()
+        with bpy.data.libraries.load(file, link=True) as (inside, linked):
+            linked.objects = [own for own in inside.objects if own == owner_name]
+        armature = linked.objects[0]
+        bpy.context.collection.objects.link(armature)
+        if is_override:
+            armature = armature.override_create(remap_local_usages=True)
+        bpy.context.view_layer.objects.active = armature
+        refused("library override" if is_override else "is linked from")
+    return "; ".join(messages)
+
+
+owner_name = "wd2_u-turn"
+
+
+@check
+def cyclic_modifiers_are_evaluated():
+    owner = load_bvh("skel_snu_wd2/wd2_u-turn.bvh")
+    action = owner.animation_data.action
+    for curve in curves_of(action, owner).values():
+        for point in reversed(list(curve.keyframe_points)[300:]):
+            curve.keyframe_points.remove(point, fast=True)
+        curve.update()
+        curve.modifiers.new("CYCLES")
+    action.use_frame_range = True
+    action.frame_start, action.frame_end = 1, 600
+    return generate_and_compare(owner)
+
+
+@check
+def lifecycle():
+    before = set(dir(bpy.types)), set(dir(bpy.types.Object)), set(dir(bpy.types.Action))
+    module = package()
+    bpy.ops.preferences.addon_disable(module=MODULE)
+    left = [own for own in dir(bpy.types) if "mograft" in own.lower()]
+    left += [own for own in (*dir(bpy.types.Object), *dir(bpy.types.Action)) if "mograft" in own]
+    assert not left, left
+    assert not dir(bpy.ops.mograft), dir(bpy.ops.mograft)
+    assert not module.grafting._libraries
+    bpy.ops.preferences.addon_enable(module=MODULE)
+    after = set(dir(bpy.types)), set(dir(bpy.types.Object)), set(dir(bpy.types.Action))
+    assert after == before
+    load_bvh("skel_snu_wd2/wd2_u-turn.bvh")
+    bpy.ops.mograft.generate(count=1)
+    return "nothing is left after disabling; enabled again, it generates"
+
+
+@check
+def visual_inverse_kinematics():
+    owner = load_bvh("skel_snu_wd2/wd2_spiral_walk_slow02.bvh")
+    base = owner.animation_data.action
+    hand = owner.pose.bones["LeftForeArm"]
+    target = bpy.data.objects.new("target", None)
+    bpy.context.collection.objects.link(target)
+    target.location = owner.matrix_world @ owner.data.bones["Hips"].head_local
+    own = hand.constraints.new("IK")
+    own.target, own.chain_count, own.influence = target, 2, 0.5
+    owner.pose.bones["Spine1"].constraints.new("LIMIT_ROTATION").use_limit_x = True
+    owner.mograft.is_visual = True
+    evaluated_positions(owner, base, [200])
+    before = hash_all(owner), owner.animation_data.action, bpy.context.scene.frame_current
+    pose = [np.array(own.matrix_basis) for own in owner.pose.bones]
+    bpy.ops.mograft.generate(count=1)
+    (graft,) = grafts()
+    error, *_ = compare(owner, base, graft)
+    assert error < 2 * MAX_ERROR, error
+    assert own.influence == 0.0
+    show(owner, base)
+    assert own.influence == 0.5
+    bpy.context.scene.frame_set(before[2])
+    assert hash_all(owner) == before[0]
+    assert np.allclose(pose, [np.array(own.matrix_basis) for own in owner.pose.bones], atol=1e-6)
+    return f"error {error:.1e}"
+
+
+@check
+def visual_rigify():
+    start()
+    bpy.ops.preferences.addon_enable(module="rigify")
+    if not hasattr(bpy.ops.object, "armature_human_metarig_add"):
+        return "skipped: this bpy has no Rigify"
+    bpy.ops.object.armature_human_metarig_add()
+    bpy.ops.pose.rigify_generate()
+    owner = next(o for o in bpy.data.objects if o.type == "ARMATURE" and "rig_id" in o.data)
+    activate(owner)
+    random = np.random.default_rng(0)
+    names = ("torso", "chest", "hand_ik.L", "hand_ik.R", "foot_ik.L", "foot_ik.R", "head")
+    phases = random.uniform(0, 6, (len(names), 3))
+    for frame in range(1, 302, 4):
+        for name, phase in zip(names, phases, strict=True):
+            bone = owner.pose.bones[name]
+            bone.location = 0.12 * np.sin(frame / 9 + phase) * (1 + 0.5 * np.sin(frame / 41))
+            bone.keyframe_insert("location", frame=frame)
+    base = owner.animation_data.action
+    owner.mograft.is_visual = True
+    owner.mograft.variety = "MAXIMUM"
+    before = hash_all(owner)
+    places, names = evaluated_positions(owner, base, [50, 120])
+    bpy.ops.mograft.generate(count=1, seed=1)
+    (graft,) = grafts()
+    error, _, exchanged = compare(owner, base, graft)
+    assert error < MAX_ERROR, error
+    assert exchanged
+    show(owner, base)
+    assert hash_all(owner) == before
+    again, _ = evaluated_positions(owner, base, [50, 120])
+    assert np.abs(again - places).max() < 1e-5
+    return f"{exchanged} parts, error {error:.1e}; the base plays as before"
+
+
+@check
+def speed():
+    """Ten variations of 60 s at 30 fps with 60 bones: the salsa, with added fingers."""
+    owner = load_bvh()
+    scene, action = bpy.context.scene, owner.animation_data.action
+    bpy.ops.object.mode_set(mode="EDIT")
+    bones = owner.data.edit_bones
+    hands = [own for own in bones if not own.children][-2:]
+    while len(bones) < 60:
+        new = bones.new(f"Finger{len(bones)}")
+        new.parent = hands[len(bones) % 2]
+        new.head, new.tail = new.parent.tail, new.parent.tail + new.parent.vector
+    bpy.ops.object.mode_set(mode="OBJECT")
+    frames = np.arange(1, 1801)
+    curves = sys.modules[MODULE + ".curves"]
+    bag = curves.find_bag(action, curves.find_slot(action, owner))
+    for (path, index), curve in curves.find_curves(action, owner).items():
+        values = [curve.evaluate(1 + (frame * 4 - 4) % 2200) for frame in frames.tolist()]
+        bag.fcurves.remove(curve)
+        curves.write_channel(bag, path, "bone", frames, np.array(values)[:, None], [index])
+    for own in owner.pose.bones:
+        if own.name.startswith("Finger"):
+            own.rotation_mode = "XYZ"
+            values = 0.3 * np.sin(frames / 20)[:, None] * np.ones(3)
+            path = own.path_from_id("rotation_euler")
+            curves.write_channel(bag, path, own.name, frames, values)
+    scene.render.fps, scene.render.fps_base = 30, 1
+    sources, grafting, actions = package().sources, package().grafting, package().actions
+    times = {}
+
+    def timed(name, function):
+        def call(*words, **options):
+            begin = time.perf_counter()
+            try:
+                return function(*words, **options)
+            finally:
+                times[name] = times.get(name, 0.0) + time.perf_counter() - begin
+
+        return call
+
+    operators = package().operators
+    old = operators.load, operators.make, operators.write_results
+    operators.load = timed("read", sources.load)
+    operators.make = timed("graft", grafting.make)
+    operators.write_results = timed("write", actions.write_results)
+    begin, used = time.perf_counter(), time.process_time()
+    bpy.ops.mograft.generate(count=10)
+    times["all"] = time.perf_counter() - begin
+    times["processor"] = time.process_time() - used
+    operators.load, operators.make, operators.write_results = old
+    keyed = len(owner.data.bones)
+    assert len(grafts()) == 10
+    line = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in times.items())
+    assert times["read"] < 1.0, line
+    assert times["write"] < 10.0, line
+    assert min(times["all"], times["processor"]) < 10.0, line
+    return f"{keyed} bones, 1800 frames, 10 grafts: {line}"
+
+
 def main():
     wanted = sys.argv[3:] or list(CHECKS)
     for name in dict.fromkeys(["install", *wanted]):
