@@ -37,6 +37,7 @@ REST_CHANNELS = {
     "location": (0, 0, 0),
     "scale": (1, 1, 1),
 }
+ROTATION_CHANNELS = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}
 UNITY = np.array([0.0, 0.0, 0.0, 1.0])
 TOLERANCE = 1e-4
 """Relative difference up to which scales count as equal."""
@@ -76,12 +77,9 @@ def check_armature(owner):
         raise RefusedError("Select an armature")
     if owner.override_library is not None:
         raise RefusedError(f"{owner.name} is a library override: make it local")
-    for block in (owner, owner.data):
-        if block.library is not None:
-            raise RefusedError(
-                f"{owner.name} is linked from {block.library.filepath}: make it local, or open "
-                "that file"
-            )
+    library = owner.library or owner.data.library
+    if library is not None:
+        raise RefusedError(f"{owner.name} is linked from {library.filepath}: make it local")
     if owner.mode == "EDIT":
         raise RefusedError(f"{owner.name} is in edit mode: leave it with Tab")
 
@@ -179,30 +177,20 @@ def _orthogonal(matrices):
 
 def find_scaled_bones(rig, action):
     """Return the names of bones whose scale an action changes; grafts do not consider scale."""
-    curves = find_curves(action, rig.owner)
-    found = []
-    for bone in rig.bones:
-        path = _path(rig.owner, bone, "scale")
-        ends = [curves[path, i] for i in range(3) if (path, i) in curves]
-        values = [point.co[1] for curve in ends for point in curve.keyframe_points]
-        if values and max(abs(own - 1.0) for own in values) > 1e-3:
+    curves, found = find_curves(action, rig.owner), []
+    for bone in rig.owner.pose.bones:
+        own = filter(None, (curves.get((bone.path_from_id("scale"), i)) for i in range(3)))
+        if any(abs(point.co[1] - 1.0) > 1e-3 for curve in own for point in curve.keyframe_points):
             found.append(bone.name)
     return found
 
 
-def _path(owner, bone, channel):
-    return owner.pose.bones[bone.name].path_from_id(channel)
-
-
 def _rotations_of(owned, curves, prefix, frames):
     """Return the rotations of an object or pose bone in frames, from the curves of its mode."""
-    mode, defaults = owned.rotation_mode, REST_CHANNELS
-    if not prefix:  # an object need not stand straight without keys
-        defaults = {name: tuple(getattr(owned, name)) for name in REST_CHANNELS}
-    channel = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}.get(
-        mode, "rotation_euler"
-    )
-    default = defaults[channel]
+    mode = owned.rotation_mode
+    channel = ROTATION_CHANNELS.get(mode, "rotation_euler")
+    # An object need not stand straight without keys.
+    default = REST_CHANNELS[channel] if prefix else tuple(getattr(owned, channel))
     values = sample_channel(curves, prefix + channel, len(default), frames, default)
     if mode == "QUATERNION":
         quats = values[:, [1, 2, 3, 0]]
@@ -238,23 +226,17 @@ def _bases(rig, number, above):
     `above` has the rotation and position of the bone's parent, or is None.
     """
     bone = rig.bones[number]
+    rest_turn = rig.turns[number]
     if above is None:
-        return (
-            rig.turns[number],
-            rig.turns[number] if bone.use_local_location else UNITY,
-            rig.heads[number],
-        )
+        return rest_turn, rest_turn if bone.use_local_location else UNITY, rig.heads[number]
     turn, position = above
     rest = np.array(bone.parent.matrix_local)
-    rest_turn = rotations.from_matrices(_orthogonal(rest[:3, :3]))
-    link = rotations.multiply(rotations.inverse(rest_turn), rig.turns[number])
-    offset = rotations.rotate(rotations.inverse(rest_turn), rig.heads[number] - rest[:3, 3])
-    moved = rotations.multiply(turn, link)
-    return (
-        moved if bone.use_inherit_rotation else rig.turns[number],
-        moved if bone.use_local_location else turn,
-        position + rotations.rotate(turn, offset),
-    )
+    back = rotations.inverse(rotations.from_matrices(_orthogonal(rest[:3, :3])))
+    moved = rotations.multiply(turn, rotations.multiply(back, rest_turn))
+    offset = rotations.rotate(back, rig.heads[number] - rest[:3, 3])
+    axes = moved if bone.use_inherit_rotation else rest_turn
+    move = moved if bone.use_local_location else turn
+    return axes, move, position + rotations.rotate(turn, offset)
 
 
 def _frames_to_read(rig, action):
@@ -281,10 +263,7 @@ def read_action(rig, action, rate):
         if bone.parent is not None:
             parent = numbers.get(bone.parent.name)
             if parent is None:
-                raise RefusedError(
-                    f"{bone.name} is below {bone.parent.name}, which is no deform bone: choose "
-                    "Visual"
-                )
+                raise RefusedError(f"{bone.name} is below a bone that is no deform bone")
             above = turns[:, parent], places[:, parent]
         own = owner.pose.bones[bone.name]
         axes, move, origin = _bases(rig, number, above)
@@ -302,18 +281,17 @@ def _to_motion(rig, action, curves, frames, turns, places, rate):
     placement, owner = rig.placement, rig.owner
     object_turns = np.tile(np.array(placement.rotation), (len(frames), 1))
     object_places = np.tile(np.array(placement.location), (len(frames), 1))
-    if rig.placement.has_object:
+    if placement.has_object:
         outer = np.array(placement.rotation)
         own = _rotations_of(owner, curves, "", frames)
-        moved = sample_channel(curves, "location", 3, frames, owner.location)
+        path = sample_channel(curves, "location", 3, frames, owner.location)
         factor = placement.scale / sample_channel(curves, "scale", 3, frames[:1], owner.scale)[0, 0]
-        object_places = object_places + rotations.rotate(outer, factor * moved)
+        object_places = object_places + rotations.rotate(outer, factor * path)
         object_turns = rotations.multiply(outer, own)
     quats = rotations.multiply(object_turns[:, None], turns)
-    points = object_places[:, None] + rotations.rotate(
-        object_turns[:, None], placement.scale * places
-    )
-    if rig.placement.has_object:
+    moved = rotations.rotate(object_turns[:, None], placement.scale * places)
+    points = object_places[:, None] + moved
+    if placement.has_object:
         quats = np.concatenate([object_turns[:, None], quats], axis=1)
         points = np.concatenate([object_places[:, None], points], axis=1)
     return rebase(rig.rest, quats, points, 1.0 / rate, name=action.name)
@@ -352,11 +330,8 @@ class Shown:
         scene, data = bpy.context.scene, self.owner.animation_data_create()
         self.frame = scene.frame_current, scene.frame_subframe
         self.old = data.action, getattr(data, "action_slot", None), data.use_nla
-        self.pose = [
-            (own, name, tuple(getattr(own, name)))
-            for own in self.owner.pose.bones
-            for name in REST_CHANNELS
-        ]
+        moved = [self.owner, *self.owner.pose.bones]
+        self.pose = [(own, n, tuple(getattr(own, n))) for own in moved for n in REST_CHANNELS]
         data.use_nla = False
         show(self.owner, self.action)
 
@@ -414,16 +389,13 @@ def write_action(rig, action, first, motion, base, outside=None):
         is_changed[number] = differs[joint] or moves[joint] or below
         if not (differs[joint] or moves[joint] or (below and not is_bound)):
             continue
-        above = None
-        if is_outside:
-            above = outside[bone.parent.name]
-        elif bone.parent is not None:
+        above = outside[bone.parent.name] if is_outside else None
+        if bone.parent is not None and not is_outside:
             above = turns[:, numbers[bone.parent.name]], places[:, numbers[bone.parent.name]]
         own = owner.pose.bones[bone.name]
         axes, move, origin = _bases(rig, number, above)
-        channel, values = _angles_of(
-            own, rotations.multiply(rotations.inverse(axes), turns[:, number])
-        )
+        turned = rotations.multiply(rotations.inverse(axes), turns[:, number])
+        channel, values = _angles_of(own, turned)
         write_channel(bag, own.path_from_id(channel), bone.name, frames, values)
         if (moves[joint] or not is_bound or outside is not None) and not bone.use_connect:
             shift = rotations.rotate(rotations.inverse(move), places[:, number] - origin)
@@ -436,11 +408,9 @@ def _to_armature(rig, turns, places):
     """Return world rotations and positions of bones in the space of the armature."""
     placement = rig.placement
     object_turns, object_places = np.array(placement.rotation), np.array(placement.location)
-    if rig.placement.has_object:
+    if placement.has_object:
         object_turns, object_places = turns[:, :1], places[:, :1]
         turns, places = turns[:, 1:], places[:, 1:]
     back = rotations.inverse(object_turns)
-    return (
-        rotations.multiply(back, turns),
-        rotations.rotate(back, places - object_places) / placement.scale,
-    )
+    places = rotations.rotate(back, places - object_places) / placement.scale
+    return rotations.multiply(back, turns), places

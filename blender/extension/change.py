@@ -4,19 +4,31 @@
 import json
 
 import bpy
-from bpy.props import IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 import mograft as mg
 
 from .actions import preview, write_results
 from .armature import RefusedError
+from .curves import frames_of
 from .grafting import change
 from .operators import _Armature, request_of
 from .properties import is_graft
-from .sources import BEFORE, EDIT, PARENT, RECORD, Setup, load
+from .sources import BEFORE, EDIT, PARENT, RECORD, Setup, load, restore_others
 from .work import WorkOperator
 
 SUFFIX = "_preview"
+EDITS = (
+    ("NEXT", "Next Part", "Give the selected range the next best part of the sources"),
+    ("CHOOSE", "Choose Part", "Give the selected range a part of an action that you name"),
+    ("KEEP", "Keep Captured", "Give the selected range the captured motion of the base"),
+    (
+        "REGENERATE",
+        "Regenerate Range",
+        "Draw the preview range of the timeline, or the selected range, again",
+    ),
+)
+"""The changes, with the text of their buttons."""
 
 
 def active_graft(context):
@@ -34,8 +46,21 @@ def selected_range(action):
     return ranges[active]
 
 
-class _Change(WorkOperator, _Armature):
-    """Base class: `edit_of` returns a function of a graft, and what the preview stores of it."""
+class MOGRAFT_OT_change(WorkOperator, _Armature, bpy.types.Operator):
+    """Change the selected range of a graft; the result is a preview"""
+
+    bl_idname = "mograft.change"
+    bl_label = "Change"
+
+    kind: EnumProperty(name="Change", items=EDITS)
+    clip: StringProperty(name="Action", description="For Choose Part")
+    first: IntProperty(name="First frame", description="First and last 0: the best part")
+    last: IntProperty(name="Last frame", description="In the time of the action")
+
+    @classmethod
+    def description(cls, _context, properties):
+        """Return what the button does."""
+        return next(own[2] for own in EDITS if own[0] == properties.kind)
 
     @classmethod
     def poll(cls, context):
@@ -56,15 +81,14 @@ class _Change(WorkOperator, _Armature):
         loaded = load(setup)
         clip = json.loads(action[RECORD])["base"]
         edit, stored, source = self.edit_of(context, action, loaded.first[clip])
-        request, record = request_of(loaded, setup), action[source]
+        request, record = request_of(loaded, restore_others(setup)), action[source]
         self._state = context.object, loaded, action, stored, record
         return lambda report: change(request, record, edit, report)
 
     def finish(self, context, result):
         """Write the preview in place of an earlier one, and show it."""
         owner, loaded, action, stored, before = self._state
-        for note in result.notes:
-            self.report({"WARNING"}, note)
+        self.warn(result.notes)
         if result.graft.violations:
             raise RefusedError(result.graft.violations[0].message)
         parent = action.get(PARENT, action.name)
@@ -76,8 +100,50 @@ class _Change(WorkOperator, _Armature):
             name = action.name
             bpy.data.actions.remove(action)
             made.name = name
-        self.report({"INFO"}, "Preview: accept or discard it")
         context.scene.frame_set(context.scene.frame_current)
+        self.report({"INFO"}, "Preview: accept or discard it")
+
+    def invoke(self, context, event):
+        """Ask for the part that is to be chosen."""
+        if self.kind == "CHOOSE" and not self.clip:
+            return context.window_manager.invoke_props_dialog(self)
+        return super().invoke(context, event)
+
+    def draw(self, _context):
+        """Draw the dialog."""
+        self.layout.prop_search(self, "clip", bpy.data, "actions")
+        self.layout.prop(self, "first")
+        self.layout.prop(self, "last")
+
+    def edit_of(self, context, action, first):
+        """Return the change as a function of a graft, what a preview stores of it, and of which.
+
+        A repeated Next Part starts from the graft before the last change.
+        """
+        scene = context.scene
+        if self.kind == "REGENERATE":
+            frames = scene.frame_preview_start - first, scene.frame_preview_end - first
+            if not scene.use_preview_range:
+                frames = _span(selected_range(action), first)
+            locked = [_span(own, first) for own in action.mograft.ranges if own.is_locked]
+            seed = int(action["mograft_seed"]) + 1
+            return (lambda graft: redraw(graft, frames, locked, seed)), {}, RECORD
+        item = selected_range(action)
+        group, frames, donor = item.group, _span(item, first), self.clip
+        if self.kind == "KEEP":
+            keep = mg.constraints.KeepOriginal(frames=frames, group=group)
+            return (lambda graft: mg.edit(graft, keep)), {}, RECORD
+        if self.kind == "CHOOSE":
+            if (self.first, self.last) != (0, 0):
+                source = bpy.data.actions.get(donor)
+                start = 0 if source is None else frames_of(source)[0]
+                donor = self.clip, self.first - start, self.last - start
+            return (lambda graft: mg.change(graft, group, frames, donor)), {}, RECORD
+        old, rank, source = json.loads(action.get(EDIT, "{}")), 0, RECORD
+        if (old.get("group"), old.get("frames")) == (group, list(frames)):
+            rank, source = old["rank"] + 1, BEFORE
+        stored = {"group": group, "frames": frames, "rank": rank}
+        return (lambda graft: mg.change(graft, group, frames, rank=rank)), stored, source
 
 
 def _restore_locks(old, new):
@@ -94,103 +160,16 @@ def _span(item, first):
     return item.first - first, item.last - first
 
 
-class MOGRAFT_OT_next_donor(_Change, bpy.types.Operator):
-    """Give the selected range the next best part of the sources"""
-
-    bl_idname = "mograft.next_donor"
-    bl_label = "Next Part"
-
-    def edit_of(self, _context, action, first):
-        """Return the change by the next rank; repeated, it starts from the graft before."""
-        item = selected_range(action)
-        group, frames, rank, source = item.group, _span(item, first), 0, RECORD
-        old = json.loads(action.get(EDIT, "{}"))
-        if (old.get("group"), old.get("frames")) == (group, list(frames)):
-            rank, source = old["rank"] + 1, BEFORE
-        stored = {"group": group, "frames": frames, "rank": rank}
-        return (lambda graft: mg.change(graft, group, frames, rank=rank)), stored, source
-
-
-class MOGRAFT_OT_choose_donor(_Change, bpy.types.Operator):
-    """Give the selected range a part of an action that you name"""
-
-    bl_idname = "mograft.choose_donor"
-    bl_label = "Choose Part"
-
-    clip: StringProperty(name="Action")
-    first: IntProperty(name="First frame", description="First and last 0: the best part")
-    last: IntProperty(name="Last frame")
-
-    def invoke(self, context, event):
-        """Ask for the part."""
-        if not self.clip:
-            item = selected_range(active_graft(context)) if _has_range(context) else None
-            if item is None:
-                self.report({"ERROR"}, "Select a range in the list")
-                return {"CANCELLED"}
-            self.clip = item.clip
-            self.first = self.last = 0
-            return context.window_manager.invoke_props_dialog(self)
-        return super().invoke(context, event)
-
-    def edit_of(self, _context, action, first):
-        """Return the change by the part."""
-        item = selected_range(action)
-        group, frames, clip, donor = item.group, _span(item, first), self.clip, self.clip
-        if (self.first, self.last) != (0, 0):
-            source = bpy.data.actions.get(clip)
-            start = 0 if source is None else int(source.frame_range[0])
-            donor = clip, self.first - start, self.last - start
-        return (lambda graft: mg.change(graft, group, frames, donor)), {}, RECORD
-
-
-def _has_range(context):
-    action = active_graft(context)
-    return 0 <= action.mograft.active < len(action.mograft.ranges)
-
-
-class MOGRAFT_OT_keep_captured(_Change, bpy.types.Operator):
-    """Give the selected range the captured motion of the base"""
-
-    bl_idname = "mograft.keep_captured"
-    bl_label = "Keep Captured"
-
-    def edit_of(self, _context, action, first):
-        """Return the edit that restores the segments of the range."""
-        item = selected_range(action)
-        keep = mg.constraints.KeepOriginal(frames=_span(item, first), group=item.group)
-        return (lambda graft: mg.edit(graft, keep)), {}, RECORD
-
-
-class MOGRAFT_OT_regenerate(_Change, bpy.types.Operator):
-    """Give the preview range of the timeline, or the selected range, other parts by chance"""
-
-    bl_idname = "mograft.regenerate"
-    bl_label = "Regenerate Range"
-
-    def edit_of(self, context, action, first):
-        """Return the edit that draws the segments again that are not locked."""
-        scene = context.scene
-        if scene.use_preview_range:
-            frames = scene.frame_preview_start - first, scene.frame_preview_end - first
-        else:
-            frames = _span(selected_range(action), first)
-        locked = [_span(own, first) for own in action.mograft.ranges if own.is_locked]
-        seed = int(action["mograft_seed"]) + 1
-        return (lambda graft: redraw(graft, frames, locked, seed)), {}, RECORD
-
-
 def redraw(graft, frames, locked, seed):
     """Return a graft with other donors in frames, except in locked ranges."""
     group = next(iter(graft.alternatives))
     cut = [(own.start, own.stop) for own in graft.substitutions if own.group == group]
-    chosen = [
-        number
-        for number, (first, last) in enumerate(cut)
-        if first < frames[1]
-        and last > frames[0]
-        and not any(first < stop and last > start for start, stop in locked)
-    ]
+
+    def overlaps(segment, span):
+        return segment[0] < span[1] and segment[1] > span[0]
+
+    inside = [number for number, own in enumerate(cut) if overlaps(own, frames)]
+    chosen = [own for own in inside if not any(overlaps(cut[own], span) for span in locked)]
     if not chosen:
         raise RefusedError("No part in this range of frames can be regenerated: all are locked")
     return mg.edit(graft, reroll=chosen, seed=seed)
@@ -202,7 +181,7 @@ class MOGRAFT_OT_accept(_Armature, bpy.types.Operator):
     bl_idname = "mograft.accept"
     bl_label = "Accept"
 
-    is_accepted: bpy.props.BoolProperty(default=True)
+    is_accepted: BoolProperty(default=True)
 
     @classmethod
     def poll(cls, context):
@@ -249,11 +228,4 @@ class MOGRAFT_OT_show(_Armature, bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (
-    MOGRAFT_OT_next_donor,
-    MOGRAFT_OT_choose_donor,
-    MOGRAFT_OT_keep_captured,
-    MOGRAFT_OT_regenerate,
-    MOGRAFT_OT_accept,
-    MOGRAFT_OT_show,
-)
+CLASSES = (MOGRAFT_OT_change, MOGRAFT_OT_accept, MOGRAFT_OT_show)

@@ -24,18 +24,18 @@ _libraries = {}
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """The arguments of `make`."""
+    """The arguments of `make` and `change`."""
 
     motions: tuple
     match: str
-    bases: tuple  # names of clips
-    groups: object  # JointGroups, or the name of a preset
-    config: mg.Config
     is_mirrored: bool
-    count: int
-    seed: int
-    constraints: tuple
     others: dict  # by number of the constraint, what a setup stores of an avoided armature
+    bases: tuple = ()  # names of clips
+    groups: object = None  # JointGroups, or the name of a preset
+    config: mg.Config | None = None
+    count: int = 1
+    seed: int = 0
+    constraints: tuple = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,20 +51,21 @@ class Result:
     notes: tuple
 
 
-def build_library(motions, match, groups, config, is_mirrored, report):
+def build_library(request, groups, config, report):
     """Return the library of motions, which is kept for the next call."""
     digest = hashlib.sha256()
-    for own in motions:
+    for own in request.motions:
         for array in (own.rotations, own.positions, own.skeleton.offsets):
             digest.update(np.ascontiguousarray(array))
         digest.update(json.dumps([own.name, own.frame_time, own.skeleton.names]).encode())
-    digest.update(json.dumps([match, str(groups), config.as_dict(), is_mirrored]).encode())
+    options = [request.match, request.is_mirrored, str(groups), config.as_dict()]
+    digest.update(json.dumps(options).encode())
     key = digest.hexdigest()
     if key not in _libraries:
-        options = {"match": match, "progress": report}
-        if match == "anatomy":
-            options["hierarchy"] = motions[0].skeleton
-        library = mg.Library.build(motions, groups, config, mirrored=is_mirrored, **options)
+        hierarchy = request.motions[0].skeleton if request.match == "anatomy" else None
+        options = {"match": request.match, "hierarchy": hierarchy, "progress": report}
+        options["mirrored"] = request.is_mirrored
+        library = mg.Library.build(request.motions, groups, config, **options)
         forget()
         _libraries[key] = library
     return _libraries[key]
@@ -78,14 +79,7 @@ def forget():
 def make(request, report):
     """Return new grafts on all bases, as `Result`."""
     with _Notes() as notes:
-        library = build_library(
-            request.motions,
-            request.match,
-            request.groups,
-            request.config,
-            request.is_mirrored,
-            report,
-        )
+        library = build_library(request, request.groups, request.config, report)
         results, number, total = [], 0, len(request.bases) * request.count
         for base in request.bases:
             grafts = mg.graft_many(
@@ -107,14 +101,9 @@ def change(request, record, edit, report):
     """Return the graft of a provenance after `edit`, a function of a graft; None repeats it."""
     with _Notes() as notes:
         document = json.loads(record)
-        library = build_library(
-            request.motions,
-            request.match,
-            mg.JointGroups.from_toml(document["groups_toml"] + "\n"),
-            mg.Config.from_dict(document["config"]),
-            request.is_mirrored,
-            report,
-        )
+        groups = mg.JointGroups.from_toml(document["groups_toml"] + "\n")
+        config = mg.Config.from_dict(document["config"])
+        library = build_library(request, groups, config, report)
         report("graft", 0, 1)
         try:
             graft = mg.replay(document, library)

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Operators that make grafts: generate, batch and repeat; sources, groups and conditions."""
 
+from dataclasses import replace
+
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 import mograft as mg
 
 from .actions import preview, push_down, write_results
-from .armature import RefusedError
+from .armature import RefusedError, find_scaled_bones
 from .curves import frames_of
 from .grafting import VARIETIES, Request, change, make
 from .groups import read_groups, write_groups
@@ -48,100 +50,69 @@ class _Armature:
         return {"FINISHED"}
 
 
-class _Generate(WorkOperator, _Armature):
-    """What `generate` and `batch` share."""
-
-    count: IntProperty(
-        name="Number", min=0, max=1000, description="Number of grafts; 0: as in the panel"
-    )
-    seed: IntProperty(name="Seed", min=-1, default=-1, description="-1: as in the panel")
-
-    def bases(self, base, _loaded):
-        """Return the names of the clips that are bases."""
-        return (base,)
-
-    def prepare(self, context):
-        """Read all actions and constraints."""
-        settings = context.object.mograft
-        setup, base = collect(context, settings)
-        loaded = load(setup)
-        groups = read_groups(loaded.rig, settings.base_group) or settings.preset
-        first, last = frames_of(bpy.data.actions[base])
-        constraints, others = make_constraints(
-            settings.conditions, first, last, lambda own: read_other(own, setup.rate, first)
-        )
-        variety = next(own[3] for own in VARIETIES if own[0] == settings.variety)
-        request = Request(
-            motions=loaded.motions,
-            match=loaded.match,
-            bases=self.bases(base, loaded),
-            groups=groups,
-            config=mg.Config.with_variety(variety, loop=settings.loop),
-            is_mirrored=setup.is_mirrored,
-            count=self.count or settings.count,
-            seed=settings.seed if self.seed < 0 else self.seed,
-            constraints=tuple(constraints),
-            others=others,
-        )
-        self._state = context.object, loaded, settings.pushes_down
-        return lambda report: make(request, report)
-
-    def finish(self, _context, results):
-        """Write the new actions."""
-        owner, loaded, pushes_down = self._state
-        violated = [own for own in results if own.graft.violations]
-        results = [own for own in results if not own.graft.violations]
-        for note in dict.fromkeys(note for own in [*violated, *results] for note in own.notes):
-            self.report({"WARNING"}, note)
-        message = violated[0].graft.violations[0].message if violated else ""
-        if not results:
-            raise RefusedError(f"No graft meets all conditions: {message}")
-        if violated:
-            self.report({"WARNING"}, f"{len(violated)} grafts violate conditions: {message}")
-        made = write_results(loaded, results)
-        for own in made if pushes_down else ():
-            push_down(owner, own)
-        preview(owner, made[0])
-        names = made[0].name if len(made) == 1 else f"{made[0].name} to {made[-1].name}"
-        self.report({"INFO"}, f"{names}: {results[0].newness}")
-
-
-class MOGRAFT_OT_generate(_Generate, bpy.types.Operator):
+class MOGRAFT_OT_generate(WorkOperator, _Armature, bpy.types.Operator):
     """Make new actions that keep the base and take other parts from the sources"""
 
     bl_idname = "mograft.generate"
     bl_label = "Generate"
 
+    count: IntProperty(name="Number", min=0, max=1000, description="0: as in the panel")
+    seed: IntProperty(name="Seed", min=-1, default=-1, description="-1: as in the panel")
+    on_all: BoolProperty(name="On all", description="Make grafts on every source of the armature")
 
-class MOGRAFT_OT_batch(_Generate, bpy.types.Operator):
-    """Make new actions on every source of this armature"""
-
-    bl_idname = "mograft.batch"
-    bl_label = "Generate on All"
-
-    def bases(self, _base, loaded):
-        """Return all sources of the armature in this file."""
-        setup = loaded.setup
-        if len(setup.others) or bpy.context.object.mograft.conditions:
+    def prepare(self, context):
+        """Read all actions and constraints."""
+        owner, settings = context.object, context.object.mograft
+        setup, base = collect(context, settings)
+        if self.on_all and settings.conditions:
             raise RefusedError("Conditions are for one base: remove them to generate on all")
-        own = [s for s in setup.sources if s.armature == setup.armature and not s.file]
-        return tuple(source.clip for source in own)
+        loaded = load(setup)
+        first, last = frames_of(bpy.data.actions[base])
+        constraints, others = make_constraints(
+            settings.conditions, first, last, lambda own: read_other(own, setup.rate, first)
+        )
+        own = [s.clip for s in setup.sources if s.armature == owner.name and not s.file]
+        variety = next(own[3] for own in VARIETIES if own[0] == settings.variety)
+        request = replace(
+            request_of(loaded, others),
+            bases=tuple(own if self.on_all else [base]),
+            groups=read_groups(loaded.rig, settings.base_group) or settings.preset,
+            config=mg.Config.with_variety(variety, loop=settings.loop),
+            count=self.count or settings.count,
+            seed=settings.seed if self.seed < 0 else self.seed,
+            constraints=tuple(constraints),
+        )
+        self._state = owner, loaded, base
+        return lambda report: make(request, report)
+
+    def finish(self, _context, results):
+        """Write the new actions."""
+        owner, loaded, base = self._state
+        violated = [own for own in results if own.graft.violations]
+        self.warn(results[0].notes)
+        results = [own for own in results if not own.graft.violations]
+        message = violated[0].graft.violations[0].message if violated else ""
+        if not results:
+            raise RefusedError(f"No graft meets all conditions: {message}")
+        if violated:
+            self.warn([f"{len(violated)} grafts violate conditions: {message}"])
+        scaled = find_scaled_bones(loaded.rig, bpy.data.actions[base])
+        if scaled:
+            self.warn([f"The scale of bones stays as in the base, also of {scaled[0]}"])
+        made = write_results(loaded, results)
+        for own in made if owner.mograft.pushes_down else ():
+            push_down(owner, own)
+        owner.mograft.base = bpy.data.actions[base]
+        preview(owner, made[0])
+        names = made[0].name if len(made) == 1 else f"{made[0].name} to {made[-1].name}"
+        self.report({"INFO"}, f"{names}: {results[0].newness}")
 
 
-def request_of(loaded, setup):
-    """Return the arguments of `grafting.change` for a stored setup."""
-    return Request(
-        motions=loaded.motions,
-        match=loaded.match,
-        bases=(),
-        groups=None,
-        config=mg.Config(),
-        is_mirrored=setup.is_mirrored,
-        count=1,
-        seed=0,
-        constraints=(),
-        others=restore_others(setup),
-    )
+def request_of(loaded, others):
+    """Return the arguments of `grafting` that all operators have in common."""
+    setup, motions = loaded.setup, loaded.motions
+    mirrored = setup.is_mirrored
+    return Request(motions=motions, match=loaded.match, is_mirrored=mirrored, others=others)
 
 
 class MOGRAFT_OT_repeat(WorkOperator, _Armature, bpy.types.Operator):
@@ -158,7 +129,7 @@ class MOGRAFT_OT_repeat(WorkOperator, _Armature, bpy.types.Operator):
         action = bpy.data.actions.get(self.action) if self.action else data and data.action
         setup = Setup.from_action(action)
         loaded, record = load(setup), action[RECORD]
-        request = request_of(loaded, setup)
+        request = request_of(loaded, restore_others(setup))
         self._state = context.object, loaded, action.name
         return lambda report: change(request, record, None, report)
 
@@ -273,7 +244,6 @@ class MOGRAFT_OT_edit_list(_Armature, bpy.types.Operator):
 
 CLASSES = (
     MOGRAFT_OT_generate,
-    MOGRAFT_OT_batch,
     MOGRAFT_OT_repeat,
     MOGRAFT_OT_add_sources,
     MOGRAFT_OT_add_assets,

@@ -3,38 +3,30 @@
 
 import bpy
 
-from .change import active_graft
+from .change import EDITS, active_graft
 from .groups import find_collections
 from .properties import is_graft
 from .sources import PARENT, SETUP
 
 
-class MOGRAFT_UL_sources(bpy.types.UIList):
-    """The actions that give parts."""
+class MOGRAFT_UL_settings(bpy.types.UIList):
+    """The actions that give parts, or the conditions."""
 
-    bl_idname = "MOGRAFT_UL_sources"
+    bl_idname = "MOGRAFT_UL_settings"
 
-    def draw_item(self, _context, layout, _data, item, _icon, _active, _property):
-        """Draw an action with a check box."""
+    def draw_item(self, _context, layout, _data, item, _icon, _active, name):
+        """Draw an action with a check box, or the kind and the object of a condition."""
         row = layout.row(align=True)
+        if name == "active_condition":
+            row.prop(item, "kind", text="", emboss=False)
+            if item.kind != "KEEP":
+                row.prop(item, "target", text="")
+            return
         row.prop(item, "is_used", text="")
         if item.file:
             row.label(text=item.name, icon="ASSET_MANAGER")
         else:
             row.prop(item, "action", text="", emboss=False)
-
-
-class MOGRAFT_UL_conditions(bpy.types.UIList):
-    """The conditions."""
-
-    bl_idname = "MOGRAFT_UL_conditions"
-
-    def draw_item(self, _context, layout, _data, item, _icon, _active, _property):
-        """Draw the kind and the object."""
-        row = layout.row(align=True)
-        row.prop(item, "kind", text="", emboss=False)
-        if item.kind != "KEEP":
-            row.prop(item, "target", text="")
 
 
 class MOGRAFT_UL_ranges(bpy.types.UIList):
@@ -94,7 +86,7 @@ class MOGRAFT_PT_generate(_Panel, bpy.types.Panel):
         row = layout.row(align=True)
         row.scale_y = 1.5
         row.operator("mograft.generate", icon="ARMATURE_DATA")
-        row.operator("mograft.batch", text="On All")
+        row.operator("mograft.generate", text="On All").on_all = True
 
 
 class MOGRAFT_PT_conditions(_Panel, bpy.types.Panel):
@@ -142,8 +134,8 @@ class MOGRAFT_PT_grafts(_Panel, bpy.types.Panel):
         data = action.mograft
         layout.template_list("MOGRAFT_UL_ranges", "", data, "ranges", data, "active", rows=6)
         grid = layout.grid_flow(columns=2, align=True)
-        for name in ("next_donor", "choose_donor", "keep_captured", "regenerate"):
-            grid.operator(f"mograft.{name}")
+        for kind, label, _ in EDITS:
+            grid.operator("mograft.change", text=label).kind = kind
         if PARENT in action:
             row = layout.row(align=True)
             row.operator("mograft.accept", icon="CHECKMARK").is_accepted = True
@@ -154,7 +146,7 @@ class MOGRAFT_PT_grafts(_Panel, bpy.types.Panel):
 
 def _draw_list(layout, settings, name, active):
     row = layout.row()
-    row.template_list(f"MOGRAFT_UL_{name}", "", settings, name, settings, active, rows=3)
+    row.template_list("MOGRAFT_UL_settings", name, settings, name, settings, active, rows=3)
     column = row.column(align=True)
     for is_added, icon in ((True, "ADD"), (False, "REMOVE")):
         button = column.operator("mograft.edit_list", text="", icon=icon)
@@ -162,8 +154,7 @@ def _draw_list(layout, settings, name, active):
 
 
 CLASSES = (
-    MOGRAFT_UL_sources,
-    MOGRAFT_UL_conditions,
+    MOGRAFT_UL_settings,
     MOGRAFT_UL_ranges,
     MOGRAFT_PT_generate,
     MOGRAFT_PT_conditions,

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import bpy
 
-import mograft as mg
-
 from .armature import (
     Placement,
     RefusedError,
@@ -22,13 +20,8 @@ from .armature import (
 from .curves import BONE_PATH, find_curves, frames_of
 from .scene_constraints import avoid_motion
 
-RECORD, SETUP, BEFORE, EDIT, PARENT = (
-    "mograft_record",
-    "mograft_setup",
-    "mograft_before",
-    "mograft_edit",
-    "mograft_parent",
-)
+RECORD, SETUP = "mograft_record", "mograft_setup"
+BEFORE, EDIT, PARENT = "mograft_before", "mograft_edit", "mograft_parent"
 """Custom properties of new actions: provenance, sources, and those of a preview."""
 
 
@@ -101,23 +94,20 @@ def collect(context, settings):
     """Return the setup that a panel describes, and the name of the base clip."""
     owner = context.object
     check_armature(owner)
-    chosen = [own for own in settings.sources if own.is_used]
     sources = []
-    for item in chosen:
-        if not item.file and item.action is None:
+    for item in settings.sources:
+        if not item.is_used or not (item.file or item.action):
             continue
         armature = item.armature or owner
         check_armature(armature)
         name = item.name if item.file else item.action.name
         sources.append(Source(action=name, armature=armature.name, file=item.file))
-    base = settings.base
+    data = owner.animation_data
+    base = settings.base or (data.action if data else None)
     if base is None:
-        base = owner.animation_data.action if owner.animation_data else None
-    if base is None:
-        data = owner.animation_data
         has_nla = data is not None and len(data.nla_tracks)
-        hint = ": bake its NLA tracks to an action first" if has_nla else ": choose a base action"
-        raise RefusedError(f"{owner.name} has no action{hint}")
+        hint = "bake its NLA tracks to an action first" if has_nla else "choose a base action"
+        raise RefusedError(f"{owner.name} has no action: {hint}")
     if base.library is not None:
         raise RefusedError(f"{base.name} is linked: make it local to use it as a base")
     own = Source(action=base.name, armature=owner.name)
@@ -164,14 +154,9 @@ def load(setup):
                 motion, outside[source.clip] = sample_visual(rig, action, setup.rate)
             else:
                 motion = read_action(rig, action, setup.rate)
-            motions.append(mg.Motion(**{**_fields(motion), "name": source.clip}))
+            motions.append(replace(motion, name=source.clip))
             first[source.clip] = frames_of(action)[0]
     return Loaded(setup, rigs[setup.armature], tuple(motions), outside, first)
-
-
-def _fields(motion):
-    names = ("skeleton", "frame_time", "rotations", "positions")
-    return {name: getattr(motion, name) for name in names}
 
 
 def read_other(owner, rate, first):

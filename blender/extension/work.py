@@ -94,6 +94,11 @@ class WorkOperator:
         if context.workspace is not None:
             context.workspace.status_text_set(None)
 
+    def warn(self, notes):
+        """Report warnings."""
+        for own in notes:
+            self.report({"WARNING"}, own)
+
     def _end(self, context, job):
         if job.error is not None:
             return self._refuse(job.error)

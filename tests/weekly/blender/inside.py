@@ -136,7 +136,7 @@ def compare(owner, base, action):
     sources, grafting = package().sources, package().grafting
     setup = sources.Setup.from_action(action)
     loaded = sources.load(setup)
-    request = package().operators.request_of(loaded, setup)
+    request = package().operators.request_of(loaded, sources.restore_others(setup))
     record = action["mograft_record"]
     result = grafting.change(request, record, None, lambda *_: None)
     motion = result.graft.motion
@@ -147,14 +147,18 @@ def compare(owner, base, action):
     height = float(np.ptp(expected[0], axis=0).max())
     index = [motion.skeleton.names.index(own) for own in names if own in motion.skeleton.names]
     columns = [i for i, own in enumerate(names) if own in motion.skeleton.names]
-    error = float(np.abs(found[:, columns] - expected[:, index]).max()) / height
+    distance = np.abs(found[:, columns] - expected[:, index]).max(axis=2)
+    error = float(distance.max()) / height
+    if error > MAX_ERROR:
+        worst = np.argsort(-distance.max(axis=0))[:8]
+        print([(names[columns[i]], distance[:, i].max() / height) for i in worst], file=sys.stderr)
     old, new = curves_of(base, owner), curves_of(action, owner)
     base_joints = result.graft.library.joints(result.graft.library.groups.base)
     kept = {motion.skeleton.names[own] for own in base_joints}
     n_equal = 0
     for key, curve in old.items():
         match = package().sources.BONE_PATH.match(key[0])
-        if match is None or match[1] in kept:
+        if match is None or match[1] in kept or match[1] not in motion.skeleton.names:
             values = [
                 np.empty(2 * len(own.keyframe_points), np.float32) for own in (curve, new[key])
             ]
@@ -210,7 +214,7 @@ def install():
     )
     assert hasattr(bpy.types, "MOGRAFT_PT_generate")
     names = dir(bpy.ops.mograft)
-    expected = {"generate", "batch", "repeat", "next_donor", "accept", "regenerate"}
+    expected = {"generate", "repeat", "change", "accept", "add_assets"}
     assert expected <= set(names), names
     import mograft
 
@@ -276,7 +280,7 @@ def change_one_part():
     assert bpy.context.scene.frame_current == items[graft.mograft.active].first
     seen = {original}
     for _ in range(3):
-        bpy.ops.mograft.next_donor()
+        bpy.ops.mograft.change(kind="NEXT")
         shown = owner.animation_data.action
         assert shown.name == f"{graft.name}_preview", shown.name
         seen.add(hash_action(shown, owner))
@@ -289,14 +293,14 @@ def change_one_part():
     item = graft.mograft.ranges[graft.mograft.active]
     first, last = item.first, item.last
     clip = bpy.data.actions[item.clip]
-    bpy.ops.mograft.choose_donor(clip=clip.name, first=100, last=100 + last - first)
+    bpy.ops.mograft.change(kind="CHOOSE", clip=clip.name, first=100, last=100 + last - first)
     bpy.ops.mograft.accept()
     (graft,) = grafts()
     changed = [
         (own.first, own.last, own.donor_first + own.donor_start) for own in graft.mograft.ranges
     ]
     assert (first, last, 100) in changed, changed
-    bpy.ops.mograft.keep_captured()
+    bpy.ops.mograft.change(kind="KEEP")
     bpy.ops.mograft.accept()
     (graft,) = grafts()
     kept = [own for own in graft.mograft.ranges if own.first < last and own.last > first]
@@ -307,7 +311,7 @@ def change_one_part():
     scene.use_preview_range = True
     scene.frame_preview_start, scene.frame_preview_end = 1, 400
     donors = [(own.first, own.clip, own.donor_first) for own in graft.mograft.ranges]
-    bpy.ops.mograft.regenerate()
+    bpy.ops.mograft.change(kind="REGENERATE")
     shown = owner.animation_data.action
     again = [(own.first, own.clip, own.donor_first) for own in shown.mograft.ranges]
     assert again != donors
@@ -371,7 +375,7 @@ def batch_on_all_sources():
     n = len(owner.mograft.sources)
     before = hash_all(owner)
     owner.mograft.pushes_down = True
-    bpy.ops.mograft.batch(count=1)
+    bpy.ops.mograft.generate(count=1, on_all=True)
     assert len(grafts()) == n, (len(grafts()), n)
     assert hash_all(owner) == before
     tracks = owner.animation_data.nla_tracks
@@ -422,7 +426,7 @@ def conditions():
     bpy.ops.mograft.repeat(action=graft.name)
     show(owner, graft)
     graft.mograft.active = 0
-    bpy.ops.mograft.next_donor()
+    bpy.ops.mograft.change(kind="NEXT")
     own = settings.conditions.add()
     own.kind, own.use_frames, own.first, own.last = "KEEP", True, 300, 100000
     show(owner, base)
@@ -549,12 +553,12 @@ def refusals():
     bpy.context.view_layer.update()
     show(owner, action)
     refused("is not a graft", bpy.ops.mograft.repeat)
-    refused("Show a graft", bpy.ops.mograft.next_donor)
+    refused("Show a graft", bpy.ops.mograft.change)
     bpy.ops.mograft.generate(count=1)
     (graft,) = grafts()
     show(owner, graft)
     graft.mograft.active = -1
-    refused("Select a range", bpy.ops.mograft.next_donor)
+    refused("Select a range", bpy.ops.mograft.change)
     graft.mograft.active = 0
     graft["mograft_setup"] = "{}"
     refused("is damaged", bpy.ops.mograft.repeat)
@@ -649,16 +653,19 @@ def visual_rigify():
     random = np.random.default_rng(0)
     names = ("torso", "chest", "hand_ik.L", "hand_ik.R", "foot_ik.L", "foot_ik.R", "head")
     phases = random.uniform(0, 6, (len(names), 3))
-    for frame in range(1, 302, 4):
+    for frame in range(1, 152, 4):
         for name, phase in zip(names, phases, strict=True):
             bone = owner.pose.bones[name]
             bone.location = 0.12 * np.sin(frame / 9 + phase) * (1 + 0.5 * np.sin(frame / 41))
             bone.keyframe_insert("location", frame=frame)
+    for bone in owner.pose.bones:
+        if "IK_Stretch" in bone:
+            bone["IK_Stretch"] = 0.0
     base = owner.animation_data.action
     owner.mograft.is_visual = True
     owner.mograft.variety = "MAXIMUM"
     before = hash_all(owner)
-    places, names = evaluated_positions(owner, base, [50, 120])
+    places, names = evaluated_positions(owner, base, [50, 100])
     bpy.ops.mograft.generate(count=1, seed=1)
     (graft,) = grafts()
     error, _, exchanged = compare(owner, base, graft)
@@ -666,7 +673,7 @@ def visual_rigify():
     assert exchanged
     show(owner, base)
     assert hash_all(owner) == before
-    again, _ = evaluated_positions(owner, base, [50, 120])
+    again, _ = evaluated_positions(owner, base, [50, 100])
     assert np.abs(again - places).max() < 1e-5
     return f"{exchanged} parts, error {error:.1e}; the base plays as before"
 

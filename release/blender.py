@@ -1,5 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
-"""Build the Blender extension from a wheel: ``python blender/build.py WHEEL [-o FOLDER]``.
+"""Build the Blender extension from a wheel: ``python -m release.blender WHEEL``.
 
 The zip is for the platform of the wheel, which it contains unmodified. The same wheel gives the
 same bytes.
@@ -13,7 +12,9 @@ import tomllib
 import zipfile
 from pathlib import Path
 
-FOLDER = Path(__file__).resolve().parent
+from release.distributions import ROOT
+
+FOLDER = ROOT / "blender"
 SOURCES = FOLDER / "extension"
 WHEEL = re.compile(r"mograft-(?P<version>[^-]+)-cp3\d+-abi3-(?P<system>\w+)\.whl")
 PLATFORMS = {
