@@ -30,7 +30,17 @@ PLATFORMS = {
 
 ALLOWED_IMPORTS = {
     *("bl_ui", "bpy", "mathutils", "mograft", "numpy"),
-    *("dataclasses", "hashlib", "json", "pathlib", "re", "threading", "traceback", "warnings"),
+    *(
+        "contextlib",
+        "dataclasses",
+        "hashlib",
+        "json",
+        "pathlib",
+        "re",
+        "threading",
+        "traceback",
+        "warnings",
+    ),
 }
 """Packages that the extension may import: none of them opens connections or starts processes."""
 

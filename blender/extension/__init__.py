@@ -5,7 +5,13 @@ import bpy
 
 from . import change, grafting, operators, panel, properties
 
-_CLASSES = (*operators.CLASSES, *change.CLASSES, *panel.CLASSES)
+_MODULES = (operators, change, panel)
+_CLASSES = [
+    own
+    for module in _MODULES
+    for own in vars(module).values()
+    if getattr(own, "__module__", "") == module.__name__ and own.__name__.startswith("MOGRAFT_")
+]
 
 
 def register():

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import bpy
 
-from .armature import INFLUENCES, RefusedError, find_slot, show, write_action
-from .curves import find_bag, write_channel
+from .armature import INFLUENCES, RefusedError, show, write_action
+from .curves import find_bag, find_slot, write_channel
 from .sources import RECORD, SETUP
 
 
@@ -40,9 +40,9 @@ def _fill(loaded, result, new):
     if tuple(graft.motion.skeleton.names) != tuple(rig.rest.names):
         raise RefusedError("The bones of most sources differ from those of the base: remove some")
     first = loaded.first[result.base]
-    outside = loaded.outside.get(result.base)
+    outside = loaded.outside.get(result.base, {})
     written = write_action(rig, new, first, graft.motion, graft.base, outside)
-    if outside is not None:
+    if loaded.setup.is_visual:
         _turn_off_constraints(rig.owner, new, written, first)
     if new.asset_data is not None:
         new.asset_clear()
@@ -90,9 +90,7 @@ def push_down(owner, action):
     """Add a muted track with an action to the NLA of an armature."""
     track = owner.animation_data_create().nla_tracks.new()
     track.name = action.name
-    first, _ = action.frame_range
-    strip = track.strips.new(action.name, int(first), action)
-    slot = find_slot(action, owner)
-    if slot is not None:
+    strip = track.strips.new(action.name, int(action.frame_range[0]), action)
+    if slot := find_slot(action, owner):
         strip.action_slot = slot
     track.mute = True

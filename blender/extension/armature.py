@@ -7,6 +7,7 @@ armature, so that bones that inherit no rotation, and parents outside of the fig
 """
 
 import json
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import bpy
@@ -15,28 +16,15 @@ import numpy as np
 from mograft import rotations
 from mograft.io.rest_pose import RestPose, rebase, restore
 
-from .curves import (
-    BONE_PATH,
-    OBJECT_CHANNELS,
-    find_bag,
-    find_curves,
-    find_slot,
-    frames_of,
-    sample_channel,
-    write_channel,
-)
+from . import curves as fc
 
 OBJECT_JOINT = "Object"
 INFLUENCES = "mograft_influences"
 """Custom property: the influence of the constraints that a new action turns off, as JSON."""
 
-REST_CHANNELS = {
-    "rotation_quaternion": (1, 0, 0, 0),
-    "rotation_axis_angle": (0, 0, 1, 0),
-    "rotation_euler": (0, 0, 0),
-    "location": (0, 0, 0),
-    "scale": (1, 1, 1),
-}
+REST_TURNS = {"rotation_quaternion": (1, 0, 0, 0), "rotation_axis_angle": (0, 0, 1, 0)}
+REST_PLACES = {"rotation_euler": (0, 0, 0), "location": (0, 0, 0), "scale": (1, 1, 1)}
+REST_CHANNELS = REST_TURNS | REST_PLACES
 ROTATION_CHANNELS = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}
 UNITY = np.array([0.0, 0.0, 0.0, 1.0])
 TOLERANCE = 1e-4
@@ -86,8 +74,9 @@ def check_armature(owner):
 
 def needs_object(owner, actions):
     """Return whether the object is a joint: it moves, or the bones have several roots."""
-    paths = {path for own in actions for path, _ in find_curves(own, owner)}
-    return not paths.isdisjoint(OBJECT_CHANNELS) or sum(not b.parent for b in owner.data.bones) > 1
+    paths = {path for own in actions for path, _ in fc.find_curves(own, owner)}
+    n_roots = sum(own.parent is None for own in owner.data.bones)
+    return not paths.isdisjoint(fc.OBJECT_CHANNELS) or n_roots > 1
 
 
 def place(owner, actions, *, has_object):
@@ -101,7 +90,7 @@ def place(owner, actions, *, has_object):
     location, turn, scale = _decompose(owner, matrix)
     curves = next(filter(None, (_object_curves(own, owner) for own in actions)), {})
     frame = np.array([min((own.range()[0] for own in curves.values()), default=0.0)])
-    size = sample_channel(curves, "scale", 3, frame, owner.scale)[0]
+    size = fc.sample_channel(curves, "scale", 3, frame, owner.scale)[0]
     if np.ptp(size) > TOLERANCE * size.max() or size.min() <= 0:
         raise RefusedError(f"The scale of {owner.name} differs between the axes: apply it")
     rest = rotations.multiply(np.array(turn), _rotations_of(owner, curves, "", frame)[0])
@@ -109,8 +98,8 @@ def place(owner, actions, *, has_object):
 
 
 def _object_curves(action, owner):
-    found = find_curves(action, owner)
-    return {key: own for key, own in found.items() if key[0] in OBJECT_CHANNELS}
+    found = fc.find_curves(action, owner)
+    return {key: own for key, own in found.items() if key[0] in fc.OBJECT_CHANNELS}
 
 
 def _upright(turn):
@@ -177,12 +166,10 @@ def _orthogonal(matrices):
 
 def find_scaled_bones(rig, action):
     """Return the names of bones whose scale an action changes; grafts do not consider scale."""
-    curves, found = find_curves(action, rig.owner), []
-    for bone in rig.owner.pose.bones:
-        own = filter(None, (curves.get((bone.path_from_id("scale"), i)) for i in range(3)))
-        if any(abs(point.co[1] - 1.0) > 1e-3 for curve in own for point in curve.keyframe_points):
-            found.append(bone.name)
-    return found
+    curves, bones = fc.find_curves(action, rig.owner), rig.owner.pose.bones
+    keys = {(own.path_from_id("scale"), i): own.name for own in bones for i in range(3)}
+    points = ((keys[k], p) for k in keys.keys() & curves.keys() for p in curves[k].keyframe_points)
+    return sorted({name for name, own in points if abs(own.co[1] - 1.0) > 1e-3})
 
 
 def _rotations_of(owned, curves, prefix, frames):
@@ -191,7 +178,7 @@ def _rotations_of(owned, curves, prefix, frames):
     channel = ROTATION_CHANNELS.get(mode, "rotation_euler")
     # An object need not stand straight without keys.
     default = REST_CHANNELS[channel] if prefix else tuple(getattr(owned, channel))
-    values = sample_channel(curves, prefix + channel, len(default), frames, default)
+    values = fc.sample_channel(curves, prefix + channel, len(default), frames, default)
     if mode == "QUATERNION":
         quats = values[:, [1, 2, 3, 0]]
         norms = np.linalg.norm(quats, axis=1, keepdims=True)
@@ -241,9 +228,9 @@ def _bases(rig, number, above):
 
 def _frames_to_read(rig, action):
     """Return the frames of an action that can be grafted; raise RefusedError for others."""
-    if not any(BONE_PATH.match(path) for path, _ in find_curves(action, rig.owner)):
+    if not any(fc.BONE_PATH.match(path) for path, _ in fc.find_curves(action, rig.owner)):
         raise RefusedError(f"{action.name} animates no bone of {rig.owner.name}")
-    first, last = frames_of(action)
+    first, last = fc.frames_of(action)
     if last <= first:
         raise RefusedError(f"{action.name} has one frame: an action to graft needs several")
     return np.arange(first, last + 1)
@@ -254,7 +241,8 @@ def read_action(rig, action, rate):
 
     Channels without curves have their rest values. Cyclic and other modifiers are evaluated.
     """
-    frames, owner, curves = _frames_to_read(rig, action), rig.owner, find_curves(action, rig.owner)
+    frames, owner = _frames_to_read(rig, action), rig.owner
+    curves = fc.find_curves(action, owner)
     turns = np.empty((len(frames), len(rig.bones), 4))
     places = np.empty((len(frames), len(rig.bones), 3))
     numbers = {own.name: i for i, own in enumerate(rig.bones)}
@@ -271,7 +259,7 @@ def read_action(rig, action, rate):
         turns[:, number], places[:, number] = rotations.multiply(axes, quats), origin
         path = own.path_from_id("location")
         if not bone.use_connect and any((path, i) in curves for i in range(3)):
-            shift = sample_channel(curves, path, 3, frames, (0, 0, 0))
+            shift = fc.sample_channel(curves, path, 3, frames, (0, 0, 0))
             places[:, number] += rotations.rotate(move, shift)
     return _to_motion(rig, action, curves, frames, turns, places, rate)
 
@@ -284,9 +272,10 @@ def _to_motion(rig, action, curves, frames, turns, places, rate):
     if placement.has_object:
         outer = np.array(placement.rotation)
         own = _rotations_of(owner, curves, "", frames)
-        path = sample_channel(curves, "location", 3, frames, owner.location)
-        factor = placement.scale / sample_channel(curves, "scale", 3, frames[:1], owner.scale)[0, 0]
-        object_places = object_places + rotations.rotate(outer, factor * path)
+        path = fc.sample_channel(curves, "location", 3, frames, owner.location)
+        size = fc.sample_channel(curves, "scale", 3, frames[:1], owner.scale)
+        path *= placement.scale / size[0, 0]
+        object_places = object_places + rotations.rotate(outer, path)
         object_turns = rotations.multiply(outer, own)
     quats = rotations.multiply(object_turns[:, None], turns)
     moved = rotations.rotate(object_turns[:, None], placement.scale * places)
@@ -298,7 +287,7 @@ def _to_motion(rig, action, curves, frames, turns, places, rate):
 
 
 def sample_visual(rig, action, rate):
-    """Return the motion of the evaluated pose, and the evaluated parents outside of the figure.
+    """Return the motion of the evaluated pose, parents outside of the figure, and scaled bones.
 
     Constraints and drivers are evaluated in every frame. The scene is left as it was.
     """
@@ -306,42 +295,51 @@ def sample_visual(rig, action, rate):
     parents = {b.parent.name for b in rig.bones if b.parent} - {b.name for b in rig.bones}
     names = [*(own.name for own in rig.bones), *sorted(parents)]
     matrices = np.empty((len(frames), len(names), 4, 4), np.float32)
-    with Shown(owner, action):
+    with shown(owner, action):
         graph = bpy.context.evaluated_depsgraph_get()
+        owner.update_tag()
+        scene.frame_set(int(frames[0]))  # drivers need a pass to settle
         for row, frame in enumerate(frames.tolist()):
             scene.frame_set(frame)
             pose = owner.evaluated_get(graph).pose.bones
             matrices[row] = [pose[own].matrix for own in names]
+    sizes = np.linalg.norm(matrices[..., :3, :3], axis=-2)
+    scaled = [own for own, n in zip(names, np.abs(sizes - 1).max(axis=(0, 2))) if n > 1e-3]
     quats = rotations.from_matrices(_orthogonal(matrices[..., :3, :3].astype(float)))
     places = matrices[..., :3, 3].astype(float)
-    n, curves = len(rig.bones), find_curves(action, owner)
+    n, curves = len(rig.bones), fc.find_curves(action, owner)
     motion = _to_motion(rig, action, curves, frames, quats[:, :n], places[:, :n], rate)
-    outside = {own: (quats[:, n + i], places[:, n + i]) for i, own in enumerate(names[n:])}
-    return motion, outside
+    outside = {}
+    for number, name in enumerate(names[n:], n):
+        above = (own.name for own in owner.data.bones[name].parent_recursive)
+        above = next((names.index(own) for own in above if own in names[:n]), -1)
+        turn, spot = quats[:, number], places[:, number]
+        if above >= 0:
+            back = rotations.inverse(quats[:, above])
+            turn = rotations.multiply(back, turn)
+            spot = rotations.rotate(back, spot - places[:, above])
+        outside[name] = above, turn, spot
+    return motion, outside, scaled
 
 
-class Shown:
+@contextmanager
+def shown(owner, action):
     """While a block runs, an armature has an action; then action, pose and frame are restored."""
-
-    def __init__(self, owner, action):
-        self.owner, self.action = owner, action
-
-    def __enter__(self):
-        scene, data = bpy.context.scene, self.owner.animation_data_create()
-        self.frame = scene.frame_current, scene.frame_subframe
-        self.old = data.action, getattr(data, "action_slot", None), data.use_nla
-        moved = [self.owner, *self.owner.pose.bones]
-        self.pose = [(own, n, tuple(getattr(own, n))) for own in moved for n in REST_CHANNELS]
-        data.use_nla = False
-        show(self.owner, self.action)
-
-    def __exit__(self, *_):
-        data, (action, slot, data.use_nla) = self.owner.animation_data, self.old
-        data.action = action
+    scene, data = bpy.context.scene, owner.animation_data_create()
+    frame = scene.frame_current, scene.frame_subframe
+    old, slot, use_nla = data.action, getattr(data, "action_slot", None), data.use_nla
+    moved = [owner, *owner.pose.bones]
+    pose = [(own, name, tuple(getattr(own, name))) for own in moved for name in REST_CHANNELS]
+    data.use_nla = False
+    try:
+        show(owner, action)
+        yield
+    finally:
+        data.action, data.use_nla = old, use_nla
         if slot is not None:
             data.action_slot = slot
-        bpy.context.scene.frame_set(self.frame[0], subframe=self.frame[1])
-        for own, name, value in self.pose:
+        scene.frame_set(frame[0], subframe=frame[1])
+        for own, name, value in pose:
             setattr(own, name, value)
 
 
@@ -350,13 +348,13 @@ def show(owner, action):
 
     What only a graft keys, and the constraints that it turns off, get their values from before.
     """
-    data, slot = owner.animation_data_create(), find_slot(action, owner)
-    old, new = data.action, find_curves(action, owner)
+    data, slot = owner.animation_data_create(), fc.find_slot(action, owner)
+    old, new = data.action, fc.find_curves(action, owner)
     if old is not None and INFLUENCES in old:
         for path, value in json.loads(old[INFLUENCES]).items():
             owner.path_resolve(path.rpartition(".")[0]).influence = value
-        for path, index in find_curves(old, owner).keys() - new.keys():
-            found = BONE_PATH.match(path)
+        for path, index in fc.find_curves(old, owner).keys() - new.keys():
+            found = fc.BONE_PATH.match(path)
             if found is not None and found[2] in REST_CHANNELS:
                 owner.path_resolve(path)[index] = REST_CHANNELS[found[2]][index]
     data.action = action
@@ -364,11 +362,12 @@ def show(owner, action):
         data.action_slot = slot
 
 
-def write_action(rig, action, first, motion, base, outside=None):
+def write_action(rig, action, first, motion, base, outside):
     """Key the bones in which a motion differs from its base; return their names.
 
     `action` is a copy of the action of the base. `outside` has the poses of parents that are not in
-    the figure, if it was sampled as evaluated.
+    the figure, if it was sampled as evaluated: relative to the bone of the figure above, or to the
+    armature if its index is -1.
     """
     owner, skip = rig.owner, int(rig.placement.has_object)
     frames = np.arange(first, first + motion.n_frames)
@@ -378,28 +377,32 @@ def write_action(rig, action, first, motion, base, outside=None):
     moves = (motion.positions != base.positions).any(axis=(0, 2))
     if skip and (differs[0] or moves[0]):
         raise RefusedError("The object moves with an exchanged group: put it in the base group")
-    bag = find_bag(action, find_slot(action, owner))
-    numbers = {own.name: i for i, own in enumerate(rig.bones)}
+    bag = fc.find_bag(action, fc.find_slot(action, owner))
+    links = {own.name: (i, UNITY, np.zeros(3)) for i, own in enumerate(rig.bones)} | outside
     written, is_changed = [], np.zeros(len(rig.bones), bool)
     for number, bone in enumerate(rig.bones):
         joint, parent = number + skip, rig.parents[number]
-        is_outside = bone.parent is not None and bone.parent.name not in numbers
+        is_outside = bone.parent is not None and bone.parent.name in outside
         is_bound = bone.use_inherit_rotation and not is_outside
         below = parent >= 0 and is_changed[parent]
         is_changed[number] = differs[joint] or moves[joint] or below
         if not (differs[joint] or moves[joint] or (below and not is_bound)):
             continue
-        above = outside[bone.parent.name] if is_outside else None
-        if bone.parent is not None and not is_outside:
-            above = turns[:, numbers[bone.parent.name]], places[:, numbers[bone.parent.name]]
+        above = None
+        if bone.parent is not None:
+            link, turn, spot = links[bone.parent.name]
+            if link >= 0:
+                spot = places[:, link] + rotations.rotate(turns[:, link], spot)
+                turn = rotations.multiply(turns[:, link], turn)
+            above = turn, spot
         own = owner.pose.bones[bone.name]
         axes, move, origin = _bases(rig, number, above)
         turned = rotations.multiply(rotations.inverse(axes), turns[:, number])
         channel, values = _angles_of(own, turned)
-        write_channel(bag, own.path_from_id(channel), bone.name, frames, values)
-        if (moves[joint] or not is_bound or outside is not None) and not bone.use_connect:
+        fc.write_channel(bag, own.path_from_id(channel), bone.name, frames, values)
+        if (moves[joint] or not is_bound or outside) and not bone.use_connect:
             shift = rotations.rotate(rotations.inverse(move), places[:, number] - origin)
-            write_channel(bag, own.path_from_id("location"), bone.name, frames, shift)
+            fc.write_channel(bag, own.path_from_id("location"), bone.name, frames, shift)
         written.append(bone.name)
     return written
 

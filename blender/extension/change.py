@@ -13,7 +13,6 @@ from .armature import RefusedError
 from .curves import frames_of
 from .grafting import change
 from .operators import _Armature, request_of
-from .properties import is_graft
 from .sources import BEFORE, EDIT, PARENT, RECORD, Setup, load, restore_others
 from .work import WorkOperator
 
@@ -35,7 +34,7 @@ def active_graft(context):
     """Return the action of the active armature if it is a graft; else None."""
     data = context.object.animation_data if context.object else None
     action = data.action if data else None
-    return action if is_graft(action) else None
+    return action if action is not None and RECORD in action else None
 
 
 def selected_range(action):
@@ -65,12 +64,8 @@ class MOGRAFT_OT_change(WorkOperator, _Armature, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         """Return whether the armature shows a graft."""
-        if not super().poll(context):
-            return False
-        if active_graft(context) is None:
-            cls.poll_message_set("Show a graft on the armature first")
-            return False
-        return True
+        cls.poll_message_set("Show a graft on the armature first")
+        return super().poll(context) and active_graft(context) is not None
 
     def prepare(self, context):
         """Read the graft and the actions of which it is made."""
@@ -226,6 +221,3 @@ class MOGRAFT_OT_show(_Armature, bpy.types.Operator):
             return {"CANCELLED"}
         preview(context.object, action)
         return {"FINISHED"}
-
-
-CLASSES = (MOGRAFT_OT_change, MOGRAFT_OT_accept, MOGRAFT_OT_show)

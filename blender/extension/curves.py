@@ -28,12 +28,8 @@ def find_bag(action, slot):
     """Return the owner of the F-curves and groups of a slot; None if the slot has none."""
     if not hasattr(action, "slots"):
         return action
-    for layer in action.layers:
-        for strip in layer.strips:
-            bag = strip.channelbag(slot) if slot is not None else None
-            if bag is not None:
-                return bag
-    return None
+    strips = (strip for layer in action.layers if slot is not None for strip in layer.strips)
+    return next(filter(None, (own.channelbag(slot) for own in strips)), None)
 
 
 def find_curves(action, owner):

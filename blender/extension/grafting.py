@@ -4,6 +4,7 @@
 import hashlib
 import json
 import warnings
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -78,7 +79,7 @@ def forget():
 
 def make(request, report):
     """Return new grafts on all bases, as `Result`."""
-    with _Notes() as notes:
+    with _noted() as notes:
         library = build_library(request, request.groups, request.config, report)
         results, number, total = [], 0, len(request.bases) * request.count
         for base in request.bases:
@@ -99,7 +100,7 @@ def make(request, report):
 
 def change(request, record, edit, report):
     """Return the graft of a provenance after `edit`, a function of a graft; None repeats it."""
-    with _Notes() as notes:
+    with _noted() as notes:
         document = json.loads(record)
         groups = mg.JointGroups.from_toml(document["groups_toml"] + "\n")
         config = mg.Config.from_dict(document["config"])
@@ -112,10 +113,10 @@ def change(request, record, edit, report):
             raise mg.ProvenanceError(
                 f"{document['name']} cannot be made again: a source was changed ({reason})"
             ) from error
-        known = list(graft.request.constraints)
-        for number, (constraint, _) in request.others.items():
-            known[number] = constraint
-        graft = replace(graft, request=replace(graft.request, constraints=tuple(known)))
+        known = dict(enumerate(graft.request.constraints))
+        known |= {number: constraint for number, (constraint, _) in request.others.items()}
+        restored = replace(graft.request, constraints=tuple(known.values()))
+        graft = replace(graft, request=restored)
         if edit is not None:
             graft = edit(graft)
         others = {number: other for number, (_, other) in request.others.items()}
@@ -123,18 +124,14 @@ def change(request, record, edit, report):
     return replace(result, notes=tuple(dict.fromkeys(notes)))
 
 
-class _Notes(list):
-    """The warnings while a block runs, as text."""
-
-    def __enter__(self):
-        self.caught = warnings.catch_warnings(record=True)
-        self.warned = self.caught.__enter__()
+@contextmanager
+def _noted():
+    """Collect the warnings while a block runs, as text."""
+    notes = []
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        return self
-
-    def __exit__(self, *error):
-        self.extend(str(own.message) for own in self.warned)
-        self.caught.__exit__(*error)
+        yield notes
+    notes += [str(own.message) for own in caught]
 
 
 def _result(graft, motions, others, constraints):

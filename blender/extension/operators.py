@@ -8,22 +8,13 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 import mograft as mg
 
+from . import sources
 from .actions import preview, push_down, write_results
-from .armature import RefusedError, find_scaled_bones
+from .armature import RefusedError
 from .curves import frames_of
 from .grafting import VARIETIES, Request, change, make
 from .groups import read_groups, write_groups
 from .scene_constraints import make_constraints
-from .sources import (
-    RECORD,
-    Setup,
-    collect,
-    find_actions,
-    find_assets,
-    load,
-    read_other,
-    restore_others,
-)
 from .work import WorkOperator
 
 
@@ -35,19 +26,10 @@ class _Armature:
     @classmethod
     def poll(cls, context):
         """Return whether the active object is an armature."""
-        if context.object is None or context.object.type != "ARMATURE":
-            cls.poll_message_set("Select an armature")
-            return False
-        return True
-
-    def guarded(self, function, *words):
-        """Call a function, and report what it refuses."""
-        try:
-            function(*words)
-        except (RefusedError, ValueError, mg.MograftError) as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+        if context.object is not None and context.object.type == "ARMATURE":
+            return True
+        cls.poll_message_set("Select an armature")
+        return False
 
 
 class MOGRAFT_OT_generate(WorkOperator, _Armature, bpy.types.Operator):
@@ -63,13 +45,13 @@ class MOGRAFT_OT_generate(WorkOperator, _Armature, bpy.types.Operator):
     def prepare(self, context):
         """Read all actions and constraints."""
         owner, settings = context.object, context.object.mograft
-        setup, base = collect(context, settings)
+        setup, base = sources.collect(context, settings)
         if self.on_all and settings.conditions:
             raise RefusedError("Conditions are for one base: remove them to generate on all")
-        loaded = load(setup)
+        loaded = sources.load(setup)
         first, last = frames_of(bpy.data.actions[base])
         constraints, others = make_constraints(
-            settings.conditions, first, last, lambda own: read_other(own, setup.rate, first)
+            settings.conditions, first, last, lambda own: sources.read_other(own, setup.rate, first)
         )
         own = [s.clip for s in setup.sources if s.armature == owner.name and not s.file]
         variety = next(own[3] for own in VARIETIES if own[0] == settings.variety)
@@ -96,9 +78,8 @@ class MOGRAFT_OT_generate(WorkOperator, _Armature, bpy.types.Operator):
             raise RefusedError(f"No graft meets all conditions: {message}")
         if violated:
             self.warn([f"{len(violated)} grafts violate conditions: {message}"])
-        scaled = find_scaled_bones(loaded.rig, bpy.data.actions[base])
-        if scaled:
-            self.warn([f"The scale of bones stays as in the base, also of {scaled[0]}"])
+        if loaded.scaled:
+            self.warn([f"Grafts do not consider the scale of bones, as of {loaded.scaled[0]}"])
         made = write_results(loaded, results)
         for own in made if owner.mograft.pushes_down else ():
             push_down(owner, own)
@@ -127,9 +108,9 @@ class MOGRAFT_OT_repeat(WorkOperator, _Armature, bpy.types.Operator):
         """Read the sources of a graft."""
         data = context.object.animation_data
         action = bpy.data.actions.get(self.action) if self.action else data and data.action
-        setup = Setup.from_action(action)
-        loaded, record = load(setup), action[RECORD]
-        request = request_of(loaded, restore_others(setup))
+        setup = sources.Setup.from_action(action)
+        loaded, record = sources.load(setup), action[sources.RECORD]
+        request = request_of(loaded, sources.restore_others(setup))
         self._state = context.object, loaded, action.name
         return lambda report: change(request, record, None, report)
 
@@ -153,7 +134,7 @@ class MOGRAFT_OT_add_sources(_Armature, bpy.types.Operator):
         known = {own.action for own in settings.sources if own.action is not None}
         others = [own for own in context.selected_objects if own.type == "ARMATURE"]
         for owner in dict.fromkeys([context.object, *others]):
-            for action in find_actions(owner):
+            for action in sources.find_actions(owner):
                 if action not in known:
                     item = settings.sources.add()
                     item.name, item.action, item.armature = action.name, action, owner
@@ -167,7 +148,7 @@ def _libraries(_self, context):
     return _libraries.items or [("", "none", "Add one in the preferences, under File Paths")]
 
 
-class MOGRAFT_OT_add_assets(_Armature, bpy.types.Operator):
+class MOGRAFT_OT_add_assets(WorkOperator, _Armature, bpy.types.Operator):
     """Add the actions of an asset library that fit the bones of this armature"""
 
     bl_idname = "mograft.add_assets"
@@ -182,41 +163,44 @@ class MOGRAFT_OT_add_assets(_Armature, bpy.types.Operator):
         context.window_manager.invoke_search_popup(self)
         return {"RUNNING_MODAL"}
 
-    def execute(self, context):
+    def prepare(self, context):
+        """Find the actions."""
+        path, is_library = self.folder or self.library, not self.folder
+        self._found = sources.find_assets(path, context.object, is_library=is_library)
+        return lambda _: None
+
+    def finish(self, context, _result):
         """Add the actions that are not in the list."""
-        return self.guarded(self._add, context.object)
-
-    def _add(self, owner):
-        settings = owner.mograft
-        known = {(own.file, own.name) for own in settings.sources}
-        for source in find_assets(self.folder or self.library, owner, is_library=not self.folder):
-            if (source.file, source.action) not in known:
-                item = settings.sources.add()
-                item.name, item.file, item.armature = source.action, source.file, owner
+        items = context.object.mograft.sources
+        known = {(own.file, own.name) for own in items}
+        for own in self._found:
+            if (own.file, own.action) not in known:
+                item = items.add()
+                item.name, item.file, item.armature = own.action, own.file, context.object
 
 
-class MOGRAFT_OT_find_groups(_Armature, bpy.types.Operator):
+class MOGRAFT_OT_find_groups(WorkOperator, _Armature, bpy.types.Operator):
     """Show the parts of the body as bone collections, which you can edit"""
 
     bl_idname = "mograft.find_groups"
     bl_label = "Show Parts as Bone Collections"
 
-    def execute(self, context):
-        """Find the groups, and write them."""
-        return self.guarded(self._find, context)
+    def prepare(self, context):
+        """Read the actions in whose skeleton, or motion, the groups are found."""
+        settings = context.object.mograft
+        loaded = sources.load(sources.collect(context, settings)[0])
+        skeleton, preset = loaded.motions[0].skeleton, settings.preset
+        own = [m for m in loaded.motions if m.skeleton.names == skeleton.names]
+        self._state = context.object, skeleton
+        if preset == "auto":
+            return lambda _: mg.discover_groups(own).groups
+        return lambda _: mg.JointGroups.preset(preset, skeleton)
 
-    def _find(self, context):
-        owner, settings = context.object, context.object.mograft
-        setup, _ = collect(context, settings)
-        loaded = load(setup)
-        skeleton = loaded.motions[0].skeleton
-        if settings.preset == "auto":
-            own = [m for m in loaded.motions if m.skeleton.names == skeleton.names]
-            groups = mg.discover_groups(own).groups
-        else:
-            groups = mg.JointGroups.preset(settings.preset, skeleton)
+    def finish(self, _context, groups):
+        """Write the groups."""
+        owner, skeleton = self._state
         write_groups(owner, skeleton, groups)
-        settings.base_group = groups.base
+        owner.mograft.base_group = groups.base
 
 
 class MOGRAFT_OT_edit_list(_Armature, bpy.types.Operator):
@@ -240,13 +224,3 @@ class MOGRAFT_OT_edit_list(_Armature, bpy.types.Operator):
             items.remove(getattr(settings, active))
             setattr(settings, active, max(getattr(settings, active) - 1, 0))
         return {"FINISHED"}
-
-
-CLASSES = (
-    MOGRAFT_OT_generate,
-    MOGRAFT_OT_repeat,
-    MOGRAFT_OT_add_sources,
-    MOGRAFT_OT_add_assets,
-    MOGRAFT_OT_find_groups,
-    MOGRAFT_OT_edit_list,
-)

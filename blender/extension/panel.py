@@ -5,7 +5,6 @@ import bpy
 
 from .change import EDITS, active_graft
 from .groups import find_collections
-from .properties import is_graft
 from .sources import PARENT, SETUP
 
 
@@ -124,7 +123,7 @@ class MOGRAFT_PT_grafts(_Panel, bpy.types.Panel):
         mark = f'"armature": "{context.object.name}"'
         column = layout.column(align=True)
         for own in bpy.data.actions:
-            if is_graft(own) and PARENT not in own and mark in own[SETUP]:
+            if PARENT not in own and mark in own.get(SETUP, ""):
                 icon = "RADIOBUT_ON" if own == action else "RADIOBUT_OFF"
                 column.operator("mograft.show", text=own.name, icon=icon).action = own.name
         if action is None:
@@ -151,12 +150,3 @@ def _draw_list(layout, settings, name, active):
     for is_added, icon in ((True, "ADD"), (False, "REMOVE")):
         button = column.operator("mograft.edit_list", text="", icon=icon)
         button.name, button.is_added = name, is_added
-
-
-CLASSES = (
-    MOGRAFT_UL_settings,
-    MOGRAFT_UL_ranges,
-    MOGRAFT_PT_generate,
-    MOGRAFT_PT_conditions,
-    MOGRAFT_PT_grafts,
-)

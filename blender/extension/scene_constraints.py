@@ -27,10 +27,8 @@ def make_constraints(items, first, last, read_other):
         if item.use_frames:
             frames = item.first - first, item.last - first
             if not 0 <= frames[0] <= frames[1] <= last - first:
-                raise RefusedError(
-                    f"The frames of a condition must be from {first} to {last}, got "
-                    f"{item.first} to {item.last}"
-                )
+                got = f"got {item.first} to {item.last}"
+                raise RefusedError(f"Conditions must be within frames {first} to {last}, {got}")
         if item.kind == "KEEP":
             found.append(mg.constraints.KeepOriginal(frames=frames))
             continue

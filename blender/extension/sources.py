@@ -2,21 +2,14 @@
 """The actions of a graft: which they are, as JSON, and their motions."""
 
 import json
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import bpy
 
-from .armature import (
-    Placement,
-    RefusedError,
-    check_armature,
-    make_rig,
-    needs_object,
-    place,
-    read_action,
-    sample_visual,
-)
+from . import armature as rigs
+from .armature import Placement, RefusedError
 from .curves import BONE_PATH, find_curves, frames_of
 from .scene_constraints import avoid_motion
 
@@ -82,6 +75,7 @@ class Loaded:
     motions: tuple
     outside: dict
     first: dict  # first frame of each clip
+    scaled: list  # names of bones whose scale changes
 
     @property
     def match(self):
@@ -93,13 +87,13 @@ class Loaded:
 def collect(context, settings):
     """Return the setup that a panel describes, and the name of the base clip."""
     owner = context.object
-    check_armature(owner)
+    rigs.check_armature(owner)
     sources = []
     for item in settings.sources:
         if not item.is_used or not (item.file or item.action):
             continue
         armature = item.armature or owner
-        check_armature(armature)
+        rigs.check_armature(armature)
         name = item.name if item.file else item.action.name
         sources.append(Source(action=name, armature=armature.name, file=item.file))
     data = owner.animation_data
@@ -116,11 +110,11 @@ def collect(context, settings):
     for source in sources:
         if not source.file:
             armatures[bpy.data.objects[source.armature]].append(bpy.data.actions[source.action])
-    has_object = any(needs_object(*item) for item in armatures.items())
+    has_object = any(rigs.needs_object(*item) for item in armatures.items())
     placements, size = {}, 0.0
     for armature, actions in armatures.items():
-        placed = place(armature, actions, has_object=has_object)
-        extent = make_rig(armature, placed, is_deform_only=settings.is_visual).rest.extent
+        placed = rigs.place(armature, actions, has_object=has_object)
+        extent = rigs.make_rig(armature, placed, is_deform_only=settings.is_visual).rest.extent
         size = size or extent  # that of the base: parts come from figures of its size
         placements[armature.name] = replace(placed, scale=placed.scale * size / extent)
     render = context.scene.render
@@ -137,36 +131,41 @@ def collect(context, settings):
 
 def load(setup):
     """Read all actions of a setup; raise RefusedError if one is missing."""
-    rigs, motions, outside, first = {}, [], {}, {}
-    with Assets(setup.sources) as assets:
+    found, motions, outside, first, scaled = {}, [], {}, {}, []
+    with linked_actions(setup.sources) as linked:
         for source in setup.sources:
-            action = assets.get(source) if source.file else bpy.data.actions.get(source.action)
+            local = bpy.data.actions.get(source.action)
+            action = linked.get(source) if source.file else local
             owner = bpy.data.objects.get(source.armature)
             if action is None or owner is None:
                 missing = source.action if action is None else source.armature
                 raise RefusedError(f"{missing} is missing: it was deleted or renamed")
-            if source.armature not in rigs:
-                check_armature(owner)
+            if source.armature not in found:
+                rigs.check_armature(owner)
                 placed = setup.placements[source.armature]
-                rigs[source.armature] = make_rig(owner, placed, is_deform_only=setup.is_visual)
-            rig = rigs[source.armature]
+                found[source.armature] = rigs.make_rig(
+                    owner, placed, is_deform_only=setup.is_visual
+                )
+            rig = found[source.armature]
             if setup.is_visual and not source.file:
-                motion, outside[source.clip] = sample_visual(rig, action, setup.rate)
+                motion, outside[source.clip], own = rigs.sample_visual(rig, action, setup.rate)
             else:
-                motion = read_action(rig, action, setup.rate)
+                motion = rigs.read_action(rig, action, setup.rate)
+                own = rigs.find_scaled_bones(rig, action)
+            scaled += own
             motions.append(replace(motion, name=source.clip))
             first[source.clip] = frames_of(action)[0]
-    return Loaded(setup, rigs[setup.armature], tuple(motions), outside, first)
+    return Loaded(setup, found[setup.armature], tuple(motions), outside, first, scaled)
 
 
 def read_other(owner, rate, first):
     """Return the motion of another armature, and what a setup stores of it."""
-    check_armature(owner)
+    rigs.check_armature(owner)
     action = owner.animation_data.action if owner.animation_data else None
     if action is None:
         raise RefusedError(f"{owner.name}, which is to be avoided, has no action")
-    placed = place(owner, [action], has_object=needs_object(owner, [action]))
-    motion = read_action(make_rig(owner, placed), action, rate)
+    placed = rigs.place(owner, [action], has_object=rigs.needs_object(owner, [action]))
+    motion = rigs.read_action(rigs.make_rig(owner, placed), action, rate)
     delay = (frames_of(action)[0] - first) / rate
     stored = {"armature": owner.name, "action": action.name, "delay": delay}
     return motion, {**stored, "placement": asdict(placed)}
@@ -180,8 +179,8 @@ def restore_others(setup):
         action = bpy.data.actions.get(other["action"])
         if owner is None or action is None:
             raise RefusedError(f"{other['armature']} or its action, which is avoided, is missing")
-        rig = make_rig(owner, Placement(**other["placement"]))
-        motion = read_action(rig, action, setup.rate)
+        rig = rigs.make_rig(owner, Placement(**other["placement"]))
+        motion = rigs.read_action(rig, action, setup.rate)
         frames = None if other["frames"] is None else tuple(other["frames"])
         found[number] = avoid_motion(motion, other, frames), other
     return found
@@ -212,44 +211,35 @@ def find_assets(path, owner, *, is_library):
         raise RefusedError(f"{path or 'The asset library'} has no .blend file")
     sources, old = [], {*bpy.data.libraries}
     for file in map(str, files):
-        try:
-            with bpy.data.libraries.load(file, link=True, assets_only=is_library) as (inside, _):
-                names = list(inside.actions)
-        except OSError as error:
-            raise RefusedError(f"{file} cannot be read: {error}") from error
-        finally:
-            bpy.data.batch_remove({*bpy.data.libraries} - old)
+        with _open_file(file, assets_only=is_library) as (inside, _):
+            names = list(inside.actions)
+        bpy.data.batch_remove({*bpy.data.libraries} - old)
         sources += [Source(action=own, armature=owner.name, file=file) for own in names]
-    with Assets(sources) as assets:
-        fitting = find_actions(owner, filter(None, map(assets.get, sources)))
-        return [own for own in sources if assets.get(own) in fitting]
+    with linked_actions(sources) as found:
+        fitting = find_actions(owner, found.values())
+        return [own for own in sources if found.get(own) in fitting]
 
 
-class Assets:
-    """The actions of other files, linked while a block runs."""
-
-    def __init__(self, sources):
-        self.sources = [own for own in sources if own.file]
-        self.found = {}
-
-    def __enter__(self):
-        self.old = {*bpy.data.actions}, {*bpy.data.libraries}
-        for file in dict.fromkeys(own.file for own in self.sources):
-            names = [own.action for own in self.sources if own.file == file]
-            try:
-                with bpy.data.libraries.load(file, link=True) as (inside, linked):
-                    linked.actions = [own for own in names if own in inside.actions]
-            except OSError as error:
-                self.__exit__()
-                raise RefusedError(f"{file} cannot be read: {error}") from error
-            self.found |= {(file, own.name): own for own in linked.actions if own is not None}
-        return self
-
-    def get(self, source):
-        """Return the action of a source; None if the file has none of the name."""
-        return self.found.get((source.file, source.action))
-
-    def __exit__(self, *_):
-        actions, libraries = self.old
-        bpy.data.batch_remove({*bpy.data.actions} - actions)
+@contextmanager
+def linked_actions(sources):
+    """While a block runs, the actions of other files are linked; yield them by source."""
+    old, libraries, found = {*bpy.data.actions}, {*bpy.data.libraries}, {}
+    try:
+        for file in dict.fromkeys(own.file for own in sources if own.file):
+            own = {source.action: source for source in sources if source.file == file}
+            with _open_file(file) as (inside, linked):
+                linked.actions = [name for name in inside.actions if name in own]
+            found |= {own[action.name]: action for action in linked.actions if action}
+        yield found
+    finally:
+        bpy.data.batch_remove({*bpy.data.actions} - old)
         bpy.data.batch_remove({*bpy.data.libraries} - libraries)
+
+
+@contextmanager
+def _open_file(file, **options):
+    try:
+        with bpy.data.libraries.load(file, link=True, **options) as both:
+            yield both
+    except OSError as error:
+        raise RefusedError(f"{file} cannot be read: {error}") from error

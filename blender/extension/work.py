@@ -48,12 +48,11 @@ class WorkOperator:
 
     def execute(self, context):
         """Do all in this call, as for scripts and without a window."""
-        job = Job(lambda _: None)
         try:
-            job.function = self.prepare(context)
-            job.run()
+            job = Job(self.prepare(context))
         except Exception as error:
-            job.error = error
+            return self._refuse(error)
+        job.run()
         return self._end(context, job)
 
     def invoke(self, context, _event):
@@ -100,9 +99,9 @@ class WorkOperator:
             self.report({"WARNING"}, own)
 
     def _end(self, context, job):
-        if job.error is not None:
-            return self._refuse(job.error)
         try:
+            if job.error is not None:
+                raise job.error
             self.finish(context, job.result)
         except Exception as error:
             return self._refuse(error)
@@ -113,9 +112,9 @@ class WorkOperator:
         if isinstance(error, CancelledError):
             self.report({"INFO"}, "mograft: cancelled")
             return {"CANCELLED"}
-        known = (RefusedError, MograftError, ValueError, MemoryError)
-        if not isinstance(error, known):
-            traceback.print_exception(error)
         text = str(error) or type(error).__name__
-        self.report({"ERROR"}, text if isinstance(error, known) else f"Unexpected error: {text}")
+        if not isinstance(error, RefusedError | MograftError | ValueError | MemoryError):
+            traceback.print_exception(error)
+            text = f"Unexpected error: {text}"
+        self.report({"ERROR"}, text)
         return {"CANCELLED"}
