@@ -16,7 +16,7 @@ def write_results(loaded, results, names=None):
     made = []
     try:
         for number, result in enumerate(results):
-            base = bpy.data.actions[result.base]
+            base = bpy.data.actions[result.graft.base.name]
             new = base.copy()
             made.append(new)
             new.name = names[number] if names else _free_name(base)
@@ -39,8 +39,8 @@ def _fill(loaded, result, new):
     rig, graft = loaded.rig, result.graft
     if tuple(graft.motion.skeleton.names) != tuple(rig.rest.names):
         raise RefusedError("The bones of most sources differ from those of the base: remove some")
-    first = loaded.first[result.base]
-    outside = loaded.outside.get(result.base, {})
+    first = loaded.first[graft.base.name]
+    outside = loaded.outside.get(graft.base.name, {})
     written = write_action(rig, new, first, graft.motion, graft.base, outside)
     if loaded.setup.is_visual:
         _turn_off_constraints(rig.owner, new, written, first)

@@ -89,7 +89,7 @@ class MOGRAFT_OT_change(WorkOperator, _Armature, bpy.types.Operator):
         parent = action.get(PARENT, action.name)
         (made,) = write_results(loaded, [result], [f"{parent[:50]}{SUFFIX}"])
         made[PARENT], made[BEFORE], made[EDIT] = parent, before, json.dumps(stored)
-        _restore_locks(action, made)
+        _restore_selection(action.mograft, made.mograft)
         preview(owner, made)
         if PARENT in action:
             name = action.name
@@ -141,14 +141,14 @@ class MOGRAFT_OT_change(WorkOperator, _Armature, bpy.types.Operator):
         return (lambda graft: mg.change(graft, group, frames, rank=rank)), stored, source
 
 
-def _restore_locks(old, new):
-    locked = {(own.group, own.first, own.last) for own in old.mograft.ranges if own.is_locked}
-    for own in new.mograft.ranges:
+def _restore_selection(old, new):
+    """Lock the ranges that are locked in another graft, and select the one that is selected."""
+    locked = {(own.group, own.first, own.last) for own in old.ranges if own.is_locked}
+    wanted = old.ranges[old.active] if 0 <= old.active < len(old.ranges) else None
+    for number, own in enumerate(new.ranges):
         own.is_locked = (own.group, own.first, own.last) in locked
-    wanted = old.mograft.ranges[old.mograft.active] if len(old.mograft.ranges) else None
-    for number, own in enumerate(new.mograft.ranges):
         if wanted is not None and own.group == wanted.group and own.first <= wanted.first:
-            new.mograft["active"] = number
+            new.active = number
 
 
 def _span(item, first):
@@ -187,15 +187,15 @@ class MOGRAFT_OT_accept(_Armature, bpy.types.Operator):
     def execute(self, context):
         """Replace the graft, or show it again."""
         action = active_graft(context)
-        parent = bpy.data.actions.get(action[PARENT])
+        name = action[PARENT]
+        parent = bpy.data.actions.get(name)
         if not self.is_accepted and parent is None:
-            self.report({"ERROR"}, f"{action[PARENT]} is missing: accept the preview instead")
+            self.report({"ERROR"}, f"{name} is missing: accept the preview instead")
             return {"CANCELLED"}
         if not self.is_accepted:
             preview(context.object, parent)
             bpy.data.actions.remove(action)
             return {"FINISHED"}
-        name = action[PARENT]
         for key in (PARENT, BEFORE, EDIT):
             del action[key]
         if parent is not None:

@@ -43,7 +43,6 @@ class Request:
 class Result:
     """A graft as Blender stores it."""
 
-    base: str
     graft: mg.Graft
     record: str
     ranges: tuple  # of dict
@@ -145,7 +144,6 @@ def _result(graft, motions, others, constraints):
                 record = {"kind": "Avoid", "name": other["armature"], "is_restored": False}
                 document["request"]["constraints"][number] = record
     return Result(
-        base=graft.base.name,
         graft=graft,
         record=json.dumps(document),
         ranges=tuple(_ranges(graft)),

@@ -15,6 +15,7 @@ class MOGRAFT_UL_settings(bpy.types.UIList):
 
     def draw_item(self, _context, layout, _data, item, _icon, _active, name):
         """Draw an action with a check box, or the kind and the object of a condition."""
+        layout.use_property_split = False
         row = layout.row(align=True)
         if name == "active_condition":
             row.prop(item, "kind", text="", emboss=False)
@@ -22,10 +23,11 @@ class MOGRAFT_UL_settings(bpy.types.UIList):
                 row.prop(item, "target", text="")
             return
         row.prop(item, "is_used", text="")
-        if item.file:
-            row.label(text=item.name, icon="ASSET_MANAGER")
+        if item.file or item.action:
+            icon = "ASSET_MANAGER" if item.file else "ACTION"
+            row.label(text=item.name if item.file else item.action.name, icon=icon)
         else:
-            row.prop(item, "action", text="", emboss=False)
+            row.prop(item, "action", text="")
 
 
 class MOGRAFT_UL_ranges(bpy.types.UIList):
@@ -34,12 +36,10 @@ class MOGRAFT_UL_ranges(bpy.types.UIList):
     bl_idname = "MOGRAFT_UL_ranges"
 
     def draw_item(self, _context, layout, _data, item, _icon, _active, _property):
-        """Draw frames, donor, cost and newness."""
+        """Draw frames, group and donor."""
         row = layout.row(align=True)
-        row.label(text=f"{item.first}-{item.last}  {item.group}")
-        first, last = (item.donor_start + own for own in (item.donor_first, item.donor_last))
-        row.label(text=f"{item.clip} {first}-{last}")
-        row.label(text=f"{item.cost:.2f}  {item.newness:.0f}°")
+        row.label(text=f"{item.first}-{item.last} {item.group}")
+        row.label(text=item.clip)
         icon = "LOCKED" if item.is_locked else "UNLOCKED"
         row.prop(item, "is_locked", text="", icon=icon, emboss=False)
 
@@ -98,18 +98,15 @@ class MOGRAFT_PT_conditions(_Panel, bpy.types.Panel):
     def draw(self, context):
         """Draw the list, and the selected condition."""
         layout, settings = self.layout, context.object.mograft
-        layout.use_property_split = True
         _draw_list(layout, settings, "conditions", "active_condition")
-        if not 0 <= settings.active_condition < len(settings.conditions):
-            return
-        item = settings.conditions[settings.active_condition]
-        if item.kind in ("REACH", "FACE"):
-            layout.prop_search(item, "bone", context.object.data, "bones")
-        layout.prop(item, "use_frames")
-        if item.use_frames:
+        active = settings.active_condition
+        for item in settings.conditions[max(active, 0) : active + 1]:
+            if item.kind in ("REACH", "FACE"):
+                layout.prop_search(item, "bone", context.object.data, "bones")
             row = layout.row(align=True)
-            row.prop(item, "first")
-            row.prop(item, "last")
+            row.prop(item, "use_frames")
+            for name in ("first", "last") if item.use_frames else ():
+                row.prop(item, name)
 
 
 class MOGRAFT_PT_grafts(_Panel, bpy.types.Panel):
@@ -125,21 +122,25 @@ class MOGRAFT_PT_grafts(_Panel, bpy.types.Panel):
         for own in bpy.data.actions:
             if PARENT not in own and mark in own.get(SETUP, ""):
                 icon = "RADIOBUT_ON" if own == action else "RADIOBUT_OFF"
-                column.operator("mograft.show", text=own.name, icon=icon).action = own.name
+                label = own.name[-24:]  # the number is at the end
+                column.operator("mograft.show", text=label, icon=icon).action = own.name
         if action is None:
             layout.label(text="Show a graft to change its parts")
             return
         layout.label(text=action.get("mograft_newness", ""))
         data = action.mograft
         layout.template_list("MOGRAFT_UL_ranges", "", data, "ranges", data, "active", rows=6)
+        for item in data.ranges[max(data.active, 0) : data.active + 1]:
+            first, last = (item.donor_start + own for own in (item.donor_first, item.donor_last))
+            layout.label(text=f"{item.clip} {first}-{last}")
+            layout.label(text=f"cost {item.cost:.2f}, {item.newness:.0f}° from the base")
         grid = layout.grid_flow(columns=2, align=True)
         for kind, label, _ in EDITS:
             grid.operator("mograft.change", text=label).kind = kind
         if PARENT in action:
             row = layout.row(align=True)
             row.operator("mograft.accept", icon="CHECKMARK").is_accepted = True
-            discard = row.operator("mograft.accept", text="Discard", icon="X")
-            discard.is_accepted = False
+            row.operator("mograft.accept", text="Discard", icon="X").is_accepted = False
         layout.operator("mograft.repeat")
 
 

@@ -58,8 +58,8 @@ class MograftRange(bpy.types.PropertyGroup):
 
 
 def _go_to_range(self, context):
-    if 0 <= self.active < len(self.ranges):
-        context.scene.frame_set(self.ranges[self.active].first)
+    for own in self.ranges[max(self.active, 0) : self.active + 1]:
+        context.scene.frame_set(own.first)
 
 
 class MograftAction(bpy.types.PropertyGroup):

@@ -197,9 +197,9 @@ def find_actions(owner, actions=None):
     for action in actions:
         matches = (BONE_PATH.match(path) for path, _ in find_curves(action, owner))
         names = {bpy.utils.unescape_identifier(own[1]) for own in matches if own}
-        if names and 2 * len(names & bones) >= len(names):
-            first, last = frames_of(action)
-            found += [action] if last > first else []
+        first, last = frames_of(action)
+        if last > first and 0 < len(names) <= 2 * len(names & bones):
+            found.append(action)
     return found
 
 

@@ -76,9 +76,10 @@ class WorkOperator:
     def modal(self, context, event):
         """Show the progress; end when the job has ended."""
         if event.type == "ESC":
-            self._job.is_cancelled = True
+            self.cancel(context)  # the thread ends when it reports its progress
+            return self._refuse(CancelledError())
         if event.type != "TIMER":
-            return {"RUNNING_MODAL"} if event.type == "ESC" else {"PASS_THROUGH"}
+            return {"PASS_THROUGH"}
         if self._job.is_alive():
             context.workspace.status_text_set(f"mograft: {self._job.stage} (Escape cancels)")
             return {"PASS_THROUGH"}

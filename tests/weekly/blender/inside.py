@@ -3,10 +3,12 @@
 The script is run by the Python of a `bpy` and imports nothing of the repository.
 """
 
+import dataclasses
 import hashlib
 import json
 import os
 import sys
+import threading
 import time
 import traceback
 from pathlib import Path
@@ -18,6 +20,19 @@ ZIP, DATA = Path(sys.argv[1]), Path(sys.argv[2])
 MODULE = "bl_ext.user_default.mograft"
 MAX_ERROR = 1e-4  # of the height
 CHECKS = {}
+EVENTS = []
+"""Connections, processes, and files that were written outside of the user folder."""
+
+
+def watch(event, words):
+    """Note what the extension must not do; an audit hook."""
+    user = os.environ.get("BLENDER_USER_RESOURCES", "/nowhere")
+    if event in ("socket.connect", "subprocess.Popen", "os.system"):
+        EVENTS.append(f"{event} {words}")
+    if event == "open" and isinstance(words[0], str) and words[2] & (os.O_WRONLY | os.O_RDWR):
+        path = os.path.abspath(words[0])
+        if not path.startswith(user) and not path.startswith("/dev/"):
+            EVENTS.append(f"{event} {words[0]}")
 
 
 def check(function):
@@ -218,6 +233,7 @@ def install():
     assert expected <= set(names), names
     import mograft
 
+    sys.addaudithook(watch)  # installing starts processes of Blender
     return f"{len(names)} operators, mograft {mograft.__version__}, NumPy {np.__version__}"
 
 
@@ -279,11 +295,14 @@ def change_one_part():
     graft.mograft.active = len(items) // 2
     assert bpy.context.scene.frame_current == items[graft.mograft.active].first
     seen = {original}
+    span = items[graft.mograft.active].first, items[graft.mograft.active].last
     for _ in range(3):
         bpy.ops.mograft.change(kind="NEXT")
         shown = owner.animation_data.action
         assert shown.name == f"{graft.name}_preview", shown.name
         seen.add(hash_action(shown, owner))
+        item = shown.mograft.ranges[shown.mograft.active]
+        assert (item.first, item.last) == span, "another range is selected"
         assert hash_action(graft, owner) == original
     assert len(seen) == 4, "a next part is equal to an earlier one"
     bpy.ops.mograft.accept(is_accepted=False)
@@ -738,9 +757,55 @@ def speed():
     assert len(grafts()) == 10
     line = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in times.items())
     assert times["read"] < 1.0, line
-    assert times["write"] < 10.0, line
-    assert min(times["all"], times["processor"]) < 10.0, line
+    assert times["processor"] < 10.0, line
     return f"{keyed} bones, 1800 frames, 10 grafts: {line}"
+
+
+@check
+def escape_cancels_the_thread():
+    work = sys.modules[MODULE + ".work"]
+    begun = threading.Event()
+
+    def endless(report):
+        while True:
+            report("stage", 1, 2)
+            begun.set()
+
+    job = work.Job(endless)
+    job.start()
+    assert begun.wait(10)
+    assert job.stage == "stage 1 of 2"
+    job.is_cancelled = True
+    job.join(10)
+    assert isinstance(job.error, work.CancelledError)
+    owner = load_bvh("skel_snu_wd2/wd2_u-turn.bvh")
+    grafting, n_actions = package().grafting, len(bpy.data.actions)
+    setup, base = package().sources.collect(bpy.context, owner.mograft)
+    loaded = package().sources.load(setup)
+    options = {"bases": (base,), "groups": "lower_upper", "config": sys.modules["mograft"].Config()}
+    request = dataclasses.replace(package().operators.request_of(loaded, {}), **options)
+    grafting.forget()
+    job = work.Job(lambda report: grafting.make(request, report))
+    job.is_cancelled = True
+    job.start()
+    job.join(30)
+    assert isinstance(job.error, work.CancelledError)
+    assert len(bpy.data.actions) == n_actions
+    return "the job ends at its next report"
+
+
+@check
+def no_network_and_no_foreign_writes():
+    assert not EVENTS, EVENTS
+    return "none in the checks before, by an audit hook"
+
+
+@check
+def other_platform_is_refused():
+    if "OTHER_PLATFORM" not in os.environ:
+        return "skipped: run by python -m tests.weekly.blender"
+    zip_file = os.environ["OTHER_PLATFORM"]
+    return refusal(bpy.ops.extensions.package_install_files, filepath=zip_file, repo="user_default")
 
 
 def main():
