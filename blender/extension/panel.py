@@ -103,8 +103,8 @@ class MOGRAFT_PT_conditions(_Panel, bpy.types.Panel):
         for item in settings.conditions[max(active, 0) : active + 1]:
             if item.kind in ("REACH", "FACE"):
                 layout.prop_search(item, "bone", context.object.data, "bones")
+            layout.prop(item, "use_frames")
             row = layout.row(align=True)
-            row.prop(item, "use_frames")
             for name in ("first", "last") if item.use_frames else ():
                 row.prop(item, name)
 

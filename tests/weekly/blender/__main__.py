@@ -69,8 +69,8 @@ def main():
 
 def build_wheel(folder):
     """Build the wheel of the checkout."""
-    words = ["-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", folder, ROOT]
-    subprocess.run([sys.executable, *map(str, words)], check=True)
+    words = ["-m", "maturin", "build", "--release", "--quiet", "--out", str(folder)]
+    subprocess.run([sys.executable, *words], cwd=ROOT, check=True)
     return next(folder.glob("*.whl"))
 
 
