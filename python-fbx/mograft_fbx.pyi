@@ -1,4 +1,4 @@
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import final
 
 import numpy as np
@@ -9,7 +9,7 @@ VERSION: str
 
 @final
 class Scene:
-    def __new__(cls, data: bytes, memory_limit: int) -> Scene: ...
+    def __new__(cls, data: bytes, memory_limit: int, *, with_geometry: bool = False) -> Scene: ...
     @property
     def names(self) -> list[str]: ...
     @property
@@ -24,6 +24,17 @@ class Scene:
     def settings(self) -> tuple[int, bool, float, str, float]: ...
     @property
     def n_constraints(self) -> int: ...
+    @property
+    def textures(self) -> list[str]: ...
+    def to_glb(
+        self,
+        joints: Sequence[int],
+        names: Sequence[str],
+        textures: Mapping[str, bytes],
+        *,
+        generator: str,
+        max_corners: int,
+    ) -> tuple[bytes, list[str]] | None: ...
     def rest_pose(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
     def bake(
         self, take: int, joints: Sequence[int], *, begin: float, rate: float, n_frames: int

@@ -49,11 +49,14 @@ class Case:
         return self.old_steps or tuple(map(old_command, self.steps))
 
 
+OLD_NAMES = {"--only-violations": "--repair", "--length": "--frames"}
+
+
 def old_command(step: str) -> str:
-    """Return a command with an option for each field of the configuration; snippets stay."""
+    """Return a command with the old names of options, and one for each field; snippets stay."""
     if not step.startswith("mograft "):
         return step
-    words = shlex.split(step)
+    words = [OLD_NAMES.get(word, word) for word in shlex.split(step)]
     while "--set" in words:
         place = words.index("--set")
         name, value = words[place + 1].split("=", 1)
@@ -242,9 +245,9 @@ GRAFT_OPTIONS = """
     --reach 120:LeftHand:30,140,20
     --reach 120-130:RightHand:30,140,20~0.2 --best-effort
     --reach 120:LeftHand:30,140,20 --best-effort --set reach_ik=0
-    --repair --avoid sphere:40,120,50,15 --best-effort
-    --repair --avoid-self --best-effort
-    --repair --reach 120:LeftHand:30,140,20 --best-effort
+    --only-violations --avoid sphere:40,120,50,15 --best-effort
+    --only-violations --avoid-self --best-effort
+    --only-violations --reach 120:LeftHand:30,140,20 --best-effort
     --take 24=take1:667-679 --ban 31
     --ban 24=take0 --ban 190-220 --best-effort
     --only-from take1
@@ -264,7 +267,7 @@ GRAFT_OPTIONS = """
     --groups auto
     --groups auto:2 -n 2
     --scenario graph --duration 20
-    --scenario graph --frames 601 --seed 7
+    --scenario graph --length 601 --seed 7
     --scenario graph --path 0,0:300,0:300,200
     --scenario graph --beats 120 --duration 20
     --scenario graph --among take1 --duration 20

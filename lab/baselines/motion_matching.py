@@ -12,7 +12,7 @@ import numpy as np
 from mograft import rotations
 from mograft.body.contacts import Ground, find_legs
 from mograft.body.support_polygon import horizontal_axes
-from mograft.evaluation.body_tracks import BodyTracks, bone_ends
+from mograft.evaluation.body_tracks import BodyTracks, bone_ends, derivative
 
 SEARCH_FRAMES = 10  # between two searches
 DECAY_FRAMES = 6  # time constant of the offset at a change of frames
@@ -58,7 +58,8 @@ def leg_features(motion):
         points=_turn_axes(motion, bone_ends(motion, toes)) - tracks.hips[:, None],
         rate=tracks.rate,
     )
-    parts = [turned.points, turned.velocity, turned.root_velocity[:, None, :3]]
+    velocity = derivative(turned.points, turned.rate, 1)
+    parts = [turned.points, velocity, turned.root_velocity[:, None, :3]]
     for ahead in FUTURE:
         later = np.minimum(frames + ahead, len(tracks) - 1)
         parts.append((tracks.hips[later] - tracks.hips)[:, None])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mograft.evaluation.body_tracks import BodyTracks
+from mograft.evaluation.body_tracks import BodyTracks, derivative
 
 _QUANTILES = (0.1, 0.5, 0.9)
 
@@ -17,7 +17,7 @@ def clip_features(motion):
     tracks = BodyTracks.of(motion)
     frames = np.arange(len(tracks))
     points = tracks.facing_forward(tracks.points, frames)
-    speeds = np.linalg.norm(tracks.velocity, axis=-1)
+    speeds = np.linalg.norm(derivative(tracks.points, tracks.rate, 1), axis=-1)
     root = tracks.root_velocity
     level = tracks.facing_forward(root[:, None, :3], frames)[:, 0]
     columns = [points.reshape(len(frames), -1), speeds, level, root[:, 3:], tracks.hips[:, 2:]]

@@ -1,11 +1,14 @@
 //! Python bindings of mograft-fbx: convert arguments, release the GIL, convert results.
 #![allow(clippy::needless_pass_by_value, reason = "PyO3 extracts arguments by value")]
 
+use std::collections::HashMap;
+
 use mograft_fbx::{BakeError, Kind};
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray as _, PyArray1, PyArray2, PyArray3, PyArrayMethods as _};
 use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 
 /// Hierarchy, rest pose and takes of one FBX file.
 #[pyclass(frozen, module = "mograft_fbx")]
@@ -20,12 +23,21 @@ type RestArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 /// Name, first and last second of the take and of its keys, and indices of the animated nodes.
 type TakeTuple = (String, (f64, f64), Option<(f64, f64)>, Vec<usize>);
 
+/// The bytes of a GLB file, and the names of missing textures.
+type GlbTuple<'py> = (Bound<'py, PyBytes>, Vec<String>);
+
 #[pymethods]
 impl Scene {
     /// Load a file from its bytes.
     #[new]
-    fn new(py: Python<'_>, data: &[u8], memory_limit: usize) -> PyResult<Self> {
-        let scene = py.detach(|| mograft_fbx::Scene::load(data, memory_limit));
+    #[pyo3(signature = (data, memory_limit, *, with_geometry = false))]
+    fn new(
+        py: Python<'_>,
+        data: &[u8],
+        memory_limit: usize,
+        with_geometry: bool,
+    ) -> PyResult<Self> {
+        let scene = py.detach(|| mograft_fbx::Scene::load(data, memory_limit, with_geometry));
         scene
             .map(Self)
             .map_err(|error| PyValueError::new_err(error.to_string()))
@@ -97,6 +109,38 @@ impl Scene {
     #[getter]
     fn n_constraints(&self) -> usize {
         self.0.n_constraints()
+    }
+
+    /// File names of the textures that are not embedded.
+    #[getter]
+    fn textures(&self) -> Vec<String> {
+        let textures = self.0.materials().into_iter().filter_map(|own| own.texture);
+        textures
+            .filter_map(|(name, data)| data.is_empty().then_some(name))
+            .collect()
+    }
+
+    /// The figure as a GLB file and the names of missing textures; None without meshes.
+    #[pyo3(signature = (joints, names, textures, *, generator, max_corners))]
+    fn to_glb<'py>(
+        &self,
+        py: Python<'py>,
+        joints: Vec<usize>,
+        names: Vec<String>,
+        textures: HashMap<String, Vec<u8>>,
+        generator: String,
+        max_corners: usize,
+    ) -> PyResult<Option<GlbTuple<'py>>> {
+        let figure = mograft_fbx::Figure {
+            joints: &joints,
+            names: &names,
+            textures: &textures,
+            generator: &generator,
+        };
+        let found = py
+            .detach(|| self.0.to_glb(&figure, max_corners))
+            .map_err(|error| PyValueError::new_err(error.to_string()))?;
+        Ok(found.map(|own| (PyBytes::new(py, &own.data), own.missing)))
     }
 
     /// World transforms of `joints`, indices of nodes, in frames from second `begin` on.

@@ -413,3 +413,8 @@ def scale_of_variety(variety: float) -> float:
     if isinstance(variety, bool) or not isinstance(variety, Real) or not 0 <= variety <= 1:
         raise ValueError(f"`variety` must be a number from 0 to 1, got {variety!r}")
     return float(0.75 * 2.5 ** (2.0 * float(variety) - 1.0))
+
+
+def variety_of_scale(scale: float) -> float:
+    """Return the variety whose `scale_of_variety` is `scale`; it may be outside of 0 to 1."""
+    return 0.5 + 0.5 * math.log(scale / 0.75, 2.5)

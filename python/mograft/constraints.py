@@ -13,6 +13,7 @@ from mograft.search.donor_constraints import (
     OnlyFrom,
     Use,
 )
+from mograft.search.figure_position import FigurePosition
 from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Sphere
 from mograft.search.pose_constraints import Avoid, AvoidSelf, Custom, Face, KeepOut, Reach
 
@@ -26,6 +27,7 @@ __all__ = [
     "Constraint",
     "Custom",
     "Face",
+    "FigurePosition",
     "HalfSpace",
     "KeepOriginal",
     "KeepOut",

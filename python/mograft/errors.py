@@ -101,6 +101,20 @@ def suggest_name(
     return f"; did you mean {prefix + close[0]!r}?" if close else ""
 
 
+def suggest_path(path: str | Path) -> str:
+    """Return "; did you mean 'X'?" for a path that does not exist, or "".
+
+    X is the most similar path in the folder of the first missing part of the path.
+    """
+    missing = [own for own in (Path(path), *Path(path).parents) if not own.exists()]
+    if not missing or not missing[-1].parent.is_dir():
+        return ""
+    folder = missing[-1].parent
+    beside = [str(folder / own.name) for own in sorted(folder.iterdir())]
+    prefix = str(missing[-1])[: -len(missing[-1].name)]
+    return suggest_name(str(missing[-1]), beside, prefix, cutoff=0.7)
+
+
 def join_names(names: Sequence[str], maximum: int = 12) -> str:
     """Return the first `maximum` names, joined by commas, and the number of the other names."""
     more = f" and {len(names) - maximum} more" if len(names) > maximum else ""

@@ -50,6 +50,13 @@ def test_parse_document_integer_fits_a_float_or_raises(n_digits, sign):
         assert abs(float(parse_document(text)["a"][0])) < sys.float_info.max
 
 
+@given(st.integers(101, 100_000), st.sampled_from([".", " . ", '".', "-."]))
+def test_parse_document_long_key_is_refused_before_it_is_parsed(depth, separator):
+    # Python needs minutes for 100,000 levels.
+    with pytest.raises(ValueError, match="expected at most 100 levels, got more"):
+        parse_document(separator.join("a" * depth) + " = 1", "TOML")
+
+
 def test_parse_document_long_toml_raises():
     with pytest.raises(ValueError, match="at most 1048576 characters"):
         parse_document("#" * (MAX_TOML_CHARACTERS + 1), "TOML")

@@ -5,6 +5,7 @@ import multiprocessing
 import os
 import signal
 import struct
+import subprocess
 import sys
 import time
 from multiprocessing.connection import Connection
@@ -103,6 +104,32 @@ def test_worker_killed_while_it_sends_a_result_raises_error(sent):
 def test_worker_that_ends_itself_raises_error():
     with pytest.raises(MograftError, match="a worker process was killed"):
         call_beside_another(end_at_once)
+
+
+KILLED_WHILE_IT_STARTS_A_WORKER = """
+import os, signal
+from multiprocessing import util
+from mograft._util.workers import worker_processes
+
+spawn = util.spawnv_passfds
+
+def spawn_and_end(path, words, handles):
+    number = spawn(path, words, handles)
+    if any("spawn_main" in os.fsdecode(word) for word in words):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+util.spawnv_passfds = spawn_and_end
+with worker_processes(2) as pool:
+    pool.submit(os.getpid)
+"""
+
+
+def test_worker_of_a_process_that_was_killed_while_it_started_prints_nothing():
+    words = [sys.executable, "-c", KILLED_WHILE_IT_STARTS_A_WORKER]
+    # The pipe of stderr ends when the worker has ended.
+    child = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert (child.returncode, child.stderr) == (-signal.SIGKILL, "")
 
 
 def test_exception_of_a_call_ends_running_calls():

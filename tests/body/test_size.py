@@ -53,7 +53,7 @@ def plain(clips):
 @pytest.mark.parametrize("base", ["lower", "upper"])
 @few_examples(6)
 @given(factors=FACTORS, chosen=st.integers(0, 1), seed=st.integers(0, 99))
-@pytest.mark.filterwarnings("ignore:the legs are longer or shorter")
+@pytest.mark.filterwarnings("ignore:legs are not as long")
 def test_graft_clips_in_other_units_equals_scaled_graft(plain, base, factors, chosen, seed):
     library = plain[base]
     expected = mg.graft(library, f"clip{chosen}", seed=seed)
@@ -66,21 +66,22 @@ def test_graft_clips_in_other_units_equals_scaled_graft(plain, base, factors, ch
 
 
 @few_examples(3)
-@given(factors=FACTORS)
-@pytest.mark.filterwarnings("ignore:the legs are longer or shorter")
-def test_scenario_clips_in_other_units_has_the_size_of_the_library(plain, factors):
+@given(factors=FACTORS, first=st.integers(0, 1))
+@pytest.mark.filterwarnings("ignore:legs are not as long")
+def test_scenario_clips_in_other_units_has_the_size_of_the_first(plain, factors, first):
     library = plain["lower"]
     segments = np.flatnonzero(library.segments.start > 50)[::7]
+    segments = segments[np.argsort(library.segments.clip[segments] != first, kind="stable")]
     expected, _ = realize_scenario(library, Scenario(segments))
     mixed = [scaled(clip, factor) for clip, factor in zip(library.clips, factors, strict=True)]
     library = mg.Library.build(mixed, library.groups)
     found, _ = realize_scenario(library, Scenario(segments))
-    assert (found.positions == factors[0] * expected.positions).all()
+    assert (found.positions == factors[first] * expected.positions).all()
 
 
 def test_graft_with_a_root_from_another_unit_stays_in_the_range_of_the_base(plain):
     clips = plain["upper"].clips
-    with pytest.warns(UserWarning, match=r"shorter than in clip0: clip1 \(17.2 times\)"):
+    with pytest.warns(UserWarning, match=r"not as long as the median: clip1 \(17.2 times\)"):
         library = mg.Library.build([clips[0], scaled(clips[1], 17.2)], plain["upper"].groups)
     heights = mg.graft(library, "clip0").motion.positions[:, 0, 1]
     assert np.ptp(heights) < 3 * np.ptp(clips[0].positions[:, 0, 1])

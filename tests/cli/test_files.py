@@ -5,12 +5,15 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from mograft import read_bvh, write_bvh
+from mograft import Motion, read_bvh, write_bvh
 from mograft.body import groups as joint_groups
 from mograft.cli.syntax.values import PRESETS
 from mograft.formats import write_npz
+from tests.hierarchies import skeleton_from_text
+from tests.strategies import smooth_rotations
 
 
 def test_info_prints_joints_frames_and_groups(succeed, folder):
@@ -18,6 +21,46 @@ def test_info_prints_joints_frames_and_groups(succeed, folder):
     assert document["schema"] == "mograft.info/1"
     assert document["files"][0]["joints"] == 18
     assert document["files"][0]["groups"]["lower"][0] == "Hips"
+
+
+FIGURES = [
+    "Hips { Spine > Head | LeftUpLeg > LeftLeg > LeftFoot | RightUpLeg > RightLeg > RightFoot }",
+    "Hips { Spine {Head | LeftArm > LeftHand | RightArm > RightHand} | LeftLeg | RightLeg }",
+    "a { b > c | d }",
+    "Hips { LeftUpLeg > LeftLeg | RightUpLeg > RightLeg }",
+]
+
+
+@pytest.mark.parametrize("text", FIGURES)
+def test_info_lists_groups_exactly_if_graft_finds_them(run, text):
+    skeleton, _ = skeleton_from_text(text)
+    skeleton = skeleton.with_offsets(np.arange(3.0 * skeleton.n_joints).reshape(-1, 3))
+    rng = np.random.default_rng(0)
+    quats = smooth_rotations(rng, 90, skeleton.n_joints)
+    positions = np.tile(skeleton.offsets, (90, 1, 1))
+    write_bvh(Motion(skeleton, 1 / 30, quats, positions), "x.bvh")
+    groups = json.loads(run("info", "x.bvh", "--json")[1])["files"][0]["groups"]
+    code, _, err = run("graft", "x.bvh", "-o", "y.bvh")
+    assert (code == 0) == bool(groups), err
+    assert ("no joint groups recognized" in run("info", "x.bvh")[1]) == (not groups)
+    names = [name for own in groups.values() for name in own]
+    assert sorted(names) == (sorted(skeleton.names) if groups else [])
+
+
+def test_warnings_of_a_content_are_printed_once_and_not_for_a_library(run, clip):
+    motion = read_bvh(clip)
+    positions = motion.positions.copy()
+    positions[100:, 0] += 90.0
+    Path("clips").mkdir()
+    for name in ("a", "b", "c"):
+        write_bvh(replace(motion, positions=positions, channel_values=None), f"clips/{name}.bvh")
+    words = ("-o", "x.bvh", "--force")
+    for command in (("graft", "clips", *words), ("index", "clips", "-o", "lib")):
+        err = run(*command)[2]
+        assert err.count("joints jump by") == err.count("warning: ") == 1
+        assert "warning: a, b, c: joints jump by" in err
+    for _ in range(2):
+        assert "jump" not in run("graft", "lib", *words)[2]
 
 
 @pytest.mark.parametrize("as_json", [False, True])
@@ -183,3 +226,17 @@ def test_graft_of_file_with_long_name_writes_shorter_name(run, clip, working_fol
     names = sorted(path.name for path in (working_folder / "out").iterdir())
     assert [name.split("_graft0")[1] for name in names] == [".bvh", ".json"]
     assert all(set(name.split("_graft0")[0]) == {character} for name in names)
+
+
+@pytest.mark.parametrize("command", ["check", "info"])
+def test_check_and_info_name_files_of_another_size(succeed, folder, tmp_path, command):
+    clips = tmp_path / "clips"
+    shutil.copytree(folder, clips)
+    assert "as long" not in succeed(command, clips)[0]
+    motion = read_bvh(folder / "a.bvh")
+    skeleton = motion.skeleton.with_offsets(motion.skeleton.offsets / 17)
+    small = replace(motion, skeleton=skeleton, positions=motion.positions / 17, channel_values=None)
+    write_bvh(small, clips / "metres.bvh")
+    line = f"legs are not as long as the median: {clips / 'metres.bvh'} (0.0588 times)"
+    assert succeed(command, clips)[0].splitlines()[-1] == line
+    assert json.loads(succeed(command, clips, "--json")[0])["sizes"] == [line]

@@ -1,7 +1,9 @@
 """Commands on files of several clips, on formats other than BVH, and grafts in glTF files."""
 
 import json
+import shlex
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ import pytest
 import mograft as mg
 from mograft import formats
 from mograft.dancer import dance
+from mograft.io.gltf.container import read_accessor, read_container
 from mograft.viewing.scene import Scene
 
 
@@ -104,18 +107,17 @@ def test_graft_glb_count_two_writes_both_to_one_file(run, succeed, figure, tmp_p
     assert (code, printed) == (0, f"{out}\n")
     assert "b_graft1: 300 frames of b" in err
     assert mg.read(out).names == ("a", "b", "b_graft0", "b_graft1")
-    names = [own["name"] for own in json.loads(out.with_suffix(".json").read_text())["grafts"]]
-    assert names == ["b_graft0", "b_graft1"]
-    succeed("graft", "--from", f"{out.with_suffix('.json')}#b_graft1", "-o", tmp_path / "one.glb")
+    assert [*mg.read(out).grafts] == ["b_graft0", "b_graft1"]
+    succeed("graft", "--from", f"{out}#b_graft1", "-o", tmp_path / "one.glb")
     clips, again = mg.read(out), mg.read(tmp_path / "one.glb")
     assert again.names == ("a", "b", "b_graft1")
     assert (again["b_graft1"].rotations == clips["b_graft1"].rotations).all()
-    code, _, err = run("graft", "--from", out.with_suffix(".json"), "-o", tmp_path / "two.glb")
+    code, _, err = run("graft", "--from", out, "-o", tmp_path / "two.glb")
     assert code == 3
-    assert "out.json#b_graft0, got none" in err
+    assert "out.glb#b_graft0, got none" in err
     code, _, err = run("graft", figure, "-o", out)
     assert code == 1
-    assert "out.glb and 1 other file exist; use --force to overwrite" in err
+    assert "out.glb exists; use --force to overwrite" in err
 
 
 def test_graft_glb_stored_library_and_report(run, succeed, figure, tmp_path):
@@ -126,7 +128,7 @@ def test_graft_glb_stored_library_and_report(run, succeed, figure, tmp_path):
     assert [own["file"] for own in document["grafts"]] == [str(out)] * 2
     assert out.with_suffix(".html").exists()
     edited = tmp_path / "edited.glb"
-    words = ["--from", f"{out.with_suffix('.json')}#a_graft0", "--keep", "0-100"]
+    words = ["--from", f"{out}#a_graft0", "--keep", "0-100"]
     assert run("graft", *words, "-o", edited)[0] == 0
     assert mg.read(edited).names == ("a", "b", "a_graft0")
     bvh = tmp_path / "other.bvh"
@@ -156,3 +158,108 @@ def test_scene_of_glb_shows_donors_of_grafts_only(run, figure, tmp_path):
 def test_graft_glb_with_digits_is_usage_error(usage_error, figure):
     message = usage_error("graft", figure, "-o", "out.glb", "--digits", 8)
     assert "--digits requires .bvh; got out.glb" in message
+
+
+def test_graft_into_adds_to_the_file_itself(run, succeed, figure, tmp_path):
+    hero = tmp_path / "hero.glb"
+    hero.write_bytes(figure.read_bytes())
+    words = ["graft", "hero.glb", "--base", "hero.glb#b", "--into", "hero.glb"]
+    assert succeed(*words, "-n", 2)[0] == "hero.glb\n"
+    assert mg.read("hero.glb").names == ("a", "b", "b_graft0", "b_graft1")
+    before = mg.read("hero.glb")["b_graft0"].rotations
+    err = succeed("graft", "--from", "hero.glb#b_graft0", "-o", "hero.glb", "--reroll", 3)[1]
+    assert "2 grafts of mograft excluded as donors" in err
+    assert mg.read("hero.glb").names == ("a", "b", "b_graft0", "b_graft1")
+    assert (mg.read("hero.glb")["b_graft0"].rotations != before).any()
+    succeed("graft", "--from", "hero.glb#b_graft1", "--into", "hero.glb", "--as", "new")
+    clips = mg.read("hero.glb")
+    assert clips.names == ("a", "b", "b_graft0", "b_graft1", "new")
+    assert (clips["new"].rotations == clips["b_graft1"].rotations).all()
+    content = hero.read_bytes()
+    code, _, err = run("graft", "--from", "hero.glb#new", "--into", "hero.glb", "--as", "a")
+    assert code == 1
+    assert "has an animation a that mograft did not write" in err
+    assert hero.read_bytes() == content
+    succeed("graft", "--from", "hero.glb#new", "--into", "hero.glb", "--as", "a", "--force")
+    assert "a" in mg.read("hero.glb").grafts
+
+
+def test_graft_report_of_glb_has_commands_that_run(succeed, figure, tmp_path):
+    (tmp_path / "hero.glb").write_bytes(figure.read_bytes())
+    succeed("graft", "hero.glb", "-n", 2, "-o", "new.glb", "--report")
+    page = (tmp_path / "new.html").read_text()
+    command = "mograft graft --from 'new.glb#a_graft1' -o new.glb --as a_graft1_new"
+    assert json.dumps(command) in page
+    succeed(*shlex.split(command)[1:], "--keep", "0-100")
+    assert mg.read("new.glb").names == ("a", "b", "a_graft0", "a_graft1", "a_graft1_new")
+
+
+def vertices(path):
+    container = read_container(Path(path))
+    return [
+        bytes(read_accessor(container, own["attributes"]["POSITION"], "", 3))
+        for mesh in container.items("meshes")
+        for own in mesh["primitives"]
+    ]
+
+
+def test_export_keeps_the_meshes_of_the_first_file_that_has_some(run, succeed, figure, tmp_path):
+    motion = mg.read(figure)["a"]
+    scaled = replace(motion.skeleton, offsets=100 * motion.skeleton.offsets, end_sites=())
+    other = replace(motion[:90], skeleton=scaled, positions=100 * motion[:90].positions)
+    mg.write_bvh(replace(other, channel_values=None), "jump.bvh")
+    err = succeed("export", "jump.bvh", figure, "-o", "both.glb")[1]
+    assert f"meshes and skin of {figure}" in err
+    assert vertices("both.glb") == vertices(figure)
+    clips = mg.read("both.glb")
+    assert clips.names == ("a", "b", "jump")
+    places = motion[:90].world_positions()
+    height = np.ptp(places[..., 1])
+    np.testing.assert_allclose(clips["jump"].world_positions(), places, atol=1e-5 * height)
+    old, new = read_container(figure), read_container(Path("both.glb"))
+    assert new.items("animations")[:2] == old.items("animations")
+    succeed("export", figure, "-o", "copy.glb")
+    assert Path("copy.glb").read_bytes() == figure.read_bytes()
+    succeed("export", f"{figure}#b", "-o", "one.glb")
+    assert vertices("one.glb") == vertices(figure)
+    assert [own["name"] for own in read_container(Path("one.glb")).items("animations")] == ["b"]
+    succeed("export", f"{figure}#b", "--frames", "10-40", "-o", "part.glb")
+    assert mg.read("part.glb")[0].n_frames == 31
+    assert vertices("part.glb") == vertices(figure)
+    err = succeed("export", figure, "--scale", "m", "-o", "bones.glb")[1]
+    assert f"warning: bones.glb does not have the meshes of {figure}" in err
+    names = ["Tail" if name == "Head" else name for name in motion.skeleton.names]
+    formats.write_glb(
+        replace(motion, skeleton=replace(motion.skeleton, names=names)), tmp_path / "goat.glb"
+    )
+    code, _, err = run("export", figure, "goat.glb", "-o", "no.glb")
+    assert code == 1
+    assert "a lacks Head and also has Tail" in err
+    assert "export each file by itself, or graft them together with --match anatomy" in err
+    assert not Path("no.glb").exists()
+
+
+def test_graft_folder_leaves_out_clips_in_one_line(succeed, run, folder, tmp_path):
+    for name in "ab":
+        (tmp_path / f"{name}.bvh").write_bytes((folder / f"{name}.bvh").read_bytes())
+    pose = mg.read_bvh(folder / "a.bvh")[:1]
+    for number in range(5):
+        mg.write_bvh(pose, tmp_path / f"0pose{number}.bvh")
+    err = succeed("graft", tmp_path, "-o", "out")[1]
+    assert err.count("excluded: ") == 4
+    assert "excluded: 2 other clips; -v states the reasons" in err
+    assert (tmp_path / "out" / "a_graft0.bvh").exists()
+    assert succeed("graft", tmp_path, "-o", "out", "-v", "--force")[1].count("excluded: ") == 5
+    succeed("graft", "--from", "out/a_graft0.json", "-o", "new.bvh", "--reroll", 2)
+    code, _, err = run("graft", tmp_path / "a.bvh", tmp_path / "0pose1.bvh", "-o", "other")
+    assert code == 1
+    assert "must have at least 2 frames, got 1" in err
+
+
+def test_export_of_grafts_keeps_their_provenance(succeed, figure, tmp_path):
+    (tmp_path / "in").mkdir()
+    succeed("graft", figure, "-n", 2, "-o", "in/new.glb")
+    succeed("export", figure, "in/new.glb#*graft*", "-o", "all.glb")
+    clips = mg.read("all.glb")
+    assert (clips.names, [*clips.grafts]) == (("a", "b", *clips.grafts), ["a_graft0", "a_graft1"])
+    succeed("graft", "--from", "all.glb#a_graft1", "-o", "again.bvh")

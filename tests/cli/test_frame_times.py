@@ -63,8 +63,10 @@ def test_avoid_and_reach_accept_ranges():
     assert values.obstacle("b.bvh@1,2,3@4-5") == ("b.bvh", (1.0, 2.0, 3.0, 0.0), (4, 5))
     assert values.obstacle("b@2.bvh@1,2,3") == ("b@2.bvh", (1.0, 2.0, 3.0, 0.0), None)
     assert values.frame_or_frames("7") == (7, 7)
-    assert values.reach("5-9:Hand:1,2,3") == ((5, 9), "Hand", (1.0, 2.0, 3.0), 0.03)
-    assert values.reach("1.5s:a:b:1,2,3~0.1") == ((1.5, 1.5), "a:b", (1.0, 2.0, 3.0), 0.1)
+    place = (1.0, 2.0, 3.0)
+    assert values.reach("5-9:Hand:1,2,3") == ((5, 9), "Hand", None, place, 0.03)
+    assert values.reach("1.5s:a:b:1,2,3~0.1") == ((1.5, 1.5), "a:b", None, place, 0.1)
+    assert values.reach("7:a:b:@c:d+1,2,3~0.1") == ((7, 7), "a:b", "c:d", place, 0.1)
 
 
 def test_commands_accept_seconds_for_frames(run, succeed, folder):
@@ -76,5 +78,5 @@ def test_commands_accept_seconds_for_frames(run, succeed, folder):
     assert outputs[0] == outputs[1]
     words = ("graft", folder, "--scenario", "graph", "--json", "-o")
     for length, n_frames in (("90", 90), ("3s", 91)):
-        out = succeed(*words, f"{length}.bvh", "--frames", length)[0]
+        out = succeed(*words, f"{length}.bvh", "--length", length)[0]
         assert json.loads(out)["grafts"][0]["frames"] == n_frames

@@ -68,7 +68,9 @@ def test_help_has_at_most_45_lines_and_help_all_has_all_options(
     ],
 )
 def test_option_of_another_command_has_no_suggestion(usage_error, words, flag):
-    assert usage_error(*words.split()).splitlines()[-1].endswith(f"has no option {flag}")
+    line = usage_error(*words.split()).splitlines()[-1]
+    assert f"has no option {flag}; mograft {words.split()[0]}" in line
+    assert line.endswith("--help-all lists all")
 
 
 def test_usage_error_is_one_usage_line_and_one_error(usage_error):
@@ -92,6 +94,23 @@ def test_quiet_prints_results_and_errors_only(run, clip, monkeypatch):
     assert "LeftHand" in err
     # Later commands of the same process print remarks again.
     assert run("graft", clip, "-o", "d.bvh")[2]
+
+
+@pytest.mark.parametrize(
+    ("words", "result"),
+    [
+        (("evaluate", "quality", "--runs", 1, "--bases", 1), "of the parts of"),
+        (("graft", "-o", "a.bvh", "--force", "--measure"), "head jerk, ratio"),
+    ],
+)
+def test_quiet_prints_the_same_measures(succeed, clip, words, result):
+    pytest.importorskip("scipy", reason="SciPy is not installed")
+    command, *options = words
+    loud, quiet = (succeed(command, clip, *options, *flags)[1] for flags in ((), ("-q",)))
+    measures = [line for line in loud.splitlines() if result in line]
+    assert len(measures) == 1
+    assert measures[0] in quiet.splitlines()
+    assert len(quiet.splitlines()) < len(loud.splitlines())
 
 
 def test_verbose_graft_lists_every_exchanged_segment(run, clip):

@@ -183,14 +183,14 @@ def test_graft_of_amass_files_keeps_poses_of_the_base_group(run, succeed, tmp_pa
     assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "direct.npz").read_bytes()
 
 
-def test_graft_to_npz_requires_a_base_of_amass(run, mixed_folder, tmp_path, usage_error):
+def test_graft_to_npz_without_a_base_of_amass_writes_arrays_of_mograft(
+    succeed, mixed_folder, tmp_path, usage_error
+):
     own = mixed_folder / "b.npz"  # of mograft
-    code, _, err = run("graft", own, "-o", tmp_path / "g.npz")
-    assert code == 1
-    assert "g.npz must be a .bvh file: the base b is not from AMASS" in err
-    assert not list(tmp_path.iterdir())
-    for words in ((mixed_folder / "a.bvh",), (own, "-n", "2"), (own, "--digits", "7")):
-        usage_error("graft", *words, "-o", tmp_path / "g.npz")
+    succeed("graft", own, "-n", "2", "-o", tmp_path / "g.npz")
+    assert [path.name for path in tmp_path.iterdir()] == ["g.npz"]
+    assert mg.read(tmp_path / "g.npz").names == ("b_graft0", "b_graft1")
+    usage_error("graft", own, "--digits", "7", "-o", tmp_path / "h.npz")
 
 
 def test_automatic_groups_of_every_command_are_those_of_discover(run, succeed, folder, tmp_path):

@@ -83,9 +83,14 @@ def test_doctor_complete_installation_returns_0(capsys):
 
 
 @pytest.mark.parametrize(
-    ("name", "state", "code"), [("numpy", "broken", 1), ("shtab", "absent", 0)]
+    ("name", "state", "code", "source"),
+    [
+        ("numpy", "broken", 1, "numpy"),
+        ("shtab", "absent", 0, "shtab"),
+        ("mograft-fbx", "absent", 0, "./python-fbx in a checkout"),
+    ],
 )
-def test_doctor_absent_package_state_and_exit_code(capsys, monkeypatch, name, state, code):
+def test_doctor_absent_package_state_and_exit_code(capsys, monkeypatch, name, state, code, source):
     real = metadata.version
 
     def version(package):
@@ -96,7 +101,7 @@ def test_doctor_absent_package_state_and_exit_code(capsys, monkeypatch, name, st
     monkeypatch.setattr(metadata, "version", version)
     found = checks(capsys, code)[name]
     assert found["state"] == state
-    assert f"pip install {name}" in found["detail"]
+    assert found["detail"].endswith(f": pip install {source}")
 
 
 def test_doctor_failing_graft_is_broken(capsys, monkeypatch):

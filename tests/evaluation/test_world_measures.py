@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,11 +13,13 @@ from hypothesis import strategies as st
 from lab.donors.donor_methods import grafts_by
 from mograft import JointGroups, Library, Motion, graft
 from mograft.body.contacts import Ground
+from mograft.body.contacts import skating_share as foot_skate
 from mograft.evaluation.balance import dynamic_balance
 from mograft.evaluation.body_tracks import (
     BodyTracks,
     FrameBlocks,
     Origin,
+    bone_ends,
     driving_group,
     jerk,
     landmarks,
@@ -51,6 +54,39 @@ def test_world_measures_captured_motion_has_ratios_one_and_no_difference(library
         assert (found.head_jerk, found.chest_jerk, found.hands_jerk) == (1.0, 1.0, 1.0)
         assert (found.floor_depth, found.under_floor, found.skate, found.balance) == (0, 0, 0, 0)
         assert found.frames == 0
+
+
+def test_world_measures_of_the_base_are_within_their_ranges(library):
+    for clip in library.clips:
+        found = world_measures(grafts_by(Captured(), library, clip.name)[0])
+        assert set(found.ranges) <= {*vars(found)} - {"frames", "ranges"}
+        assert {"head_jerk", "hands_jerk", "skate"} <= set(found.ranges)
+        for name, (low, high) in found.ranges.items():
+            assert low <= getattr(found, name) <= high
+        assert all("(within " in text for text in found.columns().values() if text != "none")
+
+
+def test_world_measures_ranges_are_quartiles_of_parts_and_the_whole_base(new):
+    found, base = world_measures(new), new.base
+    track = jerk(bone_ends(base, landmarks(base.skeleton)["head"]), base.rate)
+    edges = np.linspace(0, base.n_frames, max(round(base.duration / 5.0), 4) + 1).astype(int)
+    ratios = [np.median(track[a:b]) / np.median(track) for a, b in pairwise(edges)]
+    low, high = np.percentile(ratios, (25, 75))
+    assert found.ranges["head_jerk"] == pytest.approx((min(low, 1.0), max(high, 1.0)))
+    ground = Ground.of(base)
+    shares = [foot_skate(base[a:b], ground) for a, b in pairwise(edges)]
+    low, high = np.percentile(shares, (25, 75)) - foot_skate(base, ground)
+    assert found.ranges["skate"] == pytest.approx((min(low, 0.0), max(high, 0.0)))
+    assert found.ranges["floor_depth"][1] == 0.0  # no part is deeper than the whole base
+
+
+def test_world_measures_jitter_is_above_its_range(new):
+    found = world_measures(add_jitter(new, chest_joint(new.motion)))
+    text = found.columns()["head jerk, ratio"]
+    low, high = found.ranges["head_jerk"]
+    assert found.head_jerk > high
+    assert text == f"{found.head_jerk:.2f} (above {low:.2f} to {high:.2f})"
+    assert found.ranges == world_measures(new).ranges
 
 
 def test_world_measures_jitter_at_seams_raises_head_jerk(new):
@@ -134,8 +170,10 @@ def test_world_measures_transformed_recordings_give_same_measures(library, new):
     motion = transform_motion(new.motion, 0.01, 0.7, (2.0, 0.0, -1.0))
     other = replace(new, library=moved, motion=motion, base=moved.clips[0])
     found = world_measures(other)
-    for name, value in vars(expected).items():
-        assert getattr(found, name) == pytest.approx(value, rel=1e-6, abs=1e-9), name
+    assert list(found.ranges) == list(expected.ranges)
+    values, others = ({**vars(own), **own.ranges} for own in (expected, found))
+    for name in values.keys() - {"ranges"}:
+        assert others[name] == pytest.approx(values[name], rel=1e-6, abs=1e-9), name
 
 
 @pytest.fixture(scope="module")

@@ -67,6 +67,20 @@ class Take:
 
 
 @dataclass(frozen=True)
+class Mesh:
+    """A mesh at the root of the scene, in the axes of the file."""
+
+    points: np.ndarray  # (n, 3)
+    faces: tuple  # tuples of indices of points
+    uvs: np.ndarray  # (number of corners of faces, 2)
+    weights: np.ndarray | None  # (number of nodes, n); None without a skin
+    place: tuple = (0.0, 0.0, 0.0)
+    color: tuple = (1.0, 1.0, 1.0)
+    texture: str = ""
+    content: bytes = b""  # of the texture, if it is embedded
+
+
+@dataclass(frozen=True)
 class Scene:
     nodes: tuple
     takes: tuple
@@ -74,6 +88,7 @@ class Scene:
     axes: tuple = ((1, 1), (2, 1), (0, 1))  # up, front, right: number of the axis and its sign
     unit: float = 1.0  # centimetres
     bind: dict = field(default_factory=dict)  # node to world matrix (4, 4)
+    meshes: tuple = ()
 
 
 # Documents: an element is (name, values, children).
@@ -168,6 +183,64 @@ def _add_take(builder, scene, take, models):
             _add_curves(builder, ticks, values, curve_node)
 
 
+def _add_mesh(builder, scene, mesh, models):
+    node = _node_properties(Node("mesh", T=mesh.place))
+    model = builder.add("Model", ("mesh", "Model"), "Mesh", [("Version", [232], []), node], 0)
+    ends = [
+        index if i < len(own) - 1 else ~index for own in mesh.faces for i, index in enumerate(own)
+    ]
+
+    def layer(kind, mapping, reference, arrays):
+        words = {"Version": 101, "Name": "", "MappingInformationType": mapping}
+        words |= {"ReferenceInformationType": reference}
+        rows = [(name, [value], []) for name, value in (words | arrays).items()]
+        return (f"LayerElement{kind}", [0], rows)
+
+    n_corners = np.arange(len(ends), dtype=np.int32)
+    children = [
+        ("Vertices", [np.ravel(mesh.points)], []),
+        ("PolygonVertexIndex", [np.array(ends, np.int32)], []),
+        ("GeometryVersion", [124], []),
+        layer(
+            "UV",
+            "ByPolygonVertex",
+            "IndexToDirect",
+            {"UV": np.ravel(mesh.uvs), "UVIndex": n_corners},
+        ),
+        layer("Material", "AllSame", "IndexToDirect", {"Materials": np.zeros(1, np.int32)}),
+    ]
+    rows = [
+        ("LayerElement", [], [("Type", [f"LayerElement{own}"], []), ("TypedIndex", [0], [])])
+        for own in ("UV", "Material")
+    ]
+    children.append(("Layer", [0], [("Version", [100], []), *rows]))
+    geometry = builder.add("Geometry", ("mesh", "Geometry"), "Mesh", children, model)
+    colour = [("P", ["DiffuseColor", "Color", "", "A", *mesh.color], [])]
+    children = [("Version", [102], []), ("ShadingModel", ["lambert"], [])]
+    children.append(("Properties70", [], colour))
+    material = builder.add("Material", ("skin", "Material"), "", children, model)
+    if mesh.texture:
+        names = [("FileName", [mesh.texture], []), ("RelativeFilename", [mesh.texture], [])]
+        texture = builder.add("Texture", ("map", "Texture"), "", names, material, "DiffuseColor")
+        if mesh.content:
+            content = ("Content", [mesh.content], [])
+            builder.add("Video", ("map", "Video"), "Clip", [*names, content], texture)
+    if mesh.weights is None:
+        return
+    skin = builder.add("Deformer", ("skin", "Deformer"), "Skin", [("Version", [101], [])], geometry)
+    worlds = world_matrices(scene, static_values(scene))
+    for weights, world, bone in zip(mesh.weights, worlds, models, strict=True):
+        (chosen,) = np.nonzero(weights)
+        if not len(chosen):
+            continue
+        to_bone = np.linalg.inv(world) @ _translation(mesh.place)
+        arrays = {"Indexes": np.int32(chosen), "Weights": weights[chosen]}
+        arrays |= {"Transform": np.ravel(to_bone.T), "TransformLink": np.ravel(world.T)}
+        children = [("Version", [100], []), *((name, [own], []) for name, own in arrays.items())]
+        cluster = builder.add("Deformer", ("own", "SubDeformer"), "Cluster", children, skin)
+        builder.connections.append(("C", ["OO", bone, cluster], []))
+
+
 def _header(version):
     children = [("FBXHeaderVersion", [1003], []), ("FBXVersion", [version], [])]
     return ("FBXHeaderExtension", [], children)
@@ -187,6 +260,8 @@ def _document(scene, version):
         matrices = [[np.ravel(m.T)] for m in scene.bind.values()]
         children = _bind_pose([models[n] for n in scene.bind], matrices)
         builder.add("Pose", ("pose", "Pose"), "BindPose", children)
+    for mesh in scene.meshes:
+        _add_mesh(builder, scene, mesh, models)
     for take in scene.takes:
         _add_take(builder, scene, take, models)
     objects, links = ("Objects", [], builder.objects), ("Connections", [], builder.connections)
@@ -318,6 +393,8 @@ def _binary_value(value):
         return b"S" + struct.pack("<I", len(value.encode())) + value.encode()
     if isinstance(value, Word):
         return b"C" + value.text.encode()
+    if isinstance(value, bytes):
+        return b"R" + struct.pack("<I", len(value)) + value
     for kind, code in ((float, "Dd"), (np.int32, "Ii"), (int, "Lq")):
         if isinstance(value, kind):
             return code[:1].encode() + struct.pack(f"<{code[1]}", value)

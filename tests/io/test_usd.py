@@ -1,5 +1,6 @@
 """USD files, read by the USD library and its validators, read back, and with wrong content."""
 
+import contextlib
 import struct
 import sys
 from dataclasses import replace
@@ -340,6 +341,22 @@ def test_read_usd_damaged_file_raises_format_error(tmp_path, content):
 def test_read_usd_damaged_text_gives_motions_or_format_error(tmp_path, seed):
     if seed in fuzz_usd.SEEDS or fuzz_usd.mutate(seed)[0] == "usda":
         fuzz_usd.check(seed, tmp_path)
+
+
+@few_examples(30)
+@given(
+    share=st.floats(0.0, 1.0), damage=st.binary(min_size=1, max_size=9).map(lambda b: b + b"\x89")
+)
+def test_read_usd_text_that_is_not_utf_8_gives_motions_or_format_error(
+    tmp_path_factory, share, damage
+):
+    path = tmp_path_factory.mktemp("usd") / "a.usda"
+    write_usd(dance(strides=1).motion[:2], path)
+    data = path.read_bytes()
+    at = int(share * len(data))
+    path.write_bytes(data[:at] + damage + data[at:])
+    with contextlib.suppress(mg.FormatError):
+        list(mg.read(path))
 
 
 @pytest.mark.parametrize("section", range(6))

@@ -83,7 +83,6 @@ GRAFT = json.dumps({"schema": "mograft.graft/2"})
 SIDECARS = {
     GRAFT: True,
     json.dumps({"mograft": "1.0", "schema": "mograft.graft/2", "name": "walk"}): True,
-    json.dumps({"schema": "mograft.grafts/1"}): True,
     json.dumps({"schema": "mograft.graftings/1"}): False,
     json.dumps({"schema": 1}): False,
     json.dumps(["mograft.graft/2"]): False,

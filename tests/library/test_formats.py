@@ -82,6 +82,7 @@ def test_index_remembers_format_clip_and_hash(several, tmp_path):
 
 @given(st.sets(st.sampled_from(NAMES), min_size=1), st.sets(st.sampled_from(NAMES), min_size=1))
 @few_examples(4)
+@pytest.mark.filterwarnings("ignore:legs are not as long")  # metres and centimetres
 def test_add_changed_file_equals_index_of_the_changed_file(tmp_path_factory, before, after):
     """Clips that the file no longer contains are removed, and named in a warning."""
     folder = tmp_path_factory.mktemp("changed")

@@ -125,7 +125,12 @@ def test_index_unusable_clips_are_left_out_or_raise_if_strict(clip_folder, tmp_p
     write_bvh(other, folder / "a_goat.bvh")
     (folder / "broken.bvh").write_text("HIERARCHY\nROOT")
     write_bvh(DANCE[:1], folder / "still.bvh")
-    library = Library.index(folder, tmp_path / "l")
+    with pytest.warns(UserWarning, match="3 of 3 clips fit with --match anatomy") as caught:
+        library = Library.index(folder, tmp_path / "l")
+    joints = DANCE.skeleton.n_joints
+    table = [f"     2 with  {joints} joints below Hips: c, d (used)"]
+    table += [f"     1 with  {joints} joints below Hips: a_goat"]
+    assert str(caught[0].message).splitlines()[1:3] == table
     assert [info.name for info in library.entries] == ["c", "d"]
     reasons = [library.refused[str(folder / f"{n}.bvh")] for n in ("a_goat", "broken", "still")]
     assert "lacks Head and also has Tail" in reasons[0]

@@ -1,5 +1,6 @@
 """Properties of stored libraries: reading returns what was written, and damage is reported."""
 
+import contextlib
 import json
 import os
 import shutil
@@ -20,7 +21,7 @@ from mograft.analysis.embedding import Samples
 from mograft.library.files import array_files, storage, stored_clips
 from mograft.motion import limits
 from tests.library.checks import assert_same_libraries, list_files
-from tests.strategies import motions
+from tests.strategies import few_examples, motions
 
 
 @settings(max_examples=10, suppress_health_check=list(HealthCheck))
@@ -216,3 +217,39 @@ def test_library_beyond_limits_raises_library_error(small_library, name, value, 
     with patch.object(limits, name, value), pytest.raises(LibraryError, match=message) as caught:
         list(Library.open(small_library).clips)
     assert str(caught.value).startswith(f"{small_library} is damaged: ")
+
+
+HOSTILE = [None, -(10**20), 10**400, 1e300, "x", [], {}, True, [[1]], 2**63, {"": {}}]
+
+
+@few_examples(60)
+@given(st.data())
+def test_sealed_manifest_with_any_value_opens_or_raises_library_error(
+    small_library, tmp_path_factory, data
+):
+    folder = tmp_path_factory.mktemp("sealed") / "l"
+    shutil.copytree(small_library, folder)
+    document = json.loads((folder / "manifest.json").read_text())
+    container, key = document, data.draw(st.sampled_from(sorted(set(document) - {"checksum"})))
+    while isinstance(container[key], dict) and container[key] and data.draw(st.booleans()):
+        container = container[key]
+        key = data.draw(st.sampled_from(sorted(container)))
+    container[key] = data.draw(st.sampled_from(HOSTILE))
+    seal(folder, **document)
+    for read in (storage.verify, Library.open):
+        with contextlib.suppress(LibraryError):
+            read(folder)
+
+
+@pytest.mark.parametrize("is_at_exit", [False, True])
+def test_row_file_close_fails_without_a_traceback_of_a_finalizer(small_library, is_at_exit):
+    code = (
+        "import os, sys\n"
+        "from mograft import Library\n"
+        "library = Library.open(sys.argv[1])\n"
+        "for each in library.samples.files:\n"
+        "    os.close(each._handle)\n" + ("" if is_at_exit else "del each, library\n")
+    )
+    words = [sys.executable, "-c", code, str(small_library)]
+    child = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert (child.returncode, child.stderr) == (0, "")

@@ -118,6 +118,17 @@ def test_documentation_examples_run(page, tmp_path, monkeypatch):
         pyplot.close("all")
 
 
+def test_readme_commands_run_in_order_in_a_new_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    lines = re.findall(r"^    (.*\bmograft (?:demo|graft)\b.*)$", text, re.MULTILINE)
+    commands = [re.split(r"(?:\.venv/bin/)?\bmograft (?=\w)", line)[-1] for line in lines]
+    assert len(commands) > 1
+    for command in commands:
+        paths = run_command([*shlex.split(command), "--json"])
+        assert json.loads(paths)
+
+
 def test_documentation_wrong_example_fails():
     with pytest.raises(AssertionError):
         run_python(">>> 1 + 1\n3\n", {}, "x")

@@ -274,7 +274,7 @@ def test_edit_with_reach_moves_hand_and_keeps_frames_far_away(library):
         (("arms", (10, 20)), "`group` must be an exchanged group"),
         (("larm", (10, 10)), "`frames` must be at least two frames"),
         (("larm", (10, 700)), "`frames` must be at least two frames from 0 to 699"),
-        (("larm", (10, 20), "secnd"), "got 'secnd'.*second"),
+        (("larm", (10, 20), "secnd"), "`donor` must match .*; got 'secnd'.*second"),
         (("larm", (10, 20), ("second", 5, 500)), "at least two frames from 0 to 499"),
         (("larm", (10, 20), ("second", 5, 100)), "at most 3 times as long"),
     ],
@@ -290,3 +290,21 @@ def test_replay_damaged_change_raises(library, graft, key):
     document["changes"][0][key] = {"frames": [150, 9999], "clip_frames": [10, 9999]}.get(key, "no")
     with pytest.raises(mg.ProvenanceError, match="does not exist"):
         mg.replay(document, library)
+
+
+@few_examples(8)
+@given(st.data(), st.sampled_from([{"seam_blend": 0.6}, {"seam": "offset"}, {"torso": "pelvis"}]))
+def test_replay_with_other_blending_keeps_donors_and_replays(library, graft, data, fields):
+    edited = mg.change(mg.edit(graft, reroll=[9]), *data.draw(changes(library)))
+    config = replace(library.config, **fields)
+    other = mg.replay(mg.graft_record(edited), library, config=config)
+    assert all((other.donors[name] == own).all() for name, own in edited.donors.items())
+    assert other.changes == edited.changes
+    assert (other.motion.rotations != edited.motion.rotations).any()
+    check_replays(other)
+
+
+def test_replay_with_other_search_raises(library, graft):
+    config = replace(library.config, novelty=1.0)
+    with pytest.raises(ValueError, match="`config` must differ in fields of blending only"):
+        mg.replay(mg.graft_record(graft), library, config=config)

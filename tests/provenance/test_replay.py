@@ -50,6 +50,7 @@ def check_replay(graft, tmp_path, library=None):
     mg.write_graft(graft, path)
     again = mg.replay(path.with_suffix(".json"), library)
     assert mg.graft_record(again, tmp_path) == mg.graft_record(graft, tmp_path)
+    assert mg.advise(again) == mg.advise(graft)
     mg.write_graft(again, tmp_path / "again.bvh")
     for ending in (".bvh", ".json"):
         expected = path.with_suffix(ending).read_bytes()

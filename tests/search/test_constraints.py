@@ -1,5 +1,6 @@
 """Properties of constraints: their errors, the grafts that satisfy them, and violations."""
 
+import pickle
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -275,6 +276,23 @@ def test_only_from_selects_clips_by_name_or_tag(tags, wanted_tags, wanted_clips)
     assert_array_equal(excluding > 1, is_selected)
     including = mc.OnlyFrom(names, tags=wanted_tags).donor_errors(captured, donors, clips)
     assert_array_equal(including > 1, np.logical_not(is_selected))
+
+
+@pytest.mark.parametrize("kind", [mc.OnlyFrom, mc.NotFrom])
+def test_clips_of_a_constraint_are_resolved_once_for_each_library(library, monkeypatch, kind):
+    resolved, select = [], kind._select_clips
+    monkeypatch.setattr(
+        kind, "_select_clips", lambda own, clips: resolved.append(own) or select(own, clips)
+    )
+    constraint = kind("second")
+    first = mg.graft_many(library, count=3, constraints=[constraint], widen=False)
+    assert len(list(first)) == 3
+    assert resolved == [constraint]
+    other = mg.Library.build([*library.clips])
+    assert [own.donors for own in mg.graft_many(other, count=1, constraints=[constraint])]
+    assert resolved == [constraint] * 2
+    assert pickle.loads(pickle.dumps(constraint)) == constraint
+    assert vars(pickle.loads(pickle.dumps(constraint))) == vars(kind("second"))
 
 
 @given(SEGMENT_LENGTHS, st.integers(0, 9), st.data())
@@ -662,7 +680,7 @@ def test_max_stretch_errors_are_above_1_for_greater_stretches_only(base, donor, 
         (mc.Reach("Wing", (0, 0, 0), 5), ValueError, "no joint is named 'Wing'"),
         (mc.Reach(HAND, (0, 0, 0), 99_999), ValueError, "frames of `Reach` must be within 0 to"),
         (mc.NotFrom("waltz*"), ValueError, r"`clips` must match .*; got 'waltz\*'"),
-        (mc.OnlyFrom(tags="happy"), ValueError, "`tags` must be empty: .*; got 'happy'"),
+        (mc.OnlyFrom(tags="happy"), ValueError, "`tags` must be empty, .*; got 'happy'"),
     ],
 )
 def test_constraint_unknown_names_raise_before_search(library, constraint, error, message):

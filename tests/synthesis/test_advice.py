@@ -5,12 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from mograft import Config, Library, advise, graft, graft_many
-from mograft.constraints import KeepOriginal
+from mograft import Config, Library, advise, graft, graft_many, graft_record
+from mograft.constraints import KeepOriginal, NotFrom
 from mograft.dancer import dance
+from mograft.search.constraints import overlaps
 from mograft.solve.self_repair import RepairedWindow
-from mograft.synthesis.advice import find_helpful_option
+from tests.strategies import few_examples
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +54,7 @@ def test_advice_counts_segments_without_candidate_by_cause(library):
     [
         ({"sigma_scale": 1e-9}, [], "no similar segment", "raise `variety` or add clips"),
         ({"max_stretch": 1e-6, "sigma_scale": 2.0, "length_slack": 0.0}, [], "similar len", "max_"),
-        ({}, [KeepOriginal()], "within the constraints", "relax the constraints"),
+        ({"sigma_scale": 2.0}, [NotFrom("*")], "within the constraints", "relax the constraints"),
     ],
 )  # fmt: skip
 def test_advice_names_cause_and_remedy(library, config, constraints, cause, remedy):
@@ -59,6 +62,20 @@ def test_advice_names_cause_and_remedy(library, config, constraints, cause, reme
     lines = advice([graft(own, constraints=constraints)])
     assert cause in lines[-1]
     assert remedy in lines[-1]
+
+
+@few_examples(10)
+@given(st.integers(0, 599), st.integers(0, 599))
+def test_advice_counts_no_kept_segment_as_without_candidate(library, first, last):
+    span = min(first, last), max(first, last)
+    free, kept = graft(library), graft(library, constraints=[KeepOriginal(frames=span)])
+    segments = library.segments
+    is_kept = overlaps(segments, span)
+    expected = int(((free.alternatives["upper"] == 0) & ~is_kept).sum())
+    (line,) = [line for line in advise(kept) if line.startswith("upper: ")] or ["upper: 0 of"]
+    assert int(line.split()[1]) == expected
+    assert graft_record(kept)["kept_without_candidate"] == {"upper": expected}
+    assert (f"{expected} had no candidate" in kept.report()) == (expected > 0)
 
 
 def test_advice_names_self_repair_if_it_restored_all_segments(library):
@@ -70,16 +87,3 @@ def test_advice_names_self_repair_if_it_restored_all_segments(library):
     (line,) = [line for line in lines if line.startswith("warning")]
     assert "no segment was exchanged: self-repair restored the captured parts" in line
     assert "`self_repair=False` keeps the exchanges" in line
-
-
-@pytest.mark.parametrize(
-    ("changes", "expected"),
-    [
-        ({"max_stretch": 0.08, "length_slack": 0.0, "sigma_scale": 2.0}, "`max_stretch`"),
-        ({"sigma_scale": 0.2}, "`variety`"),
-    ],
-)
-def test_find_helpful_option_is_the_limit_that_excludes_most(changes, expected):
-    sample = dance(seed=1, strides=1).motion[:600]
-    narrow = Library.build(sample, config=Config(**changes))
-    assert find_helpful_option(graft(narrow)) == expected

@@ -132,6 +132,7 @@ def test_graft_motionless_fingers_do_not_reduce_seam_gaps(motion):
         assert seam.gap == pytest.approx(gaps[seam.frame], abs=1e-9)
 
 
+@pytest.mark.filterwarnings("ignore:at most 1 different motion")
 def test_graft_without_other_candidates_returns_the_file(motion, tmp_path):
     """With clusters of diameter 0 every segment is its own only candidate."""
     path = tmp_path / "dance.bvh"

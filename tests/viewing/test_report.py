@@ -45,7 +45,7 @@ def test_report_motion_table_equals_grafts(grafts):
         angles = [f"{np.degrees(angle):.1f}°" for angle in (found.changed, found.apart)]
         assert row[4:7] == [f"{found.new:.0%}", *angles]
         assert row[7] == str(len(own.seams))
-        assert row[8:10] == [f"{gaps.mean():.1f}°", f"{gaps.max():.1f}°"]
+        assert row[8:10] == [f"{gaps.mean():.1f}°", f"{gaps.max():.1f}° (within 0 to 45)"]
         assert own.report().splitlines()[1] in page.html
     assert page.title == "dance: 2 new motions"
     assert len(page_data(page)["clips"]) == 3

@@ -50,6 +50,8 @@ def test_rule_explains_only_the_keys_that_it_names():
 def test_fields_are_options_in_the_old_version():
     new = "mograft graft x --set reach_ik=0 --set self_repair=false"
     assert old_command(new) == "mograft graft x --reach-ik 0 --no-self-repair"
+    new = "mograft graft x --only-violations --scenario graph --length 9"
+    assert old_command(new) == "mograft graft x --repair --scenario graph --frames 9"
     assert old_command("print(1)") == "print(1)"
 
 

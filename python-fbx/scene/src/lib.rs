@@ -1,11 +1,13 @@
-//! Hierarchy, rest pose and animation of FBX scenes, read with ufbx.
+//! Hierarchy, rest pose, animation and meshes of FBX scenes, read with ufbx.
 //!
 //! World transforms are right-handed with y up, in the unit of the file. Nodes are in preorder: a
 //! node precedes its children, and the nodes below a node follow it. Node 0 is the root that ufbx
 //! adds above the nodes of the file.
 
 mod bake;
+mod glb;
 mod hierarchy;
+mod mesh;
 mod orthogonal;
 
 use std::fmt;
@@ -15,7 +17,9 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 use crate::orthogonal::nearest_rotation;
 
 pub use bake::{BakeError, Poses};
+pub use glb::{Figure, Glb, GlbError};
 pub use hierarchy::{Kind, Node};
+pub use mesh::{MAX_INFLUENCES, Material, Part, TooManyCorners};
 
 /// Greatest depth of a hierarchy.
 const MAX_DEPTH: u32 = 1000;
@@ -71,20 +75,21 @@ pub struct Scene {
 impl Scene {
     /// Load a file from its bytes, with at most `memory_limit` bytes in each of ufbx' allocators.
     ///
-    /// No other file is opened. Meshes and embedded files are skipped.
+    /// No other file is opened. Meshes and embedded files are skipped unless `with_geometry`.
     ///
     /// # Errors
     ///
     /// If ufbx refuses the file.
-    pub fn load(data: &[u8], memory_limit: usize) -> Result<Self, LoadError> {
+    pub fn load(data: &[u8], memory_limit: usize, with_geometry: bool) -> Result<Self, LoadError> {
         let allocator = || ufbx::AllocatorOpts { memory_limit, ..ufbx::AllocatorOpts::default() };
         let options = ufbx::LoadOpts {
             temp_allocator: allocator(),
             result_allocator: allocator(),
-            ignore_geometry: true,
-            ignore_embedded: true,
-            skip_skin_vertices: true,
-            skip_mesh_parts: true,
+            ignore_geometry: !with_geometry,
+            ignore_embedded: !with_geometry,
+            skip_skin_vertices: !with_geometry,
+            skip_mesh_parts: !with_geometry,
+            generate_missing_normals: with_geometry,
             node_depth_limit: MAX_DEPTH,
             file_format: ufbx::FileFormat::Fbx,
             target_axes: ufbx::CoordinateAxes {

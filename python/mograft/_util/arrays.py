@@ -66,11 +66,9 @@ def _blocks(array: FloatArray) -> Iterator[FloatArray]:
         yield array[start : start + _ROWS_PER_BLOCK]
 
 
-def as_vectors(
-    name: str, value: npt.ArrayLike, shape: Shape | None = None, maximum: float = _LARGEST
-) -> FloatArray:
+def as_vectors(name: str, value: npt.ArrayLike, shape: Shape | None = None) -> FloatArray:
     """Return `value` as finite vectors, shape (*shape, 3); the errors are those of `as_floats`."""
-    vectors = as_floats(name, value, None if shape is None else (*shape, 3), maximum)
+    vectors = as_floats(name, value, None if shape is None else (*shape, 3))
     if vectors.shape[-1:] != (3,):
         raise ValueError(f"`{name}` must have shape (..., 3), got {vectors.shape}")
     return vectors

@@ -9,11 +9,11 @@ import shutil
 import stat
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from mograft._util.signals import clean_up_by, delay_signals
+from mograft._util.signals import clean_up_by
 
 _DRAFT_ENDING = ".part"
 """Ending of draft folders, which no scan for clips enters."""
@@ -23,10 +23,27 @@ _DRAFT_ENDING = ".part"
 def atomic_path(target: Path) -> Iterator[Path]:
     """Yield a temporary path; the file written there replaces `target` when the block succeeds.
 
-    See `atomic_paths`.
+    The file is synced before the replacement, and its folder after it. A power failure within the
+    block leaves the old or the new file, and one after the block leaves the new file. The
+    temporary file is in a `draft_folder` and has the name of `target`, because some writers choose
+    the format by suffix. The permissions of an existing `target` are kept. Raises OSError if
+    `target` is a symbolic link to a missing file or a folder, or if its folder does not exist.
     """
-    with atomic_paths(target) as (draft,):
+    path = Path(os.path.realpath(target))
+    if target.is_symlink() and not path.exists():
+        raise FileExistsError(errno.EEXIST, "is a symbolic link to a missing file", str(target))
+    if not path.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "no such folder", str(target.parent))
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, "is a folder, expected a file", str(target))
+    with draft_folder(path) as folder:
+        draft = folder / path.name
         yield draft
+        sync(draft)
+        with suppress(OSError):  # no such file, or a file system without permissions
+            draft.chmod(stat.S_IMODE(path.stat().st_mode))
+        draft.replace(path)
+        sync(path.parent)
 
 
 @contextmanager
@@ -44,43 +61,6 @@ def checked_path(target: Path, is_whole: Callable[[Path], bool]) -> Iterator[Pat
             error, is_good = caught, False
         if not is_good:
             raise OSError(errno.EIO, "was written incompletely", str(target)) from error
-
-
-@contextmanager
-def atomic_paths(*targets: Path) -> Iterator[list[Path]]:
-    """Yield a temporary path for each target; the files written there replace the targets in turn.
-
-    They do so when the block succeeds, without an interruption by signals between two of them.
-    Each file is synced before its replacement, and its folder after it. A power failure within the
-    block leaves the old or the new files, and one after the block leaves the new files. A
-    temporary file is in a `draft_folder` and has the name of its target, because some writers
-    choose the format by suffix. The permissions of an existing target are kept. Raises OSError if
-    a target is a symbolic link to a missing file or a folder, or if its folder does not exist.
-    """
-    paths = [_real_path(target) for target in targets]
-    with ExitStack() as stack:
-        drafts = [stack.enter_context(draft_folder(path)) / path.name for path in paths]
-        yield drafts
-        for draft, path in zip(drafts, paths, strict=True):
-            sync(draft)
-            with suppress(OSError):  # no such file, or a file system without permissions
-                draft.chmod(stat.S_IMODE(path.stat().st_mode))
-        with delay_signals() if len(paths) > 1 else nullcontext():
-            for draft, path in zip(drafts, paths, strict=True):
-                draft.replace(path)
-                sync(path.parent)
-
-
-def _real_path(target: Path) -> Path:
-    """Return the path of a file to write without symbolic links; raise OSError without one."""
-    path = Path(os.path.realpath(target))
-    if target.is_symlink() and not path.exists():
-        raise FileExistsError(errno.EEXIST, "is a symbolic link to a missing file", str(target))
-    if not path.parent.is_dir():
-        raise FileNotFoundError(errno.ENOENT, "no such folder", str(target.parent))
-    if path.is_dir():
-        raise IsADirectoryError(errno.EISDIR, "is a folder, expected a file", str(target))
-    return path
 
 
 def sync(path: Path) -> None:
@@ -172,9 +152,9 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, document: Mapping[str, Any]) -> None:
-    """Write a JSON document to a draft, indented by one space; its text is written in pieces."""
+    """Write a JSON document atomically, indented by one space; its text is written in pieces."""
     encoder = json.JSONEncoder(indent=1)
-    with path.open("w", encoding="utf-8", newline="") as stream:
+    with atomic_path(path) as draft, draft.open("x", encoding="utf-8", newline="") as stream:
         stream.writelines(encoder.iterencode(document))
         stream.write("\n")
 

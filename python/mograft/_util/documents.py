@@ -1,45 +1,38 @@
 """Parse JSON and TOML, with limits of depth and of numbers."""
 
 import json
+import re
+from contextlib import suppress
+from importlib import import_module
 from typing import Any, Literal
 
 MAX_LEVELS = 100
 """Lists and tables in each other. Deeper ones exhaust the stack of Python, also in messages."""
 
 MAX_TOML_CHARACTERS = 1 << 20
-"""The parser of TOML takes seconds for longer texts."""
+_DEEP_KEY = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{MAX_LEVELS}}}""")
+"""A key such as ``a.b.c`` of more levels: Python parses it in quadratic time."""
 
 _MAX_INTEGER = 10**300  # larger ones are no floats
 
 
 def parse_document(text: str | bytes, kind: Literal["JSON", "TOML"] = "JSON") -> Any:  # noqa: ANN401
-    """Return the content of a text in JSON or TOML.
+    """Return the content of a text in JSON, or of a str in TOML.
 
     Raises ValueError if it is not valid or exceeds a limit.
     """
-    try:
-        if kind == "JSON":
-            document = json.loads(text)
-        else:
-            import tomllib
-
-            if len(text) > MAX_TOML_CHARACTERS:
-                raise ValueError(f"expected at most {MAX_TOML_CHARACTERS} characters")
-            document = tomllib.loads(text if isinstance(text, str) else text.decode())
-    except RecursionError:
-        raise ValueError(f"expected at most {MAX_LEVELS} levels, got more") from None
-    items, n_levels = [document], 0
-    while items := [own for item in items for own in _inner_items(item)]:
-        n_levels += 1
-        if n_levels > MAX_LEVELS:
-            raise ValueError(f"expected at most {MAX_LEVELS} levels, got more")
-    return document
-
-
-def _inner_items(item: object) -> list[object]:
-    """Return the items of a list or table; raise ValueError for an integer beyond all floats."""
-    if isinstance(item, int) and abs(item) > _MAX_INTEGER:
-        raise ValueError("expected numbers of at most 300 digits, got an integer of more")
-    if isinstance(item, dict):
-        return list(item.values())
-    return item if isinstance(item, list) else []
+    if kind == "TOML" and len(text) > MAX_TOML_CHARACTERS:
+        raise ValueError(f"expected at most {MAX_TOML_CHARACTERS} characters, got {len(text)}")
+    with suppress(RecursionError):
+        if kind == "TOML" and _DEEP_KEY.search(str(text)):
+            raise RecursionError
+        document = (json if kind == "JSON" else import_module("tomllib")).loads(text)
+        items = [document]
+        for _ in range(MAX_LEVELS + 1):
+            if any(isinstance(own, int) and abs(own) > _MAX_INTEGER for own in items):
+                raise ValueError("expected numbers of at most 300 digits, got an integer of more")
+            lists = [list(own.values()) if isinstance(own, dict) else own for own in items]
+            items = [own for inner in lists if isinstance(inner, list) for own in inner]
+            if not items:
+                return document
+    raise ValueError(f"expected at most {MAX_LEVELS} levels, got more")

@@ -2,6 +2,9 @@
 
 import re
 from collections.abc import Collection, Iterable, Sequence
+from fnmatch import fnmatchcase
+
+from mograft.errors import join_names, suggest_name
 
 # Surrogates from U+DC80 to U+DCFF are bytes of names on Linux that are not UTF-8.
 _UNUSABLE = re.compile(r'[<>:"/\\|?*\x00-\x1f\x7f\ud800-\udc7f\udd00-\udfff]')
@@ -46,6 +49,33 @@ def as_words(name: str, words: object) -> str | Collection[str]:
         if all(isinstance(word, str) for word in several):
             return several
     raise TypeError(f"`{name}` must be a name or several names, got {words!r}")
+
+
+def find_matches(argument: str, patterns: str | Iterable[str], names: Sequence[str]) -> list[int]:
+    """Return the indices of the names that are one of `patterns`, or match one such as ``walk*``.
+
+    A pattern that is a name selects only this name. Others match names, or the part of names after
+    the last ``|``: Blender writes names such as ``Rig|Walk``. Raises ValueError, which calls the
+    argument `argument`, for a pattern that selects no name.
+    """
+    places: dict[str, list[int]] = {}
+    for index, name in enumerate(names):
+        places.setdefault(name, []).append(index)
+    found: set[int] = set()
+    for pattern in [patterns] if isinstance(patterns, str) else patterns:
+        own = places.get(pattern)
+        own = own or [
+            index
+            for index, name in enumerate(names)
+            if fnmatchcase(name, pattern) or fnmatchcase(name.rpartition("|")[2], pattern)
+        ]
+        if not own:
+            raise ValueError(
+                f"`{argument}` must match at least one of {join_names(names)}; got {pattern!r}"
+                f"{'' if set(pattern) & set('*?[') else suggest_name(pattern, names)}"
+            )
+        found.update(own)
+    return sorted(found)
 
 
 def unique_names(names: Sequence[str]) -> list[str]:

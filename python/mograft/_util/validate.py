@@ -70,8 +70,6 @@ def _require(owner: object, name: str, rule: str, is_valid: Callable[[float], bo
     value = python_scalar(owner, name)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError(f"`{name}` must be a number, got {value!r}")
-    if isinstance(value, int) and abs(value) > 10**300:
-        raise ValueError(f"`{name}` must {rule} and at most 10^300, got a larger number")
     if not is_valid(value):
         raise ValueError(f"`{name}` must {rule}, got {value}")
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import partial
-from multiprocessing import resource_tracker
+from multiprocessing import resource_tracker, spawn
 from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from typing import Any, ParamSpec, TypeVar
@@ -42,6 +42,11 @@ def worker_processes(n: int) -> Iterator[Executor | None]:
         pool.end()
 
 
+_command_line = spawn.get_command_line
+_SILENT = "import sys; sys.excepthook = lambda *own: own[0] is EOFError or sys.__excepthook__(*own)"
+"""Code of a worker that prints no traceback if this process was killed while it started it."""
+
+
 class _Worker:
     """A process with a pipe to which no other process writes.
 
@@ -55,7 +60,14 @@ class _Worker:
         context = multiprocessing.get_context("spawn")
         self.connection, far_end = context.Pipe()
         self.process = context.Process(target=_serve, args=(far_end,), daemon=True)
-        self.process.start()
+        spawn.get_command_line = lambda **own: [
+            f"{_SILENT}; {word}" if word.startswith("from multiprocessing") else word
+            for word in map(os.fsdecode, _command_line(**own))
+        ]
+        try:
+            self.process.start()
+        finally:
+            spawn.get_command_line = _command_line
         far_end.close()  # now only the process has it open
 
     def call(self, function: Callable[[], T]) -> T:

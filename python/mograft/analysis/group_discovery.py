@@ -165,12 +165,9 @@ def _divide(
             f"`n` must be a number of groups from 2 to {n_units} for these clips, got {n}: groups "
             "consist of whole chains of joints between branchings of the hierarchy"
         )
-    smallest = np.ones((n_units, n_units))
-    for a in range(n_units):
-        for b in range(n_units):
-            block = dependence[np.ix_(unit_of_node == a, unit_of_node == b)]
-            known = block[~np.isnan(block)]
-            smallest[a, b] = known.min() if len(known) else float(a == b)
+    smallest = np.full((n_units, n_units), np.nan)
+    np.fmin.at(smallest, np.ix_(unit_of_node, unit_of_node), dependence)  # NaN is unknown
+    smallest = np.where(np.isnan(smallest), np.eye(n_units), smallest)
     inner = connected_linkage(1.0 - smallest[1:, 1:], _neighbours(chains, unit_of_node)[1:, 1:])
     # The base is unit 0, which is merged last, at height 1.
     last = [0.0, 1.0 if n_units == 2 else 2.0 * n_units - 3.0, 1.0, float(n_units)]
@@ -333,13 +330,12 @@ def connected_linkage(distances: FloatArray, is_neighbour: BoolArray) -> FloatAr
     members = {point: [point] for point in range(n)}
     rows = []
     for step in range(n - 1):
-        candidates = []
-        for first, left in members.items():
-            for second, right in members.items():
-                if left[0] < right[0] and is_neighbour[np.ix_(left, right)].any():
-                    distance = float(distances[np.ix_(left, right)].max())
-                    candidates.append((distance, left[0], right[0], first, second))
-        distance, _, _, first, second = min(candidates)
+        distance, _, _, first, second = min(
+            (float(distances[np.ix_(left, right)].max()), left[0], right[0], first, second)
+            for first, left in members.items()
+            for second, right in members.items()
+            if left[0] < right[0] and is_neighbour[np.ix_(left, right)].any()
+        )
         merged = sorted(members.pop(first) + members.pop(second))
         members[n + step] = merged
         rows.append([min(first, second), max(first, second), distance, len(merged)])

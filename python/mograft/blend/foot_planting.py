@@ -15,12 +15,7 @@ from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.gaussian import gaussian_filter
 from mograft._util.runs import find_runs
 from mograft._util.validate import check_type
-from mograft.blend.foot_targets import (
-    CLEARANCE,
-    foot_displacements,
-    lowest_heights,
-    remove_sliding_frames,
-)
+from mograft.blend import foot_targets
 from mograft.blend.recombine import Part, recombine
 from mograft.blend.two_bone_ik import bend_leg
 from mograft.body.contacts import Ground, Leg, detect_contacts, find_legs, skating_share
@@ -147,15 +142,15 @@ def plant_feet(
     if not has_task or not movable.any():
         return motion, FeetReport(plants=0, skate_before=skate_before, skate_after=skate_before)
     points = ground.points(motion)
-    planted = remove_sliding_frames(contacts, points, ground, motion.rate)
-    heights = np.where(contacts & ~planted, CLEARANCE, heights)
+    planted = foot_targets.remove_sliding_frames(contacts, points, ground, motion.rate)
+    heights = np.where(contacts & ~planted, foot_targets.CLEARANCE, heights)
     recorded = points if floor_reference is None else ground.points(floor_reference)
-    lowest = lowest_heights(points, recorded, ground)
+    lowest = foot_targets.lowest_heights(points, recorded, ground)
     displacements = np.zeros_like(points)
     bent_legs = np.flatnonzero(movable).tolist()
     for leg in bent_legs:
         own = points[:, leg], planted[:, leg], heights[:, leg], lowest[:, leg]
-        displacements[:, leg] = foot_displacements(*own, ground, leg, motion.rate)
+        displacements[:, leg] = foot_targets.foot_displacements(*own, ground, leg, motion.rate)
     planted &= movable[None, :, None]
     world_rotations, world_positions = motion.world_transforms()
     shift = np.zeros((motion.n_frames, 3))

@@ -74,7 +74,7 @@ class _Task:
 
     limb: TwoBoneLimb
     frames: Span
-    target: FloatArray
+    targets: FloatArray  # in each of the frames, (n, 3)
 
     def touches(self, other: "_Task", n_blend: int) -> bool:
         """Return whether this task and `other` move the same limb in frames that are too close.
@@ -147,7 +147,7 @@ def _plan_task(
     elif limits.is_kept[first : last + 1].any():
         reason = "KeepOriginal keeps these frames"
     else:
-        task = _Task(limb, (first, last), np.array(reach.target))
+        task = _Task(limb, (first, last), reach.targets(motion))
         _, positions = motion[first : first + 1].world_transforms()
         upper, middle, lower = positions[0, [limb.start, limb.middle, limb.end]]
         length = float(np.linalg.norm(upper - middle) + np.linalg.norm(lower - middle))
@@ -174,7 +174,7 @@ def _greatest_distance(motion: Motion, reach: Reach) -> float:
     first, last = _frames_of(reach, motion)
     _, positions = motion[first : last + 1].world_transforms()
     own = positions[:, motion.skeleton.index(reach.joint)]
-    return float(np.linalg.norm(own - np.array(reach.target), axis=1).max())
+    return float(np.linalg.norm(own - reach.targets(motion), axis=1).max())
 
 
 def _corrected_limb(motion: Motion, tasks: Sequence[_Task], n_blend: int, reference: Poses) -> Part:
@@ -186,7 +186,7 @@ def _corrected_limb(motion: Motion, tasks: Sequence[_Task], n_blend: int, refere
         targets = np.full((motion.n_frames, 3), np.nan)
         for task in tasks:
             if task.limb.end == end:
-                targets[task.frames[0] : task.frames[1] + 1] = task.target
+                targets[task.frames[0] : task.frames[1] + 1] = task.targets
         points = (reference.positions[:, joint] for joint in (*joints, end))
         usual = mean_bend_axis(reference.rotations[:, limb.start], *points)
         is_changed = dilate(~np.isnan(targets[:, 0]), n_blend - 1)

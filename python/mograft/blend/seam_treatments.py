@@ -8,14 +8,7 @@ import numpy as np
 
 from mograft import _core
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.blend.seams import (
-    ClosedFrames,
-    PieceTimes,
-    SeamBoundaries,
-    SeamTreatment,
-    add_deltas,
-    at_piece_ends,
-)
+from mograft.blend import seams
 
 _GRADIENT_SECONDS = 2.0 / 15.0
 """Seconds over which a gap is spread: 4 frames at 30 frames per second.
@@ -24,18 +17,17 @@ Of 2 to 8 frames, 4 to 6 made seams least detectable in the clips `dance_*`, `ba
 """
 
 
-class _Displacement(SeamTreatment):
+class _Displacement(seams.SeamTreatment):
     """Move both sides of a seam by half of the gap; the displacement falls to 0 over the segment.
 
     Displacement mapping (paper, 4.5): a translation or a rotation vector, linear in time.
     Velocities jump at the seam.
     """
 
-    is_causal = False
     spans_segments = True
 
     def close(
-        self, values: FloatArray, times: PieceTimes, boundaries: SeamBoundaries
+        self, values: FloatArray, times: seams.PieceTimes, boundaries: seams.SeamBoundaries
     ) -> FloatArray:
         """Return the values with each gap closed by displacing both segments at the seam.
 
@@ -44,8 +36,8 @@ class _Displacement(SeamTreatment):
         """
         half = 0.5 * boundaries.gaps()
         share = (times.seconds / times.durations[times.piece])[:, None, None]
-        start, end = at_piece_ends(half, times.piece)
-        return add_deltas(boundaries.space, values, share * end - (1.0 - share) * start)
+        start, end = seams.at_piece_ends(half, times.piece)
+        return seams.add_deltas(boundaries.space, values, share * end - (1.0 - share) * start)
 
 
 class _Paper(_Displacement):
@@ -56,7 +48,7 @@ class _Paper(_Displacement):
     Seams next to a segment of one frame interval are not smoothed.
     """
 
-    def smooth(self, closed: ClosedFrames) -> FloatArray:
+    def smooth(self, closed: seams.ClosedFrames) -> FloatArray:
         """Return the values, with those in a window around each seam replaced by a cubic."""
         space, values, lengths = closed.space, closed.values, closed.cut.lengths
         shorter = np.minimum(lengths[closed.seams], lengths[closed.seams + 1])
@@ -83,7 +75,7 @@ class _Paper(_Displacement):
         return smooth
 
 
-class _Offset(SeamTreatment):
+class _Offset(seams.SeamTreatment):
     """Move both sides of a seam to the mean value and the mean velocity.
 
     An offset is added on each side: a translation or a rotation vector, cubic in time. Its value
@@ -91,10 +83,8 @@ class _Offset(SeamTreatment):
     Where the offsets of both seams of a short piece overlap, they are added.
     """
 
-    is_causal = False
-
     def close(
-        self, values: FloatArray, times: PieceTimes, boundaries: SeamBoundaries
+        self, values: FloatArray, times: seams.PieceTimes, boundaries: seams.SeamBoundaries
     ) -> FloatArray:
         """Return the values with an offset on each side of a seam; each closes half of the gap."""
         space, gaps = boundaries.space, boundaries.gaps()
@@ -136,14 +126,14 @@ class _Gradient(_Offset):
     coupling = 10.6 * _GRADIENT_SECONDS
     uses_next_donor = True
 
-    def smooth(self, closed: ClosedFrames) -> FloatArray:
+    def smooth(self, closed: seams.ClosedFrames) -> FloatArray:
         """Smooth the values in the frames near seams, in place, and return them."""
         cut = closed.cut
         donors = cut.start, cut.stop, closed.donor_rows, closed.seams, closed.seam_accelerations
         return fit_donors(closed.values, donors, closed.rate, closed.blend)
 
 
-class _Inertial(SeamTreatment):
+class _Inertial(seams.SeamTreatment):
     """Add a decaying offset to the motion after a seam; the motion before it is unchanged.
 
     Inertialisation (Bollo, GDC 2018). The offset is a quintic in time. At the seam it closes the
@@ -156,20 +146,20 @@ class _Inertial(SeamTreatment):
     is_causal = True
 
     def close(
-        self, values: FloatArray, times: PieceTimes, boundaries: SeamBoundaries
+        self, values: FloatArray, times: seams.PieceTimes, boundaries: seams.SeamBoundaries
     ) -> FloatArray:
         space, gaps = boundaries.space, boundaries.gaps()
         rate = space.delta_rate(
             -gaps, boundaries.velocity_before - space.transport(-gaps, boundaries.velocity_after)
         )
-        value, _ = at_piece_ends(-gaps, times.piece)
-        velocity, _ = at_piece_ends(rate, times.piece)
+        value, _ = seams.at_piece_ends(-gaps, times.piece)
+        velocity, _ = seams.at_piece_ends(rate, times.piece)
         window = _without_overshoot(value, velocity, times.windows[times.piece][:, None])
         # Quintics with acceleration 0 at both ends of the window.
         u = np.minimum(times.seconds[:, None] / window, 1.0)[..., None]
         scaled = velocity * window[..., None] * u * (1.0 + 3.0 * u)
         offsets = (1.0 - u) ** 3 * (value * (1.0 + u * (3.0 + 6.0 * u)) + scaled)
-        return add_deltas(space, values, offsets)
+        return seams.add_deltas(space, values, offsets)
 
     def root_velocity_weights(self, remaining: FloatArray) -> tuple[FloatArray, FloatArray]:
         # 0 before the seam, and after it a cubic from 1 to 0.
@@ -207,7 +197,7 @@ def fit_donors(
     return values
 
 
-SEAM_TREATMENTS: dict[str, SeamTreatment] = {
+SEAM_TREATMENTS: dict[str, seams.SeamTreatment] = {
     "gradient": _Gradient(),
     "offset": _Offset(),
     "paper": _Paper(),

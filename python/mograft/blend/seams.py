@@ -145,7 +145,7 @@ class SeamTreatment(ABC):
     Implementations are in `mograft.blend.seam_treatments`. They have no state.
     """
 
-    is_causal: ClassVar[bool]  # frames before a seam never change; `Stream` needs this
+    is_causal: ClassVar[bool] = False  # frames before a seam never change; `Stream` needs this
     # Which frames `close` changes. True: all of the two segments that meet, and every boundary
     # between segments is treated as a seam. False: those within `Config.seam_blend` seconds of a
     # seam, on the sides that the treatment changes, at most to the end of the piece.

@@ -16,6 +16,7 @@ from mograft.body.joint_names import (
     read_names,
 )
 from mograft.body.limb_structure import recognise_structure, unbranched_chain
+from mograft.errors import suggest_name
 from mograft.motion.skeleton import Skeleton
 
 _BONES_OF_END = {
@@ -23,6 +24,9 @@ _BONES_OF_END = {
     **dict.fromkeys(("foot", "toe"), ("shank", "thigh")),
 }
 """For each part at the end of a limb: the parts of the lower and of the upper bone."""
+
+_USUAL_PARTS = {"leg": "shank", "shoulder": "upper_arm", "hip": "thigh"}
+"""The part that an ambiguous name means without a skeleton."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +102,39 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
         details=_details(skeleton, parts),
         human=two_legs and parts[hips] == "pelvis" and not animal and not structural,
     )
+
+
+def find_joint(skeleton: Skeleton, name: str, *, is_part: bool = False) -> int:
+    """Return the index of the joint named `name`.
+
+    With `is_part` the name may also be that of a body part, such as "chest" or "left hand". Raise
+    ValueError if there is no such joint or more than one. The message names the joint of the body
+    part that the name means, as names differ between figures, or else the most similar name.
+    """
+    joint = None if name in skeleton.names else _counterpart(skeleton, name)
+    if joint is None:
+        return skeleton.index(name)
+    if not is_part:
+        raise ValueError(f"no joint is named {name!r}{suggest_joint(skeleton, name)}")
+    return joint
+
+
+def suggest_joint(skeleton: Skeleton, name: str) -> str:
+    """Return the joint of the part that a name means, or else of the most similar name, as text."""
+    joint = _counterpart(skeleton, name)
+    if joint is None:
+        return suggest_name(name, skeleton.names)
+    return f"; did you mean {skeleton.names[joint]!r}, the same body part?"
+
+
+def _counterpart(skeleton: Skeleton, name: str) -> int | None:
+    """Return the joint of the part and side that a name means, and of most of its words."""
+    (words,), (side,) = read_names((name,))
+    part, own_words = part_of_words(words), read_names(skeleton.names)[0]
+    part = _USUAL_PARTS.get(part, part)
+    # Of the trunk the top, where the arms begin, unless another joint has the words.
+    joints = anatomy(skeleton).joints(part, side=side)[:: -1 if part == "trunk" else 1]
+    return max(joints, key=lambda joint: len({*own_words[joint]} & {*words}), default=None)
 
 
 def root_carriers(skeleton: Skeleton) -> list[int]:

@@ -13,6 +13,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.runs import find_runs
 from mograft._util.validate import check_type
+from mograft._util.verdict import compare_with_most
 from mograft.motion import rotations
 from mograft.motion.motion import Motion, forward_kinematics
 
@@ -55,7 +56,7 @@ class Fault:
     joint : int or None
         Index of the joint; None if the fault concerns the whole body.
     message : str
-        Description with the measured value.
+        Description with the measured value, and the range of most steps.
     """
 
     kind: str
@@ -110,15 +111,13 @@ def find_faults(motion: Motion) -> tuple[Fault, ...]:
     frozen (0, 39) nothing moves for 1.30 s
     """
     check_type("motion", motion, Motion)
-    # Huge positions overflow to infinity, which exceeds every limit.
-    with np.errstate(over="ignore", invalid="ignore"):
-        return (
-            *_frame_time(motion),
-            *_implausible_steps(motion),
-            *_implausible_rotations(motion),
-            *_frozen_spans(motion),
-            *_angle_wraps(motion),
-        )
+    return (
+        *_frame_time(motion),
+        *_implausible_steps(motion),
+        *_implausible_rotations(motion),
+        *_frozen_spans(motion),
+        *_angle_wraps(motion),
+    )
 
 
 def _frame_time(motion: Motion) -> Iterator[Fault]:
@@ -145,8 +144,9 @@ def _implausible_steps(motion: Motion) -> Iterator[Fault]:
     first = steps[0] > max(_FIRST_STEP_RATIO * median, _GLITCH_RATIO * steps[1], 0.02)
     if first:
         ratio = steps[0] / max(median, floor)
-        message = f"the first step is {ratio:.0f} times the median step, as after a rest pose"
-        yield Fault("first_frame", (0, 0), None, message)
+        usual = compare_with_most(ratio, steps / max(median, floor))
+        message = f"the first step is {ratio:.0f} times the median step ({usual})"
+        yield Fault("first_frame", (0, 0), None, f"{message}, as after a rest pose")
     smaller_step = np.minimum(steps[1:], steps[:-1])
     out_and_back = (smaller_step > _GLITCH_RATIO * passing) & (smaller_step * rate > _GLITCH_SPEED)
     glitches = np.flatnonzero(out_and_back) + 1
@@ -155,12 +155,17 @@ def _implausible_steps(motion: Motion) -> Iterator[Fault]:
     is_teleport[:1] &= not first
     is_teleport[glitches - 1] = is_teleport[glitches] = False
     for start, stop in find_runs(is_teleport).tolist():
-        message = f"joints jump by {100.0 * steps[start:stop].max():.0f} % of the figure height"
+        message = _describe_jump(steps[start:stop].max(), steps)
         yield Fault("teleport", (start, stop), None, message)
     for frame in glitches:
-        percent = 100.0 * smaller_step[frame - 1]
-        message = f"joints jump by {percent:.0f} % of the figure height for one frame"
+        message = f"{_describe_jump(smaller_step[frame - 1], steps)} for one frame"
         yield Fault("glitch", (int(frame), int(frame)), None, message)
+
+
+def _describe_jump(step: float, steps: FloatArray) -> str:
+    """Return a step in percent, and how it compares with all `steps`; both are in heights."""
+    usual = compare_with_most(100.0 * step, 100.0 * steps)
+    return f"joints jump by {100.0 * step:.0f} % of the figure height ({usual})"
 
 
 def _mean_steps(motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -194,7 +199,6 @@ def _implausible_rotations(motion: Motion) -> Iterator[Fault]:
     """Yield the faults of single joints: ``glitch`` and ``flip``."""
     if motion.n_frames < 2:
         return
-    names = motion.skeleton.names
     limit = max(_GLITCH_SPIN * min(motion.frame_time, 1.0 / 30.0), _MIN_GLITCH_ANGLE)
     glitches: list[tuple[int, int, float]] = []  # frame before, joint, angle
     flips: list[tuple[int, int, float]] = []
@@ -208,13 +212,20 @@ def _implausible_rotations(motion: Motion) -> Iterator[Fault]:
         steps = steps[: stop - start]
         flips += _locate(steps > _FLIP_ANGLE, steps, start)
     for before, joint, angle in glitches:
-        message = f"{names[joint]} rotates by {np.degrees(angle):.0f} degrees for one frame"
+        message = f"{_describe_turn(motion, joint, angle)} for one frame"
         yield Fault("glitch", (before + 1, before + 1), joint, message)
     glitched = {(before + step, joint) for before, joint, _ in glitches for step in (0, 1)}
     for frame, joint, angle in flips:
         if (frame, joint) not in glitched:
-            message = f"{names[joint]} rotates by {np.degrees(angle):.0f} degrees in one step"
+            message = f"{_describe_turn(motion, joint, angle)} in one step"
             yield Fault("flip", (frame, frame + 1), joint, message)
+
+
+def _describe_turn(motion: Motion, joint: int, angle: float) -> str:
+    """Return an angle in degrees, and how it compares with those of all steps of a joint."""
+    quats = motion.rotations[:, joint]
+    usual = compare_with_most(np.degrees(angle), np.degrees(rotations.angle(quats[1:], quats[:-1])))
+    return f"{motion.skeleton.names[joint]} rotates by {np.degrees(angle):.0f} degrees ({usual})"
 
 
 def _locate(

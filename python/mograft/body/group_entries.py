@@ -12,7 +12,8 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from mograft._util.documents import parse_document
-from mograft.errors import join_names, suggest_name
+from mograft.body.anatomy import suggest_joint
+from mograft.errors import join_names
 from mograft.motion.skeleton import Skeleton
 
 
@@ -102,7 +103,7 @@ def _joints_of_entry(entry: Entry, skeleton: Skeleton, group: str) -> set[int]:
     matches = entry.__eq__ if entry in names else lambda name: fnmatchcase(name, entry)
     found = {joint for joint, name in enumerate(names) if matches(name)}
     if not found:
-        hint = suggest_name(entry, names) or f"; joints are {join_names(names)}"
+        hint = suggest_joint(skeleton, entry) or f"; joints are {join_names(names)}"
         raise ValueError(f"group {group!r}: no joint is named {entry!r}{hint}")
     return found
 

@@ -3,7 +3,7 @@
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +32,14 @@ PRESETS: Mapping[str, tuple[str, ...]] = {
     "lower_torso_larm_rarm": ("lower", "torso", "larm", "rarm"),
     "lower_torso_head_larm_rarm": ("lower", "torso", "head", "larm", "rarm"),
 }
+
+
+def suggest_groups(name: object, groups: Collection[str]) -> str:
+    """Return the preset that has the group `name`, or the most similar one of `groups`, as text."""
+    for preset, members in PRESETS.items():
+        if name in members and name not in groups:
+            return f"; `groups={preset}` has the groups {', '.join(members)}"
+    return suggest_name(name, groups)
 
 
 _LABELS = {"upper": "upper body", "torso": "torso", "head": "neck or head", "arms": "arms"}

@@ -338,9 +338,8 @@ def _height(
     stature is (hips to ankles) / 0.525, or (hips to head joint) / 0.345. If neither is known, the
     stature is the longest path between two joints, or 1 if all bones have length 0.
     """
-    leg = (
-        float(np.mean([path_length(skeleton, hips, foot.ankle) for foot in feet])) if feet else 0.0
-    )
+    legs = [path_length(skeleton, hips, foot.ankle) for foot in feet]
+    leg = float(np.mean(legs)) if legs else 0.0
     upper = path_length(skeleton, hips, head) if head is not None else 0.0
     if leg > 0 and upper > 0:
         return (leg + upper) / _LEGS_AND_HEAD, "legs and head"

@@ -11,12 +11,6 @@ from mograft.errors import join_names
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-_MAX_SIZE_RATIO = 2.0
-"""Ratio of sizes above which `describe_sizes` names a figure: an inch has 2.54 centimetres, and
-adults are less than twice as large as school children."""
-
-_MAX_NAMES = 8
-
 
 def figure_size(skeleton: Skeleton) -> float:
     """Return the mean length of the legs along the bones; without legs, the stature."""
@@ -25,55 +19,31 @@ def figure_size(skeleton: Skeleton) -> float:
     return float(np.mean(legs)) if any(legs) else body.height
 
 
-def size_ratio(skeleton: Skeleton, other: Skeleton) -> float:
-    """Return the `figure_size` of a skeleton divided by that of another one."""
-    return figure_size(skeleton) / figure_size(other)
-
-
 def resize(motion: Motion, skeleton: Skeleton) -> Motion:
     """Return a motion with all lengths multiplied so that the figure has the size of `skeleton`.
 
     The motion itself is returned if the sizes are equal. Otherwise the result is kept as long as
     the motion.
     """
-    ratio = size_ratio(skeleton, motion.skeleton)
-    if ratio == 1.0:
-        return motion
-    return remember(motion, ("size", ratio), lambda: _scale(motion, ratio))
+    own, ratio = motion.skeleton, figure_size(skeleton) / figure_size(motion.skeleton)
 
+    def scale() -> Motion:
+        sites = tuple(replace(site, offset=ratio * site.offset) for site in own.end_sites)
+        scaled = replace(own, offsets=ratio * own.offsets, end_sites=sites)
+        places = ratio * motion.positions
+        return Motion(scaled, motion.frame_time, motion.rotations, places, name=motion.name)
 
-def _scale(motion: Motion, ratio: float) -> Motion:
-    own = motion.skeleton
-    sites = tuple(replace(site, offset=ratio * site.offset) for site in own.end_sites)
-    return replace(
-        motion,
-        skeleton=replace(own, offsets=ratio * own.offsets, end_sites=sites),
-        positions=ratio * motion.positions,
-        channel_values=None,
-        computed_values=None,
-    )
+    return motion if ratio == 1.0 else remember(motion, ("size", ratio), scale)
 
 
 def describe_sizes(skeletons: Mapping[str, Skeleton]) -> list[str]:
-    """Return for each hierarchy a line that names figures of other sizes, probably other units.
+    """Return a line that names figures of other sizes, probably other units, or no line.
 
     The keys of `skeletons` are the names of motions. A size differs if it is more than twice, or
-    less than half, the median; if no size does, there is no line.
+    less than half, the median.
     """
-    hierarchies: dict[object, list[tuple[float, str]]] = {}
-    for name, own in skeletons.items():
-        key = own.names, own.parents.tobytes()
-        hierarchies.setdefault(key, []).append((figure_size(own), name))
-    lines = []
-    for sizes in hierarchies.values():
-        median, reference = sorted(sizes)[(len(sizes) - 1) // 2]
-        ratios = [(size / median, name) for size, name in sizes]
-        others = [
-            f"{name} ({ratio:.3g} times)"
-            for ratio, name in ratios
-            if max(ratio, 1.0 / ratio) > _MAX_SIZE_RATIO
-        ]
-        if others:
-            names = join_names(others, _MAX_NAMES)
-            lines.append(f"the legs are longer or shorter than in {reference}: {names}")
-    return lines
+    sizes = {name: figure_size(own) for name, own in skeletons.items()}
+    (median,) = sorted(sizes.values())[(len(sizes) - 1) // 2 :][:1] or (1.0,)
+    ratios = {name: size / median for name, size in sizes.items()}
+    others = [f"{name} ({own:.3g} times)" for name, own in ratios.items() if not 0.5 <= own <= 2.0]
+    return [f"legs are not as long as the median: {join_names(others)}"] if others else []

@@ -5,6 +5,7 @@ time, 2 usage, 3 invalid motion file or damaged library, 4 no donor sequence sat
 constraints, 130 interrupted. `mograft.__main__` handles signals of the program.
 """
 
+import errno
 import importlib
 import os
 import sys
@@ -15,7 +16,7 @@ from mograft.cli.output import escape_output, print_error, print_remark, set_qui
 from mograft.cli.syntax.arguments import Command, Options, UsageError
 from mograft.cli.syntax.commands import COMMANDS
 from mograft.cli.syntax.parser import parse
-from mograft.errors import FormatError, MograftError, ProvenanceError
+from mograft.errors import FormatError, MograftError, ProvenanceError, suggest_path
 
 __all__ = ["COMMANDS", "main"]
 
@@ -68,6 +69,7 @@ def _run(command: Command, options: Options) -> int:
         text = str(error)
         if isinstance(error, OSError) and error.filename and error.strerror:
             text = f"{error.filename}: {error.strerror}"
+            text += suggest_path(os.fsdecode(error.filename)) * (error.errno == errno.ENOENT)
         elif isinstance(error, MemoryError):
             text = f"out of memory: {text}" if text else "out of memory"
         elif type(error) is ValueError:

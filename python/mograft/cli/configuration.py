@@ -5,37 +5,49 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from mograft._util.arrays import IntArray
 from mograft._util.documents import parse_document
 from mograft._util.names import automatic_number, is_automatic
 from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders, library_folder
-from mograft.cli.output import show_progress
+from mograft.cli.output import print_remark, show_progress
 from mograft.cli.syntax.arguments import Options, UsageError
 from mograft.cli.syntax.options import (
+    DEFAULT_DURATION,
     ConstraintOptions,
     FieldOptions,
+    GraftOptions,
     LibraryOptions,
     SkeletonOptions,
 )
-from mograft.cli.syntax.values import PRESETS, SHAPE_NUMBERS, Range, resolve_frames
+from mograft.cli.syntax.values import PRESETS, SHAPES, Range, resolve_frame, resolve_frames
 from mograft.config import Config, scale_of_variety
 from mograft.config_text import parse_fields
 from mograft.io.formats import open_clips, read_clip, split_address
 from mograft.io.smpl.body_models import read_offsets
 from mograft.library.build import discover_groups
 from mograft.library.derive import BUILD_STAGES
-from mograft.library.ingest_run import IngestOptions
+from mograft.library.ingest_run import MISMATCH_REMEDY, IngestOptions
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
+from mograft.scenario import Scenario, fill, follow, to_beats, transitions, walk
+from mograft.scenario.walks import check_duration
 from mograft.search import donor_constraints
 from mograft.search.constraints import Constraint, Span
 from mograft.search.donor_constraints import Ban, KeepOriginal, Use
+from mograft.search.figure_position import FigurePosition
 from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Obstacle, Sphere
 from mograft.search.pose_constraints import Avoid, AvoidSelf, Face, Reach
 
+_MAX_EXCLUDED = 3  # clips whose reasons are stated without --verbose
+
 FIXED_OPTIONS = ("groups", "preset", "match", "skeleton")
 """Options that can only be set when a library is created."""
+
+_GRAPH_OPTIONS = ("duration", "length", "path", "beats", "among")
 
 _FIXED_FIELDS = Config.fields_of(*BUILD_STAGES)
 """Fields of `Config` that can only be set when a library is created."""
@@ -62,14 +74,18 @@ def refuse_fixed_options(options: Options, *names: str) -> None:
         fixed += [f"set {name}" for name, _ in options.set if name in _FIXED_FIELDS]
     if fixed:
         raise UsageError(
-            f"--{fixed[0]} is fixed when a library is created: use it with mograft index, not --add"
+            f"--{fixed[0]} is fixed when a library is created: make another library "
+            "with it by mograft index, or give the motion files instead of a library"
         )
 
 
-def load_library(options: LibraryOptions, *, rate: float | None = None) -> Library:
+def load_library(
+    options: LibraryOptions, *, rate: float | None = None, strict: bool = True
+) -> Library:
     """Open the library that is given to a command; without one, build it from the motion files.
 
-    The motions of motion files are resampled to `rate` frames per second, if it is given.
+    The motions of motion files are resampled to `rate` frames per second, if it is given. `strict`
+    is that of `Library.build`.
     """
     folder = library_folder(options.files)
     if folder is not None:
@@ -89,7 +105,27 @@ def load_library(options: LibraryOptions, *, rate: float | None = None) -> Libra
             clips = [read_clip(file, skeleton=skeleton).resample(rate) for file in files]
         more: IngestOptions = {"match": options.match or "names", "hierarchy": hierarchy}
         more |= {"skeleton": skeleton, "progress": progress}
-        return Library.build(clips, groups, config, **more)
+        library = Library.build(clips, groups, config, strict=strict, **more)
+    for line in describe_excluded(library.refused, options):
+        print_remark(line)
+    return library
+
+
+def describe_excluded(excluded: Mapping[str, str], options: Options) -> list[str]:
+    """Return the lines that report excluded clips, from the reasons by the address of the clip.
+
+    Without ``--verbose``, these are at most three, and clips of other hierarchies are left out, of
+    which the library warns.
+    """
+    lines = [
+        f"excluded: {'' if why.startswith(split_address(address)[0]) else f'{address}: '}{why}"
+        for address, why in excluded.items()
+        if options.verbose or not why.endswith(MISMATCH_REMEDY)
+    ]
+    n = len(excluded) - min(len(lines), _MAX_EXCLUDED)
+    if options.verbose or not n:
+        return lines
+    return [*lines[:_MAX_EXCLUDED], f"excluded: {n} other clips; -v states the reasons"]
 
 
 def _base_address(base: str | None, files: Sequence[str]) -> str:
@@ -217,7 +253,8 @@ def read_constraints(options: ConstraintOptions, rate: float) -> list[Constraint
     ]
     if options.avoid_self:
         found.append(AvoidSelf())
-    for given, joint, target, tolerance in options.reach:
+    for given, joint, part, place, tolerance in options.reach:
+        target = place if part is None else FigurePosition(part, place)
         found.append(Reach(joint, target, tolerance=tolerance, frames=span(given)))
     found += [Face(target, frames=span(given)) for target, given in options.face]
     found += read_segment_constraints(options, rate)
@@ -259,7 +296,7 @@ def _read_obstacle(kind: str, numbers: Sequence[float]) -> Obstacle:
     """
     x, y, z, *rest = numbers
     place = (x, y, z)
-    if kind not in SHAPE_NUMBERS:
+    if kind not in SHAPES:
         return Character(read_clip(kind), place, math.radians(rest[0]))
     try:
         if kind == "sphere":
@@ -270,3 +307,49 @@ def _read_obstacle(kind: str, numbers: Sequence[float]) -> Obstacle:
         return Box(place, vector) if kind == "box" else HalfSpace(place, vector)
     except ValueError as error:
         raise UsageError(f"--avoid {kind}: {error}") from None
+
+
+def check_scenario(options: GraftOptions) -> None:
+    """Raise a UsageError if the options of the scenario contradict each other."""
+    scenario = options.scenario
+    numbers = [word.strip() for word in scenario.split(",")]
+    if scenario not in ("original", "graph") and not all(word.isdecimal() for word in numbers):
+        raise UsageError(f"--scenario must be original, graph or segment numbers; got {scenario}")
+    if scenario != "original" and options.base is not None:
+        raise UsageError("--base cannot be combined with --scenario, which creates the base")
+    given = [name for name in _GRAPH_OPTIONS if getattr(options, name) is not None]
+    if scenario != "graph" and given:
+        raise UsageError(f"--{given[0]} requires --scenario graph")
+    lengths = [name for name in given if name in ("duration", "length", "path")]
+    if len(lengths) > 1:
+        raise UsageError(f"--{lengths[1]} cannot be combined with --{lengths[0]}")
+    if "beats" in given and lengths not in ([], ["duration"]):
+        raise UsageError(f"--{lengths[0]} cannot be combined with --beats")
+
+
+def read_scenario(
+    library: Library, options: GraftOptions
+) -> Sequence[int] | IntArray | Scenario | None:
+    """Return the base segments that ``--scenario`` selects, or None for a captured clip."""
+    if options.scenario == "original":
+        return None
+    if options.scenario != "graph":
+        return [int(word) for word in options.scenario.split(",")]
+    seed, duration = options.seed or 0, options.duration or DEFAULT_DURATION
+    check_duration(duration)
+    graph = transitions(library, options.among)
+    if options.length is not None:
+        is_time = isinstance(options.length, float)
+        n_frames = resolve_frame(options.length, library.rate) + is_time
+        return fill(library, n_frames, seed, graph=graph)
+    if options.path is not None:
+        return follow(library, options.path, graph=graph)
+    if options.beats is not None:
+        if options.beats > 60.0 * library.rate:
+            raise ValueError(
+                f"--beats must be at most {60.0 * library.rate:.6g} beats per minute, one per "
+                f"frame, got {options.beats:g}"
+            )
+        beats = np.arange(int(duration * options.beats / 60.0) + 1) * (60.0 / options.beats)
+        return to_beats(library, beats, seed, graph=graph)
+    return walk(library, duration, seed, graph=graph)

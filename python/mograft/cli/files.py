@@ -3,12 +3,12 @@
 import glob
 import os
 from collections.abc import Iterable, Sequence
-from fnmatch import fnmatchcase
 from pathlib import Path
 
+from mograft._util.names import find_matches
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.values import Range, resolve_frames
-from mograft.errors import join_names, suggest_name
+from mograft.errors import join_names
 from mograft.io.formats import split_address
 from mograft.library.discover import FoundClip, exclude_grafts, find_clips
 from mograft.library.library import Library
@@ -45,6 +45,11 @@ def expand_folders(names: Iterable[str], *, include_grafts: bool = True) -> list
     return [str(clip.source) for clip in kept]
 
 
+def has_folder(files: Iterable[str]) -> bool:
+    """Return whether folders are among files; their clips may be left out."""
+    return any(map(os.path.isdir, files))
+
+
 def library_folder(files: Sequence[str]) -> Path | None:
     """Return the library folder among the files of a command, or None if there is none.
 
@@ -71,19 +76,13 @@ def select_clips(library: Library, patterns: Sequence[str]) -> list[int]:
     clips match than can be shown at once.
     """
     names = library.names
-    selected = set() if patterns else set(range(len(names)))
-    for pattern in patterns:
-        matches = {index for index, name in enumerate(names) if fnmatchcase(name, pattern)}
-        if not matches:
-            hint = suggest_name(pattern, names)
-            raise ValueError(f"--clip must match one of {join_names(names)}; got {pattern!r}{hint}")
-        selected |= matches
+    selected = find_matches("clip", patterns, names) if patterns else list(range(len(names)))
     if len(selected) > _MAX_SHOWN_CLIPS:
         raise ValueError(
             f"at most {_MAX_SHOWN_CLIPS} clips can be shown at once, got {len(selected)}; use "
-            f"--clip to select from {join_names([names[index] for index in sorted(selected)])}"
+            f"--clip to select from {join_names([names[index] for index in selected])}"
         )
-    return sorted(selected)
+    return selected
 
 
 def frame_range(motion: Motion, given: Range | None) -> tuple[int, int]:

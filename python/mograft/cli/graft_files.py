@@ -8,42 +8,65 @@ from pathlib import Path
 from typing import Any
 
 from mograft._util.names import portable_stem
-from mograft.cli.files import check_suffix
+from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import print_remark
 from mograft.cli.syntax.arguments import Options, UsageError
 from mograft.cli.syntax.options import GraftOptions
 from mograft.io.formats import SUFFIXES, split_address
-from mograft.provenance.writing import MOTION_SUFFIXES
+from mograft.provenance.writing import MOTION_SUFFIXES, files_of_graft, write_grafts
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.page import open_file
 from mograft.viewing.report import report_page
 
-_INPUTS_OF_SUFFIX = {".glb": {".glb", ".gltf"}, ".npz": {".npz"}}
-"""Suffixes of files of which an output with a suffix may be a copy."""
 
+def with_target(options: GraftOptions) -> GraftOptions:
+    """Return the options with ``output`` set, and with ``into`` if that file is to be updated.
 
-def check_graft_suffix(options: GraftOptions) -> None:
-    """Raise a UsageError unless ``-o`` of ``mograft graft`` is a folder or a motion file.
-
-    A .glb file requires an input that may be a glTF file, an .npz file an input that may be an
-    AMASS file. ``--digits`` is a usage error with both, because it applies to .bvh files only.
+    Raise a UsageError unless the output is a folder or a motion file to which the options apply.
     """
-    paths = [Path(split_address(name)[0]) for name in options.files]
-    is_any = options.from_ is not None or any(path.is_dir() for path in paths)
-    given = {path.suffix.lower() for path in paths}
-    suffixes = [own for own, inputs in _INPUTS_OF_SUFFIX.items() if is_any or given & inputs]
-    check_suffix(options.output, ".bvh", *suffixes, is_folder=True)
-    if options.output.suffix.lower() in _INPUTS_OF_SUFFIX and options.given("digits"):
-        raise UsageError(f"--digits requires .bvh; got {options.output.name}")
+    into, name = options.into, "-o" if options.into is None else "--into"
+    if (options.output is None) == (into is None):
+        raise UsageError(f"one of -o and --into is required, got {'both' if into else 'none'}")
+    target = options.output if into is None else into
+    suffix = target.suffix.lower()
+    if into is None:
+        check_suffix(target, *MOTION_SUFFIXES, is_folder=True)
+    elif suffix != ".glb":
+        raise UsageError(f"--into must be a .glb file, got {target.name}")
+    elif not into.is_file():
+        raise FileNotFoundError(2, "No such file", str(into))
+    if options.given("digits") and suffix in (".glb", ".npz"):
+        raise UsageError(f"--digits requires .bvh; got {target.name}")
+    if options.as_ is not None and (suffix != ".glb" or options.count != 1):
+        raise UsageError(f"--as requires a .glb file and a single motion; got {name} {target.name}")
+    if options.from_ is not None and suffix == ".glb" and target.is_file():
+        into = target
+    return replace(options, output=target, into=into)
+
+
+def check_targets(files: Sequence[Path], options: GraftOptions, inputs: Sequence[str] = ()) -> None:
+    """Raise an OSError if a file must not be written; the file of ``--into`` may be."""
+    others = [file for file in files if file != options.into]
+    check_writable(others, force=options.force, inputs=inputs)
 
 
 def files_of_grafts(paths: Iterable[Path]) -> list[Path]:
-    """Return the files that are written for grafts with the motions `paths`, each once.
+    """Return the files that are written for grafts with the motions `paths`, each once."""
+    return list(dict.fromkeys(file for path in paths for file in files_of_graft(path)))
 
-    They are the motions and the .json files beside them.
-    """
-    files = [file for path in paths for file in (path, path.with_suffix(".json"))]
-    return list(dict.fromkeys(files))
+
+def write_together(
+    grafts: Sequence[Graft], path: Path, sections: Sequence[Any], options: GraftOptions
+) -> list[Graft]:
+    """Write grafts to one file; return them with the names that the motions have in the file."""
+    update = options.into is not None
+    names = write_grafts(grafts, path, sections, update=update, force=options.force)
+    return [renamed(own, name) for own, name in zip(grafts, names, strict=True)]
+
+
+def renamed(graft: Graft, name: str | None) -> Graft:
+    """Return a graft whose motion has another name; the graft itself if `name` is None."""
+    return graft if name is None else replace(graft, motion=replace(graft.motion, name=name))
 
 
 def output_paths(options: GraftOptions, first: str) -> tuple[list[Path], Path]:

@@ -4,6 +4,7 @@ Names of files and clips may contain terminal commands: control characters are e
 """
 
 import json
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
@@ -39,12 +40,22 @@ _OPTIONS_OF_NAMES = {
 """The options from which a parameter or constraint may come, if they have another name."""
 
 
-def with_flags(text: str, options: Options) -> str:
-    """Return the text of an error in which options that are set replace names of parameters.
+def with_flags(text: str, options: Options, *, is_advice: bool = False) -> str:
+    """Return a text in which options replace names of parameters.
 
-    For example, ``--swap`` replaces `` `swap` ``.
+    For example, ``--swap`` replaces `` `swap` `` if this option is set or in advice, and
+    ``--set self_repair=false`` replaces `` `self_repair=False` ``.
     """
-    set_options = {name for name, value in vars(options).items() if value}
+
+    def flag(match: re.Match[str]) -> str:
+        name, value = match.groups()
+        is_option = hasattr(options, name)
+        return f"--{name} {value}" if is_option else f"--set {name}={value.lower()}"
+
+    text = re.sub(r"`(\w+)=([^`]+)`", flag, text)
+    for name, kind in (("take", "Use"), ("ban", "Ban")):
+        text = re.sub(rf"`(\w+)` of {kind}\b", rf"\1 of --{name}", text)
+    set_options = {name for name, value in vars(options).items() if value or is_advice}
     for name in set_options | _OPTIONS_OF_NAMES.keys():
         origins = [own for own in _OPTIONS_OF_NAMES.get(name, (name,)) if own in set_options]
         flags = " or ".join(f"--{own.replace('_', '-')}" for own in origins)
@@ -60,9 +71,9 @@ def set_quiet(is_quiet: bool) -> None:  # noqa: FBT001 - the only argument
     _is_quiet.set(is_quiet)
 
 
-def print_remark(text: str) -> None:
-    """Print a line on stderr, unless ``--quiet`` is given."""
-    if not _is_quiet.get():
+def print_remark(text: str, *, is_result: bool = False) -> None:
+    """Print a line on stderr, unless ``--quiet`` is given and it is not a result."""
+    if is_result or not _is_quiet.get():
         # One write: an interrupt between two would leave the line without its end.
         sys.stderr.write(f"{text}\n")
 

@@ -6,18 +6,21 @@ It shows whether grafts are less balanced than the recordings that they were mad
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft.body import support_polygon
+from mograft.body.contacts import find_legs
 from mograft.body.mass import center_of_mass, mass_model
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation.estimate import Estimate, Record, import_extra
+from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
+from mograft.synthesis.graft_result import Graft
 
 Rule = Literal["all", "majority", "any"]
 RULES: tuple[Rule, ...] = ("all", "majority", "any")
@@ -174,6 +177,25 @@ def dynamic_balance(
     return _balance_of_points("dynamic", motion, support, points, is_loaded & (support.sizes > 0))
 
 
+BALANCES = {"static": static_balance, "dynamic": dynamic_balance}
+
+
+def graft_balance(kind: str, graft: Graft, base_support: support_polygon.Support | None) -> Balance:
+    """Return the balance of a graft on the floor of its base, whose support is `base_support`."""
+    support = base_support if _has_base_legs(graft) else None
+    return BALANCES[kind](graft.motion, support=support, floor_reference=graft.base)
+
+
+def _has_base_legs(graft: Graft) -> bool:
+    """Return whether all joints of the legs and their ancestors move as in the base."""
+    ends = [leg.ankle if leg.toe is None else leg.toe for leg in find_legs(graft.base.skeleton)]
+    joints = sorted({j for end in ends for j in (end, *graft.base.skeleton.ancestors(end))})
+    new, base = graft.motion, graft.base
+    return np.array_equal(new.rotations[:, joints], base.rotations[:, joints]) and np.array_equal(
+        new.positions[:, joints], base.positions[:, joints]
+    )
+
+
 def _balance_of_points(
     kind: Literal["static", "dynamic"],
     motion: Motion,
@@ -191,12 +213,8 @@ def _balance_of_points(
     )
     distances /= support.height
     distances = np.where(support.sizes < 3, distances - _DEGENERATE_MARGIN, distances)
-    return Balance(
-        kind=kind,
-        distance=np.where(grounded, distances, np.nan),
-        grounded=grounded,
-        model=mass_model(motion.skeleton).model,
-    )
+    distances = np.where(grounded, distances, np.nan)
+    return Balance(kind, distances, grounded, mass_model(motion.skeleton).model)
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,6 +246,33 @@ class BalanceSample:
         """
         found = [own.classify(self.cut, rule) for own in (*self.grafts, self.original)]
         return np.stack([np.where(flight, np.nan, unbalanced) for unbalanced, flight in found])
+
+
+@dataclass(frozen=True, eq=False)
+class BalancedBase:
+    """A base with its segments, support polygons, and static and dynamic balance."""
+
+    cut: Segments
+    support: support_polygon.Support
+    balances: dict[str, Balance]
+
+    @classmethod
+    def of(cls, library: Library, clip: int) -> Self:
+        """Return a clip of a library as a base."""
+        motion = library.clips[clip]
+        support = support_polygon.support_polygons(motion)
+        balances = {kind: measure(motion, support=support) for kind, measure in BALANCES.items()}
+        return cls(library.segments[library.segments.of_clip(clip)], support, balances)
+
+    def sample(self, kind: str, grafts: Sequence[Graft] | None) -> BalanceSample:
+        """Return the balance of the base and its grafts; for None, the base is its only graft."""
+        own, n_segments = self.balances[kind], len(self.cut)
+        if grafts is None:
+            return BalanceSample(self.cut, own, [own], np.ones((1, n_segments), bool))
+        balances = [graft_balance(kind, graft, self.support) for graft in grafts]
+        is_exchanged = np.array([[not s.is_own for s in graft.substitutions] for graft in grafts])
+        changed = np.any(is_exchanged.reshape(len(grafts), -1, n_segments), axis=1)
+        return BalanceSample(self.cut, own, balances, np.asarray(changed, bool))
 
 
 @dataclass(frozen=True)
@@ -290,9 +335,8 @@ def balance_row(method: str, samples: Sequence[BalanceSample], rule: Rule = "all
     if not is_grounded.any():
         raise InsufficientDataError("balance needs feet on the floor: every segment is in flight")
     changed = np.where(np.concatenate([own.changed for own in samples], axis=1), values, np.nan)
-    blocks = estimate.segment_blocks(
-        np.repeat(np.arange(len(samples)), [len(sample.cut) for sample in samples])
-    )
+    lengths = [len(sample.cut) for sample in samples]
+    blocks = estimate.segment_blocks(np.repeat(np.arange(len(samples)), lengths))
 
     def average(rows: FloatArray, unit: str) -> Estimate:
         return estimate.block_mean(rows.ravel(), np.broadcast_to(blocks, rows.shape).ravel(), unit)

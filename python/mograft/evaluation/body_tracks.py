@@ -65,10 +65,10 @@ def jerk(points: FloatArray, rate: float) -> FloatArray:
     frames at higher rates has little effect. With s = ``sample_stride(rate)``, it is 0 in the first
     s and the last 2 s frames.
     """
-    return np.linalg.norm(_derivative(points, rate, 3), axis=-1)
+    return np.linalg.norm(derivative(points, rate, 3), axis=-1)
 
 
-def _derivative(points: FloatArray, rate: float, order: int) -> FloatArray:
+def derivative(points: FloatArray, rate: float, order: int) -> FloatArray:
     """Return the derivative of order 1, 2 or 3 by differences of samples; 0 near both ends.
 
     The first and second derivatives are central differences. The third is the derivative halfway
@@ -131,25 +131,10 @@ class BodyTracks:
         return sample_stride(self.rate)
 
     @cached_property
-    def velocity(self) -> FloatArray:
-        """Velocity of the points, heights/s."""
-        return _derivative(self.points, self.rate, 1)
-
-    @cached_property
-    def acceleration(self) -> FloatArray:
-        """Acceleration of the points, heights/s²."""
-        return _derivative(self.points, self.rate, 2)
-
-    @cached_property
-    def jerk(self) -> FloatArray:
-        """Third derivative of the points, skeleton heights/s³, shape of `points`."""
-        return _derivative(self.points, self.rate, 3)
-
-    @cached_property
     def root_velocity(self) -> FloatArray:
         """Velocity of the hips in skeleton heights/s, and yaw rate in radians/s, (n_frames, 4)."""
         track = np.concatenate([self.hips, self.heading[:, None]], axis=1)
-        return _derivative(track, self.rate, 1)
+        return derivative(track, self.rate, 1)
 
     def facing_forward(self, vectors: FloatArray, frames: IntArray) -> FloatArray:
         """Rotate vectors about the vertical axis so that the heading at `frames` becomes 0.

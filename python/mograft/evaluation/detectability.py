@@ -313,8 +313,7 @@ def _reduce(learned: FloatArray, tested: FloatArray) -> tuple[FloatArray, FloatA
 
     Scale and axes are computed from the training windows, `learned`, alone.
     """
-    scale = learned.std(axis=0)
-    scale = np.maximum(scale, _MIN_RELATIVE_SCALE * learned.std())
+    scale = np.maximum(learned.std(axis=0), _MIN_RELATIVE_SCALE * learned.std())
     mean, scale = learned.mean(axis=0), np.where(scale > 0, scale, 1.0)
     n = min(_N_COMPONENTS, learned.shape[1], len(learned) - 1)
     analysis = import_extra("sklearn.decomposition").PCA(n, svd_solver="covariance_eigh")

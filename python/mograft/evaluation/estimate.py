@@ -70,8 +70,7 @@ class Estimate(Record):
     @classmethod
     def without_value(cls, n: int, unit: str, interval_method: str) -> Self:
         """Return an estimate without a value and without an interval."""
-        nan = math.nan
-        return cls(value=nan, low=nan, high=nan, n=n, unit=unit, interval_method=interval_method)
+        return cls(math.nan, math.nan, math.nan, n, unit, interval_method)
 
     def text(self, digits: int = 3, scale: float = 1.0, suffix: str = "") -> str:
         """Format the number and its interval, as in "0.5 (0.2 to 0.8)".

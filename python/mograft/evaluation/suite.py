@@ -4,31 +4,21 @@ import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Self, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.validate import as_integer
 from mograft.body.mass import mass_model
-from mograft.body.support_polygon import Support, support_polygons
 from mograft.errors import InsufficientDataError
-from mograft.evaluation.balance import (
-    RULES,
-    Balance,
-    BalanceRow,
-    BalanceSample,
-    balance_row,
-    dynamic_balance,
-    static_balance,
-)
+from mograft.evaluation.balance import BALANCES, RULES, BalancedBase, BalanceRow, balance_row
 from mograft.evaluation.detectability import Detectability, detectability
 from mograft.evaluation.estimate import as_json
 from mograft.evaluation.quality import Quality, quality
-from mograft.evaluation.world_measures import WorldQuality, has_base_legs, world_quality
+from mograft.evaluation.world_measures import WorldQuality, world_quality
 from mograft.library.clusters import Progress
 from mograft.library.library import Library
-from mograft.motion.segments import Segments
 from mograft.synthesis.graft import graft_many
 from mograft.synthesis.graft_result import Graft
 
@@ -42,7 +32,6 @@ _MEASURES: dict[str, Callable[[str, Sequence[Sequence[Graft]], int], object]] = 
     "world": world_quality,
     "detectability": detectability,
 }
-_BALANCES = {"static": static_balance, "dynamic": dynamic_balance}
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,10 +154,10 @@ def evaluate(
     report: Progress = (lambda *_: None) if progress is None else progress
     found: dict[str, list[Any]] = {topic: [] for topic in TOPICS}
     refusals: dict[str, str] = {}
-    bases_with_balance: list[_Base] = []
+    bases_with_balance: list[BalancedBase] = []
     if "balance" in topics:
         with _recorded_refusal(refusals, "balance"):
-            bases_with_balance = [_Base.of(library, clip) for clip in clips.tolist()]
+            bases_with_balance = [BalancedBase.of(library, clip) for clip in clips.tolist()]
             found["balance"] += _balance_rows("recording", bases_with_balance, None, refusals)
     for name, make in made.items():
         with _recorded_refusal(refusals, name):
@@ -209,38 +198,9 @@ def _recorded_refusal(refusals: dict[str, str], topic: str) -> Iterator[None]:
         refusals[topic] = str(error)
 
 
-@dataclass(frozen=True, eq=False)
-class _Base:
-    """A base with its segments, support polygons, and static and dynamic balance."""
-
-    cut: Segments
-    support: Support
-    balances: dict[str, Balance]
-
-    @classmethod
-    def of(cls, library: Library, clip: int) -> Self:
-        motion = library.clips[clip]
-        support = support_polygons(motion)
-        balances = {kind: measure(motion, support=support) for kind, measure in _BALANCES.items()}
-        return cls(library.segments[library.segments.of_clip(clip)], support, balances)
-
-    def sample(self, kind: str, grafts: Sequence[Graft] | None) -> BalanceSample:
-        """Return the balance of the base and its grafts; for None, the base is its only graft."""
-        own, n_segments = self.balances[kind], len(self.cut)
-        if grafts is None:
-            return BalanceSample(self.cut, own, [own], np.ones((1, n_segments), bool))
-        balances, measure = [], _BALANCES[kind]
-        for graft in grafts:
-            support = self.support if has_base_legs(graft) else None
-            balances.append(measure(graft.motion, support=support, floor_reference=graft.base))
-        is_exchanged = np.array([[not s.is_own for s in graft.substitutions] for graft in grafts])
-        changed = np.any(is_exchanged.reshape(len(grafts), -1, n_segments), axis=1)
-        return BalanceSample(self.cut, own, balances, np.asarray(changed, bool))
-
-
 def _balance_rows(
     method: str,
-    bases: Sequence[_Base],
+    bases: Sequence[BalancedBase],
     grafts: Sequence[Sequence[Graft]] | None,
     refusals: dict[str, str],
 ) -> list[BalanceRow]:
@@ -248,7 +208,7 @@ def _balance_rows(
     rows = []
     # The donors may allow fewer different grafts of a base than requested.
     count = None if grafts is None else min(map(len, grafts))
-    for kind in _BALANCES:
+    for kind in BALANCES:
         samples = [
             base.sample(kind, None if grafts is None else grafts[position][:count])
             for position, base in enumerate(bases)

@@ -74,8 +74,9 @@ def extract_windows(tracks: body_tracks.BodyTracks, centers: IntArray, place: Pl
         turned = tracks.facing_forward(track[frames], centers)
         return turned.reshape(len(centers), prod(turned.shape[1:]))
 
-    magnitudes = []
-    for track in (tracks.velocity, tracks.acceleration, tracks.jerk):
+    orders, magnitudes = (1, 2, 3), []
+    derivatives = [body_tracks.derivative(tracks.points, tracks.rate, order) for order in orders]
+    for track in derivatives:
         sizes = np.linalg.norm(track, axis=-1)
         mean_squares = (sizes[at_near] ** 2).mean(axis=1)
         magnitudes += [sizes[at_peak].max(axis=1), np.sqrt(mean_squares)]
@@ -84,8 +85,8 @@ def extract_windows(tracks: body_tracks.BodyTracks, centers: IntArray, place: Pl
     return Windows(
         blocks=(
             flat(tracks.points, at_wide),
-            flat(tracks.velocity, at_near),
-            flat(tracks.acceleration, at_near),
+            flat(derivatives[0], at_near),
+            flat(derivatives[1], at_near),
         ),
         magnitudes=np.concatenate(
             [np.log(np.concatenate(magnitudes, axis=1) + _LOG_OFFSET), level, root[:, 3:]], axis=1

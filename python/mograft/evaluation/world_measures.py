@@ -8,24 +8,37 @@ positions of body parts.
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, field
+from functools import cache, cached_property, lru_cache
+from itertools import pairwise, starmap
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.body.contacts import Ground, find_legs, skating_share
+from mograft._util.verdict import compare
+from mograft.body.contacts import Ground, skating_share
 from mograft.body.support_polygon import Support, support_polygons
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import body_tracks, estimate
-from mograft.evaluation.balance import Balance, dynamic_balance
+from mograft.evaluation.balance import Balance, dynamic_balance, graft_balance
 from mograft.evaluation.estimate import Estimate, Record
 from mograft.evaluation.novelty import Novelty, novelty
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.synthesis.graft_result import Graft
 
+_LANDMARKS = ("head", "chest", "hands")
+_MIN_PARTS = 4  # parts of a base from which a range is computed
 UNDER_FLOOR = 0.012  # depth below its floor, in heights, from which a heel or toe is counted
+
+
+_COLUMNS = {
+    **{f"{name} jerk, ratio": (f"{name}_jerk", 1.0, ".2f", "") for name in _LANDMARKS},
+    "floor depth": ("floor_depth", 100.0, "+z.2f", " %"),
+    "foot skate": ("skate", 100.0, "+z.1f", " points"),
+    "out of balance": ("balance", 100.0, "+z.1f", " points"),
+}
+"""Field, factor, format and unit of each column that `WorldMeasures.columns` returns."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +67,9 @@ class WorldMeasures(Record):
         `Balance`.
     frames : int
         Number of exchanged frames.
+    ranges : dict of str to tuple of float
+        For each measure, the range of the middle half of the parts of the base, each compared with
+        the whole base. There are at least four parts, of about five seconds in a long base.
     """
 
     head_jerk: float
@@ -64,22 +80,18 @@ class WorldMeasures(Record):
     skate: float
     balance: float
     frames: int
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def columns(self) -> dict[str, str]:
-        """Return the measures as text, by title."""
-        jerks = {
-            f"{name} jerk, ratio": (getattr(self, f"{name}_jerk"), ".2f", "")
-            for name in ("head", "chest", "hands")
-        }
-        added = {
-            "floor depth": (100 * self.floor_depth, "+.2f", " %"),
-            "foot skate": (100 * self.skate, "+.1f", " points"),
-            "out of balance": (100 * self.balance, "+.1f", " points"),
-        }
-        return {
-            title: f"{value:{digits}}{suffix}" if math.isfinite(value) else "none"
-            for title, (value, digits, suffix) in (jerks | added).items()
-        }
+        """Return the measures as text, by title, with the verdict on each."""
+        found = {}
+        for title, (name, factor, digits, suffix) in _COLUMNS.items():
+            value = factor * getattr(self, name)
+            found[title] = f"{value:{digits}}{suffix}" if math.isfinite(value) else "none"
+            if math.isfinite(value) and name in self.ranges:
+                low, high = (factor * end for end in self.ranges[name])
+                found[title] += f" ({compare(value, low, high, digits)})"
+        return found
 
 
 def world_measures(graft: Graft) -> WorldMeasures:
@@ -180,7 +192,7 @@ def world_quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0)
     blocks = range(len(measured))
     means = {
         name: estimate.block_mean([own[name] for own in measured], blocks, "grafts", seed)
-        for name in measured[0].keys() - {"frames"}
+        for name in measured[0].keys() - {"frames", "ranges"}
     }
     variety = novelty(grafts, seed)
     return WorldQuality(method=method, runs=len(grafts[0]), novelty=variety, **means)
@@ -196,15 +208,12 @@ class WorldReference:
     def __init__(self, library: Library) -> None:
         self.blocks = body_tracks.FrameBlocks.of(library)
         self._base = lru_cache(maxsize=1)(_Base)
-        self._clip_jerks = lru_cache(maxsize=None)(
-            lambda clip: _landmark_jerks(library.clips[clip])
-        )
+        self._clip_jerks = cache(lambda clip: _landmark_jerks(library.clips[clip]))
 
     def measure(self, graft: Graft) -> WorldMeasures:
         """Return the measures of one graft; see `world_measures`."""
-        origins = {
-            group: body_tracks.Origin.of(graft, group, self.blocks) for group in graft.alternatives
-        }
+        groups, origin_of = graft.alternatives, body_tracks.Origin.of
+        origins = {group: origin_of(graft, group, self.blocks) for group in groups}
         is_exchanged = np.any([origin.is_exchanged for origin in origins.values()], axis=0)
         base = self._base(graft.base)
         feet = _feet(graft.motion, base.ground)
@@ -213,6 +222,7 @@ class WorldReference:
             **{name: value - base.feet[name] for name, value in feet.items()},
             balance=base.added_imbalance(graft, is_exchanged),
             frames=int(is_exchanged.sum()),
+            ranges=base.ranges,
         )
 
     def _jerk_ratios(
@@ -223,7 +233,7 @@ class WorldReference:
         margin = 2 * body_tracks.sample_stride(graft.motion.rate)
         inner = np.zeros(graft.motion.n_frames, bool)
         inner[margin : len(inner) - margin] = True
-        ratios = {f"{name}_jerk": math.nan for name in ("head", "chest", "hands")}
+        ratios = {f"{name}_jerk": math.nan for name in _LANDMARKS}
         for name, joints in body_tracks.landmarks(graft.motion.skeleton).items():
             group = body_tracks.driving_group(graft, joints)
             used = inner if group is None else inner & origins[group].is_exchanged
@@ -252,6 +262,7 @@ class _Base:
     """A base, with the measures that its grafts are compared with."""
 
     def __init__(self, motion: Motion) -> None:
+        self.motion = motion
         self.ground, self.jerks = Ground.of(motion), _landmark_jerks(motion)
         self.feet = _feet(motion, self.ground)
         self.support: Support | None = None
@@ -260,13 +271,39 @@ class _Base:
             self.support = support_polygons(motion)
             self.balance = dynamic_balance(motion, support=self.support)
 
+    def _measure(self, part: slice) -> dict[str, float]:
+        """Return measures of some frames that are not compared with others; may have NaN."""
+        found = {f"{name}_jerk": float(np.median(own[part])) for name, own in self.jerks.items()}
+        found |= _feet(self.motion[part], self.ground)
+        if self.balance is not None:
+            is_out = self.balance.distance[part][self.balance.grounded[part]] > 0
+            found["balance"] = float(is_out.mean()) if len(is_out) else math.nan
+        return found
+
+    @cached_property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """`WorldMeasures.ranges`; measures that the base does not have are left out."""
+        n, whole = self.motion.n_frames, self._measure(slice(None))
+        n_parts = round(self.motion.duration / body_tracks.BLOCK_SECONDS)
+        edges = np.linspace(0, n, max(n_parts, min(_MIN_PARTS, n // 2)) + 1).astype(int).tolist()
+        parts = [self._measure(part) for part in starmap(slice, pairwise(edges))]
+        found = {}
+        for name, own in whole.items():
+            is_ratio, values = name.endswith("_jerk"), np.array([part[name] for part in parts])
+            if not math.isfinite(own) or (is_ratio and own == 0.0):
+                continue
+            values = values / own if is_ratio else values - own
+            # The whole base is within its range.
+            ends = (*np.percentile(values[np.isfinite(values)], (25.0, 75.0)), float(is_ratio))
+            found[name] = (float(min(ends)), float(max(ends)))
+        return found
+
     def added_imbalance(self, graft: Graft, is_exchanged: BoolArray) -> float:
         """Return `WorldMeasures.balance`; NaN without known legs or frames to compare."""
         before = self.balance
         if before is None:
             return math.nan
-        support = self.support if has_base_legs(graft) else None
-        new = dynamic_balance(graft.motion, support=support, floor_reference=graft.base)
+        new = graft_balance("dynamic", graft, self.support)
         both = before.grounded & new.grounded
         used = both & is_exchanged if is_exchanged.any() else both
         if not used.any():
@@ -287,16 +324,6 @@ def _feet(motion: Motion, ground: Ground) -> dict[str, float]:
         "under_floor": float((depths > UNDER_FLOOR).mean()),
         "skate": skating_share(motion, ground),
     }
-
-
-def has_base_legs(graft: Graft) -> bool:
-    """Return whether all joints of the legs and their ancestors move as in the base."""
-    ends = [leg.ankle if leg.toe is None else leg.toe for leg in find_legs(graft.base.skeleton)]
-    joints = sorted({j for end in ends for j in (end, *graft.base.skeleton.ancestors(end))})
-    new, base = graft.motion, graft.base
-    return np.array_equal(new.rotations[:, joints], base.rotations[:, joints]) and np.array_equal(
-        new.positions[:, joints], base.positions[:, joints]
-    )
 
 
 def _landmark_jerks(motion: Motion) -> dict[str, FloatArray]:

@@ -1,14 +1,14 @@
 """`Clips`: the motions of one file, each of which is read when it is accessed."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import overload
 
 import numpy as np
 
+from mograft._util.names import find_matches
 from mograft._util.validate import is_integer
 from mograft.errors import FormatError, join_names, suggest_name
 from mograft.motion.motion import Motion
@@ -50,6 +50,11 @@ class Clips(Sequence[Motion]):
         Content of the file that is not part of the motions, such as nodes that are not joints.
     lengths : sequence of ClipLength or None
         The length of each clip; None if the clips must be read to find it.
+    grafts : mapping of str to str
+        The provenance of the clips that `mograft.write_graft` wrote, by name: the text of a JSON
+        document.
+    is_part : bool
+        Whether these are some clips of a file with others.
 
     Examples
     --------
@@ -73,6 +78,8 @@ class Clips(Sequence[Motion]):
     format: str
     notes: tuple[str, ...] = ()
     lengths: Sequence[ClipLength] | None = None
+    grafts: Mapping[str, str] = field(default_factory=dict, repr=False)
+    is_part: bool = field(default=False, repr=False)
 
     def __post_init__(self) -> None:
         if len(set(self.names)) != len(self.names):
@@ -114,7 +121,7 @@ class Clips(Sequence[Motion]):
         """Read a clip; set `path` and `clip` of the motion to the parts of its address."""
         with np.errstate(all="ignore"):
             motion = self.load(index)
-        clip = None if len(self) == 1 else self.names[index]
+        clip = self.clip(index)
         if (motion.path, motion.clip) == (self.path, clip):
             return motion
         return replace(motion, path=self.path, clip=clip)
@@ -124,26 +131,36 @@ class Clips(Sequence[Motion]):
         return ValueError(f"{self.path} has no clip named {name!r}{hint}")
 
     def find(self, pattern: str) -> list[int]:
-        """Return the indices of the clips whose names match a pattern.
+        """Return the indices of the clips whose names match a pattern; see `find_matches`."""
+        try:
+            return find_matches("pattern", pattern, self.names)
+        except ValueError:
+            raise self._unknown(pattern) from None
 
-        If a clip has exactly the name `pattern`, return only its index. Otherwise `pattern` is a
-        glob, and a clip matches if its name, or the part of its name after the last ``|``, matches
-        the glob. Blender writes names such as ``Rig|Walk``. Raises ValueError if no name matches.
+    def select(self, pattern: str) -> "Clips":
+        """Return the clips that `find` finds."""
+        found = self.find(pattern)
+        lengths = None if self.lengths is None else [self.lengths[index] for index in found]
+        names = tuple(self.names[index] for index in found)
+        load = self.load
+        return replace(
+            self, names=names, load=lambda i: load(found[i]), lengths=lengths, is_part=True
+        )
+
+    def clip(self, index: int) -> str | None:
+        """Return the name in the address of a clip, None if the address is the path.
+
+        The path is the address of the only clip, or of the only one that is not a graft.
         """
-        if pattern in self.names:
-            return [self.names.index(pattern)]
-        pairs = [(name, name.rpartition("|")[2]) for name in self.names]
-        found = [i for i, pair in enumerate(pairs) if any(fnmatchcase(n, pattern) for n in pair)]
-        if not found:
-            raise self._unknown(pattern)
-        return found
+        name = self.names[index]
+        captured = [own for own in self.names if own not in self.grafts]
+        is_only = [name] in (captured, list(self.names)) and not self.is_part
+        return None if is_only else name
 
     def address(self, index: int) -> str:
-        """Return the address of a clip: the path, followed by ``#`` and the name of the clip.
-
-        The address of the only clip of a file is the path.
-        """
-        return str(self.path) if len(self) == 1 else f"{self.path}#{self.names[index]}"
+        """Return the address of a clip: the path, followed by ``#`` and the result of `clip`."""
+        clip = self.clip(index)
+        return str(self.path) if clip is None else f"{self.path}#{clip}"
 
 
 def single_clip(

@@ -19,6 +19,13 @@ UNITS = {"m": 1.0, "CMU": 0.056444, "inch": 0.0254, "cm": 0.01, "mm": 0.001}
 _HUMAN_HEIGHT = 1.7  # metres
 _MAX_SINGLE = 1e38  # sums of three such values are finite in single precision
 
+_HALF = np.sqrt(0.5)
+_FROM_AXES = np.array([[0, 0, _HALF, _HALF], [0, 0, 0, 1.0], [-_HALF, 0, 0, _HALF]])
+ROTATIONS_TO_Y_UP = np.concatenate(
+    [_FROM_AXES, rotations.multiply(np.array([0, 0, 1.0, 0]), _FROM_AXES)]
+)
+"""Rotations, xyzw, that map each axis to y, and then those that map the opposite directions."""
+
 PALETTE = ("#3b6ea8", "#d9596b", "#2b8a57", "#b08a00", "#8a5cb8", "#2492ad", "#9c5a2e", "#6b7280")
 """Colours of the joint groups, in order; if there are more groups, the colours repeat."""
 
@@ -96,11 +103,8 @@ def _rotation_to_y_up(motion: Motion, up_axis: int) -> FloatArray:
     The up direction is the axis `up_axis`, or the opposite direction if the mean coordinate of the
     head on this axis is below that of the feet.
     """
-    half = np.sqrt(0.5)
-    rotation = np.array([[0, 0, half, half], [0, 0, 0, 1.0], [-half, 0, 0, half]][up_axis])
-    if up_sign(motion.skeleton, mean_world_positions(motion)[:, up_axis]) < 0:
-        rotation = rotations.multiply(np.array([0, 0, 1.0, 0]), rotation)
-    return rotation
+    is_flipped = up_sign(motion.skeleton, mean_world_positions(motion)[:, up_axis]) < 0
+    return ROTATIONS_TO_Y_UP[up_axis + 3 * is_flipped]
 
 
 def check_single_precision(

@@ -40,7 +40,7 @@ def open_fbx(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
     up. Raises ModuleNotFoundError if the extension is not installed.
     """
     data = path.read_bytes()
-    scene = _load_scene(path, data)
+    scene = load_scene(path, data)
     file_rate = scene.settings[-1]
     if rate is None:
         with errors_of_file(path, "GlobalSettings"):
@@ -48,11 +48,7 @@ def open_fbx(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
                 raise ValueError(f"expected a frame rate above 0, got {file_rate:g}")
             limits.check_frame_time(1.0 / file_rate)
     takes, parents = scene.takes, scene.parents.tolist()
-    is_member = np.array([kind == "bone" for kind in scene.kinds], bool)
-    if not is_member.any():
-        for *_, animated in takes:
-            is_member[animated] = True
-    joints = find_joints(parents, is_member)
+    joints = figure_joints(scene)
     notes = _describe(scene, joints)
     if not len(joints):
         return Clips(path, (), tuple[Motion, ...]().__getitem__, "FBX", notes, ())
@@ -65,7 +61,7 @@ def open_fbx(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
     while (node := parents[node]) >= 0:
         n_evaluated += 1
     max_frames = max(_MIN_POSES, _POSES_PER_BYTE * len(data)) // n_evaluated
-    rest = _rest_pose(path, scene, joints)
+    rest = read_rest_pose(path, scene, joints)
 
     def load(take: int) -> Motion:
         begin, length = spans[take]
@@ -90,8 +86,17 @@ def open_fbx(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
     return Clips(path, tuple(names), load, "FBX", notes, [length for _, length in spans])
 
 
-def _load_scene(path: Path, data: bytes) -> Any:  # noqa: ANN401 - an object of the extension
-    """Parse a file with the extension."""
+def figure_joints(scene: Any) -> IntArray:  # noqa: ANN401 - an object of the extension
+    """Return the indices of the joints among the nodes; see `open_fbx`."""
+    is_member = np.array([kind == "bone" for kind in scene.kinds], bool)
+    if not is_member.any():
+        for *_, animated in scene.takes:
+            is_member[animated] = True
+    return find_joints(scene.parents.tolist(), is_member)
+
+
+def load_scene(path: Path, data: bytes, **options: bool) -> Any:  # noqa: ANN401
+    """Parse a file with the extension; `options` may have ``with_geometry``."""
     try:
         import mograft_fbx
     except ImportError as error:
@@ -101,7 +106,7 @@ def _load_scene(path: Path, data: bytes) -> Any:  # noqa: ANN401 - an object of 
             name="mograft_fbx",
         ) from error
     try:
-        scene = mograft_fbx.Scene(data, _MEMORY_BYTES + _MEMORY_FACTOR * len(data))
+        scene = mograft_fbx.Scene(data, _MEMORY_BYTES + _MEMORY_FACTOR * len(data), **options)
     except ValueError as error:
         message = f"expected an FBX file, got one that the library ufbx cannot read: {error}"
         raise FormatError(message, path) from error
@@ -132,7 +137,7 @@ def _frame_span(
     return begin, ClipLength(n_intervals + 1, frame_time)
 
 
-def _rest_pose(path: Path, scene: Any, joints: IntArray) -> RestPose:  # noqa: ANN401
+def read_rest_pose(path: Path, scene: Any, joints: IntArray) -> RestPose:  # noqa: ANN401
     """Return the rest pose of the joints; the topmost joint is the root."""
     quats, positions = (array[joints] for array in scene.rest_pose())
     if not (np.isfinite(quats).all() and np.isfinite(positions).all()):

@@ -139,7 +139,7 @@ def read(
     Parameters
     ----------
     path : str or path
-        The file. Suffix and content determine the format.
+        The file, or ``path#clip`` for some of its clips. Suffix and content determine the format.
     rate : float, optional
         Frames per second at which the motions are sampled. Default: the rate of the file.
     skeleton : Skeleton, optional
@@ -172,12 +172,14 @@ def read(
     """
     if rate is not None and not 0 < rate < float("inf"):
         raise ValueError(f"`rate` must be above 0 frames per second, got {rate}")
-    path = Path(path)
-    if not path.exists():
-        raise FileNotFoundError(2, "No such file or directory", str(path))
+    name, pattern = split_address(os.fspath(path))
+    file = Path(name)
+    if not file.exists():
+        raise FileNotFoundError(2, "No such file or directory", name)
     # Numbers that overflow in a damaged file are refused when they become a motion.
     with np.errstate(all="ignore"):
-        return find_format(path).open(path, rate=rate, skeleton=skeleton)
+        clips = find_format(file).open(file, rate=rate, skeleton=skeleton)
+    return clips if pattern is None else clips.select(pattern)
 
 
 def join_address(path: str, clip: str | None) -> str:
@@ -225,7 +227,9 @@ def read_clip(
     """
     path, pattern = split_address(os.fspath(address))
     clips = open_clips(path, rate=rate, skeleton=skeleton)
-    found = range(len(clips)) if pattern is None else clips.find(pattern)
+    found = [*range(len(clips))] if pattern is None else clips.find(pattern)
+    if pattern is None:
+        found = [index for index in found if clips.clip(index) is None] or found
     if len(found) == 1:
         return clips[found[0]]
     names = clips.names if pattern is None else [clips.names[index] for index in found]

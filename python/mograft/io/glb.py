@@ -14,11 +14,10 @@ import numpy.typing as npt
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.arrays import FloatArray
 from mograft._util.atomic import write_bytes
-from mograft._util.validate import check_type
 from mograft.body.groups import JointGroups
 from mograft.io.export_figure import BoneMesh, ExportTransform, bone_mesh, check_single_precision
 from mograft.motion import rotations
-from mograft.motion.motion import Motion
+from mograft.motion.motion import Motion, as_motions
 from mograft.motion.skeleton import Skeleton
 
 # Constants of the glTF specification: component types by NumPy type, and the target of vertex
@@ -160,27 +159,22 @@ def write_glb(
     for clip in clips[1:]:
         first.skeleton.check_same_hierarchy(clip.skeleton, clip.name or "a motion")
     transform = ExportTransform.of(first, scale)
-    buffer = GltfBuffer()
-    mesh = bone_mesh(first.skeleton, transform, groups)
-    document = _build_document(buffer, clips, transform, mesh)
-    write_bytes(Path(path), buffer.pack(document))
+    write_bytes(Path(path), _build_file(clips, first.skeleton, transform, groups))
 
 
-def as_motions(motions: Motion | Sequence[Motion]) -> list[Motion]:
-    """Return the argument `motions` as a list; raise an error if it is empty or has other items."""
-    given = [motions] if isinstance(motions, Motion) else list(motions)
-    for motion in given:
-        check_type("motions", motion, Motion)
-    if not given:
-        raise ValueError("`motions` must hold at least one motion, got none")
-    return given
+def bone_figure(motion: Motion) -> bytes:
+    """Return a GLB file as `write_glb` writes it, without the animation."""
+    return _build_file([], motion.skeleton, ExportTransform.of(motion, None), None)
 
 
-def _build_document(
-    buffer: GltfBuffer, motions: Sequence[Motion], transform: ExportTransform, mesh: BoneMesh
-) -> Json:
-    """Fill the buffer; return the JSON document without the entries that `GltfBuffer.pack` adds."""
-    skeleton = motions[0].skeleton
+def _build_file(
+    motions: Sequence[Motion],
+    skeleton: Skeleton,
+    transform: ExportTransform,
+    groups: JointGroups | str | None,
+) -> bytes:
+    """Return the bytes of a GLB file of motions, with the bones of a skeleton as mesh."""
+    buffer, mesh = GltfBuffer(), bone_mesh(skeleton, transform, groups)
     rest = transform.points(skeleton.rest_positions())
     check_single_precision("rest position", rest, skeleton)
     primitive = _build_mesh(buffer, mesh, skeleton.n_joints)
@@ -195,7 +189,7 @@ def _build_document(
     offsets = skeleton.offsets
     animations = [_build_animation(buffer, own, transform, offsets) for own in motions]
     surface = {"metallicFactor": 0.0, "roughnessFactor": 0.8}
-    return {
+    document = {
         "asset": {"version": "2.0", "generator": f"mograft {VERSION}", "extras": metadata},
         "scene": 0,
         "scenes": [{"nodes": [0, skeleton.n_joints]}],
@@ -203,8 +197,9 @@ def _build_document(
         "meshes": [{"name": "bones", "primitives": [primitive]}],
         "materials": [{"name": "bones", "pbrMetallicRoughness": surface}],
         "skins": [{"joints": joints, "skeleton": 0, "inverseBindMatrices": columns}],
-        "animations": animations,
+        **({"animations": animations} if animations else {}),
     }
+    return buffer.pack(document)
 
 
 def _build_nodes(

@@ -14,6 +14,7 @@ import threading
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
@@ -23,11 +24,12 @@ import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray, IntArray, Shape
 from mograft._util.atomic import atomic_path, write_bytes
+from mograft._util.names import unique_names
 from mograft.errors import FormatError, join_names
-from mograft.io.clips import Clips, errors_of_file, single_clip
+from mograft.io.clips import Clips, errors_of_file
 from mograft.io.export_figure import check_single_precision
 from mograft.motion import limits
-from mograft.motion.motion import Motion
+from mograft.motion.motion import Motion, as_motions
 from mograft.motion.skeleton import EndSite, Skeleton
 
 _FORMAT = "mograft.motion/1"
@@ -65,6 +67,7 @@ class NpzArchive(NamedTuple):
 
     path: Path
     headers: Mapping[str, ArrayHeader]
+    prefix: str = ""  # of the arrays in the file
 
     def read(self, name: str, shape: Shape, kinds: str = "", content: str = "") -> npt.NDArray[Any]:
         """Return an array of the given shape; a string in `shape` stands for any length.
@@ -80,7 +83,7 @@ class NpzArchive(NamedTuple):
         if kinds and header.dtype.kind not in kinds:
             raise self.error(name, f"expected {content}, got {header.dtype}")
         with _named_errors(self.path, name), zipfile.ZipFile(self.path) as archive:
-            info = archive.getinfo(f"{name}.npy")
+            info = archive.getinfo(f"{self.prefix}{name}.npy")
             if (n_bytes := info.file_size - header.header_bytes) != header.n_bytes:
                 described = f"shape {header.shape} and type {header.dtype}"
                 raise self.error(
@@ -126,9 +129,9 @@ class NpzArchive(NamedTuple):
 
     def header(self, name: str, shape: Shape) -> ArrayHeader:
         """Return the header of an array; shape and errors are as for `read`."""
-        if name not in self.headers:
+        header = self.headers.get(f"{self.prefix}{name}")
+        if header is None:
             raise self.error(name, "expected this array, got none of this name")
-        header = self.headers[name]
         pairs = zip(shape, header.shape, strict=False)
         if len(shape) != len(header.shape) or any(
             want != length for want, length in pairs if not isinstance(want, str)
@@ -141,7 +144,7 @@ class NpzArchive(NamedTuple):
 
     def error(self, name: str, message: str) -> FormatError:
         """Return the error for an array."""
-        return FormatError(message, self.path, f"array `{name}`")
+        return FormatError(message, self.path, f"array `{self.prefix}{name}`")
 
 
 def open_npz_archive(path: Path) -> NpzArchive:
@@ -230,26 +233,33 @@ def _named_errors(path: Path, name: str | None) -> Iterator[None]:
         raise FormatError(f"damaged: {error}", path, f"array `{name}`") from error
 
 
-def write_npz(motion: Motion, path: str | os.PathLike[str]) -> None:
-    """Write a motion as compressed NumPy arrays.
+def write_npz(
+    motions: Motion | Sequence[Motion],
+    path: str | os.PathLike[str],
+    *,
+    provenance: Sequence[str] = (),
+) -> None:
+    """Write motions as compressed NumPy arrays.
 
     Parameters
     ----------
-    motion : Motion
-        The motion.
+    motions : Motion or sequence of Motion
+        The motions.
     path : str or path
         The file to write.
+    provenance : sequence of str
+        For each motion the text of the JSON document that describes how it was made. Default: none.
 
     Raises
     ------
     ValueError
-        If a coordinate exceeds 1e38.
+        If there is no motion, or a coordinate exceeds 1e38.
     OSError
         If the file cannot be written.
 
     Notes
     -----
-    The arrays, for F frames and J joints, with lengths in the unit of the motion:
+    The arrays of the first motion, for F frames and J joints, lengths in the unit of the motion:
 
     - ``rotations`` (F, J, 4), local, xyzw; ``positions`` (F, J, 3), local; ``world_positions``
       (F, J, 3); all float32
@@ -258,9 +268,9 @@ def write_npz(motion: Motion, path: str | os.PathLike[str]) -> None:
       by spaces
     - ``end_parents``, ``end_offsets``, ``end_before`` and ``end_names`` of the end sites, with the
       meaning of the fields of `EndSite`
-    - ``name`` of the motion, and ``format``, which identifies this format
+    - ``name`` of the motion, ``format``, which identifies this format, and ``provenance``
 
-    No array is pickled.
+    Those of the second motion have the same names after ``1/``, and so on. No array is pickled.
 
     Examples
     --------
@@ -272,34 +282,48 @@ def write_npz(motion: Motion, path: str | os.PathLike[str]) -> None:
     >>> read_npz(target)
     Motion(dance: 18 joints, 1508 frames, 30 fps, 50.23 s)
     """
+    arrays: dict[str, Any] = {}
+    for index, motion in enumerate(as_motions(motions)):
+        text = provenance[index : index + 1]
+        own = _to_arrays(motion) | ({"provenance": np.array(text[0])} if text else {})
+        arrays |= {f"{_prefix(index)}{name}": array for name, array in own.items()}
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)
+    write_bytes(Path(path), buffer.getvalue())
+
+
+def _prefix(index: int) -> str:
+    """Return the prefix of the arrays of a motion."""
+    return f"{index}/" if index else ""
+
+
+def _to_arrays(motion: Motion) -> dict[str, npt.NDArray[Any]]:
+    """Return the arrays of a motion by name."""
     skeleton = motion.skeleton
     sites = skeleton.end_sites
     world_positions = motion.world_positions()
     check_single_precision("position", motion.positions, skeleton)
     check_single_precision("world position", world_positions, skeleton)
-    buffer = io.BytesIO()
-    np.savez_compressed(
-        buffer,
-        format=np.array(_FORMAT),
-        name=_to_strings([motion.name])[0],
-        frame_time=np.array(motion.frame_time),
-        names=_to_strings(skeleton.names),
-        parents=skeleton.parents,
-        offsets=skeleton.offsets,
-        channels=_to_strings([" ".join(channels) for channels in skeleton.channels]),
-        end_parents=np.array([site.parent for site in sites], np.int64),
-        end_offsets=np.array([site.offset for site in sites]).reshape(-1, 3),
-        end_before=np.array([site.before for site in sites], np.int64),
-        end_names=_to_strings([site.name for site in sites]),
-        rotations=motion.rotations.astype(np.float32),
-        positions=motion.positions.astype(np.float32),
-        world_positions=world_positions.astype(np.float32),
-    )
-    write_bytes(Path(path), buffer.getvalue())
+    return {
+        "format": np.array(_FORMAT),
+        "name": np.array(_to_strings([motion.name])[0]),
+        "frame_time": np.array(motion.frame_time),
+        "names": _to_strings(skeleton.names),
+        "parents": skeleton.parents,
+        "offsets": skeleton.offsets,
+        "channels": _to_strings([" ".join(channels) for channels in skeleton.channels]),
+        "end_parents": np.array([site.parent for site in sites], np.int64),
+        "end_offsets": np.array([site.offset for site in sites]).reshape(-1, 3),
+        "end_before": np.array([site.before for site in sites], np.int64),
+        "end_names": _to_strings([site.name for site in sites]),
+        "rotations": motion.rotations.astype(np.float32),
+        "positions": motion.positions.astype(np.float32),
+        "world_positions": world_positions.astype(np.float32),
+    }
 
 
 def read_npz(path: str | os.PathLike[str]) -> Motion:
-    """Read a motion that `write_npz` wrote.
+    """Read the first motion of a file that `write_npz` wrote.
 
     Parameters
     ----------
@@ -318,8 +342,11 @@ def read_npz(path: str | os.PathLike[str]) -> Motion:
     OSError
         If the file cannot be read.
     """
-    archive = open_npz_archive(Path(path))
-    if "format" not in archive.headers:
+    return _read_motion(open_npz_archive(Path(path)))
+
+
+def _read_motion(archive: NpzArchive) -> Motion:
+    if f"{archive.prefix}format" not in archive.headers:
         raise FormatError(
             "expected the arrays of mograft (`format`), AMASS (`poses`, `trans`) or Kimodo "
             "(`posed_joints`, `global_rot_mats`), got "
@@ -334,8 +361,27 @@ def read_npz(path: str | os.PathLike[str]) -> Motion:
 
 
 def open_npz(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001
-    """Return the clip of an NPZ file; see `mograft.io.formats.Opener`."""
-    return single_clip(path, "NPZ", lambda: read_npz(path), rate)
+    """Return the clips of an NPZ file; see `mograft.io.formats.Opener`."""
+    archive = open_npz_archive(path)
+    parts = [archive]
+    while f"{_prefix(len(parts))}format" in archive.headers:
+        parts.append(archive._replace(prefix=_prefix(len(parts))))
+    names, is_single = [path.stem], len(parts) == 1
+    if not is_single:
+        names = unique_names([str(own.read("name", (), "U", "text")) for own in parts])
+
+    def load(clip: int) -> Motion:
+        with errors_of_file(path):
+            motion = _read_motion(parts[clip])
+            motion = motion if is_single else replace(motion, name=names[clip])
+            return motion if rate is None else motion.resample(rate)
+
+    grafts = {
+        name: str(own.read("provenance", (), "U", "text"))
+        for name, own in zip(names, parts, strict=True)
+        if f"{own.prefix}provenance" in archive.headers
+    }
+    return Clips(path, tuple(names), load, "NPZ", grafts=grafts)
 
 
 def _to_motion(archive: NpzArchive) -> Motion:

@@ -85,13 +85,20 @@ def write_usd(
     _define_mesh(stage, mesh)
     with checked_path(target, lambda draft: _has_keys(draft, motion.n_frames)) as draft:
         try:
-            is_written = stage.GetRootLayer().Export(str(draft))
-        except Tf.ErrorException as error:  # it lists the functions of usd-core
-            reason = re.search(" : '(.*?)'", str(error))
-            message = reason.group(1) if reason else "cannot be written"
-            raise OSError(errno.EIO, message, str(target)) from error
-        if not is_written:
-            raise OSError(errno.EIO, "cannot be written", str(target))
+            stage.GetRootLayer().Export(str(draft))
+        except Tf.ErrorException as error:
+            raise OSError(errno.EIO, usd_reasons(error)[0], str(target)) from error
+
+
+def usd_reasons(error: Exception) -> list[str]:
+    """Return the reasons in an error of usd-core, without its functions and files."""
+    try:
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    except UnicodeDecodeError:  # usd-core quotes a file that is not text
+        lines = ["expected text in UTF-8"]
+    return [
+        re.sub(r"^Error in '.*?' at line \d+ in file .*? : '(.*)'$", r"\1", own) for own in lines
+    ]
 
 
 def _has_keys(path: Path, count: int) -> bool:

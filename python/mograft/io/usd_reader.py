@@ -18,7 +18,7 @@ from mograft.io.clips import Clips, errors_of_file
 from mograft.io.gltf.animation import DEFAULT_RATE
 from mograft.io.gltf.nodes import Transforms, decompose, to_transforms, to_world
 from mograft.io.rest_pose import RestPose, rebase
-from mograft.io.usd import require_usd_core
+from mograft.io.usd import require_usd_core, usd_reasons
 from mograft.motion import limits
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -108,8 +108,8 @@ def _usd_errors(path: Path) -> Iterator[None]:
     except FormatError:
         raise
     except (Tf.ErrorException, *_VALUE_ERRORS) as error:
-        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-        raise FormatError(f"expected a USD file: {lines[-1] if lines else error}", path) from error
+        reason = (usd_reasons(error) or [type(error).__name__])[-1]
+        raise FormatError(f"expected a USD file: {reason}", path) from error
 
 
 def _open_stage(path: Path) -> Any:  # noqa: ANN401 - pxr has no types

@@ -37,10 +37,14 @@ def build_library(
     """Build a library in memory; see `Library.build`."""
     result = ingest_motions(plan.find_clips(sources), plan)
     clips = result.clips
+    if not clips:
+        raise ValueError(f"no clip can be used: {next(iter(result.errors.values()))}")
     groups = choose_groups(plan, result.spec.skeleton, spread_evenly(clips))
     entries = name_clips([clip.info for clip in clips])
     warn_of_clips(entries, result, stacklevel=3)
-    return assemble(library_type, clips, entries, groups, result.spec, plan.config, plan.report)
+    library = assemble(library_type, clips, entries, groups, result.spec, plan.config, plan.report)
+    refused = {label: str(error) for label, error in result.errors.items()}
+    return replace(library, refused=refused) if refused else library
 
 
 def assemble(

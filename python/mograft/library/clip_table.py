@@ -111,15 +111,6 @@ CREATE TABLE label (
 """
 
 
-_CLIP_VALUES = """
-clip VALUES (
-    :id, :name, :source_name, :path, :size, :mtime_ns, :sha256, :format, :clip, :source_rate,
-    :rate_override, :source_frames, :n_frames, :root, :up, :faults, :tags, :shard, :first_number,
-    :n_numbers, :first_row, :content, :frame_time, :repairs, :skeleton
-)
-"""
-"""The parameters have the names of the fields of `ClipInfo`, `SourceFile` and `ClipLocation`."""
-
 _COLUMN_OF_FIELD = {
     "source_name": "own_name",
     "size": "bytes",
@@ -151,7 +142,9 @@ def write_clip_table(
     skeletons = [json.dumps(skeleton_to_json(skeleton)) for skeleton in table.skeletons]
     rows: dict[str, Iterable[Any]] = {
         "skeleton VALUES (?, ?)": enumerate(skeletons),
-        _CLIP_VALUES: (_clip_row(i, *clip, folder) for i, clip in enumerate(clips)),
+        f"clip VALUES ({', '.join('?' * 25)})": (
+            _clip_row(i, *clip, folder) for i, clip in enumerate(clips)
+        ),
         "refused VALUES (?, ?)": table.refused.items(),
         "segment VALUES (?, ?, ?, ?, ?)": (
             (i, *row) for i, row in enumerate(np.stack(ends, axis=1).tolist())
@@ -171,15 +164,16 @@ def write_clip_table(
         raise LibraryError(f"{path} cannot be written: {error}") from error
 
 
-def _clip_row(index: int, info: ClipInfo, location: ClipLocation, folder: Path) -> dict[str, Any]:
-    """Return the parameters of `_CLIP_VALUES`."""
-    file = info.source_file
-    row = {"id": index, **info._asdict(), **location._asdict()}
-    for name in ("faults", "tags", "repairs"):
-        row[name] = json.dumps(row[name])
-    if file is None:
-        return row | dict.fromkeys(SourceFile._fields)
-    return row | file._asdict() | {"path": relative_path(file.path, folder).as_posix()}
+def _clip_row(index: int, info: ClipInfo, location: ClipLocation, folder: Path) -> tuple[Any, ...]:
+    """Return a row of the table ``clip``: the fields in their order, those of the file in place."""
+    name, source_name, file, *properties, faults, tags = info
+    *numbers, repairs, skeleton = location
+    state: Iterable[Any] = [None] * len(SourceFile._fields)
+    if file is not None:
+        state = file._replace(path=relative_path(file.path, folder).as_posix())
+    lists = [json.dumps(own) for own in (faults, tags)]
+    row = (index, name, source_name, *state, *properties, *lists)
+    return (*row, *numbers, json.dumps(repairs), skeleton)
 
 
 def read_clip_table(path: Path) -> ClipTable:

@@ -14,9 +14,8 @@ from mograft._util.html_table import notebook_table
 from mograft.analysis.channel_groups import restrict_ends
 from mograft.analysis.embedding import Embedding, Samples
 from mograft.body.contacts import find_legs
-from mograft.body.groups import JointGroups
+from mograft.body.groups import JointGroups, suggest_groups
 from mograft.config import Config
-from mograft.errors import suggest_name
 from mograft.library.clip_table import ClipInfo
 from mograft.library.files.stored_clips import ExtendedSamples, StoredSamples
 from mograft.library.segment_balance import LibraryBalance
@@ -177,7 +176,7 @@ class LibraryData:
         """Return the joints of a group, ascending."""
         if group not in self._members:
             names = ", ".join(self._members)
-            hint = suggest_name(group, self._members)
+            hint = suggest_groups(group, self._members)
             raise ValueError(f"`group` must be one of {names}, got {group!r}{hint}")
         return self._members[group].copy()
 

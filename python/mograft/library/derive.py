@@ -12,14 +12,9 @@ from mograft.analysis.channel_groups import restrict_samples
 from mograft.analysis.embedding import Embedding, Samples, features
 from mograft.analysis.segmentation import segment_clip
 from mograft.config import Config
-from mograft.errors import SkeletonMismatchError, join_names, suggest_name
+from mograft.errors import SkeletonMismatchError, join_names, suggest_name, suggest_path
+from mograft.library import clusters
 from mograft.library.clip_table import ClipInfo
-from mograft.library.clusters import (
-    cluster_groups,
-    compare_segments,
-    join_boundary_states,
-    nearest_clusters,
-)
 from mograft.library.data import LibraryData
 from mograft.library.files.stored_clips import ExtendedClips, ExtendedSamples
 from mograft.library.spec import rates_match
@@ -60,7 +55,7 @@ class DerivableLibrary(LibraryData):
             )
         relabelled = replace(self, config=config)
         if "neighbourhood" in changed:
-            labels, sigma = cluster_groups(self.embedding, len(self.segments), config)
+            labels, sigma = clusters.cluster_groups(self.embedding, len(self.segments), config)
             relabelled = replace(relabelled, labels=labels, sigma=sigma)
         if self.has_recipe:
             relabelled.set_recipe(type(self).relabelled, self, config)
@@ -96,7 +91,7 @@ class DerivableLibrary(LibraryData):
             rows.append(sample_segments(image, cut, self.spec, self.config).pack())
             states.append(boundary_states(image, cut))
         samples = Samples(np.concatenate(rows), self.config.samples, self.skeleton.n_joints)
-        embedding, labels, sigma = compare_segments(
+        embedding, labels, sigma = clusters.compare_segments(
             samples, self.groups, self.spec, self.config, lambda *_: None
         )
         images = replace(self.segments, clip=self.segments.clip + n)
@@ -110,7 +105,7 @@ class DerivableLibrary(LibraryData):
             embedding=embedding,
             labels=labels,
             sigma=sigma,
-            boundary_states=join_boundary_states(
+            boundary_states=clusters.join_boundary_states(
                 states, self.groups, self.skeleton, self.boundary_states
             ),
             samples=samples,
@@ -143,8 +138,11 @@ class DerivableLibrary(LibraryData):
             return self, 0
         if isinstance(base, str):
             names = list(self.names)
+            found = [i for i, name in enumerate(names) if name.rpartition("|")[2] == base]
+            if base not in names and len(found) == 1:
+                return self, found[0]
             if base not in names:
-                hint = suggest_name(base, names)
+                hint = suggest_name(base, names) or suggest_path(base)
                 raise ValueError(
                     f"`base` must be a clip, one of {join_names(names)}; got {base!r}{hint}"
                 )
@@ -222,7 +220,7 @@ class DerivableLibrary(LibraryData):
                 embedding[group] = replace(own, points=points)
         n, labels = len(segments), {}
         for group, known in self.labels.items():
-            new = nearest_clusters(embedding[group], known, n, self.sigma[group])
+            new = clusters.nearest_clusters(embedding[group], known, n, self.sigma[group])
             labels[group] = np.concatenate([known, new])
         appended = replace(segments, clip=np.full(n, len(self.entries)))
         extended = replace(
@@ -234,7 +232,7 @@ class DerivableLibrary(LibraryData):
             samples=ExtendedSamples(self.samples, samples),
             embedding=embedding,
             labels=labels,
-            boundary_states=join_boundary_states(
+            boundary_states=clusters.join_boundary_states(
                 states, self.groups, self.skeleton, self.boundary_states
             ),
         )

@@ -9,7 +9,7 @@ import os
 import stat
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import lru_cache
 from importlib.util import find_spec
@@ -20,6 +20,8 @@ from typing import Any, NamedTuple, TypeVar
 from mograft._util.documents import parse_document
 from mograft.errors import MograftError, join_names
 from mograft.io import formats
+from mograft.io.gltf.container import read_container
+from mograft.io.gltf.grafts import find_original
 from mograft.motion.motion import Motion
 
 ClipSource = Motion | str | PathLike[str]
@@ -56,6 +58,8 @@ class SourceFile(NamedTuple):
             raise OSError(errno.EINVAL, "is not a regular file", path)
         state = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
         sha256, form = _hash_and_format(path, state)
+        if form == "glTF" and holds_graft(formats.join_address(path, clip)):
+            sha256 = hashlib.sha256(Path(path).read_bytes()).hexdigest()  # it may be replaced
         return cls(path, status.st_size, status.st_mtime_ns, sha256, form, clip)
 
     @property
@@ -66,17 +70,15 @@ class SourceFile(NamedTuple):
 
 @lru_cache(maxsize=2)  # a file may hold many clips
 def _hash_and_format(path: str, _state: tuple[int, ...]) -> tuple[str, str]:
-    """Return the SHA-256 and the format of a file.
+    """Return the SHA-256 and the format of a file; of a glTF file, as it was without its grafts.
 
     `_state` is part of the key of the cache: a file that has changed is read again.
     """
-    return hash_file(Path(path)), formats.find_format(Path(path)).name
-
-
-def hash_file(path: Path) -> str:
-    """Return the SHA-256 of a file."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+    form = formats.find_format(Path(path)).name
+    if form == "glTF":
+        return find_original(read_container(Path(path))).sha256, form
+    with open(path, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest(), form
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +87,7 @@ class FoundClip:
 
     source: Motion | str  # the clip, or its address
     folders: tuple[str, ...] = ()  # the folders between the source and the file
-    is_graft: bool = False  # whether a folder holds it with the provenance of a graft beside it
+    is_graft: bool = False  # whether it is a graft that the source does not name
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -120,7 +122,21 @@ def find_clips(sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
         clips += [FoundClip(source)] if isinstance(source, Motion) else _find_files(fspath(source))
     if not clips:
         raise ValueError("`sources` must hold at least one clip, got none")
-    return clips
+    return _exclude_copies(clips)
+
+
+def _exclude_copies(clips: list[FoundClip]) -> list[FoundClip]:
+    """Return the clips; those of a file with grafts count as grafts if its original is present."""
+    paths = {id(own): formats.split_address(str(own.source))[0] for own in clips}
+    holders = {paths[id(own)] for own in clips if own.is_graft and holds_graft(str(own.source))}
+    if not holders:
+        return clips
+    seen: dict[str, str] = {}  # the first file with each SHA-256, files without grafts first
+    for path in sorted(dict.fromkeys(paths.values()), key=lambda path: path in holders):
+        if os.path.isfile(path):
+            seen.setdefault(SourceFile.from_path(path).sha256, path)
+    copies = holders - set(seen.values())
+    return [replace(own, is_graft=True) if paths[id(own)] in copies else own for own in clips]
 
 
 def scan_folder(folder: str) -> list[Path]:
@@ -155,16 +171,22 @@ def _find_files(address: str) -> list[FoundClip]:
         raise FileNotFoundError(*([reason] if is_glob else [2, "No such file or directory", path]))
     if clip is None or not matches:
         files = [formats.join_address(match, clip) for match in matches or [path]]
-        return [FoundClip(own) for file in files for own in _expand_file(file)]
+        return [own for file in files for own in _found(file)]
     found: list[FoundClip] = []
     for match in matches:
         with contextlib.suppress(ValueError):  # no clip of this file has the name
-            found += map(FoundClip, formats.find_addresses(formats.join_address(match, clip)))
+            found += _found(formats.join_address(match, clip))
     if not found:
         raise ValueError(
             f"none of the {len(matches)} files that match {path} has a clip that matches {clip!r}"
         )
     return found
+
+
+def _found(address: str) -> list[FoundClip]:
+    """Return the clips of a file; those that the address names exactly do not count as grafts."""
+    clips = _expand_file(address)
+    return [FoundClip(own, is_graft=own != address and holds_graft(own)) for own in clips]
 
 
 def _expand_file(address: str) -> list[str]:
@@ -194,10 +216,12 @@ def _find_in_folder(folder: str) -> list[FoundClip]:
         try:
             has_clip = form.name == "BVH" or len(formats.open_clips(str(file))) > 0
             addresses = _expand_file(str(file)) if has_clip else []
+            kinds = [form.name != "BVH" and holds_graft(own) for own in addresses]
         except (MograftError, OSError, ValueError):
-            addresses = [str(file)]
-        folders, is_graft = file.relative_to(folder).parts[:-1], has_provenance(file, warn=True)
-        found += [FoundClip(own, folders, is_graft=is_graft) for own in addresses]
+            addresses, kinds = [str(file)], [False]
+        folders, is_graft = file.relative_to(folder).parts[:-1], has_provenance(file)
+        pairs = zip(addresses, kinds, strict=True)
+        found += [FoundClip(own, folders, is_graft=is_graft or kind) for own, kind in pairs]
     for name, files in missing.items():
         remedy = f"pip install 'mograft[{name.lower()}]'"
         warnings.warn(f"left out {join_names(files)}: {name} needs {remedy}", stacklevel=5)
@@ -206,37 +230,55 @@ def _find_in_folder(folder: str) -> list[FoundClip]:
     return found
 
 
-def has_provenance(path: Path, *, warn: bool = False) -> bool:
+def holds_graft(address: str) -> bool:
+    """Return whether the clip at an address has its provenance in its file."""
+    path, clip = formats.split_address(address)
+    if formats.find_format(Path(path)).name == "BVH":
+        return False
+    clips = formats.open_clips(path)
+    names = clips.names if clip is None else (clip,)
+    return len(names) == 1 and names[0] in clips.grafts
+
+
+def is_graft(address: str) -> bool:
+    """Return whether the provenance of a clip is in its file or beside it."""
+    return holds_graft(address) or has_provenance(Path(formats.split_address(address)[0]))
+
+
+def has_provenance(path: Path) -> bool:
     """Return whether a JSON file that ``mograft graft`` wrote lies beside a motion file.
 
-    If `warn` is true, warn of a file that belongs to another motion.
+    Warn if it belongs to another motion.
     """
     provenance = path.with_suffix(".json")
     try:
         document = parse_document(provenance.read_bytes()) if provenance.is_file() else None
     except (OSError, ValueError):
         return False
-    if not isinstance(document, dict):
+    schema = document.get("schema") if isinstance(document, dict) else None
+    if not isinstance(schema, str) or not schema.startswith("mograft.graft/"):
         return False
-    schema = document.get("schema")
-    if not isinstance(schema, str) or not schema.startswith(("mograft.graft/", "mograft.grafts/")):
-        return False
-    if warn and belongs_to_other_motion(document, path):
-        warnings.warn(f"{provenance} belongs to another motion than {path.name}", stacklevel=6)
+    assert document is not None  # it has a schema
+    warn_of_other_motion(document, provenance)
     return True
 
 
-def belongs_to_other_motion(document: Mapping[str, Any], path: Path) -> bool:
-    """Return whether provenance states another SHA-256 than that of a motion file.
+def warn_of_other_motion(document: Mapping[str, Any], path: Path) -> bool:
+    """Warn, and return True, if the provenance in a file belongs to no motion file beside it.
 
     A kill between the replacements of the two files causes this, and so does a program that changes
     the motion.
     """
-    return MOTION_HASH in document and hash_file(path) != document[MOTION_HASH]
+    motions = filter(Path.is_file, map(path.with_suffix, (".bvh", ".glb", ".npz")))
+    found = [SourceFile.from_path(str(own)).sha256 for own in motions]
+    is_other = bool(found) and document.get(MOTION_HASH, found[0]) not in found
+    if is_other:
+        warnings.warn(f"{path} belongs to another motion than the file beside it", stacklevel=3)
+    return is_other
 
 
 def exclude_grafts(clips: Sequence[FoundClip]) -> list[FoundClip]:
-    """Return the clips without the grafts that were found in folders; warn about such grafts.
+    """Return the clips without the grafts that no source names; warn about such grafts.
 
     Donors from a graft could contain its seams. Raise FileNotFoundError if no clip remains.
     """
@@ -244,10 +286,10 @@ def exclude_grafts(clips: Sequence[FoundClip]) -> list[FoundClip]:
     n_grafts = len(clips) - len(kept)
     remedy = "--include-grafts (include_grafts=True) includes them"
     if clips and not kept:
-        raise FileNotFoundError(f"all files of these folders are grafts of mograft; {remedy}")
+        raise FileNotFoundError(f"all clips are grafts of mograft; {remedy}")
     if n_grafts:
         grafts = "1 graft" if n_grafts == 1 else f"{n_grafts} grafts"
-        message = f"{grafts} of mograft in these folders excluded as donors; {remedy}"
+        message = f"{grafts} of mograft excluded as donors; {remedy}"
         warnings.warn(message, stacklevel=3)
     return kept
 

@@ -88,17 +88,11 @@ def _join(library: Library, pairs: list[tuple[int, int]]) -> list[DuplicateSpan]
     for pair in pairs:
         if pair not in left:
             continue
-        ends = pair
-        while ends in left:
-            left.remove(ends)
-            following = ends[0] + 1, ends[1] + 1
-            if any(
-                cut.clip[own] != cut.clip[new] for own, new in zip(ends, following, strict=True)
-            ):
-                break
-            if following not in left:
-                break
-            ends = following
+        left.remove(pair)
+        ends, following = pair, (pair[0] + 1, pair[1] + 1)
+        while following in left and np.array_equal(cut.clip[list(following)], cut.clip[list(ends)]):
+            left.remove(following)
+            ends, following = following, (following[0] + 1, following[1] + 1)
         (clip, frames), (other, others) = (
             (names[cut.clip[own]], (int(cut.start[own]), int(cut.stop[end])))
             for own, end in zip(pair, ends, strict=True)

@@ -4,6 +4,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain
 from typing import Generic, TypedDict, TypeVar
@@ -35,7 +36,7 @@ from mograft.library.ingest import (
     ingest_all,
     read_pending,
 )
-from mograft.library.spec import MATCHES, LibrarySpec, Match, rates_match
+from mograft.library.spec import MATCHES, LibrarySpec, Match, describe_match, rates_match
 from mograft.motion.skeleton import Skeleton
 
 T = TypeVar("T")
@@ -45,6 +46,9 @@ _MAX_SAMPLED_CLIPS = 9
 
 _MAX_WARNINGS = 8
 """Clips that warnings name."""
+
+MISMATCH_REMEDY = "unless joints are matched by anatomy (--match anatomy)"
+"""How the reason ends for which a clip of another hierarchy is refused."""
 
 _MAX_FAULTS = 3
 """Faults per clip that warnings name."""
@@ -233,8 +237,8 @@ def _mismatch_remedy(
         return ""
     more = f" and {len(fitting) - 1} more" if len(fitting) > 1 else ""
     return (
-        f", unlike {labels[0]}{more}; each library or graft takes clips of one hierarchy, unless "
-        "joints are matched by anatomy (--match anatomy)"
+        f", unlike {labels[0]}{more}; each library or graft takes clips of one hierarchy, "
+        f"{MISMATCH_REMEDY}"
     )
 
 
@@ -301,6 +305,28 @@ def _guess_spec(
     raise ValueError(f"no clip can be used: {errors[0]}") from errors[0]
 
 
+def _describe_hierarchies(result: IngestResult[T]) -> str:
+    """Return a table of the hierarchies of clips; "" unless some clips have another one."""
+    clips: dict[tuple[object, ...], list[tuple[Skeleton, str]]] = {}
+    for _, skeleton, info in result.properties:
+        key = (skeleton.names, skeleton.parents.tobytes())
+        clips.setdefault(key, []).append((skeleton, info.source_name))
+    if len(clips) < 2 or result.spec.match != "names":
+        return ""
+    lines, n_fitting = [], 0
+    for members in sorted(clips.values(), key=len, reverse=True):
+        skeleton, names = members[0][0], [name for _, name in members]
+        with suppress(SkeletonMismatchError):
+            describe_match(result.spec.skeleton, skeleton)
+            n_fitting += len(members)
+        count = f"{len(members):6} with {skeleton.n_joints:3} joints below {skeleton.names[0]}"
+        is_used = result.spec.skeleton.has_same_hierarchy(skeleton)
+        lines.append(f"{count}: {join_names(names, 3)}{' (used)' if is_used else ''}")
+    n = len(result.properties)
+    fit = f"{n_fitting} of {n} clips fit with --match anatomy (match='anatomy')"
+    return "\n".join([f"the clips have {len(clips)} hierarchies:", *lines, f"  {fit}"])
+
+
 def warn_of_clips(entries: Sequence[ClipInfo], result: IngestResult[T], *, stacklevel: int) -> None:
     """Warn about clips that were matched by anatomy, resampled, have another size, or faults.
 
@@ -311,20 +337,28 @@ def warn_of_clips(entries: Sequence[ClipInfo], result: IngestResult[T], *, stack
     def warn(message: str) -> None:
         warnings.warn(message, stacklevel=stacklevel + 2)
 
+    table = _describe_hierarchies(result)
+    if table:
+        warn(table)
     for note, names in result.match_notes.items():
         warn(f"joints matched by anatomy, {join_names(names, _MAX_WARNINGS)}: {note}")
     resampled = [info.name for info in entries if not rates_match(info.source_rate, rate)]
     if resampled:
         names = join_names(resampled, _MAX_WARNINGS)
         warn(f"resampled to {rate:.6g} fps, the frame rate of the library: {names}")
-    for line in describe_sizes({own[2].source_name: own[1] for own in result.properties}):
+    known, skeleton = result.properties, result.spec.skeleton
+    same = {info.source_name: own for _, own, info in known if own.has_same_hierarchy(skeleton)}
+    for line in describe_sizes(same):
         warn(f"{line}. Their lengths are scaled to the leg length of the base")
-    faulty = [info for info in entries if info.faults]
-    for info in faulty[:_MAX_WARNINGS]:
-        faults = list(info.faults[:_MAX_FAULTS])
-        if len(info.faults) > _MAX_FAULTS:
-            faults.append(f"and {len(info.faults) - _MAX_FAULTS} more")
-        warn(f"{info.name}: {'; '.join(faults)}. Segments with these frames are excluded as donors")
+    faulty: dict[tuple[str, ...], list[str]] = {}  # clips of the same content have the same faults
+    for info in entries:
+        if info.faults:
+            faulty.setdefault(tuple(info.faults), []).append(info.name)
+    for faults, clips in list(faulty.items())[:_MAX_WARNINGS]:
+        more = [f"and {len(faults) - _MAX_FAULTS} more"] * (len(faults) > _MAX_FAULTS)
+        listed = "; ".join([*faults[:_MAX_FAULTS], *more])
+        names = join_names(clips, _MAX_WARNINGS)
+        warn(f"{names}: {listed}. Segments with these frames are excluded as donors")
     if len(faulty) > _MAX_WARNINGS:
-        n = len(faulty) - _MAX_WARNINGS
+        n = sum(map(len, list(faulty.values())[_MAX_WARNINGS:]))
         warn(f"faults in {n} more clips; segments with faulty frames are excluded as donors")

@@ -77,6 +77,7 @@ class Library(DerivableLibrary):
         config: Config | None = None,
         *,
         mirrored: bool = False,
+        strict: bool = True,
         **options: "Unpack[IngestOptions]",
     ) -> "Library":
         """Build a library in memory.
@@ -94,9 +95,13 @@ class Library(DerivableLibrary):
             The configuration.
         mirrored : bool
             Whether to append the mirror images of all clips; see `with_mirror_images`.
+        strict : bool
+            Whether a clip that cannot be read or does not fit is an error. Otherwise it is left
+            out and listed in `refused`.
         include_grafts : bool
-            Whether to include grafts in folders: files beside which ``mograft graft`` wrote a
-            ``.json``. By default they are left out, unless a path or glob names the file.
+            Whether to include grafts: files in folders beside which ``mograft graft`` wrote a
+            ``.json``, and clips that have their provenance in a GLB or NPZ file. By default they
+            are left out, unless an address names the file or the clip exactly.
         rate : float, optional
             Frames per second of the library. Default: the rate that most frames have.
         match : {"names", "anatomy"}
@@ -150,7 +155,7 @@ class Library(DerivableLibrary):
         from mograft.library.ingest_run import IngestPlan
 
         config = Config() if config is None else config
-        plan = IngestPlan(config=config, groups=groups, strict=True, **options)
+        plan = IngestPlan(config=config, groups=groups, strict=strict, **options)
         library = build_library(cls, sources, plan)
         return library.with_mirror_images() if mirrored else library
 

@@ -1,6 +1,6 @@
 """`Motion`: the joint rotations and positions of a skeleton in every frame."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,11 +16,11 @@ from mograft._util.arrays import (
     IntArray,
     as_floats,
     as_quaternions,
-    as_vectors,
     set_fields,
 )
 from mograft._util.html_table import notebook_html
 from mograft._util.runs import find_runs
+from mograft._util.validate import check_type
 from mograft.motion import limits, rotations
 from mograft.motion.resample import resample_segment_positions, resample_segments
 from mograft.motion.skeleton import Skeleton
@@ -93,8 +93,8 @@ class Motion:
     def __post_init__(self) -> None:
         n_joints = self.skeleton.n_joints
         quats = as_quaternions("rotations", self.rotations, ("n_frames", n_joints))
-        places = as_vectors(
-            "positions", self.positions, (len(quats), n_joints), limits.MAX_COORDINATE
+        places = as_floats(
+            "positions", self.positions, (len(quats), n_joints, 3), limits.MAX_COORDINATE
         )
         if not len(quats):
             raise ValueError("`rotations` must hold at least one frame, got none")
@@ -356,3 +356,13 @@ def forward_kinematics(
     (n, n_joints, 4) and positions (n, n_joints, 3). The results have the same shapes.
     """
     return _core.world(parents, np.ascontiguousarray(rotations), np.ascontiguousarray(positions))
+
+
+def as_motions(motions: Motion | Sequence[Motion]) -> list[Motion]:
+    """Return the argument `motions` as a list; raise an error if it is empty or has other items."""
+    given = [motions] if isinstance(motions, Motion) else list(motions)
+    for motion in given:
+        check_type("motions", motion, Motion)
+    if not given:
+        raise ValueError("`motions` must hold at least one motion, got none")
+    return given

@@ -15,7 +15,6 @@ from mograft._util.arrays import (
     IntArray,
     as_floats,
     as_indices,
-    as_vectors,
     make_read_only,
     set_fields,
 )
@@ -60,7 +59,7 @@ def make_end_sites(
 
     Checking all offsets together is faster than constructing each `EndSite`.
     """
-    rows = as_vectors("offsets", offsets, (len(parents),), MAX_COORDINATE).copy()
+    rows = as_floats("offsets", offsets, (len(parents), 3), MAX_COORDINATE).copy()
     make_read_only(rows)
     sites = tuple(object.__new__(EndSite) for _ in rows)
     for site, *own in zip(sites, parents, rows, before, names, strict=True):
@@ -122,7 +121,7 @@ class Skeleton:
         if parents[0] != -1 or (parents[1:] < 0).any():
             raise ValueError("`parents` must be -1 at joint 0, the root, and nowhere else")
         check_hierarchy(names, parents.tolist())
-        offsets = as_vectors("offsets", self.offsets, (n_joints,), MAX_COORDINATE).copy()
+        offsets = as_floats("offsets", self.offsets, (n_joints, 3), MAX_COORDINATE).copy()
         rotation = ("Zrotation", "Xrotation", "Yrotation")
         default = ((*CHANNELS[:3], *rotation), *[rotation] * (n_joints - 1))
         channels = tuple(tuple(names) for names in self.channels) or default
@@ -255,7 +254,7 @@ class Skeleton:
 
     def with_offsets(self, offsets: npt.ArrayLike) -> "Skeleton":
         """Return the skeleton with the given rest offsets, shape (n_joints, 3)."""
-        return replace(self, offsets=as_vectors("offsets", offsets))
+        return replace(self, offsets=as_floats("offsets", offsets, ("n_joints", 3)))
 
     def has_same_hierarchy(self, other: "Skeleton") -> bool:
         """Return whether another skeleton has the same joint names and parents."""

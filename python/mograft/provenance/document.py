@@ -25,14 +25,12 @@ from mograft.search.constraint_records import constraint_kind, encode_constraint
 from mograft.search.constraints import Constraint, Violation
 from mograft.search.trellis import DonorSequences
 from mograft.solve.self_repair import RepairedWindow
-from mograft.synthesis.graft_result import Graft, Substitution
+from mograft.synthesis.advice import advise
+from mograft.synthesis.graft_result import Graft, Substitution, find_missing
 
 Record = dict[str, Any]
 
 SCHEMA = "mograft.graft/2"
-SEVERAL_SCHEMA = "mograft.grafts/1"
-"""Of a document with the provenance of several grafts in one file, as ``grafts``."""
-
 _LICENCE_TAGS = ("licence:", "license:")
 """How a tag starts that gives the licence of a clip."""
 
@@ -105,9 +103,20 @@ def graft_record(graft: Graft, folder: str | PathLike[str] = ".") -> Record:
         "feet": None if graft.feet is None else asdict(graft.feet),
         "reach_ik": _completions(graft, graft.reach_completions),
         "kept_without_candidate": {
-            name: int((counts == 0).sum()) for name, counts in graft.alternatives.items()
+            name: int(find_missing(graft, name).sum()) for name in graft.alternatives
         },
+        "remarks": advise(graft),
     }
+
+
+def move_record(record: Any, old: Path, new: Path, key: str = "") -> Any:  # noqa: ANN401 - of JSON
+    """Return a record, or a part of it, with its paths relative to the folder `new`, not `old`."""
+    if isinstance(record, dict):
+        return {name: move_record(value, old, new, name) for name, value in record.items()}
+    if isinstance(record, list):
+        return [move_record(value, old, new) for value in record]
+    is_path = key in ("file", "folder") and isinstance(record, str)
+    return relative_path(str(old / record), new).as_posix() if is_path else record
 
 
 def _request_record(graft: Graft, folder: Path) -> Record:

@@ -1,10 +1,10 @@
 """Changes of a graft: another part of a clip for a group, from one frame to another."""
 
-import fnmatch
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
 
+from mograft._util.names import find_matches
 from mograft._util.validate import as_integer
 from mograft.errors import join_names, suggest_name
 from mograft.library.library import Library
@@ -148,7 +148,7 @@ def _choose(
     if isinstance(donor, tuple):
         return _exact_span(library, frames, donor)
     if donor is not None:
-        within = [(clip, None) for clip in _find_clips(library, donor)]
+        within = [(clip, None) for clip in find_matches("donor", donor, library.names)]
     spans = find_donor_spans(problem, motion, group, frames, within)
     hard = [own for own in problem.pose_constraints if own.is_hard]
     if not hard:
@@ -175,7 +175,7 @@ def _choose(
 
 def _exact_span(library: Library, frames: Span, donor: tuple[str, int, int]) -> DonorSpan:
     """Return the span of `donor`, a clip with its first and last frame."""
-    (clip,) = _find_clips(library, donor[0])[:1]
+    clip = find_matches("donor", donor[0], library.names)[0]
     first, last = as_span("donor", donor[1:])
     n_frames = library.clips[clip].n_frames
     if not first < last < n_frames:
@@ -190,16 +190,3 @@ def _exact_span(library: Library, frames: Span, donor: tuple[str, int, int]) -> 
             f"{frames[0]}-{frames[1]}, got {first}-{last}"
         )
     return DonorSpan(clip, first, last)
-
-
-def _find_clips(library: Library, pattern: str) -> list[int]:
-    """Return the indices of the clips with a name; patterns such as ``walk*`` are accepted."""
-    names = library.names
-    found = [names.index(pattern)] if pattern in names else []
-    found = found or [i for i, name in enumerate(names) if fnmatch.fnmatchcase(name, pattern)]
-    if not found:
-        raise ValueError(
-            f"`donor` must be from a clip among {join_names(names)}; got {pattern!r}"
-            f"{suggest_name(pattern, names)}"
-        )
-    return found

@@ -1,8 +1,6 @@
 """`GraftRecord`: provenance as read from a JSON document; the library and files that it names."""
 
 import glob
-import os
-import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
@@ -14,9 +12,15 @@ from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.errors import DAMAGE, LibraryError, ProvenanceError, join_names
 from mograft.io.bvh.writer import check_digits
-from mograft.io.formats import join_address, read_clip, split_address
+from mograft.io.formats import find_format, join_address, open_clips, read_clip, split_address
 from mograft.library.clip_table import skeleton_from_json
-from mograft.library.discover import SourceFile, belongs_to_other_motion, scan_folder
+from mograft.library.discover import (
+    SourceFile,
+    has_provenance,
+    holds_graft,
+    scan_folder,
+    warn_of_other_motion,
+)
 from mograft.library.ingest_run import IngestOptions
 from mograft.library.library import Library
 from mograft.library.origin import (
@@ -27,7 +31,7 @@ from mograft.library.origin import (
     is_mirrored,
     n_library_clips,
 )
-from mograft.provenance.document import SCHEMA, SEVERAL_SCHEMA
+from mograft.provenance.document import SCHEMA
 from mograft.search.constraints import Span
 
 T = TypeVar("T")
@@ -89,6 +93,7 @@ class GraftRecord:
 
     label: str  # the file, for messages
     folder: Path  # to which paths are relative
+    file: Path | None  # the file of the graft, if it holds the provenance
     document: Mapping[str, Any]
     name: str
     base: str
@@ -109,65 +114,66 @@ class GraftRecord:
 def read_record(source: str | PathLike[str] | Mapping[str, Any]) -> GraftRecord:
     """Read the provenance of a graft from a file, or from a document as `Graft.as_dict` returns it.
 
-    Of a file with the provenance of several grafts, ``path#NAME`` names one. Raise ProvenanceError
-    if it is not the provenance of a graft or is damaged, and OSError if the file cannot be read.
+    Of a file of several grafts, ``path#NAME`` names one. Raise ProvenanceError if it is not the
+    provenance of a graft or is damaged, and OSError if the file cannot be read.
     """
     if isinstance(source, Mapping):
         return _parse(source, "document", Path())
-    address, _, name = fspath(source).rpartition("#")
-    if not address or os.path.exists(source):
-        address, name = fspath(source), ""
-    path = Path(address)
-    grafts, motion = _read_documents(path)
-    if motion is not None:
-        warnings.warn(f"{path} belongs to another motion than {motion.name}", stacklevel=2)
-    names = [str(own.get("name")) for own in grafts]
-    if names.count(name) != 1 if name else len(grafts) > 1:
-        raise ProvenanceError(
-            f"{path}: expected a graft, as in {path}#{names[0]}, got {name or 'none'}"
-        )
-    return _parse(grafts[names.index(name) if name else 0], address, path.parent)
+    path, name = split_address(fspath(source))
+    file = Path(path)
+    if find_format(file).name not in ("glTF", "NPZ"):
+        is_motion = file.suffix.lower() != ".json" and has_provenance(file)
+        file = file.with_suffix(".json") if is_motion else file
+        document = _load(file.read_bytes(), str(file))
+        if isinstance(document, Mapping):
+            warn_of_other_motion(document, file)
+        return _parse(document, str(file), file.parent)
+    grafts = open_clips(path).grafts
+    if name not in grafts and (name is not None or len(grafts) != 1):
+        known = f"a graft, as in {path}#{next(iter(grafts))}" if grafts else "a graft"
+        raise ProvenanceError(f"{path}: expected {known}, got {name or 'none'}")
+    return _held_record(file, name or next(iter(grafts)))
 
 
 def read_clip_record(path: Path, clip: str | None) -> GraftRecord | None:
-    """Read the provenance beside a motion file; None if the clip of the file is not a graft.
+    """Read the provenance of the clip of a motion file; None if the clip is not a graft.
 
-    `clip` is None for the only clip. Raises as `read_record`, and ProvenanceError if the provenance
-    belongs to another motion.
+    `clip` is None for the only clip. If the provenance belongs to another motion, warn and return
+    None. Raises as `read_record`.
     """
+    address = join_address(str(path), clip)
+    if holds_graft(address):
+        return _held_record(path, clip or open_clips(str(path)).names[0])
+    if not has_provenance(path):
+        return None
     source = path.with_suffix(".json")
-    documents, other = _read_documents(source, path.suffix)
-    if other is not None:
-        raise ProvenanceError(f"{source} belongs to another motion than {path.name}")
-    for document in documents:
-        if clip is None or document.get("animation", clip) == clip:
-            return _parse(document, str(source), source.parent)
-    return None
+    document = _load(source.read_bytes(), str(source))
+    return (
+        None
+        if warn_of_other_motion(document, source)
+        else _parse(document, str(source), source.parent)
+    )
 
 
-def _read_documents(path: Path, *suffixes: str) -> tuple[list[Mapping[str, Any]], Path | None]:
-    """Return the documents of all grafts in a file, at least one object, and another's motion.
+def _held_record(path: Path, name: str) -> GraftRecord:
+    """Read the provenance that a file holds of the graft with this name."""
+    label = f"{path}#{name}"
+    return _parse(_load(open_clips(str(path)).grafts[name], label), label, path.parent, path)
 
-    That is a motion file beside it with one of `suffixes`, by default any, to which the file does
-    not belong; None if there is none, or if the file belongs to one of them.
-    """
+
+def _load(text: str | bytes, label: str) -> Any:  # noqa: ANN401 - of JSON
     try:
-        document = parse_document(path.read_bytes())
+        return parse_document(text)
     except ValueError as error:
-        raise ProvenanceError(f"{path}: not a JSON document: {error}") from None
-    grafts, other = [document], None
-    if isinstance(document, Mapping):
-        motions = [path.with_suffix(own) for own in suffixes or (".bvh", ".glb", ".npz")]
-        is_other = {own: belongs_to_other_motion(document, own) for own in motions if own.is_file()}
-        other = next(iter(is_other), None) if all(is_other.values()) else None
-    if isinstance(document, Mapping) and document.get("schema") == SEVERAL_SCHEMA:
-        grafts = document.get("grafts", [])
-    if not isinstance(grafts, list) or not grafts:
-        raise ProvenanceError(f"{path}: damaged: `grafts` must be a list of objects")
-    return [own if isinstance(own, Mapping) else {} for own in grafts], other
+        raise ProvenanceError(f"{label}: not a JSON document: {error}") from None
 
 
-def _parse(document: Any, label: str, folder: Path) -> GraftRecord:  # noqa: ANN401 - of JSON
+def _parse(
+    document: Any,  # noqa: ANN401 - of JSON
+    label: str,
+    folder: Path,
+    file: Path | None = None,
+) -> GraftRecord:
     schema = document.get("schema") if isinstance(document, Mapping) else None
     if schema != SCHEMA:
         raise ProvenanceError(
@@ -177,6 +183,7 @@ def _parse(document: Any, label: str, folder: Path) -> GraftRecord:  # noqa: ANN
         record = GraftRecord(
             label=label,
             folder=folder,
+            file=file,
             document=document,
             name=str(document["name"]),
             base=str(document["base"]),
@@ -290,11 +297,12 @@ def find_whole_library(record: GraftRecord, sources: Sequence[str]) -> Library:
         "hierarchy": origin.hierarchy,
         "skeleton": origin.rest,
     }
-    library = Library.build(names, record.groups, record.config, **options)
-    if hash_library(library) != origin.sha256 and any(Path(name).is_dir() for name in names):
+    strict = not any(Path(name).is_dir() for name in names)
+    library = Library.build(names, record.groups, record.config, strict=strict, **options)
+    if hash_library(library) != origin.sha256 and not strict:
         # The graft may have been made with --include-grafts.
         options["include_grafts"] = True
-        library = Library.build(names, record.groups, record.config, **options)
+        library = Library.build(names, record.groups, record.config, strict=strict, **options)
     return _prepare_library(record, library, f"the library of {join_names(names)}")
 
 
@@ -362,7 +370,7 @@ def _find_file(record: GraftRecord, clip: ClipRecord, sources: Iterable[str]) ->
     for path in _possible_paths(record, clip.file, sources):
         if not path.is_file():
             continue
-        found = SourceFile.from_path(str(path)).sha256
+        found = SourceFile.from_path(str(path), clip.clip).sha256
         if found == clip.sha256:
             return str(path)
         changed = changed or f"{path} has changed: SHA-256 {found}, expected {clip.sha256}"
@@ -371,6 +379,8 @@ def _find_file(record: GraftRecord, clip: ClipRecord, sources: Iterable[str]) ->
 
 def _possible_paths(record: GraftRecord, file: str, sources: Iterable[str]) -> Iterable[Path]:
     yield record.folder / file
+    if record.file is not None:  # a copy of the file, which has its clips
+        yield record.file
     name = Path(file).name
     for address in [*sources, *record.sources]:
         source, _ = split_address(address)

@@ -10,6 +10,7 @@ import numpy as np
 
 from mograft._util.validate import check_type
 from mograft.blend.reach_completion import ReachCompletion
+from mograft.config import Config
 from mograft.errors import DAMAGE, ProvenanceError
 from mograft.io.formats import read_clip
 from mograft.library.library import Library
@@ -43,6 +44,7 @@ def replay(
     library: Library | None = None,
     *,
     sources: Sequence[str] = (),
+    config: Config | None = None,
 ) -> Graft:
     """Make a graft again from its provenance, bit for bit.
 
@@ -59,6 +61,9 @@ def replay(
     sources : sequence of str
         Files and folders. The files of clips that are not at the path in the provenance are
         searched for among them.
+    config : Config, optional
+        The configuration of the graft with other fields of the stage "blend": the same donors, with
+        other seams, feet and limbs. Default: the recorded configuration.
 
     Returns
     -------
@@ -68,6 +73,8 @@ def replay(
 
     Raises
     ------
+    ValueError
+        If `config` differs in other fields.
     ProvenanceError
         If the provenance is damaged or of another schema; if the library or a file is missing or
         has another SHA-256; if the motion differs from that of the provenance, because another
@@ -87,6 +94,16 @@ def replay(
     record = read_record(source)
     if library is not None:
         check_type("library", library, Library)
+    if config is not None:
+        fixed = [
+            name
+            for stage, names in record.config.changed_fields(config).items()
+            for name in names
+            if stage != "blend"
+        ]
+        if fixed:
+            raise ValueError(f"`config` must differ in fields of blending only, got {fixed[0]}")
+        record = replace(record, config=config)
     try:
         return _replay(record, library, sources)
     except ProvenanceError:
@@ -103,15 +120,18 @@ def _replay(record: GraftRecord, library: Library | None, sources: Sequence[str]
     plan = GraftPlan.build(recorded.library, recorded.base, groups, (), scenario)
     versions = _find_versions(record, recorded, plan)
     request = _read_request(record, sources)
-    graft = _finish_versions(record, plan, versions, request.constraints)
+    is_same = Config.from_dict(record.document["config"]) == record.config
+    graft = _finish_versions(record, plan, versions, request.constraints, is_same=is_same)
     graft = apply_changes(graft, plan.problem, _read_changes(record, plan))
     expected, found = record.document["poses_sha256"], hash_poses(graft.motion)
-    if expected != found:
+    if is_same and expected != found:
         raise record.error(
             f"the motion differs from that of the provenance: SHA-256 of its poses {found}, "
             f"expected {expected}; another version of mograft made it"
         )
     request = replace(request, scenario=plan.scenario)
+    if not is_same:
+        return replace(graft, request=request)
     if graft.unchanged is not None:
         graft = replace(graft, unchanged=_with_recorded(graft.unchanged, record, request))
     return _with_recorded(graft, record, request)
@@ -183,25 +203,30 @@ def _finish_versions(
     plan: GraftPlan,
     versions: Sequence[DonorSequences],
     constraints: Sequence[Constraint],
+    *,
+    is_same: bool,
 ) -> Graft:
     """Return the graft of the last donors; the edits are made one after the other.
 
-    In each version, inverse kinematics moves only the limbs that it moved according to `record`.
+    In each version, inverse kinematics moves only the limbs that it moved according to `record`, if
+    the configuration `is_same`.
     """
     document, seed = record.document, int(record.document["seed"])
-    completions = [_read_completions(own, constraints) for own in document["edits"]]
-    completions.append(_read_completions(document, constraints))
+    recorded = [_read_completions(own, constraints) for own in [*document["edits"], document]]
+    every = [own for own in constraints if type(own) is Reach and own.weight != 0]
+    completions: list[tuple[ReachCompletion, ...]] = []
     graft: Graft | None = None
-    for index, (donors, found) in enumerate(zip(versions, completions, strict=True)):
+    for index, (donors, found) in enumerate(zip(versions, recorded, strict=True)):
         assembly = Assembly.build(plan.problem, donors, record.name)
-        steps = versions[max(index - 1, 0)], donors
-        adjust = None
+        reaches, adjust = [own.reach for own in found] if is_same else every, None
         if graft is not None:
-            known = [own.reach for own in completions[index - 1]]
-            added = [own.reach for own in found if not any(own.reach is old for old in known)]
+            known = [own.reach for own in completions[-1]]
+            added = [own for own in reaches if not any(own is old for old in known)]
+            steps = versions[index - 1], donors
             adjust = partial(splice_versions, plan.problem, *steps, graft.motion, reaches=added)
-        moved = [own.reach for own in found if own.is_moved]
+        moved = [own.reach for own in found if own.is_moved] if is_same else every
         graft = finish_graft(plan.problem, assembly, seed, index, adjust, moved)
+        completions.append(found if is_same else graft.reach_completions)
     assert graft is not None
     return replace(
         graft,
@@ -250,6 +275,7 @@ def _with_recorded(graft: Graft, record: GraftRecord, request: GraftRequest) -> 
             _read_violation(own, request.constraints) for own in document["violations"]
         ),
         self_repairs=tuple(_read_repair(own) for own in document["self_repair"]),
+        remarks=tuple(map(str, document["remarks"])),
         request=request,
     )
 

@@ -1,26 +1,33 @@
 """Write motions and grafts to files, and beside grafts their provenance."""
 
+import json
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
-from mograft._util.atomic import atomic_paths, write_json
+from mograft._util.atomic import atomic_path, write_bytes, write_json
+from mograft._util.signals import delay_signals
 from mograft._util.validate import check_type
 from mograft.errors import suggest_name
 from mograft.io.bvh.writer import check_digits, write_bvh
+from mograft.io.character import open_character
 from mograft.io.csv import write_csv
-from mograft.io.glb import write_glb
+from mograft.io.formats import open_clips
+from mograft.io.glb import Json, bone_figure, write_glb
 from mograft.io.gltf.document import GltfFile, read_gltf_file
-from mograft.io.gltf.writer import Addition, append_animations, has_duration
+from mograft.io.gltf.grafts import find_original, provenance, with_provenance
+from mograft.io.gltf.writer import Addition, append_animations, fit_motion, has_duration
 from mograft.io.npz import write_npz
 from mograft.io.smpl.amass import write_amass
 from mograft.io.usd import write_usd
-from mograft.library.discover import MOTION_HASH, SourceFile, hash_file
+from mograft.library.discover import MOTION_HASH, SourceFile
 from mograft.library.origin import find_clip_origin
 from mograft.motion.motion import Motion
-from mograft.provenance.document import SEVERAL_SCHEMA, graft_record
+from mograft.provenance.document import graft_record, move_record
 from mograft.synthesis.graft_result import Graft
 
 WRITERS: dict[str, Callable[[Motion, Path], object]] = {
@@ -36,10 +43,7 @@ WRITERS: dict[str, Callable[[Motion, Path], object]] = {
 
 Sections = Mapping[str, Any]
 
-_COPIED_FORMATS = {".glb": "glTF", ".npz": "AMASS"}
-"""By ending, the format of the file of a base of which the file of a graft is a copy."""
-
-MOTION_SUFFIXES = (".bvh", *_COPIED_FORMATS)
+MOTION_SUFFIXES = (".bvh", ".glb", ".npz")
 """Endings of the names of files that hold the motions of grafts."""
 
 
@@ -49,9 +53,7 @@ def write(item: Motion | Graft, path: str | PathLike[str], *, force: bool = Fals
     Parameters
     ----------
     item : Motion or Graft
-        The motion, or a graft. Beside the ``.bvh`` file of a graft, and beside its ``.glb`` or
-        ``.npz`` file if the base came from such a file, stands its provenance, `NAME.json`; see
-        `write_graft`.
+        The motion, or a graft, whose provenance is also written; see `write_graft`.
     path : path
         The file: ``.bvh``, ``.glb``, ``.npz``, ``.csv``, ``.usd``, ``.usda`` or ``.usdc``.
     force : bool
@@ -90,17 +92,19 @@ def write(item: Motion | Graft, path: str | PathLike[str], *, force: bool = Fals
     if ending not in WRITERS:
         hint = suggest_name(ending, WRITERS)
         raise ValueError(f"`path` must end with {', '.join(WRITERS)}, got {target.name}{hint}")
-    form = _COPIED_FORMATS.get(ending)
-    has_provenance = isinstance(item, Graft) and (
-        ending == ".bvh" or _base_file(item, form) is not None
-    )
-    for file in [target, target.with_suffix(".json")] if has_provenance else [target]:
+    for file in files_of_graft(target) if isinstance(item, Graft) else [target]:
         if file.exists() and not force:
             raise FileExistsError(f"{file} exists: use another name, or force=True to replace it")
-    if isinstance(item, Graft) and has_provenance:
+    if isinstance(item, Graft) and ending in MOTION_SUFFIXES:
         write_graft(item, target)
     else:
         WRITERS[ending](item.motion if isinstance(item, Graft) else item, target)
+
+
+def files_of_graft(path: Path) -> list[Path]:
+    """Return the files that `write_graft` writes: a ``.glb`` file holds the provenance."""
+    is_beside = path.suffix.lower() in (".bvh", ".npz")
+    return [path, path.with_suffix(".json")] if is_beside else [path]
 
 
 def write_graft(
@@ -109,33 +113,45 @@ def write_graft(
     sections: Sections | Sequence[Sections] | None = None,
     *,
     digits: int | None = None,
+    update: bool = False,
+    force: bool = False,
 ) -> None:
-    """Write the motion of a graft, and a file with the provenance from which `replay` remakes it.
+    """Write the motions of grafts, and the provenance from which `replay` remakes them.
 
-    A ``.glb`` file is a copy of the glTF file of the base to which the motion is added; see
-    `write_glb_animations`. An ``.npz`` file is a copy of the AMASS file of the base with
-    this motion in place of the base's; see `write_amass`.
+    A ``.glb`` file is a copy of the glTF or FBX file of the bases, to which the motions are added
+    as animations; see `write_glb_animations`. Without such a file, it shows bones. The provenance
+    is in ``extras`` of the animations. An ``.npz`` file has the arrays of `write_npz`, which
+    include the provenance. For one graft with a base from AMASS, it is a copy of the file of the
+    base with this motion in place of the base's; see `write_amass`.
 
     Parameters
     ----------
     graft : Graft or sequence of Graft
-        The graft; for a ``.glb`` file also several grafts with bases from one file.
+        The graft; for a ``.glb`` or ``.npz`` file also several grafts.
     path : path
-        The ``.bvh``, ``.glb`` or ``.npz`` file. The provenance has the same name with the ending
-        ``.json``. Existing files are overwritten.
+        The ``.bvh``, ``.glb`` or ``.npz`` file. Existing files are overwritten. The provenance of a
+        ``.bvh`` file and of a copy of an AMASS file has the same name with the ending ``.json``.
     sections : mapping of str to JSON values, or a sequence of them, optional
         Further keys of the provenance of each graft, such as measures of the motion.
     digits : int, optional
         Decimals of computed angles in a ``.bvh`` file; see `write_bvh`. The provenance contains it.
+    update : bool
+        Whether to add the animations to an existing ``.glb`` file. An animation takes the place of
+        a graft with its name, and all other content of the file stays as it is.
+    force : bool
+        With `update`, whether to replace also an animation that is not a graft.
 
     Raises
     ------
     ValueError
         If `path` has another ending; if `digits` is not an integer from 1 to 12; if there is no
-        graft, or several and `path` is not a ``.glb`` file; or if `path` is a ``.glb`` or ``.npz``
-        file, and the bases are not from one glTF or AMASS file.
+        graft, or several for a ``.bvh`` file; or if the bases are from several glTF or FBX files.
+    FileExistsError
+        If an animation with the name of a graft is not a graft, and `force` is false.
+    SkeletonMismatchError
+        If the motion has other joints or another rest pose than the file of `update`.
     OSError
-        If a file cannot be written, or the glTF file cannot be read.
+        If a file cannot be read or written.
 
     Examples
     --------
@@ -148,92 +164,172 @@ def write_graft(
     ...     mg.replay(f"{folder}/new.json", library)
     Graft(dance_graft0: 195 of 197 parts exchanged)
     """
-    target = Path(fspath(path))
-    digits = None if digits is None else check_digits(digits)
     grafts = [graft] if isinstance(graft, Graft) else list(graft)
+    digits = None if digits is None else check_digits(digits)
+    write_grafts(grafts, Path(fspath(path)), sections, digits=digits, update=update, force=force)
+
+
+def write_grafts(
+    grafts: Sequence[Graft],
+    target: Path,
+    sections: Sections | Sequence[Sections] | None = None,
+    *,
+    digits: int | None = None,
+    update: bool = False,
+    force: bool = False,
+) -> tuple[str, ...]:
+    """Write grafts as `write_graft` does; return the names that the motions have in the file."""
     for own in grafts:
         check_type("graft", own, Graft)
     suffix = target.suffix.lower()
     if suffix not in MOTION_SUFFIXES:
         raise ValueError(f"`path` must end with {', '.join(MOTION_SUFFIXES)}, got {target.name}")
-    is_glb, n = suffix == ".glb", len(grafts)
-    if n != 1 and not (is_glb and grafts):
-        raise ValueError(f"`graft` must be one graft, for a .glb file one or more, got {n}")
+    n = len(grafts)
+    if n != 1 and (suffix == ".bvh" or not grafts):
+        raise ValueError(f"`graft` must be one graft, for .glb and .npz one or more, got {n}")
+    if update and suffix != ".glb":
+        raise ValueError(f"`path` must be a .glb file with `update`, got {target.name}")
     if sections is None or isinstance(sections, Mapping):
         sections = [sections or {}] * len(grafts)
     documents = [
         {"mograft": VERSION, **graft_record(own, target.parent), "digits": digits, **extra}
         for own, extra in zip(grafts, sections, strict=True)
     ]
-    files = [] if suffix == ".bvh" else [_copied_file(own, target) for own in grafts]
-    if is_glb:
-        names, data = _add_animations(grafts, files, target)
-        documents = [{**own, "animation": name} for own, name in zip(documents, names, strict=True)]
-    several = {"schema": SEVERAL_SCHEMA, "mograft": VERSION, "grafts": documents}
+    texts = [json.dumps(own) for own in documents]
+    if suffix == ".glb":
+        file = read_gltf_file(target) if update else _find_character(grafts, target)
+        if update and not force:
+            _refuse_captured(file, grafts)
+        file = _move_provenance(file, target.parent)
+        pairs = zip(grafts, texts, strict=True)
+        additions = [_addition(file, *pair, is_copy=not update) for pair in pairs]
+        names, data = append_animations(file, additions, is_update=update)
+        write_bytes(target, data)
+        return names
+    like = _base_file(grafts[0], "AMASS") if suffix == ".npz" and n == 1 else None
+    if suffix == ".npz" and like is None:
+        write_npz([own.motion for own in grafts], target, provenance=texts)
+        return tuple(own.motion.name for own in grafts)
     # The provenance comes first: an interruption then leaves no motion without it.
-    with atomic_paths(target.with_suffix(".json"), target) as (record, draft):
-        if is_glb:
-            draft.write_bytes(data)
-        elif files:
-            write_amass(grafts[0].motion, draft, like=files[0])
+    with delay_signals(), atomic_path(target) as draft:
+        if like is not None:
+            write_amass(grafts[0].motion, draft, like=like.path)
         else:
-            with draft.open("xb") as stream:
-                write_bvh(grafts[0].motion, stream, digits=digits)
-        document = documents[0] if len(documents) == 1 else several
-        write_json(record, {**document, MOTION_HASH: hash_file(draft)})
+            write_bvh(grafts[0].motion, draft, digits=digits)
+        known = {MOTION_HASH: SourceFile.from_path(str(draft)).sha256}
+        write_json(target.with_suffix(".json"), {**documents[0], **known})
+    return (grafts[0].motion.name,)
 
 
-def _copied_file(graft: Graft, target: Path) -> str:
-    """Return the file of the base that `target` copies; raise ValueError if there is none."""
-    ending = target.suffix.lower()
-    form = _COPIED_FORMATS[ending]
-    file = _base_file(graft, form)
-    if file is None:
-        raise ValueError(
-            f"{target.name} must be a .bvh file: the base {graft.base.name} is not from {form}; to "
-            f"write a new {ending} file, use mograft export"
-        )
-    return file.path
+def _find_character(grafts: Sequence[Graft], target: Path) -> GltfFile:
+    """Return the file to which animations are added: that of the bases, or their bones.
 
-
-def _add_animations(
-    grafts: Sequence[Graft], files: Sequence[str], path: Path
-) -> tuple[tuple[str, ...], bytes]:
-    """Return the names of the animations of grafts, and the copy of a file that has them.
-
-    `files` are the glTF files of the bases; `path` is the one to write. Joints that a graft does
-    not change keep the tracks of its base, if the base is a clip of the file. Raises ValueError if
-    the bases are not from one file.
+    `target` is the file to write. Raises ValueError if the bases are from several files.
     """
-    paths = list(dict.fromkeys(files))
+    files = [_base_file(own, "glTF", "FBX") for own in grafts]
+    paths = list(dict.fromkeys(own.path for own in files if own is not None))
     if len(paths) > 1:
         found = ", ".join(paths)
-        raise ValueError(f"all bases must be from one glTF file for {path.name}, got {found}")
-    source = read_gltf_file(Path(paths[0]))
-    return append_animations(source, [_addition(source, graft) for graft in grafts])
+        raise ValueError(f"all bases must be from one glTF file for {target.name}, got {found}")
+    if files[0] is not None and files[0].format == "glTF":
+        return read_gltf_file(Path(paths[0]))
+    figure = open_character(Path(paths[0])) if paths else None
+    return figure or read_gltf_file(target, bone_figure(grafts[0].base))
 
 
-def _base_file(graft: Graft, form: str | None) -> SourceFile | None:
-    """Return the first file of a format from which a base was read; None without one."""
+def _refuse_captured(file: GltfFile, grafts: Sequence[Graft]) -> None:
+    """Raise FileExistsError if an animation with the name of a graft is not a graft."""
+    animations = file.container.items("animations")
+    captured = [own.get("name") for own in animations if provenance(own) is None]
+    for graft in grafts:
+        if graft.motion.name in captured:
+            raise FileExistsError(
+                f"{file.container.path} has an animation {graft.motion.name} that mograft did not "
+                "write; choose another name (--as), or replace it with --force (force=True)"
+            )
+
+
+def _addition(file: GltfFile, graft: Graft, text: str, *, is_copy: bool) -> Addition:
+    """Return the motion of a graft, with its base if this is the motion of a clip of the file."""
+    origin = find_clip_origin(graft.library, _base_clips(graft)[0])
+    source, base, clip = origin.source_file, graft.base, None
+    is_own = source is not None and find_original(file.container).sha256 == source.sha256
+    is_same = is_own or (is_copy and source is not None and source.format == "FBX")
+    if source is not None and is_same and not (graft.scenario or origin.is_mirrored):
+        clip = _find_clip(file, source.clip)
+    motion = graft.motion if is_own else fit_motion(file, graft.motion)
+    # A base whose frame rate was corrected has another duration than the clip.
+    if clip is None or not has_duration(file, clip, base):
+        return Addition(motion, provenance=text)
+    return Addition(motion, base if is_own else fit_motion(file, base), clip, text)
+
+
+def _find_clip(file: GltfFile, name: str | None) -> int:
+    """Return the index of a clip of a file; without a name, that of the only captured one."""
+    items = [file.container.items("animations")[index] for index in file.animations]
+    return file.clip_names.index(name) if name else [*map(provenance, items)].index(None)
+
+
+def write_character(
+    character: GltfFile, motions: Sequence[Motion], path: Path, *, keeps_animations: bool
+) -> None:
+    """Write a character with motions as animations, and with its own if `keeps_animations`.
+
+    A motion of the file of the character keeps its tracks. Raises SkeletonMismatchError if a motion
+    has other joints or another rest pose than the character, and OSError if the file cannot be
+    written.
+    """
+    file = _move_provenance(character, path.parent)
+    additions = []
+    for motion in motions:
+        fitted, name = fit_motion(file, motion), motion.clip or motion.name
+        is_own = motion.path == file.container.path and name in file.clip_names
+        clip = file.clip_names.index(name) if is_own else None
+        text = _find_provenance(motion, path.parent)
+        is_kept = clip is not None and has_duration(file, clip, motion)
+        base, clip = (fitted, clip) if is_kept else (None, None)
+        additions.append(Addition(fitted, base, clip, text))
+    kept: list[Json] | None = None if keeps_animations else []
+    write_bytes(path, append_animations(file, additions, kept=kept)[1])
+
+
+def _find_provenance(motion: Motion, folder: Path) -> str | None:
+    """Return the provenance that the file of a motion has, with paths relative to a folder."""
+    clips = None if motion.path is None else open_clips(str(motion.path))
+    name = motion.clip or (clips.names[0] if clips else "")
+    text = None if clips is None else clips.grafts.get(name)
+    return None if clips is None or text is None else _move(text, clips.path.parent, folder)
+
+
+def _move(text: str, old: Path, new: Path) -> str:
+    """Return provenance with paths relative to another folder; damaged one unchanged."""
+    with suppress(ValueError, RecursionError):
+        return json.dumps(move_record(json.loads(text), old, new))
+    return text
+
+
+def _move_provenance(file: GltfFile, folder: Path) -> GltfFile:
+    """Return a file in which the provenance of grafts has paths relative to another folder."""
+    old = file.container.path.parent
+    if old.resolve() == folder.resolve():
+        return file
+
+    animations = [
+        with_provenance(own, _move(text, old, folder)) if (text := provenance(own)) else own
+        for own in file.container.items("animations")
+    ]
+    document = {**file.container.document, "animations": animations}
+    return replace(file, container=replace(file.container, document=document))
+
+
+def _base_file(graft: Graft, *formats: str) -> SourceFile | None:
+    """Return the first file of some formats from which a base was read; None without one."""
     origins = (find_clip_origin(graft.library, clip) for clip in _base_clips(graft))
     files = (origin.source_file for origin in origins)
-    return next((file for file in files if file is not None and file.format == form), None)
+    return next((file for file in files if file is not None and file.format in formats), None)
 
 
 def _base_clips(graft: Graft) -> list[int]:
     """Return the clips of the base segments in the order of the motion, each once."""
     clips = graft.library.segments.clip[[own.segment for own in graft.substitutions]]
     return list(dict.fromkeys(clips.tolist()))
-
-
-def _addition(file: GltfFile, graft: Graft) -> Addition:
-    """Return the motion of a graft, with its base if this is the motion of a clip of the file."""
-    origin = find_clip_origin(graft.library, _base_clips(graft)[0])
-    source = origin.source_file
-    if graft.scenario or origin.is_mirrored or source is None:
-        return Addition(graft.motion)
-    clip = 0 if source.clip is None else file.clip_names.index(source.clip)
-    # A base whose frame rate was corrected has another duration than the clip.
-    if not has_duration(file, clip, graft.base):
-        return Addition(graft.motion)
-    return Addition(graft.motion, graft.base, clip)

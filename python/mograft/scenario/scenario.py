@@ -13,7 +13,6 @@ from mograft.blend.recombine import recombine
 from mograft.blend.rigid_alignment import RootTransforms
 from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.body.contacts import detect_contacts, find_legs, foot_heights
-from mograft.body.size import resize
 from mograft.library.library import Library
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -57,8 +56,8 @@ class Scenario:
         segments = as_indices("segments", self.segments, ("n",)).copy()
         if not len(segments):
             raise ValueError("`segments` must contain at least one segment, got none")
-        fields: dict[str, object] = {"segments": segments}
-        fields["turn"] = float(as_floats("turn", self.turn, ()))
+        turn = float(as_floats("turn", self.turn, ()))
+        fields: dict[str, object] = {"segments": segments, "turn": turn}
         if self.lengths is not None:
             lengths = as_indices("lengths", self.lengths, (len(segments),)).copy()
             if (lengths < 1).any():
@@ -155,17 +154,15 @@ class RepeatedRuns:
 
     def lengths_before(self) -> dict[int, int]:
         """Return the items that would extend a repeated run, with the length of the longest one."""
-        lengths: dict[int, int] = {}
-        for position, length in self._runs.items():
-            item = self._items[position + 1]
-            lengths[item] = max(length, lengths.get(item, 0))
-        return lengths
+        # Of equal items the last one stays: that of the longest run.
+        runs = sorted(self._runs.items(), key=lambda run: run[1])
+        return {self._items[position + 1]: length for position, length in runs}
 
 
 def realize_scenario(library: Library, scenario: Scenario) -> tuple[Motion, Segments]:
     """Return the motion of a scenario, and the frames of its segments in this motion.
 
-    The figure has the size of the library's skeleton. Gaps at seams are closed. Feet are planted
+    The figure is that of the first segment's clip. Gaps at seams are closed. Feet are planted
     unless `Config.feet` is "never".
     """
     donors = library.segments[scenario.segments]
@@ -174,7 +171,7 @@ def realize_scenario(library: Library, scenario: Scenario) -> tuple[Motion, Segm
     cut = Segments(np.concatenate([[0], stops[:-1]]), stops)
     # Clips of a stored library are read on access: each is read once.
     used, index = np.unique(donors.clip, return_inverse=True)
-    clips = [resize(library.clips[int(clip)], library.skeleton) for clip in used]
+    clips = [library.clips[int(clip)] for clip in used]
     donors = replace(donors, clip=index)
     base = _still(clips[index[0]], int(donors.start[0]), int(stops[-1]) + 1)
     if scenario.place is not None or scenario.turn:

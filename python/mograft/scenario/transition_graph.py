@@ -2,13 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft._util.names import as_words
-from mograft.errors import join_names, suggest_name
+from mograft._util.names import as_words, find_matches
 from mograft.library.library import Library
 from mograft.motion import rotations
 from mograft.scenario.segment_ends import SegmentEnds, segment_ends, transition_costs
@@ -185,14 +183,7 @@ def _donor_segments(library: Library, clips: Sequence[str] | str | None) -> IntA
     if clips is not None:
         words, names = as_words("clips", clips), library.names
         is_named = np.zeros(len(names), bool)
-        for pattern in [words] if isinstance(words, str) else list(words):
-            matches = [fnmatchcase(name, pattern) or name == pattern for name in names]
-            if not any(matches):
-                raise ValueError(
-                    f"`clips` must match at least one of {join_names(names)}; got {pattern!r}"
-                    f"{suggest_name(pattern, names)}"
-                )
-            is_named |= matches
+        is_named[find_matches("clips", words, names)] = True
         segments = segments[is_named[library.segments.clip[segments]]]
     if not len(segments):
         subject = "the library" if clips is None else "`clips`"

@@ -377,8 +377,7 @@ class _WalkPath:
 
     def _repeated_lengths(self, targets: IntArray) -> FloatArray:
         """Return, for each target, the length in frames of the repeated run that it leads to."""
-        before = self._runs.lengths_before()
-        lengths = []
+        before, lengths = self._runs.lengths_before(), []
         for target in targets.tolist():
             node = target
             while not self._uses[node] and self._only_next[node] >= 0:

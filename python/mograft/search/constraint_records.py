@@ -15,7 +15,7 @@ _KINDS: Mapping[str, type] = {
     for module, names in (
         (donor_constraints, "Ban KeepOriginal MaxAngle MaxStretch NotFrom OnlyFrom Use"),
         (obstacles, "Box Capsule Character HalfSpace Sphere"),
-        (pose_constraints, "Avoid AvoidSelf Face KeepOut Reach"),
+        (pose_constraints, "Avoid AvoidSelf Face FigurePosition KeepOut Reach"),
     )
     for name in names.split()
 }

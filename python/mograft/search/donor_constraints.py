@@ -1,16 +1,15 @@
 """Constraints on donors and seams: source clip, stretch and seam angle."""
 
-import fnmatch
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray
-from mograft._util.names import as_words
+from mograft._util.names import as_words, find_matches
 from mograft._util.validate import as_integer, check_not_negative, check_positive, is_integer
 from mograft.config import Config
-from mograft.errors import join_names, suggest_name
+from mograft.errors import join_names
 from mograft.motion.segments import Segments
 from mograft.search.constraints import (
     Clip,
@@ -22,6 +21,7 @@ from mograft.search.constraints import (
     overlaps,
 )
 
+_NO_TAG = "empty, because no clip has a tag: mograft index --tags TABLE.csv gives them"
 _NO_DONOR = "`donor` must be a segment index or (clip, first frame, last frame), got {!r}"
 
 
@@ -92,28 +92,31 @@ class _ClipConstraint(Constraint):
 
         If not `whole`, a donor that overlaps the selected frames is selected, too.
         """
-        names = [clip.name for clip in clips]
-        selected = np.zeros(len(clips), bool)
-        for pattern in _as_names(self.clips):
-            matches = [fnmatch.fnmatchcase(name, pattern) for name in names]
-            if not any(matches):
-                hint = suggest_name(pattern, names)
-                listed = join_names(names)
-                raise ValueError(
-                    f"`clips` must match at least one of {listed}; got {pattern!r}{hint}"
-                )
-            selected |= matches
-        for tag in _as_names(self.tags):
-            tagged = [tag in clip.tags for clip in clips]
-            if not any(tagged):
-                known = sorted({name for clip in clips for name in clip.tags})
-                expected = f"among {join_names(known)}" if known else "empty: no clip has a tag"
-                raise ValueError(f"`tags` must be {expected}; got {tag!r}")
-            selected |= tagged
+        known, selected = vars(self).get("_resolved", (None, None))
+        if selected is None or known is not clips:
+            selected = self._select_clips(clips)
+            vars(self)["_resolved"] = (clips, selected)
         inside: BoolArray = selected[donors.clip]
         if self.clip_frames is None or not whole:
             return inside & overlaps(donors, self.clip_frames)
         return inside & (donors.start >= self.clip_frames[0]) & (donors.stop <= self.clip_frames[1])
+
+    def _select_clips(self, clips: Sequence[Clip]) -> BoolArray:
+        """Return which clips the names and tags select."""
+        selected = np.zeros(len(clips), bool)
+        selected[find_matches("clips", _as_names(self.clips), [clip.name for clip in clips])] = True
+        for tag in _as_names(self.tags):
+            tagged = [tag in clip.tags for clip in clips]
+            if not any(tagged):
+                known = sorted({name for clip in clips for name in clip.tags})
+                expected = f"among {join_names(known)}" if known else _NO_TAG
+                raise ValueError(f"`tags` must be {expected}; got {tag!r}")
+            selected |= tagged
+        return selected
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return the fields; a copy or another process finds the clips again."""
+        return {name: value for name, value in vars(self).items() if name != "_resolved"}
 
     def describe_selection(self) -> str:
         """Return the selected clips, tags and frames as text."""

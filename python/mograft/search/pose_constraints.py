@@ -13,12 +13,14 @@ from mograft._util.validate import (
     check_positive,
     coerce_vector,
 )
-from mograft.body.anatomy import anatomy
+from mograft.body.anatomy import find_joint
 from mograft.body.capsules import Capsules, Poses, clearance
-from mograft.body.mass import mass_model
+from mograft.body.mass import mass_model, up_axis
 from mograft.motion import rotations
+from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 from mograft.search.constraints import Constraint, Errors, no_errors
+from mograft.search.figure_position import FigurePosition, facing_direction
 from mograft.search.obstacles import Obstacle, Vector
 
 
@@ -87,7 +89,8 @@ class Avoid(PoseConstraint):
         """As `Constraint.describe_error`."""
         depth, limit = error * self.tolerance, self.tolerance
         return (
-            f"penetration depth {depth:.3f} heights ({depth * height:.3g}), tolerance {limit:.3f}"
+            f"penetration depth {depth:.3f} heights ({depth * height:.3g} in the unit of the "
+            f"file), tolerance {limit:.3f}"
         )
 
 
@@ -151,8 +154,8 @@ class Reach(PoseConstraint):
     ----------
     joint : str
         Name of the joint.
-    target : tuple of float
-        World position, in the unit of the file.
+    target : tuple of float or FigurePosition
+        World position, in the unit of the file, or a position relative to the figure.
     frame : int, optional
         The frame of the base motion; `frames` gives a range of frames instead.
     tolerance : float
@@ -166,17 +169,18 @@ class Reach(PoseConstraint):
     Examples
     --------
     >>> Reach("LeftHand", (30, 140, 20), frame=120).describe_error(2.0, height=180.0)
-    'LeftHand is 0.060 heights (10.8) from the target, tolerance 0.030'
+    'LeftHand is 0.060 heights (10.8 in the unit of the file) from the target, tolerance 0.030'
     """
 
     joint: str
-    target: Vector
+    target: Vector | FigurePosition
     frame: int | None = None
     tolerance: float = 0.03
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        coerce_vector(self, "target")
+        if not isinstance(self.target, FigurePosition):
+            coerce_vector(self, "target")
         check_positive(self, "tolerance")
         if self.frame is not None:
             frame = as_integer("frame", self.frame)
@@ -188,18 +192,32 @@ class Reach(PoseConstraint):
             raise ValueError("`frame` or `frames` must be given, got neither")
 
     def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
-        at = poses.skeleton.index(self.joint)
+        at = find_joint(poses.skeleton, self.joint)
         if joints is not None and not joints[at]:
             return no_errors(poses)
-        distance = np.linalg.norm(poses.positions[:, at] - np.array(self.target), axis=1)
+        targets = self._locate(poses.skeleton, poses.positions, lambda: poses.up)
+        distance = np.linalg.norm(poses.positions[:, at] - targets, axis=1)
         return distance / (self.tolerance * poses.height), np.full(len(poses), at)
+
+    def targets(self, motion: Motion) -> FloatArray:
+        """Return the target in each frame of a motion in which the constraint applies, (n, 3)."""
+        first, last = self.frames or (0, motion.n_frames)
+        positions = motion[first : last + 1].world_positions()
+        return self._locate(motion.skeleton, positions, lambda: up_axis(motion))
+
+    def _locate(
+        self, skeleton: Skeleton, positions: FloatArray, find_up: Callable[[], int]
+    ) -> FloatArray:
+        if isinstance(self.target, FigurePosition):
+            return self.target.locate(skeleton, positions, find_up())
+        return np.broadcast_to(np.array(self.target), (len(positions), 3))
 
     def describe_error(self, error: float, height: float) -> str:
         """As `Constraint.describe_error`."""
         distance = error * self.tolerance
         return (
-            f"{self.joint} is {distance:.3f} heights ({distance * height:.3g}) from the target, "
-            f"tolerance {self.tolerance:.3f}"
+            f"{self.joint} is {distance:.3f} heights ({distance * height:.3g} in the unit of the "
+            f"file) from the target, tolerance {self.tolerance:.3f}"
         )
 
 
@@ -235,7 +253,7 @@ class Face(PoseConstraint):
 
     def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
         skeleton = poses.skeleton
-        at = mass_model(skeleton).head if self.joint is None else skeleton.index(self.joint)
+        at = mass_model(skeleton).head if self.joint is None else find_joint(skeleton, self.joint)
         if at is None:
             raise ValueError("`joint` must be given: the skeleton has no head")
         if joints is not None and not joints[at]:
@@ -286,7 +304,7 @@ class KeepOut(PoseConstraint):
         check_positive(self, "tolerance")
 
     def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
-        at = poses.skeleton.index(self.joint)
+        at = find_joint(poses.skeleton, self.joint)
         if joints is not None and not joints[at]:
             return no_errors(poses)
         joint, bones, radii = np.array([at]), np.zeros((1, 3)), np.zeros(1)
@@ -333,7 +351,7 @@ class Custom(PoseConstraint):
             raise TypeError(f"`function` must be callable, got {self.function!r}")
 
     def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:
-        at = -1 if self.joint is None else poses.skeleton.index(self.joint)
+        at = -1 if self.joint is None else find_joint(poses.skeleton, self.joint)
         if joints is not None and at >= 0 and not joints[at]:
             return no_errors(poses)
         label = f"result of {self.name}"
@@ -369,18 +387,11 @@ def _rest_forward(skeleton: Skeleton, up: int) -> FloatArray:
 
     `up` is the index of the vertical axis.
     """
-    known, rest = anatomy(skeleton), skeleton.rest_positions()
-    left, right = (known.joints("thigh", "upper_arm", side=side) for side in ("left", "right"))
-    if not left or not right:
-        raise ValueError("the view direction is unknown: the skeleton has no left and right limbs")
-    lateral = rest[left].mean(axis=0) - rest[right].mean(axis=0)
-    head = mass_model(skeleton).head
-    top = rest[known.hips] if head is None else rest[head]
-    feet = [foot.ankle for foot in mass_model(skeleton).feet]
-    upward = np.zeros(3)
-    upward[up] = 1.0 if not feet or top[up] >= rest[feet].mean(axis=0)[up] else -1.0
-    direction = np.cross(lateral, upward)
-    return direction / np.linalg.norm(direction)
+    known, rest = mass_model(skeleton), skeleton.rest_positions()
+    top = rest[known.hips if known.head is None else known.head]
+    feet = [foot.ankle for foot in known.feet]
+    is_upright = not feet or top[up] >= rest[feet].mean(axis=0)[up]
+    return facing_direction(skeleton, rest, np.eye(3)[up] * (1.0 if is_upright else -1.0))
 
 
 def _check_obstacle(name: str, value: object) -> None:

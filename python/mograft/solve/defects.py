@@ -17,7 +17,7 @@ from mograft.body.anatomy import anatomy, feature_joints
 from mograft.body.contacts import Ground
 from mograft.body.derivatives import greatest_derivatives, world_jerk
 from mograft.body.mass import mass_model
-from mograft.body.size import resize, size_ratio
+from mograft.body.size import figure_size, resize
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
@@ -257,24 +257,21 @@ class DefectMeasure:
         key = ("jerk percentiles", self._driven_joints.tobytes(), self._step)
         percentiles = remember(base, key, lambda: np.percentile(jerk, _PERCENTILE, axis=0))
         if base.duration < _SHORT_SECONDS:
-            key = ("library jerk", self._driven_joints.tobytes(), self._step)
-            known = remember(self.problem.library, key, self._library_jerk)
-            size = size_ratio(base.skeleton, self.problem.library.skeleton)
-            percentiles = np.maximum(percentiles, size * known)
+            own = (*key, figure_size(base.skeleton))
+            known = remember(self.problem.library, own, self._library_jerk)
+            percentiles = np.maximum(percentiles, known)
         least = _LEAST * mass_model(base.skeleton).height
         limits: FloatArray = np.maximum(MAX_JERK_RATIO * percentiles, least)
         return np.maximum(limits, jerk[start:stop])
 
     def _library_jerk(self) -> FloatArray:
-        """Return the world jerk of each joint that a tenth of the library's clips reach.
-
-        The clips have the size of the library's skeleton.
-        """
+        """Return the world jerk of each joint that a tenth of the library's clips reach."""
         library, joints, step = self.problem.library, self._driven_joints, self._step
         last = len(library.clips) - 1
         chosen = np.unique(np.linspace(0, last, _COMPARED_CLIPS).round().astype(int)).tolist()
         frames = int(_SHORT_SECONDS * self.problem.base.rate)
-        clips = (resize(library.clips[index][:frames], library.skeleton) for index in chosen)
+        skeleton = self.problem.base.skeleton
+        clips = (resize(library.clips[index][:frames], skeleton) for index in chosen)
         peaks = [np.percentile(world_jerk(own, joints, step), _PERCENTILE, axis=0) for own in clips]
         found: FloatArray = np.percentile(peaks, 90.0, axis=0)
         return found

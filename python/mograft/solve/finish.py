@@ -23,6 +23,7 @@ from mograft.search.constraints import (
 )
 from mograft.search.costs import excess, origin_violations
 from mograft.search.donor_constraints import KeepOriginal, OnlyFrom, find_seam_violations
+from mograft.search.figure_position import FigurePosition
 from mograft.search.pose_constraints import Avoid, Face, KeepOut, Reach
 from mograft.search.trellis import DonorSequences
 from mograft.solve.search_problem import SearchProblem, driven_joints
@@ -237,9 +238,10 @@ def find_kept_violations(
     """Return the violations of hard constraints on single joints by joints that no donor moves.
 
     `groups` are the grafted groups. If one of them contains the root, donors move every joint, and
-    the list is empty.
+    the list is empty. Donors may move a target that is relative to the figure.
     """
     hard = [own for own in constraints if own.is_hard and isinstance(own, _KINDS_OF_SINGLE_JOINTS)]
+    hard = [own for own in hard if not isinstance(getattr(own, "target", None), FigurePosition)]
     members = {group: library.joints(group) for group in groups}
     if not hard or any(library.root in joints for joints in members.values()):
         return []

@@ -1,5 +1,6 @@
 """The plan that all grafts on one base share: choose donors, repair and assemble them."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,8 +9,8 @@ import numpy as np
 
 from mograft._util.arrays import IntArray, as_indices
 from mograft._util.memory import reuse_freed_arrays
+from mograft.body.groups import suggest_groups
 from mograft.config import Config
-from mograft.errors import suggest_name
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.scenario import Scenario
@@ -71,6 +72,12 @@ class GraftPlan:
     def pools(self) -> Mapping[str, SegmentPool]:
         """The pool of segments from which the donors of each grafted group are chosen."""
         return self.problem.pools
+
+    @property
+    def n_combinations(self) -> int:
+        """The number of different donor sequences that the candidates allow, at most."""
+        lists = self.problem.candidates.values()
+        return math.prod(len(own) for positions in lists for own in positions)
 
     @cached_property
     def trellises(self) -> dict[str, DonorTrellis]:
@@ -142,7 +149,7 @@ def grafted_groups(library: Library, swap: Sequence[str] | None) -> list[str]:
         if name not in others:
             raise ValueError(
                 f"`swap` must name groups other than the base group {base!r}, got {name!r}: "
-                f"choose from {', '.join(others)}{suggest_name(name, others)}"
+                f"choose from {', '.join(others)}{suggest_groups(name, [base, *others])}"
             )
     if not wanted:
         raise ValueError(f"`swap` must name at least one of {', '.join(others)}; got none")

@@ -50,12 +50,12 @@ def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
 
 
 def check_frames(constraints: Sequence[Constraint], base: Motion) -> None:
-    """Raise ValueError if the frames of a constraint start after the end of a base motion."""
+    """Raise ValueError if the frames of a constraint end after the last frame of a base motion."""
     for constraint in constraints:
-        if constraint.frames is not None and constraint.frames[0] >= base.n_frames:
+        if constraint.frames is not None and constraint.frames[1] >= base.n_frames:
             raise ValueError(
                 f"frames of `{type(constraint).__name__}` must be within 0 to {base.n_frames - 1} "
-                f"({base.duration:.6g} s), got {constraint.frames[0]}"
+                f"({base.duration:.6g} s), got {constraint.frames[0]}-{constraint.frames[1]}"
             )
 
 

@@ -16,7 +16,7 @@ from mograft.library.spec import rates_match
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-BOUNDARY_MARGIN = 2  # frames kept on both sides of a segment; the velocities at its ends need them
+_MARGIN = 2  # frames kept on both sides of a segment; the velocities at its ends need them
 
 Tracks = dict[str, npt.NDArray[Any]]  # the arrays of a motion with one row per frame, by field
 
@@ -49,8 +49,8 @@ class BaseBuffer:
         self._tracks = _join_tracks([self._tracks, _tracks(frames)])
 
     def discard_before(self, frame: int) -> None:
-        """Discard the frames before `frame` that `next_energies` does not need."""
-        n_unneeded = max(min(frame, self._n_energies - 1) - self._n_discarded, 0)
+        """Discard the frames before the margin of `frame` that `next_energies` does not need."""
+        n_unneeded = max(min(frame - _MARGIN, self._n_energies - 1) - self._n_discarded, 0)
         self._tracks = {name: track[n_unneeded:] for name, track in self._tracks.items()}
         self._n_discarded += n_unneeded
 
@@ -61,13 +61,13 @@ class BaseBuffer:
         return _with_tracks(self._first_frame, tracks)
 
     def motion_with_margin(self, start: int, stop: int) -> tuple[Motion, int]:
-        """Return frames `start` to `stop`, both included, and `BOUNDARY_MARGIN` more on both sides.
+        """Return frames `start` to `stop`, both included, and two more on both sides.
 
         At the ends of the buffer there are fewer frames. The second result is the index of frame
         `start` in the first result.
         """
-        first = max(start - BOUNDARY_MARGIN, self._n_discarded)
-        return self.motion(first, min(stop + BOUNDARY_MARGIN + 1, self.n_frames)), start - first
+        first = max(start - _MARGIN, self._n_discarded)
+        return self.motion(first, min(stop + _MARGIN + 1, self.n_frames)), start - first
 
     def next_energies(self, config: Config) -> FloatArray:
         """Return the kinetic energies of the frames pushed since the previous call.
@@ -121,7 +121,7 @@ def motion_from_arrays(
     return Motion(skeleton, 1.0 / library.rate, quats, places)
 
 
-def check_stream_frames(frames: Motion, library: Library, skeleton: Skeleton | None) -> None:
+def check_frames(frames: Motion, library: Library, skeleton: Skeleton | None) -> None:
     """Check that the frames fit the library and the frames pushed before.
 
     `skeleton` is that of the frames pushed before; a different skeleton raises ValueError. For the
@@ -141,8 +141,7 @@ def check_stream_frames(frames: Motion, library: Library, skeleton: Skeleton | N
 
 def _tracks(frames: Motion) -> Tracks:
     names = ("rotations", "positions", "channel_values", "computed_values")
-    tracks = {name: getattr(frames, name) for name in names}
-    return {name: track for name, track in tracks.items() if track is not None}
+    return {name: track for name in names if (track := getattr(frames, name)) is not None}
 
 
 def _join_tracks(parts: Sequence[Tracks]) -> Tracks:

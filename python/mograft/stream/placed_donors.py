@@ -15,6 +15,15 @@ VELOCITY_STEP = 0.01  # frames between the values that give the velocity at the 
 
 
 @dataclass(frozen=True, eq=False)
+class PlacedDonor:
+    """One donor in the frames of a base segment, after seam treatment."""
+
+    frames: FloatArray  # rotations, shape (n_frames, n_joints, 4)
+    end_velocity: FloatArray  # angular, in the last frame, radians per second, (n_joints, 3)
+    end_acceleration: FloatArray  # of the donor in the last frame, rad/frame², (n_joints, 3)
+
+
+@dataclass(frozen=True, eq=False)
 class SampledDonors:
     """n donors resampled to the length of a base segment, without seam treatment.
 
@@ -28,6 +37,29 @@ class SampledDonors:
     start_velocity: FloatArray
     end_velocity: FloatArray
     rate: float
+
+    @classmethod
+    def of(
+        cls, tracks: Sequence[FloatArray], joints: IntArray, length: int, rate: float
+    ) -> "SampledDonors":
+        """Resample donors to the length of a base segment.
+
+        Each track, shape (n_frames + 2, n_joints, 4), is a donor as `frames_with_neighbours`
+        returns it; `joints` are those of the group. `length` is in frame intervals, `rate` in
+        frames per second.
+        """
+        counts = np.array([len(track) for track in tracks])
+        starts, lengths = np.cumsum(counts) - counts + 1, counts - 3
+        track = np.concatenate(tracks).take(joints, axis=1)
+        # Multiplying before dividing makes integral results exact.
+        times = starts[:, None] + _sample_frames(length) * lengths[:, None] / length
+        values = cubic(np.arange(len(track)), track, times.ravel())
+        ends = np.stack([starts, starts + lengths])
+        before, after = ROTATIONS.delta(track[[ends - 1, ends]], track[[ends, ends + 1]])
+        speed_factor = (rate * lengths / length)[:, None, None]
+        start_velocity, end_velocity = 0.5 * (before + after) * speed_factor
+        shape = (len(tracks), length + 3, -1, 4)
+        return cls(values.reshape(shape), start_velocity, end_velocity, rate)
 
     @property
     def frames(self) -> FloatArray:
@@ -46,42 +78,99 @@ class SampledDonors:
         step = ROTATIONS.delta(self.values[:, -4], self.values[:, -3])
         return 2.0 * (self.end_velocity / self.rate - step)
 
+    def place(self, previous: PlacedDonor | None, config: Config) -> FloatArray:
+        """Return `values` with the seam between the committed motion and each donor closed.
 
-@dataclass(frozen=True, eq=False)
-class PlacedDonor:
-    """One donor in the frames of a base segment, after seam treatment."""
+        `previous` is None for the first segment, which has no seam. A treatment `Config.seam` that
+        changes frames before a seam is replaced by "inertial".
+        """
+        raw = self.values
+        if previous is None:
+            return raw
+        treatment = SEAM_TREATMENTS[config.seam]
+        if not treatment.is_causal:
+            treatment = SEAM_TREATMENTS["inertial"]
+        n, n_times = raw.shape[:2]
+        times = PieceTimes(
+            np.repeat(np.arange(1, n + 1), n_times),
+            np.tile(_sample_frames(n_times - 3) / self.rate, n),
+            # The blend may outlast a short segment: the next one starts from the treated end.
+            np.full(n + 1, np.inf),
+            config.seam_blend,
+        )
+        boundaries = SeamBoundaries(
+            ROTATIONS,
+            np.broadcast_to(previous.frames[-1], raw[:, 0].shape),
+            raw[:, 0],
+            np.broadcast_to(previous.end_velocity, self.start_velocity.shape),
+            self.start_velocity,
+        )
+        values = treatment.close(raw.reshape(-1, *raw.shape[2:]), times, boundaries)
+        return values.reshape(raw.shape)
 
-    frames: FloatArray  # rotations, shape (n_frames, n_joints, 4)
-    end_velocity: FloatArray  # angular, in the last frame, radians per second, (n_joints, 3)
-    end_acceleration: FloatArray  # of the donor in the last frame, rad/frame², (n_joints, 3)
-
-
-@dataclass(frozen=True, eq=False)
-class PlacedDonors:
-    """n donors resampled to the length of a base segment, after seam treatment."""
-
-    sampled: SampledDonors  # the donors before seam treatment
-    values: FloatArray  # rotations after it, in the shape of `sampled.values`
-
-    @property
-    def frames(self) -> FloatArray:
-        """Rotations in the frames of the base segment, shape (n, n_frames, n_joints, 4)."""
-        return self.values[:, :-2]
-
-    def select(self, index: int) -> PlacedDonor:
-        """Return one of the donors.
+    def select(self, placed: FloatArray, index: int) -> PlacedDonor:
+        """Return one of the donors; `placed` are `values` after seam treatment.
 
         Joints that the seam treatment does not change at the end have the velocity of the donor.
         """
-        sampled, last = self.sampled, self.values[index, -3:]
+        last = placed[index, -3:]
         one_step, two_steps = ROTATIONS.delta(last[0], last[1:])
-        velocity = (0.5 * two_steps - 2.0 * one_step) * (sampled.rate / VELOCITY_STEP)
-        is_unchanged = (last == sampled.values[index, -3:]).all(axis=(0, 2))
+        velocity = (0.5 * two_steps - 2.0 * one_step) * (self.rate / VELOCITY_STEP)
+        is_unchanged = (last == self.values[index, -3:]).all(axis=(0, 2))
         return PlacedDonor(
-            frames=self.frames[index],
-            end_velocity=np.where(is_unchanged[:, None], sampled.end_velocity[index], velocity),
-            end_acceleration=sampled.end_acceleration[index],
+            frames=placed[index, :-2],
+            end_velocity=np.where(is_unchanged[:, None], self.end_velocity[index], velocity),
+            end_acceleration=self.end_acceleration[index],
         )
+
+    def smooth_with(
+        self, following: "SampledDonors", previous: PlacedDonor | None, config: Config
+    ) -> PlacedDonor:
+        """Fit a donor to the committed motion before it and to the chosen donor after it.
+
+        The result minimises the sum that the seam treatment "gradient" minimises, over the segment
+        and the next one. The first frame of the segment and the frame before it are committed and
+        do not change. If there is no gap, the result is that of `place`.
+        """
+        values = self.place(previous, config)
+        placed = self.select(values, 0)
+        is_continuous = (
+            (values == self.values).all()
+            and (self.frames[0, -1] == following.frames[0, 0]).all()
+            and np.allclose(self.end_velocity, following.start_velocity, atol=1e-9)
+        )
+        if is_continuous:
+            return placed
+        # The starting point of the solution is continuous.
+        parts = [placed.frames, following.place(placed, config)[0, 1:-2]]
+        rows = [self.frames[0], following.frames[0]]
+        n_before = 0
+        if previous is not None:
+            n_before = 1
+            parts.insert(0, previous.frames[-2:-1])
+            # The kernel takes the acceleration in the first frame from the steps beside it.
+            acceleration = 0.5 * (previous.end_acceleration + self.start_acceleration[0])
+            step_before = ROTATIONS.delta(*rows[0][:2]) - acceleration
+            rows.insert(0, np.stack([ROTATIONS.add(rows[0][0], -step_before), rows[0][0]]))
+        stops = np.cumsum([len(own) - 1 for own in rows])
+        acceleration = 0.5 * (self.end_acceleration + following.start_acceleration)
+        smooth = fit_donors(
+            np.concatenate(parts),
+            (
+                np.append(0, stops[:-1]),
+                stops,
+                np.concatenate(rows),
+                np.array([n_before]),
+                acceleration,
+            ),
+            self.rate,
+            # The first frame of the segment is the nearest one that does not change.
+            float(len(self.frames[0]) - 2),
+        )
+        stop = int(stops[n_before])
+        steps = ROTATIONS.delta(smooth[stop - 1 : stop + 1], smooth[stop : stop + 2])
+        velocity = 0.5 * self.rate * steps.sum(axis=0)
+        return PlacedDonor(smooth[n_before : stop + 1], velocity, placed.end_acceleration)
 
 
 def frames_with_neighbours(track: FloatArray, start: int, stop: int) -> FloatArray:
@@ -105,106 +194,6 @@ def frames_with_neighbours(track: FloatArray, start: int, stop: int) -> FloatArr
         deltas = ROTATIONS.delta(track[-1 - n_steps : -1], track[-n_steps:])
         rows.append(ROTATIONS.add(track[-1:], 2.0 * deltas[-1:] - deltas[:1]))
     return np.concatenate(rows)
-
-
-def sample_donors(
-    tracks: Sequence[FloatArray], joints: IntArray, length: int, rate: float
-) -> SampledDonors:
-    """Resample donors to the length of a base segment.
-
-    Each track, shape (n_frames + 2, n_joints, 4), is a donor as `frames_with_neighbours` returns
-    it; `joints` are those of the group. `length` is in frame intervals, `rate` in frames per
-    second.
-    """
-    counts = np.array([len(track) for track in tracks])
-    starts, lengths = np.cumsum(counts) - counts + 1, counts - 3
-    track = np.concatenate(tracks).take(joints, axis=1)
-    # Multiplying before dividing makes integral results exact.
-    times = starts[:, None] + _sample_frames(length) * lengths[:, None] / length
-    values = cubic(np.arange(len(track)), track, times.ravel())
-    ends = np.stack([starts, starts + lengths])
-    before, after = ROTATIONS.delta(track[[ends - 1, ends]], track[[ends, ends + 1]])
-    speed_factor = (rate * lengths / length)[:, None, None]
-    start_velocity, end_velocity = 0.5 * (before + after) * speed_factor
-    shape = (len(tracks), length + 3, -1, 4)
-    return SampledDonors(values.reshape(shape), start_velocity, end_velocity, rate)
-
-
-def place_donors(
-    sampled: SampledDonors, previous: PlacedDonor | None, config: Config
-) -> PlacedDonors:
-    """Close the seam between the committed motion and each donor.
-
-    `previous` is None for the first segment, which has no seam. A treatment `Config.seam` that
-    changes frames before a seam is replaced by "inertial".
-    """
-    raw = sampled.values
-    if previous is None:
-        return PlacedDonors(sampled, raw)
-    treatment = SEAM_TREATMENTS[config.seam]
-    if not treatment.is_causal:
-        treatment = SEAM_TREATMENTS["inertial"]
-    n, n_times = raw.shape[:2]
-    times = PieceTimes(
-        np.repeat(np.arange(1, n + 1), n_times),
-        np.tile(_sample_frames(n_times - 3) / sampled.rate, n),
-        # The blend may outlast a short segment: the next one starts from the treated end.
-        np.full(n + 1, np.inf),
-        config.seam_blend,
-    )
-    boundaries = SeamBoundaries(
-        ROTATIONS,
-        np.broadcast_to(previous.frames[-1], raw[:, 0].shape),
-        raw[:, 0],
-        np.broadcast_to(previous.end_velocity, sampled.start_velocity.shape),
-        sampled.start_velocity,
-    )
-    values = treatment.close(raw.reshape(-1, *raw.shape[2:]), times, boundaries)
-    return PlacedDonors(sampled, values.reshape(raw.shape))
-
-
-def smooth_with_following(
-    sampled: SampledDonors, following: SampledDonors, previous: PlacedDonor | None, config: Config
-) -> PlacedDonor:
-    """Fit a donor to the committed motion before it and to the chosen donor after it.
-
-    The result minimises the sum that the seam treatment "gradient" minimises, over the segment and
-    the next one. The first frame of the segment and the frame before it are committed and do not
-    change. If there is no gap, the result is that of `place_donors`.
-    """
-    all_placed = place_donors(sampled, previous, config)
-    placed = all_placed.select(0)
-    is_continuous = (
-        (all_placed.values == sampled.values).all()
-        and (sampled.frames[0, -1] == following.frames[0, 0]).all()
-        and np.allclose(sampled.end_velocity, following.start_velocity, atol=1e-9)
-    )
-    if is_continuous:
-        return placed
-    # The starting point of the solution is continuous.
-    values = [placed.frames, place_donors(following, placed, config).frames[0, 1:]]
-    rows = [sampled.frames[0], following.frames[0]]
-    n_before = 0
-    if previous is not None:
-        n_before = 1
-        values.insert(0, previous.frames[-2:-1])
-        # The kernel takes the acceleration in the first frame from the steps beside it.
-        acceleration = 0.5 * (previous.end_acceleration + sampled.start_acceleration[0])
-        step_before = ROTATIONS.delta(*rows[0][:2]) - acceleration
-        rows.insert(0, np.stack([ROTATIONS.add(rows[0][0], -step_before), rows[0][0]]))
-    stops = np.cumsum([len(own) - 1 for own in rows])
-    acceleration = 0.5 * (sampled.end_acceleration + following.start_acceleration)
-    smooth = fit_donors(
-        np.concatenate(values),
-        (np.append(0, stops[:-1]), stops, np.concatenate(rows), np.array([n_before]), acceleration),
-        sampled.rate,
-        # The first frame of the segment is the nearest one that does not change.
-        float(len(sampled.frames[0]) - 2),
-    )
-    stop = int(stops[n_before])
-    steps = ROTATIONS.delta(smooth[stop - 1 : stop + 1], smooth[stop : stop + 2])
-    velocity = 0.5 * sampled.rate * steps.sum(axis=0)
-    return PlacedDonor(smooth[n_before : stop + 1], velocity, placed.end_acceleration)
 
 
 def _sample_frames(length: int) -> FloatArray:

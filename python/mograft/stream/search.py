@@ -37,14 +37,7 @@ from mograft.search.pose_constraints import AvoidSelf, with_captured_depth
 from mograft.search.trellis import Trellis
 from mograft.solve.search_problem import driven_joints
 from mograft.stream.base_buffer import BaseBuffer
-from mograft.stream.placed_donors import (
-    PlacedDonor,
-    SampledDonors,
-    frames_with_neighbours,
-    place_donors,
-    sample_donors,
-    smooth_with_following,
-)
+from mograft.stream.placed_donors import PlacedDonor, SampledDonors, frames_with_neighbours
 
 _MAX_CACHED_DONORS = 4096
 
@@ -261,8 +254,8 @@ class StreamSearch:
             end = None if previous is None else previous.placed
             costs, all_placed = candidates.origin_costs, None
             if candidates.sampled is not None:
-                all_placed = place_donors(candidates.sampled, end, config)
-                costs = costs + self.pose_costs(segment, group, all_placed.frames, context)
+                all_placed = candidates.sampled.place(end, config)
+                costs = costs + self.pose_costs(segment, group, all_placed[:, :-2], context)
             trellis = self._trellis(group, costs)
             kept = np.arange(len(segment.donors))
             if all_placed is None and group in self._following:
@@ -270,17 +263,17 @@ class StreamSearch:
                 trellis = trellis.restrict_first(kept)
             path = DONOR_CHOICES[config.choice].choose_path(trellis, config, rng)
             index = int(kept[path[0]])
-            if all_placed is not None:
-                placed = all_placed.select(index)
+            if candidates.sampled is not None and all_placed is not None:
+                placed = candidates.sampled.select(all_placed, index)
             else:
                 sampled = self._sample(segment, group, segment.donors[[index]])
                 if uses_next:
                     following[group] = int(self.pending[1].donors[path[1]])
                     donors = np.array([following[group]])
                     next_sampled = self._sample(self.pending[1], group, donors)
-                    placed = smooth_with_following(sampled, next_sampled, end, config)
+                    placed = sampled.smooth_with(next_sampled, end, config)
                 else:
-                    placed = place_donors(sampled, end, config).select(0)
+                    placed = sampled.select(sampled.place(end, config), 0)
             boundary, gap = candidates.boundary[index : index + 1], 0.0
             if previous is not None:
                 gap = float(pose_gaps(previous.boundary.last, boundary.first)[0, 0])
@@ -342,7 +335,7 @@ class StreamSearch:
         first, last = segment.offset, segment.offset + segment.length
         own = frames_with_neighbours(segment.base.rotations, first, last)
         tracks = [own if donor < 0 else self._read_rotations(donor) for donor in donors.tolist()]
-        return sample_donors(tracks, self.joints[group], segment.length, self._library.rate)
+        return SampledDonors.of(tracks, self.joints[group], segment.length, self._library.rate)
 
     def _trellis(self, group: str, first_costs: FloatArray) -> Trellis:
         """Return the trellis of one group over the pending segments.

@@ -24,13 +24,7 @@ from mograft.search.constraints import Clip, Constraint, Violation, find_violati
 from mograft.search.donor_constraints import Ban, Use, find_seam_violations
 from mograft.solve.plan import grafted_groups
 from mograft.solve.search_problem import check_constraints
-from mograft.stream.base_buffer import (
-    BOUNDARY_MARGIN,
-    BaseBuffer,
-    check_stream_frames,
-    join_motions,
-    motion_from_arrays,
-)
+from mograft.stream.base_buffer import BaseBuffer, check_frames, join_motions, motion_from_arrays
 from mograft.stream.search import ChosenDonor, PendingSegment, StreamSearch
 from mograft.synthesis.graft_result import Substitution
 
@@ -247,9 +241,7 @@ class Stream:
             frames = motion_from_arrays(frames, positions, self._library, self._skeleton)
         elif positions is not None:
             raise TypeError("`positions` must be None if `frames` is a motion")
-        check_stream_frames(
-            frames, self._library, None if self._base is None else self._base.skeleton
-        )
+        check_frames(frames, self._library, None if self._base is None else self._base.skeleton)
         if self._base is None:
             self._base = BaseBuffer(frames, self._library.up)
         else:
@@ -283,10 +275,7 @@ class Stream:
 
     def pieces(self) -> list[StreamPiece]:
         """Commit segments with `advance` until it returns None; return their pieces."""
-        pieces = []
-        while (piece := self.advance()) is not None:
-            pieces.append(piece)
-        return pieces
+        return list(iter(self.advance, None))
 
     def advance(self) -> StreamPiece | None:
         """Commit the next segment.
@@ -313,7 +302,7 @@ class Stream:
         piece = self._commit(self._search.pending[0])
         del bounds[0], known_at[0]
         self._n_committed += 1
-        self._base.discard_before(bounds[0] - BOUNDARY_MARGIN)
+        self._base.discard_before(bounds[0])
         return piece
 
     def _commit(self, segment: PendingSegment) -> StreamPiece:

@@ -10,10 +10,15 @@ from mograft._util.arrays import IntArray
 from mograft.config import scale_of_variety
 from mograft.library.library import Library
 from mograft.search.costs import length_fits
-from mograft.synthesis.graft_result import Graft, Substitution
+from mograft.search.donor_constraints import OnlyFrom
+from mograft.search.pose_constraints import Reach
+from mograft.synthesis.graft import graft as make_graft
+from mograft.synthesis.graft_result import Graft, Substitution, find_missing
+
+_MAX_TRIED = 20_000  # frames
 
 _REMEDIES = {
-    "no similar segment": "{similar} or add clips",
+    "no similar segment": "{similar}add clips",
     "none of similar length": "raise `max_stretch` (now {max_stretch:.2f})",
     "only segments with recording faults": "correct the faults that mograft check lists",
     "only copies of the captured part": "add other clips",
@@ -46,13 +51,17 @@ def advise(graft: Graft, motions: Sequence[Sequence[Substitution]] = ()) -> list
     >>> advise(graft(library))[0]
     'warning: no segment was exchanged: no segment has a candidate'
     """
+    if graft.remarks is not None:
+        return list(graft.remarks)
     motions = motions or [graft.substitutions]
-    lines = []
+    lines: list[str] = []
     is_kept = np.ones(graft.base.n_frames - 1, bool)  # intervals between frames
     exchanged = [own for substitutions in motions for own in substitutions if not own.is_own]
     for substitution in exchanged:
         is_kept[substitution.start : substitution.stop] = False
     kept = float(is_kept.sum()) * graft.base.frame_time
+    if not exchanged and graft.changes:
+        return lines
     if not exchanged:
         lines.append(f"warning: no segment was exchanged: {_cause_of_no_exchange(graft)}")
     elif kept > 0 and graft.request.method != "repair":
@@ -61,28 +70,38 @@ def advise(graft: Graft, motions: Sequence[Sequence[Substitution]] = ()) -> list
         lines.append(f"in {kept:.1f} of {total:.1f} s no segment was exchanged in {where}")
     if graft.request.method == "repair":
         return lines  # Only segments near violations have other candidates.
-    without = [group for group, counts in graft.alternatives.items() if (counts == 0).any()]
+    without = [group for group in graft.alternatives if find_missing(graft, group).any()]
     return [*lines, *(_describe_missing(graft, group) for group in without)]
 
 
-def find_helpful_option(graft: Graft) -> str:
-    """Return the option that adds most candidates for the base of a graft.
+def find_remedies(graft: Graft) -> list[str]:
+    """Return what helps against the violations of a new graft: options, named as in `advise`.
 
-    It is "`variety`", tried with a radius greater by a third, or "`max_stretch`", tried with twice
-    its value; ties go to the first.
+    A `Reach` on a base of at most `_MAX_TRIED` frames is tried with the `Config.reach_ik` 1.
     """
-    library, gains = graft.library, []
-    stretched = replace(library.config, max_stretch=2.0 * library.config.max_stretch)
-    for factor, config in ((4.0 / 3.0, library.config), (1.0, stretched)):
-        n_candidates = 0
-        for group in graft.alternatives:
-            scenario = [own.segment for own in graft.substitutions if own.group == group]
-            pool = library.pool(group)
-            pool = replace(pool, sigma=factor * pool.sigma)
-            lists = pool.candidate_lists(np.array(scenario, np.int64), config)
-            n_candidates += sum(map(len, lists))
-        gains.append(n_candidates)
-    return "`max_stretch`" if gains[1] > gains[0] else "`variety`"
+    library, request, remedies = graft.library, graft.request, list[str]()
+    if request.method == "repair":
+        return remedies
+    violated = [own.constraint for own in graft.violations]
+    is_short = graft.base.n_frames <= _MAX_TRIED
+    if is_short and library.config.reach_ik < 1.0 and any(isinstance(v, Reach) for v in violated):
+        longer = library.relabelled(replace(library.config, reach_ik=1.0))
+        names = ("constraints", "swap", "scenario")
+        arguments = {name: getattr(request, name) for name in names}
+        trial = make_graft(longer, request.base, seed=graft.seed, **arguments)
+        result = "is not enough" if trial.violations else "satisfies them"
+        remedies.append(f"`reach_ik=1` {result}")
+    if request.scenario is None and any(own.is_on_poses for own in violated):
+        remedies.append("`only_violations` also tries less similar donors")
+    if any(own.is_on_poses for own in violated):
+        remedies.append("a target or obstacle elsewhere, or a larger tolerance, may help")
+    if any(isinstance(own, OnlyFrom) for own in violated):
+        scale = library.config.sigma_scale
+        is_usual = scale >= scale_of_variety(0.0)
+        small = "" if is_usual else f"`sigma_scale={scale:g}` is small: "
+        name = "`variety`" if is_usual else "value"
+        remedies.append(f"{small}a larger {name} allows less similar donors")
+    return remedies
 
 
 def _cause_of_no_exchange(graft: Graft) -> str:
@@ -102,17 +121,17 @@ def _describe_missing(graft: Graft, group: str) -> str:
     """Return how many segments of a group have no candidate, with causes and remedies."""
     library, counts = graft.library, graft.alternatives[group]
     segments = np.array([own.segment for own in graft.substitutions if own.group == group])
-    causes = Counter(_find_causes(library, group, segments[counts == 0]))
+    causes = Counter(_find_causes(library, group, segments[find_missing(graft, group)]))
     numbers = ", ".join(f"{n} {cause}" for cause, n in causes.most_common())
     config = library.config
     is_widest = config.sigma_scale >= scale_of_variety(1.0)
-    similar = "raise `sigma_scale`" if is_widest else "raise `variety`"
+    similar = "" if is_widest else "raise `variety` or "
     remedies = ", ".join(
         _REMEDIES[cause].format(similar=similar, max_stretch=config.max_stretch)
         for cause, _ in causes.most_common()
     )
     return (
-        f"{group}: {int((counts == 0).sum())} of {len(counts)} segments had no candidate "
+        f"{group}: {causes.total()} of {len(counts)} segments had no candidate "
         f"({numbers}): {remedies}"
     )
 

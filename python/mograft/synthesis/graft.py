@@ -1,5 +1,6 @@
 """Grafting: new motions from a library and a base motion."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import inf, pi
@@ -10,6 +11,7 @@ from mograft._util.arrays import IntArray
 from mograft._util.containers import LazySequence
 from mograft._util.memory import check_memory
 from mograft._util.validate import as_integer, check_type
+from mograft.config import variety_of_scale
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.scenario import Scenario
@@ -155,7 +157,8 @@ def graft_many(
         Greatest number of motions.
     widen : bool
         Whether `Config.sigma_scale` is multiplied by 4/3 until the donors allow `count` different
-        motions or it would exceed 4. `Grafts.notes` describes each step.
+        motions or it would exceed 4. `Grafts.notes` describes each step. If they never do, the
+        result is that of the step with the most motions.
     distinct : float
         Smallest mean angle, in radians, between the exchanged joints of any two of the motions.
         Motions that are nearer to an earlier one are left out. Each motion is then built once
@@ -176,6 +179,11 @@ def graft_many(
         As for `graft`, and if `count` is below 1, `seed` is negative or not an integer, or
         `distinct` is not from 0 to π.
 
+    Warns
+    -----
+    UserWarning
+        Before the last search, if the candidates of all segments allow fewer combinations.
+
     Examples
     --------
     >>> from mograft.dancer import dance
@@ -191,18 +199,26 @@ def graft_many(
     if scenario is None:
         _check_memory(library, base)
     notes: list[str] = []
+    best: Grafts | None = None
     while True:
         plan = GraftPlan.build(library, base, swap, constraints, scenario)
+        wider = _widened(library, MAX_SIGMA_SCALE) if widen else None
+        if wider is None and (n := plan.n_combinations) < count:
+            warnings.warn(f"at most {n} different motions exist, not {count}", stacklevel=2)
         donors = _choose_donors(plan, count, seed, float(distinct))
-        wider = _widened(library, MAX_SIGMA_SCALE) if widen and len(donors) < count else None
-        if wider is None:
-            return Grafts(plan, donors, seed, tuple(notes), _request(plan, base, swap))
-        scales = [own.config.sigma_scale for own in (library, wider)]
+        if best is None or len(donors) >= len(best):
+            best = Grafts(plan, donors, seed, _request=_request(plan, base, swap))
+        if wider is None or len(donors) >= count:
+            break
+        scales = [variety_of_scale(own.config.sigma_scale) for own in (library, wider)]
         notes.append(
-            f"only {len(donors)} different motions with sigma_scale {scales[0]:.3g}; trying "
-            f"{scales[1]:.3g}, which allows less similar donors"
+            f"only {len(donors)} different motions with a variety of {scales[0]:.2f}; trying "
+            f"{scales[1]:.2f}, which allows less similar donors"
         )
         library = wider
+    if best._plan is not plan:
+        notes.append(f"the attempt with {len(best)} motions is kept")
+    return replace(best, notes=tuple(notes))
 
 
 def _choose_donors(

@@ -6,15 +6,16 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from mograft._util.arrays import IntArray
+from mograft._util.arrays import BoolArray, IntArray
 from mograft._util.html_table import notebook_html, notebook_table
 from mograft.blend.foot_planting import FeetReport
 from mograft.blend.reach_completion import ReachCompletion
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
+from mograft.motion.segments import Segments
 from mograft.scenario import Scenario, repetition
-from mograft.search.constraints import Constraint, Span, Violation
-from mograft.search.donor_constraints import limit_config
+from mograft.search.constraints import Constraint, Span, Violation, overlaps
+from mograft.search.donor_constraints import KeepOriginal, limit_config
 from mograft.search.trellis import DonorSequences
 from mograft.solve.self_repair import RepairedWindow
 
@@ -190,6 +191,8 @@ class Graft:
         `violations`, are those of `unchanged`.
     unchanged : Graft or None
         The graft without these changes; None if there are none.
+    remarks : tuple of str or None
+        Of a replayed graft, what `advise` returned for the original; otherwise None.
     """
 
     motion: Motion
@@ -209,6 +212,7 @@ class Graft:
     completion_history: tuple[tuple[ReachCompletion, ...], ...] = ()
     changes: tuple[Change, ...] = ()
     unchanged: "Graft | None" = None
+    remarks: tuple[str, ...] | None = None
 
     def __repr__(self) -> str:
         new = sum(not s.is_own for s in self.substitutions)
@@ -300,13 +304,24 @@ def seam_limit(graft: Graft) -> float:
     return limit_config(graft.library.config, graft.request.constraints).max_angle
 
 
+def find_missing(graft: Graft, group: str) -> BoolArray:
+    """Return which base segments have no other candidate, unless `KeepOriginal` keeps them."""
+    own = [own for own in graft.substitutions if own.group == group]
+    starts, stops = (np.array([getattr(s, name) for s in own]) for name in ("start", "stop"))
+    is_missing: BoolArray = graft.alternatives[group] == 0
+    for kept in graft.request.constraints:
+        if isinstance(kept, KeepOriginal) and kept.is_hard and kept.applies_to_group(group):
+            is_missing = is_missing & ~overlaps(Segments(starts, stops), kept.frames)
+    return is_missing
+
+
 def _group_lines(graft: Graft, group: str, *, each: bool) -> list[str]:
     limit = np.degrees(seam_limit(graft))
     substitutions = [s for s in graft.substitutions if s.group == group]
     exchanged = [s for s in substitutions if not s.is_own]
     gaps = np.degrees([seam.gap for seam in graft.seams if seam.group == group])
     n_wide = int((gaps > limit + 1e-6).sum())
-    n_without = int((graft.alternatives[group] == 0).sum())
+    n_without = int(find_missing(graft, group).sum())
     lines = [f"  {group}: {len(exchanged)} of {len(substitutions)} segments exchanged"]
     if n_without:
         lines.append(f"    {n_without} had no candidate and were kept")

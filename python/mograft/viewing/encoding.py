@@ -219,12 +219,15 @@ def _encode_shape(
         return _encode_obstacle(constraint.obstacle, to_page)
     if isinstance(constraint, KeepOut):
         return _encode_obstacle(constraint.region, to_page)
-    if not isinstance(constraint, Reach | Face):
+    if isinstance(constraint, Reach):
+        center, size = constraint.targets(motion)[0], constraint.tolerance
+    elif isinstance(constraint, Face):
+        center, size = np.array(constraint.target), _FACE_TARGET_RADIUS
+    else:
         return None
-    size = constraint.tolerance if isinstance(constraint, Reach) else _FACE_TARGET_RADIUS
     return {
         "kind": "target",
-        "center": _numbers(to_page @ np.array(constraint.target)),
+        "center": _numbers(to_page @ center),
         "radius": float(size * mass_model(motion.skeleton).height),
         "joint": _joint(constraint.joint, motion.skeleton),
     }

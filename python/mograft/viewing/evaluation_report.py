@@ -49,14 +49,13 @@ def summarize(evaluation: Evaluation) -> list[str]:
     for balance in evaluation.balance:
         if (balance.kind, balance.rule) != ("static", "all"):
             continue
-        if balance.method == "recording":
-            sentences.append(
-                f"{balance.rate.text(1, 100, ' %')} of the segments of the recording are "
-                "statically unbalanced in all grounded frames."
-            )
-        else:
-            change = balance.difference_changed.text(1, 100, " points")
-            sentences.append(f"In {balance.method} this changes by {change} on the same segments.")
+        change = balance.difference_changed.text(1, 100, " points")
+        sentences.append(
+            f"{balance.rate.text(1, 100, ' %')} of the segments of the recording are statically "
+            "unbalanced in all grounded frames."
+            if balance.method == "recording"
+            else f"In {balance.method} this changes by {change} on the same segments."
+        )
     return [*sentences, *(f"Not measured, {refusal}" for refusal in _refusals(evaluation))]
 
 
@@ -64,9 +63,9 @@ def _refusals(evaluation: Evaluation) -> list[str]:
     return [f"{topic}: {reason}" for topic, reason in evaluation.refusals.items()]
 
 
-def _note(text: str) -> str:
-    """Return a paragraph of explanation."""
-    return f'<p class="note">{html.escape(text)}</p>'
+def _section(heading: str, note: str, *tables: str) -> list[str]:
+    """Return the HTML of a section: heading, tables, and a paragraph of explanation."""
+    return [f"<h2>{heading}</h2>", *tables, f'<p class="note">{html.escape(note)}</p>']
 
 
 def evaluation_page(evaluation: Evaluation, title: str | None = None) -> Page:
@@ -120,14 +119,12 @@ def _quality_section(qualities: Sequence[Quality]) -> list[str]:
         ("jerk", "jerk", 2, 1, ""),
         ("diversity", "diversity", 1, 1, "°"),
     )
-    return [
-        "<h2>Quality</h2>",
+    return _section(
+        "Quality",
+        "Acceleration and jerk: those of the grafted joints divided by those of the recording. "
+        "Diversity: between grafts of one base. All measures are relative to these recordings.",
         _measure_table([row.method for row in qualities], qualities, measures),
-        _note(
-            "Acceleration and jerk: those of the grafted joints divided by those of the recording. "
-            "Diversity: between grafts of one base. All measures are relative to these recordings."
-        ),
-    ]
+    )
 
 
 def _measure_table(
@@ -165,21 +162,19 @@ def _world_section(qualities: Sequence[WorldQuality]) -> list[str]:
         ("coverage", "coverage", 0, 100.0, " %"),
         ("between grafts", "between", 2, 1, ""),
     )
-    return [
-        "<h2>World space</h2>",
+    return _section(
+        "World space",
+        "Jerk: median over exchanged frames, divided by that of base and donors. The other "
+        "rows of the first table are differences from the base: largest depth of a heel or "
+        "toe under the floor, share of them more than 1.2 % of the height under it, sliding "
+        "feet, and frames with the zero-moment point outside of the support. Novelty: "
+        "distance from the nearest captured half-second window; 1 is the median distance of "
+        "a captured window from the nearest other one. Coverage: share of the captured "
+        "windows within this median distance of a changed window. Between grafts: distance "
+        "of two grafts of one base; 1 is that of random captured windows.",
         _measure_table(methods, qualities, measures),
         _measure_table(methods, [row.novelty for row in qualities], variety),
-        _note(
-            "Jerk: median over exchanged frames, divided by that of base and donors. The other "
-            "rows of the first table are differences from the base: largest depth of a heel or "
-            "toe under the floor, share of them more than 1.2 % of the height under it, sliding "
-            "feet, and frames with the zero-moment point outside of the support. Novelty: "
-            "distance from the nearest captured half-second window; 1 is the median distance of "
-            "a captured window from the nearest other one. Coverage: share of the captured "
-            "windows within this median distance of a changed window. Between grafts: distance "
-            "of two grafts of one base; 1 is that of random captured windows."
-        ),
-    ]
+    )
 
 
 def _detectability_section(rows: Sequence[Detectability]) -> list[str]:
@@ -189,25 +184,23 @@ def _detectability_section(rows: Sequence[Detectability]) -> list[str]:
         "other_moments": "null: captured, other moments",
         "donor_windows": "null: captured windows of the donors",
     }
-    cells = []
-    for row in rows:
-        for name, title in titles.items():
-            gross, fine = getattr(row, name).gross, getattr(row, name).fine
-            cells.append(
-                [html.escape(row.method), title, gross.text(2), fine.text(2), str(gross.n)]
-            )
-    return [
-        "<h2>Detectability</h2>",
-        wide_table(["method", "windows", "gross", "fine", "n"], cells),
-        _note(
-            "Area under the ROC curve of a classifier that distinguishes windows of grafts from "
-            "captured windows at the same frames: 0.5 is chance. Gross: boosted trees on "
-            "positions, velocities and accelerations of bone ends. Fine: logistic regression, "
-            "also on the magnitudes of velocity, acceleration and jerk. The training windows do "
-            "not come from the five-second blocks of the base and donors of a test window. The "
-            "null rows compare captured windows with captured windows. n: test windows of grafts."
-        ),
+    found = [
+        (row.method, title, getattr(row, name)) for row in rows for name, title in titles.items()
     ]
+    cells = [
+        [html.escape(method), title, own.gross.text(2), own.fine.text(2), str(own.gross.n)]
+        for method, title, own in found
+    ]
+    return _section(
+        "Detectability",
+        "Area under the ROC curve of a classifier that distinguishes windows of grafts from "
+        "captured windows at the same frames: 0.5 is chance. Gross: boosted trees on "
+        "positions, velocities and accelerations of bone ends. Fine: logistic regression, "
+        "also on the magnitudes of velocity, acceleration and jerk. The training windows do "
+        "not come from the five-second blocks of the base and donors of a test window. The "
+        "null rows compare captured windows with captured windows. n: test windows of grafts.",
+        wide_table(["method", "windows", "gross", "fine", "n"], cells),
+    )
 
 
 def _balance_section(evaluation: Evaluation) -> list[str]:
@@ -222,19 +215,17 @@ def _balance_section(evaluation: Evaluation) -> list[str]:
         )
     unmatched = ", ".join(model.unmatched)
     unknown = f" Joints with unknown names: {unmatched}." if unmatched else ""
-    return [
-        "<h2>Balance</h2>",
+    return _section(
+        "Balance",
+        f"The body model {masses}.{unknown} The rule states in which frames with a foot on the "
+        "floor the reference point must be outside of the hull of the soles for a segment to "
+        "be unbalanced: in all, in the majority or in any of them. The reference point of "
+        "static balance is the projected centre of mass, that of dynamic balance is the "
+        "zero-moment point. The change is paired: it compares changed segments with the same "
+        "segments of the recording. An unbalanced segment is not necessarily unnatural: "
+        "walking is statically unbalanced.",
         wide_table(head, [_balance_cells(row) for row in rows]),
-        _note(
-            f"The body model {masses}.{unknown} The rule states in which frames with a foot on the "
-            "floor the reference point must be outside of the hull of the soles for a segment to "
-            "be unbalanced: in all, in the majority or in any of them. The reference point of "
-            "static balance is the projected centre of mass, that of dynamic balance is the "
-            "zero-moment point. The change is paired: it compares changed segments with the same "
-            "segments of the recording. An unbalanced segment is not necessarily unnatural: "
-            "walking is statically unbalanced."
-        ),
-    ]
+    )
 
 
 def _balance_cells(row: BalanceRow) -> list[str]:

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -11,7 +12,6 @@ import numpy as np
 from mograft._util.arrays import IntArray
 from mograft.errors import DAMAGE, MograftError, ProvenanceError
 from mograft.io.formats import read_clip
-from mograft.library.discover import has_provenance
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 from mograft.provenance.graft_record import ClipRecord, GraftRecord, find_clip, read_clip_record
@@ -78,13 +78,13 @@ class Figure:
         `parents` holds the parent of each node: of the joints, then of the end sites. An end site
         belongs to the group of its parent.
         """
-        groups = np.zeros(len(parents), np.int64)
+        groups = [0] * len(parents)
         for index, joints in enumerate(self.members.values()):
-            groups[joints] = index
+            for joint in joints.tolist():
+                groups[joint] = index
         for node in range(self.motion.n_joints, len(parents)):
             groups[node] = groups[max(parents[node], 0)]
-        indices: list[int] = groups.tolist()
-        return indices
+        return groups
 
 
 class ShownConstraint(NamedTuple):
@@ -132,14 +132,12 @@ def _list_candidates(graft: Graft, group: str, max_count: int) -> dict[str, list
 
 
 def read_recorded(motion: Motion, path: Path) -> tuple[Figure, GraftRecord] | None:
-    """Return the figure of a graft, and the provenance in the ``.json`` file beside it.
+    """Return the figure of a graft, and its provenance, in its file or beside it.
 
     The figure has the donors, seams and groups of the provenance. The result is None if there is no
     provenance of the clip, and with a warning also if the provenance is damaged or is that of a
     motion of another length.
     """
-    if not has_provenance(path):
-        return None
     try:
         record = read_clip_record(path, motion.clip)
         return None if record is None else (_recorded_figure(motion, record), record)
@@ -195,11 +193,9 @@ def recorded_base(
     skeleton = record.library.rest if skeleton is None else skeleton
     for clip in record.clips:
         if clip.is_base and clip.name == record.base and not clip.is_mirrored:
-            try:
+            with suppress(MograftError, OSError):
                 base = read_clip(find_clip(record, clip, ()), skeleton=skeleton)
-            except (MograftError, OSError):
-                return None
-            return base if base.n_frames == motion.n_frames else None
+                return base if base.n_frames == motion.n_frames else None
     return None
 
 
@@ -211,8 +207,6 @@ def recorded_constraints(record: GraftRecord) -> list[Constraint]:
 
     found: list[Constraint] = []
     for values in (record.document.get("request") or {}).get("constraints", ()):
-        try:
+        with suppress(*DAMAGE, MograftError, OSError):
             found.append(decode_constraint(values, decode_motion))
-        except (*DAMAGE, MograftError, OSError):
-            continue
     return found

@@ -96,9 +96,8 @@ class _Panel:
         self.size = (_SUPERSAMPLING * size[0], _SUPERSAMPLING * size[1])
         self.colours = colours
         self.name = "".join(c for c in figure.name if c.isprintable())[:_MAX_NAME_LENGTH]
-        self.bones = np.array([(p, n) for n, p in enumerate(drawn.parents) if p >= 0]).reshape(
-            -1, 2
-        )
+        bones = [(parent, node) for node, parent in enumerate(drawn.parents) if parent >= 0]
+        self.bones = np.array(bones).reshape(-1, 2)
         self.radii = _BONE_RADIUS * np.array(drawn.widths)[self.bones[:, 1]]
         self.positions = (drawn.positions - [0, drawn.floor, 0]) / drawn.height
         group = figure.group_of_nodes(drawn.parents)
@@ -176,13 +175,12 @@ class _Panel:
         The ends are projected, as (x, y) in pixels. The grid covers the floor near the points
         `focus`, shape (n_frames, 2), given as (x, z).
         """
-        spacing, extent = _FLOOR_SPACING, _FLOOR_EXTENT
-        offsets = np.arange(-extent, extent + 1e-6, spacing)
+        offsets = np.arange(-_FLOOR_EXTENT, _FLOOR_EXTENT + 1e-6, _FLOOR_SPACING)
         ends = np.zeros((len(focus), 2, len(offsets), 2, 3))
         for axis in (0, 1):
-            middle = np.round(focus[:, axis] / spacing) * spacing
+            middle = np.round(focus[:, axis] / _FLOOR_SPACING) * _FLOOR_SPACING
             ends[:, axis, ..., 2 * axis] = (middle[:, None] + offsets)[..., None]
-            reach = focus[:, 1 - axis, None] + np.array([-extent, extent])
+            reach = focus[:, 1 - axis, None] + [-_FLOOR_EXTENT, _FLOOR_EXTENT]
             ends[:, axis, ..., 2 - 2 * axis] = reach[:, None]
         lines = self._project(ends.reshape(len(focus), -1, 3), focus)[..., :2]
         return lines.reshape(len(focus), -1, 2, 2)

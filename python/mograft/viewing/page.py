@@ -148,8 +148,7 @@ def view(
     True
     """
     scene = Scene.of(items, groups, config, skeleton)
-    page_title = title or " and ".join(figure.name for figure in scene.figures[:3])
-    page = viewer_page(scene, page_title)
+    page = viewer_page(scene, title or " and ".join(own.name for own in scene.figures[:3]))
     if show is None:
         is_terminal = sys.stdout is not None and sys.stdout.isatty()
         show = is_terminal and "ipykernel" not in sys.modules

@@ -13,12 +13,13 @@ import numpy as np
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.html_table import html_table
+from mograft._util.verdict import compare
 from mograft.body.mass import center_of_mass, mass_model
 from mograft.library.library import Library
 from mograft.search.candidates import count_combinations
 from mograft.search.costs import PRESELECTION, length_fits
 from mograft.search.neighbourhoods import NEIGHBOURHOODS
-from mograft.synthesis.graft_result import Graft, seam_limit
+from mograft.synthesis.graft_result import Graft, find_missing, seam_limit
 from mograft.synthesis.newness import newness
 from mograft.viewing.page import Page, assemble_page, asset, viewer_html
 from mograft.viewing.scene import Scene
@@ -119,12 +120,21 @@ def _details(heading: str, content: str) -> str:
 def _scene(grafts: Sequence[Graft], files: Sequence[Path | None]) -> Scene:
     """Return the scene of grafts; a graft with a file has the command line that edits it."""
     commands = {
-        id(graft.motion): f"mograft graft --from {shlex.quote(str(file.with_suffix('.json')))} "
-        f"-o {shlex.quote(str(file.with_name(f'{file.stem}_new.bvh')))}"
+        id(graft.motion): _edit_command(graft.motion.name, file)
         for graft, file in zip(grafts, files, strict=False)
         if file is not None
     }
     return Scene.of(grafts).with_commands(commands)
+
+
+def _edit_command(name: str, file: Path) -> str:
+    """Return the command line that edits the graft of this name in a file, as a new motion."""
+    source, target = str(file.with_suffix(".json")), [str(file.with_name(f"{file.stem}_new.bvh"))]
+    if file.suffix.lower() == ".glb":
+        source, target = f"{file}#{name}", [str(file), "--as", f"{name}_new"]
+    elif file.suffix.lower() == ".npz":
+        source = f"{file}#{name}"
+    return shlex.join(["mograft", "graft", "--from", source, "-o", *target])
 
 
 _TIMELINE_NOTE = (
@@ -141,7 +151,8 @@ _MOTION_NOTE = (
 _MEASURE_NOTE = (
     " Jerk: of the end of the bone in the world, divided by that of base and donors. Floor depth, "
     "foot skate and out of balance: difference from the base; depth in percent of the body height, "
-    "out of balance over frames with the zero-moment point outside of the support."
+    "out of balance over frames with the zero-moment point outside of the support. In brackets: "
+    "the middle half of the parts of the base."
 )
 _DONOR_NOTE = (
     "Average number of donors per segment that satisfy each condition and all previous ones: "
@@ -177,8 +188,9 @@ def _motion_table(
     for graft, link, more in zip(grafts, links, columns, strict=True):
         new = sum(not s.is_own for s in graft.substitutions)
         angles = np.degrees([seam.gap for seam in graft.seams])
-        n_without = sum(int((counts == 0).sum()) for counts in graft.alternatives.values())
-        shift = 100 * _balance_shift(graft)
+        n_without = sum(int(find_missing(graft, group).sum()) for group in graft.alternatives)
+        shift, largest = 100 * _balance_shift(graft), float(angles.max(initial=0.0))
+        verdict = compare(largest, 0.0, float(np.degrees(seam_limit(graft))), ".0f")
         found = newness(graft, [other.motion for other in grafts if other is not graft])
         apart = "none" if found.apart is None else f"{np.degrees(found.apart):.1f}°"
         rows.append(
@@ -192,7 +204,7 @@ def _motion_table(
                 "from the nearest other": apart,
                 "seams": f"{len(angles)}",
                 "seam angle, mean": f"{angles.mean():.1f}°" if len(angles) else "none",
-                "seam angle, largest": f"{angles.max():.1f}°" if len(angles) else "none",
+                "seam angle, largest": f"{largest:.1f}° ({verdict})" if len(angles) else "none",
                 "balance shift, mean": f"{shift.mean():.1f} %",
                 "balance shift, largest": f"{shift.max():.1f} %",
                 **{title: html.escape(text) for title, text in more.items()},
@@ -272,7 +284,7 @@ def _donor_table(graft: Graft) -> str:
     rows = []
     for group, counts in graft.alternatives.items():
         means = [f"{np.mean(own):.1f}" for own in (n_similar, n_fitting, counts)]
-        n_without = f"{int((counts == 0).sum())} of {len(counts)}"
+        n_without = f"{int(find_missing(graft, group).sum())} of {len(counts)}"
         rows.append([html.escape(group), *means, n_without])
     return f'{wide_table(head, rows)}\n<p class="note">{_DONOR_NOTE.format(inside=inside)}</p>'
 

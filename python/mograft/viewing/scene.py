@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain, count
 from pathlib import Path
 
 import numpy as np
@@ -163,12 +164,9 @@ class _Builder:
                 if len(new.rows) > len(old.rows):
                     self.figures[index] = replace(new, name=old.name)
                 return
-        names = {figure.name for figure in self.figures}
-        name = stem = new.name or "motion"
-        count = 1
-        while name in names:
-            count += 1
-            name = f"{stem} ({count})"
+        taken, stem = {figure.name for figure in self.figures}, new.name or "motion"
+        names = chain([stem], (f"{stem} ({number})" for number in count(2)))
+        name = next(name for name in names if name not in taken)
         self.figures.append(replace(new, name=name))
 
 

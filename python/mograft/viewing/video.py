@@ -93,9 +93,8 @@ def write_video(
     if ending not in _MAX_RATE:
         raise ValueError(f"`path` must end in {' or '.join(_MAX_RATE)}, got {target.name}")
     if any(not _MIN_SIDE <= side <= _MAX_SIDE or side % 2 for side in size):
-        raise ValueError(
-            f"`size` must be even numbers from {_MIN_SIDE} to {_MAX_SIDE}, got {size[0]}x{size[1]}"
-        )
+        expected = f"even numbers from {_MIN_SIDE} to {_MAX_SIDE}"
+        raise ValueError(f"`size` must be {expected}, got {size[0]}x{size[1]}")
     if rate is None:
         rate = motions[0].rate / np.ceil(motions[0].rate / _MAX_DEFAULT_RATE[ending] - 1e-6)
     if not 0 < rate <= _MAX_RATE[ending]:

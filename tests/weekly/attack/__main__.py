@@ -68,7 +68,9 @@ def main(arguments):
     parser.add_argument("--write", action="store_true")
     options = parser.parse_args(arguments)
     if not os.environ.get("LD_PRELOAD") and set(options.only) & set(COMMANDS):
-        return faults.start(["tests.weekly.attack", *arguments]).returncode
+        process = faults.start(["tests.weekly.attack", *arguments])
+        print(process.stdout, process.stderr, sep="", end="")
+        return process.returncode
     rows = [run(name, options.scale, options.commands) for name in options.only]
     table = "\n".join(["| attack | trials | failures |", "|---|--:|--:|", *rows])
     print(table)

@@ -20,12 +20,9 @@ def main(arguments):
     options = parser.parse_args(arguments)
     n_failures = 0
     for name in options.only:
-        for subject, problems in attack(name, options.scale, options.seed).items():
-            failures = [own for own in problems if own]
+        for subject, n_trials, failures in attack(name, options.scale, options.seed):
             n_failures += len(failures)
-            print(
-                f"{name}: {subject}: {len(problems)} trials, {len(failures)} failures", flush=True
-            )
+            print(f"{name}: {subject}: {n_trials} trials, {len(failures)} failures", flush=True)
             for failure in failures[:20]:
                 print(f"    {failure}", flush=True)
     return int(n_failures > 0)

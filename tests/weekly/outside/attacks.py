@@ -53,7 +53,7 @@ def failing_calls(folder, scale, rng) -> Iterator[tuple[str, str]]:
     library, counts = compile_faults(folder), folder / "counts"
 
     def attack(command, call, at, error):
-        counts.write_bytes(bytes(16))
+        counts.write_bytes(bytes(8 * (1 + len(CALLS))))
         variables = {
             "LD_PRELOAD": str(library),
             "OUTSIDE_ROOT": str(folder / "work"),
@@ -63,22 +63,25 @@ def failing_calls(folder, scale, rng) -> Iterator[tuple[str, str]]:
             "OUTSIDE_ERROR": str(error),
         }
         end = run(command.words, folder, variables)
-        return end, struct.unpack("qq", counts.read_bytes())
+        return end, struct.unpack(f"q{len(CALLS)}q", counts.read_bytes())
 
     for command in COMMANDS:
         old = prepare(command, folder)
         code, _, err = run(command.words, folder)
         assert code == 0, err
         new = state(folder)
-        cases = []
-        for call, errors in CALLS.items():
+        prepare(command, folder)
+        _, (_, *numbers) = attack(command, "none", 0, 0)
+        cases = [
+            (call, at, error)
+            for (call, errors), number in zip(CALLS.items(), numbers, strict=True)
+            for at in range(1, number + 1)
+            for error in errors
+        ]
+        for call, at, error in rng.sample(cases, max(3, round(scale * len(cases)))):
             prepare(command, folder)
-            _, (n_calls, _) = attack(command, call, 0, 0)
-            cases += itertools.product([call], range(1, n_calls + 1), errors)
-        for call, at, error in rng.sample(cases, max(1, round(scale * len(cases)))):
-            prepare(command, folder)
-            (code, _, err), (_, n_faults) = attack(command, call, at, error)
-            problems = [complaint(code, err)] if n_faults or code else []
+            (code, _, err), (n_faults, *_) = attack(command, call, at, error)
+            problems = [complaint(code, "", err)] if n_faults or code else []
             found = state(folder)
             problems += differences(found, old, new)
             if code == 0 and found != new:
@@ -161,9 +164,9 @@ def mutated_files(folder, scale, rng) -> Iterator[tuple[str, str]]:
                 files = [Path(batch) / f"{number}.{kind}" for number in range(25)]
                 for file in files:
                     file.write_bytes(_mutated(data, rng))
-                problem = complaint(*run("check " + " ".join(map(str, files)), folder)[::2])
+                problem = complaint(*run("check " + " ".join(map(str, files)), folder))
                 for file in files:
-                    alone = problem and complaint(*run(f"check {file}", folder, seconds=20)[::2])
+                    alone = problem and complaint(*run(f"check {file}", folder, seconds=20))
                     if alone:
                         shutil.copy(file, folder.parent / f"failed-{file.parent.name}-{file.name}")
                     yield f"files {kind}", alone
@@ -207,18 +210,18 @@ def hostile_texts(folder, scale, rng) -> Iterator[tuple[str, str]]:
             shutil.rmtree(place, ignore_errors=True)
             place.mkdir()
             (place / name).write_text(_hostile(text, rng), encoding="utf-8")
-            yield name, complaint(*run(words, place, seconds=20)[::2])
+            yield name, complaint(*run(words, place, seconds=20))
 
 
 def damaged_libraries(folder, scale, rng) -> Iterator[tuple[str, str]]:
     """Open libraries with damaged files, and with values that were changed and sealed again."""
     place = folder / "damaged"
-    for number in range(max(2, round(200 * scale))):
+    for number in range(n_trials := max(2, round(200 * scale))):
         shutil.rmtree(place, ignore_errors=True)
         shutil.copytree(folder / "in" / "l", place)
         manifest = place / "manifest.json"
         document = json.loads(manifest.read_text())
-        is_sealed = number % 2
+        is_sealed = 2 * number >= n_trials
         if is_sealed:
             containers = [own for own in document.values() if isinstance(own, dict) and own]
             container = rng.choice([document, *containers])
@@ -233,7 +236,7 @@ def damaged_libraries(folder, scale, rng) -> Iterator[tuple[str, str]]:
             file = rng.choice(files)
             file.write_bytes(_mutated(file.read_bytes(), rng))
         for words in ("lib verify damaged", "graft damaged -o again --force"):
-            end = complaint(*run(words, folder, seconds=30)[::2])
+            end = complaint(*run(words, folder, seconds=30))
             yield (
                 f"library, {'sealed' if is_sealed else 'damaged'}",
                 f"{words}: {end}" if end else "",
@@ -244,14 +247,13 @@ ATTACKS = (failing_calls, random_signals, mutated_files, hostile_texts, damaged_
 
 
 def attack(name, scale, seed):
-    """Run an attack; return its number of trials and its failures, by what was attacked."""
+    """Run an attack; yield what was attacked, the number of trials, and the failures."""
     rng = random.Random(f"{name} {seed}")
-    results = {}
     with tempfile.TemporaryDirectory() as parent:
         folder = Path(parent).resolve() / "attack"
         folder.mkdir()
         make_inputs(folder)
         function = next(own for own in ATTACKS if own.__name__ == name)
-        for subject, problem in function(folder, scale, rng):
-            results.setdefault(subject, []).append(problem)
-    return results
+        for subject, trials in itertools.groupby(function(folder, scale, rng), lambda own: own[0]):
+            problems = [problem for _, problem in trials]
+            yield subject, len(problems), [own for own in problems if own]

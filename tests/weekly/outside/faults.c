@@ -1,9 +1,9 @@
 /* Preloaded library that fails one call by which a program writes files below a folder.
  *
- * Environment: OUTSIDE_ROOT, the folder; OUTSIDE_STATE, a file of two 64-bit numbers (calls so far,
- * faults so far) that all processes of the program share; OUTSIDE_CALL, the kind of call that is
- * counted ("any": all); OUTSIDE_AT, the number of the call that fails; OUTSIDE_ERROR, its errno, or
- * 0 for a write of half the bytes.
+ * Environment: OUTSIDE_ROOT, the folder; OUTSIDE_STATE, a file of 64-bit numbers that all processes
+ * of the program share: faults so far, and calls so far of each kind in the order of `KINDS`;
+ * OUTSIDE_CALL, the kind of call that fails; OUTSIDE_AT, its number, 0 for none; OUTSIDE_ERROR, its
+ * errno, or 0 for a write of half the bytes.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -20,7 +20,9 @@
 #include <unistd.h>
 
 #define MAX_FDS 4096
-static struct state { long calls, faults; } *state;
+#define N_KINDS 6
+static const char *KINDS[N_KINDS] = {"open", "write", "sync", "close", "rename", "mkdir"};
+static struct state { long faults, calls[N_KINDS]; } *state;
 static const char *root, *kind;
 static long at, error;
 static char is_inside_fd[MAX_FDS];
@@ -63,19 +65,21 @@ static int is_inside(int folder, const char *path) {
 
 /* Count a call; return 1 if it is the one that fails. */
 static int fails(const char *call) {
-    if (!state || (strcmp(kind, "any") && strcmp(kind, call))) return 0;
-    if (__sync_add_and_fetch(&state->calls, 1) != at) return 0;
+    int index = 0;
+    if (!state) return 0;
+    while (strcmp(KINDS[index], call)) index++;
+    if (__sync_add_and_fetch(&state->calls[index], 1) != at || strcmp(kind, call)) return 0;
     __sync_add_and_fetch(&state->faults, 1);
     errno = error;
     return 1;
 }
 
 static int opened(int fd, int flags, int inside) {
-    if (fd >= 0 && fd < MAX_FDS) is_inside_fd[fd] = inside && flags & (O_WRONLY | O_RDWR);
+    if (fd >= 0 && fd < MAX_FDS) is_inside_fd[fd] = !inside ? 0 : flags & (O_WRONLY | O_RDWR) ? 2 : 1;
     return fd;
 }
 
-static int tracked(int fd) { return root && fd >= 0 && fd < MAX_FDS && is_inside_fd[fd]; }
+static int tracked(int fd) { return root && fd >= 0 && fd < MAX_FDS && is_inside_fd[fd] == 2; }
 
 #define OPEN(name, parameters, folder) \
     int name parameters { \
@@ -124,7 +128,7 @@ ON_FD(fdatasync)
 
 int close(int fd) {
     REAL(int, close, int);
-    int was = tracked(fd);
+    int was = root && fd >= 0 && fd < MAX_FDS && is_inside_fd[fd];
     if (was) is_inside_fd[fd] = 0;
     int code = real(fd);
     return was && fails("close") ? -1 : code;

@@ -12,16 +12,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from ._checks import (
-    FloatArray,
-    IntArray,
-    as_count,
-    as_floats,
-    as_height,
-    as_points,
-    check_amount,
-    raise_not_finite,
-)
+from . import _checks
 from ._kernels import kernels
 from ._metrics import Metric, check_metric, convert_heights, converted_points, euclidean_limit
 
@@ -34,7 +25,7 @@ def linkage(
     memory_limit: int | None = None,
     max_memory: int | None = None,
     progress: Callable[[float], object] | None = None,
-) -> FloatArray:
+) -> _checks.FloatArray:
     """Cluster points hierarchically by complete linkage.
 
     Parameters
@@ -105,7 +96,7 @@ def linkage(
     """
     check_metric(metric)
     limits = _limits(n_threads, memory_limit, kernels.available_memory() // 2, max_memory)
-    converted = converted_points(as_points(points, 2), metric)
+    converted = converted_points(_checks.as_points(points, 2), metric)
     tree = kernels.linkage(converted, *limits, progress)
     convert_heights(tree[:, 2], metric)
     return tree
@@ -120,7 +111,7 @@ def cut(
     memory_limit: int | None = None,
     max_memory: int | None = None,
     progress: Callable[[float], object] | None = None,
-) -> IntArray:
+) -> _checks.IntArray:
     """Return the flat clusters of `linkage` at a height, without computing the tree above it.
 
     Parameters
@@ -155,9 +146,9 @@ def cut(
     array([0, 1, 0, 1])
     """
     check_metric(metric)
-    limit = euclidean_limit(as_height("max_diameter", max_diameter), metric)
+    limit = euclidean_limit(_checks.as_height("max_diameter", max_diameter), metric)
     limits = _limits(n_threads, memory_limit, kernels.available_memory() // 2, max_memory)
-    converted = converted_points(as_points(points, 0), metric)
+    converted = converted_points(_checks.as_points(points, 0), metric)
     return kernels.cut(converted, limit, *limits, progress)
 
 
@@ -168,7 +159,7 @@ def linkage_condensed(
     memory_limit: int | None = None,
     max_memory: int | None = None,
     progress: Callable[[float], object] | None = None,
-) -> FloatArray:
+) -> _checks.FloatArray:
     """Cluster hierarchically by complete linkage under given distances.
 
     Parameters
@@ -209,7 +200,7 @@ def linkage_condensed(
     array([[0., 1., 2., 2.],
            [2., 3., 6., 3.]])
     """
-    condensed = as_floats("distances", distances)
+    condensed = _checks.as_floats("distances", distances)
     if condensed.ndim != 1 or len(condensed) < 1:
         raise ValueError(f"`distances` must have shape (n_pairs >= 1,), got {condensed.shape}")
     # The full matrix holds every distance twice, and a diagonal of n * 8 bytes.
@@ -255,15 +246,15 @@ def threshold(points: npt.ArrayLike, kind: str | float = "rms", scale: float = 1
     >>> threshold([[-1.0], [1.0], [-7.0], [7.0]])
     5.0
     """
-    check_amount("scale", scale)
+    _checks.check_amount("scale", scale)
     if not isinstance(kind, str):
-        check_amount("kind", kind)
+        _checks.check_amount("kind", kind)
         return float(kind)
     if kind not in ("rms", "literal"):
         raise ValueError(f"`kind` must be 'rms', 'literal' or a number, got {kind!r}")
-    cloud = as_points(points, 1).astype(np.float64, copy=False)
+    cloud = _checks.as_points(points, 1).astype(np.float64, copy=False)
     if not np.isfinite(cloud).all():
-        raise_not_finite(cloud)
+        _checks.raise_not_finite(cloud)
     squared = np.square(cloud - cloud.mean(axis=0)).sum(axis=1)
     return float(scale * np.sqrt(np.mean(squared if kind == "rms" else np.sqrt(squared))))
 
@@ -273,11 +264,11 @@ def _limits(
 ) -> tuple[int, int, int | None]:
     """Return the number of threads, the maximum size of a matrix and `max_memory`, checked."""
     # The kernels take 64-bit integers, and no larger number has another effect.
-    default_threads = os.cpu_count() or 1
-    n_threads = default_threads if n_threads is None else as_count("n_threads", n_threads, 1)
+    wanted = (os.cpu_count() or 1) if n_threads is None else n_threads
+    n_threads = min(_checks.as_count("n_threads", wanted, 1), sys.maxsize)
     if max_memory is not None:
-        max_memory = min(as_count("max_memory", max_memory, 0), sys.maxsize)
+        max_memory = min(_checks.as_count("max_memory", max_memory, 0), sys.maxsize)
     limit = default_limit
     if memory_limit is not None:
-        limit = min(as_count("memory_limit", memory_limit, 0), sys.maxsize)
-    return min(n_threads, sys.maxsize), limit, max_memory
+        limit = min(_checks.as_count("memory_limit", memory_limit, 0), sys.maxsize)
+    return n_threads, limit, max_memory

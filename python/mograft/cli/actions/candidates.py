@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 from mograft.cli.configuration import load_library, read_constraints
+from mograft.cli.files import has_folder
 from mograft.cli.output import print_result
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.options import CandidatesOptions
@@ -19,7 +20,7 @@ def run(options: CandidatesOptions) -> int:
     """Run the command."""
     if (options.segment is None) == (options.frame is None):
         raise UsageError("one of --segment and --frame is required")
-    library = load_library(options)
+    library = load_library(options, strict=not has_folder(options.files))
     constraints = read_constraints(options, library.rate)
     clip, number, segment = _find_segment(library, options)
     others = [name for name in library.groups.names if name != library.groups.base]
@@ -60,7 +61,8 @@ def _find_segment(library: Library, options: CandidatesOptions) -> tuple[int, in
         frame = resolve_frame(options.frame, library.rate)
         if frame > stops[-1]:
             raise ValueError(
-                f"--frame must be 0 to {stops[-1]} in clip {library.names[clip]}, got {frame}"
+                f"--frame must be 0 to {stops[-1]} ({stops[-1] / library.rate:.6g} s) in clip "
+                f"{library.names[clip]}, got {frame}"
             )
         # Two segments share a frame; as on pages, it belongs to the later one.
         number = int((library.segments.start[segments] <= frame).sum()) - 1

@@ -10,6 +10,7 @@ from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import EVALUATION_TOPICS, EvaluateOptions
+from mograft.errors import suggest_name
 from mograft.evaluation import evaluate
 from mograft.viewing.evaluation_report import evaluation_page, summarize
 
@@ -20,6 +21,9 @@ def run(options: EvaluateOptions) -> int:
     """Run the command."""
     words = [name for name in options.files if name in _WORDS and not Path(name).exists()]
     files = tuple(name for name in options.files if name not in words)
+    for name in files:
+        if not Path(name).exists() and (hint := suggest_name(name, _WORDS)):
+            raise UsageError(f"expected a file or one of {', '.join(_WORDS)}; got {name}{hint}")
     if not files:
         raise UsageError("expected one library or at least one motion file, got none")
     folder = options.output
@@ -40,7 +44,7 @@ def run(options: EvaluateOptions) -> int:
         page.save(paths[1], force=True)
     if not options.json:
         for sentence in summarize(found):
-            print_remark(sentence)
+            print_remark(sentence, is_result=True)
         if folder is None:
             print_remark("use -o DIR to write all numbers and a page to a folder")
     print_result(options, "evaluation/1", document, paths)

@@ -1,6 +1,7 @@
 """``mograft graft`` and ``demo``: new motions on the base group of a captured one."""
 
 import os
+import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,15 +11,21 @@ from typing import Any
 
 import numpy as np
 
-from mograft._util.arrays import IntArray
-from mograft.cli import graft_files
-from mograft.cli.configuration import load_library, read_constraints
-from mograft.cli.files import check_suffix, check_writable, expand_folders, library_folder
-from mograft.cli.output import print_error, print_remark, print_result, show_progress
+from mograft.cli import configuration, graft_files
+from mograft.cli.files import (
+    check_suffix,
+    check_writable,
+    expand_folders,
+    has_folder,
+    library_folder,
+)
+from mograft.cli.output import print_error, print_remark, print_result, show_progress, with_flags
 from mograft.cli.syntax.arguments import UsageError, arguments_of
 from mograft.cli.syntax.commands import DemoOptions
-from mograft.cli.syntax.options import DEFAULT_DURATION, GraftOptions
-from mograft.cli.syntax.values import resolve_frame, resolve_frames
+from mograft.cli.syntax.options import GraftOptions
+from mograft.cli.syntax.values import resolve_frames
+from mograft.config import Config
+from mograft.config_text import parse_fields
 from mograft.dancer import dance
 from mograft.io.bvh.writer import write_bvh
 from mograft.io.formats import find_addresses, read_clip, split_address
@@ -30,12 +37,10 @@ from mograft.provenance.graft_edit import describe_changes, edit
 from mograft.provenance.graft_record import find_whole_library, read_record
 from mograft.provenance.replay import replay
 from mograft.provenance.writing import MOTION_SUFFIXES, write_graft
-from mograft.scenario import Scenario, fill, follow, to_beats, transitions, walk
-from mograft.scenario.walks import check_duration
 from mograft.search.candidates import count_combinations
 from mograft.search.constraints import Constraint
 from mograft.search.donor_constraints import KeepOriginal
-from mograft.synthesis.advice import advise, find_helpful_option
+from mograft.synthesis.advice import advise, find_remedies
 from mograft.synthesis.graft import graft_many, kept_violations, repair
 from mograft.synthesis.graft_result import Graft, Substitution
 from mograft.synthesis.newness import newness
@@ -48,49 +53,46 @@ All of them are in memory at the same time.
 
 _N_DEMO_GRAFTS = 3
 _NEAR_DEGREES = 1.0  # mean angle below which a motion counts as an earlier one again
-_GRAPH_OPTIONS = ("duration", "frames", "path", "beats", "among")
 _PLACES = ("reach", "avoid", "avoid_self", "face")
 _DONORS = ("only_from", "not_from", "only_tagged", "not_tagged")
 _EDITS = ("change", "take", "ban", "keep", "reroll", *_PLACES, *_DONORS)
-_OUTPUTS = ("output", "report", "measure", "digits", "json", "force", "quiet", "verbose")
-_ALLOWED = (*_EDITS, *_OUTPUTS, "files", "from_")
+_OUTPUTS = ("output", "into", "as_", "report", "measure", "digits", "json", "force", "quiet")
+_ALLOWED = (*_EDITS, *_OUTPUTS, "verbose", "files", "from_")
 """Arguments that may be given with ``--from``; the provenance sets all others."""
 
 _KEPT_VIOLATIONS = (
     "joints that are not exchanged violate constraints, and no donor can remove these violations; "
-    "no motion was written; move the obstacle or target, limit its frames, or give --best-effort"
+    "no motion was written; choose another --base, exchange their group (--swap), place the "
+    "obstacle or target elsewhere, or give --best-effort"
 )
-_ADVISED_OPTIONS = {
-    "variety": "--variety",
-    "sigma_scale": "--set sigma_scale",
-    "max_stretch": "--max-stretch",
-    "self_repair=False": "--set self_repair=false",
-}
-"""The options that set what `advise` names."""
 
 
 def run(options: GraftOptions) -> int:
     """Run the command."""
-    graft_files.check_graft_suffix(options)
+    options = graft_files.with_target(options)
     if options.from_ is not None:
         return _run_replay(options)
     _check_options(options)
     folder = library_folder(options.files)
     library, files = None, options.files
     if folder is not None:
-        library = load_library(options)
+        library = configuration.load_library(options)
     else:
         files = tuple(expand_folders(files, include_grafts=options.include_grafts))
     paths, page = graft_files.output_paths(
         options, files[0] if library is None else library.names[0]
     )
     written = [*graft_files.files_of_grafts(paths), *([page] if options.report else [])]
-    check_writable(written, force=options.force, inputs=files)
+    graft_files.check_targets(written, options, files)
     if options.measure and find_spec("scipy") is None:
         raise ValueError("--measure needs SciPy: pip install 'mograft[evaluate]'")
     if library is None:
-        library = load_library(replace(options, files=files))
-    constraints = read_constraints(options, library.rate)
+        strict = not has_folder(options.files)
+        library = configuration.load_library(replace(options, files=files), strict=strict)
+        if library.refused:  # the first file may be one of them
+            paths, page = graft_files.output_paths(options, library.names[0])
+            graft_files.check_targets(graft_files.files_of_grafts(paths), options, files)
+    constraints = configuration.read_constraints(options, library.rate)
     if options.change:
         constraints.append(KeepOriginal())
     if options.mirror:
@@ -119,28 +121,35 @@ def _check_options(options: GraftOptions) -> None:
         raise UsageError("expected LIB or FILE")
     if options.reroll:
         raise UsageError("--reroll requires --from")
-    if options.output.suffix.lower() in (".bvh", ".npz") and options.count != 1:
-        raise UsageError(f"-o must be a folder if -n is above 1, got {options.output}")
+    if options.output.suffix.lower() == ".bvh" and options.count != 1:
+        raise UsageError(
+            f"-o must be a folder, or a .glb or .npz file, if -n is above 1, got {options.output}"
+        )
     if options.distinct > 180.0:
         raise UsageError(f"--distinct must be at most 180, got {options.distinct:g}")
-    if options.repair and options.change:
-        raise UsageError("--change cannot be combined with --repair")
-    if options.repair and options.count != 1:
-        raise UsageError(f"-n must be 1 with --repair, got {options.count}")
-    _check_scenario(options)
+    if options.only_violations and options.change:
+        raise UsageError("--change cannot be combined with --only-violations")
+    if options.only_violations and options.count != 1:
+        raise UsageError(f"-n must be 1 with --only-violations, got {options.count}")
+    if options.only_violations and options.scenario != "original":
+        raise UsageError("--scenario cannot be combined with --only-violations")
+    configuration.check_scenario(options)
 
 
 def _run_replay(options: GraftOptions) -> int:
     """Write the graft of ``--from``, edited if options require it; return the exit code."""
     is_edit = any(getattr(options, name) for name in _EDITS)
     allowed = (*_ALLOWED, "seed", "best_effort") if is_edit else _ALLOWED
-    allowed = (*allowed, "count") if options.change else allowed
+    allowed = (*allowed, "set", *(("count",) if options.change else ()))
     for argument in arguments_of(GraftOptions):
         name = argument.dest
         is_set = getattr(options, name) not in (argument.default, None)
         if is_set and name not in options.origins and name not in allowed:
-            raise UsageError(f"--{argument.name} cannot be combined with --from")
-    source, path = Path(options.from_ or ""), options.output
+            raise UsageError(
+                f"--{argument.name} cannot be combined with --from, which makes a graft again; "
+                "--change, --take, --ban, --keep and --reroll change parts of it"
+            )
+    source, path = options.from_ or "", options.output
     record = read_record(source)
     names = [record.name]
     if options.count > 1:
@@ -148,15 +157,21 @@ def _run_replay(options: GraftOptions) -> int:
     paths = [path] * options.count
     if path.suffix.lower() not in MOTION_SUFFIXES:
         paths = [path / f"{name}.bvh" for name in names]
-    elif options.count > 1:
-        raise UsageError(f"-o must be a folder if -n is above 1, got {path}")
-    check_writable(graft_files.files_of_grafts(paths), force=options.force)
+    elif options.count > 1 and path.suffix.lower() == ".bvh":
+        raise UsageError(f"-o must be a folder, .glb or .npz file if -n is above 1, got {path}")
+    graft_files.check_targets(graft_files.files_of_grafts(paths), options)
     folder = library_folder(options.files)
     library = None if folder is None else Library.open(folder)
     sources = options.files if library is None else ()
     if is_edit and library is None:
         library = find_whole_library(record, sources)
-    grafts = [replay(source, library, sources=sources)]
+    config = None
+    if options.set:
+        config = Config.from_dict(record.config.as_dict() | parse_fields(options.set))
+        fixed = set(dict(options.set)) - set(Config.fields_of("blend"))
+        if fixed:
+            raise UsageError(f"--set {min(fixed)} cannot be combined with --from, which gives it")
+    grafts = [replay(source, library, sources=sources, config=config)]
     if is_edit:
         grafts = _edit(grafts[0], options)
         if _are_refused(grafts, options):
@@ -170,7 +185,7 @@ def _run_replay(options: GraftOptions) -> int:
 def _edit(graft: Graft, options: GraftOptions) -> list[Graft]:
     """Return the versions of a graft with the edits and changes that the options describe."""
     rate = graft.base.rate
-    edits = read_constraints(options, rate)
+    edits = configuration.read_constraints(options, rate)
     reroll = [own.resolve_span(rate) or own.number or 0 for own in options.reroll]
     edited = graft
     if edits or reroll:
@@ -199,9 +214,10 @@ def _change(graft: Graft, options: GraftOptions) -> list[Graft]:
                     donor = (donor[0], *resolve_frames(donor[1:], rate))
                 changed = change(changed, group, resolve_frames(span, rate), donor, rank=rank)
         except ValueError as error:
+            message = re.sub(r"`(group|frames|donor)`", r"the \1 of --change", str(error))
             if not versions:
-                raise
-            print_remark(f"warning: {rank} of {options.count} motions are written: {error}")
+                raise ValueError(message) from None
+            print_remark(f"warning: {rank} of {options.count} motions are written: {message}")
             break
         command = shlex.join(options.words)
         changes = [own if own.command else replace(own, command=command) for own in changed.changes]
@@ -237,52 +253,6 @@ def _find_base(library: Library, name: str | None, folder: Path | None) -> Motio
     return names[files.index(name)] if is_unique else name  # An unknown name is refused later.
 
 
-def _check_scenario(options: GraftOptions) -> None:
-    """Raise a UsageError if the options of the scenario contradict each other."""
-    scenario = options.scenario
-    numbers = [word.strip() for word in scenario.split(",")]
-    if scenario not in ("original", "graph") and not all(word.isdecimal() for word in numbers):
-        raise UsageError(f"--scenario must be original, graph or segment numbers; got {scenario}")
-    if scenario != "original" and options.base is not None:
-        raise UsageError("--base cannot be combined with --scenario, which creates the base")
-    given = [name for name in _GRAPH_OPTIONS if getattr(options, name) is not None]
-    if scenario != "graph" and given:
-        raise UsageError(f"--{given[0]} requires --scenario graph")
-    lengths = [name for name in given if name in ("duration", "frames", "path")]
-    if len(lengths) > 1:
-        raise UsageError(f"--{lengths[1]} cannot be combined with --{lengths[0]}")
-    if "beats" in given and lengths not in ([], ["duration"]):
-        raise UsageError(f"--{lengths[0]} cannot be combined with --beats")
-
-
-def _read_scenario(
-    library: Library, options: GraftOptions
-) -> Sequence[int] | IntArray | Scenario | None:
-    """Return the base segments that ``--scenario`` selects, or None for a captured clip."""
-    if options.scenario == "original":
-        return None
-    if options.scenario != "graph":
-        return [int(word) for word in options.scenario.split(",")]
-    seed, duration = options.seed or 0, options.duration or DEFAULT_DURATION
-    check_duration(duration)
-    graph = transitions(library, options.among)
-    if options.frames is not None:
-        is_time = isinstance(options.frames, float)
-        n_frames = resolve_frame(options.frames, library.rate) + is_time
-        return fill(library, n_frames, seed, graph=graph)
-    if options.path is not None:
-        return follow(library, options.path, graph=graph)
-    if options.beats is not None:
-        if options.beats > 60.0 * library.rate:
-            raise ValueError(
-                f"--beats must be at most {60.0 * library.rate:.6g} beats per minute, one per "
-                f"frame, got {options.beats:g}"
-            )
-        beats = np.arange(int(duration * options.beats / 60.0) + 1) * (60.0 / options.beats)
-        return to_beats(library, beats, seed, graph=graph)
-    return walk(library, duration, seed, graph=graph)
-
-
 def _make_grafts(
     library: Library,
     base: Motion | str | None,
@@ -290,8 +260,8 @@ def _make_grafts(
     options: GraftOptions,
 ) -> Sequence[Graft]:
     """Return the requested grafts."""
-    scenario = _read_scenario(library, options)
-    if options.repair:
+    scenario = configuration.read_scenario(library, options)
+    if options.only_violations:
         return [repair(library, base, constraints=constraints, swap=options.swap)]
     is_fixed = options.variety is not None or any(
         name == "sigma_scale" for name, _ in (*options.set, *options.configured)
@@ -329,11 +299,14 @@ def _are_refused(grafts: Sequence[Graft], options: GraftOptions) -> bool:
         warning = f"warning: {counts} violate the constraints; all {len(grafts)} are written"
         print_remark("\n".join([*messages, warning]))
     elif violating:
-        print_error(
-            f"{counts} violate the constraints, because no donor sequence satisfies them; "
-            "no motion was written; --best-effort writes all",
-            messages,
+        remedies = [] if options.from_ else find_remedies(violating[0])
+        text = "; ".join(
+            [
+                f"{counts} violate the constraints, because no donor sequence satisfies them",
+                *["no motion was written", *remedies, "`best_effort` writes all"],
+            ]
         )
+        print_error(with_flags(text, options, is_advice=True), messages)
     return bool(violating) and not options.best_effort
 
 
@@ -342,7 +315,7 @@ def _write_results(
 ) -> None:
     """Write grafts and the page that describes them, and print their paths and remarks."""
     paths[0].parent.mkdir(parents=True, exist_ok=True)
-    is_together = paths[0].suffix.lower() == ".glb"
+    is_together = paths[0].suffix.lower() != ".bvh"
     reference, motions, kept = None, list[Motion](), list[Graft]()
     substitutions, sections, columns, documents = [], [], [], []
     n_near = 0
@@ -353,6 +326,7 @@ def _write_results(
     # Each access to `grafts` builds the graft anew.
     for path, graft in zip(paths, grafts, strict=False):
         own = graft if options.from_ else graft_files.with_command(graft, options, options.files)
+        own = graft_files.renamed(own, options.as_)
         new, section = newness(own, motions), dict[str, Any]()
         n_near += new.apart is not None and np.degrees(new.apart) < _NEAR_DEGREES
         motions = [*motions, own.motion][-_MAX_REPORTED:] if len(paths) > 1 else []
@@ -361,13 +335,16 @@ def _write_results(
             measures = reference.measure(own)
             section = {"quality": measures.as_dict()}
             columns.append(measures.columns())
-            lines.append("  " + ", ".join(f"{name} {text}" for name, text in columns[-1].items()))
+            text = ", ".join(f"{name} {text}" for name, text in columns[-1].items())
+            measured = f"  {text}; ranges: parts of the base"
         if not is_together:
             write_graft(own, path, section, digits=options.digits)
         if options.json:
             record = {**graft_record(own, path.parent), "digits": options.digits}
             documents.append({"file": str(path), **record, **section, "newness": new.as_dict()})
         print_remark("\n".join(lines))
+        if reference is not None:
+            print_remark(measured, is_result=True)
         if not options.json and not is_together:
             print(path)
         substitutions.append(own.substitutions)
@@ -375,7 +352,7 @@ def _write_results(
         if is_together or (options.report and len(kept) < _MAX_REPORTED):
             kept.append(own)
     if is_together:
-        write_graft(kept, paths[0], sections)
+        kept = graft_files.write_together(kept, paths[0], sections, options)
         if not options.json:
             print(paths[0])
     _print_remarks(own, substitutions, n_near, options)
@@ -398,20 +375,19 @@ def _print_remarks(
     if n < options.count and not options.change:
         apart = f" that are {options.distinct:g}° apart" if options.distinct else ""
         smaller = "a smaller --distinct, " if options.distinct else ""
+        wider = "" if options.variety is None else "--variety or "
         remarks.append(
             f"warning: the donors allow only {n} different motion{'s' * (n > 1)}{apart}, not "
-            f"{options.count}; {smaller}a larger {find_helpful_option(last)} or more clips allow "
-            "more"
+            f"{options.count}; {smaller}a larger {wider}--max-stretch or more clips allow more"
         )
     if n_near and not options.change:
         remarks.append(
             f"warning: {n_near} of {n} motions differ from an earlier one by less than "
             f"{_NEAR_DEGREES:g}°; --distinct {2 * _NEAR_DEGREES:g} replaces them"
         )
-    for remark in [*remarks, *advise(last, substitutions)]:
-        for name, flag in _ADVISED_OPTIONS.items():
-            remark = remark.replace(f"`{name}`", flag)
-        print_remark(remark)
+    advice = [] if options.change else advise(last, substitutions)
+    for remark in [*remarks, *advice]:
+        print_remark(with_flags(remark, options, is_advice=True))
 
 
 def run_demo(options: DemoOptions) -> int:

@@ -11,7 +11,6 @@ from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax import commands
 from mograft.cli.syntax.arguments import UsageError
 from mograft.errors import join_names
-from mograft.io.formats import split_address
 from mograft.library.clip_table import ClipInfo
 from mograft.library.discover import find_clips, matching_values, read_tags
 from mograft.library.duplicates import find_duplicates
@@ -34,7 +33,7 @@ def run_index(options: commands.IndexOptions) -> int:
     tags = None if options.tags is None else read_tags(options.tags)
     _warn_of_unused(options.files, rates, tags or {})
     library, refused = _index(options, rates, tags)
-    for line in _describe_excluded(refused):
+    for line in configuration.describe_excluded(refused, options):
         print_remark(line)
     if not options.json:
         print_remark(f"{library}")
@@ -86,14 +85,6 @@ def _index(
     return library, dict(library.refused)
 
 
-def _describe_excluded(excluded: Mapping[str, str]) -> list[str]:
-    """Return the lines that report excluded clips, from the reasons by the address of the clip."""
-    return [
-        f"excluded: {'' if why.startswith(split_address(address)[0]) else f'{address}: '}{why}"
-        for address, why in excluded.items()
-    ]
-
-
 def run_info(options: commands.LibInfoOptions) -> int:
     """Run ``lib info``."""
     library = Library.open(options.library)
@@ -111,7 +102,9 @@ def run_info(options: commands.LibInfoOptions) -> int:
     ]
     if document["tags"]:
         lines.append(f"  tags: {' '.join(document['tags'])}")
-    lines += [f"  {line}" for line in _describe_excluded(document["left_out"])]
+    lines += [
+        f"  {line}" for line in configuration.describe_excluded(document["left_out"], options)
+    ]
     for clip in clips if options.clips else []:
         faults = f"; {'; '.join(clip['faults'])}" if clip["faults"] else ""
         tags = f" [{' '.join(clip['tags'])}]" if clip["tags"] else ""

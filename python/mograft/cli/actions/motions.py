@@ -1,9 +1,11 @@
 """``mograft info``, ``check`` and ``groups``: contents, faults and joint groups of motion files."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from mograft._util.arrays import IntArray
 from mograft._util.atomic import write_text
 from mograft._util.names import automatic_number, is_automatic
 from mograft.body.faults import HARMLESS_FAULTS, find_faults
@@ -67,10 +69,10 @@ def _contents(clips: Clips, index: int, options: InfoOptions) -> dict[str, Any]:
     """Return the contents of a clip; harmless faults only with ``--verbose`` or ``--json``."""
     motion = clips[index]
     skeleton = motion.skeleton
-    try:
-        members = JointGroups.preset("lower_torso_arms", skeleton).resolve(skeleton)
-    except ValueError:
-        members = {}
+    members: Mapping[str, IntArray] = {}
+    for preset in ("lower_upper", "lower_torso_arms"):  # the default of graft, or finer groups
+        with suppress(ValueError):
+            members = JointGroups.preset(preset, skeleton).resolve(skeleton)
     source = {"file": str(clips.path), "error": None, "format": clips.format}
     source["clip"] = clips.names[index] if len(clips) > 1 else None
     size = {"joints": skeleton.n_joints, "channels": skeleton.n_channels, "frames": motion.n_frames}
@@ -89,7 +91,7 @@ def _describe(clips: Sequence[dict[str, Any]]) -> list[str]:
     first = clips[0]
     lines = [f"  {group}: {' '.join(names)}" for group, names in first["groups"].items()]
     if not lines:
-        lines = ["  no joint groups recognized: pass your own as a TOML file with --groups"]
+        lines = ["  no joint groups recognized: use --groups auto, or a TOML file of your own"]
     lines += [f"  note: {note}" for note in first["notes"]]
     if first.get("match"):
         lines.append(f"  joints matched by anatomy: {first['match']}")

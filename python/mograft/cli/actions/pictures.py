@@ -1,7 +1,7 @@
 """``mograft view``, ``plot`` and ``export``: motions as pages, pictures and files."""
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,18 +25,22 @@ from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import ExportOptions, PlotOptions, ViewOptions
 from mograft.cli.syntax.values import Range, resolve_frames
 from mograft.config import Config
+from mograft.errors import join_names
 from mograft.io.bvh.writer import write_bvh
+from mograft.io.character import open_character
 from mograft.io.csv import write_csv
 from mograft.io.export_figure import UNITS, guess_unit
 from mograft.io.formats import read_clip, split_address
 from mograft.io.glb import write_glb
+from mograft.io.gltf.document import GltfFile
 from mograft.io.npz import write_npz
 from mograft.io.smpl.amass import write_amass
 from mograft.io.usd import write_usd
 from mograft.library.build import discover_groups, discover_in_library
-from mograft.library.discover import has_provenance
+from mograft.library.discover import is_graft
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
+from mograft.provenance.writing import write_character
 from mograft.viewing import plot
 from mograft.viewing.page import temporary_path, view
 from mograft.viewing.scene import Scene
@@ -54,7 +58,10 @@ _KINDS_OF_OPTION: Mapping[str, tuple[str, ...]] = {
 }
 _FIGURES = (".glb", ".usd", ".usda", ".usdc")
 _FILMS = (".mp4", ".gif")
-_TABLE_WRITERS = {".npz": write_npz, ".csv": write_csv}
+_TABLE_WRITERS: Mapping[str, Callable[[Motion, Path], None]] = {
+    ".npz": write_npz,
+    ".csv": write_csv,
+}
 _ENDINGS = (*_FIGURES, *_FILMS, *_TABLE_WRITERS, ".bvh")
 _ENDINGS_OF_SEVERAL = (".glb", *_FILMS)
 _ENDINGS_OF_OPTION = {
@@ -182,7 +189,7 @@ def _timeline_scene(options: PlotOptions, folder: Path | None) -> Scene:
         library = configuration.load_library(options)
         return Scene.of_clips(library, select_clips(library, options.clip))
     files = expand_folders(options.files)
-    grafts = [file for file in files if has_provenance(Path(split_address(file)[0]))]
+    grafts = [file for file in files if is_graft(file)]
     others = tuple(file for file in files if file not in grafts)
     libraries = [configuration.load_library(replace(options, files=others))] if others else []
     return Scene.of(
@@ -236,7 +243,7 @@ def run_export(options: ExportOptions) -> int:
             motions = [motion.resample(options.rate) for motion in motions]
         document |= {"frames": [motion.n_frames for motion in motions], "rate": motions[0].rate}
         if ending in _FIGURES:
-            document |= _write_figure(motions, target, groups, options)
+            document |= _write_figure(motions, files, groups, options)
         else:
             if ending == ".bvh":
                 write_bvh(motions[0], target, digits=options.digits)
@@ -258,8 +265,21 @@ def _select_frames(motion: Motion, given: Range | None) -> Motion:
 
 
 def _write_figure(
-    motions: Sequence[Motion], target: Path, groups: _Groups, options: ExportOptions
+    motions: Sequence[Motion], files: Sequence[str], groups: _Groups, options: ExportOptions
 ) -> dict[str, Any]:
+    target = options.output
+    paths = list(dict.fromkeys(split_address(file)[0] for file in files))
+    characters = [own for own in map(open_character, map(Path, paths)) if own is not None]
+    if characters and target.suffix.lower() == ".glb" and not options.given("scale", "groups"):
+        character = characters.pop(0)
+        path = character.container.path
+        keeps_all = str(path) in options.files and options.frames is None and options.rate is None
+        added = [own for own in motions if not (keeps_all and own.path == path)]
+        write_character(character, added, target, keeps_animations=keeps_all)
+        print_remark(f"{target.name}: meshes and skin of {path}; metres, y up")
+        _warn_of_meshes(characters, target)
+        return {"up": "y", "unit": "m", "character": str(path)}
+    _warn_of_meshes(characters, target)
     scale = UNITS[options.scale] if isinstance(options.scale, str) else options.scale
     if target.suffix.lower() == ".glb":
         write_glb(motions, target, scale=scale, groups=groups)
@@ -269,6 +289,12 @@ def _write_figure(
     estimated = "" if options.scale is not None else " (estimated from the figure's height)"
     print_remark(f"{target.name}: metres, y up; 1 unit of the file is {metres:g} m{estimated}")
     return {"up": "y", "unit": "m", "metres_in_a_unit": metres}
+
+
+def _warn_of_meshes(characters: Sequence[GltfFile], target: Path) -> None:
+    if characters:
+        names = join_names([str(own.container.path) for own in characters])
+        print_remark(f"warning: {target.name} does not have the meshes of {names}")
 
 
 def _write_film(

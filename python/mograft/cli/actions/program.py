@@ -50,7 +50,8 @@ def _check_package(name: str) -> tuple[str, str, str]:
         return name, "ok", metadata.version(name)
     except metadata.PackageNotFoundError:
         state = "broken" if name == _REQUIRED else "absent"
-        return name, state, f"needed for {_USES_OF_PACKAGES[name]}: pip install {name}"
+        source = "./python-fbx in a checkout" if name == "mograft-fbx" else name
+        return name, state, f"needed for {_USES_OF_PACKAGES[name]}: pip install {source}"
 
 
 def _check_graft() -> tuple[str, str]:

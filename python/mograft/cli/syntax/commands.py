@@ -14,9 +14,7 @@ _FIGURE_COLOURS = "joint groups that set the colours"
 class DemoOptions(options.SeedOptions, options.WriterOptions, section="output"):
     """Create a sample dance, three grafts and a page that shows them."""
 
-    output: values.Folder = option(
-        "folder for the files (default: demo)", default=Path("demo"), short="-o"
-    )
+    output: values.Folder = option("folder (default: demo)", default=Path("demo"), short="-o")
     open: bool = option("open the page in the browser")
 
 
@@ -24,8 +22,7 @@ class InfoOptions(options.SkeletonOptions):
     """Print joints, frame rate, duration, joint groups and faults of motion files."""
 
     match: Literal["names", "anatomy"] | None = setting(
-        "anatomy also lists which joints of each file correspond to those of the first file "
-        "(default: names)"
+        "anatomy also lists the joints that correspond to those of the first file (default: names)"
     )
 
 
@@ -39,9 +36,7 @@ class GroupsOptions(options.SkeletonOptions, options.WriterOptions):
     """Print the joint groups of a file as TOML, which can be edited and passed to --groups."""
 
     preset: values.Preset = setting(
-        f"one of {', '.join(values.PRESETS)}, for the first file; or auto or auto:N, groups "
-        "of joints that move together in all files (default: lower_upper)",
-        default="lower_upper",
+        f"{', '.join(values.PRESETS)}, auto or auto:N (default: lower_upper)", default="lower_upper"
     )
     output: values.File | None = option("TOML file to write (default: stdout)", short="-o")
 
@@ -50,17 +45,12 @@ class IngestOptions(Options, section="input"):
     """Options for the files of a new library."""
 
     files: tuple[values.SourceOrFolder, ...] = positional("motion files, or folders of them", "+")
-    rate: values.Rate | None = setting(
-        "frame rate of the library (default: the rate that most frames of the files have)"
-    )
+    rate: values.Rate | None = setting("frame rate of the library (default: that of most frames)")
     true_rate: tuple[values.TrueRate, ...] = option(
-        "true frame rate of a clip whose file contains a wrong one; CLIP may be a glob; may be "
-        "repeated",
+        "true rate of clips whose files have a wrong one; CLIP may be a glob; may be repeated",
         is_expert=True,
     )
-    tags: values.Table | None = option(
-        "table of clips and their tags; the folders of a clip also become its tags"
-    )
+    tags: values.Table | None = option("table of clips and their tags; folders are tags, too")
     strict: bool = setting("fail if a file cannot be used, instead of excluding it")
 
 
@@ -70,9 +60,7 @@ class IndexOptions(IngestOptions, options.LibraryOptions, options.WriterOptions,
     output: values.LibraryFolder = option("folder of the library", short="-o", is_required=True)
     add: bool = option("add to an existing library; only new and changed files are read")
     force: bool = option("replace an existing library")
-    jobs: values.Count = setting(
-        "number of processes that read files (default: 1)", default=1, short="-j"
-    )
+    jobs: values.Count = setting("processes that read files (default: 1)", default=1, short="-j")
 
 
 class StoredOptions(options.ResultOptions):
@@ -110,9 +98,7 @@ class StreamOptions(options.LibraryOptions):
     one line with the address, and runs until it is interrupted.
     """
 
-    port: values.Port | None = option(
-        "TCP port from 0 to 65535; 0 selects a free port; or give --socket"
-    )
+    port: values.Port | None = option("TCP port; 0 selects a free port; or give --socket")
     socket: values.OutputPath | None = option("path of a Unix socket to create")
     host: Annotated[str, values.Value("ADDRESS")] = setting(
         "address at which the TCP port is open (default: 127.0.0.1, only this computer)",
@@ -128,12 +114,10 @@ class ViewOptions(options.FieldOptions, options.SkeletonOptions, options.WriterO
     """Show motions side by side in the browser."""
 
     files: tuple[values.LibraryOrFile, ...] = positional("motion files, or one library", "+")
-    clip: tuple[values.Name, ...] = option(
-        "clips of a library to show; NAME may be a glob such as walk*; may be repeated"
-    )
+    clip: tuple[values.Name, ...] = option("clips of a library, or globs; may be repeated")
     groups: values.Groups | None = options.groups_option(_FIGURE_COLOURS, "trunk, arms and legs")
     output: values.File | None = option(
-        "HTML file to write (default: a temporary file, opened in the browser)", short="-o"
+        "HTML file (default: a temporary one, opened in the browser)", short="-o"
     )
     open: bool = option("open the page in the browser, even if -o is given")
 
@@ -147,19 +131,16 @@ class PlotOptions(options.LibraryOptions, options.WriterOptions):
         "or groups (which joints move together)"
     )
     clip: tuple[values.Name, ...] = option(
-        "clips of the library that strip, energy and timeline draw (default: all); NAME may be a "
-        "glob; may be repeated"
+        "clips of a library for strip, energy, timeline, or globs (default: all); may be repeated"
     )
     output: values.File = option(".png, .svg or .pdf file to write", short="-o", is_required=True)
     groups: values.Groups | None = options.groups_option(
         default="lower_upper; for strip trunk, arms and legs; for groups auto"
     )
-    group: values.Name | None = option(
-        "joint group for pca, dendrogram or clusters (default: the base group)"
-    )
+    group: values.Name | None = option("group for pca, dendrogram or clusters (default: the base)")
     poses: values.Count = setting("number of poses of strip (default: 12)", default=12)
     frames: values.Frames | None = option(
-        "frames, or times such as 3.3s-13.3s, for strip, timeline or energy (default: all)"
+        "frames, or times as 3s-4s, for strip, timeline or energy (default: all)"
     )
     dark: bool = setting("draw in light colours on a dark background")
 
@@ -176,20 +157,16 @@ class ExportOptions(options.DigitsOptions, options.SkeletonOptions, options.Writ
         "motion file; several for a film, and for a .glb if they have the same skeleton", "+"
     )
     output: values.File = option("file to write", short="-o", is_required=True)
-    frames: values.Frames | None = option(
-        "frames, or times such as 3.3s-13.3s, to write (default: all)"
-    )
+    frames: values.Frames | None = option("frames, or times as 3s-4s, to write (default: all)")
     rate: values.Rate | None = setting(
-        "frame rate of the output (default: the rate of the input; for an .mp4 at most 60, for a "
-        ".gif at most 20)"
+        "frame rate of the output (default: that of the input; .mp4 at most 60, .gif at most 20)"
     )
     scale: values.Unit | None = setting(
         f"unit of length of the motion file, for .glb and .usd: {', '.join(values.UNITS)}, or a "
         "number of metres (default: the unit that gives the figure human height)"
     )
     like: values.Source | None = option(
-        "AMASS file from which a .npz takes all arrays that the motion did not change (default: "
-        "write the arrays of mograft)"
+        "AMASS file whose unchanged arrays an .npz takes (default: write the arrays of mograft)"
     )
     groups: values.Groups | None = options.groups_option(
         f"{_FIGURE_COLOURS} of a figure or film", "trunk, arms and legs"
@@ -206,18 +183,12 @@ class EvaluateOptions(options.SeedOptions, options.LibraryOptions, options.Write
     """
 
     files: tuple[values.LibraryOrFile, ...] = positional(
-        "motion files, or one library; additional words such as balance select what to measure", "+"
+        "motion files, or one library; words such as balance select what to measure", "+"
     )
-    output: values.Folder | None = option(
-        "folder for evaluation.json and index.html (default: no files)", short="-o"
-    )
-    rate: values.Rate | None = setting(
-        "frame rate to which all files are resampled (default: the rate of most frames)"
-    )
+    output: values.Folder | None = option("folder for evaluation.json and index.html", short="-o")
+    rate: values.Rate | None = setting("frame rate of all files (default: that of most frames)")
     runs: values.Count = setting("number of motions created from each base (default: 6)", default=6)
-    bases: values.Count = setting(
-        "maximum number of clips that are used as base (default: 4)", default=4
-    )
+    bases: values.Count = setting("maximum number of base clips (default: 4)", default=4)
 
 
 class DoctorOptions(options.ResultOptions):

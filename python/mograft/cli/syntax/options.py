@@ -38,8 +38,7 @@ class DigitsOptions(Options, section="output"):
     """Options of commands that write .bvh files."""
 
     digits: values.Decimals | None = setting(
-        "decimals of computed angles in a .bvh file, from 1 to 12 (default: those of the file, at "
-        "least 6)",
+        "decimals of computed angles in .bvh files, 1 to 12 (default: of the file, at least 6)",
         is_expert=True,
     )
 
@@ -70,9 +69,9 @@ class LibraryFileOptions(SkeletonOptions, section="input"):
     """Options for the files from which a library is built."""
 
     files: tuple[values.LibraryOrFile, ...] = positional("motion files, or one library", "+")
-    groups: values.Groups | None = groups_option()
+    groups: values.Groups | None = groups_option("joint groups that exist")
     include_grafts: bool = setting(
-        "also read grafts in folders: motions with a .json file of mograft graft beside them",
+        "also read grafts: motions with the provenance of mograft graft in the file or beside it",
         is_expert=True,
     )
     match: Literal["names", "anatomy"] | None = setting(
@@ -87,8 +86,7 @@ class LibraryOptions(FieldOptions, LibraryFileOptions, section="how different"):
     """Options of commands that open a library, or build one from motion files."""
 
     preset: Literal["default", "paper"] | None = setting(
-        "configuration before other options change it; paper has the parameters of the paper "
-        "(default: default)",
+        "configuration that other options change; paper is that of the paper (default: default)",
         is_expert=True,
     )
     variety: values.Share | None = setting("0 (few, similar donors) to 1 (default: 0.5)")
@@ -109,7 +107,8 @@ class PlaceOptions(Options, section="where the hands go"):
     reach: tuple[values.Reach, ...] = option(
         "position of a joint in a frame",
         details="or in all frames to LAST, within TOL skeleton heights "
-        f"(default: {values.REACH_TOLERANCE}); may be repeated",
+        f"(default: {values.REACH_TOLERANCE}); 120:LeftHand:@chest+0,0.1,0.4 is relative to the "
+        "chest: in skeleton heights to the left of the figure, up and forward; may be repeated",
     )
     avoid: tuple[values.Avoid, ...] = option(
         "obstacle, such as sphere:X,Y,Z,RADIUS",
@@ -141,16 +140,13 @@ class DonorOptions(Options, section="donors"):
         "with --from the donor that it has in the graft. SEGMENT is as for --take; may be repeated"
     )
     only_from: values.Clips | None = setting(
-        "clips that may provide donors; CLIP may be a glob such as waltz*"
+        "clips that may provide donors, or globs such as waltz*"
     )
-    not_from: values.Clips | None = setting(
-        "clips that must not provide donors; CLIP may be a glob such as waltz*"
-    )
+    not_from: values.Clips | None = setting("clips that must not provide donors, or globs")
     only_tagged: values.Tags | None = setting("tags of clips that may provide donors")
     not_tagged: values.Tags | None = setting("tags of clips that must not provide donors")
     max_stretch: values.NonNegative | None = setting(
-        "maximum difference between the durations of donor and base segment, as a fraction of the "
-        "duration of the base segment (default: 0.15)"
+        "maximum stretch of a donor, as a fraction of the base segment's duration (default: 0.15)"
     )
     max_angle: values.Degrees | None = setting("maximum seam angle in degrees (default: 45)")
 
@@ -163,15 +159,11 @@ class CandidatesOptions(ConstraintOptions):
     """List the segments that may replace a segment, and why others are refused."""
 
     clip: values.Name | None = option("clip that contains the segment (default: the first clip)")
-    segment: values.Index | None = option(
-        "index of the segment in the clip, from 0; or give --frame"
-    )
+    segment: values.Index | None = option("index of the segment in the clip, from 0; or --frame")
     frame: values.FrameValue | None = option(
-        "a frame of the segment, counted from 0 in the clip, or a time such as 10.5s"
+        "frame of the segment, from 0, or a time such as 10.5s"
     )
-    group: values.Name | None = option(
-        "joint group to exchange (default: the first group that is not the base group)"
-    )
+    group: values.Name | None = option("joint group to exchange (default: the first but the base)")
 
 
 class BaseOptions(Options, section="what to keep"):
@@ -192,18 +184,15 @@ class ScenarioOptions(Options, section="scenario"):
     duration: values.Duration | None = option(
         f"duration of --scenario graph in seconds, at most 86400 (default: {DEFAULT_DURATION:.0f})"
     )
-    frames: values.Length | None = option(
-        "exact number of frames of --scenario graph, or a time such as 30s"
-    )
+    length: values.Length | None = option("exact frames of --scenario graph, or a time such as 30s")
     path: values.Corners | None = setting(
-        "corners of a path on the floor that --scenario graph follows, in the unit of the file "
-        "(X,Y if z points up); the length of the path determines the duration"
+        "corners of a path that --scenario graph follows, in the unit of the file (X,Y if z is up)"
     )
     beats: values.Tempo | None = setting(
-        "tempo of --scenario graph in beats per minute: a segment ends on each beat"
+        "beats per minute, on which --scenario graph ends segments"
     )
     among: values.Clips | None = setting(
-        "clips whose segments --scenario graph uses; CLIP may be a glob such as waltz*"
+        "clips that --scenario graph uses, or globs such as waltz*"
     )
 
 
@@ -214,17 +203,17 @@ class RecordOptions(Options, section="input"):
         "motion files, or one library; none with --from", "*"
     )
     from_: values.Record | None = option(
-        ".json file of a graft to make again, byte for byte",
-        details="--change, --take, --ban, --keep, --reroll, and options for places and donors, "
-        "change what they must and leave the rest unchanged; LIB|FILE is needed only if files "
-        "have moved",
+        "graft to make again: .json or FILE.glb#NAME",
+        details="the bytes are the same; --change, --take, --ban, --keep, --reroll, and options "
+        "for places and donors change what they must and leave the rest unchanged; --set of fields "
+        "of blending keeps all donors; LIB|FILE is needed only if files have moved",
     )
 
 
 class ChangeOptions(Options, section="what to change"):
     """Options for the parts that are exchanged."""
 
-    swap: values.Words | None = setting("groups to exchange (default: all but the base)")
+    swap: values.Words | None = setting("which of --groups change (default: all but base)")
     change: tuple[values.Change, ...] = option(
         "another part of a clip for a group",
         details="in a range of frames or times; CLIP may be a glob such as wave*; without CLIP, "
@@ -232,7 +221,7 @@ class ChangeOptions(Options, section="what to change"):
         "any frame. All other frames stay as they are in the graft of --from, or else as captured; "
         "may be repeated",
     )
-    repair: bool = option("exchange only segments that violate the constraints", is_expert=True)
+    only_violations: bool = option("exchange only what violates the constraints", is_expert=True)
     reroll: tuple[values.Segment, ...] = option(
         "with --from: index of a base segment that gets another donor, or frames FIRST-LAST of "
         "several; may be repeated",
@@ -243,21 +232,17 @@ class ChangeOptions(Options, section="what to change"):
 class VarietyOptions(SeedOptions, section="how different"):
     """Options for several motions."""
 
-    count: values.Count = option(
+    count: values.Motions = option(
         "number of motions (default: 1)",
         default=1,
-        details="if neither --variety nor --set sigma_scale is given and the donors allow fewer "
-        "different motions, the clusters are enlarged",
+        details="without --variety, less similar donors are used if others allow fewer motions",
         short="-n",
     )
     distinct: values.Distance = setting(
-        "smallest mean angle, in degrees, between the exchanged joints of any two motions "
-        "(default: 0)",
+        "smallest mean angle between the exchanged joints of any two motions (default: 0)",
         default=0.0,
     )
-    mirror: bool = setting(
-        "use the mirror images of all clips as additional donors", is_expert=True
-    )
+    mirror: bool = setting("use the mirror images of all clips as donors, too", is_expert=True)
 
 
 class EffortOptions(Options, section="where the hands go"):
@@ -291,15 +276,21 @@ class GraftOptions(
 
     output: values.OutputPath = option(
         "folder, or a .bvh, .npz or .glb file",
-        details="a .bvh file for a single motion; an .npz file for a single motion, which is a "
-        "copy of the base's AMASS file; a .glb file for one or more motions, which is a copy of "
-        "the base's glTF file",
+        details="a .bvh file for a single motion; a .glb or .npz file for one or more: a copy of "
+        "the glTF, FBX or AMASS file of the base, else bones or arrays. With --from, a .glb file "
+        "that exists is updated as with --into",
         short="-o",
         is_required=True,
+        alternative="into",
     )
+    into: values.OutputPath | None = option(
+        "instead of -o: .glb file to which the motions are added as animations; a graft of the "
+        "same name is replaced, another animation only with --force",
+        is_expert=True,
+    )
+    as_: values.Name | None = option("name of the animation in a .glb file", is_expert=True)
     report: bool = setting("also write an HTML page that describes the motions")
     measure: bool = setting(
-        "also measure jerk, foot contacts and balance of each motion, and add the values to its "
-        ".json file and to the page of --report (needs mograft[evaluate])",
+        "also measure jerk, foot contacts and balance of each motion (needs mograft[evaluate])",
         is_expert=True,
     )

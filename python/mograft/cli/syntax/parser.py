@@ -130,7 +130,7 @@ def _keywords(argument: Argument, *, is_short: bool) -> dict[str, Any]:
     if argument.is_positional:
         return {**keywords, "nargs": argument.count}
     action = "append" if argument.is_repeated else "store"
-    required = argument.is_required
+    required = argument.is_required and argument.alternative is None
     return {**keywords, "action": action, "required": required, "dest": argument.dest}
 
 
@@ -174,6 +174,7 @@ def _check_names(parsers: Parsers, words: Sequence[str]) -> None:
         name = word.partition("=")[0]
         if name.startswith("--") and not any(flag.startswith(name) for flag in flags):
             hint = suggest_name(name, flags, prefix="--", cutoff=0.7)
+            hint = hint or f"; mograft {' '.join(path)} --help-all lists all"
             parsers[path].error(f"{' '.join(path)} has no option {name}{hint}")
 
 

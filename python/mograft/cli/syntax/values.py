@@ -18,8 +18,13 @@ from mograft.errors import suggest_name
 T = TypeVar("T")
 _MAX_SECONDS = 1e9  # times the frame rate of any file, this is a finite number of frames
 
-SHAPE_NUMBERS = {"sphere": 4, "capsule": 7, "box": 6, "wall": 6}
-"""How many numbers describe each shape of ``--avoid``."""
+SHAPES = {
+    "sphere": "X,Y,Z,RADIUS",
+    "capsule": "X,Y,Z,X,Y,Z,RADIUS",
+    "box": "X,Y,Z,HX,HY,HZ",
+    "wall": "X,Y,Z,NX,NY,NZ",
+}
+"""The numbers that describe each shape of ``--avoid``."""
 
 REACH_TOLERANCE = 0.03
 """Default tolerance of ``--reach`` in skeleton heights."""
@@ -269,6 +274,9 @@ def true_rate(text: str) -> tuple[str, float]:
 
 def preset(text: str, more: str = "") -> str:
     """Parse the name of a preset of joint groups, ``auto`` or ``auto:N``."""
+    fitting = next((name for name in PRESETS if text in name.split("_")), None)
+    if fitting is not None:
+        raise ArgumentTypeError(f"{text} is one group: use --groups {fitting} --swap {text}")
     if not is_automatic(text):
         return one_of((*PRESETS, AUTOMATIC), more)(text)
     try:
@@ -293,27 +301,28 @@ def picture_size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def _numbers(text: str, *counts: int) -> tuple[float, ...]:
+def _numbers(text: str, *forms: str) -> tuple[float, ...]:
+    """Parse as many numbers as one of `forms`, such as ``X,Y,Z``, has."""
     words = text.split(",")
     try:
+        counts = [len(form.split(",")) for form in forms]
         numbers = tuple(float(word) for word in words if len(words) in counts)
     except ValueError:
         numbers = ()
     if not numbers:
-        expected = " or ".join(map(str, counts))
-        raise ArgumentTypeError(f"expected {expected} numbers separated by commas, got {text}")
+        raise ArgumentTypeError(f"expected {' or '.join(forms)}, got {text}")
     return numbers
 
 
 def _point(text: str) -> Point:
-    x, y, z = _numbers(text, 3)
+    x, y, z = _numbers(text, "X,Y,Z")
     return x, y, z
 
 
 @_parser("must be at least two corners, such as 0,0:300,0")
 def corners(text: str) -> list[tuple[float, ...]]:
     """Parse ``X,Z:X,Z:...``, at least two positions on the floor, into pairs of numbers."""
-    found = [_numbers(pair, 2) for pair in text.split(":")]
+    found = [_numbers(pair, "X,Z") for pair in text.split(":")]
     if len(found) < 2:
         raise ValueError
     return found
@@ -336,32 +345,39 @@ def obstacle(text: str) -> tuple[str, tuple[float, ...], Range | None]:
 def _shape(text: str) -> tuple[str, tuple[float, ...]]:
     """Parse a shape or the file of a character into its name and numbers."""
     kind, colon, rest = text.partition(":")
-    if colon and kind in SHAPE_NUMBERS:
-        return kind, _numbers(rest, SHAPE_NUMBERS[kind])
+    if colon and kind in SHAPES:
+        return kind, _numbers(rest, SHAPES[kind])
     if colon and len(kind) > 1 and kind.isalpha() and not Path(text).exists():
         raise ArgumentTypeError(
-            f"expected a file or one of the shapes {', '.join(SHAPE_NUMBERS)}, got {kind}"
-            f"{suggest_name(kind, SHAPE_NUMBERS)}"
+            f"expected a file or one of the shapes {', '.join(SHAPES)}, got {kind}"
+            f"{suggest_name(kind, SHAPES, cutoff=0.8)}"
         )
     name, separator, place = text.rpartition("@")
     if not separator or Path(text).exists():
         return text, (0.0,) * 4
-    return name, (*_numbers(place, 3, 4), 0.0)[:4]
+    return name, (*_numbers(place, "X,Y,Z", "X,Y,Z,YAW"), 0.0)[:4]
+
+
+Reached = tuple[Range, str, str | None, Point, float]
+"""Frames, joint, part to which the position is relative, position and tolerance of a reach."""
 
 
 @_parser(
-    "expected FRAME:JOINT:X,Y,Z[~TOL] or FIRST-LAST:JOINT:X,Y,Z[~TOL], with frames such as 315 or "
-    "10.5s and TOL above 0"
+    "expected FRAME:JOINT:X,Y,Z[~TOL] or FRAME:JOINT:@PART+LEFT,UP,FORWARD[~TOL], with a frame "
+    "such as 315 or 10.5s, or FIRST-LAST, and TOL above 0"
 )
-def reach(text: str) -> tuple[Range, str, Point, float]:
-    """Parse ``FRAMES:JOINT:X,Y,Z[~TOL]``; the tolerance TOL is in skeleton heights."""
+def reach(text: str) -> Reached:
+    """Parse ``FRAMES:JOINT:[@PART+]X,Y,Z[~TOL]``; TOL and offsets are in skeleton heights."""
     when, _, rest = text.partition(":")
-    joint, colon, place = rest.rpartition(":")  # The name of a joint may contain colons.
-    if not colon:
+    joint, is_relative, place = rest.partition(":@")
+    part, sign, offset = place.partition("+")
+    if not is_relative:
+        joint, sign, offset = rest.rpartition(":")  # The name of a joint may contain colons.
+    if not (sign and joint) or (is_relative and not part):
         raise ValueError
-    place, tilde, tolerance = place.partition("~")
+    offset, tilde, tolerance = offset.partition("~")
     within = _positive(tolerance) if tilde else REACH_TOLERANCE
-    return frame_or_frames(when), joint, _point(place), within
+    return frame_or_frames(when), joint, part or None, _point(offset), within
 
 
 def face(text: str) -> tuple[Point, Range | None]:
@@ -371,6 +387,7 @@ def face(text: str) -> tuple[Point, Range | None]:
 
 
 _count = _number(int, "an integer of at least 1", lambda n: n >= 1)
+_motions = _number(int, "from 1 to 100000 (other seeds give more)", lambda n: 1 <= n <= 100_000)
 _index = _number(int, "an integer of at least 0", lambda n: n >= 0)
 _decimals = _number(int, "an integer from 1 to 12", lambda n: 1 <= n <= 12)
 _port = _number(int, "an integer from 0 to 65535", lambda n: 0 <= n <= 65535)
@@ -379,6 +396,7 @@ _non_negative = _number(float, "a number of at least 0", lambda x: 0 <= x < math
 
 Name = Annotated[str, Value("NAME")]
 Count = Annotated[int, Value("N", _count)]
+Motions = Annotated[int, Value("N", _motions)]
 Index = Annotated[int, Value("N", _index)]
 Decimals = Annotated[int, Value("N", _decimals)]
 Port = Annotated[int, Value("N", _port)]
@@ -416,6 +434,6 @@ Take = Annotated[tuple[SegmentValue, Taken], Value("SEGMENT=CLIP:FIRST-LAST", ta
 Ban = Annotated[tuple[SegmentValue, str | Taken | None], Value("SEGMENT[=CLIP[:FIRST-LAST]]", ban)]
 Change = Annotated[Changed, Value("GROUP@FIRST-LAST[=CLIP[:FIRST-LAST]]", change)]
 Corners = Annotated[list[tuple[float, float]], Value("X,Z:X,Z:...", corners)]
-Reach = Annotated[tuple[Range, str, Point, float], Value("FRAME[-LAST]:JOINT:X,Y,Z[~TOL]", reach)]
+Reach = Annotated[Reached, Value("FRAME[-LAST]:JOINT:[@PART+]X,Y,Z[~TOL]", reach)]
 Avoid = Annotated[tuple[str, tuple[float, ...], Range | None], Value("WHAT[@FIRST-LAST]", obstacle)]
 Face = Annotated[tuple[Point, Range | None], Value("X,Y,Z[@FIRST-LAST]", face)]

@@ -63,9 +63,9 @@ class Animation:
         return max(float(times[-1]) for times in self.key_times) - self.start
 
 
-def animation_names(container: Container) -> list[str]:
-    """Return the names of all animations; empty if an animation has none."""
-    names = [own.get("name") for own in container.items("animations")]
+def animation_names(animations: Sequence[dict[str, Any]]) -> list[str]:
+    """Return the names of animations; empty if an animation has none."""
+    names = [own.get("name") for own in animations]
     return [name if isinstance(name, str) else "" for name in names]
 
 

@@ -44,8 +44,13 @@ class Container:
     path: Path
     document: dict[str, Any]  # the values of `_COLLECTIONS`, if present, are lists of objects
     binary: memoryview | None  # the binary chunk of a GLB file
-    file_bytes: int
+    data: memoryview = field(repr=False)  # the whole file
     _buffers: dict[int, memoryview] = field(default_factory=dict, repr=False)
+
+    @property
+    def file_bytes(self) -> int:
+        """Bytes of the file."""
+        return len(self.data)
 
     @property
     def n_bytes(self) -> int:
@@ -140,12 +145,13 @@ class Container:
             self.fail(place, f"{uri!r} cannot be read: {error}")
 
 
-def read_container(path: Path) -> Container:
+def read_container(path: Path, content: bytes | None = None) -> Container:
     """Read a glTF file; raise `FormatError` unless it has a JSON document of glTF 2.0.
 
-    Every collection of the document, if present, must be a list of objects.
+    Every collection of the document, if present, must be a list of objects. `content` has the bytes
+    of a file that does not exist; `path` then names it in messages.
     """
-    data = memoryview(path.read_bytes())
+    data = memoryview(path.read_bytes() if content is None else content)
     is_binary = data[:4] == MAGIC
     text, binary = _split_chunks(path, data) if is_binary else (data, None)
     try:
@@ -155,7 +161,7 @@ def read_container(path: Path) -> Container:
         raise FormatError(f"expected JSON: {error}", path, place) from error
     if not isinstance(document, dict) or not isinstance(document.get("asset"), dict):
         raise FormatError("expected an object with `asset`", path, "JSON")
-    container = Container(path, document, binary, len(data))
+    container = Container(path, document, binary, data)
     for name in _COLLECTIONS:
         items = document.get(name, [])
         if not isinstance(items, list):

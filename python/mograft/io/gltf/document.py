@@ -21,6 +21,7 @@ from mograft.io.gltf.animation import (
     sample,
 )
 from mograft.io.gltf.container import Container, read_container
+from mograft.io.gltf.grafts import provenance
 from mograft.io.gltf.nodes import NodeTree, Transforms, read_nodes, to_world
 from mograft.io.rest_pose import RestPose, find_joints, rebase
 from mograft.motion import limits
@@ -67,15 +68,15 @@ class GltfFile:
         return sample(self.container, animation, times, self.moved_rest, self.moved_rows)
 
 
-def read_gltf_file(path: Path) -> GltfFile:
+def read_gltf_file(path: Path, content: bytes | None = None) -> GltfFile:
     """Read the node tree of a glTF file, and find its joints and clips.
 
     If the file has skins, the joints are those of the skins, otherwise the animated nodes. Their
     lowest common ancestor and the nodes between are joints, too. If they have several roots, they
     are several figures, of which the one with the most joints is taken. Raises `FormatError` if the
-    file is invalid, and `NoFigureError` if it has no joints.
+    file is invalid, and `NoFigureError` if it has no joints. `content` is as for `read_container`.
     """
-    container = read_container(path)
+    container = read_container(path, content)
     tree = read_nodes(container)
     changed = [animated_properties(container, i) for i in range(len(container.items("animations")))]
     animated = [
@@ -101,7 +102,7 @@ def read_gltf_file(path: Path) -> GltfFile:
     )
     with errors_of_file(path, "nodes"):
         limits.check_hierarchy(rest.names, rest.parents.tolist())
-    moved, names = set(nodes.tolist()), animation_names(container)
+    moved, names = set(nodes.tolist()), animation_names(container.items("animations"))
     clips = [index for index, own in enumerate(animated) if own & moved]
     notes = [*left_out, *_find_notes(container, tree, moved, changed, clips)]
     return GltfFile(
@@ -156,7 +157,10 @@ def _find_notes(
     clips: list[int],
 ) -> list[str]:
     """Return notes on content that the motions do not contain."""
-    names = [name or f"animation {i}" for i, name in enumerate(animation_names(container))]
+    names = [
+        name or f"animation {i}"
+        for i, name in enumerate(animation_names(container.items("animations")))
+    ]
     properties = set().union(*changed)
     animated = {node for node, path in properties if node is not None and path in PATH_WIDTHS}
     listed = {
@@ -180,7 +184,10 @@ def open_gltf(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> C
     except NoFigureError as error:
         return Clips(path, (), tuple[Motion, ...]().__getitem__, "glTF", (error.message,), ())
     lengths = _Lengths(file, rate)
-    return Clips(path, file.clip_names, lengths.read_motion, "glTF", file.notes, lengths)
+    animations = [file.container.items("animations")[index] for index in file.animations]
+    texts = zip(file.clip_names, map(provenance, animations), strict=True)
+    grafts = {name: text for name, text in texts if text is not None}
+    return Clips(path, file.clip_names, lengths.read_motion, "glTF", file.notes, lengths, grafts)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -13,23 +13,27 @@ from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.atomic import write_bytes
 from mograft._util.names import unique_names
 from mograft._util.validate import check_type
-from mograft.errors import FormatError, suggest_name
-from mograft.io.glb import GltfBuffer, Json, as_motions
+from mograft.errors import DAMAGE, SkeletonMismatchError, suggest_name
+from mograft.io.export_figure import ROTATIONS_TO_Y_UP
+from mograft.io.glb import GltfBuffer, Json
 from mograft.io.gltf.animation import PATH_WIDTHS, animation_names
-from mograft.io.gltf.container import COMPRESSION, Container
+from mograft.io.gltf.copy_content import copy_content
 from mograft.io.gltf.document import GltfFile, read_gltf_file
+from mograft.io.gltf.grafts import complete, find_original, provenance, with_provenance
 from mograft.io.gltf.nodes import SCALE_TOLERANCE, Transforms, remove_mirroring
 from mograft.io.rest_pose import POSITION_TOLERANCE, restore
 from mograft.motion import rotations
-from mograft.motion.motion import Motion
+from mograft.motion.motion import Motion, as_motions
 from mograft.motion.skeleton import Skeleton
 
-_IMAGE_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
-"""Media types of images by their first bytes."""
+_REMEDY = (
+    "; export each file by itself, or graft them together with --match anatomy (match='anatomy')"
+)
+_NEGLIGIBLE_BONE = 0.02
+"""Length of bones whose direction is not compared, as a fraction of the extent of the rest pose."""
 
-_MAX_IMAGE_BYTES = 1 << 30
-
-_Place = tuple[int, int]  # of a buffer's bytes in the copy: the index of the buffer, and the offset
+_MIN_COSINE = np.cos(np.radians(10.0))
+"""Of the angle between bones in two rest poses that count as equal."""
 
 
 def write_glb_animations(
@@ -107,6 +111,51 @@ class Addition:
     motion: Motion
     base: Motion | None = None  # the motion of the clip, in the same frames as `motion`
     clip: int | None = None  # index of the clip
+    provenance: str | None = None  # the text of a JSON document, if the motion is a graft
+
+
+def fit_motion(file: GltfFile, motion: Motion) -> Motion:
+    """Return a motion in the unit and the axes of a file that has the same joints.
+
+    Bones get the lengths that they have in the file. Raises SkeletonMismatchError if the joints
+    differ, or the directions of bones in the rest pose.
+    """
+    name, rest = motion.name or "a motion", file.rest
+    try:
+        Skeleton(rest.names, rest.parents, rest.offsets).check_same_hierarchy(motion.skeleton, name)
+    except SkeletonMismatchError as error:
+        raise SkeletonMismatchError(f"{error}, unlike {file.container.path}{_REMEDY}") from None
+    reach = _NEGLIGIBLE_BONE * rest.extent
+    for turn in (rotations.IDENTITY, *ROTATIONS_TO_Y_UP):
+        own, wanted = rotations.rotate(turn, motion.skeleton.offsets[1:]), rest.offsets[1:]
+        products, size = (own * wanted).sum(axis=1), float((own * own).sum())
+        scale = float(products.sum()) / size if size else 1.0
+        lengths = np.linalg.norm(wanted, axis=1)
+        areas = np.maximum(np.linalg.norm(own, axis=1) * lengths, 1e-300)
+        cosines = (products / areas)[lengths > reach]
+        if scale > 0 and cosines.min(initial=1.0) >= _MIN_COSINE:
+            return transform(motion, rest.offsets, turn, scale)
+    raise SkeletonMismatchError(
+        f"{name} has another rest pose than {file.container.path}, so that its rotations do not fit"
+        f"{_REMEDY}"
+    )
+
+
+def transform(motion: Motion, offsets: FloatArray, turn: FloatArray, scale: float) -> Motion:
+    """Return a motion, with its rest pose, turned and scaled, and with the given offsets."""
+    old = motion.skeleton.offsets
+    difference = np.abs(old[1:] - offsets[1:]).max(initial=0.0)
+    if abs(scale - 1.0) < 1e-6 and difference <= 1e-6 * np.abs(offsets).max(initial=0.0):
+        return motion
+    turned = rotations.multiply(turn, motion.rotations)
+    quats = rotations.multiply(turned, rotations.inverse(turn))
+    positions = scale * rotations.rotate(turn, motion.positions - old)
+    positions[:, 1:] += offsets[1:]
+    positions[:, 0] += scale * rotations.rotate(turn, old[0])
+    skeleton = replace(motion.skeleton, offsets=offsets, end_sites=())
+    return replace(
+        motion, skeleton=skeleton, rotations=quats, positions=positions, channel_values=None
+    )
 
 
 def has_duration(file: GltfFile, clip: int, base: Motion) -> bool:
@@ -134,22 +183,40 @@ def _add(file: GltfFile, motion: Motion, base: Motion | None) -> Addition:
 
 
 def append_animations(
-    file: GltfFile, additions: Sequence[Addition]
+    file: GltfFile,
+    additions: Sequence[Addition],
+    *,
+    kept: Sequence[Json] | None = None,
+    is_update: bool = False,
 ) -> tuple[tuple[str, ...], bytes]:
-    """Return the names of the new animations, and the bytes of the GLB file that has them."""
+    """Return the names of the new animations, and the bytes of the GLB file that has them.
+
+    `kept` are the animations of the file that stay, by default all. If `is_update` is true, a new
+    animation takes the place of one that has its name; otherwise it gets another name.
+    """
     skeleton = Skeleton(file.rest.names, file.rest.parents, file.rest.offsets)
     for addition in additions:
         motion = addition.motion
         skeleton.check_same_hierarchy(motion.skeleton, motion.name or "a motion")
     document, buffer = copy_content(file.container)
-    old, given = animation_names(file.container), [own.motion.name or "motion" for own in additions]
-    names = unique_names([*old, *given])[len(old) :]
+    original = find_original(file.container, buffer)
+    before = file.container.items("animations")
+    animations = list(before if kept is None else kept)
+    present = animation_names(animations)
+    given = [own.motion.name or "motion" for own in additions]
+    names = given if is_update else unique_names([*present, *given])[len(present) :]
     tables = [_new_tables(file, addition) for addition in additions]
     document["nodes"] = _animated_nodes(file, {node for table in tables for node, _ in table.keys})
-    document["animations"] = [
-        *file.container.items("animations"),
-        *map(partial(_build_animation, file, buffer), tables, additions, names),
-    ]
+    for new in map(partial(_build_animation, file, buffer), tables, additions, names):
+        place = present.index(new["name"]) if new["name"] in present else len(animations)
+        animations[place : place + 1] = [new]
+    captured = [[own for own in items if not provenance(own)] for items in (before, animations)]
+    if captured[0] != captured[1]:
+        original = original._replace(sha256="")
+    try:
+        document = complete({**document, "animations": animations}, buffer, original)
+    except DAMAGE as error:
+        file.container.fail("animations", f"expected samplers with input and output: {error}")
     return tuple(names), buffer.pack(document)
 
 
@@ -227,7 +294,9 @@ def _build_animation(
         output = buffer.add(stored[rows], f"VEC{stored.shape[1]}")
         channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
         samplers.append({"input": inputs[len(rows)], "interpolation": "LINEAR", "output": output})
-    return {"name": name, "channels": channels, "samplers": samplers}
+    animation = {"name": name, "channels": channels, "samplers": samplers}
+    text = addition.provenance
+    return animation if text is None else with_provenance(animation, text)
 
 
 def _keep_channels(
@@ -327,87 +396,3 @@ def _changed_tracks(
             below[joint] = parent >= 0 and (below[parent] or is_turned[parent])
         is_moved |= below
     return is_turned, is_moved
-
-
-def copy_content(container: Container) -> tuple[Json, GltfBuffer]:
-    """Return the JSON document of a copy, and a binary buffer with all data of the file.
-
-    The binary buffer begins with the file's binary chunk, if there is one. The bytes of the other
-    buffers and of images in other files follow. Buffers without data, which extensions use, are
-    kept as they are. The document shares the objects of the file that do not change.
-    """
-    buffer = GltfBuffer(accessors=list(container.items("accessors")))
-    places, buffers = _merge_buffers(container, buffer)
-    is_moved = any(place != (index, 0) for index, place in enumerate(places))
-    views = container.items("bufferViews")
-    buffer.views += [_move_view(container, view, places) for view in views] if is_moved else views
-    document = {**container.document, "buffers": buffers}
-    images = document.get("images")
-    if isinstance(images, list):
-        document["images"] = [_copy_image(container, image, buffer) for image in images]
-    return document, buffer
-
-
-def _merge_buffers(container: Container, buffer: GltfBuffer) -> tuple[list[_Place], list[Json]]:
-    """Append the data of all buffers to `buffer`.
-
-    Return the place of each buffer, and the entries of ``buffers`` in the copy: that of the binary
-    chunk, then the buffers without data.
-    """
-    items = container.items("buffers")
-    places: list[_Place] = []
-    entries: list[Json] = [{}]
-    for index, item in enumerate(items):
-        has_data = "uri" in item or (index == 0 and container.binary is not None)
-        if has_data:
-            data = container.buffer(index, f"buffers[{index}]")
-            places.append((0, buffer.append(data)))
-            if index == 0:
-                entries[0] = {name: value for name, value in item.items() if name != "uri"}
-        else:
-            places.append((len(entries), 0))
-            entries.append(item)
-    return places, entries
-
-
-def _move_view(container: Container, view: Json, places: list[_Place]) -> Json:
-    """Return a buffer view that refers to the buffers of the copy."""
-    view = _move(container, view, places)
-    extensions = view.get("extensions")
-    if isinstance(extensions, dict):
-        view["extensions"] = extensions | {
-            name: _move(container, extensions[name], places)
-            for name in COMPRESSION
-            if type(extensions.get(name)) is dict
-        }
-    return view
-
-
-def _move(container: Container, reference: Json, places: list[_Place]) -> Json:
-    """Return an object with its ``buffer`` and ``byteOffset`` changed to those in the copy."""
-    index = container.integer(reference.get("buffer"), "bufferViews.buffer")
-    container.item("buffers", index, "bufferViews.buffer")
-    offset = container.integer(reference.get("byteOffset", 0), "bufferViews.byteOffset")
-    place, start = places[index]
-    return {**reference, "buffer": place, "byteOffset": offset + start}
-
-
-def _copy_image(container: Container, image: object, buffer: GltfBuffer) -> object:
-    """Append the bytes of an image in another file to `buffer`; return the changed image.
-
-    An image stays a reference to its file if the file is missing or not in the folder of the glTF
-    file, or if its type is unknown: neither PNG nor JPEG, and no media type is given.
-    """
-    uri = image.get("uri") if isinstance(image, dict) else None
-    if not isinstance(image, dict) or not isinstance(uri, str) or uri.startswith("data:"):
-        return image
-    try:
-        data = container.read_file(uri, _MAX_IMAGE_BYTES, "images")
-    except FormatError:
-        return image
-    found = [name for start, name in _IMAGE_TYPES.items() if data[: len(start)] == start]
-    kind = found[0] if found else image.get("mimeType")
-    if not isinstance(kind, str):
-        return image
-    rest = {name: value for name, value in image.items() if name != "uri"}
-    return {**rest, "mimeType": kind, "bufferView": buffer.add_bytes(data)}

@@ -208,7 +208,10 @@ def write_amass(
     if file.rate_name is not None and abs(motion.rate - rate) > 1e-9 * rate:
         shape = file.archive.headers[file.rate_name].shape
         replaced[file.rate_name] = np.full(shape, motion.rate)
-    omitted = _frame_arrays(file) if motion.n_frames != file.n_frames else ()
+    headers, kept = file.archive.headers, {*replaced, file.rate_name, "betas"}
+    of_frames = [name for name, own in headers.items() if own.shape[:1] == (file.n_frames,)]
+    has_same_length = motion.n_frames == file.n_frames
+    omitted = [name for name in of_frames if not has_same_length and name not in kept]
     copy_npz_archive(file.archive, Path(path), replaced, set(omitted))
     if omitted:
         warnings.warn(
@@ -289,13 +292,3 @@ def _find_unchanged(motion: Motion, source: Motion) -> tuple[BoolArray, BoolArra
     shifts = np.abs(motion.positions[rows, 0] - source.positions[rows, 0]).max(axis=1)
     is_same, is_same_place = gaps <= 0.5 * _MAX_ANGLE, shifts <= _MAX_DISTANCE
     return np.repeat(is_same, 3, axis=1), np.repeat(is_same_place[:, None], 3, axis=1)
-
-
-def _frame_arrays(file: AmassFile) -> tuple[str, ...]:
-    """Return the names of the arrays with one row per frame that `write_amass` does not replace."""
-    used = {*file.pose_names, file.rate_name, "trans", "betas"}
-    return tuple(
-        name
-        for name, header in file.archive.headers.items()
-        if name not in used and header.shape[:1] == (file.n_frames,)
-    )

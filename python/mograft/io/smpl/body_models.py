@@ -161,6 +161,11 @@ _FINGER_SHARES = {"thumb": (0.2, 0.38, 0.55)} | dict.fromkeys(
     ("index", "middle", "ring", "pinky"), (0.5, 0.72, 0.86)
 )
 _FINGER_SIDES = {"thumb": 0.016, "index": 0.012, "middle": 0.0, "ring": -0.010, "pinky": -0.019}
+_POSITIONS |= {
+    f"left_{finger}{joint}": (_WRIST + share * _HAND, _SHOULDER, side)
+    for finger, side in _FINGER_SIDES.items()
+    for joint, share in enumerate(_FINGER_SHARES[finger], 1)
+}
 # From the joint to the end of its bone.
 _ENDS = {
     "head": (0.0, 1.0 - _CHIN, 0.0),
@@ -239,7 +244,7 @@ def read_offsets(path: str | os.PathLike[str]) -> Skeleton:
 def stand_in(model: BodyModel) -> Skeleton:
     """Return the stand-in skeleton for a body model, in metres, with the pelvis at the origin."""
     joints, parents = model.joints, model.parents
-    positions = np.array([_position(name) for name in joints])
+    positions = np.array([_mirror(_POSITIONS, name) for name in joints])
     offsets = STATURE * (positions - positions[parents])
     offsets[0] = 0.0
     sites = tuple(
@@ -248,16 +253,6 @@ def stand_in(model: BodyModel) -> Skeleton:
         if name.replace("right", "left") in _ENDS
     )
     return Skeleton(joints, parents, offsets, smpl_channels(len(joints)), sites)
-
-
-def _position(name: str) -> FloatArray:
-    """Return the position of a joint as fractions of the stature."""
-    left = name.replace("right", "left")
-    if left in _POSITIONS:
-        return _mirror(_POSITIONS, name)
-    finger, joint = left.removeprefix("left_")[:-1], int(left[-1])
-    reach = _WRIST + _FINGER_SHARES[finger][joint - 1] * _HAND
-    return _mirror({left: (reach, _SHOULDER, _FINGER_SIDES[finger])}, name)
 
 
 def _mirror(vectors: dict[str, tuple[float, float, float]], name: str) -> FloatArray:
@@ -289,10 +284,8 @@ def rest_skeleton(model: BodyModel, given: Skeleton | None) -> tuple[Skeleton, s
             "`skeleton` must be that of a human with known joint names, "
             f"got {join_names(given.names, 6)}"
         )
-    ratios = _length_ratios(standard, given, scale)
-    return _scale(standard, ratios), (
-        "offsets: bone lengths of the given skeleton in the T-pose of the stand-in"
-    )
+    note = "offsets: bone lengths of the given skeleton in the T-pose of the stand-in"
+    return _scale(standard, _length_ratios(standard, given, scale)), note
 
 
 def _named_skeleton(

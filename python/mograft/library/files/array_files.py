@@ -52,6 +52,12 @@ def map_array(path: Path) -> npt.NDArray[Any]:
     raise ValueError("the header is damaged or does not match the size of the file")
 
 
+def _close(handle: int) -> None:
+    """Close a file that was read; Python would print the traceback of an error in a finalizer."""
+    with contextlib.suppress(OSError):
+        os.close(handle)
+
+
 class RowFile:
     """Rows of an array file that `ArrayWriter` wrote, read when they are needed.
 
@@ -65,7 +71,7 @@ class RowFile:
         self._handle: int | None = None
         if os.name == "posix":
             self._handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-            weakref.finalize(self, os.close, self._handle)
+            weakref.finalize(self, _close, self._handle)
 
     def __reduce__(self) -> tuple[type["RowFile"], tuple[Path, str, int]]:
         return RowFile, (self._path, self._dtype.str, self.width)

@@ -27,6 +27,7 @@ from mograft.library.clip_table import (
     write_clip_table,
 )
 from mograft.library.data import LibraryData
+from mograft.library.files import storage, stored_clips
 from mograft.library.files.array_files import (
     DATABASE,
     MANIFEST,
@@ -34,25 +35,8 @@ from mograft.library.files.array_files import (
     hash_files,
     manifest_checksum,
 )
-from mograft.library.files.storage import (
-    EMBEDDING_ARRAYS,
-    FORMAT,
-    FORMAT_VERSION,
-    LOCK,
-    StoredLibrary,
-    read,
-    read_manifest,
-)
-from mograft.library.files.stored_clips import (
-    ExtendedClips,
-    PackedMotion,
-    StoredClips,
-    StoredSamples,
-    pack,
-)
 from mograft.library.ingest import IngestedClip
 from mograft.library.ingest_run import check_storable
-from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
 MAX_SHARDS = 16
@@ -70,7 +54,9 @@ class GenerationWriter:
     are those of the generations that wrote them.
     """
 
-    def __init__(self, root: Path, final: Path, base: StoredLibrary | None, number: int) -> None:
+    def __init__(
+        self, root: Path, final: Path, base: storage.StoredLibrary | None, number: int
+    ) -> None:
         self.base, self.final = base, final
         self._root = root
         self._generation = f"{number:04d}"
@@ -90,7 +76,7 @@ class GenerationWriter:
         self._written: list[str] = []
         self._skeletons: dict[str, tuple[int, Skeleton]] = {}
 
-    def link_shards(self, base: StoredLibrary) -> None:
+    def link_shards(self, base: storage.StoredLibrary) -> None:
         """Link the shards of the previous generation into the new one."""
         for shard in base.manifest["shards"]:
             self.shards.append(shard)
@@ -107,7 +93,7 @@ class GenerationWriter:
 
     def write_clip(self, clip: IngestedClip) -> ClipLocation:
         """Write the packed motion, the samples and the boundary states of a clip."""
-        assert isinstance(clip.clip, PackedMotion)
+        assert isinstance(clip.clip, stored_clips.PackedMotion)
         samples = self._writers.get(f"samples-{self._generation}")
         location = self.write_frames(clip.clip, 0 if samples is None else samples.n_rows)
         self.write_samples(clip.samples)
@@ -115,7 +101,7 @@ class GenerationWriter:
             self._writer(f"edges-{key}", "<f8", states.shape[1:]).append(states)
         return location
 
-    def write_frames(self, packed: PackedMotion, first_row: int) -> ClipLocation:
+    def write_frames(self, packed: stored_clips.PackedMotion, first_row: int) -> ClipLocation:
         """Write a packed motion; `first_row` is the first row of its samples."""
         if self._generation not in self.shards:
             self.shards.append(self._generation)
@@ -153,14 +139,16 @@ class GenerationWriter:
         text = json.dumps(skeleton_to_json(skeleton))
         return self._skeletons.setdefault(text, (len(self._skeletons), skeleton))[0]
 
-    def samples(self, ranges: IntArray, n_samples: int, n_joints: int) -> StoredSamples:
+    def samples(
+        self, ranges: IntArray, n_samples: int, n_joints: int
+    ) -> stored_clips.StoredSamples:
         """Close the new shard and return the samples of all shards.
 
         No clip may be written afterwards. The arguments are fields of the result.
         """
         self._close("frames-", "samples-")
         paths = [self.folder / f"samples-{shard}.npy" for shard in self.shards]
-        return StoredSamples.from_paths(paths, ranges, n_samples, n_joints)
+        return stored_clips.StoredSamples.from_paths(paths, ranges, n_samples, n_joints)
 
     def _close(self, *starts: str) -> None:
         """Complete the arrays whose names begin with any of `starts`."""
@@ -194,8 +182,8 @@ class GenerationWriter:
         names = [f"{self._generation}/{name}" for name in self._written]
         hashes = self._linked_hashes | hash_files(self._root, names)
         document = {
-            "format": FORMAT,
-            "version": FORMAT_VERSION,
+            "format": storage.FORMAT,
+            "version": storage.FORMAT_VERSION,
             "mograft": VERSION,
             "generation": self._generation,
             **metadata,
@@ -264,9 +252,9 @@ def _write_in_place(final: Path, *, add: bool) -> Iterator[GenerationWriter]:
     if not add:
         _check_is_library(final)
     with _lock(final):
-        base = read(final) if add else None
+        base = storage.read(final) if add else None
         try:
-            number = int(read_manifest(final)["generation"]) + 1
+            number = int(storage.read_manifest(final)["generation"]) + 1
         except LibraryError:
             taken = [int(path.name) for path in final.iterdir() if path.name.isdigit()]
             number = max(taken, default=0) + 1
@@ -280,18 +268,16 @@ def _check_is_library(folder: Path) -> None:
 
     The library may be damaged.
     """
-    text, reason = "", ""
+    text = ""
     with contextlib.suppress(OSError):
         text = (folder / MANIFEST).read_text(encoding="utf-8", errors="replace")
     # The manifest may be truncated.
-    if re.match(rf'\s*{{\s*"format":\s*"{re.escape(FORMAT)}"', text) is None:
+    if re.match(rf'\s*{{\s*"format":\s*"{re.escape(storage.FORMAT)}"', text) is None:
         reason = f"it is not a mograft library: it has no valid {MANIFEST}; move it away first"
-    else:
-        paths = [path for path in folder.iterdir() if path.name not in (MANIFEST, LOCK)]
-        foreign = sorted(path.name for path in paths if not _is_replaceable(path))
-        if foreign:
-            reason = f"it also holds other files, such as {join_names(foreign, 3)}; move them away"
-    if reason:
+        raise LibraryError(f"{folder} is not overwritten: {reason}")
+    paths = [path for path in folder.iterdir() if path.name not in (MANIFEST, storage.LOCK)]
+    if foreign := sorted(path.name for path in paths if not _is_replaceable(path)):
+        reason = f"it also holds other files, such as {join_names(foreign, 3)}; move them away"
         raise LibraryError(f"{folder} is not overwritten: {reason}")
 
 
@@ -319,7 +305,7 @@ def _remove(path: Path) -> None:
 def _remove_old_generations(folder: Path) -> None:
     """Remove all generations except the current one, and all drafts of manifests."""
     with contextlib.suppress(LibraryError, OSError):
-        current = read_manifest(folder)["generation"]
+        current = storage.read_manifest(folder)["generation"]
         for path in folder.iterdir():
             if path.name != current:
                 _remove(path)
@@ -337,7 +323,7 @@ def _lock(folder: Path) -> Iterator[None]:
     """Hold the exclusive lock of writers of a library; raise LibraryError if it is taken."""
     with contextlib.ExitStack() as stack:
         try:
-            stack.enter_context(exclusive_lock(folder / LOCK))
+            stack.enter_context(exclusive_lock(folder / storage.LOCK))
         except BlockingIOError as error:
             message = f"another process is writing to {folder}; try again later"
             raise LibraryError(message) from error
@@ -350,7 +336,7 @@ BoundaryParts = Mapping[str, Mapping[str, FloatArray | Iterator[FloatArray]]]
 
 def save_library(library: LibraryData, path: Path, *, force: bool) -> None:
     """Write a library to a folder; see `Library.save`."""
-    if isinstance(library.clips, ExtendedClips):
+    if isinstance(library.clips, stored_clips.ExtendedClips):
         raise ValueError("a library with an appended base motion cannot be saved")
     check_storable(library.config)
     with write_generation(path, force=force) as writer:
@@ -358,28 +344,21 @@ def save_library(library: LibraryData, path: Path, *, force: bool) -> None:
         locations: list[ClipLocation] = []
         first_rows = np.searchsorted(library.segments.clip, np.arange(len(library.entries)))
         for index, first_row in enumerate(first_rows.tolist()):
-            info, clip = _saved_clip(library, index)
+            info = library.entries[index]
+            if isinstance(library.clips, stored_clips.StoredClips):
+                clip = library.clips.original(index, as_read=True)
+            else:
+                # The source of the saved library are these clips, whatever they were made from.
+                clip = library.clips[index]
+                info = info._replace(
+                    source_rate=clip.rate, rate_override=None, source_frames=clip.n_frames
+                )
             entries.append(info)
-            locations.append(writer.write_frames(pack(clip), first_row))
+            locations.append(writer.write_frames(stored_clips.pack(clip), first_row))
         for chunk in library.samples.chunks():
             writer.write_samples(chunk.pack())
         saved = replace(library, entries=tuple(entries))
         commit_library(writer, saved, locations, library.boundary_states, None)
-
-
-def _saved_clip(library: LibraryData, index: int) -> tuple[ClipInfo, Motion]:
-    """Return the metadata and the motion of a clip to save.
-
-    A clip of a stored library is saved with the frames of its file, any other clip with the frames
-    that it has in the library.
-    """
-    info = library.entries[index]
-    if isinstance(library.clips, StoredClips):
-        return info, library.clips.original(index, as_read=True)
-    clip = library.clips[index]
-    return info._replace(
-        source_rate=clip.rate, rate_override=None, source_frames=clip.n_frames
-    ), clip
 
 
 def commit_library(
@@ -438,7 +417,7 @@ def _write_group(
         writer.write_array(f"{index}/{key}", "<f8", parts)
     if embedding is not None:
         writer.write_array(f"{index}/joints", "<i8", embedding.joints)
-        for name in EMBEDDING_ARRAYS:
+        for name in storage.EMBEDDING_ARRAYS:
             writer.write_array(f"{index}/{name}", "<f8", getattr(embedding, name))
     return {
         "folder": str(index),

@@ -69,7 +69,8 @@ def read(folder: Path) -> StoredLibrary:
     for _ in range(_MAX_READ_ATTEMPTS):
         manifest = read_manifest(folder)
         try:
-            return _read_generation(folder, manifest)
+            with damage_raises_library_error(folder, MANIFEST):
+                return _read_generation(folder, manifest)
         except FileNotFoundError as error:
             # Another process may have replaced the generation since the manifest was read.
             if read_manifest(folder) == manifest:
@@ -88,7 +89,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     except FileNotFoundError as error:
         raise LibraryError(
             f"{folder} is not a mograft library: it has no {MANIFEST}; "
-            f"create one with: mograft index CLIPS -o {folder}"
+            f"mograft index CLIPS -o {folder.with_suffix('.mograft')} makes one of motion files"
         ) from error
     except ValueError as error:
         raise damage(folder, f"{MANIFEST} is not valid JSON: {error}") from error
@@ -104,6 +105,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         if document.get("checksum") != manifest_checksum(document):
             raise damage(folder, f"{MANIFEST} does not match its checksum")
         foreign = [name for name in document["files"] if not _FILE.fullmatch(name)]
+        _ = [(own["bytes"], own["sha256"]) for own in document["files"].values()]
     if foreign:
         raise damage(folder, f"{MANIFEST} lists {foreign[0]!r}, which is no file of a generation")
     return document
@@ -159,9 +161,9 @@ def load_library(library_type: type[L], stored: StoredLibrary) -> L:
         frames = [arrays[f"frames-{shard}"] for shard in manifest["shards"]]
         spec = LibrarySpec(
             skeleton=skeleton_from_json(manifest["skeleton"]),
-            rate=manifest["rate"],
-            root=manifest["root"],
-            up=manifest["up"],
+            rate=float(manifest["rate"]),
+            root=range(len(manifest["skeleton"]["names"]))[manifest["root"]],
+            up=range(3)[manifest["up"]],
             match=manifest["match"],
             rest=None if manifest["rest"] is None else skeleton_from_json(manifest["rest"]),
         )
@@ -175,7 +177,7 @@ def load_library(library_type: type[L], stored: StoredLibrary) -> L:
             spec=spec,
             embedding=embedding,
             labels=labels,
-            sigma={group: about["sigma"] for group, about in manifest["group"].items()},
+            sigma={group: float(about["sigma"]) for group, about in manifest["group"].items()},
             boundary_states=states,
             samples=stored.samples,
             refused=stored.table.refused,

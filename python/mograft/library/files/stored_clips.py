@@ -68,33 +68,20 @@ def _determines_poses(values: FloatArray, motion: Motion) -> bool:
     )
 
 
-def unpack(
-    packed: PackedMotion, n_frames: int, name: str, path: str | None, clip: str | None
-) -> Motion:
-    """Return the motion that was packed; the other arguments are fields of the motion."""
-    skeleton = packed.skeleton
-    numbers = np.array(packed.numbers, np.float64)
-    values: FloatArray | None = None
-    if packed.content == "channels":
+def _unpack(
+    numbers: FloatArray, content: PackedContent, n_frames: int, skeleton: Skeleton
+) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+    """Return the rotations, positions and channel values of `PackedMotion.numbers`."""
+    if content == "channels":
         values = numbers.reshape(n_frames, skeleton.n_channels)
-        quats, positions = channels_to_transforms(skeleton, values)
-    else:
-        n_joints = skeleton.n_joints
-        ends = n_frames * n_joints * np.array([4, 7])
-        quats, positions, rest = np.split(numbers, ends)
-        quats, positions = quats.reshape(-1, n_joints, 4), positions.reshape(-1, n_joints, 3)
-        if packed.content == "both":
-            values = rest.reshape(n_frames, skeleton.n_channels)
-    return Motion(
-        skeleton,
-        packed.frame_time,
-        quats,
-        positions,
-        channel_values=values,
-        name=name,
-        path=None if path is None else Path(path),
-        clip=clip,
-        repairs=packed.repairs,
+        return *channels_to_transforms(skeleton, values), values
+    n_joints = skeleton.n_joints
+    quats, positions, rest = np.split(numbers, n_frames * n_joints * np.array([4, 7]))
+    has_values = content == "both"
+    return (
+        quats.reshape(-1, n_joints, 4),
+        positions.reshape(-1, n_joints, 3),
+        rest.reshape(n_frames, skeleton.n_channels) if has_values else None,
     )
 
 
@@ -135,17 +122,20 @@ class StoredClips(LazySequence[Motion]):
         """
         info, location = self.table.entries[index], self.table.locations[index]
         file, start, rate = info.source_file, location.first_number, info.rate_override
-        packed = PackedMotion(
-            content=location.content,
-            numbers=self._frames[location.shard][start : start + location.n_numbers],
-            skeleton=self.table.skeletons[location.skeleton],
-            frame_time=location.frame_time if as_read or rate is None else 1.0 / rate,
-            repairs=location.repairs,
-        )
-        name = info.source_name if as_read else info.name
-        path, clip = (None, None) if file is None else (file.path, file.clip)
+        stored = self._frames[location.shard][start : start + location.n_numbers]
+        skeleton = self.table.skeletons[location.skeleton]
         with damage_raises_library_error(self.folder, f"clip {index}"):
-            return unpack(packed, info.source_frames, name, path, clip)
+            numbers = np.array(stored, np.float64)
+            poses = _unpack(numbers, location.content, info.source_frames, skeleton)
+            return Motion(
+                skeleton,
+                location.frame_time if as_read or rate is None else 1.0 / rate,
+                *poses,
+                name=info.source_name if as_read else info.name,
+                path=None if file is None else Path(file.path),
+                clip=None if file is None else file.clip,
+                repairs=location.repairs,
+            )
 
 
 class ExtendedClips(LazySequence[Motion]):

@@ -1,0 +1,42 @@
+"""Names that patterns select: against the definition, and without work per pair."""
+
+from fnmatch import fnmatchcase
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mograft._util import names
+from mograft._util.names import find_matches
+
+NAMES = st.lists(st.text("ab[]*?|", max_size=3), max_size=6)
+
+
+@given(known=NAMES, patterns=NAMES)
+def test_find_matches_equals_its_definition(known, patterns):
+    def selects(pattern, name):
+        short = name.rpartition("|")[2]
+        matches = fnmatchcase(name, pattern) or fnmatchcase(short, pattern)
+        return name == pattern if pattern in known else matches
+
+    missing = [p for p in patterns if not any(selects(p, name) for name in known)]
+    if missing:
+        with pytest.raises(ValueError, match="`clips` must match at least one of "):
+            find_matches("clips", patterns, known)
+        return
+    expected = [i for i, name in enumerate(known) if any(selects(p, name) for p in patterns)]
+    assert find_matches("clips", patterns, known) == expected
+    if len(patterns) == 1:
+        assert find_matches("clips", patterns[0], known) == expected
+
+
+def test_find_matches_of_whole_names_compares_no_pair(monkeypatch):
+    pairs = []
+    monkeypatch.setattr(
+        names, "fnmatchcase", lambda *pair: pairs.append(pair) or fnmatchcase(*pair)
+    )
+    known = [f"clip{number}" for number in range(3000)]
+    assert find_matches("clips", known[::-1], known) == list(range(3000))
+    assert not pairs
+    assert find_matches("clips", "clip2?", known) == list(range(20, 30))
+    assert len(pairs) == 3000 + 2990

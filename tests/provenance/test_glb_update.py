@@ -1,0 +1,281 @@
+"""Grafts that are added to a GLB file and replaced in it; grafts that are no donors."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft import formats
+from mograft.dancer import dance
+from mograft.io.gltf.container import read_container
+from mograft.io.gltf.document import read_gltf_file
+from mograft.io.gltf.writer import fit_motion
+from mograft.library.discover import SourceFile, exclude_grafts, find_clips
+from mograft.motion import rotations
+from tests.provenance.test_graft_animations import assert_equal_to_float32
+
+KEPT = ("nodes", "meshes", "materials", "skins", "scenes", "asset")
+
+
+@pytest.fixture(scope="module")
+def hero(tmp_path_factory):
+    """The bytes of a GLB file with the clips a and b, and a folder for copies of it."""
+    folder = tmp_path_factory.mktemp("hero")
+    motion = dance(seed=1, strides=1).motion
+    clips = [replace(motion[i * 200 : i * 200 + 200], name="ab"[i]) for i in range(2)]
+    formats.write_glb(clips, folder / "hero.glb")
+    return folder / "hero.glb"
+
+
+@pytest.fixture(scope="module")
+def grafts(hero):
+    """Four grafts of the file; their library names it."""
+    return list(mg.graft_many(mg.Library.build(hero), "a", 4, seed=1))
+
+
+@pytest.fixture
+def copy(hero):
+    """Restore the file after the test."""
+    content = hero.read_bytes()
+    yield hero
+    hero.write_bytes(content)
+
+
+def named(graft, name):
+    return replace(graft, motion=replace(graft.motion, name=name))
+
+
+@settings(max_examples=12)
+@given(steps=st.lists(st.tuples(st.sampled_from("xyz"), st.integers(0, 3)), min_size=1, max_size=5))
+def test_write_graft_update_has_the_bytes_of_the_last_graft_of_each_name(hero, grafts, steps):
+    target = hero.with_name("updated.glb")
+    target.write_bytes(hero.read_bytes())
+    for name, index in steps:
+        mg.write_graft(named(grafts[index], name), target, update=True)
+    last = dict(steps)
+    mg.write_graft([named(grafts[i], name) for name, i in last.items()], hero.with_name("all.glb"))
+    assert target.read_bytes() == hero.with_name("all.glb").read_bytes()
+    old, new = read_container(hero), read_container(target)
+    for name in KEPT:
+        assert new.document[name] == old.document[name]
+    for name in ("animations", "accessors", "bufferViews"):
+        assert new.items(name)[: len(old.items(name))] == old.items(name)
+    data = bytes(old.buffer(0, ""))
+    assert bytes(new.buffer(0, ""))[: len(data)] == data
+    clips = mg.read(target)
+    assert clips.names == ("a", "b", *last)
+    assert tuple(clips.grafts) == tuple(last)
+    for name, index in last.items():
+        assert_equal_to_float32(clips[name], grafts[index].motion)
+
+
+def test_write_graft_update_keeps_the_identity_of_the_file(copy, grafts):
+    before = SourceFile.from_path(str(copy)).sha256
+    mg.write_graft(grafts[0], copy, update=True)
+    assert SourceFile.from_path(str(copy)).sha256 == before
+    name = grafts[0].motion.name
+    again = mg.replay(f"{copy}#{name}")
+    np.testing.assert_array_equal(again.motion.rotations, grafts[0].motion.rotations)
+    library = mg.Library.build(exclude(copy))
+    assert library.names == ("a", "b")
+    edited = mg.edit(mg.replay(f"{copy}#{name}", library), reroll=[3])
+    mg.write_graft(edited, copy, update=True)
+    assert_equal_to_float32(mg.read(copy)[name], edited.motion)
+    # Another program has changed the file: it is another file.
+    container = read_container(copy)
+    text = bytes(container.data).replace(b'"name":"b"', b'"name":"B"')
+    copy.write_bytes(text)
+    assert SourceFile.from_path(str(copy)).sha256 != before
+    with pytest.raises(mg.ProvenanceError, match="has changed: SHA-256"):
+        mg.replay(f"{copy}#{name}")
+
+
+def exclude(*sources):
+    with pytest.warns(UserWarning, match="excluded as donors"):
+        return [str(clip.source) for clip in exclude_grafts(find_clips(sources))]
+
+
+def test_write_graft_update_of_a_captured_animation_needs_force(copy, grafts):
+    content = copy.read_bytes()
+    with pytest.raises(FileExistsError, match="has an animation b that mograft did not write"):
+        mg.write_graft(named(grafts[0], "b"), copy, update=True)
+    assert copy.read_bytes() == content
+    before = SourceFile.from_path(str(copy)).sha256
+    mg.write_graft(named(grafts[0], "b"), copy, update=True, force=True)
+    clips = mg.read(copy)
+    assert (clips.names, tuple(clips.grafts)) == (("a", "b"), ("b",))
+    assert_equal_to_float32(clips["b"], grafts[0].motion)
+    assert SourceFile.from_path(str(copy)).sha256 != before
+
+
+def test_write_graft_update_that_fails_leaves_the_old_file(copy, grafts, monkeypatch):
+    content = copy.read_bytes()
+
+    def fail(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", fail)
+    with pytest.raises(OSError, match="No space"):
+        mg.write_graft(grafts[0], copy, update=True)
+    monkeypatch.undo()
+    monkeypatch.setattr(Path, "replace", fail)
+    with pytest.raises(OSError, match="No space"):
+        mg.write_graft(grafts[0], copy, update=True)
+    monkeypatch.undo()
+    assert copy.read_bytes() == content
+    assert not list(copy.parent.glob(".mograft*"))
+
+
+def test_write_graft_update_of_another_format_or_skeleton_raises(copy, grafts, tmp_path):
+    with pytest.raises(ValueError, match=r"`path` must be a \.glb file with `update`"):
+        mg.write_graft(grafts[0], tmp_path / "a.bvh", update=True)
+    clip = mg.read(copy)[0]
+    names = ["Tail" if name == "Head" else name for name in clip.skeleton.names]
+    other = replace(clip, skeleton=replace(clip.skeleton, names=names))
+    formats.write_glb(other, tmp_path / "other.glb")
+    with pytest.raises(mg.SkeletonMismatchError, match=r"unlike .*other\.glb; export each file by"):
+        mg.write_graft(grafts[0], tmp_path / "other.glb", update=True)
+
+
+def test_write_graft_paths_of_copied_grafts_are_relative_to_the_copy(copy, grafts, tmp_path):
+    mg.write_graft(grafts[0], copy, update=True)
+    library = mg.Library.build(exclude(copy))
+    target = tmp_path / "folder" / "new.glb"
+    target.parent.mkdir()
+    mg.write_graft(named(mg.graft(library, "b", seed=5), "new"), target)
+    assert tuple(mg.read(target).grafts) == (grafts[0].motion.name, "new")
+    for name, text in mg.read(target).grafts.items():
+        for clip in json.loads(text)["clips"]:
+            assert (target.parent / clip["file"]).resolve() == copy.resolve()
+        mg.replay(f"{target}#{name}")
+
+
+def test_write_graft_copy_replays_without_its_source(grafts, tmp_path):
+    target = tmp_path / "moved.glb"
+    mg.write_graft(grafts[1], target)
+    document = json.loads(next(iter(mg.read(target).grafts.values())))
+    for clip in document["clips"]:
+        clip["file"] = "missing.glb"
+    container = read_container(target)
+    text = json.dumps(json.dumps(document))[1:-1].encode()
+    old = json.dumps(next(iter(mg.read(target).grafts.values())))[1:-1].encode()
+    target.write_bytes(with_json(bytes(container.data), old, text))
+    np.testing.assert_array_equal(mg.replay(target).motion.rotations, grafts[1].motion.rotations)
+
+
+def with_json(data, old, new):
+    """Return a GLB file in whose JSON chunk a text is replaced."""
+    length = int.from_bytes(data[12:16], "little")
+    chunk = data[20 : 20 + length].replace(old, new)
+    chunk += b" " * (-len(chunk) % 4)
+    rest = data[20 + length :]
+    sizes = [n.to_bytes(4, "little") for n in (20 + len(chunk) + len(rest), len(chunk))]
+    return data[:8] + sizes[0] + sizes[1] + b"JSON" + chunk + rest
+
+
+def test_grafts_in_files_are_no_donors_unless_named(copy, grafts):
+    mg.write_graft(grafts[:2], copy.with_name("new.glb"))
+    names = [own.motion.name for own in grafts[:2]]
+    new = copy.with_name("new.glb")
+    assert exclude(new) == [f"{new}#a", f"{new}#b"]
+    assert exclude(f"{new}#a*") == [f"{new}#a"]
+    assert exclude(copy, new) == [f"{copy}#a", f"{copy}#b"]  # a copy adds no clips
+    one = find_clips(f"{new}#{names[0]}")
+    assert [str(clip.source) for clip in exclude_grafts(one)] == [f"{new}#{names[0]}"]
+    assert mg.Library.build(new, include_grafts=True).names == ("a", "b", *names)
+    folder = copy.parent / "folder"
+    folder.mkdir()
+    (folder / "new.glb").write_bytes(new.read_bytes())
+    library = None
+    with pytest.warns(UserWarning, match="2 grafts of mograft excluded"):
+        library = mg.Library.index(folder, copy.parent / "lib")
+    assert library.names == ("a", "b")
+
+
+def test_only_captured_clip_keeps_its_address(tmp_path):
+    path = tmp_path / "one.glb"
+    formats.write_glb(replace(dance(seed=1, strides=1).motion[:200], name="only"), path)
+    graft = mg.graft(mg.Library.build(path), seed=2)
+    mg.write_graft(graft, path, update=True)
+    clips = mg.read(path)
+    assert [clip.clip for clip in clips] == [None, graft.motion.name]
+    assert [clips.address(i) for i in (0, 1)] == [str(path), f"{path}#{graft.motion.name}"]
+    np.testing.assert_array_equal(
+        mg.replay(f"{path}#{graft.motion.name}").motion.rotations, graft.motion.rotations
+    )
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".npz"])
+def test_write_graft_of_bvh_writes_all_motions_to_one_file(tmp_path, suffix):
+    mg.write_bvh(dance(seed=1, strides=1).motion[:300], tmp_path / "a.bvh")
+    library = mg.Library.build(tmp_path / "a.bvh")
+    grafts = list(mg.graft_many(library, count=3, seed=4))
+    target = tmp_path / f"many{suffix}"
+    mg.write_graft(grafts, target)
+    names = tuple(own.motion.name for own in grafts)
+    assert not target.with_suffix(".json").exists()
+    clips = mg.read(target)
+    assert clips.names == names
+    for clip, graft in zip(clips, grafts, strict=True):
+        motion = graft.motion
+        expected = fit_motion(read_gltf_file(target), motion) if suffix == ".glb" else motion
+        assert_equal_to_float32(clip, expected)
+        again = mg.replay(f"{target}#{clip.name}")
+        np.testing.assert_array_equal(again.motion.rotations, graft.motion.rotations)
+    first = mg.read(f"{target}#{names[0]}")
+    assert (first.names, first[0].clip, first.address(0)) == (
+        names[:1],
+        names[0],
+        f"{target}#{names[0]}",
+    )
+
+
+TURNS = [rotations.IDENTITY, *map(np.array, ([np.sqrt(0.5), 0, 0, np.sqrt(0.5)], [0, 0, 1.0, 0]))]
+
+
+@given(turn=st.sampled_from(TURNS), scale=st.floats(0.01, 100.0))
+def test_fit_motion_undoes_a_change_of_unit_and_axes(hero, turn, scale):
+    file = read_gltf_file(hero)
+    motion = mg.read(hero)["a"]
+    skeleton = motion.skeleton
+    offsets = scale * rotations.rotate(turn, skeleton.offsets)
+    quats = rotations.multiply(rotations.multiply(turn, motion.rotations), rotations.inverse(turn))
+    moved = replace(
+        motion,
+        skeleton=replace(skeleton, offsets=offsets),
+        rotations=quats,
+        positions=scale * rotations.rotate(turn, motion.positions),
+    )
+    fitted = fit_motion(file, moved)
+    places = motion.world_positions()
+    height = np.ptp(places[..., 1])
+    np.testing.assert_allclose(fitted.world_positions(), places, atol=1e-5 * height)
+
+
+def test_fit_motion_another_rest_pose_raises(hero):
+    motion = mg.read(hero)["a"]
+    offsets = motion.skeleton.offsets.copy()
+    thigh = motion.skeleton.names.index("LeftLeg")
+    offsets[thigh] = np.roll(offsets[thigh], 1)
+    other = replace(motion, skeleton=replace(motion.skeleton, offsets=offsets))
+    with pytest.raises(mg.SkeletonMismatchError, match="has another rest pose than"):
+        fit_motion(read_gltf_file(hero), other)
+
+
+def test_graft_as_a_source_is_another_clip_after_its_replacement(copy, grafts):
+    name = grafts[0].motion.name
+    mg.write_graft(grafts[0], copy, update=True)
+    library = mg.Library.build(f"{copy}#{name}")
+    second = named(mg.graft(library, seed=3), "second")
+    mg.write_graft(second, copy, update=True)
+    assert_equal_to_float32(mg.read(copy)["second"], second.motion)
+    mg.write_graft(named(grafts[2], name), copy, update=True)
+    mg.write_graft(second, copy, update=True)
+    assert_equal_to_float32(mg.read(copy)["second"], second.motion)
+    with pytest.raises(mg.ProvenanceError, match="has changed: SHA-256"):
+        mg.replay(f"{copy}#second")
