@@ -16,7 +16,7 @@ from release.distributions import ROOT
 
 FOLDER = ROOT / "blender"
 SOURCES = FOLDER / "extension"
-WHEEL = re.compile(r"mograft-(?P<version>[^-]+)-cp3\d+-abi3-(?P<system>\w+)\.whl")
+WHEEL = re.compile(r"mograft-(?P<version>[^-]+)-cp3\d+-abi3-(?P<tags>[\w.]+)\.whl")
 PLATFORMS = {
     r"manylinux\w*_x86_64": ["linux-x64"],
     r"manylinux\w*_aarch64": ["linux-arm64"],
@@ -62,9 +62,10 @@ def main(words: list[str] | None = None) -> int:
 def build(wheel: Path, output: Path) -> Path:
     """Write the zip of the extension with a wheel into a folder, and return its path."""
     found = WHEEL.fullmatch(wheel.name)
-    system = found["system"] if found else ""
-    platforms = next((own for tag, own in PLATFORMS.items() if re.fullmatch(tag, system)), None)
-    if found is None or platforms is None:
+    tags = found["tags"].split(".") if found else []
+    names = [own for tag in tags for key, own in PLATFORMS.items() if re.fullmatch(key, tag)]
+    platforms = sorted({platform for own in names for platform in own})
+    if found is None or not platforms:
         raise ValueError(f"expected an abi3 wheel of mograft for a platform, got {wheel.name}")
     files = {
         "LICENSE": (FOLDER / "LICENSE").read_bytes(),
