@@ -2,7 +2,7 @@
 """New actions from grafts: keys, markers, provenance; nothing remains if one cannot be written."""
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import bpy
 
@@ -47,7 +47,8 @@ def _fill(loaded, result, new):
     if new.asset_data is not None:
         new.asset_clear()
     new.use_fake_user = True
-    new[RECORD], new[SETUP] = result.record, replace(loaded.setup, others=result.others).to_json()
+    setup = asdict(replace(loaded.setup, others=result.others))
+    new[RECORD], new[SETUP] = result.record, json.dumps(setup)
     new["mograft_seed"], new["mograft_newness"] = graft.seed, result.newness
     items = new.mograft.ranges
     items.clear()

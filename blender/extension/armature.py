@@ -120,7 +120,7 @@ def _decompose(owner, matrix):
 
 def make_rig(owner, placement, *, is_deform_only=False):
     """Return the figure that the bones of an armature form."""
-    bones = [own for own in _parents_first(owner) if own.use_deform or not is_deform_only]
+    bones = [own for own in owner.data.bones if own.use_deform or not is_deform_only]
     if not bones:
         raise RefusedError(f"{owner.name} has no deform bones")
     index = {own.name: i for i, own in enumerate(bones)}
@@ -149,14 +149,6 @@ def _joint_of(bone, index):
     """Return the joint of a bone above; an ORG bone of Rigify stands for its deform bone."""
     own = index.get(bone.name)
     return index.get("DEF-" + bone.name.removeprefix("ORG-")) if own is None else own
-
-
-def _parents_first(owner):
-    found, stack = [], [own for own in reversed(owner.data.bones) if own.parent is None]
-    while stack:
-        found.append(stack.pop())
-        stack += reversed(found[-1].children)
-    return found
 
 
 def _orthogonal(matrices):

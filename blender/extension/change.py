@@ -12,7 +12,7 @@ from .actions import preview, write_results
 from .armature import RefusedError
 from .curves import frames_of
 from .grafting import change
-from .operators import _Armature, request_of
+from .operators import _Armature, request_of, violation_of
 from .sources import BEFORE, EDIT, PARENT, RECORD, Setup, load, restore_others
 from .work import WorkOperator
 
@@ -85,7 +85,8 @@ class MOGRAFT_OT_change(WorkOperator, _Armature, bpy.types.Operator):
         owner, loaded, action, stored, before = self._state
         self.warn(result.notes)
         if result.graft.violations:
-            raise RefusedError(result.graft.violations[0].message)
+            first = loaded.first[result.graft.base.name]
+            raise RefusedError(violation_of(result.graft, first))
         parent = action.get(PARENT, action.name)
         (made,) = write_results(loaded, [result], [f"{parent[:50]}{SUFFIX}"])
         made[PARENT], made[BEFORE], made[EDIT] = parent, before, json.dumps(stored)

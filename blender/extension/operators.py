@@ -70,14 +70,14 @@ class MOGRAFT_OT_generate(WorkOperator, _Armature, bpy.types.Operator):
     def finish(self, _context, results):
         """Write the new actions."""
         owner, loaded, base = self._state
-        violated = [own for own in results if own.graft.violations]
+        first = loaded.first[base]
+        violated = [violation_of(own.graft, first) for own in results if own.graft.violations]
         self.warn(results[0].notes)
         results = [own for own in results if not own.graft.violations]
-        message = violated[0].graft.violations[0].message if violated else ""
         if not results:
-            raise RefusedError(f"No graft meets all conditions: {message}")
+            raise RefusedError(f"No graft meets all conditions: {violated[0]}")
         if violated:
-            self.warn([f"{len(violated)} grafts violate conditions: {message}"])
+            self.warn([f"{len(violated)} grafts violate conditions: {violated[0]}"])
         if loaded.scaled:
             self.warn([f"Grafts do not consider the scale of bones, as of {loaded.scaled[0]}"])
         made = write_results(loaded, results)
@@ -87,6 +87,13 @@ class MOGRAFT_OT_generate(WorkOperator, _Armature, bpy.types.Operator):
         preview(owner, made[0])
         names = made[0].name if len(made) == 1 else f"{made[0].name} to {made[-1].name}"
         self.report({"INFO"}, f"{names}: {results[0].newness}")
+
+
+def violation_of(graft, first):
+    """Return the first violation of a graft as text, with frames in the time of Blender."""
+    own = graft.violations[0]
+    start, stop = (first + frame for frame in own.frames)
+    return f"frames {start} to {stop}: {own.message.rpartition(': ')[2]}"
 
 
 def request_of(loaded, others):

@@ -45,10 +45,6 @@ class Setup:
     is_mirrored: bool = False
     others: dict = field(default_factory=dict)  # armatures to avoid, by number of the constraint
 
-    def to_json(self):
-        """Return the setup as text."""
-        return json.dumps(asdict(self))
-
     @classmethod
     def from_action(cls, action):
         """Return the setup of a graft; raise RefusedError if an action is none."""
