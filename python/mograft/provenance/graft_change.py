@@ -33,7 +33,7 @@ def change(
     constraints: Sequence[Constraint] = (),
     rank: int = 0,
 ) -> Graft:
-    """Return a graft in which a group moves as in another part of a clip in a range of frames.
+    """Return `graft` with the motion of a part of a clip for one group, in a range of frames.
 
     Range and part begin and end at any frame, also inside of segments. The part is stretched to
     the length of the range, and the seams at both ends are closed within the range.
@@ -96,7 +96,8 @@ def change(
         )
     found = _choose(problem, graft, part, span, donor, as_integer("rank", rank))
     made = Change(
-        group=group,
+        group=part.group,
+        part=None if part.group == group else group,
         frames=span,
         clip=problem.library.entries[found.clip].name,
         clip_frames=(found.start, found.stop),
@@ -117,7 +118,7 @@ def apply_changes(graft: Graft, problem: SearchProblem, changes: Sequence[Change
     motion, names = graft.motion, problem.library.names
     for own in changes:
         span = DonorSpan(names.index(own.clip), *own.clip_frames)
-        part = ChangedPart.find(problem, own.group)
+        part = ChangedPart.find(problem, own.part or own.group)
         motion = insert_span(problem, motion, part, own.frames, span)
     return replace(
         graft,

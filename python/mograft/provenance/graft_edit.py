@@ -22,7 +22,6 @@ from mograft.search.donor_constraints import Ban, DonorReference, KeepOriginal, 
 from mograft.search.pose_constraints import Reach
 from mograft.search.trellis import DonorSequences
 from mograft.solve.assembly import Assembly
-from mograft.solve.donor_spans import ChangedPart
 from mograft.solve.finish import find_motion_violations, finish_motion
 from mograft.solve.plan import GraftPlan
 from mograft.solve.search_problem import SearchProblem, check_constraints, resolve_segments
@@ -113,11 +112,10 @@ def edit(graft: Graft, *edits: Constraint, seed: int | None = None) -> Graft:
     edited = _masks(rules, groups, cut)
     is_open = edited | (_violating(graft, plan.problem, old) if added else False)
     result = _choose(graft, plan, dict(zip(groups, is_open, strict=True)), seed)
-    group_of = {own: ChangedPart.find(problem, own.group).group for own in changes}
     remaining = [
         own
         for own in changes
-        if not (edited[groups.index(group_of[own])] & overlaps(cut, own.frames)).any()
+        if not (edited[groups.index(own.group)] & overlaps(cut, own.frames)).any()
     ]
     return apply_changes(result, plan.problem, remaining)
 

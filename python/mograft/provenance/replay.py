@@ -184,12 +184,13 @@ def _read_changes(record: GraftRecord, plan: GraftPlan) -> list[Change]:
     for own in record.document["changes"]:
         made = Change(
             group=str(own["group"]),
+            part=own["part"],
             frames=as_frames(own["frames"]),
             clip=str(own["clip"]),
             clip_frames=as_frames(own["clip_frames"]),
             command=own["command"],
         )
-        is_known = made.clip in clips.names
+        is_known = made.group in plan.pools and made.clip in clips.names
         n_frames = is_known and clips.clips[clips.names.index(made.clip)].n_frames
         spans = ((made.frames, plan.problem.base.n_frames), (made.clip_frames, n_frames))
         if not all(0 <= first < last < n for (first, last), n in spans):

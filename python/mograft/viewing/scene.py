@@ -283,7 +283,7 @@ def _graft_row(graft: Graft, group: str) -> TimelineRow:
         TimelinePart(
             start=own.frames[0],
             stop=own.frames[1],
-            clip=own.clip,
+            clip=own.clip if own.part is None else f"{own.part}: {own.clip}",
             donor_start=own.clip_frames[0],
             donor_stop=own.clip_frames[1],
         )
