@@ -111,7 +111,8 @@ def suggest_path(path: str | Path) -> str:
         return ""
     folder = missing[-1].parent
     beside = [str(folder / own.name) for own in sorted(folder.iterdir())]
-    return suggest_name(str(missing[-1]), beside, str(missing[-1])[: -len(missing[-1].name)])
+    prefix = str(missing[-1])[: -len(missing[-1].name)]
+    return suggest_name(str(missing[-1]), beside, prefix, cutoff=0.7)
 
 
 def join_names(names: Sequence[str], maximum: int = 12) -> str:

@@ -68,7 +68,9 @@ def test_help_has_at_most_45_lines_and_help_all_has_all_options(
     ],
 )
 def test_option_of_another_command_has_no_suggestion(usage_error, words, flag):
-    assert usage_error(*words.split()).splitlines()[-1].endswith(f"has no option {flag}")
+    line = usage_error(*words.split()).splitlines()[-1]
+    assert f"has no option {flag}; mograft {words.split()[0]}" in line
+    assert line.endswith("--help-all lists all")
 
 
 def test_usage_error_is_one_usage_line_and_one_error(usage_error):

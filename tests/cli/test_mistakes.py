@@ -31,7 +31,7 @@ MISTAKES = [
     ("graft a.bvh -o x --swap lower", RUNTIME, "--swap must name groups other than the"),
     ("graft a.bvh -o x --swap uper", RUNTIME, "choose from upper; did you mean 'upper'?"),
     ("graft a.bvh -o x --only-from aa", RUNTIME, "--only-from must match at least one of a; got"),
-    ("graft a.bvh -o x --only-tagged slow", RUNTIME, "--only-tagged must be empty: no clip has"),
+    ("graft a.bvh -o x --only-tagged slow", RUNTIME, "--only-tagged must be empty, because"),
     ("graft a.bvh -o x --take 3=aa:0-9", RUNTIME, "got 'aa'; did you mean 'a'?"),
     ("candidates lib --segment 1 --clip walkk", RUNTIME, "--clip must be a clip, one of dance,"),
     ("candidates a.bvh --segment 1 --group lower", RUNTIME, "--group must not be the base"),
@@ -101,7 +101,7 @@ MISTAKES = [
     ("graft a.bvh -o x --keep 9000-9100", RUNTIME, "frames of --keep must be within 0 to 299"),
     ("graft a.bvh -o x --keep 0-999999", RUNTIME, "frames of --keep must be within 0 to 299 "
      "(9.96667 s), got 0-999999"),
-    ("candidates a.bvh --frame 99s", RUNTIME, "--frame must be 0 to 299 in clip a, got 2970"),
+    ("candidates a.bvh --frame 99s", RUNTIME, "--frame must be 0 to 299 (9.96667 s)"),
     ("export a.bvh -o x.csv --frames 100-900", RUNTIME, "--frames must be two or more"),
     ("graft a.bvh -o x --avoid cube:0,0,0,1", USAGE, "got cube"),
     ("graft a.bvh -o x --avoid sphere:0,0,0", USAGE, "expected X,Y,Z,RADIUS, got 0,0,0"),
@@ -152,12 +152,12 @@ MISTAKES = [
     # Constraints that nothing satisfies
     ("graft a.bvh -o x --reach 9:LeftHand:0,9999,0", INFEASIBLE, "1 of 1 motions violate the "
      "constraints, because no donor sequence satisfies them; no motion was written; --set "
-     "reach_ik=1 moves limbs farther; --only-violations also tries less similar donors; "
-     "--best-effort writes all"),
+     "reach_ik=1 is not enough; --only-violations also tries less similar donors; a target or "
+     "obstacle elsewhere, or a larger tolerance, may help; --best-effort writes all"),
     ("graft a.bvh -o x --reach 9:LeftHand:@chest+0,0.1,0.3 --set reach_ik=0", INFEASIBLE,
-     "no motion was written; --set reach_ik=1 moves limbs farther; --only-violations"),
+     "no motion was written; --set reach_ik=1 satisfies them; --only-violations also tries"),
     ("graft a.bvh b.bvh -o x --only-from b --set sigma_scale=1e-6", INFEASIBLE,
-     "no motion was written; a larger --variety allows less similar donors; --best-effort writes"),
+     "--set sigma_scale=1e-06 is small: a larger value allows less similar donors; --best-effort"),
 ]  # fmt: skip
 
 

@@ -45,7 +45,7 @@ def shares_of_copies(graft):
     return [bool((span <= COPY_ANGLE).all()) for span in spans]
 
 
-@pytest.mark.filterwarnings("ignore:the legs are longer or shorter")
+@pytest.mark.filterwarnings("ignore:legs are not as long")
 @pytest.mark.parametrize("neighbourhood", ["cluster", "ball"])
 @pytest.mark.parametrize("name", COPIES)
 @few_examples(3)

@@ -72,7 +72,7 @@ def find_matches(argument: str, patterns: str | Iterable[str], names: Sequence[s
         if not own:
             raise ValueError(
                 f"`{argument}` must match at least one of {join_names(names)}; got {pattern!r}"
-                f"{suggest_name(pattern, names)}"
+                f"{'' if set(pattern) & set('*?[') else suggest_name(pattern, names)}"
             )
         found.update(own)
     return sorted(found)

@@ -82,7 +82,8 @@ def refuse_fixed_options(options: Options, *names: str) -> None:
         fixed += [f"set {name}" for name, _ in options.set if name in _FIXED_FIELDS]
     if fixed:
         raise UsageError(
-            f"--{fixed[0]} is fixed when a library is created: use it with mograft index, not --add"
+            f"--{fixed[0]} is fixed when a library is created: make another library "
+            "with it by mograft index, or give the motion files instead of a library"
         )
 
 

@@ -21,7 +21,8 @@ from mograft.search.constraints import Constraint, overlaps
 from mograft.search.donor_constraints import Ban, DonorReference, KeepOriginal, Use
 from mograft.search.pose_constraints import Reach
 from mograft.search.trellis import DonorSequences
-from mograft.solve.finish import find_motion_violations
+from mograft.solve.assembly import Assembly
+from mograft.solve.finish import find_motion_violations, finish_motion
 from mograft.solve.plan import GraftPlan
 from mograft.solve.search_problem import SearchProblem, check_constraints, resolve_segments
 from mograft.synthesis.graft_building import finish_graft
@@ -125,8 +126,11 @@ def _violating(graft: Graft, problem: SearchProblem, old: Sequence[Constraint]) 
     The result has shape (n_groups, n_segments).
     """
     selected = np.zeros((len(problem.pools), len(problem.base_segments)), bool)
+    # What inverse kinematics can satisfy with the present donors needs no others.
+    assembly = Assembly.build(problem, graft.donors, graft.motion.name)
+    motion = finish_motion(problem, assembly.motion, graft.donors)[0]
     for row, (group, donors) in enumerate(graft.donors.items()):
-        for own in find_motion_violations(problem, graft.motion, {group: donors}):
+        for own in find_motion_violations(problem, motion, {group: donors}):
             is_new = not any(own.constraint is known for known in old)
             if is_new and own.constraint.applies_to_group(group):
                 selected[row] |= overlaps(problem.base_segments, own.frames)
@@ -149,6 +153,7 @@ def describe_changes(graft: Graft, edited: Graft) -> list[str]:
         ]
     if len(lines) > _MAX_CHANGES:
         lines = [*lines[:_MAX_CHANGES], f"and {len(lines) - _MAX_CHANGES} more segments"]
+    lines += [f"removed: {own}" for own in graft.changes if own not in edited.changes]
     is_new = (graft.motion.rotations != edited.motion.rotations).any(axis=(1, 2))
     is_new |= (graft.motion.positions != edited.motion.positions).any(axis=(1, 2))
     ranges = [f"{start}-{stop - 1}" for start, stop in find_runs(is_new).tolist()]

@@ -21,7 +21,7 @@ from mograft.search.constraints import (
     overlaps,
 )
 
-_NO_TAG = "empty: no clip has a tag; folders and the tables of mograft index --tags give tags"
+_NO_TAG = "empty, because no clip has a tag: mograft index --tags TABLE.csv gives them"
 _NO_DONOR = "`donor` must be a segment index or (clip, first frame, last frame), got {!r}"
 
 

@@ -89,7 +89,8 @@ class Avoid(PoseConstraint):
         """As `Constraint.describe_error`."""
         depth, limit = error * self.tolerance, self.tolerance
         return (
-            f"penetration depth {depth:.3f} heights ({depth * height:.3g}), tolerance {limit:.3f}"
+            f"penetration depth {depth:.3f} heights ({depth * height:.3g} in the unit of the "
+            f"file), tolerance {limit:.3f}"
         )
 
 
@@ -168,7 +169,7 @@ class Reach(PoseConstraint):
     Examples
     --------
     >>> Reach("LeftHand", (30, 140, 20), frame=120).describe_error(2.0, height=180.0)
-    'LeftHand is 0.060 heights (10.8) from the target, tolerance 0.030'
+    'LeftHand is 0.060 heights (10.8 in the unit of the file) from the target, tolerance 0.030'
     """
 
     joint: str
@@ -215,8 +216,8 @@ class Reach(PoseConstraint):
         """As `Constraint.describe_error`."""
         distance = error * self.tolerance
         return (
-            f"{self.joint} is {distance:.3f} heights ({distance * height:.3g}) from the target, "
-            f"tolerance {self.tolerance:.3f}"
+            f"{self.joint} is {distance:.3f} heights ({distance * height:.3g} in the unit of the "
+            f"file) from the target, tolerance {self.tolerance:.3f}"
         )
 
 

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +12,10 @@ from mograft.library.library import Library
 from mograft.search.costs import length_fits
 from mograft.search.donor_constraints import OnlyFrom
 from mograft.search.pose_constraints import Reach
+from mograft.synthesis.graft import graft as make_graft
 from mograft.synthesis.graft_result import Graft, Substitution, find_missing
+
+_MAX_TRIED = 20_000  # frames
 
 _REMEDIES = {
     "no similar segment": "{similar}add clips",
@@ -71,18 +75,32 @@ def advise(graft: Graft, motions: Sequence[Sequence[Substitution]] = ()) -> list
 
 
 def find_remedies(graft: Graft) -> list[str]:
-    """Return what helps against the violations of a new graft: options, named as in `advise`."""
-    request, remedies = graft.request, list[str]()
+    """Return what helps against the violations of a new graft: options, named as in `advise`.
+
+    A `Reach` on a base of at most `_MAX_TRIED` frames is tried with the `Config.reach_ik` 1.
+    """
+    library, request, remedies = graft.library, graft.request, list[str]()
     if request.method == "repair":
         return remedies
     violated = [own.constraint for own in graft.violations]
-    is_limited = graft.library.config.reach_ik < 1.0
-    if is_limited and any(isinstance(own, Reach) for own in violated):
-        remedies.append("`reach_ik=1` moves limbs farther")
+    is_short = graft.base.n_frames <= _MAX_TRIED
+    if is_short and library.config.reach_ik < 1.0 and any(isinstance(v, Reach) for v in violated):
+        longer = library.relabelled(replace(library.config, reach_ik=1.0))
+        names = ("constraints", "swap", "scenario")
+        arguments = {name: getattr(request, name) for name in names}
+        trial = make_graft(longer, request.base, seed=graft.seed, **arguments)
+        result = "is not enough" if trial.violations else "satisfies them"
+        remedies.append(f"`reach_ik=1` {result}")
     if request.scenario is None and any(own.is_on_poses for own in violated):
         remedies.append("`only_violations` also tries less similar donors")
+    if any(own.is_on_poses for own in violated):
+        remedies.append("a target or obstacle elsewhere, or a larger tolerance, may help")
     if any(isinstance(own, OnlyFrom) for own in violated):
-        remedies.append("a larger `variety` allows less similar donors")
+        scale = library.config.sigma_scale
+        is_usual = scale >= scale_of_variety(0.0)
+        small = "" if is_usual else f"`sigma_scale={scale:g}` is small: "
+        name = "`variety`" if is_usual else "value"
+        remedies.append(f"{small}a larger {name} allows less similar donors")
     return remedies
 
 

@@ -66,6 +66,7 @@ LIBRARY_CALLS = {
     "advise": lambda own: mg.advise(mg.graft(own, seed=2)),
     "newness": lambda own: mg.newness(mg.graft(own, seed=2)),
     "edit": lambda own: mg.edit(mg.graft(own, seed=4), mg.constraints.Ban(2)),
+    "change": lambda own: mg.change(mg.graft(own, seed=4), "upper", (40, 90)),
     "graft_record": lambda own: mg.graft_record(mg.graft(own, seed=4)),
     "repair": lambda own: mg.repair(own, constraints=FAR),
     "replay": replay,

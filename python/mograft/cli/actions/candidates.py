@@ -61,7 +61,8 @@ def _find_segment(library: Library, options: CandidatesOptions) -> tuple[int, in
         frame = resolve_frame(options.frame, library.rate)
         if frame > stops[-1]:
             raise ValueError(
-                f"--frame must be 0 to {stops[-1]} in clip {library.names[clip]}, got {frame}"
+                f"--frame must be 0 to {stops[-1]} ({stops[-1] / library.rate:.6g} s) in clip "
+                f"{library.names[clip]}, got {frame}"
             )
         # Two segments share a frame; as on pages, it belongs to the later one.
         number = int((library.segments.start[segments] <= frame).sum()) - 1

@@ -55,7 +55,8 @@ _ALLOWED = (*_EDITS, *_OUTPUTS, "verbose", "files", "from_")
 
 _KEPT_VIOLATIONS = (
     "joints that are not exchanged violate constraints, and no donor can remove these violations; "
-    "no motion was written; move the obstacle or target, limit its frames, or give --best-effort"
+    "no motion was written; choose another --base, exchange their group (--swap), place the "
+    "obstacle or target elsewhere, or give --best-effort"
 )
 
 
@@ -123,7 +124,10 @@ def _run_replay(options: GraftOptions) -> int:
     allowed = (*allowed, "set", *(("count",) if options.change else ()))
     for field, name in options.changed().items():
         if field not in (*options.origins, *allowed):
-            raise UsageError(f"--{name} cannot be combined with --from")
+            raise UsageError(
+                f"--{name} cannot be combined with --from, which makes a graft again; "
+                "--change, --take, --ban and --keep change parts of it"
+            )
     source, path = options.from_ or "", options.output
     record = read_record(source)
     names = [record.name]

@@ -86,12 +86,12 @@ def run_view(options: ViewOptions) -> int:
     if folder is None:
         files = expand_folders(options.files)
         groups, config, skeleton = configuration.figure_settings(options, files)
-        page = view(*files, groups=groups, config=config, show=False, skeleton=skeleton)
+        scene = Scene.of(files, groups, config, skeleton)
     else:
         configuration.refuse_fixed_options(options, "groups", "skeleton")
         library = Library.open(folder)
-        clips = Scene.of_clips(library, select_clips(library, options.clip))
-        page = view(clips, show=False)
+        scene = Scene.of_clips(library, select_clips(library, options.clip))
+    page = view(scene.with_character(options.character), show=False)
     target = options.output or temporary_path()
     target.parent.mkdir(parents=True, exist_ok=True)
     path = page.save(target, force=True)

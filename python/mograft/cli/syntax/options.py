@@ -217,10 +217,10 @@ class ChangeOptions(Options, section="what to change"):
     swap: values.Words | None = setting("which of --groups change (default: all but base)")
     change: tuple[values.Change, ...] = option(
         "another part of a clip for a group",
-        details="in a range of frames or times; CLIP may be a glob such as wave*; without CLIP, "
-        "the part that fits best; -n makes as many alternatives. The range and the part begin at "
-        "any frame. All other frames stay as they are in the graft of --from, or else as captured; "
-        "may be repeated",
+        details="or for a body part in it (torso, head, arms, larm, rarm), in a range of frames or "
+        "times; CLIP may be a glob such as wave*; without CLIP, the part that fits best; -n makes "
+        "as many alternatives. All other frames and joints stay as they are in the graft of "
+        "--from, or else as captured; may be repeated",
     )
     only_violations: bool = option("exchange only what violates the constraints", is_expert=True)
 

@@ -174,6 +174,7 @@ def _check_names(parsers: Parsers, words: Sequence[str]) -> None:
         name = word.partition("=")[0]
         if name.startswith("--") and not any(flag.startswith(name) for flag in flags):
             hint = suggest_name(name, flags, prefix="--", cutoff=0.7)
+            hint = hint or f"; mograft {' '.join(path)} --help-all lists all"
             parsers[path].error(f"{' '.join(path)} has no option {name}{hint}")
 
 

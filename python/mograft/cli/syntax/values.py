@@ -343,7 +343,7 @@ def _shape(text: str) -> tuple[str, tuple[float, ...]]:
     if colon and len(kind) > 1 and kind.isalpha() and not Path(text).exists():
         raise ArgumentTypeError(
             f"expected a file or one of the shapes {', '.join(SHAPES)}, got {kind}"
-            f"{suggest_name(kind, SHAPES)}"
+            f"{suggest_name(kind, SHAPES, cutoff=0.8)}"
         )
     name, separator, place = text.rpartition("@")
     if not separator or Path(text).exists():

@@ -89,7 +89,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     except FileNotFoundError as error:
         raise LibraryError(
             f"{folder} is not a mograft library: it has no {MANIFEST}; "
-            f"create one with: mograft index CLIPS -o {folder}"
+            f"mograft index CLIPS -o {folder.with_suffix('.mograft')} makes one of motion files"
         ) from error
     except ValueError as error:
         raise damage(folder, f"{MANIFEST} is not valid JSON: {error}") from error
