@@ -108,10 +108,6 @@ def _check_options(options: GraftOptions) -> None:
     """Raise a UsageError if options without ``--from`` contradict each other."""
     if not options.files:
         raise UsageError("expected LIB or FILE")
-    if options.output.suffix.lower() == ".bvh" and options.count != 1:
-        raise UsageError(
-            f"-o must be a folder, or a .glb or .npz file, if -n is above 1, got {options.output}"
-        )
     if options.distinct > 180.0:
         raise UsageError(f"--distinct must be at most 180, got {options.distinct:g}")
     configuration.check_combinations(options)
@@ -130,14 +126,10 @@ def _run_replay(options: GraftOptions) -> int:
             )
     source, path = options.from_ or "", options.output
     record = read_record(source)
-    names = [record.name]
-    if options.count > 1:
-        names = [f"{record.name}_{k}" for k in range(options.count)]
     paths = [path] * options.count
     if path.suffix.lower() not in MOTION_SUFFIXES:
-        paths = [path / f"{name}.bvh" for name in names]
-    elif options.count > 1 and path.suffix.lower() == ".bvh":
-        raise UsageError(f"-o must be a folder, .glb or .npz file if -n is above 1, got {path}")
+        ends = [f"_{k}" for k in range(options.count)] if options.count > 1 else [""]
+        paths = [path / f"{record.name}{end}.bvh" for end in ends]
     page = paths[0].with_suffix(".html")
     graft_files.check_targets(paths, options, page=page if options.report else None)
     folder = files.library_folder(options.files)
