@@ -109,11 +109,7 @@ def read_record(source: str | PathLike[str] | Mapping[str, Any]) -> GraftRecord:
     file = Path(path)
     if find_format(file).name not in ("glTF", "NPZ"):
         is_motion = file.suffix.lower() != ".json" and discover.has_provenance(file)
-        file = file.with_suffix(".json") if is_motion else file
-        document = _load(file.read_bytes(), str(file))
-        if isinstance(document, Mapping):
-            discover.warn_of_other_motion(document, file)
-        return _parse(document, str(file), file.parent)
+        return _read_beside(file.with_suffix(".json") if is_motion else file)[0]
     grafts = open_clips(path).grafts
     if name not in grafts and (name is not None or len(grafts) != 1):
         known = f"a graft, as in {path}#{next(iter(grafts))}" if grafts else "a graft"
@@ -132,13 +128,15 @@ def read_clip_record(path: Path, clip: str | None) -> GraftRecord | None:
         return _held_record(path, clip or open_clips(str(path)).names[0])
     if not discover.has_provenance(path):
         return None
-    source = path.with_suffix(".json")
-    document = _load(source.read_bytes(), str(source))
-    return (
-        None
-        if discover.warn_of_other_motion(document, source)
-        else _parse(document, str(source), source.parent)
-    )
+    record, is_other = _read_beside(path.with_suffix(".json"))
+    return None if is_other else record
+
+
+def _read_beside(file: Path) -> tuple[GraftRecord, bool]:
+    """Read the provenance in a JSON file, and whether it belongs to another motion."""
+    document = _load(file.read_bytes(), str(file))
+    is_other = isinstance(document, Mapping) and discover.warn_of_other_motion(document, file)
+    return _parse(document, str(file), file.parent), is_other
 
 
 def _held_record(path: Path, name: str) -> GraftRecord:
