@@ -297,12 +297,13 @@ def _read_obstacle(kind: str, numbers: Sequence[float]) -> Obstacle:
 def check_combinations(options: GraftOptions) -> None:
     """Raise a UsageError if options for new grafts contradict each other."""
     names = options.changed()
-    if options.scenario != "graph":
-        for graph_option in filter(names.get, _GRAPH_OPTIONS):
-            raise UsageError(f"--{graph_option} requires --scenario graph")
+    given = [name for name in _GRAPH_OPTIONS if name in names]
+    if given and options.scenario != "graph":
+        raise UsageError(f"--{given[0]} requires --scenario graph")
     for name, others in _CONFLICTS.items():
-        for other in filter(names.get, others if name in names else ()):
-            raise UsageError(f"--{names[other]} cannot be combined with --{names[name]}")
+        for other in others:
+            if name in names and other in names:
+                raise UsageError(f"--{names[other]} cannot be combined with --{names[name]}")
 
 
 def read_scenario(library: Library, options: GraftOptions) -> IntArray | Scenario | None:
