@@ -161,8 +161,10 @@ export function drawStage() {
   const shown = shownClips();
   const places = tiles();
   if (renderer) {
-    renderer.setPixelRatio(ratio);
-    renderer.setSize(width, height, false);
+    if (stage.width !== Math.floor(width * ratio) || stage.height !== Math.floor(height * ratio)) {
+      renderer.setPixelRatio(ratio);
+      renderer.setSize(width, height, false);
+    }
     renderer.setScissorTest(false);
     renderer.clear();
     renderer.setScissorTest(true);

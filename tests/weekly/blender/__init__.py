@@ -1,0 +1,1 @@
+"""Checks of the Blender extension in several versions of Blender."""
