@@ -10,9 +10,10 @@ import pytest
 import mograft as mg
 from lab.donors.donor_methods import RandomLength, makers
 from mograft import Library, read_bvh, write_bvh
+from mograft._util import extras
 from mograft.cli import main
 from mograft.dancer import dance
-from mograft.evaluation import detectability, estimate, evaluate, quality, world_quality
+from mograft.evaluation import detectability, evaluate, quality, world_quality
 from mograft.viewing.evaluation_report import evaluation_page, summarize
 from tests.evaluation.planted import ByCost
 from tests.strategies import smooth_rotations
@@ -226,6 +227,6 @@ def test_command_missing_package_names_extra(files, monkeypatch, capsys):
     def raise_import_error(name):
         raise ImportError(name, name=name)
 
-    monkeypatch.setattr(estimate, "import_module", raise_import_error)
+    monkeypatch.setattr(extras, "import_module", raise_import_error)
     assert main(["evaluate", "world", *files, "--runs", "1", "--json"]) == 1
     assert "SciPy: pip install 'mograft[evaluate]'" in capsys.readouterr().err

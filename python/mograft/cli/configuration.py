@@ -13,6 +13,7 @@ from mograft._util.names import automatic_number, is_automatic
 from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders, library_folder
 from mograft.cli.output import print_remark, show_progress
+from mograft.cli.syntax import values
 from mograft.cli.syntax.arguments import Options, UsageError
 from mograft.cli.syntax.options import (
     DEFAULT_DURATION,
@@ -21,14 +22,6 @@ from mograft.cli.syntax.options import (
     GraftOptions,
     LibraryOptions,
     SkeletonOptions,
-)
-from mograft.cli.syntax.values import (
-    PRESETS,
-    SHAPES,
-    resolve_donor,
-    resolve_frame,
-    resolve_frames,
-    resolve_span,
 )
 from mograft.config import Config, scale_of_variety
 from mograft.config_text import parse_fields
@@ -171,7 +164,7 @@ def selected_groups(given: str | None) -> JointGroups | str:
     A preset is returned as its name, automatic groups as ``auto`` or ``auto:N``.
     """
     name = given or "lower_upper"
-    is_file = name not in PRESETS and not is_automatic(name)
+    is_file = name not in values.PRESETS and not is_automatic(name)
     return JointGroups.from_toml(Path(name)) if is_file else name
 
 
@@ -251,19 +244,21 @@ def read_constraints(options: ConstraintOptions, rate: float) -> list[Constraint
     Raise UsageError if an obstacle is invalid.
     """
     found: list[Constraint] = [
-        Avoid(_read_obstacle(kind, numbers), frames=resolve_span(span, rate))
+        Avoid(_read_obstacle(kind, numbers), frames=values.resolve_span(span, rate))
         for kind, numbers, span in options.avoid
     ]
     if options.avoid_self:
         found.append(AvoidSelf())
     for within, joint, part, place, tolerance in options.reach:
         target = place if part is None else FigurePosition(part, place)
-        found.append(Reach(joint, target, tolerance=tolerance, frames=resolve_frames(within, rate)))
-    found += [Face(target, frames=resolve_span(span, rate)) for target, span in options.face]
-    found += [KeepOriginal(frames=resolve_frames(span, rate)) for span in options.keep]
-    for kind, values in ((Use, options.take), (Ban, options.ban)):
-        for (number, span, group), donor in values:
-            frames, chosen = resolve_span(span, rate), resolve_donor(donor, rate)
+        found.append(
+            Reach(joint, target, tolerance=tolerance, frames=values.resolve_frames(within, rate))
+        )
+    found += [Face(target, frames=values.resolve_span(span, rate)) for target, span in options.face]
+    found += [KeepOriginal(frames=values.resolve_frames(span, rate)) for span in options.keep]
+    for kind, given in ((Use, options.take), (Ban, options.ban)):
+        for (number, span, group), donor in given:
+            frames, chosen = values.resolve_span(span, rate), values.resolve_donor(donor, rate)
             found.append(kind(number, chosen, frames=frames, group=group))
     for selector, clips, tags in (
         (donor_constraints.OnlyFrom, options.only_from, options.only_tagged),
@@ -286,7 +281,7 @@ def _read_obstacle(kind: str, numbers: Sequence[float]) -> Obstacle:
     """
     x, y, z, *rest = numbers
     place = (x, y, z)
-    if kind not in SHAPES:
+    if kind not in values.SHAPES:
         return Character(read_clip(kind), place, math.radians(rest[0]))
     try:
         if kind == "sphere":
@@ -302,12 +297,13 @@ def _read_obstacle(kind: str, numbers: Sequence[float]) -> Obstacle:
 def check_combinations(options: GraftOptions) -> None:
     """Raise a UsageError if options for new grafts contradict each other."""
     names = options.changed()
-    if options.scenario != "graph":
-        for graph_option in filter(names.get, _GRAPH_OPTIONS):
-            raise UsageError(f"--{graph_option} requires --scenario graph")
+    given = [name for name in _GRAPH_OPTIONS if name in names]
+    if given and options.scenario != "graph":
+        raise UsageError(f"--{given[0]} requires --scenario graph")
     for name, others in _CONFLICTS.items():
-        for other in filter(names.get, others if name in names else ()):
-            raise UsageError(f"--{names[other]} cannot be combined with --{names[name]}")
+        for other in others:
+            if name in names and other in names:
+                raise UsageError(f"--{names[other]} cannot be combined with --{names[name]}")
 
 
 def read_scenario(library: Library, options: GraftOptions) -> IntArray | Scenario | None:
@@ -319,7 +315,7 @@ def read_scenario(library: Library, options: GraftOptions) -> IntArray | Scenari
     graph = transitions(library, options.among)
     if options.length is not None:
         is_time = isinstance(options.length, float)
-        n_frames = resolve_frame(options.length, library.rate) + is_time
+        n_frames = values.resolve_frame(options.length, library.rate) + is_time
         return fill(library, n_frames, seed, graph=graph)
     if options.path is not None:
         return follow(library, options.path, graph=graph)

@@ -35,6 +35,10 @@ def with_target(options: GraftOptions) -> GraftOptions:
         raise UsageError(f"--into must be a .glb file, got {target.name}")
     elif not into.is_file():
         raise FileNotFoundError(2, "No such file", str(into))
+    if suffix == ".bvh" and options.count != 1:
+        raise UsageError(
+            f"-o must be a folder, or a .glb or .npz file, if -n is above 1; got {target}"
+        )
     if options.given("digits") and suffix in (".glb", ".npz"):
         raise UsageError(f"--digits requires .bvh; got {target.name}")
     if options.as_ is not None and (suffix != ".glb" or options.count != 1):

@@ -11,13 +11,8 @@ from mograft.analysis.embedding import Embedding, Samples
 from mograft.analysis.group_discovery import MAX_CLIPS, GroupDiscovery, discover_in_segments
 from mograft.body.groups import JointGroups
 from mograft.config import Config
+from mograft.library import clusters
 from mograft.library.clip_table import ClipInfo
-from mograft.library.clusters import (
-    Progress,
-    cluster_groups,
-    compare_segments,
-    join_boundary_states,
-)
 from mograft.library.data import LibraryData
 from mograft.library.discover import ClipSource
 from mograft.library.ingest import IngestedClip
@@ -54,7 +49,7 @@ def assemble(
     groups: JointGroups,
     spec: LibrarySpec,
     config: Config,
-    report: Progress | None,
+    report: clusters.Progress | None,
 ) -> L:
     """Return a library of ingested clips that hold motions, with the metadata `entries`.
 
@@ -64,9 +59,9 @@ def assemble(
     samples = Samples(rows, config.samples, spec.skeleton.n_joints)
     if report is None:
         embedding: dict[str, Embedding | None] = dict.fromkeys(groups.names)
-        labels, sigma = cluster_groups(embedding, len(samples), config)
+        labels, sigma = clusters.cluster_groups(embedding, len(samples), config)
     else:
-        embedding, labels, sigma = compare_segments(samples, groups, spec, config, report)
+        embedding, labels, sigma = clusters.compare_segments(samples, groups, spec, config, report)
     return library_type(
         clips=tuple(
             clip.clip if clip.clip.name == info.name else replace(clip.clip, name=info.name)
@@ -82,7 +77,7 @@ def assemble(
         embedding=embedding,
         labels=labels,
         sigma=sigma,
-        boundary_states=join_boundary_states(
+        boundary_states=clusters.join_boundary_states(
             [clip.boundary_states for clip in clips], groups, spec.skeleton
         ),
         samples=samples,

@@ -10,15 +10,10 @@ from typing import Any
 import numpy as np
 
 from mograft.blend.reach_completion import ReachCompletion
+from mograft.library import origin
 from mograft.library.clip_table import skeleton_to_json
 from mograft.library.discover import SourceFile, relative_path
 from mograft.library.library import Library
-from mograft.library.origin import (
-    find_clip_origin,
-    find_library_origin,
-    find_source_file,
-    hash_poses,
-)
 from mograft.motion.motion import Motion
 from mograft.scenario import repetition
 from mograft.search.constraint_records import constraint_kind, encode_constraint
@@ -56,7 +51,7 @@ def graft_record(graft: Graft, folder: str | PathLike[str] = ".") -> Record:
         "index": graft.index,
         "frames": graft.motion.n_frames,
         "frame_time": graft.motion.frame_time,
-        "poses_sha256": hash_poses(graft.motion),
+        "poses_sha256": origin.hash_poses(graft.motion),
         "request": _request_record(graft, place),
         "config": library.config.as_dict(),
         "groups": {
@@ -83,14 +78,7 @@ def graft_record(graft: Graft, folder: str | PathLike[str] = ".") -> Record:
             )
         ],
         "changes": [
-            {
-                "group": own.group,
-                "part": own.part,
-                "frames": list(own.frames),
-                "clip": own.clip,
-                "clip_frames": list(own.clip_frames),
-                "command": own.command,
-            }
+            vars(own) | {"frames": list(own.frames), "clip_frames": list(own.clip_frames)}
             for own in graft.changes
         ],
         "seams": [
@@ -124,7 +112,7 @@ def _request_record(graft: Graft, folder: Path) -> Record:
     request = graft.request
 
     def encode_motion(motion: Motion) -> Record:
-        return {"name": motion.name, **_file_record(find_source_file(motion), folder)}
+        return {"name": motion.name, **_file_record(origin.find_source_file(motion), folder)}
 
     return {
         "method": request.method,
@@ -137,13 +125,13 @@ def _request_record(graft: Graft, folder: Path) -> Record:
 
 
 def _library_record(library: Library, folder: Path) -> Record:
-    origin = find_library_origin(library)
-    path, skeletons = origin.folder, {"hierarchy": origin.hierarchy, "rest": origin.rest}
+    recorded = origin.find_library_origin(library)
+    path, skeletons = recorded.folder, {"hierarchy": recorded.hierarchy, "rest": recorded.rest}
     return {
         "folder": None if path is None else relative_path(str(path), folder).as_posix(),
-        "sha256": origin.sha256,
-        "clips": origin.n_clips,
-        **{key: getattr(origin, key) for key in ("is_mirrored", "rate", "root", "up", "match")},
+        "sha256": recorded.sha256,
+        "clips": recorded.n_clips,
+        **{key: getattr(recorded, key) for key in ("is_mirrored", "rate", "root", "up", "match")},
         **{key: own and skeleton_to_json(own) for key, own in skeletons.items()},
     }
 
@@ -159,14 +147,14 @@ def _clip_records(graft: Graft, folder: Path) -> list[Record]:
     roles["donor"] |= {library.names.index(own.clip) for own in graft.changes}
     records = []
     for clip in sorted(set.union(*roles.values())):
-        info, origin = library.entries[clip], find_clip_origin(library, clip)
+        info, found = library.entries[clip], origin.find_clip_origin(library, clip)
         records.append(
             {
                 "name": info.name,
-                **_file_record(origin.source_file, folder),
+                **_file_record(found.source_file, folder),
                 "roles": [role for role, clips in roles.items() if clip in clips],
-                "is_mirrored": origin.is_mirrored,
-                "is_in_library": origin.is_in_library,
+                "is_mirrored": found.is_mirrored,
+                "is_in_library": found.is_in_library,
                 "true_rate": info.rate_override,
                 "licence": _licence(info.tags),
             }

@@ -13,24 +13,10 @@ from mograft.config import Config
 from mograft.errors import DAMAGE, LibraryError, ProvenanceError, join_names
 from mograft.io.bvh.writer import check_digits
 from mograft.io.formats import find_format, join_address, open_clips, read_clip, split_address
+from mograft.library import discover, origin
 from mograft.library.clip_table import skeleton_from_json
-from mograft.library.discover import (
-    SourceFile,
-    has_provenance,
-    holds_graft,
-    scan_folder,
-    warn_of_other_motion,
-)
 from mograft.library.ingest_run import IngestOptions
 from mograft.library.library import Library
-from mograft.library.origin import (
-    LibraryOrigin,
-    PartialClip,
-    build_partial_library,
-    hash_library,
-    is_mirrored,
-    n_library_clips,
-)
 from mograft.provenance.document import SCHEMA
 from mograft.search.constraints import Span
 
@@ -99,7 +85,7 @@ class GraftRecord:
     base: str
     config: Config
     groups: JointGroups
-    library: LibraryOrigin
+    library: origin.LibraryOrigin
     clips: tuple[ClipRecord, ...]
     sources: tuple[str, ...]  # files and folders, as typed on the command line
     digits: int | None  # decimals of computed angles in its .bvh file; None: as in the base's
@@ -122,12 +108,8 @@ def read_record(source: str | PathLike[str] | Mapping[str, Any]) -> GraftRecord:
     path, name = split_address(fspath(source))
     file = Path(path)
     if find_format(file).name not in ("glTF", "NPZ"):
-        is_motion = file.suffix.lower() != ".json" and has_provenance(file)
-        file = file.with_suffix(".json") if is_motion else file
-        document = _load(file.read_bytes(), str(file))
-        if isinstance(document, Mapping):
-            warn_of_other_motion(document, file)
-        return _parse(document, str(file), file.parent)
+        is_motion = file.suffix.lower() != ".json" and discover.has_provenance(file)
+        return _read_beside(file.with_suffix(".json") if is_motion else file)[0]
     grafts = open_clips(path).grafts
     if name not in grafts and (name is not None or len(grafts) != 1):
         known = f"a graft, as in {path}#{next(iter(grafts))}" if grafts else "a graft"
@@ -142,17 +124,19 @@ def read_clip_record(path: Path, clip: str | None) -> GraftRecord | None:
     None. Raises as `read_record`.
     """
     address = join_address(str(path), clip)
-    if holds_graft(address):
+    if discover.holds_graft(address):
         return _held_record(path, clip or open_clips(str(path)).names[0])
-    if not has_provenance(path):
+    if not discover.has_provenance(path):
         return None
-    source = path.with_suffix(".json")
-    document = _load(source.read_bytes(), str(source))
-    return (
-        None
-        if warn_of_other_motion(document, source)
-        else _parse(document, str(source), source.parent)
-    )
+    record, is_other = _read_beside(path.with_suffix(".json"))
+    return None if is_other else record
+
+
+def _read_beside(file: Path) -> tuple[GraftRecord, bool]:
+    """Read the provenance in a JSON file, and whether it belongs to another motion."""
+    document = _load(file.read_bytes(), str(file))
+    is_other = isinstance(document, Mapping) and discover.warn_of_other_motion(document, file)
+    return _parse(document, str(file), file.parent), is_other
 
 
 def _held_record(path: Path, name: str) -> GraftRecord:
@@ -206,9 +190,9 @@ def _parse(
     return record
 
 
-def _read_library(record: Mapping[str, Any], folder: Path) -> LibraryOrigin:
+def _read_library(record: Mapping[str, Any], folder: Path) -> origin.LibraryOrigin:
     path = _optional(str, record["folder"])
-    return LibraryOrigin(
+    return origin.LibraryOrigin(
         folder=None if path is None else folder / path,
         sha256=str(record["sha256"]),
         n_clips=int(record["clips"]),
@@ -286,20 +270,20 @@ def find_whole_library(record: GraftRecord, sources: Sequence[str]) -> Library:
     ProvenanceError if a file is missing or the library is another one, and LibraryError or OSError
     if the stored library cannot be opened.
     """
-    origin = record.library
-    if origin.folder is not None and not sources:
-        return _prepare_library(record, Library.open(origin.folder), str(origin.folder))
+    recorded = record.library
+    if recorded.folder is not None and not sources:
+        return _prepare_library(record, Library.open(recorded.folder), str(recorded.folder))
     names = [_present_source(record, own) for own in sources or record.sources]
     if not names:
         raise record.error("the graft was made in Python: give the library, or all of its files")
     options: IngestOptions = {
-        "match": origin.match,
-        "hierarchy": origin.hierarchy,
-        "skeleton": origin.rest,
+        "match": recorded.match,
+        "hierarchy": recorded.hierarchy,
+        "skeleton": recorded.rest,
     }
     strict = not any(Path(name).is_dir() for name in names)
     library = Library.build(names, record.groups, record.config, strict=strict, **options)
-    if hash_library(library) != origin.sha256 and not strict:
+    if origin.hash_library(library) != recorded.sha256 and not strict:
         # The graft may have been made with --include-grafts.
         options["include_grafts"] = True
         library = Library.build(names, record.groups, record.config, strict=strict, **options)
@@ -320,7 +304,7 @@ def _present_source(record: GraftRecord, source: str) -> str:
 
 def _with_base(record: GraftRecord, library: Library, sources: Sequence[str]) -> RecordedLibrary:
     """Return `library`, which has all its clips, and the base if it is not one of them."""
-    n_clips = n_library_clips(library)
+    n_clips = origin.n_library_clips(library)
     clips = {info.name: index for index, info in enumerate(library.entries[:n_clips])}
     outside = [clip for clip in record.clips if clip.is_base and not clip.is_in_library]
     if record.document["scenario"] is not None:
@@ -344,12 +328,12 @@ def _prepare_library(record: GraftRecord, library: Library, label: str) -> Libra
     Raise ProvenanceError if `library` has another SHA-256 than the library of the graft.
     """
     expected = record.library
-    found = hash_library(library)
+    found = origin.hash_library(library)
     if found != expected.sha256:
         raise record.error(
             f"{label} is another library: SHA-256 {found}, expected {expected.sha256}"
         )
-    if expected.is_mirrored and not is_mirrored(library):
+    if expected.is_mirrored and not origin.is_mirrored(library):
         library = library.with_mirror_images()
     return library if library.config == record.config else library.relabelled(record.config)
 
@@ -370,7 +354,7 @@ def _find_file(record: GraftRecord, clip: ClipRecord, sources: Iterable[str]) ->
     for path in _possible_paths(record, clip.file, sources):
         if not path.is_file():
             continue
-        found = SourceFile.from_path(str(path), clip.clip).sha256
+        found = discover.SourceFile.from_path(str(path), clip.clip).sha256
         if found == clip.sha256:
             return str(path)
         changed = changed or f"{path} has changed: SHA-256 {found}, expected {clip.sha256}"
@@ -385,7 +369,7 @@ def _possible_paths(record: GraftRecord, file: str, sources: Iterable[str]) -> I
     for address in [*sources, *record.sources]:
         source, _ = split_address(address)
         if Path(source).is_dir():
-            yield from (path for path in scan_folder(source) if path.name == name)
+            yield from (path for path in discover.scan_folder(source) if path.name == name)
         elif Path(source).name == name:
             yield Path(source)
 
@@ -393,7 +377,7 @@ def _possible_paths(record: GraftRecord, file: str, sources: Iterable[str]) -> I
 def _partial_library(record: GraftRecord, sources: Sequence[str]) -> RecordedLibrary:
     """Return a library of only the clips of a graft, read from their files."""
     clips = [
-        PartialClip(
+        origin.PartialClip(
             name=clip.name,
             address=find_clip(record, clip, sources),
             rate_override=clip.true_rate,
@@ -403,7 +387,9 @@ def _partial_library(record: GraftRecord, sources: Sequence[str]) -> RecordedLib
         )
         for clip in record.clips
     ]
-    library = build_partial_library(Library, clips, record.groups, record.config, record.library)
+    library = origin.build_partial_library(
+        Library, clips, record.groups, record.config, record.library
+    )
     bases = [index for index, clip in enumerate(record.clips) if clip.is_base]
     base = bases[0] if bases and record.document["scenario"] is None else None
     members = {clip.name: i for i, clip in enumerate(record.clips) if clip.is_in_library}

@@ -182,14 +182,8 @@ def _read_changes(record: GraftRecord, plan: GraftPlan) -> list[Change]:
     """Return the recorded changes; raise ProvenanceError if a group, clip or frame is unknown."""
     changes, clips = [], plan.problem.library
     for own in record.document["changes"]:
-        made = Change(
-            group=str(own["group"]),
-            part=own["part"],
-            frames=as_frames(own["frames"]),
-            clip=str(own["clip"]),
-            clip_frames=as_frames(own["clip_frames"]),
-            command=own["command"],
-        )
+        frames = {name: as_frames(own[name]) for name in ("frames", "clip_frames")}
+        made = Change(**{**own, **frames})
         is_known = made.group in plan.pools and made.clip in clips.names
         n_frames = is_known and clips.clips[clips.names.index(made.clip)].n_frames
         spans = ((made.frames, plan.problem.base.n_frames), (made.clip_frames, n_frames))

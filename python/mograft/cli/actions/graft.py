@@ -11,14 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mograft.cli import configuration, graft_files
-from mograft.cli.files import (
-    check_suffix,
-    check_writable,
-    expand_folders,
-    has_folder,
-    library_folder,
-)
+from mograft.cli import configuration, files, graft_files
 from mograft.cli.output import print_error, print_remark, print_result, show_progress, with_flags
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import DemoOptions
@@ -73,21 +66,21 @@ def run(options: GraftOptions) -> int:
     if options.from_ is not None:
         return _run_replay(options)
     _check_options(options)
-    folder = library_folder(options.files)
-    library, files = None, options.files
+    folder = files.library_folder(options.files)
+    library, sources = None, options.files
     if folder is not None:
         library = configuration.load_library(options)
     else:
-        files = tuple(expand_folders(files, include_grafts=options.include_grafts))
-    first = files[0] if library is None else library.names[0]
-    paths, page = graft_files.output_paths(options, first, files)
+        sources = tuple(files.expand_folders(sources, include_grafts=options.include_grafts))
+    first = sources[0] if library is None else library.names[0]
+    paths, page = graft_files.output_paths(options, first, sources)
     if options.measure and find_spec("scipy") is None:
         raise ValueError("--measure needs SciPy: pip install 'mograft[evaluate]'")
     if library is None:
-        strict = not has_folder(options.files)
-        library = configuration.load_library(replace(options, files=files), strict=strict)
+        strict = not files.has_folder(options.files)
+        library = configuration.load_library(replace(options, files=sources), strict=strict)
         if library.refused:  # the first file may be one of them
-            paths, page = graft_files.output_paths(options, library.names[0], files)
+            paths, page = graft_files.output_paths(options, library.names[0], sources)
     constraints = configuration.read_constraints(options, library.rate)
     if options.change:
         constraints.append(KeepOriginal())
@@ -115,10 +108,6 @@ def _check_options(options: GraftOptions) -> None:
     """Raise a UsageError if options without ``--from`` contradict each other."""
     if not options.files:
         raise UsageError("expected LIB or FILE")
-    if options.output.suffix.lower() == ".bvh" and options.count != 1:
-        raise UsageError(
-            f"-o must be a folder, or a .glb or .npz file, if -n is above 1, got {options.output}"
-        )
     if options.distinct > 180.0:
         raise UsageError(f"--distinct must be at most 180, got {options.distinct:g}")
     configuration.check_combinations(options)
@@ -137,17 +126,13 @@ def _run_replay(options: GraftOptions) -> int:
             )
     source, path = options.from_ or "", options.output
     record = read_record(source)
-    names = [record.name]
-    if options.count > 1:
-        names = [f"{record.name}_{k}" for k in range(options.count)]
     paths = [path] * options.count
     if path.suffix.lower() not in MOTION_SUFFIXES:
-        paths = [path / f"{name}.bvh" for name in names]
-    elif options.count > 1 and path.suffix.lower() == ".bvh":
-        raise UsageError(f"-o must be a folder, .glb or .npz file if -n is above 1, got {path}")
+        ends = [f"_{k}" for k in range(options.count)] if options.count > 1 else [""]
+        paths = [path / f"{record.name}{end}.bvh" for end in ends]
     page = paths[0].with_suffix(".html")
     graft_files.check_targets(paths, options, page=page if options.report else None)
-    folder = library_folder(options.files)
+    folder = files.library_folder(options.files)
     library = None if folder is None else Library.open(folder)
     sources = options.files if library is None else ()
     if is_edit and library is None:
@@ -233,9 +218,9 @@ def _find_base(library: Library, name: str | None, folder: Path | None) -> Motio
             if os.path.realpath(source.path) == os.path.realpath(path):
                 return own
         return read_clip(name, skeleton=library.spec.rest)
-    files = [Path(source.path).name for source in sources if source is not None]
-    is_unique = len(files) == len(names) and files.count(name) == 1
-    return names[files.index(name)] if is_unique else name  # An unknown name is refused later.
+    file_names = [Path(source.path).name for source in sources if source is not None]
+    is_unique = len(file_names) == len(names) and file_names.count(name) == 1
+    return names[file_names.index(name)] if is_unique else name  # An unknown name is refused later.
 
 
 def _make_grafts(
@@ -379,12 +364,12 @@ def _print_remarks(
 
 def run_demo(options: DemoOptions) -> int:
     """Run all stages on the built-in dancer."""
-    check_suffix(options.output, is_folder=True)
+    files.check_suffix(options.output, is_folder=True)
     folder = options.output
     sample, page = folder / "dance.bvh", folder / "index.html"
     paths = [folder / f"dance_graft{i}.bvh" for i in range(_N_DEMO_GRAFTS)]
-    files = graft_files.files_of_grafts(paths)
-    check_writable([sample, page, *files], force=options.force)
+    written = [sample, page, *graft_files.files_of_grafts(paths)]
+    files.check_writable(written, force=options.force)
 
     def describe(text: str) -> None:
         if not options.json:

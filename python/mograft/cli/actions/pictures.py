@@ -11,15 +11,7 @@ from mograft._util.extras import import_extra
 from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
 from mograft.analysis.group_discovery import GroupDiscovery
 from mograft.body.groups import JointGroups
-from mograft.cli import configuration
-from mograft.cli.files import (
-    check_suffix,
-    check_writable,
-    expand_folders,
-    frame_range,
-    library_folder,
-    select_clips,
-)
+from mograft.cli import configuration, files
 from mograft.cli.graft_files import open_page
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax.arguments import UsageError
@@ -78,19 +70,19 @@ _Groups = JointGroups | str | None
 def run_view(options: ViewOptions) -> int:
     """Run the command."""
     if options.output is not None:
-        check_suffix(options.output, ".html", ".htm")
-        check_writable([options.output], force=options.force, inputs=options.files)
-    folder = library_folder(options.files)
+        files.check_suffix(options.output, ".html", ".htm")
+        files.check_writable([options.output], force=options.force, inputs=options.files)
+    folder = files.library_folder(options.files)
     if options.clip and folder is None:
         raise UsageError("--clip requires a library")
     if folder is None:
-        files = expand_folders(options.files)
-        groups, config, skeleton = configuration.figure_settings(options, files)
-        scene = Scene.of(files, groups, config, skeleton)
+        sources = files.expand_folders(options.files)
+        groups, config, skeleton = configuration.figure_settings(options, sources)
+        scene = Scene.of(sources, groups, config, skeleton)
     else:
         configuration.refuse_fixed_options(options, "groups", "skeleton")
         library = Library.open(folder)
-        scene = Scene.of_clips(library, select_clips(library, options.clip))
+        scene = Scene.of_clips(library, files.select_clips(library, options.clip))
     page = view(scene.with_character(options.character), show=False)
     target = options.output or temporary_path()
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -104,8 +96,8 @@ def run_view(options: ViewOptions) -> int:
 def run_plot(options: PlotOptions) -> int:
     """Run the command."""
     target = options.output
-    check_suffix(target, ".png", ".svg", ".pdf")
-    check_writable([target], force=options.force, inputs=options.files)
+    files.check_suffix(target, ".png", ".svg", ".pdf")
+    files.check_writable([target], force=options.force, inputs=options.files)
     mpl = import_extra("matplotlib", "plots need matplotlib", "plot")
     mpl.use("agg")
     metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(target.suffix.lower())
@@ -129,7 +121,7 @@ def run_plot(options: PlotOptions) -> int:
 
 
 def _draw(options: PlotOptions) -> "Axes":
-    folder = library_folder(options.files)
+    folder = files.library_folder(options.files)
     if folder is not None:
         fixed = () if options.kind == "groups" else ("groups",)
         configuration.refuse_fixed_options(options, *fixed, "match", "skeleton")
@@ -140,7 +132,7 @@ def _draw(options: PlotOptions) -> "Axes":
     configuration.refuse_useless_options(options, _KINDS_OF_OPTION, options.kind)
     if options.kind in ("strip", "energy"):
         motion, groups, config = _single_motion(options, folder)
-        frames = frame_range(motion, options.frames)
+        frames = files.frame_range(motion, options.frames)
         if options.kind == "energy":
             return plot.energy(motion, config, frames=frames)
         return plot.strip(motion, options.poses, groups=groups, frames=frames)
@@ -169,7 +161,7 @@ def _discovery(options: PlotOptions, folder: Path | None) -> GroupDiscovery:
     if folder is not None:
         return discover_in_library(Library.open(folder), automatic_number(name))
     return discover_groups(
-        expand_folders(options.files, include_grafts=options.include_grafts),
+        files.expand_folders(options.files, include_grafts=options.include_grafts),
         automatic_number(name),
         config=configuration.selected_config(options),
         match=options.match or "names",
@@ -185,10 +177,10 @@ def _timeline_scene(options: PlotOptions, folder: Path | None) -> Scene:
     """
     if folder is not None:
         library = configuration.load_library(options)
-        return Scene.of_clips(library, select_clips(library, options.clip))
-    files = expand_folders(options.files)
-    grafts = [file for file in files if is_graft(file)]
-    others = tuple(file for file in files if file not in grafts)
+        return Scene.of_clips(library, files.select_clips(library, options.clip))
+    sources = files.expand_folders(options.files)
+    grafts = [file for file in sources if is_graft(file)]
+    others = tuple(file for file in sources if file not in grafts)
     libraries = [configuration.load_library(replace(options, files=others))] if others else []
     return Scene.of(
         [*libraries, *grafts], skeleton=configuration.selected_skeleton(options.skeleton)
@@ -206,12 +198,12 @@ def _single_motion(
     groups: JointGroups | str | None
     if folder is not None:
         library = Library.open(folder)
-        motions = [library.clips[index] for index in select_clips(library, options.clip)]
+        motions = [library.clips[index] for index in files.select_clips(library, options.clip)]
         groups, config = library.groups, library.config
     else:
-        files = expand_folders(options.files)
-        groups, config, skeleton = configuration.figure_settings(options, files)
-        motions = [read_clip(file, skeleton=skeleton) for file in files]
+        sources = files.expand_folders(options.files)
+        groups, config, skeleton = configuration.figure_settings(options, sources)
+        motions = [read_clip(file, skeleton=skeleton) for file in sources]
     if len(motions) != 1:
         raise ValueError(f"{options.kind} shows exactly one motion, got {len(motions)}")
     return motions[0], groups, config
@@ -221,17 +213,19 @@ def run_export(options: ExportOptions) -> int:
     """Run the command."""
     target = options.output
     ending = target.suffix.lower()
-    files = expand_folders(options.files)
+    sources = files.expand_folders(options.files)
     if ending == ".fbx":
         raise UsageError("-o cannot be .fbx: write .glb or .bvh and convert it in Blender")
     if ending not in _ENDINGS:
         raise UsageError(f"-o must end in {', '.join(_ENDINGS)}, got {target.name}")
-    if len(files) > 1 and ending not in _ENDINGS_OF_SEVERAL:
-        raise UsageError(f"-o {target.name} can contain only one motion, got {len(files)} files")
+    if len(sources) > 1 and ending not in _ENDINGS_OF_SEVERAL:
+        raise UsageError(f"-o {target.name} can contain only one motion, got {len(sources)} files")
     configuration.refuse_useless_options(options, _ENDINGS_OF_OPTION, ending)
-    check_writable([target], force=options.force, inputs=files)
-    groups, _, skeleton = configuration.figure_settings(options, files)
-    motions = [_select_frames(read_clip(name, skeleton=skeleton), options.frames) for name in files]
+    files.check_writable([target], force=options.force, inputs=sources)
+    groups, _, skeleton = configuration.figure_settings(options, sources)
+    motions = [
+        _select_frames(read_clip(name, skeleton=skeleton), options.frames) for name in sources
+    ]
     target.parent.mkdir(parents=True, exist_ok=True)
     document: dict[str, Any] = {"file": str(target)}
     if ending in _FILMS:
@@ -241,7 +235,7 @@ def run_export(options: ExportOptions) -> int:
             motions = [motion.resample(options.rate) for motion in motions]
         document |= {"frames": [motion.n_frames for motion in motions], "rate": motions[0].rate}
         if ending in _FIGURES:
-            document |= _write_figure(motions, files, groups, options)
+            document |= _write_figure(motions, sources, groups, options)
         else:
             if ending == ".bvh":
                 write_bvh(motions[0], target, digits=options.digits)
@@ -250,7 +244,7 @@ def run_export(options: ExportOptions) -> int:
             else:
                 _TABLE_WRITERS[ending](motions[0], target)
             document |= {"up": "as in the file", "unit": "of the file"}
-            print_remark(f"{target.name}: unit and axes of {files[0]}")
+            print_remark(f"{target.name}: unit and axes of {sources[0]}")
     print_result(options, "export/1", document, [target])
     return 0
 
@@ -258,15 +252,15 @@ def run_export(options: ExportOptions) -> int:
 def _select_frames(motion: Motion, given: Range | None) -> Motion:
     if given is None:
         return motion
-    first, last = frame_range(motion, given)
+    first, last = files.frame_range(motion, given)
     return motion[first : last + 1]
 
 
 def _write_figure(
-    motions: Sequence[Motion], files: Sequence[str], groups: _Groups, options: ExportOptions
+    motions: Sequence[Motion], sources: Sequence[str], groups: _Groups, options: ExportOptions
 ) -> dict[str, Any]:
     target = options.output
-    paths = list(dict.fromkeys(split_address(file)[0] for file in files))
+    paths = list(dict.fromkeys(split_address(file)[0] for file in sources))
     characters = [own for own in map(open_character, map(Path, paths)) if own is not None]
     if characters and target.suffix.lower() == ".glb" and not options.given("scale", "groups"):
         character = characters.pop(0)

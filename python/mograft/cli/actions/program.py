@@ -10,7 +10,7 @@ from typing import Any
 from mograft import __version__
 from mograft._util.extras import import_extra
 from mograft.cli.output import print_result
-from mograft.cli.syntax.arguments import UsageError
+from mograft.cli.syntax.arguments import Command, UsageError
 from mograft.cli.syntax.commands import COMMANDS, CompletionOptions, DoctorOptions, ShowOptions
 from mograft.cli.syntax.parser import Setting, build_parsers, find_config_file, find_settings
 from mograft.errors import suggest_name
@@ -71,50 +71,39 @@ def _check_graft() -> tuple[str, str]:
 
 def run_config(options: ShowOptions) -> int:
     """Print the settings of the commands."""
-    path = find_config_file(Path.cwd())
-    rows = _collect(options)
+    names = [command.name for command in COMMANDS]
+    if options.only not in (None, *names):
+        hint = suggest_name(options.only, names)
+        raise UsageError(f"COMMAND must be one of {', '.join(names)}; got {options.only}{hint}")
+    path, rows = find_config_file(Path.cwd()), list[dict[str, Any]]()
     lines = [f"# {path}" if path is not None else "# no mograft.toml in this folder or above"]
-    last = None
-    for row in rows:
-        if row["command"] != last:
-            lines.append(f"\n[{row['command']}]")
-        last = row["command"]
-        value, name = row["value"], row["name"]
-        # TOML has the syntax of JSON, but also requires an escape for the character DEL.
-        text = json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-        line = f"# {name} =" if value is None else f"{name} = {text}"
-        lines.append(f"{line:32} # {row['origin']}" if options.origin else line)
+    for command in COMMANDS:
+        settings = _find_settings(command) if options.only in (None, command.name) else []
+        lines += [f"\n[{command.name}]"] if settings else []
+        for name, value, origin in settings:
+            # TOML has the syntax of JSON, but also requires an escape for the character DEL.
+            text = json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+            line = f"# {name} =" if value is None else f"{name} = {text}"
+            lines.append(f"{line:32} # {origin}" if options.origin else line)
+            row = {"command": command.name, "name": name, "value": value, "origin": origin}
+            rows.append(row)
     document = {"file": None if path is None else str(path), "settings": rows}
     print_result(options, "config/1", document, lines)
     return 0
 
 
-def _collect(options: ShowOptions) -> list[dict[str, Any]]:
-    """Return one dict per setting, with the keys command, name, value and origin.
+def _find_settings(command: Command) -> list[tuple[str, Any, str]]:
+    """Return the name, value and origin of each setting of a command.
 
     The origin is the file or environment variable that sets the value, or ``"default"``.
-    `options.only` limits the settings to those of one command.
     """
-    names = [command.name for command in COMMANDS]
-    if options.only is not None and options.only not in names:
-        hint = suggest_name(options.only, names)
-        raise UsageError(f"COMMAND must be one of {', '.join(names)}; got {options.only}{hint}")
-    rows = []
-    for command in COMMANDS:
-        if options.only not in (None, command.name):
-            continue
-        found = find_settings(command, COMMANDS)
-        for argument in command.settings():
-            default = Setting(argument.default, "default", argument.default)
-            setting = found.get(argument.dest, default)
-            values = {argument.name: setting.plain}
-            if argument.dest == "set" and setting.value:
-                values = {f"set.{name}": text for name, text in setting.value}
-            rows += [
-                {"command": command.name, "name": name, "value": value, "origin": setting.origin}
-                for name, value in values.items()
-            ]
-    return rows
+    found, settings = find_settings(command, COMMANDS), list[tuple[str, Any, str]]()
+    for argument in command.settings():
+        own = found.get(argument.dest, Setting(argument.default, "default", argument.default))
+        fields = own.value if argument.dest == "set" else ()
+        settings += [(f"set.{name}", text, own.origin) for name, text in fields]
+        settings += [] if fields else [(argument.name, own.plain, own.origin)]
+    return settings
 
 
 def run_completion(options: CompletionOptions) -> int:

@@ -184,21 +184,12 @@ def _matrix_positions(
     """
     linear = _to_matrices(turns) * scales[:, :, None, :]
     positions = places.copy()
-    for level in _levels(parents):
-        above = parents[level]
-        arms = linear[:, above] @ places[:, level, :, None]
-        positions[:, level] = positions[:, above] + arms[..., 0]
-        linear[:, level] = linear[:, above] @ linear[:, level]
-    return positions
-
-
-def _levels(parents: IntArray) -> list[IntArray]:
-    """Return the nodes of each depth below the root, which is node 0."""
-    depths = np.zeros(len(parents), np.int64)
     for node, parent in enumerate(parents.tolist()):
         if parent >= 0:
-            depths[node] = depths[parent] + 1
-    return [np.flatnonzero(depths == depth) for depth in range(1, int(depths.max()) + 1)]
+            arms = linear[:, parent] @ places[:, node, :, None]
+            positions[:, node] = positions[:, parent] + arms[..., 0]
+            linear[:, node] = linear[:, parent] @ linear[:, node]
+    return positions
 
 
 def _to_matrices(quats: FloatArray) -> FloatArray:
