@@ -46,6 +46,36 @@ def chromium():
             browser.close()
 
 
+HELPERS = """() => {
+  const { scene, state, timeline, actorOf, commandOf, describe, preview } = mograft;
+  const { clips } = scene;
+  const segment = (row, part) => ({ line: timeline.lines[row], part });
+  const given = { describe, preview };
+  Object.assign(mograft, {
+    pose: (index, frame) => {
+      const clip = clips[index];
+      const pose = mograft.setPose(clip, frame, mograft.makePose(clip));
+      const nodes = Array.from({ length: clip.parents.length + clip.ends.length }, (_, i) => i);
+      return nodes.flatMap((node) => mograft.nodePlace(clip, pose, node));
+    },
+    skin: (index) => {
+      const { meshes } = actorOf(clips[index]);
+      const { skeleton } = meshes.find(({ userData }) => !userData.isRigid);
+      skeleton.update();
+      return Array.from(skeleton.boneMatrices);
+    },
+    pin: (row, part) => { state.pinned = segment(row, part); },
+    describe: (row, part) => given.describe(segment(row, part)),
+    preview: (row, part, own) => given.preview(segment(row, part), own),
+    command: (index) => commandOf(clips[index]),
+    offset: (row) => timeline.offsets[row],
+    isLoaded: (index) => Boolean(clips[index].values),
+    isWindowLoaded: (name) => Boolean(scene.windows[name].values),
+  });
+}"""
+"""Functions of the tests, in terms of those of the page."""
+
+
 @contextlib.contextmanager
 def open_page(browser, path, width=1280, height=800, theme="light"):
     """Open a page; fail on console output and on requests other than for the page."""
@@ -57,6 +87,7 @@ def open_page(browser, path, width=1280, height=800, theme="light"):
     page.on("request", lambda request: requests.append(request.url))
     page.goto(path.as_uri())
     page.wait_for_selector("#mograft[data-ready]")
+    page.evaluate(HELPERS)
     try:
         yield page
     finally:

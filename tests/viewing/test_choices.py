@@ -101,7 +101,7 @@ def test_viewer_commands_replay_all_choices(browser, takes, tmp_path, monkeypatc
             mg.write_bvh(own, f"clips/{own.name}.bvh")
         words = ["clips", "--base", "take0", "-o", ".", "-n", "2"]
         names, target = ["take0_graft0", "take0_graft1"], "index.html"
-    assert main(["graft", *words, "--report", "--seed", "1"]) == 0
+    assert main(["graft", *words, "--report", "--seed", "1"]) == 0, capsys.readouterr().err
     capsys.readouterr()
     page_path = tmp_path / target
     data = page_data(mg.Page("", page_path.read_text(encoding="utf-8")))

@@ -162,6 +162,21 @@ def test_view_eyes_are_thinner_than_head(motion):
     assert "head" in [bone[5] for bone in clip["bones"] if bone[1:4] == top]
 
 
+def test_drawn_skeleton_trunk_without_neck_reaches_the_shoulders(motion):
+    skeleton = motion.skeleton
+    spine = skeleton.index("Neck")
+    kept = [j for j in range(skeleton.n_joints) if j not in (spine, skeleton.index("Head"))]
+    rows = {joint: row for row, joint in enumerate(kept)}
+    parents = [rows.get(int(skeleton.parents[j]), -1) for j in kept]
+    names = [skeleton.names[j] for j in kept]
+    robot = mg.Skeleton(names, parents, skeleton.offsets[kept])
+    still = mg.Motion(robot, 0.1, [[[0, 0, 0, 1]] * len(kept)], robot.offsets[None])
+    chest = rows[int(skeleton.parents[spine])]
+    widths = {own.joint: own.radius for own in DrawnSkeleton.of(still).bones if own.end[1] > 0}
+    height = DrawnSkeleton.of(still).height
+    assert widths[chest] == pytest.approx(0.075 * height)
+
+
 @pytest.mark.parametrize("side", ["Left", "Right"])
 def test_view_feet_and_hands_have_shapes(motion, side):
     clip = page_data(view(motion[:5], show=False))["clips"][0]

@@ -80,8 +80,9 @@ def output_paths(
     All motions have the same path if ``-o`` is a file. `first` is the first file, or the name of
     the first clip of a library. Raise an OSError if one of the files must not be written.
     """
-    paths, page = [options.output] * options.count, options.output.with_suffix(".html")
-    if options.output.suffix.lower() not in MOTION_SUFFIXES:
+    if options.output.suffix.lower() in MOTION_SUFFIXES:
+        paths, page = [options.output] * options.count, options.output.with_suffix(".html")
+    else:
         stem = _stem(options, first)
         paths = [options.output / f"{stem}_graft{i}.bvh" for i in range(options.count)]
         page = options.output / "index.html"

@@ -97,7 +97,7 @@ class _Panel:
         self.name = "".join(c for c in figure.name if c.isprintable())[:_MAX_NAME_LENGTH]
         bones = [(parent, node) for node, parent in enumerate(drawn.parents) if parent >= 0]
         self.bones = np.array(bones).reshape(-1, 2)
-        self.radii = np.array([bone.radius / drawn.height for bone in drawn.bones])
+        self.radii = np.array([own.radius / drawn.height for own in drawn.bones[: len(bones)]])
         self.positions = (drawn.positions - [0, drawn.floor, 0]) / drawn.height
         group = figure.group_of_nodes(drawn.parents)
         # A bone has the colour of the joint that moves it.

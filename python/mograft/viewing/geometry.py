@@ -17,6 +17,7 @@ from mograft.motion.skeleton import Skeleton
 
 _MAX_TIPS = 12
 
+_SPINE = ("trunk", "neck", "head")
 _FINGER_RADIUS = 0.006
 _DETAIL_RADIUS = 0.005
 _OTHER_RADIUS = 0.012
@@ -54,7 +55,7 @@ class DrawnSkeleton:
     floor: float  # Height of the floor.
     tips: list[int]  # The nodes at the ends of the limbs, fingers excepted; at most 12.
     ends: list[tuple[int, FloatArray]]  # Joint and offset of each node that is no joint.
-    bones: list[Bone]
+    bones: list[Bone]  # In the order of the nodes, then others.
 
     @classmethod
     def of(cls, motion: Motion, step: int = 1) -> "DrawnSkeleton":
@@ -153,13 +154,17 @@ def _drawn_bones(
         radius = RADII.get(part, _FINGER_RADIUS if part == "finger" else _OTHER_RADIUS)
         if {node, joint} & set(known.details):
             radius = _DETAIL_RADIUS  # Eyes as wide as the head would look like a second head.
-        elif part == "trunk" and parts[node] not in ("trunk", "neck", "head"):
+        elif part == "trunk" and parts[node] not in _SPINE:
             radius = RADII["clavicle"]  # From the trunk to a limb.
         elif part == "foot" or (node >= skeleton.n_joints and part in ("head", "hand")):
             shape = part
         elif part == "pelvis":  # It is wider than the trunk, in which it ends.
-            radius = RADII["thigh"] if parts[node] == "thigh" else 1.06 * radius
+            radius = 1.06 * radius if parts[node] == "trunk" else RADII["thigh"]
         bones.append(Bone(joint, offsets[node], radius * height, shape))
+    # A trunk without neck ends at the shoulders; robots often have one.
+    spine = {joint for node, joint in enumerate(parents) if parts[node] in _SPINE}
+    for joint in set(known.joints("trunk")) & set(parents) - spine:
+        bones.append(Bone(joint, mass_model(skeleton).bone[joint], RADII["trunk"] * height, ""))
     return bones
 
 

@@ -24,7 +24,7 @@ from mograft.synthesis.graft_result import Graft
 from mograft.viewing.encoding import MAX_ROTATIONS, encode_scene
 from mograft.viewing.scene import Item, Scene
 
-_MAX_NOTEBOOK_ROTATIONS = 250_000
+_MAX_NOTEBOOK_ROTATIONS = 200_000
 """Maximum number of joint rotations in a notebook cell, which is saved with the notebook."""
 
 _SCRIPTS = (

@@ -124,8 +124,10 @@ export function poseActor(actor, frame, { alpha = 1, colour } = {}) {
     mesh.material = state.colours ? mesh.userData.tinted : mesh.userData.plain;
   }
   for (const { material } of [actor.capsules, ...actor.meshes]) {
-    if (material.opacity === alpha) continue;
-    Object.assign(material, { opacity: alpha, transparent: alpha < 1, needsUpdate: true });
+    const own = (material.userData.own ||= { opacity: material.opacity, transparent: material.transparent });
+    const opacity = alpha * own.opacity;
+    if (material.opacity === opacity) continue;
+    Object.assign(material, { opacity, transparent: own.transparent || opacity < 1, needsUpdate: true });
   }
 }
 

@@ -53,7 +53,7 @@ export function writeDetail() {
 }
 
 // The candidates of a segment, in the order of `mograft candidates`; null if the page has none.
-export function candidatesOf({ line, part }) {
+function candidatesOf({ line, part }) {
   const table = scene.candidates[line.clip.candidates]?.[line.row.group];
   if (!table || !(part in table.counts)) return null;
   const offset = table.counts.slice(0, part).reduce((sum, count) => sum + count, 0);

@@ -1,6 +1,6 @@
 // Pointer and keyboard.
 import { cut, play, redraw, seek, show, zoomTime } from "./player.js";
-import { clamp, find, isAlone, nFrames, root, size, state } from "./scene.js";
+import { clamp, find, isAlone, nFrames, root, size, stage, state } from "./scene.js";
 import { placeCaptions } from "./figures.js";
 import { overviewFrame, segmentAt, toFrame } from "./timeline.js";
 
@@ -36,109 +36,106 @@ export function toggle(name, value = !state[name]) {
   redraw();
 }
 
-export function listenToStage(stage) {
+// Follow the pointers of an element. `down`, `move` and `up` receive the place of a single pointer,
+// `move` also the steps since the last event; `pinch` receives the middle of two pointers, by which
+// factor they moved apart, and how their middle moved; `wheel` the event and its place.
+function listenToPointers(element, { down, move, up, pinch, wheel }) {
   const fingers = new Map();
-  let spread = 0;
-  stage.addEventListener("contextmenu", (event) => event.preventDefault());
-  stage.addEventListener("pointerdown", (event) => {
-    stage.setPointerCapture(event.pointerId);
-    fingers.set(event.pointerId, [event.clientX, event.clientY]);
-    spread = 0;
+  const place = (event) => {
+    const box = element.getBoundingClientRect();
+    return [event.clientX - box.left, event.clientY - box.top];
+  };
+  const gauge = () => {
+    const [p, q] = [...fingers.values()];
+    return { middle: [(p[0] + q[0]) / 2, (p[1] + q[1]) / 2], apart: Math.max(Math.hypot(p[0] - q[0], p[1] - q[1]), 8) };
+  };
+  element.addEventListener("pointerdown", (event) => {
+    element.setPointerCapture(event.pointerId);
+    fingers.set(event.pointerId, place(event));
+    down(fingers.size === 1 ? place(event) : null);
+  });
+  element.addEventListener("pointermove", (event) => {
+    const before = fingers.get(event.pointerId);
+    const at = place(event);
+    const old = fingers.size === 2 && before ? gauge() : null;
+    if (before) fingers.set(event.pointerId, at);
+    if (!old) return move(event, at, before && [at[0] - before[0], at[1] - before[1]]);
+    const { middle, apart } = gauge();
+    pinch(middle, apart / old.apart, [middle[0] - old.middle[0], middle[1] - old.middle[1]]);
   });
   for (const kind of ["pointerup", "pointercancel"]) {
-    stage.addEventListener(kind, (event) => fingers.delete(event.pointerId));
+    element.addEventListener(kind, (event) => {
+      fingers.delete(event.pointerId);
+      up(kind === "pointerup" ? place(event) : null);
+    });
   }
-  stage.addEventListener("pointermove", (event) => {
-    const before = fingers.get(event.pointerId);
-    if (!before) return;
-    const [dx, dy] = [event.clientX - before[0], event.clientY - before[1]];
-    fingers.set(event.pointerId, [event.clientX, event.clientY]);
-    if (fingers.size === 2) {
-      const [p, q] = [...fingers.values()];
-      const apart = Math.hypot(p[0] - q[0], p[1] - q[1]);
-      if (spread) state.zoom = clamp(state.zoom * (apart / spread), 0.1, 20);
-      spread = apart;
-      pan(dx / 2, dy / 2);
-    } else if (event.shiftKey || event.buttons & 6) pan(dx, dy);
-    else orbit(-dx * 0.008, dy * 0.008);
-  });
-  stage.addEventListener(
-    "wheel",
-    (event) => {
-      if (!capturesWheel()) return;
-      event.preventDefault();
-      zoom(Math.exp(-event.deltaY * 0.0012));
+  const onWheel = (event) => {
+    if (!capturesWheel() && !(event.ctrlKey && element !== stage)) return;
+    event.preventDefault();
+    wheel(event, place(event));
+  };
+  element.addEventListener("wheel", onWheel, { passive: false });
+}
+
+export function listenToStage() {
+  stage.addEventListener("contextmenu", (event) => event.preventDefault());
+  listenToPointers(stage, {
+    down: () => {},
+    move: (event, _, step) => {
+      if (!step) return;
+      if (event.shiftKey || event.buttons & 6) pan(...step);
+      else orbit(-step[0] * 0.008, step[1] * 0.008);
     },
-    { passive: false },
-  );
+    up: () => {},
+    pinch: (_, factor, step) => {
+      zoom(factor);
+      pan(...step);
+    },
+    wheel: (event) => zoom(Math.exp(-event.deltaY * 0.0012)),
+  });
 }
 
 // Drag over the rows selects a range; drag over the overview seeks; two fingers zoom both.
 export function listenToTimeline(canvas, hasRows) {
-  const fingers = new Map();
-  let start = null; // The frame at which the pointer went down.
-  let spread = 0;
+  let start = null; // Where a single pointer went down.
   const frameOf = (x) => (hasRows ? toFrame : overviewFrame)(x, canvas.clientWidth);
-  const place = (event) => {
-    const box = canvas.getBoundingClientRect();
-    return [event.clientX - box.left, event.clientY - box.top];
-  };
-  canvas.addEventListener("pointerdown", (event) => {
-    canvas.setPointerCapture(event.pointerId);
-    const at = place(event);
-    fingers.set(event.pointerId, at[0]);
-    spread = 0;
-    start = fingers.size === 1 ? at : null;
-    if (!hasRows) seek(frameOf(at[0]));
-  });
-  canvas.addEventListener("pointermove", (event) => {
-    const at = place(event);
-    if (hasRows) state.hovered = segmentAt(...at);
-    if (fingers.has(event.pointerId)) fingers.set(event.pointerId, at[0]);
-    if (fingers.size === 2) {
-      const [a, b] = [...fingers.values()];
-      const apart = Math.max(Math.abs(a - b), 8);
-      if (spread) zoomTime(spread / apart, frameOf((a + b) / 2));
-      spread = apart;
-    } else if (start && !hasRows) seek(clamp(frameOf(at[0]), 0, nFrames - 1));
-    else if (start && Math.abs(at[0] - start[0]) > 4) {
-      const ends = [start[0], at[0]].map((x) => Math.round(clamp(frameOf(x), ...state.window)));
-      state.range = ends.sort((a, b) => a - b);
-    }
-    redraw();
-  });
-  canvas.addEventListener("pointerup", (event) => {
-    fingers.delete(event.pointerId);
-    const at = place(event);
-    if (hasRows && start && Math.abs(at[0] - start[0]) <= 4) {
-      state.pinned = segmentAt(...at);
-      if (state.range && (frameOf(at[0]) < state.range[0] || frameOf(at[0]) > state.range[1])) state.range = null;
-      seek(clamp(frameOf(at[0]), ...state.window));
-    } else if (hasRows && start && state.range) {
-      state.pinned ||= segmentAt(...start);
-      seek(state.range[0]);
-    }
-    start = null;
-  });
-  canvas.addEventListener("pointercancel", (event) => {
-    fingers.delete(event.pointerId);
-    start = null;
+  const isClick = (at) => Math.abs(at[0] - start[0]) <= 4;
+  listenToPointers(canvas, {
+    down: (at) => {
+      start = at;
+      if (at && !hasRows) seek(frameOf(at[0]));
+    },
+    move: (_, at, step) => {
+      if (hasRows) state.hovered = segmentAt(...at);
+      if (step && start && !hasRows) seek(clamp(frameOf(at[0]), 0, nFrames - 1));
+      else if (step && start && !isClick(at)) {
+        const ends = [start[0], at[0]].map((x) => Math.round(clamp(frameOf(x), ...state.window)));
+        state.range = ends.sort((a, b) => a - b);
+      }
+      redraw();
+    },
+    up: (at) => {
+      if (at && start && hasRows) {
+        const frame = clamp(frameOf(at[0]), ...state.window);
+        if (isClick(at)) {
+          state.pinned = segmentAt(...at);
+          if (state.range && (frame < state.range[0] || frame > state.range[1])) state.range = null;
+        } else state.pinned ||= segmentAt(...start);
+        seek(isClick(at) ? frame : state.range[0]);
+      }
+      start = null;
+    },
+    pinch: (middle, factor) => zoomTime(1 / factor, frameOf(middle[0])),
+    wheel: (event, at) => {
+      const [a, b] = state.window;
+      if (Math.abs(event.deltaX) > Math.abs(event.deltaY)) show(a + (event.deltaX / canvas.clientWidth) * (b - a), b - a);
+      else zoomTime(Math.exp(event.deltaY * 0.0015), frameOf(at[0]));
+    },
   });
   canvas.addEventListener("pointerleave", () => {
     state.hovered = null;
     redraw();
   });
-  canvas.addEventListener(
-    "wheel",
-    (event) => {
-      if (!event.ctrlKey && !capturesWheel()) return;
-      event.preventDefault();
-      const [a, b] = state.window;
-      if (Math.abs(event.deltaX) > Math.abs(event.deltaY)) show(a + (event.deltaX / canvas.clientWidth) * (b - a), b - a);
-      else zoomTime(Math.exp(event.deltaY * 0.0015), frameOf(place(event)[0]));
-    },
-    { passive: false },
-  );
 }
 
 // Begin or end the selected range at the current frame.
@@ -149,6 +146,12 @@ function setRange(end) {
   redraw();
 }
 
+// The buttons that switch a part of the state, by their keys.
+export const TOGGLES = {
+  ...{ o: "overlay", f: "follow", t: "trails", g: "floor" },
+  ...{ l: "loop", c: "colours", m: "mesh", k: "clusters" },
+};
+
 const KEYS = {
   ArrowRight: (event) => seek(state.frame + (event.shiftKey ? 10 : 1)),
   ArrowLeft: (event) => seek(state.frame - (event.shiftKey ? 10 : 1)),
@@ -156,14 +159,6 @@ const KEYS = {
   End: () => seek(nFrames - 1),
   "[": () => cut(-1),
   "]": () => cut(1),
-  o: () => toggle("overlay"),
-  f: () => toggle("follow"),
-  t: () => toggle("trails"),
-  g: () => toggle("floor"),
-  l: () => toggle("loop"),
-  c: () => toggle("colours"),
-  m: () => toggle("mesh"),
-  k: () => toggle("clusters"),
   i: () => setRange(0),
   u: () => setRange(1),
   Escape: () => {
@@ -193,7 +188,7 @@ export function listenToKeys() {
     });
   }
   (isAlone ? document : root).addEventListener("keydown", (event) => {
-    const act = KEYS[event.key];
+    const act = KEYS[event.key] || (TOGGLES[event.key] && (() => toggle(TOGGLES[event.key])));
     if (!act || isOther(event) || isText(event.target) || event.target.closest("select, summary")) return;
     event.preventDefault();
     act(event);

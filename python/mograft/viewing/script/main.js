@@ -3,9 +3,9 @@ import { actorOf, hasMesh } from "./actors.js";
 import { loadCharacters } from "./character.js";
 import { commandOf } from "./choices.js";
 import { groupColour, ink, readTheme } from "./colours.js";
-import { candidatesOf, describe, preview, writeDetail, writeTable } from "./details.js";
+import { describe, preview, writeDetail, writeTable } from "./details.js";
 import { makeCaptions, makeFigureButtons, placeCaptions, writeCaptions } from "./figures.js";
-import { listenToKeys, listenToStage, listenToTimeline, resetCamera, toggle } from "./input.js";
+import { listenToKeys, listenToStage, listenToTimeline, resetCamera, toggle, TOGGLES } from "./input.js";
 import { cut, draw, onDraw, play, redraw, seconds, seek, show, writeFrame, zoomTime } from "./player.js";
 import { load, makePose, nodePlace, setPose } from "./poses.js";
 import { clips, create, find, marks, nFrames, overview, root, rows, scene, shownClips, size, stage, state } from "./scene.js";
@@ -75,7 +75,7 @@ function listenToButtons() {
     seek(Number(event.target.value) || 0);
     event.target.blur(); // The keys control the player again.
   });
-  for (const name of ["overlay", "follow", "trails", "floor", "colours", "mesh", "clusters", "loop"]) {
+  for (const name of Object.values(TOGGLES)) {
     find(name).addEventListener("click", () => toggle(name));
   }
   find("wider").addEventListener("click", () => zoomTime(2, state.frame));
@@ -92,7 +92,7 @@ function listenToButtons() {
 }
 
 function listen() {
-  listenToStage(stage);
+  listenToStage();
   listenToTimeline(rows, true);
   listenToTimeline(overview, false);
   listenToKeys();
@@ -145,37 +145,12 @@ async function begin() {
   draw();
   root.dataset.ready = "1";
   // Interface for scripts: tests, and other scripts in the page.
-  window.mograft = {
-    frames: nFrames,
-    seek: (frame) => {
-      seek(frame);
-      draw();
-    },
-    frame: () => state.frame,
-    // World positions of the nodes of a figure in a frame, also with the donor of a preview.
-    pose: (index, frame) => {
-      const clip = clips[index];
-      const pose = setPose(clip, frame, makePose(clip));
-      return Array.from({ length: clip.parents.length + clip.ends.length }, (_, node) => nodePlace(clip, pose, node)).flat();
-    },
-    preview: (row, part, own) => preview({ line: timeline.lines[row], part }, own),
-    skin: (index) => {
-      const { skeleton } = actorOf(clips[index]).meshes.find(({ userData }) => !userData.isRigid);
-      skeleton.update();
-      return Array.from(skeleton.boneMatrices);
-    },
-    pin: (row, part) => {
-      state.pinned = { line: timeline.lines[row], part };
-      redraw();
-    },
-    isWindowLoaded: (name) => Boolean(scene.windows[name].values),
-    command: (index) => commandOf(clips[index]),
-    isLoaded: (clip) => Boolean(clips[clip].values),
-    describe: (row, part) => describe({ line: timeline.lines[row], part }),
-    candidates: (row, part) => candidatesOf({ line: timeline.lines[row], part }),
-    offset: (row) => timeline.offsets[row],
-    state,
+  const moveTo = (frame) => {
+    seek(frame);
+    draw();
   };
+  const parts = { scene, state, timeline, actorOf, commandOf, describe, makePose, nodePlace, preview, setPose };
+  window.mograft = { frames: nFrames, seek: moveTo, frame: () => state.frame, ...parts };
 }
 
 begin().catch((error) => {
