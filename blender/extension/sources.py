@@ -96,8 +96,8 @@ def collect(context, settings):
     base = settings.base or (data.action if data else None)
     if base is None:
         has_nla = data is not None and len(data.nla_tracks)
-        hint = "bake its NLA tracks to an action first" if has_nla else "choose a base action"
-        raise RefusedError(f"{owner.name} has no action: {hint}")
+        hint = ", or bake its NLA tracks to an action" if has_nla else ""
+        raise RefusedError(f"{owner.name} has no action: choose a base action{hint}")
     if base.library is not None:
         raise RefusedError(f"{base.name} is linked: make it local to use it as a base")
     own = Source(action=base.name, armature=owner.name)

@@ -613,7 +613,7 @@ def refusals():
     refused("choose a base action")
     track = owner.animation_data.nla_tracks.new()
     track.strips.new("strip", 1, action)
-    refused("bake its NLA tracks")
+    refused("or bake its NLA tracks")
     owner.mograft.base = action
     bpy.ops.object.mode_set(mode="EDIT")
     refused("edit mode")
