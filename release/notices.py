@@ -1,10 +1,11 @@
-"""Licences of crates and bills of materials: ``python -m release.notices --write``.
+"""Licences of included software and bills of materials: ``python -m release.notices --write``.
 
 Both files lie beside each ``pyproject.toml``, and wheels and source distributions contain them.
-They depend on ``Cargo.lock`` only, and a test compares them with the crates.
+They depend on ``Cargo.lock`` and on three.js only, and a test compares them with the crates.
 """
 
 import argparse
+import hashlib
 import json
 import sys
 import tomllib
@@ -13,6 +14,7 @@ from typing import Any
 
 from release.crates import Crate, read_crates
 from release.distributions import DISTRIBUTIONS, ROOT, Distribution
+from release.three import TARGET, read_licence, read_version
 
 _LICENCES_ELSEWHERE = {"ufbx": ROOT / "python-fbx" / "LICENSE-ufbx"}
 """Licence files of crates whose packages have none."""
@@ -46,6 +48,9 @@ def render_licences(distribution: Distribution, crates: list[Crate]) -> str:
             raise ValueError(f"{crate.key} has no licence file; add one to _LICENCES_ELSEWHERE")
         head = f"{crate.key}, {crate.repository}\nLicence: {crate.licence}\n"
         sections.append("\n".join([head, *(f"{text}\n" for text in texts)]))
+    if distribution.name == "mograft":
+        head = f"three.js {read_version()}, https://threejs.org, in pages and in {TARGET.name}\n"
+        sections.append(f"{head}Licence: MIT\n\n{read_licence()}\n")
     return f"{_RULE}\n".join(sections)
 
 
@@ -78,6 +83,7 @@ def render_bill(distribution: Distribution, crates: list[Crate]) -> str:
         "components": [
             *({"type": "library", "bom-ref": p, "name": n, "purl": p} for n, p in packages),
             *(_describe_crate(crate, keys[crate.key]) for crate in crates),
+            *([_describe_three()] if distribution.name == "mograft" else []),
         ],
         "dependencies": [
             {"ref": root, "dependsOn": [*(purl for _, purl in packages), *tops]},
@@ -110,6 +116,13 @@ def _describe_crate(crate: Crate, purl: str) -> dict[str, Any]:
     if crate.checksum is not None:
         component["hashes"] = [{"alg": "SHA-256", "content": crate.checksum}]
     return component
+
+
+def _describe_three() -> dict[str, Any]:
+    purl = f"pkg:npm/three@{read_version()}"
+    hashes = [{"alg": "SHA-256", "content": hashlib.sha256(TARGET.read_bytes()).hexdigest()}]
+    named = {"type": "library", "bom-ref": purl, "name": "three", "version": read_version()}
+    return {**named, "licenses": [{"expression": "MIT"}], "purl": purl, "hashes": hashes}
 
 
 def render_notices(distribution: Distribution) -> dict[str, str]:

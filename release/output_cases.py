@@ -150,7 +150,7 @@ PAGES: dict[str, tuple[tuple[str, ...], str]] = {
         mograft info character.glb
         mograft graft character.glb -n 3 -o new.glb
         mograft view "new.glb#*_graft*" -o new.html
-        mograft graft --from "new.json#dance_graft1" --reroll 24 -o changed.glb
+        mograft graft --from "new.json#dance_graft1" --ban 24 -o changed.glb
         """,
     ),
     "howto/blender": (
@@ -172,7 +172,7 @@ PAGES: dict[str, tuple[tuple[str, ...], str]] = {
         mograft candidates clips/ --clip take1 --frame 22.3s
         mograft graft --from first.json --take 24=take1:667-679 -o second.bvh
         mograft view first.bvh second.bvh -o both.html
-        mograft graft --from second.json --ban 31 --keep 10s-12.5s --reroll 900-960 -o third.bvh
+        mograft graft --from second.json --ban 31 --keep 10s-12.5s --ban 900-960 -o third.bvh
         mograft graft --from third.json -o again.bvh
         mograft graft clips/ --base take0 --take 24=take1:667-679 --ban 31 --keep 600-900 -o n.bvh
         """,
@@ -271,7 +271,6 @@ GRAFT_OPTIONS = """
     --scenario graph --path 0,0:300,0:300,200
     --scenario graph --beats 120 --duration 20
     --scenario graph --among take1 --duration 20
-    --scenario 3,4,5,20,21,22
     --set seam=gradient
     --set seam=offset
     --set seam=paper
@@ -376,7 +375,7 @@ def libraries() -> Iterator[Case]:
 
 def edits() -> Iterator[Case]:
     """Yield replays with and without edits, of several bases."""
-    edited = ("--reroll 24", "--reroll 0-60 --seed 9", "--ban 12", "--keep 0-100")
+    edited = ("--ban 24", "--ban 0-60 --seed 9", "--ban 12", "--keep 0-100")
     for folder in ("bandai_ds2", "dance_cmu94_indian_30fps", "dance_perfume_test"):
         first = f"mograft graft data/{folder} -n 2 -o one.bvh".replace("-n 2 ", "")
         replays = [f"mograft graft --from one.json {e} -o {i}.bvh" for i, e in enumerate(edited)]
@@ -501,7 +500,7 @@ again = mg.graft(library, constraints=[C.Reach("LeftHand", place, 120)], seed=1)
 mg.write_graft(again, "reach.bvh")
 changed = edit(again, C.Use(24, ("take1", 667, 679)), C.KeepOriginal(frames=(300, 375)))
 mg.write_graft(changed, "changed.bvh")
-mg.write_graft(edit(changed, C.Ban(31), reroll=[(900, 960)]), "rerolled.bvh")
+mg.write_graft(edit(changed, C.Ban(31), C.Ban(frames=(900, 960))), "banned.bvh")
 mended = mg.repair(library, constraints=[C.AvoidSelf()])
 np.save("mended.npy", mended.motion.rotations)
 print(rows(mended.substitutions), len(mended.violations))

@@ -25,7 +25,7 @@ def chromium():
     api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     if (FETCHED / "browsers").is_dir():
         os.environ.setdefault("PLAYWRIGHT_BROWSERS_PATH", str(FETCHED / "browsers"))
-    switches = ["no-sandbox", "disable-gpu", "disable-sync"]
+    switches = ["no-sandbox", "use-angle=swiftshader", "enable-unsafe-swiftshader", "disable-sync"]
     switches += ["disable-background-networking", "disable-component-update"]
     with api.sync_playwright() as playwright:
         path = executable() or playwright.chromium.executable_path

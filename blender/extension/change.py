@@ -170,7 +170,7 @@ def redraw(graft, frames, locked, seed):
     chosen = [own for own in inside if not any(overlaps(cut[own], span) for span in locked)]
     if not chosen:
         raise RefusedError("No part in this range of frames can be regenerated: all are locked")
-    return mg.edit(graft, reroll=chosen, seed=seed)
+    return mg.edit(graft, *map(mg.constraints.Ban, chosen), seed=seed)
 
 
 class MOGRAFT_OT_accept(_Armature, bpy.types.Operator):

@@ -167,7 +167,7 @@ def test_graft_into_adds_to_the_file_itself(run, succeed, figure, tmp_path):
     assert succeed(*words, "-n", 2)[0] == "hero.glb\n"
     assert mg.read("hero.glb").names == ("a", "b", "b_graft0", "b_graft1")
     before = mg.read("hero.glb")["b_graft0"].rotations
-    err = succeed("graft", "--from", "hero.glb#b_graft0", "-o", "hero.glb", "--reroll", 3)[1]
+    err = succeed("graft", "--from", "hero.glb#b_graft0", "-o", "hero.glb", "--ban", 3)[1]
     assert "2 grafts of mograft excluded as donors" in err
     assert mg.read("hero.glb").names == ("a", "b", "b_graft0", "b_graft1")
     assert (mg.read("hero.glb")["b_graft0"].rotations != before).any()
@@ -250,7 +250,7 @@ def test_graft_folder_leaves_out_clips_in_one_line(succeed, run, folder, tmp_pat
     assert "excluded: 2 other clips; -v states the reasons" in err
     assert (tmp_path / "out" / "a_graft0.bvh").exists()
     assert succeed("graft", tmp_path, "-o", "out", "-v", "--force")[1].count("excluded: ") == 5
-    succeed("graft", "--from", "out/a_graft0.json", "-o", "new.bvh", "--reroll", 2)
+    succeed("graft", "--from", "out/a_graft0.json", "-o", "new.bvh", "--ban", 2)
     code, _, err = run("graft", tmp_path / "a.bvh", tmp_path / "0pose1.bvh", "-o", "other")
     assert code == 1
     assert "must have at least 2 frames, got 1" in err

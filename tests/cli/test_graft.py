@@ -241,7 +241,7 @@ def test_graft_from_with_edits_passes_the_seed_that_is_given(succeed, first, fol
     def edited(*words):
         path = tmp_path / "edited.bvh"
         source = first.with_suffix(".json")
-        succeed("graft", folder, "--from", source, "--reroll", "1", "-o", path, "--force", *words)
+        succeed("graft", folder, "--from", source, "--ban", "1", "-o", path, "--force", *words)
         return json.loads(path.with_suffix(".json").read_text())["seed"]
 
     assert [edited(), edited("--seed", "0"), edited("--seed", "7")] == [4, 0, 7]
@@ -249,18 +249,18 @@ def test_graft_from_with_edits_passes_the_seed_that_is_given(succeed, first, fol
 
 def test_graft_from_with_edits_prints_changes_and_records_the_command(run, first, tmp_path):
     target = tmp_path / "edited.bvh"
-    words = ["graft", "--from", first.with_suffix(".json"), "-o", target, "--reroll", "55"]
+    words = ["graft", "--from", first.with_suffix(".json"), "-o", target, "--ban", "55"]
     code, out, err = run(*words)
     assert (code, out) == (0, f"{target}\n")
     assert "segment 55, frames" in err
     assert "all others are unchanged" in err
     document = json.loads(target.with_suffix(".json").read_text())
-    assert document["edits"][0]["command"].endswith("--reroll 55")
+    assert document["edits"][0]["command"].endswith("--ban 55")
 
 
 def test_graft_from_with_edits_takes_moved_library(run, first, folder, tmp_path):
     shutil.copy(first.with_suffix(".json"), tmp_path / "new.json")
-    words = ["graft", "--from", tmp_path / "new.json", "--reroll", "24"]
+    words = ["graft", "--from", tmp_path / "new.json", "--ban", "24"]
     shutil.copytree(folder, tmp_path / "clips")
     assert run(*words, tmp_path / "clips", "-o", tmp_path / "one.bvh")[0] == 0
     assert run("index", folder, "-o", tmp_path / "lib")[0] == 0
@@ -275,7 +275,7 @@ def test_graft_from_with_edits_takes_moved_library(run, first, folder, tmp_path)
     ("options", "code", "message"),
     [
         (["--take", "3=bb:0-9"], 1, "did you mean 'b'?"),
-        (["--reroll", "999"], 1, "--reroll must be a segment from 0 to"),
+        (["--ban", "999"], 1, "segment of --ban must be 0 to"),
         (["--take", "uper:3=b:0-9"], 1, "did you mean 'upper'?"),
         (["--take", "3=TAKE", "--ban", "3=TAKE"], 4, "Use is violated"),
     ],

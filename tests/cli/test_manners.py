@@ -73,6 +73,14 @@ def test_option_of_another_command_has_no_suggestion(usage_error, words, flag):
     assert line.endswith("--help-all lists all")
 
 
+@pytest.mark.parametrize("words", ["", "demo", "lib", "lib verify", "config", "doctor"])
+def test_help_all_is_accepted_where_nothing_is_hidden(capsys, words):
+    with pytest.raises(SystemExit) as ended:
+        main([*words.split(), "--help-all"])
+    assert ended.value.code == 0
+    assert "usage: mograft" in capsys.readouterr().out
+
+
 def test_usage_error_is_one_usage_line_and_one_error(usage_error):
     assert usage_error("plot", "pca", "a.bvh").splitlines() == [
         "usage: mograft plot KIND LIB|FILE ... -o FILE [options] (see mograft plot --help)",

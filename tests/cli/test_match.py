@@ -42,7 +42,7 @@ def test_graft_match_anatomy_has_the_hierarchy_of_the_base(succeed, mixed_folder
 def test_graft_edit_of_matched_clips_builds_the_same_library(run, succeed, mixed_folder, tmp_path):
     words = ["--match", "anatomy", "--base", str(mixed_folder / "b.npz"), "-o", tmp_path / "g.bvh"]
     assert run("graft", mixed_folder, *words)[0] == 0
-    succeed("graft", "--from", tmp_path / "g.json", "--reroll", "2", "-o", tmp_path / "edit.bvh")
+    succeed("graft", "--from", tmp_path / "g.json", "--ban", "2", "-o", tmp_path / "edit.bvh")
 
 
 def test_info_match_anatomy_lists_joints_without_counterpart(run, succeed, mixed_folder, tmp_path):

@@ -36,9 +36,9 @@ def nth_segment(library, clip, number):
     return int(segments.start[number]), int(segments.stop[number])
 
 
-def replayed(library, reroll=()):
+def replayed(library, *edits):
     new = mg.graft(library, seed=2)
-    return [mg.edit(new, reroll=reroll) if reroll else new]
+    return [mg.edit(new, *edits) if edits else new]
 
 
 def changed(graft, rank):
@@ -110,7 +110,6 @@ CASES = [
         "--only-violations --avoid sphere:10,100,20,15 --best-effort",
         make=lambda library: [mg.repair(library, constraints=[c.Avoid(c.Sphere(HAND, 15.0))])],
     ),
-    Case("--scenario 3,4,0", scenario=lambda _: [3, 4, 0]),
     Case(
         "--scenario graph --length 200", scenario=lambda library: mg.scenario.fill(library, 200, 0)
     ),
@@ -129,7 +128,7 @@ CASES = [
         ),
     ),
     Case("--from {first}", make=replayed),
-    Case("--from {first} --reroll 3", make=lambda library: replayed(library, [3])),
+    Case("--from {first} --ban 3", make=lambda library: replayed(library, c.Ban(3))),
     Case(
         "--from {first} --change upper@20-90=b:10-70 --change upper@100-130 -n 2",
         make=lambda library: [changed(replayed(library)[0], rank) for rank in range(2)],

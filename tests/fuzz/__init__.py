@@ -51,6 +51,6 @@ def read_motions(path):
         else:
             assert np.isfinite(own.world_positions()).all()
             assert np.isfinite(own.frame_time)
-            assert clips.lengths is None or own.n_frames == clips.lengths[index].n_frames
+            assert clips.count_frames is None or own.n_frames == clips.count_frames(index)
     errors = [own for own in found if isinstance(own, mg.FormatError)]
     return [own for own in found if not isinstance(own, mg.FormatError)], errors

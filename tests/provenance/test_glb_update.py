@@ -83,7 +83,7 @@ def test_write_graft_update_keeps_the_identity_of_the_file(copy, grafts):
     np.testing.assert_array_equal(again.motion.rotations, grafts[0].motion.rotations)
     library = mg.Library.build(exclude(copy))
     assert library.names == ("a", "b")
-    edited = mg.edit(mg.replay(f"{copy}#{name}", library), reroll=[3])
+    edited = mg.edit(mg.replay(f"{copy}#{name}", library), mg.constraints.Ban(3))
     mg.write_graft(edited, copy, update=True)
     assert_equal_to_float32(mg.read(copy)[name], edited.motion)
     # Another program has changed the file: it is another file.

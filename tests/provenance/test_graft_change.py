@@ -11,12 +11,11 @@ from hypothesis import strategies as st
 import mograft as mg
 import mograft.constraints as mc
 from mograft._util.runs import dilate
-from mograft.blend.transplant import seam_reach
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.provenance.graft_change import plan_of
 from mograft.search.costs import NOVEL_ANGLE
-from mograft.solve.donor_spans import MAX_RATIO, find_donor_spans
+from mograft.solve.donor_spans import MAX_RATIO, ChangedPart, find_donor_spans
 from tests.strategies import SEEDS, few_examples
 
 
@@ -55,11 +54,10 @@ def check_replays(changed):
 
 
 def outside(graft, *spans):
-    """The mask of the frames farther from ranges than the seams reach."""
-    reach = int(np.ceil(seam_reach(graft.library.config) * graft.motion.rate))
+    """The mask of the frames outside of ranges."""
     frames, far = np.arange(graft.motion.n_frames), np.ones(graft.motion.n_frames, bool)
     for first, last in spans:
-        far &= (frames < first - reach) | (frames > last + reach)
+        far &= (frames < first) | (frames > last)
     return far
 
 
@@ -92,7 +90,7 @@ def test_change_of_equal_length_moves_as_donor_far_from_both_ends(library, graft
     changed = mg.change(graft, "larm", (start, start + 100), (name, first, first + 100))
     blend = int(np.ceil(library.config.seam_blend * graft.motion.rate))
     joints = library.joints("larm")
-    near = np.arange(blend + 1, 100 - blend)
+    near = np.arange(2 * blend + 1, 100 - 2 * blend)
     angles = rotations.angle(
         changed.motion.rotations[start + near][:, joints], clip.rotations[first + near][:, joints]
     )
@@ -108,7 +106,7 @@ def test_several_changes_and_edits_replay_to_the_same_bytes(library, graft, data
         current = mg.change(current, group, frames, donor)
         spans.append(frames)
         if data.draw(st.booleans()):
-            current = mg.edit(current, reroll=[data.draw(st.integers(0, 20))])
+            current = mg.edit(current, mg.constraints.Ban(data.draw(st.integers(0, 20))))
     check_replays(current)
     pristine = current.unchanged
     for own in current.changes:
@@ -124,7 +122,11 @@ def test_first_donor_span_has_least_cost_of_all(graft, seed, n):
     start = int(rng.integers(1, 600))
     group, problem, motion = "rarm", plan_of(graft, ()).problem, graft.motion
     part = (100, 100 + min(2 * n, 599))
-    spans = list(find_donor_spans(problem, motion, group, (start, start + n), [(0, part)]))
+    spans = list(
+        find_donor_spans(
+            problem, motion, ChangedPart.find(problem, group), (start, start + n), [(0, part)]
+        )
+    )
     costs = [span_cost(problem, motion, group, (start, start + n), own) for own in spans]
     np.testing.assert_allclose([own.cost for own in spans], costs, rtol=1e-6, atol=1e-6)
     assert costs == sorted(costs) or np.diff(costs).min() > -1e-6
@@ -176,6 +178,32 @@ def test_change_without_donor_is_new_and_alternatives_differ(library, graft):
     for first in range(4):
         for second in range(first + 1, 6):
             assert rotations.angle(parts[first], parts[second]).max() > np.radians(0.5)
+
+
+def test_change_without_donor_leaves_out_frames_of_the_range_itself(graft):
+    for rank in range(3):
+        own = mg.change(graft, "larm", (150, 200), rank=rank).changes[0]
+        first, last = own.clip_frames
+        assert own.clip != graft.base.name or min(last, 200) - max(first, 150) <= 25
+
+
+@few_examples(8)
+@given(st.integers(0, 600), st.integers(10, 90), st.sampled_from(["larm", "head", "arms"]))
+def test_change_of_part_of_a_group_moves_no_other_joint(start, n, name):
+    library = mg.Library.build(dance(seed=1, strides=2).motion[:700])
+    graft = mg.graft(library, seed=3)
+    frames = (start, min(start + n, 699))
+    changed = mg.change(graft, name, frames)
+    whole = "lower_torso_arms" if name == "arms" else "lower_torso_head_larm_rarm"
+    joints = mg.JointGroups.preset(whole, library.skeleton).resolve(library.skeleton)[name]
+    others = np.setdiff1d(np.arange(graft.motion.n_joints), joints)
+    np.testing.assert_array_equal(
+        changed.motion.rotations[:, others], graft.motion.rotations[:, others]
+    )
+    assert (changed.motion.rotations[:, joints] != graft.motion.rotations[:, joints]).any()
+    far = outside(graft, frames)
+    np.testing.assert_array_equal(changed.motion.rotations[far], graft.motion.rotations[far])
+    check_replays(changed)
 
 
 def test_change_respects_constraints_on_donors(graft):
@@ -263,7 +291,8 @@ def test_edit_with_reach_moves_hand_and_keeps_frames_far_away(library):
     reach = mc.Reach("LeftHand", (hand[0], hand[1] + 12.0, hand[2]), frames=(200, 200))
     edited = mg.edit(graft, reach)
     assert not edited.violations
-    far = outside(graft, (120, 280))
+    assert all((edited.donors[name] == own).all() for name, own in graft.donors.items())
+    far = outside(graft, (170, 230))
     np.testing.assert_array_equal(edited.motion.rotations[far], graft.motion.rotations[far])
     check_replays(edited)
 
@@ -288,14 +317,14 @@ def test_change_bad_arguments_raise(graft, arguments, message):
 def test_replay_damaged_change_raises(library, graft, key):
     document = mg.graft_record(mg.change(graft, "larm", (150, 200), ("second", 10, 60)))
     document["changes"][0][key] = {"frames": [150, 9999], "clip_frames": [10, 9999]}.get(key, "no")
-    with pytest.raises(mg.ProvenanceError, match="does not exist"):
+    with pytest.raises(mg.ProvenanceError, match=r"does not exist|must be an exchanged group"):
         mg.replay(document, library)
 
 
 @few_examples(8)
 @given(st.data(), st.sampled_from([{"seam_blend": 0.6}, {"seam": "offset"}, {"torso": "pelvis"}]))
 def test_replay_with_other_blending_keeps_donors_and_replays(library, graft, data, fields):
-    edited = mg.change(mg.edit(graft, reroll=[9]), *data.draw(changes(library)))
+    edited = mg.change(mg.edit(graft, mg.constraints.Ban(9)), *data.draw(changes(library)))
     config = replace(library.config, **fields)
     other = mg.replay(mg.graft_record(edited), library, config=config)
     assert all((other.donors[name] == own).all() for name, own in edited.donors.items())

@@ -78,27 +78,26 @@ def check_replays(edited):
 
 @st.composite
 def edits(draw, graft, groups):
-    """Draw edits at distinct segments, and segments to reroll; return them with what they name."""
+    """Draw edits at distinct segments; return them with what they name."""
     n = len(next(iter(graft.donors.values())))
     cut, n_segments = [own[1:3] for own in graft.substitutions[:n]], len(graft.library.segments)
     numbers = draw(st.lists(st.integers(0, n - 1), min_size=1, max_size=5, unique=True))
-    made, reroll, named = [], [], {}
+    made, named = [], {}
     for number in numbers:
         group = draw(st.sampled_from([None, *groups])) if len(groups) > 1 else None
         donor = draw(st.integers(0, n_segments - 1))
-        kind = draw(st.sampled_from(["use", "ban", "ban donor", "keep", "reroll"]))
+        kind = draw(st.sampled_from(["use", "ban", "ban donor", "ban frames", "keep"]))
         if kind == "use":
             made.append(mc.Use(number, donor, group=group))
         elif kind == "keep":
             made.append(mc.KeepOriginal(frames=cut[number], group=group))
-        elif kind == "reroll":
-            reroll.append(draw(st.sampled_from([number, cut[number]])))
-            group = None
+        elif kind == "ban frames":
+            made.append(mc.Ban(frames=cut[number], group=group))
         else:
             banned = donor if kind == "ban donor" else None
             made.append(mc.Ban(number, banned, group=group))
         named[number] = (kind, groups if group is None else [group], donor)
-    return made, reroll, named
+    return made, named
 
 
 @pytest.mark.filterwarnings("ignore:.*no other candidate")
@@ -113,8 +112,8 @@ def test_replace_changes_named_segments_only(request, name, data):
         seam=data.draw(st.sampled_from(CHOICES["seam"])),
     )
     graft = mg.graft(library.relabelled(config), seed=data.draw(SEEDS))
-    made, reroll, named = data.draw(edits(graft, list(graft.donors)))
-    edited = mg.edit(graft, *made, reroll=reroll, seed=data.draw(st.one_of(st.none(), SEEDS)))
+    made, named = data.draw(edits(graft, list(graft.donors)))
+    edited = mg.edit(graft, *made, seed=data.draw(st.one_of(st.none(), SEEDS)))
     candidates = GraftPlan.build(graft.library, None, None, ()).problem.candidates
     for group, before in graft.donors.items():
         after = edited.donors[group]
@@ -145,7 +144,7 @@ def test_replace_of_root_group_moves_later_root_rigidly(root_library, seed):
     graft = mg.graft(root_library, seed=seed)
     rng = np.random.default_rng(seed)
     number = int(rng.choice(np.flatnonzero(graft.alternatives["lower"] > 2)[:60]))
-    edited = mg.edit(graft, reroll=[number])
+    edited = mg.edit(graft, mc.Ban(number))
     assert changed_positions(graft.donors, edited.donors).any()
     near = frames_within_reach(graft, edited)
     first, last = np.flatnonzero(near)[[0, -1]]
@@ -169,7 +168,7 @@ def test_replace_with_planted_feet_joins_the_motions(root_library):
     library = replace(root_library, config=replace(root_library.config, feet="auto"))
     graft = mg.graft(library, seed=1)
     number = int(np.flatnonzero(graft.alternatives["lower"] > 2)[30])
-    edited = mg.edit(graft, reroll=[number])
+    edited = mg.edit(graft, mc.Ban(number))
     assert changed_positions(graft.donors, edited.donors).any()
     assert edited.feet is not None
     first = int(np.flatnonzero(changed_frames(graft, edited))[0])
@@ -195,7 +194,7 @@ def test_replace_supersedes_earlier_constraints(library):
     edited = mg.edit(graft, mc.Use(6, 41), mc.KeepOriginal(frames=_span(graft, 12)))
     assert edited.donors["upper"][[4, 5, 6, 7, 8, 12]].tolist() == [4, 5, 41, 7, 8, 12]
     assert not edited.violations
-    again = mg.edit(edited, mc.Ban(6), reroll=[12])
+    again = mg.edit(edited, mc.Ban(6), mc.Ban(12))
     assert again.donors["upper"][6] != 41
     assert again.donors["upper"][[4, 5, 7, 8]].tolist() == [4, 5, 7, 8]
     assert not again.violations
@@ -229,20 +228,28 @@ def test_replace_keeps_pose_constraints_of_the_graft(library):
     reach = mc.Reach("LeftHand", tuple(target[hand].tolist()), 100, 0.05)
     graft = mg.graft(library, constraints=[reach], seed=1)
     assert not graft.violations
-    edited = mg.edit(graft, reroll=[(80, 120)])
+    edited = mg.edit(graft, mc.Ban(frames=(80, 120)))
     assert edited.request.constraints[0] == reach
     poses = edited.motion.world_positions()[100, hand]
     height = mg.Poses.from_motion(edited.motion).height
     assert (np.linalg.norm(poses - target[hand]) <= 0.05 * height) == (not edited.violations)
 
 
-def test_replace_reroll_without_candidate_warns(library):
+def test_replace_ban_without_other_candidate_warns(library):
     config = replace(library.config, neighbourhood="cluster")
     graft = mg.graft(library.relabelled(config), seed=1)
     number = int(np.flatnonzero(graft.alternatives["upper"] == 0)[0])
-    with pytest.warns(UserWarning, match="1 of 1 segments of `reroll` have no other candidate"):
-        edited = mg.edit(graft, reroll=[number])
+    with pytest.warns(UserWarning, match="1 of 1 banned segments have no other candidate"):
+        edited = mg.edit(graft, mc.Ban(number))
+    assert not edited.violations
     assert not changed_frames(graft, edited).any()
+    every = mc.Ban(frames=(0, graft.motion.n_frames - 1))
+    n, message = len(graft.substitutions), "of {} banned segments have no other candidate"
+    with pytest.warns(UserWarning, match=message.format(n)):
+        edited = mg.edit(graft, every)
+    assert not edited.violations
+    differ = edited.donors["upper"] != graft.donors["upper"]
+    assert (differ == (graft.alternatives["upper"] > 0)).all()
 
 
 def test_replace_in_scenario_numbers_segments_of_the_scenario(library):
@@ -255,10 +262,10 @@ def test_replace_in_scenario_numbers_segments_of_the_scenario(library):
 @pytest.mark.parametrize(
     ("edits", "options", "message"),
     [
-        ([], {}, "an edit or `reroll` must be given"),
+        ([], {}, "`edits` must be one constraint or more"),
         ([mc.Use(999, 3)], {}, "`segment` of Use must be 0 to"),
-        ([], {"reroll": [999]}, "`reroll` must be a segment from 0 to"),
-        ([], {"reroll": [(9000, 9010)]}, "`reroll` must be within frames 0 to 699, got 9000-9010"),
+        ([mc.Ban(999)], {}, "`segment` of Ban must be 0 to"),
+        ([mc.Ban(frames=(9000, 9010))], {}, "`frames` must be within frames 0 to 699, got 9000-"),
         ([mc.KeepOriginal(frames=(9000, 9010))], {}, "`frames` must be within .*, got 9000-"),
         ([mc.Use(3, ("secnd", 0, 9))], {}, "did you mean 'second'"),
         ([mc.Ban(3, group="uper")], {}, "`group` of Ban must be .*; did you mean 'upper'"),
@@ -276,7 +283,7 @@ def test_replace_of_graft_from_files_needs_the_library(motion, tmp_path):
     mg.write_bvh(motion[:300], tmp_path / "a.bvh")
     graft = mg.graft(mg.Library.build(tmp_path / "a.bvh"), seed=1)
     with pytest.raises(ValueError, match="the whole library is needed"):
-        mg.edit(mg.replay(mg.graft_record(graft)), reroll=[3])
+        mg.edit(mg.replay(mg.graft_record(graft)), mc.Ban(3))
 
 
 @few_examples(30)

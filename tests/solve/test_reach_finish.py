@@ -135,10 +135,10 @@ def test_graft_edited_reach_is_completed_and_replayed(library):
     assert kept.reach_completions[1].reason == "KeepOriginal keeps these frames"
     segments = graft.substitutions
     at_start = next(i for i, own in enumerate(segments) if own.stop > 20)
-    again = mg.edit(graft, reroll=[at_start])
+    again = mg.edit(graft, mg.constraints.Ban(at_start))
     assert again.reach_completions[1].is_moved
     assert (position(again.motion) == position(graft.motion)).all()
-    for edited in (kept, again, mg.edit(kept, reroll=[at_start])):
+    for edited in (kept, again, mg.edit(kept, mg.constraints.Ban(at_start))):
         replayed = mg.replay(mg.graft_record(edited), library)
         assert (replayed.motion.rotations == edited.motion.rotations).all()
         assert mg.graft_record(replayed) == mg.graft_record(edited)

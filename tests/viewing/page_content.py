@@ -8,6 +8,9 @@ from html.parser import HTMLParser
 
 import numpy as np
 
+from mograft.motion import rotations
+from mograft.motion.motion import forward_kinematics
+
 
 class Tags(HTMLParser):
     """The tags of HTML with their attributes."""
@@ -24,8 +27,8 @@ class Tags(HTMLParser):
 def page_data(page):
     """Return the JSON data of a page, with the positions of each clip."""
     data = _element(page, "mograft-data")
-    for clip in data["clips"]:
-        clip |= _element(page, clip["data"])
+    for own in (*data["clips"], *data["characters"], *data["windows"].values()):
+        own |= _element(page, own["data"])
     return data
 
 
@@ -38,16 +41,30 @@ def _element(page, name):
 
 def clip_positions(clip):
     """Return the node positions of a clip of the data, shape (n_frames, n_nodes, 3)."""
-    path = zlib.decompress(base64.b64decode(clip["path"]))
     pose = zlib.decompress(base64.b64decode(clip["pose"]))
-    root = np.frombuffer(path, "<f4").astype(float).reshape(-1, 3)
-    return dequantize(clip["unit"], root, pose)
+    n_turns, n_moving = 4 * len(clip["turning"]), 3 * len(clip["moving"])
+    units = np.repeat(clip["units"], [n_turns, n_moving])
+    tracks = dequantize(units, pose)
+    kept, n = len(tracks), len(clip["parents"])
+    turns = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (kept, n, 4)).copy()
+    turns[:, clip["turning"]] = tracks[:, :n_turns].reshape(kept, -1, 4)
+    turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
+    places = np.broadcast_to(np.reshape(clip["offsets"], (n, 3)), (kept, n, 3)).copy()
+    places[:, clip["moving"]] = tracks[:, n_turns:].reshape(kept, -1, 3)
+    world, positions = forward_kinematics(np.array(clip["parents"]), turns, places)
+    sites = [
+        positions[:, joint] + rotations.rotate(world[:, joint], np.array(offset))
+        for joint, *offset in clip["ends"]
+    ]
+    nodes = np.concatenate([positions, *(site[:, None] for site in sites)], axis=1)
+    turn = np.broadcast_to(clip["turn"], (*nodes.shape[:-1], 4))
+    return rotations.rotate(turn, nodes) + clip["place"]
 
 
-def dequantize(unit, path, pose):
-    """Return the positions that `mograft.viewing.encoding.quantize` was given."""
-    planes = np.frombuffer(pose, np.uint8).reshape(2, -1, len(path)).astype(np.uint16)
-    folded = planes[0] | (planes[1] << 8)
-    change = ((folded >> 1) ^ -(folded & 1).astype(np.int16)).astype(np.int16)
-    integers = change.cumsum(axis=1, dtype=np.int16).cumsum(axis=1, dtype=np.int16)
-    return path[:, None] + integers.T.reshape(len(path), -1, 3) * unit
+def dequantize(units, pose):
+    """Return the tracks that `mograft.viewing.encoding.quantize` was given."""
+    planes = np.frombuffer(pose, np.uint8).reshape(3, len(units), -1).astype(np.int32)
+    folded = planes[0] | (planes[1] << 8) | (planes[2] << 16)
+    change = (folded >> 1) ^ -(folded & 1)
+    sums = change.astype(np.int64).cumsum(axis=1).cumsum(axis=1)
+    return ((sums + 2**23) % 2**24 - 2**23).T * units

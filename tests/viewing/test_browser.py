@@ -170,11 +170,15 @@ def test_viewer_click_lists_candidates_with_command(
             ]
         candidate = want[1]
         texts = []
-        for button in rows.nth(1).locator("button").all():
+        for kind in ("take", "ban"):
+            button = rows.nth(1).locator(f"[data-choice^={kind}]")
             button.click()
-            wait_until(page, "document.querySelector('[data-part=copied]').textContent !== ''")
-            texts.append(page.locator("[data-part=command]").input_value())
-        page.keyboard.press("Space")  # Also beside a read-only field.
+            texts.append(page.evaluate("mograft.command(1)"))
+            assert button.get_attribute("aria-pressed") == "true"
+            assert page.locator("[data-part=commands] input").input_value() == texts[-1]
+            button.click()  # The second click takes the choice back.
+            assert page.locator("[data-part=commands] input").count() == 0
+        page.keyboard.press("Space")  # Also beside a button.
         assert page.evaluate("mograft.state.playing")
     donors = []
     for text in texts:
@@ -184,7 +188,7 @@ def test_viewer_click_lists_candidates_with_command(
             assert main([*words, "--force"]) == 0
             changed = replay("a b_new.json")
         else:
-            changed = mg.edit(new, eval(text, {"mg": mograft}))
+            changed = eval(text, {"mg": mograft, "graft": new})
         donors.append([s for s in changed.substitutions if s.group == "upper"][index])
     assert (donors[0].donor_start, donors[0].donor_stop) == (candidate.start, candidate.stop)
     assert donors[1].donor_start != candidate.start
@@ -275,6 +279,47 @@ def test_viewer_draws_obstacles_and_targets(browser, motion, tmp_path, name):
     assert shares[1] > shares[0] + 2e-4, shares
 
 
+def test_viewer_range_is_selected_by_drag_and_repeats(browser, path):
+    with open_page(browser, path) as page:
+        first, last = page.evaluate("mograft.state.window")
+        box = page.locator("[data-part=rows]").bounding_box()
+        wide = box["width"] - 168
+        ends = [first + (last - first) * share for share in (0.3, 0.5)]
+        page.mouse.move(
+            box["x"] + 160 + 0.5 * wide, box["y"] + page.evaluate("mograft.offset(2)") + 9
+        )
+        page.mouse.down()
+        page.mouse.move(
+            box["x"] + 160 + 0.3 * wide, box["y"] + page.evaluate("mograft.offset(2)") + 9
+        )
+        page.mouse.up()
+        selected = page.evaluate("mograft.state.range")
+        np.testing.assert_allclose(selected, ends, atol=1.5)
+        page.evaluate("mograft.seek(mograft.frame())")
+        assert (
+            f"range {selected[0]}{DASH}{selected[1]}"
+            in page.locator("[data-part=detail]").text_content()
+        )
+        page.locator("[data-part=loop]").click()
+        page.evaluate(f"mograft.seek({selected[1] - 2})")
+        page.locator("[data-part=play]").click()
+        wait_until(page, f"mograft.frame() < {selected[1] - 2}")
+        assert page.evaluate("mograft.frame()") >= selected[0]
+        page.keyboard.press("Space")
+        page.keyboard.press("Escape")
+        assert page.evaluate("[mograft.state.range, mograft.state.pinned]") == [None, None]
+        page.evaluate("mograft.seek(50)")
+        page.keyboard.press("i")
+        page.evaluate("mograft.seek(80)")
+        page.keyboard.press("u")
+        assert page.evaluate("mograft.state.range") == [50, 80]
+        # Two fingers apart enlarge the timeline, and leave the range.
+        page.evaluate(PINCH)
+        start, stop = page.evaluate("mograft.state.window")
+        assert stop - start < 0.6 * (last - first) or stop - start == 20
+        assert page.evaluate("mograft.state.range") == [50, 80]
+
+
 def test_viewer_keys_and_buttons_change_state(browser, path, new):
     with open_page(browser, path) as page:
         for key, name in (("o", "overlay"), ("f", "follow"), ("t", "trails"), ("g", "floor")):
@@ -296,7 +341,8 @@ def test_viewer_keys_and_buttons_change_state(browser, path, new):
         page.locator("[data-part=frame]").press("Enter")
         assert page.evaluate("mograft.frame()") == 42
         unnamed = page.evaluate(
-            "[...document.querySelectorAll('button, select, input, canvas')].filter(e => "
+            "[...document.querySelectorAll('button, select, input, canvas:not([aria-hidden])')]"
+            ".filter(e => "
             "!e.textContent.trim() && !e.getAttribute('aria-label') && !e.labels?.length).length"
         )
         assert unnamed == 0
@@ -319,7 +365,66 @@ def test_viewer_hostile_names_remain_text(browser, name, tmp_path):
         assert page.locator("img").count() == 0
 
 
+@pytest.mark.parametrize("has_policy", [True, False])
+def test_viewer_hostile_clip_names_run_no_script(browser, tmp_path, has_policy):
+    """Also without the policy of the page: names of donors, candidates, notes and commands."""
+    names = [name for name in HOSTILE_NAMES if "<" in name][:2]
+    takes = [
+        replace(dance(seed=seed, strides=1).motion[:300], name=name)
+        for seed, name in enumerate(names)
+    ]
+    new = graft(Library.build(takes), names[0], seed=1)
+    text = report_page([new], [Path(f"{names[0]}.bvh")]).html
+    if not has_policy:
+        text = re.sub(r'<meta http-equiv="Content-Security-Policy".*?">', "", text, flags=re.DOTALL)
+    path = tmp_path / "evil.html"
+    path.write_text(text, encoding="utf-8")
+    with open_page(browser, path) as page:
+        page.evaluate("mograft.pin(2, 5); mograft.seek(mograft.frame())")
+        page.locator("[data-part=donors] tr button").first.click()
+        page.locator("[data-mark=star]").click()
+        page.locator("[data-part=parts] summary").click()
+        wait_until(page, "document.querySelectorAll('[data-part=table] tr').length > 5")
+        assert page.locator("[data-part=commands] input").count() == 2
+        assert page.title() != "owned"
+        assert page.locator(".viewer img, .viewer script").count() == 0
+
+
+def test_viewer_without_webgl_shows_stills_and_reason(browser, path):
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    messages = []
+    page.on("console", lambda message: messages.append(message.text))
+    page.on("pageerror", lambda error: messages.append(str(error)))
+    page.add_init_script(
+        "const given = HTMLCanvasElement.prototype.getContext;"
+        "HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {"
+        "return kind.startsWith('webgl') ? null : given.call(this, kind, ...rest); };"
+    )
+    page.goto(path.as_uri())
+    page.wait_for_selector("#mograft[data-ready='1']")
+    assert page.locator("[data-part=reason]").is_visible()
+    assert "no WebGL" in page.locator("[data-part=reason]").text_content()
+    before = pixels(page, ".stage")
+    page.evaluate("mograft.seek(60)")
+    after = pixels(page, ".stage")
+    assert (np.abs(after - before).max(axis=-1) > 0.1).mean() > 0.003
+    assert page.locator("[data-part=donors]").count() == 1
+    page.close()
+    assert messages == []
+
+
 pytestmark = pytest.mark.browser
+
+PINCH = """() => {
+  const rows = document.querySelector("[data-part=rows]");
+  rows.setPointerCapture = () => {};
+  const clientY = rows.getBoundingClientRect().top + 5;
+  const send = (kind, pointerId, clientX) =>
+    rows.dispatchEvent(new PointerEvent(kind, {pointerId, clientX, clientY}));
+  send("pointerdown", 1, 400); send("pointerdown", 2, 500); send("pointermove", 2, 501);
+  send("pointermove", 2, 600); send("pointermove", 1, 300);
+  send("pointerup", 1, 300); send("pointerup", 2, 600);
+}"""
 
 N_TRIES = 20
 """Clicks until Chromium moves the focus; usually the first one suffices."""
@@ -331,7 +436,7 @@ HAS_FOCUS = (
 DISPATCH_WHEEL = """() => {
   mograft.state.zoom = 1;
   const event = new WheelEvent("wheel", {deltaY: 100, bubbles: true, cancelable: true});
-  document.querySelector(".stage canvas").dispatchEvent(event);
+  document.querySelector("[data-part=stage]").dispatchEvent(event);
   return [event.defaultPrevented, mograft.state.zoom < 1];
 }"""
 
@@ -357,7 +462,7 @@ def notebook(browser, new, tmp_path):
 
 def test_notebook_wheel_scrolls_until_view_has_focus(notebook):
     view = notebook.frames[1]
-    stage = notebook.frame_locator("iframe").locator(".stage canvas")
+    stage = notebook.frame_locator("iframe").locator("[data-part=stage]")
     text = notebook.locator("#text")
     assert view.evaluate(DISPATCH_WHEEL) == [False, False]
     for has_focus in (False, True, False):

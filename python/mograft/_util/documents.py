@@ -4,6 +4,7 @@ import json
 import re
 from contextlib import suppress
 from importlib import import_module
+from pathlib import Path
 from typing import Any, Literal
 
 MAX_LEVELS = 100
@@ -36,3 +37,11 @@ def parse_document(text: str | bytes, kind: Literal["JSON", "TOML"] = "JSON") ->
             if not items:
                 return document
     raise ValueError(f"expected at most {MAX_LEVELS} levels, got more")
+
+
+def read_document(path: Path, kind: Literal["JSON", "TOML"] = "JSON") -> Any:  # noqa: ANN401
+    """Return the content of a file; as `parse_document`, with errors that name the file."""
+    try:
+        return parse_document(path.read_text(encoding="utf-8"), kind)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None

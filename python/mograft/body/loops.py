@@ -47,5 +47,5 @@ def is_loop(motion: Motion) -> bool:
     others = np.setdiff1d(np.arange(motion.n_joints), carriers)
     quats = motion.rotations[:, others]
     steps = rotations.log(rotations.multiply(rotations.inverse(quats[:-1]), quats[1:]))
-    changes = np.linalg.norm(np.diff(steps, axis=0, append=steps[:1]), axis=-1).mean(axis=-1)
+    changes = np.linalg.norm(np.diff(steps, axis=0, append=steps[:1]), axis=-1).sum(axis=-1)
     return bool(changes[-1] <= _VELOCITY_FACTOR * changes[:-1].max())

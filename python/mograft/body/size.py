@@ -40,10 +40,14 @@ def describe_sizes(skeletons: Mapping[str, Skeleton]) -> list[str]:
     """Return a line that names figures of other sizes, probably other units, or no line.
 
     The keys of `skeletons` are the names of motions. A size differs if it is more than twice, or
-    less than half, the median.
+    less than half, the median of the figures with the same joints.
     """
-    sizes = {name: figure_size(own) for name, own in skeletons.items()}
-    (median,) = sorted(sizes.values())[(len(sizes) - 1) // 2 :][:1] or (1.0,)
-    ratios = {name: size / median for name, size in sizes.items()}
-    others = [f"{name} ({own:.3g} times)" for name, own in ratios.items() if not 0.5 <= own <= 2.0]
+    sizes: dict[tuple[str, ...], dict[str, float]] = {}
+    for name, own in skeletons.items():
+        sizes.setdefault(tuple(own.names), {})[name] = figure_size(own)
+    others = []
+    for same in sizes.values():
+        median = sorted(same.values())[(len(same) - 1) // 2]
+        ratios = {name: size / median for name, size in same.items()}
+        others += [f"{name} ({x:.3g} times)" for name, x in ratios.items() if not 0.5 <= x <= 2.0]
     return [f"legs are not as long as the median: {join_names(others)}"] if others else []

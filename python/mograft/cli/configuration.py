@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mograft._util.arrays import IntArray
-from mograft._util.documents import parse_document
+from mograft._util.documents import read_document
 from mograft._util.names import automatic_number, is_automatic
 from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders, library_folder
@@ -22,7 +22,14 @@ from mograft.cli.syntax.options import (
     LibraryOptions,
     SkeletonOptions,
 )
-from mograft.cli.syntax.values import PRESETS, SHAPES, Range, resolve_frame, resolve_frames
+from mograft.cli.syntax.values import (
+    PRESETS,
+    SHAPES,
+    resolve_donor,
+    resolve_frame,
+    resolve_frames,
+    resolve_span,
+)
 from mograft.config import Config, scale_of_variety
 from mograft.config_text import parse_fields
 from mograft.io.formats import open_clips, read_clip, split_address
@@ -36,7 +43,7 @@ from mograft.motion.skeleton import Skeleton
 from mograft.scenario import Scenario, fill, follow, to_beats, transitions, walk
 from mograft.scenario.walks import check_duration
 from mograft.search import donor_constraints
-from mograft.search.constraints import Constraint, Span
+from mograft.search.constraints import Constraint
 from mograft.search.donor_constraints import Ban, KeepOriginal, Use
 from mograft.search.figure_position import FigurePosition
 from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Obstacle, Sphere
@@ -48,6 +55,14 @@ FIXED_OPTIONS = ("groups", "preset", "match", "skeleton")
 """Options that can only be set when a library is created."""
 
 _GRAPH_OPTIONS = ("duration", "length", "path", "beats", "among")
+_CONFLICTS = {
+    "only_violations": ("change", "count", "scenario"),
+    "scenario": ("base",),
+    "duration": ("length", "path"),
+    "length": ("path",),
+    "beats": ("length", "path"),
+}
+"""Options that cannot be combined."""
 
 _FIXED_FIELDS = Config.fields_of(*BUILD_STAGES)
 """Fields of `Config` that can only be set when a library is created."""
@@ -196,7 +211,7 @@ def _with_options(config: Config, options: FieldOptions, *, is_stored: bool = Fa
         fields = _with_variety(configured, given, options)
         path = fields.get("segmentation")
         if isinstance(path, str) and path.endswith(".json"):
-            fields["segmentation"] = _read_json(Path(path))
+            fields["segmentation"] = read_document(Path(path))
         if isinstance(options, ConstraintOptions):
             fields = _with_limits(config, fields, options)
         return Config.from_dict(config.as_dict() | fields)
@@ -230,61 +245,36 @@ def _with_limits(
     return fields
 
 
-def _read_json(path: Path) -> object:
-    """Read a JSON file, such as the cut frames of each clip; the error names the file."""
-    try:
-        return parse_document(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-
-
 def read_constraints(options: ConstraintOptions, rate: float) -> list[Constraint]:
     """Return the constraints that the options describe; `rate` is in frames per second.
 
     Raise UsageError if an obstacle is invalid.
     """
-
-    def span(given: Range | None) -> Span | None:
-        return None if given is None else resolve_frames(given, rate)
-
     found: list[Constraint] = [
-        Avoid(_read_obstacle(kind, numbers), frames=span(given))
-        for kind, numbers, given in options.avoid
+        Avoid(_read_obstacle(kind, numbers), frames=resolve_span(span, rate))
+        for kind, numbers, span in options.avoid
     ]
     if options.avoid_self:
         found.append(AvoidSelf())
-    for given, joint, part, place, tolerance in options.reach:
+    for within, joint, part, place, tolerance in options.reach:
         target = place if part is None else FigurePosition(part, place)
-        found.append(Reach(joint, target, tolerance=tolerance, frames=span(given)))
-    found += [Face(target, frames=span(given)) for target, given in options.face]
-    found += read_segment_constraints(options, rate)
-    for kind, clips, tags in (
+        found.append(Reach(joint, target, tolerance=tolerance, frames=resolve_frames(within, rate)))
+    found += [Face(target, frames=resolve_span(span, rate)) for target, span in options.face]
+    found += [KeepOriginal(frames=resolve_frames(span, rate)) for span in options.keep]
+    for kind, values in ((Use, options.take), (Ban, options.ban)):
+        for (number, span, group), donor in values:
+            frames, chosen = resolve_span(span, rate), resolve_donor(donor, rate)
+            found.append(kind(number, chosen, frames=frames, group=group))
+    for selector, clips, tags in (
         (donor_constraints.OnlyFrom, options.only_from, options.only_tagged),
         (donor_constraints.NotFrom, options.not_from, options.not_tagged),
     ):
         if clips is not None or tags is not None:
-            found.append(kind(clips or (), tags=tags or ()))
+            found.append(selector(clips or (), tags=tags or ()))
     if options.max_stretch is not None:
         found.append(donor_constraints.MaxStretch(options.max_stretch))
     if options.max_angle is not None:
         found.append(donor_constraints.MaxAngle(math.radians(options.max_angle)))
-    return found
-
-
-def read_segment_constraints(
-    options: ConstraintOptions, rate: float
-) -> list[KeepOriginal | Use | Ban]:
-    """Return the constraints of ``--keep``, ``--take`` and ``--ban``; `rate` is in frames/s."""
-    found: list[KeepOriginal | Use | Ban] = [
-        KeepOriginal(frames=resolve_frames(span, rate)) for span in options.keep
-    ]
-    kinds: tuple[type[Use | Ban], ...] = (Use, Ban)
-    for kind, values in zip(kinds, (options.take, options.ban), strict=True):
-        for value, donor in values:
-            if isinstance(donor, tuple):
-                donor = (donor[0], *resolve_frames(donor[1:], rate))
-            frames = value.resolve_span(rate)
-            found.append(kind(value.number, donor, frames=frames, group=value.group))
     return found
 
 
@@ -309,32 +299,21 @@ def _read_obstacle(kind: str, numbers: Sequence[float]) -> Obstacle:
         raise UsageError(f"--avoid {kind}: {error}") from None
 
 
-def check_scenario(options: GraftOptions) -> None:
-    """Raise a UsageError if the options of the scenario contradict each other."""
-    scenario = options.scenario
-    numbers = [word.strip() for word in scenario.split(",")]
-    if scenario not in ("original", "graph") and not all(word.isdecimal() for word in numbers):
-        raise UsageError(f"--scenario must be original, graph or segment numbers; got {scenario}")
-    if scenario != "original" and options.base is not None:
-        raise UsageError("--base cannot be combined with --scenario, which creates the base")
-    given = [name for name in _GRAPH_OPTIONS if getattr(options, name) is not None]
-    if scenario != "graph" and given:
-        raise UsageError(f"--{given[0]} requires --scenario graph")
-    lengths = [name for name in given if name in ("duration", "length", "path")]
-    if len(lengths) > 1:
-        raise UsageError(f"--{lengths[1]} cannot be combined with --{lengths[0]}")
-    if "beats" in given and lengths not in ([], ["duration"]):
-        raise UsageError(f"--{lengths[0]} cannot be combined with --beats")
+def check_combinations(options: GraftOptions) -> None:
+    """Raise a UsageError if options for new grafts contradict each other."""
+    names = options.changed()
+    if options.scenario != "graph":
+        for graph_option in filter(names.get, _GRAPH_OPTIONS):
+            raise UsageError(f"--{graph_option} requires --scenario graph")
+    for name, others in _CONFLICTS.items():
+        for other in filter(names.get, others if name in names else ()):
+            raise UsageError(f"--{names[other]} cannot be combined with --{names[name]}")
 
 
-def read_scenario(
-    library: Library, options: GraftOptions
-) -> Sequence[int] | IntArray | Scenario | None:
+def read_scenario(library: Library, options: GraftOptions) -> IntArray | Scenario | None:
     """Return the base segments that ``--scenario`` selects, or None for a captured clip."""
     if options.scenario == "original":
         return None
-    if options.scenario != "graph":
-        return [int(word) for word in options.scenario.split(",")]
     seed, duration = options.seed or 0, options.duration or DEFAULT_DURATION
     check_duration(duration)
     graph = transitions(library, options.among)

@@ -13,7 +13,7 @@ from mograft.cli.output import print_remark
 from mograft.cli.syntax.arguments import Options, UsageError
 from mograft.cli.syntax.options import GraftOptions
 from mograft.io.formats import SUFFIXES, split_address
-from mograft.provenance.writing import MOTION_SUFFIXES, files_of_graft, write_grafts
+from mograft.provenance.writing import MOTION_SUFFIXES, files_of_graft
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.page import open_file
 from mograft.viewing.report import report_page
@@ -44,9 +44,17 @@ def with_target(options: GraftOptions) -> GraftOptions:
     return replace(options, output=target, into=into)
 
 
-def check_targets(files: Sequence[Path], options: GraftOptions, inputs: Sequence[str] = ()) -> None:
-    """Raise an OSError if a file must not be written; the file of ``--into`` may be."""
-    others = [file for file in files if file != options.into]
+def check_targets(
+    paths: Iterable[Path],
+    options: GraftOptions,
+    inputs: Sequence[str] = (),
+    page: Path | None = None,
+) -> None:
+    """Raise an OSError if a file of grafts or the page must not be written.
+
+    `paths` are those of the motions. The file of ``--into`` may be written.
+    """
+    others = [file for file in (*files_of_grafts(paths), page) if file and file != options.into]
     check_writable(others, force=options.force, inputs=inputs)
 
 
@@ -55,35 +63,37 @@ def files_of_grafts(paths: Iterable[Path]) -> list[Path]:
     return list(dict.fromkeys(file for path in paths for file in files_of_graft(path)))
 
 
-def write_together(
-    grafts: Sequence[Graft], path: Path, sections: Sequence[Any], options: GraftOptions
-) -> list[Graft]:
-    """Write grafts to one file; return them with the names that the motions have in the file."""
-    update = options.into is not None
-    names = write_grafts(grafts, path, sections, update=update, force=options.force)
-    return [renamed(own, name) for own, name in zip(grafts, names, strict=True)]
-
-
 def renamed(graft: Graft, name: str | None) -> Graft:
     """Return a graft whose motion has another name; the graft itself if `name` is None."""
     return graft if name is None else replace(graft, motion=replace(graft.motion, name=name))
 
 
-def output_paths(options: GraftOptions, first: str) -> tuple[list[Path], Path]:
+def output_paths(
+    options: GraftOptions, first: str, inputs: Sequence[str]
+) -> tuple[list[Path], Path]:
     """Return the path of each motion and the path of the report page.
 
     All motions have the same path if ``-o`` is a file. `first` is the first file, or the name of
-    the first clip of a library.
+    the first clip of a library. Raise an OSError if one of the files must not be written.
     """
-    if options.output.suffix.lower() in MOTION_SUFFIXES:
-        return [options.output] * options.count, options.output.with_suffix(".html")
+    paths, page = [options.output] * options.count, options.output.with_suffix(".html")
+    if options.output.suffix.lower() not in MOTION_SUFFIXES:
+        stem = _stem(options, first)
+        paths = [options.output / f"{stem}_graft{i}.bvh" for i in range(options.count)]
+        page = options.output / "index.html"
+    check_targets(paths, options, inputs, page if options.report else None)
+    return paths, page
+
+
+def _stem(options: GraftOptions, first: str) -> str:
+    """Return how the names of files begin: with the name of the base, or ``scenario``."""
+    if options.scenario == "graph":
+        return "scenario"
     path, clip = split_address(options.base or first)
     if clip is None:
         is_motion = Path(path).suffix.lower() in SUFFIXES
         clip = Path(path).stem if is_motion else Path(path).name
-    stem = portable_stem(clip) if options.scenario == "original" else "scenario"
-    paths = [options.output / f"{stem}_graft{i}.bvh" for i in range(options.count)]
-    return paths, options.output / "index.html"
+    return portable_stem(clip)
 
 
 def with_command(graft: Graft, options: Options, sources: Sequence[str]) -> Graft:

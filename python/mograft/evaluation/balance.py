@@ -16,7 +16,7 @@ from mograft.body.contacts import find_legs
 from mograft.body.mass import center_of_mass, mass_model
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
-from mograft.evaluation.estimate import Estimate, Record, import_extra
+from mograft.evaluation.estimate import Estimate, Record, import_measure
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
@@ -167,7 +167,7 @@ def dynamic_balance(
             f"dynamic balance needs at least {window} frames for derivatives, "
             f"{motion.name or 'the motion'} has {motion.n_frames}"
         )
-    savgol_filter = import_extra("scipy.signal").savgol_filter
+    savgol_filter = import_measure("scipy.signal").savgol_filter
     center = center_of_mass(motion)
     position = savgol_filter(center, window, 3, axis=0)
     acceleration = savgol_filter(center, window, 3, deriv=2, delta=motion.frame_time, axis=0)

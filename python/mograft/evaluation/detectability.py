@@ -12,7 +12,7 @@ from mograft._util.validate import as_integer
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation.body_tracks import FrameBlocks
-from mograft.evaluation.estimate import Estimate, Record, import_extra
+from mograft.evaluation.estimate import Estimate, Record, import_measure
 from mograft.evaluation.windows import GraftWindows, Pairs, Windows
 from mograft.synthesis.graft_result import Graft
 
@@ -128,7 +128,7 @@ def detectability(
     for graft in flat:
         if graft.scenario or graft.base.name not in names:
             raise ValueError(f"`grafts` must have clips of the library as bases, got {graft!r}")
-    import_extra("sklearn")
+    import_measure("sklearn")
     rng = np.random.default_rng(seed)
     at_seams = GraftWindows.of(flat, "seams", _MAX_WINDOWS, rng)
     if len(at_seams) < MIN_WINDOWS:
@@ -294,12 +294,12 @@ def train_and_score(
     reduced = [_reduce(own, new) for own, new in zip(learned.blocks, tested.blocks, strict=True)]
     train, test = (np.concatenate(columns, axis=1) for columns in zip(*reduced, strict=True))
     limits = {"max_iter": 60, "max_leaf_nodes": 8, "min_samples_leaf": 12, "early_stopping": False}
-    trees = import_extra("sklearn.ensemble").HistGradientBoostingClassifier(
+    trees = import_measure("sklearn.ensemble").HistGradientBoostingClassifier(
         learning_rate=0.12, l2_regularization=1.0, random_state=0, **limits
     )
-    regression: Any = import_extra("sklearn.pipeline").make_pipeline(
-        import_extra("sklearn.preprocessing").StandardScaler(),
-        import_extra("sklearn.linear_model").LogisticRegression(C=0.02, max_iter=500),
+    regression: Any = import_measure("sklearn.pipeline").make_pipeline(
+        import_measure("sklearn.preprocessing").StandardScaler(),
+        import_measure("sklearn.linear_model").LogisticRegression(C=0.02, max_iter=500),
     )
     gross: FloatArray = trees.fit(train, labels).decision_function(test)
     train = np.concatenate([train, learned.magnitudes], axis=1)
@@ -316,7 +316,7 @@ def _reduce(learned: FloatArray, tested: FloatArray) -> tuple[FloatArray, FloatA
     scale = np.maximum(learned.std(axis=0), _MIN_RELATIVE_SCALE * learned.std())
     mean, scale = learned.mean(axis=0), np.where(scale > 0, scale, 1.0)
     n = min(_N_COMPONENTS, learned.shape[1], len(learned) - 1)
-    analysis = import_extra("sklearn.decomposition").PCA(n, svd_solver="covariance_eigh")
+    analysis = import_measure("sklearn.decomposition").PCA(n, svd_solver="covariance_eigh")
     train: FloatArray = analysis.fit_transform((learned - mean) / scale)
     test: FloatArray = analysis.transform((tested - mean) / scale)
     return train, test

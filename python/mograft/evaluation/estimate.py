@@ -7,13 +7,13 @@ neighbours, or whole clips, instead of single segments.
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.extras import import_extra
 
 BLOCK_SEGMENTS = 10  # neighbouring segments in one block: a few seconds of motion
 MIN_CLIPS_AS_BLOCKS = 10  # from this number of clips on, each clip is one block
@@ -170,15 +170,7 @@ def block_mean(values: npt.ArrayLike, blocks: npt.ArrayLike, unit: str, seed: in
     return bootstrap_estimate(value, mean, len(sums), n=n, unit=unit, seed=seed)
 
 
-def import_extra(name: str) -> Any:  # noqa: ANN401 - a module of another package
-    """Import a module of a package that the extra `evaluate` installs.
-
-    Raises ImportError if the package is not installed; the message names the package and the extra.
-    """
-    try:
-        return import_module(name)
-    except ImportError as error:
-        package = "scikit-learn" if name.startswith("sklearn") else "SciPy"
-        raise ImportError(
-            f"this measure needs {package}: pip install 'mograft[evaluate]'", name=error.name
-        ) from error
+def import_measure(name: str) -> Any:  # noqa: ANN401 - a module of another package
+    """Import a module of a package that the extra `evaluate` installs; see `import_extra`."""
+    package = "scikit-learn" if name.startswith("sklearn") else "SciPy"
+    return import_extra(name, f"this measure needs {package}", "evaluate")

@@ -15,24 +15,6 @@ from mograft.motion.motion import Motion
 
 
 @dataclass(frozen=True, eq=False)
-class ClipLength:
-    """Number of frames and frame time of a clip, which a reader finds without its motion."""
-
-    n_frames: int
-    frame_time: float  # seconds
-
-    @property
-    def rate(self) -> float:
-        """Frames per second."""
-        return 1.0 / self.frame_time
-
-    @property
-    def duration(self) -> float:
-        """Seconds from the first frame to the last."""
-        return (self.n_frames - 1) * self.frame_time
-
-
-@dataclass(frozen=True, eq=False)
 class Clips(Sequence[Motion]):
     """The motions of a file: a sequence whose items are read when they are accessed.
 
@@ -48,8 +30,9 @@ class Clips(Sequence[Motion]):
         Name of the format, such as ``"glTF"``.
     notes : tuple of str
         Content of the file that is not part of the motions, such as nodes that are not joints.
-    lengths : sequence of ClipLength or None
-        The length of each clip; None if the clips must be read to find it.
+    count_frames : callable or None
+        Function from the index of a clip to its number of frames, which does not read the motion;
+        None if there is none. Not part of the public interface.
     grafts : mapping of str to str
         The provenance of the clips that `mograft.write_graft` wrote, by name: the text of a JSON
         document.
@@ -77,7 +60,7 @@ class Clips(Sequence[Motion]):
     load: Callable[[int], Motion] = field(repr=False)
     format: str
     notes: tuple[str, ...] = ()
-    lengths: Sequence[ClipLength] | None = None
+    count_frames: Callable[[int], int] | None = field(default=None, repr=False)
     grafts: Mapping[str, str] = field(default_factory=dict, repr=False)
     is_part: bool = field(default=False, repr=False)
 
@@ -140,11 +123,14 @@ class Clips(Sequence[Motion]):
     def select(self, pattern: str) -> "Clips":
         """Return the clips that `find` finds."""
         found = self.find(pattern)
-        lengths = None if self.lengths is None else [self.lengths[index] for index in found]
         names = tuple(self.names[index] for index in found)
-        load = self.load
+        load, count = self.load, self.count_frames
         return replace(
-            self, names=names, load=lambda i: load(found[i]), lengths=lengths, is_part=True
+            self,
+            names=names,
+            load=lambda i: load(found[i]),
+            count_frames=None if count is None else lambda i: count(found[i]),
+            is_part=True,
         )
 
     def clip(self, index: int) -> str | None:
@@ -170,11 +156,10 @@ def single_clip(
     rate: float | None,
     *,
     notes: Sequence[str] = (),
-    lengths: Sequence[ClipLength] | None = None,
 ) -> Clips:
     """Return the clips of a file with one motion, which has the name of the file.
 
-    `load` reads the motion; unless `rate` is None, it is resampled. `lengths` are those of `Clips`.
+    `load` reads the motion; unless `rate` is None, it is resampled.
     """
 
     def read(_: int) -> Motion:
@@ -182,7 +167,7 @@ def single_clip(
             motion = load()
         return motion if rate is None else motion.resample(rate)
 
-    return Clips(path, (path.stem,), read, format, tuple(notes), lengths)
+    return Clips(path, (path.stem,), read, format, tuple(notes))
 
 
 @contextmanager

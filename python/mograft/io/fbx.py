@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 
 from mograft._util.arrays import IntArray
+from mograft._util.extras import import_extra
 from mograft._util.names import unique_names
 from mograft.errors import FormatError, join_names
-from mograft.io.clips import ClipLength, Clips, errors_of_file
+from mograft.io.clips import Clips, errors_of_file
 from mograft.io.rest_pose import RestPose, find_joints, rebase
 from mograft.motion import limits
 from mograft.motion.motion import Motion
@@ -51,7 +52,7 @@ def open_fbx(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
     joints = figure_joints(scene)
     notes = _describe(scene, joints)
     if not len(joints):
-        return Clips(path, (), tuple[Motion, ...]().__getitem__, "FBX", notes, ())
+        return Clips(path, (), tuple[Motion, ...]().__getitem__, "FBX", notes)
     with errors_of_file(path):
         limits.check_joints(len(joints))
     names = unique_names([name or f"take{i}" for i, (name, *_) in enumerate(takes, 1)])
@@ -64,16 +65,16 @@ def open_fbx(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
     rest = read_rest_pose(path, scene, joints)
 
     def load(take: int) -> Motion:
-        begin, length = spans[take]
+        begin, n_frames, frame_time = spans[take]
         place = f"take {takes[take][0]!r}"
         with errors_of_file(path, place):
-            if length.n_frames > max_frames:
+            if n_frames > max_frames:
                 limit = f"at most {max_frames} frames in a file of this size"
-                raise ValueError(f"expected {limit}, got {length.n_frames}")
-            limits.check_frames(length.n_frames)
-            limits.check_frame_time(length.frame_time)
+                raise ValueError(f"expected {limit}, got {n_frames}")
+            limits.check_frames(n_frames)
+            limits.check_frame_time(frame_time)
         quats, positions = scene.bake(
-            take, joints.tolist(), begin=begin, rate=length.rate, n_frames=length.n_frames
+            take, joints.tolist(), begin=begin, rate=1.0 / frame_time, n_frames=n_frames
         )
         if not (np.isfinite(quats).all() and np.isfinite(positions).all()):
             is_finite = np.isfinite(quats).all(axis=2) & np.isfinite(positions).all(axis=2)
@@ -81,9 +82,9 @@ def open_fbx(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
             owner = f"{rest.names[joint]} in frame {frame}"
             message = f"expected finite transforms, got NaN or infinity at {owner}"
             raise FormatError(message, path, place)
-        return rebase(rest, quats, positions, length.frame_time, name=names[take])
+        return rebase(rest, quats, positions, frame_time, name=names[take])
 
-    return Clips(path, tuple(names), load, "FBX", notes, [length for _, length in spans])
+    return Clips(path, tuple(names), load, "FBX", notes, lambda take: spans[take][1])
 
 
 def figure_joints(scene: Any) -> IntArray:  # noqa: ANN401 - an object of the extension
@@ -97,14 +98,8 @@ def figure_joints(scene: Any) -> IntArray:  # noqa: ANN401 - an object of the ex
 
 def load_scene(path: Path, data: bytes, **options: bool) -> Any:  # noqa: ANN401
     """Parse a file with the extension; `options` may have ``with_geometry``."""
-    try:
-        import mograft_fbx
-    except ImportError as error:
-        raise ModuleNotFoundError(
-            "FBX needs mograft-fbx: pip install 'mograft[fbx]', or pip install ./python-fbx in the "
-            "repository of mograft",
-            name="mograft_fbx",
-        ) from error
+    need = "FBX needs mograft-fbx (./python-fbx in the repository of mograft)"
+    mograft_fbx = import_extra("mograft_fbx", need, "fbx")
     try:
         scene = mograft_fbx.Scene(data, _MEMORY_BYTES + _MEMORY_FACTOR * len(data), **options)
     except ValueError as error:
@@ -119,8 +114,8 @@ def load_scene(path: Path, data: bytes, **options: bool) -> Any:  # noqa: ANN401
 
 def _frame_span(
     span: tuple[float, float], key_span: tuple[float, float] | None, rate: float
-) -> tuple[float, ClipLength]:
-    """Return the time of the first frame of a take in seconds, and the length of the clip.
+) -> tuple[float, int, float]:
+    """Return the time of the first frame of a take, the number of frames, and the frame time.
 
     `span` is the time span of the take in seconds, first and last; if it is empty, `key_span`, the
     span of the keys, is used. The frames divide it into equal intervals. The frame rate is `rate`
@@ -134,7 +129,7 @@ def _frame_span(
     if abs(n_intervals - duration * rate) > _ROUNDING_INTERVALS:
         n_intervals = max(n_intervals, 1)
         frame_time = duration / n_intervals
-    return begin, ClipLength(n_intervals + 1, frame_time)
+    return begin, n_intervals + 1, frame_time
 
 
 def read_rest_pose(path: Path, scene: Any, joints: IntArray) -> RestPose:  # noqa: ANN401

@@ -217,16 +217,14 @@ def absolute_address(address: str) -> str:
     return join_address(os.path.abspath(path), clip)
 
 
-def read_clip(
-    address: str | os.PathLike[str], *, rate: float | None = None, skeleton: Skeleton | None = None
-) -> Motion:
+def read_clip(address: str | os.PathLike[str], *, skeleton: Skeleton | None = None) -> Motion:
     """Read the motion at an address.
 
-    `rate` and `skeleton` are as for `read`. Raises `FormatError` unless the address stands for
+    `skeleton` is as for `read`. Raises `FormatError` unless the address stands for
     exactly one clip, and the errors of `read`.
     """
     path, pattern = split_address(os.fspath(address))
-    clips = open_clips(path, rate=rate, skeleton=skeleton)
+    clips = open_clips(path, skeleton=skeleton)
     found = [*range(len(clips))] if pattern is None else clips.find(pattern)
     if pattern is None:
         found = [index for index in found if clips.clip(index) is None] or found
@@ -243,8 +241,8 @@ def find_addresses(address: str, *, skeleton: Skeleton | None = None) -> list[st
     """Return the addresses of all clips that an address stands for, in the order of the file.
 
     A path stands for all clips of the file, ``path#pattern`` for those that `Clips.find` returns.
-    Clips of one frame are poses: they are left out if the format states the lengths of clips, and
-    another of the clips has more frames. Raises `FormatError` if there is no clip, ValueError if no
+    Clips of one frame are poses: they are left out if `Clips.count_frames` finds them, and another
+    of the clips has more frames. Raises `FormatError` if there is no clip, ValueError if no
     name matches, and the errors of `read`.
     """
     path, pattern = split_address(address)
@@ -252,30 +250,28 @@ def find_addresses(address: str, *, skeleton: Skeleton | None = None) -> list[st
     found = range(len(clips)) if pattern is None else clips.find(pattern)
     if not found:
         raise FormatError("expected at least one motion, got none", path)
-    lengths = clips.lengths
-    if len(found) > 1 and lengths is not None:
-        found = [index for index in found if lengths[index].n_frames > 1] or found
+    if len(found) > 1 and clips.count_frames is not None:
+        found = [index for index in found if clips.count_frames(index) > 1] or found
     return [clips.address(index) for index in found]
 
 
-def open_clips(path: str, *, rate: float | None = None, skeleton: Skeleton | None = None) -> Clips:
-    """Return the clips of a file as `read` does.
+def open_clips(path: str, *, skeleton: Skeleton | None = None) -> Clips:
+    """Return the clips of a file as `read` does, at the rate of the file.
 
     The result of the last call is kept, and returned again unless the file has changed: a file is
     not parsed again for each of its clips.
     """
     if not os.path.isfile(path):
-        return read(path, rate=rate, skeleton=skeleton)
+        return read(path, skeleton=skeleton)
     status = os.stat(path)
     state = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
-    return _read_once(path, state, rate, skeleton)
+    return _read_once(path, state, skeleton)
 
 
 @lru_cache(maxsize=1)
 def _read_once(
     path: str,
     state: tuple[int, ...],  # noqa: ARG001 - part of the key
-    rate: float | None,
     skeleton: Skeleton | None,
 ) -> Clips:
-    return read(path, rate=rate, skeleton=skeleton)
+    return read(path, skeleton=skeleton)

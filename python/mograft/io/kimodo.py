@@ -10,7 +10,7 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray
 from mograft.errors import join_names
-from mograft.io.clips import ClipLength, Clips, errors_of_file, single_clip
+from mograft.io.clips import Clips, errors_of_file, single_clip
 from mograft.io.npz import NpzArchive, open_npz_archive
 from mograft.io.rest_pose import to_local
 from mograft.io.smpl.body_models import BODY_JOINTS, smpl_parents
@@ -126,12 +126,7 @@ def open_kimodo(path: Path, *, rate: float | None, skeleton: Skeleton | None) ->
         notes.append(f"arrays that are not part of the motion: {join_names(others)}")
     kind = SKELETONS[n_joints]
     return single_clip(
-        path,
-        f"Kimodo {kind.name}",
-        lambda: _to_motion(archive, kind, n_frames),
-        rate,
-        notes=notes,
-        lengths=(ClipLength(n_frames, 1.0 / RATE),),
+        path, f"Kimodo {kind.name}", lambda: _to_motion(archive, kind, n_frames), rate, notes=notes
     )
 
 

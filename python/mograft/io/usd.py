@@ -3,7 +3,6 @@
 import errno
 import os
 import re
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray
 from mograft._util.atomic import checked_path
+from mograft._util.extras import import_extra
 from mograft.body.groups import JointGroups
 from mograft.io.export_figure import BoneMesh, ExportTransform, bone_mesh, check_single_precision
 from mograft.motion import rotations
@@ -18,6 +18,7 @@ from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
 SUFFIXES = (".usd", ".usda", ".usdc")
+NEED = "USD needs usd-core"
 
 # Paths of the prims.
 _FIGURE = "/figure"
@@ -71,7 +72,7 @@ def write_usd(
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:
         raise ValueError(f"`path` must end in {', '.join(SUFFIXES)}, got {target.name}")
-    require_usd_core()
+    import_extra("pxr", NEED, "usd")
     from pxr import Tf, Usd
 
     skeleton = motion.skeleton
@@ -107,15 +108,6 @@ def _has_keys(path: Path, count: int) -> bool:
 
     layer = Sdf.Layer.OpenAsAnonymous(str(path))
     return bool(layer.GetNumTimeSamplesForPath(f"{_ANIMATION}.rotations") == count)
-
-
-def require_usd_core() -> None:
-    """Raise ModuleNotFoundError, which names the extra, if usd-core is not installed."""
-    try:
-        import_module("pxr")
-    except ImportError as error:
-        message = "USD needs usd-core: pip install 'mograft[usd]'"
-        raise ModuleNotFoundError(message, name="usd-core") from error
 
 
 # The stage of pxr has no type.

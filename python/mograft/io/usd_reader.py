@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.extras import import_extra
 from mograft._util.names import unique_names
 from mograft.errors import FormatError
 from mograft.io.clips import Clips, errors_of_file
 from mograft.io.gltf.animation import DEFAULT_RATE
 from mograft.io.gltf.nodes import Transforms, decompose, to_transforms, to_world
 from mograft.io.rest_pose import RestPose, rebase
-from mograft.io.usd import require_usd_core, usd_reasons
+from mograft.io.usd import NEED, usd_reasons
 from mograft.motion import limits
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -114,7 +115,7 @@ def _usd_errors(path: Path) -> Iterator[None]:
 
 def _open_stage(path: Path) -> Any:  # noqa: ANN401 - pxr has no types
     """Open a stage; raise `FormatError` if a layer is outside the folder of the file."""
-    require_usd_core()
+    import_extra("pxr", NEED, "usd")
     from pxr import Sdf, Usd
 
     with _usd_errors(path):

@@ -1,12 +1,13 @@
 """Libraries derived from a library: with other clusters, mirror images, or one more clip."""
 
 import warnings
+from contextlib import suppress
 from dataclasses import replace
 from typing import Self
 
 import numpy as np
 
-from mograft._util.names import unique_names
+from mograft._util.names import find_matches, unique_names
 from mograft._util.validate import check_type
 from mograft.analysis.channel_groups import restrict_samples
 from mograft.analysis.embedding import Embedding, Samples, features
@@ -138,15 +139,15 @@ class DerivableLibrary(LibraryData):
             return self, 0
         if isinstance(base, str):
             names = list(self.names)
-            found = [i for i, name in enumerate(names) if name.rpartition("|")[2] == base]
-            if base not in names and len(found) == 1:
-                return self, found[0]
-            if base not in names:
+            found = list[int]()
+            with suppress(ValueError):
+                found = find_matches("base", base, names)
+            if len(found) != 1:
                 hint = suggest_name(base, names) or suggest_path(base)
                 raise ValueError(
                     f"`base` must be a clip, one of {join_names(names)}; got {base!r}{hint}"
                 )
-            return self, names.index(base)
+            return self, found[0]
         check_type("base", base, Motion)
         base = self._fit_base(base)
         index = self.find_clip(base)

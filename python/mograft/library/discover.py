@@ -114,7 +114,7 @@ def find_clips(sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
     matches. Both are sorted by name. A file stands for all of its clips. Raise FileNotFoundError if
     a path, folder or glob provides no file, and ValueError if there is no source or an address
     matches no clip. Raise `FormatError` if the clips of a file that is not in a folder cannot be
-    listed; BVH files, which have one clip, are not opened.
+    listed; BVH files, which have one clip, are not parsed.
     """
     several = [sources] if isinstance(sources, Motion | str | PathLike) else sources
     clips: list[FoundClip] = []
@@ -185,15 +185,8 @@ def _find_files(address: str) -> list[FoundClip]:
 
 def _found(address: str) -> list[FoundClip]:
     """Return the clips of a file; those that the address names exactly do not count as grafts."""
-    clips = _expand_file(address)
+    clips = formats.find_addresses(address)
     return [FoundClip(own, is_graft=own != address and holds_graft(own)) for own in clips]
-
-
-def _expand_file(address: str) -> list[str]:
-    """Return the addresses of the clips of a file; a BVH file, which has one, is not opened."""
-    path, clip = formats.split_address(address)
-    is_bvh = clip is None and formats.find_format(Path(path)).name == "BVH"
-    return [address] if is_bvh else formats.find_addresses(address)
 
 
 def _find_in_folder(folder: str) -> list[FoundClip]:
@@ -214,9 +207,9 @@ def _find_in_folder(folder: str) -> list[FoundClip]:
             missing.setdefault(form.name, []).append(file.name)
             continue
         try:
-            has_clip = form.name == "BVH" or len(formats.open_clips(str(file))) > 0
-            addresses = _expand_file(str(file)) if has_clip else []
-            kinds = [form.name != "BVH" and holds_graft(own) for own in addresses]
+            has_clip = len(formats.open_clips(str(file))) > 0
+            addresses = formats.find_addresses(str(file)) if has_clip else []
+            kinds = [holds_graft(own) for own in addresses]
         except (MograftError, OSError, ValueError):
             addresses, kinds = [str(file)], [False]
         folders, is_graft = file.relative_to(folder).parts[:-1], has_provenance(file)
@@ -233,8 +226,6 @@ def _find_in_folder(folder: str) -> list[FoundClip]:
 def holds_graft(address: str) -> bool:
     """Return whether the clip at an address has its provenance in its file."""
     path, clip = formats.split_address(address)
-    if formats.find_format(Path(path)).name == "BVH":
-        return False
     clips = formats.open_clips(path)
     names = clips.names if clip is None else (clip,)
     return len(names) == 1 and names[0] in clips.grafts

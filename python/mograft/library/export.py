@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mograft._util.atomic import atomic_path, checked_path, draft_folder, sync
+from mograft._util.extras import import_extra
 from mograft.io.csv import without_formula
 from mograft.library.data import Column, library_tables
 from mograft.library.library import Library
@@ -67,13 +68,8 @@ def _write_csv(path: Path, columns: Mapping[str, Column]) -> None:
 
 
 def _write_parquet(path: Path, columns: Mapping[str, Column]) -> None:
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            "Parquet needs pyarrow: pip install 'mograft[parquet]'", name="pyarrow"
-        ) from error
+    pyarrow = import_extra("pyarrow", "Parquet needs pyarrow", "parquet")
+    parquet = import_extra("pyarrow.parquet", "Parquet needs pyarrow", "parquet")
     table = pyarrow.table({name: pyarrow.array(column) for name, column in columns.items()})
-    with checked_path(path, lambda draft: table.equals(pyarrow.parquet.read_table(draft))) as draft:
-        pyarrow.parquet.write_table(table, draft)
+    with checked_path(path, lambda draft: table.equals(parquet.read_table(draft))) as draft:
+        parquet.write_table(table, draft)

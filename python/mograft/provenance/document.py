@@ -85,6 +85,7 @@ def graft_record(graft: Graft, folder: str | PathLike[str] = ".") -> Record:
         "changes": [
             {
                 "group": own.group,
+                "part": own.part,
                 "frames": list(own.frames),
                 "clip": own.clip,
                 "clip_frames": list(own.clip_frames),

@@ -6,11 +6,16 @@ from itertools import islice
 
 from mograft._util.names import find_matches
 from mograft._util.validate import as_integer
-from mograft.errors import join_names, suggest_name
 from mograft.library.library import Library
 from mograft.library.origin import is_partial
 from mograft.search.constraints import Constraint, Span, as_span, find_violations
-from mograft.solve.donor_spans import MAX_RATIO, DonorSpan, find_donor_spans, insert_span
+from mograft.solve.donor_spans import (
+    MAX_RATIO,
+    ChangedPart,
+    DonorSpan,
+    find_donor_spans,
+    insert_span,
+)
 from mograft.solve.finish import find_motion_violations
 from mograft.solve.plan import GraftPlan
 from mograft.solve.search_problem import SearchProblem
@@ -31,14 +36,15 @@ def change(
     """Return a graft in which a group moves as in another part of a clip in a range of frames.
 
     Range and part begin and end at any frame, also inside of segments. The part is stretched to
-    the length of the range, and the seams at both ends are closed.
+    the length of the range, and the seams at both ends are closed within the range.
 
     Parameters
     ----------
     graft : Graft
         The graft, which does not change.
     group : str
-        The exchanged group that changes.
+        The exchanged group that changes, or a body part within one: ``"torso"``, ``"head"``,
+        ``"arms"``, ``"larm"``, ``"rarm"`` or another group of the presets of `JointGroups`.
     frames : tuple of int
         First and last frame of the range, both included.
     donor : str or tuple of (str, int, int), optional
@@ -55,9 +61,9 @@ def change(
     Returns
     -------
     Graft
-        Frames farther from the range than `Config.seam_blend` are the same, bit for bit. If the
-        group contains the root, the later frames of the root are moved rigidly. `Graft.changes`
-        lists the parts; `edit` keeps them.
+        Frames outside the range are the same, bit for bit. If the group contains the root, the
+        later frames of the root are moved rigidly. `Graft.changes` lists the parts; `edit` keeps
+        those at whose segments it changes nothing.
 
     Raises
     ------
@@ -74,7 +80,7 @@ def change(
     >>> waved = mg.change(new, "upper", (100, 160), ("dance", 400, 455))
     >>> print(waved.changes[0])
     upper, frames 100-160: dance 400-455
-    >>> (waved.motion.rotations[200:] == new.motion.rotations[200:]).all()
+    >>> (waved.motion.rotations[161:] == new.motion.rotations[161:]).all()
     np.True_
     """
     if is_partial(graft.library):
@@ -82,19 +88,16 @@ def change(
     span = as_span("frames", frames)
     source = unchanged(graft)
     problem = plan_of(source, (*graft.request.constraints, *constraints)).problem
-    if group not in problem.pools:
-        raise ValueError(
-            f"`group` must be an exchanged group, one of {join_names(list(problem.pools))}; got "
-            f"{group!r}{suggest_name(group, problem.pools)}"
-        )
+    part = ChangedPart.find(problem, group)
     if not span[0] < span[1] < graft.motion.n_frames:
         raise ValueError(
             f"`frames` must be at least two frames from 0 to {graft.motion.n_frames - 1}, got "
             f"{span[0]}-{span[1]}"
         )
-    found = _choose(problem, graft, group, span, donor, as_integer("rank", rank))
+    found = _choose(problem, graft, part, span, donor, as_integer("rank", rank))
     made = Change(
-        group=group,
+        group=part.group,
+        part=None if part.group == group else group,
         frames=span,
         clip=problem.library.entries[found.clip].name,
         clip_frames=(found.start, found.stop),
@@ -115,7 +118,8 @@ def apply_changes(graft: Graft, problem: SearchProblem, changes: Sequence[Change
     motion, names = graft.motion, problem.library.names
     for own in changes:
         span = DonorSpan(names.index(own.clip), *own.clip_frames)
-        motion = insert_span(problem, motion, own.group, own.frames, span)
+        part = ChangedPart.find(problem, own.part or own.group)
+        motion = insert_span(problem, motion, part, own.frames, span)
     return replace(
         graft,
         motion=motion,
@@ -138,7 +142,7 @@ def plan_of(graft: Graft, constraints: Sequence[Constraint]) -> GraftPlan:
 def _choose(
     problem: SearchProblem,
     graft: Graft,
-    group: str,
+    part: ChangedPart,
     frames: Span,
     donor: str | tuple[str, int, int] | None,
     rank: int,
@@ -149,7 +153,7 @@ def _choose(
         return _exact_span(library, frames, donor)
     if donor is not None:
         within = [(clip, None) for clip in find_matches("donor", donor, library.names)]
-    spans = find_donor_spans(problem, motion, group, frames, within)
+    spans = find_donor_spans(problem, motion, part, frames, within)
     hard = [own for own in problem.pose_constraints if own.is_hard]
     if not hard:
         first = next(islice(spans, rank, None), None)
@@ -157,7 +161,7 @@ def _choose(
             return first
     errors: list[tuple[float, int, DonorSpan]] = []
     for number, span in enumerate(islice(spans, _MAX_TRIALS + rank)):
-        trial = insert_span(problem, motion, group, frames, span)
+        trial = insert_span(problem, motion, part, frames, span)
         found = find_violations(hard, problem.poses_of(trial))
         errors.append((sum(own.error for own in found), number, span))
         if sum(not error for error, _, _ in errors) > rank:
@@ -166,9 +170,9 @@ def _choose(
         n, what = frames[1] - frames[0], "all clips" if donor is None else repr(donor)
         others = f"only {len(errors)} parts" if errors else "no part"
         raise ValueError(
-            f"{others} of {what} can replace {group} in frames {frames[0]}-{frames[1]}: expected a "
-            f"part of {n / MAX_RATIO:.0f} to {n * MAX_RATIO:.0f} frames without recording faults "
-            f"that satisfies the constraints on donors"
+            f"{others} of {what} can replace {part.group} in frames {frames[0]}-{frames[1]}: "
+            f"expected a part of {n / MAX_RATIO:.0f} to {n * MAX_RATIO:.0f} frames without "
+            "recording faults that satisfies the constraints on donors"
         )
     return sorted(errors)[rank][2]
 

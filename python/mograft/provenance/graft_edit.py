@@ -9,7 +9,7 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray
 from mograft._util.runs import dilate, find_runs
-from mograft._util.validate import as_integer, is_integer
+from mograft._util.validate import as_integer
 from mograft.blend.recombine import splice
 from mograft.errors import join_names
 from mograft.library.origin import is_partial
@@ -17,11 +17,12 @@ from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.provenance.graft_change import apply_changes, plan_of, unchanged
 from mograft.search.constraint_records import UnrestoredConstraint
-from mograft.search.constraints import Constraint, Span, as_span, overlaps
+from mograft.search.constraints import Constraint, overlaps
 from mograft.search.donor_constraints import Ban, DonorReference, KeepOriginal, Use
 from mograft.search.pose_constraints import Reach
 from mograft.search.trellis import DonorSequences
-from mograft.solve.finish import find_motion_violations
+from mograft.solve.assembly import Assembly
+from mograft.solve.finish import find_motion_violations, finish_motion
 from mograft.solve.plan import GraftPlan
 from mograft.solve.search_problem import SearchProblem, check_constraints, resolve_segments
 from mograft.synthesis.graft_building import finish_graft
@@ -34,12 +35,7 @@ _MAX_CHANGES = 20
 """Replaced donors that `describe_changes` lists."""
 
 
-def edit(
-    graft: Graft,
-    *edits: Constraint,
-    reroll: Sequence[int | tuple[int, int]] = (),
-    seed: int | None = None,
-) -> Graft:
+def edit(graft: Graft, *edits: Constraint, seed: int | None = None) -> Graft:
     """Return the graft with other donors at some segments; all other segments keep theirs.
 
     Parameters
@@ -48,15 +44,12 @@ def edit(
         The graft, which does not change.
     *edits : Constraint
         `Use` sets the donor of a segment, `KeepOriginal` restores the captured motion. `Ban`
-        excludes a donor, by default the present one, and the segment gets another. At its
-        segments an edit replaces the constraints `Use` and `KeepOriginal` of the graft and of
-        earlier edits, and `Use` and `KeepOriginal` also replace earlier bans. Other bans remain
-        in force: no ban and no reroll brings an excluded donor back. Any other constraint is
-        added to those of the graft; the segments that violate it, and those beside them, get
-        other donors.
-    reroll : sequence of int or tuple of int
-        Segments to draw again, by their numbers or by ranges of frames. Each gets another donor
-        than the present one if it has another candidate.
+        excludes a donor, and the segment gets another. Without a donor it excludes the present
+        one of each of its segments that has another candidate. At its segments an edit replaces
+        the constraints `Use` and `KeepOriginal` of the graft and of earlier edits, and `Use` and
+        `KeepOriginal` also replace earlier bans. Other bans remain in force: no ban brings an
+        excluded donor back. Any other constraint is added to those of the graft; the segments
+        that violate it, and those beside them, get other donors.
     seed : int, optional
         Seed of the choice. Default: that of the graft.
 
@@ -76,16 +69,16 @@ def edit(
     TypeError
         If an edit is not a constraint.
     ValueError
-        If neither an edit nor `reroll` is given; if an edit has a weight; if a segment, donor,
-        group or frame does not exist; if the library has only the clips of the graft, because
-        `replay` read their files.
+        If no edit is given; if an edit has a weight; if a segment, donor, group or frame does not
+        exist; if the library has only the clips of the graft, because `replay` read their files.
 
     Examples
     --------
     >>> import mograft as mg
     >>> from mograft.dancer import dance
     >>> new = mg.graft(mg.Library.build(dance(strides=1).motion), seed=7)
-    >>> edited = mg.edit(new, mg.constraints.KeepOriginal(frames=(60, 90)), reroll=[40])
+    >>> mc = mg.constraints
+    >>> edited = mg.edit(new, mc.KeepOriginal(frames=(60, 90)), mc.Ban(40))
     >>> (edited.motion.rotations[400:] == new.motion.rotations[400:]).all()
     np.True_
     """
@@ -96,13 +89,12 @@ def edit(
             raise TypeError(f"edits must be constraints, got {own!r}")
         if not own.is_hard:
             raise ValueError(f"edits must be hard constraints, got weight {own.weight}")
-    if not edits and not reroll:
-        raise ValueError("an edit or `reroll` must be given, got neither")
+    if not edits:
+        raise ValueError("`edits` must be one constraint or more, got none")
     seed = graft.seed if seed is None else as_integer("seed", seed)
     changes, graft = graft.changes, unchanged(graft)
     problem = plan_of(graft, ()).problem
     groups, cut = list(problem.pools), problem.base_segments
-    bans = [Ban(frames=_segment_span("reroll", value, cut)) for value in reroll]
     rules = _resolve_edits(graft, [own for own in edits if isinstance(own, _RULES)], problem)
     added = [own for own in edits if not isinstance(own, _RULES)]
     old = list(graft.request.constraints)
@@ -113,23 +105,11 @@ def edit(
                 "contain: the new donors need not satisfy it",
                 stacklevel=2,
             )
-    kept = [*_remaining_constraints(old, [*rules, *bans], groups, cut), *added]
-    plan = plan_of(graft, [*kept, *rules])
-    selected = [place for own in bans for place in _places(own, groups, cut)]
-    rerolled = [
-        _ban_present(graft, problem, group, position)
-        for group, position in dict.fromkeys(selected)
-        if (plan.problem.candidates[group][position] != graft.donors[group][position]).any()
-    ]
-    if len(rerolled) < len(selected):
-        warnings.warn(
-            f"{len(selected) - len(rerolled)} of {len(selected)} segments of `reroll` have no "
-            "other candidate and keep their donors",
-            stacklevel=2,
-        )
-    if rerolled:
-        plan = plan_of(graft, [*kept, *rules, *rerolled])
-    edited = _masks([*rules, *bans], groups, cut)
+    kept = [*_remaining_constraints(old, rules, groups, cut), *added]
+    plan = plan_of(graft, [*kept, *(own for own in rules if not _bans_present(own))])
+    if any(map(_bans_present, rules)):
+        plan = plan_of(graft, [*kept, *_with_present_donors(graft, plan.problem, rules)])
+    edited = _masks(rules, groups, cut)
     is_open = edited | (_violating(graft, plan.problem, old) if added else False)
     result = _choose(graft, plan, dict(zip(groups, is_open, strict=True)), seed)
     remaining = [
@@ -146,8 +126,11 @@ def _violating(graft: Graft, problem: SearchProblem, old: Sequence[Constraint]) 
     The result has shape (n_groups, n_segments).
     """
     selected = np.zeros((len(problem.pools), len(problem.base_segments)), bool)
+    # What inverse kinematics can satisfy with the present donors needs no others.
+    assembly = Assembly.build(problem, graft.donors, graft.motion.name)
+    motion = finish_motion(problem, assembly.motion, graft.donors)[0]
     for row, (group, donors) in enumerate(graft.donors.items()):
-        for own in find_motion_violations(problem, graft.motion, {group: donors}):
+        for own in find_motion_violations(problem, motion, {group: donors}):
             is_new = not any(own.constraint is known for known in old)
             if is_new and own.constraint.applies_to_group(group):
                 selected[row] |= overlaps(problem.base_segments, own.frames)
@@ -170,6 +153,7 @@ def describe_changes(graft: Graft, edited: Graft) -> list[str]:
         ]
     if len(lines) > _MAX_CHANGES:
         lines = [*lines[:_MAX_CHANGES], f"and {len(lines) - _MAX_CHANGES} more segments"]
+    lines += [f"removed: {own}" for own in graft.changes if own not in edited.changes]
     is_new = (graft.motion.rotations != edited.motion.rotations).any(axis=(1, 2))
     is_new |= (graft.motion.positions != edited.motion.positions).any(axis=(1, 2))
     ranges = [f"{start}-{stop - 1}" for start, stop in find_runs(is_new).tolist()]
@@ -179,21 +163,50 @@ def describe_changes(graft: Graft, edited: Graft) -> list[str]:
 def _resolve_edits(
     graft: Graft, edits: Sequence[Constraint], problem: SearchProblem
 ) -> list[Constraint]:
-    """Return the edits with frames instead of segment numbers.
-
-    A `Ban` without a donor becomes a ban of the present donor of each of its segments.
-    """
-    groups = list(problem.pools)
+    """Return the edits with frames instead of segment numbers."""
+    cut = problem.base_segments
     check_constraints(edits, problem.base_poses)
-    rules: list[Constraint] = []
-    for edit in resolve_segments(edits, groups, problem.base_segments, graft.library):
-        if edit.frames is not None:
-            _segment_span("frames", edit.frames, problem.base_segments)
-        if isinstance(edit, Ban) and edit.donor is None:
-            places = _places(edit, groups, problem.base_segments)
-            rules += [_ban_present(graft, problem, *own) for own in places]
-        else:
+    rules = resolve_segments(edits, list(problem.pools), cut, graft.library)
+    for frames in (own.frames for own in rules if own.frames is not None):
+        if not overlaps(cut, frames).any():
+            last = cut.stop[-1]
+            raise ValueError(
+                f"`frames` must be within frames 0 to {last}, got {frames[0]}-{frames[1]}"
+            )
+    return rules
+
+
+def _bans_present(edit: Constraint) -> bool:
+    """Return whether an edit excludes the present donors of its segments."""
+    return isinstance(edit, Ban) and edit.donor is None
+
+
+def _with_present_donors(
+    graft: Graft, problem: SearchProblem, edits: Sequence[Constraint]
+) -> list[Constraint]:
+    """Return edits in which each ban without a donor is a ban of each present donor.
+
+    Warn about the segments that have no other candidate in `problem`: they are not banned.
+    """
+    groups, cut, rules = list(problem.pools), problem.base_segments, list[Constraint]()
+    n_banned = n_alone = 0
+    for edit in edits:
+        if not _bans_present(edit):
             rules.append(edit)
+            continue
+        for row, position in np.argwhere(_masks([edit], groups, cut)).tolist():
+            group = groups[row]
+            n_banned += 1
+            if (problem.candidates[group][position] != graft.donors[group][position]).any():
+                rules.append(_ban_present(graft, problem, group, position))
+            else:
+                n_alone += 1
+    if n_alone:
+        warnings.warn(
+            f"{n_alone} of {n_banned} banned segments have no other candidate and keep their "
+            "donors",
+            stacklevel=3,
+        )
     return rules
 
 
@@ -210,25 +223,6 @@ def _ban_present(graft: Graft, problem: SearchProblem, group: str, position: int
     return Ban(frames=span, donor=reference, group=group)
 
 
-def _segment_span(name: str, value: object, segments: Segments) -> Span:
-    """Return the frames of the base segment with the number `value`; a range is returned as it is.
-
-    Raise ValueError if there is no such segment, or if no segment overlaps the range.
-    """
-    if is_integer(value):
-        number = as_integer(name, value)
-        if number >= len(segments):
-            raise ValueError(
-                f"`{name}` must be a segment from 0 to {len(segments) - 1}, got {number}"
-            )
-        return int(segments.start[number]), int(segments.stop[number])
-    span = as_span(name, value)
-    if not overlaps(segments, span).any():
-        last = segments.stop[-1]
-        raise ValueError(f"`{name}` must be within frames 0 to {last}, got {span[0]}-{span[1]}")
-    return span
-
-
 def _masks(
     constraints: Sequence[Constraint], groups: Sequence[str], segments: Segments
 ) -> BoolArray:
@@ -238,14 +232,6 @@ def _masks(
         is_in_group = [own.applies_to_group(group) for group in groups]
         selected[is_in_group] |= overlaps(segments, own.frames)
     return selected
-
-
-def _places(
-    constraint: Constraint, groups: Sequence[str], segments: Segments
-) -> list[tuple[str, int]]:
-    """Return the group and position of each base segment that a constraint selects."""
-    selected = np.argwhere(_masks([constraint], groups, segments)).tolist()
-    return [(groups[group], position) for group, position in selected]
 
 
 def _remaining_constraints(

@@ -184,6 +184,7 @@ def _read_changes(record: GraftRecord, plan: GraftPlan) -> list[Change]:
     for own in record.document["changes"]:
         made = Change(
             group=str(own["group"]),
+            part=own["part"],
             frames=as_frames(own["frames"]),
             clip=str(own["clip"]),
             clip_frames=as_frames(own["clip_frames"]),

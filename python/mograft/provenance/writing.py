@@ -41,8 +41,6 @@ WRITERS: dict[str, Callable[[Motion, Path], object]] = {
 }
 """The writer of each ending of a file name."""
 
-Sections = Mapping[str, Any]
-
 MOTION_SUFFIXES = (".bvh", ".glb", ".npz")
 """Endings of the names of files that hold the motions of grafts."""
 
@@ -110,12 +108,12 @@ def files_of_graft(path: Path) -> list[Path]:
 def write_graft(
     graft: Graft | Sequence[Graft],
     path: str | PathLike[str],
-    sections: Sections | Sequence[Sections] | None = None,
+    sections: Sequence[Mapping[str, Any]] = (),
     *,
     digits: int | None = None,
     update: bool = False,
     force: bool = False,
-) -> None:
+) -> tuple[str, ...]:
     """Write the motions of grafts, and the provenance from which `replay` remakes them.
 
     A ``.glb`` file is a copy of the glTF or FBX file of the bases, to which the motions are added
@@ -131,7 +129,7 @@ def write_graft(
     path : path
         The ``.bvh``, ``.glb`` or ``.npz`` file. Existing files are overwritten. The provenance of a
         ``.bvh`` file and of a copy of an AMASS file has the same name with the ending ``.json``.
-    sections : mapping of str to JSON values, or a sequence of them, optional
+    sections : sequence of mapping of str to JSON values, optional
         Further keys of the provenance of each graft, such as measures of the motion.
     digits : int, optional
         Decimals of computed angles in a ``.bvh`` file; see `write_bvh`. The provenance contains it.
@@ -140,6 +138,11 @@ def write_graft(
         a graft with its name, and all other content of the file stays as it is.
     force : bool
         With `update`, whether to replace also an animation that is not a graft.
+
+    Returns
+    -------
+    tuple of str
+        The names that the motions have in the file.
 
     Raises
     ------
@@ -160,27 +163,15 @@ def write_graft(
     >>> from mograft.dancer import dance
     >>> library = mg.Library.build(dance(strides=1).motion)
     >>> with TemporaryDirectory() as folder:
-    ...     mg.write_graft(mg.graft(library, seed=7), f"{folder}/new.bvh")
+    ...     _ = mg.write_graft(mg.graft(library, seed=7), f"{folder}/new.bvh")
     ...     mg.replay(f"{folder}/new.json", library)
     Graft(dance_graft0: 195 of 197 parts exchanged)
     """
     grafts = [graft] if isinstance(graft, Graft) else list(graft)
-    digits = None if digits is None else check_digits(digits)
-    write_grafts(grafts, Path(fspath(path)), sections, digits=digits, update=update, force=force)
-
-
-def write_grafts(
-    grafts: Sequence[Graft],
-    target: Path,
-    sections: Sections | Sequence[Sections] | None = None,
-    *,
-    digits: int | None = None,
-    update: bool = False,
-    force: bool = False,
-) -> tuple[str, ...]:
-    """Write grafts as `write_graft` does; return the names that the motions have in the file."""
     for own in grafts:
         check_type("graft", own, Graft)
+    digits = None if digits is None else check_digits(digits)
+    target = Path(fspath(path))
     suffix = target.suffix.lower()
     if suffix not in MOTION_SUFFIXES:
         raise ValueError(f"`path` must end with {', '.join(MOTION_SUFFIXES)}, got {target.name}")
@@ -189,11 +180,9 @@ def write_grafts(
         raise ValueError(f"`graft` must be one graft, for .glb and .npz one or more, got {n}")
     if update and suffix != ".glb":
         raise ValueError(f"`path` must be a .glb file with `update`, got {target.name}")
-    if sections is None or isinstance(sections, Mapping):
-        sections = [sections or {}] * len(grafts)
     documents = [
         {"mograft": VERSION, **graft_record(own, target.parent), "digits": digits, **extra}
-        for own, extra in zip(grafts, sections, strict=True)
+        for own, extra in zip(grafts, sections or [{}] * n, strict=True)
     ]
     texts = [json.dumps(own) for own in documents]
     if suffix == ".glb":

@@ -287,8 +287,8 @@ class Ban(_SegmentConstraint):
     donor : int, str or tuple of (str, int, int), optional
         Index of a segment in the library, a clip, or a clip with the first and last frame of a
         range: all segments that share two successive frames with it are excluded. Default: the
-        captured motion, so that the segment is exchanged; in `Graft.replace`, the donor that the
-        segment has in the graft.
+        captured motion, so that the segment is exchanged; in `mograft.edit`, the donor that the
+        segment has in the graft, if it has another candidate.
     frames : tuple of int, optional
         First and last frame of a range of base segments, instead of `segment`.
     group : str, optional

@@ -1,18 +1,19 @@
 """Donor spans: parts of clips, between any two frames, that replace a range of a motion."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.blend.foot_planting import plant_feet
-from mograft.blend.loop_join import close_join
 from mograft.blend.recombine import recombine, splice
-from mograft.blend.transplant import transplant
+from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.body.anatomy import feature_joints
 from mograft.body.contacts import detect_contacts, find_legs
+from mograft.body.groups import PRESETS, JointGroups
+from mograft.errors import join_names, suggest_name
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
@@ -39,31 +40,62 @@ class DonorSpan:
     cost: float = 0.0
 
 
+@dataclass(frozen=True, eq=False)
+class ChangedPart:
+    """A joint group that is exchanged, or a body part within it."""
+
+    group: str  # the exchanged group
+    spec: GraftedGroup
+
+    @classmethod
+    def find(cls, problem: SearchProblem, name: str) -> "ChangedPart":
+        """Return the exchanged group with a name, or the group of a preset within one.
+
+        Raise ValueError if there is none.
+        """
+        skeleton, names = problem.base.skeleton, list(problem.pools)
+        if name in names:
+            return cls(name, problem.group_specs[name])
+        for preset in PRESETS:
+            try:
+                groups = JointGroups.preset(preset, skeleton).resolve(skeleton)
+            except ValueError:  # the skeleton lacks a body part
+                continue
+            names += [own for own in groups if own not in names]
+            for group, spec in problem.group_specs.items():
+                if name in groups and np.isin(groups[name], spec.whole_joints).all():
+                    return cls(group, replace(spec, joints=groups[name], held={}))
+        raise ValueError(
+            f"`group` must be an exchanged group, one of {join_names(list(problem.pools))}, or a "
+            f"body part within one; got {name!r}{suggest_name(name, names)}"
+        )
+
+
 def find_donor_spans(
     problem: SearchProblem,
     motion: Motion,
-    group: str,
+    part: ChangedPart,
     frames: Span,
     within: Sequence[tuple[int, Span | None]] | None = None,
 ) -> Iterator[DonorSpan]:
-    """Yield the spans that can replace a group in a range of frames of a motion, cheapest first.
+    """Yield the spans that can replace a part in a range of frames of a motion, cheapest first.
 
     `within` has the clips that may donate, each with the frames of which a span is a part. By
-    default all clips donate, and spans in which the group moves as in the motion or its base, or
-    with seams wider than `Config.max_angle`, are left out. The
+    default all clips donate, and spans in which the part moves as in the motion or its base, spans
+    around the range itself, and those with seams wider than `Config.max_angle` are left out. The
     cost is that of `CostModel`, with the seams at the ends of the range, the mean angle of the base
     part instead of distances in the embedding, and the pose difference to the range. Spans of
     one clip that overlap by more than half are one: the cheapest. Spans are as long as the range
     up to `Config.max_stretch`; a clip or part that is shorter is taken as a whole.
     """
-    range_ = _Range(problem, motion, group, frames)
+    range_ = _Range(problem, motion, part, frames)
     given = within or [(clip, None) for clip in range(len(problem.library.clips))]
     found = []
-    for clip, part in given:
-        starts, stops, costs = range_.compare(clip, part, accept_same=within is not None)
+    for clip, span in given:
+        starts, stops, costs = range_.compare(clip, span, accept_same=within is not None)
         for index in _pick(starts, stops, costs):
-            span = DonorSpan(clip, int(starts[index]), int(stops[index]), float(costs[index]))
-            found.append(span)
+            ends = int(starts[index]), int(stops[index])
+            found.append(DonorSpan(clip, *ends, float(costs[index])))
     yield from sorted(found, key=lambda own: (own.cost, own.clip, own.start))
 
 
@@ -80,12 +112,14 @@ def _pick(starts: IntArray, stops: IntArray, costs: FloatArray) -> Iterator[int]
 class _Range:
     """A range of a motion with which spans of clips are compared."""
 
-    def __init__(self, problem: SearchProblem, motion: Motion, group: str, frames: Span) -> None:
-        self.problem, self.group, self.frames = problem, group, frames
+    def __init__(
+        self, problem: SearchProblem, motion: Motion, part: ChangedPart, frames: Span
+    ) -> None:
+        self.problem, self.group, self.frames = problem, part.group, frames
         library = problem.library
-        whole = problem.whole_joints[group]
+        whole = part.spec.whole_joints
         self.joints = np.setdiff1d(feature_joints(library.skeleton, whole), [library.root])
-        base_joints = problem.group_specs[group].base_joints
+        base_joints = part.spec.base_joints
         self.base_joints = np.zeros(0, np.int64) if base_joints is None else base_joints
         self.n = frames[1] - frames[0]
         samples = frames[0] + np.round(np.linspace(0.0, self.n, _N_SAMPLES)).astype(np.int64)
@@ -118,6 +152,9 @@ class _Range:
             return starts, stops, np.zeros(0)
         costs = self._costs(motion, starts, stops, accept_same=accept_same)
         costs[self._is_excluded(clip, starts, stops)] = np.inf
+        if not accept_same and motion.name == self.problem.base.name:
+            shared = np.minimum(stops, self.frames[1]) - np.maximum(starts, self.frames[0])
+            costs[shared * 2 > self.n] = np.inf
         return starts, stops, costs
 
     def _costs(
@@ -178,51 +215,58 @@ def _speeds(motion: Motion, joints: IntArray) -> FloatArray:
 
 
 def insert_span(
-    problem: SearchProblem, motion: Motion, group: str, frames: Span, span: DonorSpan
+    problem: SearchProblem, motion: Motion, part: ChangedPart, frames: Span, span: DonorSpan
 ) -> Motion:
-    """Return a motion in which a group moves as in a donor span in a range of frames.
+    """Return a motion in which a part moves as in a donor span in a range of frames.
 
-    The span is stretched to the length of the range, and the seams at both ends are closed. Frames
-    farther from the range than `Config.seam_blend` are those of `motion`, bit for bit, except for
-    a root that the group contains; see `splice`.
+    The span is stretched to the length of the range. The seams at both ends are closed within the
+    range: in `Config.seam_blend` seconds, or a quarter of the range if that is shorter. All other
+    frames are those of `motion`, bit for bit, except for a root that the part contains; see
+    `splice`.
     """
-    library, config, last = problem.library, problem.config, motion.n_frames - 1
-    bounds = sorted({0, *frames, last})
+    library, last, rate = problem.library, motion.n_frames - 1, motion.rate
+    (first, stop), n = frames, frames[1] - frames[0]
+    blend = min(problem.config.seam_blend, n / 4.0 / rate)
+    config = replace(problem.config, seam_blend=blend)
+    # The seam is as far inside as it changes frames; at the ends of the motion there is none.
+    inset = min(int(np.ceil(blend * rate)), (n - 1) // 2)
+    begin = first if first == 0 and not problem.is_loop else first + inset
+    end = stop if stop == last and not problem.is_loop else stop - inset
+    ratio = (span.stop - span.start) / n
+    taken = [span.start + round((frame - first) * ratio) for frame in (begin, end)]
+    bounds = sorted({0, begin, end, last})
     cut = Segments(*np.array(list(pairwise(bounds))).T)
-    is_new = cut.start == frames[0]
+    is_new = cut.start == begin
     donors = Segments(
-        np.where(is_new, span.start, cut.start),
-        np.where(is_new, span.stop, cut.stop),
+        np.where(is_new, taken[0], cut.start),
+        np.where(is_new, max(taken[1], taken[0] + 1), cut.stop),
         is_new.astype(np.int64),
     )
-    clip, spec = library.clips[span.clip], problem.group_specs[group]
-    part = transplant(motion, cut, donors, [motion, clip], spec, config)
-    if problem.is_loop and (frames[0] == 0 or frames[1] == last):
-        part = close_join(part, motion.rate, config.seam_blend)
-    new = recombine(motion, [part], motion.name)
-    reach = int(np.ceil(config.seam_blend * motion.rate))
-    at, near = np.arange(motion.n_frames), np.zeros(motion.n_frames, bool)
-    for turn in (-last, 0, last) if problem.is_loop else (0,):
-        near |= (at + turn >= frames[0] - reach) & (at + turn <= frames[1] + reach)
-    new = _plant_feet(problem, new, group, frames, span, near)
-    moving = [library.root] if library.root in spec.whole_joints else []
-    return splice(motion, new, near, problem.base_poses.height, moving)
+    clip = library.clips[span.clip]
+    made = transplant(motion, cut, donors, [motion, clip], part.spec, config)
+    new = recombine(motion, [made], motion.name)
+    at = np.arange(motion.n_frames)
+    is_inside = (at >= first) & (at <= stop)
+    # Corrections of the feet fade outside of their contacts.
+    new = _plant_feet(problem, new, part, frames, span, (at >= begin) & (at <= end))
+    moving = [library.root] if library.root in part.spec.whole_joints else []
+    return splice(motion, new, is_inside, problem.base_poses.height, moving)
 
 
 def _plant_feet(
     problem: SearchProblem,
     motion: Motion,
-    group: str,
+    part: ChangedPart,
     frames: Span,
     span: DonorSpan,
     near: BoolArray,
 ) -> Motion:
-    """Plant the feet that a group drives in their contacts of the new motion and of the span.
+    """Plant the feet that a part drives in their contacts of the new motion and of the span.
 
     Only contacts in the frames `near`, a mask of shape (n_frames,), count.
     """
     library, skeleton = problem.library, motion.skeleton
-    joints = set(problem.whole_joints[group].tolist())
+    joints = set(part.spec.whole_joints.tolist())
     legs = find_legs(skeleton)
     driving = {joint for leg in legs for joint in (leg.ankle, *skeleton.ancestors(leg.ankle))}
     if library.config.feet == "never" or joints.isdisjoint(

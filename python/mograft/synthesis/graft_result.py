@@ -92,7 +92,9 @@ class Change:
     Attributes
     ----------
     group : str
-        The joint group.
+        The exchanged group.
+    part : str or None
+        The body part within the group that moves so; None for the whole group.
     frames : tuple of int
         First and last frame in the base, both included.
     clip : str
@@ -104,6 +106,7 @@ class Change:
     """
 
     group: str
+    part: str | None = None
     frames: Span
     clip: str
     clip_frames: Span
@@ -111,7 +114,7 @@ class Change:
 
     def __str__(self) -> str:
         where, donor = (f"{first}-{last}" for first, last in (self.frames, self.clip_frames))
-        return f"{self.group}, frames {where}: {self.clip} {donor}"
+        return f"{self.part or self.group}, frames {where}: {self.clip} {donor}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,16 +2,15 @@
 
 import base64
 import zlib
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
-from itertools import product
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from mograft._util.arrays import FloatArray
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.gaussian import gaussian_filter
+from mograft._util.runs import find_runs
 from mograft.analysis.segmentation import kinetic_energy
 from mograft.body.mass import mass_model, up_axis
 from mograft.motion import rotations
@@ -20,12 +19,19 @@ from mograft.motion.skeleton import Skeleton
 from mograft.search.constraints import Constraint
 from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Obstacle, Sphere
 from mograft.search.pose_constraints import Avoid, Face, KeepOut, Reach
+from mograft.viewing.character import find_characters
 from mograft.viewing.figure import Figure, ShownConstraint, TimelineRow
-from mograft.viewing.geometry import DrawnSkeleton, count_nodes
+from mograft.viewing.geometry import DrawnSkeleton
 from mograft.viewing.scene import Scene
 
-MAX_NODE_POSITIONS = 6_000_000
-"""Maximum number of node positions on a page: of more, those of every n-th frame are stored."""
+MAX_ROTATIONS = 6_000_000
+"""Maximum number of joint rotations on a page: of more, those of every n-th frame are stored."""
+
+_ROTATION_UNIT = 2.0**-17
+"""Step to which the components of unit quaternions are rounded."""
+
+_MESH_PRECISION = 1 / 16
+"""Steps of rotations and positions of a mesh, relative to those of capsules."""
 
 _MAX_CURVE_POINTS = 1_500
 """Maximum number of points of the energy curve, which is about the width of a screen in pixels."""
@@ -37,75 +43,153 @@ _FACE_TARGET_RADIUS = 0.02
 
 
 def encode_scene(
-    scene: Scene, max_positions: int = MAX_NODE_POSITIONS, n_shown: int | None = None
+    scene: Scene, max_rotations: int = MAX_ROTATIONS, n_shown: int | None = None
 ) -> dict[str, Any]:
     """Return a scene as a dict for JSON, which the script of the page reads.
 
-    The y axis of positions points up. If all frames together have more than `max_positions` node
-    positions, only every n-th frame is stored, with the smallest n that suffices. The page shows
-    the first `n_shown` figures until the reader chooses others; None means all.
+    If all frames together have more than `max_rotations` joint rotations, only every n-th frame is
+    stored, with the smallest n that suffices. Donors that the page does not show as figures have
+    at most a fifteenth of this number. The page shows the first `n_shown` figures until the reader
+    chooses others; None means all.
     """
     objects = encode_objects(scene.constraints)
     motions = [figure.motion for figure in scene.figures]
-    motions += [own["clip"][1] for own in objects if own["kind"] == "figure"]
-    total = sum(motion.n_frames * count_nodes(motion) for motion in motions)
-    step = max(1, -(-total // max_positions))
-    skeletons = [DrawnSkeleton.of(figure.motion, step) for figure in scene.figures]
+    motions += [own["clip"].motion for own in objects if own["kind"] == "figure"]
+    total = sum(motion.n_frames * motion.n_joints for motion in motions)
+    step = max(1, -(-total // max_rotations))
+    skeletons = [
+        DrawnSkeleton.of(figure.motion, figure.motion.n_frames) for figure in scene.figures
+    ]
     donors: dict[str, int] = {}
-    tables = {id(own.candidates): own.candidates for own in scene.figures if own.candidates}
-    numbers = {key: number for number, key in enumerate(tables)}
+    listed = {id(own.candidates): own for own in scene.figures if own.candidates}
+    numbers = {key: number for number, key in enumerate(listed)}
+    paths = [(figure.motion.path, figure.motion.skeleton) for figure in scene.figures]
+    characters, worn, notes = find_characters(paths, scene.character)
     clips = [
-        _encode_figure(figure, skeleton, step, donors)
-        | {"candidates": numbers.get(id(figure.candidates))}
-        for figure, skeleton in zip(scene.figures, skeletons, strict=True)
+        _encode_figure(figure, skeleton, (step, 1.0 if number is None else _MESH_PRECISION), donors)
+        | {"candidates": numbers.get(id(figure.candidates)), "character": number}
+        for figure, skeleton, number in zip(scene.figures, skeletons, worn, strict=True)
     ]
     for own in objects:
         if own["kind"] == "figure":
-            skeleton, motion = own["clip"]
-            stored = replace(skeleton, positions=skeleton.positions[::step])
-            own["clip"] = _encode_poses(stored, motion, step)
-    note = ""
+            own["clip"] = _encode_character(own["clip"], own.pop("to_page"), step)
     if step > 1:
         note = f"Long motions: every {_ordinal(step)} frame is stored, the others are interpolated."
+        notes.append(note)
     candidates = [
-        {group: _with_numbers(own, donors) for group, own in table.items()}
-        for table in tables.values()
+        {group: _with_numbers(table, donors) for group, table in (own.candidates or {}).items()}
+        for own in listed.values()
     ]
     shown = len(clips) if n_shown is None else n_shown
     return {
-        "format": "mograft.view/1",
+        "format": "mograft.view/2",
         "height": max(each.height for each in skeletons),
         "floor": min(each.floor for each in skeletons),
-        **{"follow": True, "note": note, "shown": shown, "groups": list(scene.groups)},
+        **{"note": " ".join(notes), "shown": shown, "groups": list(scene.groups)},
+        "characters": characters,
+        "windows": _encode_windows(list(listed.values()), scene, max_rotations // 15),
         **{"candidates": candidates, "objects": objects, "donors": list(donors), "clips": clips},
     }
 
 
 def _encode_figure(
-    figure: Figure, skeleton: DrawnSkeleton, step: int, donors: dict[str, int]
+    figure: Figure, skeleton: DrawnSkeleton, steps: tuple[int, float], donors: dict[str, int]
 ) -> dict[str, Any]:
-    """Return a figure as a dict for JSON; `skeleton` has its positions in every `step`-th frame.
+    """Return a figure as a dict for JSON.
 
     `donors` maps names of donor clips to numbers. The figure's donor clips that it does not contain
     are added to it, with the next numbers.
     """
-    poses, groups = _encode_poses(skeleton, figure.motion, step), list(figure.members)
+    poses, groups = _encode_motion(figure.motion, skeleton, *steps), list(figure.members)
     return {"name": figure.name, **poses, "tips": skeleton.tips, "groups": groups} | {
         "group": figure.group_of_nodes(skeleton.parents),
         "energy": _energy_curve(figure.motion),
-        "command": figure.command,
+        **{"command": figure.command, "keep": figure.keep, "note": figure.note},
+        "isGraft": any(part.clip is not None for row in figure.rows for part in row.parts),
         "rows": [_encode_row(row, donors) for row in figure.rows],
     }
 
 
-def _encode_poses(skeleton: DrawnSkeleton, motion: Motion, step: int) -> dict[str, Any]:
-    """Return a figure's bones and poses; `skeleton` has the positions of every `step`-th frame."""
-    stored = skeleton.positions
-    unit, path, pose = quantize(stored, skeleton.root, skeleton.height)
-    time = {"frames": motion.n_frames, "dt": motion.frame_time, "step": step, "kept": len(stored)}
-    bones = {"nodes": stored.shape[1], "parents": skeleton.parents, "width": skeleton.widths}
-    packed = {"path": _compress(path.astype("<f4").tobytes()), "pose": _compress(pose)}
-    return {**time, **bones, "unit": unit, **packed}
+def _encode_motion(
+    motion: Motion, drawn: DrawnSkeleton, step: int, precision: float = 1.0
+) -> dict[str, Any]:
+    """Return a skeleton with its shapes, and the rotations of every `step`-th frame.
+
+    `precision` is that of rotations and positions, relative to that of capsules.
+    """
+    skeleton = motion.skeleton
+    joints: IntArray = np.arange(skeleton.n_joints)
+    return {
+        **{"frames": motion.n_frames, "dt": motion.frame_time},
+        **_encode_frames(
+            motion,
+            np.arange(0, motion.n_frames, step),
+            joints,
+            (precision * _ROTATION_UNIT, precision * 1e-4 * drawn.height),
+        ),
+        **{"step": step, "parents": skeleton.parents.tolist(), "root": drawn.root},
+        "offsets": _numbers(skeleton.offsets.ravel()),
+        "ends": [[joint, *_numbers(offset)] for joint, offset in drawn.ends],
+        "bones": [
+            [bone.joint, *_numbers(bone.end), float(f"{bone.radius:.6g}"), bone.kind]
+            for bone in drawn.bones
+        ],
+        "turn": _numbers(rotations.from_matrices(drawn.to_y_up)),
+        "place": [0.0, 0.0, 0.0],
+    }
+
+
+def _encode_frames(
+    motion: Motion, frames: IntArray, joints: IntArray, units: tuple[float, float]
+) -> dict[str, Any]:
+    """Return the rotations of some joints in some frames, and the positions that vary.
+
+    Rotations that are zero in all these frames are left out.
+    """
+    turns = motion.rotations[frames][:, joints]
+    is_turning = (turns != rotations.IDENTITY).any(axis=(0, 2))
+    moving = joints[motion.is_translated[joints] | (joints == 0)]
+    tracks = [
+        rotations.continuous_signs(turns[:, is_turning]).reshape(len(frames), -1),
+        motion.positions[frames][:, moving].reshape(len(frames), -1),
+    ]
+    steps, pose = quantize(tracks, units)
+    packed = {"units": steps, "pose": _compress(pose)}
+    named = {"turning": joints[is_turning].tolist(), "moving": moving.tolist()}
+    return {"kept": len(frames), **named, **packed}
+
+
+def _encode_windows(figures: Sequence[Figure], scene: Scene, max_rotations: int) -> dict[str, Any]:
+    """Return the frames of listed donors by the name of their clip, the cheapest of each first.
+
+    Clips that the page shows are left out. At most `max_rotations` joint rotations are included.
+    """
+    shown = {own.name for own in scene.figures if own.candidates is None}
+    found: dict[str, tuple[Motion, BoolArray]] = {}
+    listed = []
+    for figure in figures:
+        for table in (figure.candidates or {}).values():
+            ranks = np.concatenate([np.arange(count) for count in (0, *table["counts"])]).tolist()
+            spans = zip(ranks, table["source"], table["first"], table["last"], strict=True)
+            listed += [(*span, figure.clip_of) for span in spans if span[1] not in shown]
+    for _, name, first, last, clip_of in sorted(listed, key=lambda own: own[0]):
+        if name not in found and clip_of is not None:
+            motion = clip_of(name)
+            found[name] = motion, np.zeros(motion.n_frames, bool)
+        motion, mask = found[name]
+        max_rotations -= motion.n_joints * int((~mask[first : last + 1]).sum())
+        if max_rotations < 0:
+            break
+        mask[first : last + 1] = True
+    windows = {}
+    for name, (motion, mask) in found.items():
+        if not mask.any():
+            continue
+        start, stop = find_runs(mask).T
+        joints: IntArray = np.arange(1, motion.n_joints)
+        packed = _encode_frames(motion, np.flatnonzero(mask), joints, (_ROTATION_UNIT, 1e-3))
+        windows[name] = {**packed, "step": 1, "start": start.tolist(), "stop": (stop - 1).tolist()}
+    return windows
 
 
 def _with_numbers(listed: Mapping[str, list[Any]], donors: dict[str, int]) -> dict[str, Any]:
@@ -114,31 +198,26 @@ def _with_numbers(listed: Mapping[str, list[Any]], donors: dict[str, int]) -> di
     return {**listed, "source": source}
 
 
-def quantize(positions: FloatArray, root: int, height: float) -> tuple[float, FloatArray, bytes]:
-    """Encode world positions, shape (n_frames, n_nodes, 3), in few bytes.
+def quantize(tracks: Sequence[FloatArray], units: Sequence[float]) -> tuple[list[float], bytes]:
+    """Encode arrays of shape (n_frames, n_tracks) in few bytes; return the steps and the bytes.
 
-    Return the quantization step, the path of the node `root`, shape (n_frames, 3), rounded to
-    float32, and the encoded positions of all nodes relative to this path. The relative positions
-    are rounded to 16-bit multiples of the step, which is at least a ten-thousandth of the body
-    height `height`. Each coordinate of each node is replaced by its second differences in time. A
-    difference d ≥ 0 becomes the unsigned integer 2d, and d < 0 becomes -2d - 1. All low bytes
-    precede all high bytes, because zlib compresses this order best.
+    The values of array i are rounded to multiples of `units[i]`, or of a larger step if they exceed
+    four million steps. Each value is replaced by its second difference in time. A difference d ≥ 0
+    becomes the unsigned integer 2d, and d < 0 becomes -2d - 1, with 24 bits. All low bytes precede
+    all middle bytes and these all high bytes, because zlib compresses this order best.
     """
-    path = positions[:, root].astype(np.float32).astype(np.float64)
-    relative = positions - path[:, None]
-    greatest = max(float(relative.max()), -float(relative.min()))
-    unit = max(greatest / 32_000, 1e-4 * height)
-    # In place: these are the largest arrays of a page.
-    relative /= unit
-    integers = np.round(relative, out=relative).astype(np.int16)
-    # Differences overflow as the sums in the page's script do, so that both cancel.
-    with np.errstate(over="ignore"):
-        velocity = np.diff(integers, axis=0, prepend=np.zeros_like(integers[:1]))
-        change = np.diff(velocity, axis=0, prepend=np.zeros_like(integers[:1]))
-    folded = ((change << 1) ^ (change >> 15)).astype(np.uint16)
-    tracks = np.ascontiguousarray(folded.reshape(len(folded), -1).T)
-    planes = (tracks & 0xFF, tracks >> 8)
-    return unit, path, b"".join(plane.astype(np.uint8).tobytes() for plane in planes)
+    steps = [
+        max(unit, float(np.abs(own).max(initial=0.0)) / 4_000_000)
+        for own, unit in zip(tracks, units, strict=True)
+    ]
+    scaled = [own / step for own, step in zip(tracks, steps, strict=True)]
+    integers = np.concatenate(scaled, axis=1).round().astype(np.int32)
+    velocity = np.diff(integers, axis=0, prepend=np.zeros_like(integers[:1]))
+    change = np.diff(velocity, axis=0, prepend=np.zeros_like(integers[:1]))
+    # Differences overflow 24 bits as the sums in the page's script do, so that both cancel.
+    change = (change << 8) >> 8
+    folded = ((change << 1) ^ (change >> 31)).T
+    return steps, b"".join((folded >> shift).astype(np.uint8).tobytes() for shift in (0, 8, 16))
 
 
 def _compress(data: bytes) -> str:
@@ -171,6 +250,11 @@ def _encode_row(row: TimelineRow, donors: dict[str, int]) -> dict[str, Any]:
         **{"source": source, "first": column("donor_start"), "last": column("donor_stop")},
         "stretch": np.round(column("stretch"), 4).tolist(),
         **{"before": before, "after": after, "others": column("n_alternatives")},
+        "changes": [
+            {"start": own.start, "stop": own.stop, "first": own.donor_start, "last": own.donor_stop}
+            | {"source": donors.setdefault(own.clip or "", len(donors))}
+            for own in row.changes
+        ],
     }
 
 
@@ -199,8 +283,8 @@ def encode_objects(shown: Iterable[ShownConstraint]) -> list[dict[str, Any]]:
     """Return the obstacles and targets as dicts for JSON, with positions in the axes of the page.
 
     Constraints without a place in the world are omitted. A dict of kind ``"figure"`` has the
-    skeleton in these axes and the motion of a character under ``"clip"``, which the caller must
-    encode.
+    `Character` under ``"clip"`` and the rotation matrix to the page's axes under ``"to_page"``,
+    which the caller must encode.
     """
     objects = []
     for constraint, motion in shown:
@@ -258,41 +342,38 @@ def _label(constraint: Constraint) -> str:
 def _encode_obstacle(obstacle: Obstacle, to_page: FloatArray) -> dict[str, Any] | None:
     """Return an obstacle as a dict, or None if its class is unknown."""
 
-    def move(position: npt.ArrayLike) -> list[float]:
-        return _numbers(to_page @ np.asarray(position, float))
+    def place(center: npt.ArrayLike, turn: FloatArray | None = None) -> dict[str, list[float]]:
+        found = {"center": _numbers(to_page @ np.asarray(center, float))}
+        if turn is not None:
+            turned = rotations.multiply(rotations.from_matrices(to_page), turn)
+            found["turn"] = _numbers(turned)
+        return found
 
     if isinstance(obstacle, Sphere):
-        return {"kind": "sphere", "center": move(obstacle.center), "radius": obstacle.radius}
+        return {"kind": "sphere", **place(obstacle.center), "radius": obstacle.radius}
     if isinstance(obstacle, Capsule):
-        start, stop = obstacle.start, obstacle.stop
-        center = move(np.mean([start, stop], axis=0))
-        ends = {"start": move(start), "stop": move(stop)}
-        return {"kind": "capsule", "center": center, **ends, "radius": obstacle.radius}
+        start, stop = np.array([obstacle.start, obstacle.stop], float)
+        turn = rotations.shortest_arc(np.array([0.0, 1.0, 0.0]), stop - start)
+        size = {"radius": obstacle.radius, "length": float(np.linalg.norm(stop - start))}
+        return {"kind": "capsule", **place((start + stop) / 2, turn), **size}
     if isinstance(obstacle, Box):
-        signs = np.array(list(product((-1.0, 1.0), repeat=3)))
-        turn = np.broadcast_to(np.array(obstacle.rotation, float), (8, 4))
-        corners = rotations.rotate(turn, signs * obstacle.half) + obstacle.center
-        center = move(obstacle.center)
-        return {"kind": "box", "center": center, "corners": [move(corner) for corner in corners]}
+        turn = np.array(obstacle.rotation, float)
+        return {"kind": "box", **place(obstacle.center, turn), "half": list(obstacle.half)}
     if isinstance(obstacle, HalfSpace):
-        normal = to_page @ (np.array(obstacle.normal) / np.linalg.norm(obstacle.normal))
-        across = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
-        across /= np.linalg.norm(across)
-        axes = {"normal": normal, "across": across, "along": np.cross(normal, across)}
-        numbers = {name: _numbers(axis) for name, axis in axes.items()}
-        return {"kind": "plane", "point": move(obstacle.point), **numbers}
+        turn = rotations.shortest_arc(np.array([0.0, 0.0, 1.0]), np.array(obstacle.normal, float))
+        return {"kind": "plane", **place(obstacle.point, turn)}
     if isinstance(obstacle, Character):
-        return {"kind": "figure", "delay": obstacle.delay, "clip": _character(obstacle, to_page)}
+        return {"kind": "figure", "delay": obstacle.delay, "clip": obstacle, "to_page": to_page}
     return None
 
 
-def _character(obstacle: Character, to_page: FloatArray) -> tuple[DrawnSkeleton, Motion]:
-    drawn = DrawnSkeleton.of(obstacle.motion)
-    world = drawn.positions @ drawn.to_y_up
-    axis = np.eye(3)[up_axis(obstacle.motion)]
-    turn = np.broadcast_to(rotations.exp(obstacle.yaw * axis), (*world.shape[:-1], 4))
-    moved = rotations.rotate(turn, world) + np.array(obstacle.offset)
-    return replace(drawn, positions=moved @ to_page.T), obstacle.motion
+def _encode_character(own: Character, to_page: FloatArray, step: int) -> dict[str, Any]:
+    """Return the motion of a character, placed in the axes of the page."""
+    drawn = DrawnSkeleton.of(own.motion, own.motion.n_frames)
+    yaw = rotations.exp(own.yaw * np.eye(3)[up_axis(own.motion)])
+    turn = rotations.multiply(rotations.from_matrices(to_page), yaw)
+    place = {"turn": _numbers(turn), "place": _numbers(to_page @ np.array(own.offset, float))}
+    return _encode_motion(own.motion, drawn, step) | place | {"character": None}
 
 
 def _numbers(values: FloatArray) -> list[float]:

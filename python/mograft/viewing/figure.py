@@ -1,9 +1,10 @@
 """Figures on a page: motions with joint groups and segments, also of grafts in files."""
 
+import shlex
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -25,6 +26,8 @@ _MAX_LISTED = 20
 
 _MAX_SEGMENTS = 1_500
 """Maximum number of segments with listed donors, over all groups."""
+
+_FROM = ("mograft", "graft", "--from")
 
 CandidateTable: TypeAlias = Mapping[str, Mapping[str, list[Any]]]
 """For each exchanged group, one list per quantity for all listed candidates."""
@@ -51,6 +54,7 @@ class TimelineRow(NamedTuple):
 
     group: str
     parts: tuple[TimelinePart, ...]
+    changes: tuple[TimelinePart, ...] = ()  # Ranges that `Graft.changes` replaced.
 
     @classmethod
     def of_clip(
@@ -70,7 +74,22 @@ class Figure:
     members: Mapping[str, IntArray]  # The joints of each group.
     rows: tuple[TimelineRow, ...]  # The rows of the figure in the timeline.
     candidates: CandidateTable | None = None  # The donors that the segments of a graft could have.
-    command: str | None = None  # Command line to which the page appends ``--take`` and ``--ban``.
+    clip_of: Callable[[str], Motion] | None = None  # The donor clip of a name.
+    note: str = ""  # How new a graft is.
+    command: str | None = None  # Command line to which the page appends choices of donors.
+    keep: list[str] | str | None = None  # Files of a graft, or the command that writes it again.
+
+    def with_file(self, path: Path) -> "Figure":
+        """Return the figure of a graft with the commands that edit and keep its file."""
+        name, file, record = self.motion.name, str(path), str(path.with_suffix(".json"))
+        source, target = record, [str(path.with_name(f"{path.stem}_new.bvh"))]
+        keep: list[str] | str = [file, record]
+        if path.suffix.lower() in (".glb", ".npz"):
+            source = f"{file}#{name}"
+            keep = shlex.join([*_FROM, source, "-o", f"kept/{name}{path.suffix}"])
+        if path.suffix.lower() == ".glb":
+            target = [file, "--as", f"{name}_new"]
+        return replace(self, command=shlex.join([*_FROM, source, "-o", *target]), keep=keep)
 
     def group_of_nodes(self, parents: Sequence[int]) -> list[int]:
         """Return the index of the joint group of each node.

@@ -33,7 +33,6 @@ _CAMERA_DISTANCE = 5.0
 _CAMERA_TILT_DEGREES = 12.0
 _CAMERA_YAW_DEGREES = 30.0
 _CAMERA_SMOOTHING_SECONDS = 0.5
-_BONE_RADIUS = 0.011
 _FLOOR_SPACING = 0.5
 _FLOOR_EXTENT = 2.0
 
@@ -98,7 +97,7 @@ class _Panel:
         self.name = "".join(c for c in figure.name if c.isprintable())[:_MAX_NAME_LENGTH]
         bones = [(parent, node) for node, parent in enumerate(drawn.parents) if parent >= 0]
         self.bones = np.array(bones).reshape(-1, 2)
-        self.radii = _BONE_RADIUS * np.array(drawn.widths)[self.bones[:, 1]]
+        self.radii = np.array([bone.radius / drawn.height for bone in drawn.bones])
         self.positions = (drawn.positions - [0, drawn.floor, 0]) / drawn.height
         group = figure.group_of_nodes(drawn.parents)
         # A bone has the colour of the joint that moves it.

@@ -3,11 +3,13 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import inf
+from typing import NamedTuple
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft.body.anatomy import Anatomy, anatomy, root_carriers
+from mograft.body.capsules import RADII
 from mograft.body.mass import mass_model, mean_world_positions, up_axis, up_sign
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -15,16 +17,10 @@ from mograft.motion.skeleton import Skeleton
 
 _MAX_TIPS = 12
 
-_BONE_WIDTHS = (
-    {"head": 2.6, "neck": 1.1, "trunk": 1.9, "pelvis": 1.9, "clavicle": 1.2}
-    | {"upper_arm": 1.3, "forearm": 1.1, "hand": 0.9, "finger": 0.4}
-    | {"thigh": 1.7, "shank": 1.4, "foot": 1.2, "toe": 1.0}
-)
-"""Width of the bones of a body part; 1 is about a fiftieth of the height."""
-
-_TRUNK_TO_LIMB_WIDTH = 1.1
-_DETAIL_WIDTH = 0.4
-
+_FINGER_RADIUS = 0.006
+_DETAIL_RADIUS = 0.005
+_OTHER_RADIUS = 0.012
+"""Radii of bones without a capsule in `RADII`, in heights."""
 
 _UPRIGHT = (
     [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
@@ -32,6 +28,15 @@ _UPRIGHT = (
     [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]],
 )
 """For each vertical axis, the rotation matrix that maps it to the y axis."""
+
+
+class Bone(NamedTuple):
+    """A bone as pages draw it: a capsule, or the shape of a head, hand or foot."""
+
+    joint: int
+    end: FloatArray  # The other end in the axes of the joint.
+    radius: float
+    kind: str  # "head", "hand" or "foot", otherwise "".
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,8 +52,9 @@ class DrawnSkeleton:
     root: int  # The joint whose path the camera follows.
     height: float  # Of the body.
     floor: float  # Height of the floor.
-    widths: list[float]  # Of each node's bone; 1 is about a fiftieth of the body height.
     tips: list[int]  # The nodes at the ends of the limbs, fingers excepted; at most 12.
+    ends: list[tuple[int, FloatArray]]  # Joint and offset of each node that is no joint.
+    bones: list[Bone]
 
     @classmethod
     def of(cls, motion: Motion, step: int = 1) -> "DrawnSkeleton":
@@ -70,6 +76,9 @@ class DrawnSkeleton:
             stored = turned[first * step - frames.start :: step]
             positions[first : first + len(stored)] = stored
         root = motion.locomotion_root()
+        ends = [(site.parent, site.offset) for site in skeleton.end_sites]
+        if top is not None:
+            ends.append((top, mass.bone[top]))
         return cls(
             positions=positions,
             to_y_up=to_y_up,
@@ -77,8 +86,9 @@ class DrawnSkeleton:
             root=known.hips if root in root_carriers(skeleton) else root,
             height=mass.height,
             floor=float(np.percentile(lowest, 5)),
-            widths=_bone_widths(known, parents),
             tips=_limb_tips(known, parents),
+            ends=ends,
+            bones=_drawn_bones(skeleton, parents, ends, mass.height),
         )
 
 
@@ -91,11 +101,6 @@ def node_parents(motion: Motion) -> list[int]:
     carriers = root_carriers(skeleton)
     parents = [*skeleton.parents.tolist(), *(site.parent for site in skeleton.end_sites)]
     return [-1 if parent in carriers else parent for parent in parents]
-
-
-def count_nodes(motion: Motion) -> int:
-    """Return the number of nodes of the `DrawnSkeleton` of a motion."""
-    return len(node_parents(motion)) + (_head_without_end(motion) is not None)
 
 
 def _node_blocks(motion: Motion, top: int | None) -> Iterator[tuple[slice, FloatArray]]:
@@ -134,19 +139,28 @@ def _head_without_end(motion: Motion) -> int | None:
     return head if head is not None and on_head and on_head <= details else None
 
 
-def _bone_widths(known: Anatomy, parents: list[int]) -> list[float]:
-    by_joint = [_BONE_WIDTHS.get(part, 1.0) for part in known.parts]
-    above = [max(parent, 0) for parent in parents]
-    widths = [by_joint[node] for node in above]
-    for joint, part in enumerate(known.parts):
-        is_trunk = widths[joint] == _BONE_WIDTHS["trunk"]
-        if is_trunk and part not in ("trunk", "neck", "head"):
-            widths[joint] = _TRUNK_TO_LIMB_WIDTH
-    for node, parent in enumerate(above):
-        # Eyes and markers drawn as wide as the head would look like a second head.
-        if {node, parent} & set(known.details):
-            widths[node] = _DETAIL_WIDTH
-    return widths
+def _drawn_bones(
+    skeleton: Skeleton, parents: list[int], ends: list[tuple[int, FloatArray]], height: float
+) -> list[Bone]:
+    known = anatomy(skeleton)
+    offsets = [*skeleton.offsets, *(offset for _, offset in ends)]
+    parts = [*known.parts, *(known.parts[joint] for joint, _ in ends)]
+    bones = []
+    for node, joint in enumerate(parents):
+        if joint < 0:
+            continue
+        part, shape = parts[joint], ""
+        radius = RADII.get(part, _FINGER_RADIUS if part == "finger" else _OTHER_RADIUS)
+        if {node, joint} & set(known.details):
+            radius = _DETAIL_RADIUS  # Eyes as wide as the head would look like a second head.
+        elif part == "trunk" and parts[node] not in ("trunk", "neck", "head"):
+            radius = RADII["clavicle"]  # From the trunk to a limb.
+        elif part == "foot" or (node >= skeleton.n_joints and part in ("head", "hand")):
+            shape = part
+        elif part == "pelvis":  # It is wider than the trunk, in which it ends.
+            radius = RADII["thigh"] if parts[node] == "thigh" else 1.06 * radius
+        bones.append(Bone(joint, offsets[node], radius * height, shape))
+    return bones
 
 
 def _limb_tips(known: Anatomy, parents: list[int]) -> list[int]:

@@ -21,15 +21,15 @@ from mograft.config import Config
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 from mograft.synthesis.graft_result import Graft
-from mograft.viewing.encoding import MAX_NODE_POSITIONS, encode_scene
+from mograft.viewing.encoding import MAX_ROTATIONS, encode_scene
 from mograft.viewing.scene import Item, Scene
 
-_MAX_NOTEBOOK_POSITIONS = 300_000
-"""Maximum number of node positions in a notebook cell, which is saved with the notebook."""
+_MAX_NOTEBOOK_ROTATIONS = 250_000
+"""Maximum number of joint rotations in a notebook cell, which is saved with the notebook."""
 
 _SCRIPTS = (
-    *("scene", "poses", "colours", "camera", "player", "objects"),
-    *("stage", "figures", "timeline", "details", "input", "main"),
+    *("scene", "poses", "colours", "character", "actors", "player", "objects", "stage"),
+    *("choices", "timeline", "figures", "details", "input", "main"),
 )
 """The modules of the viewer's script; each imports only from those before it."""
 
@@ -157,9 +157,9 @@ def view(
     return page
 
 
-def viewer_page(scene: Scene, title: str, max_positions: int = MAX_NODE_POSITIONS) -> Page:
-    """Return a page that contains only the viewer; see `encode_scene` for `max_positions`."""
-    return assemble_page(title, viewer_html(scene, max_positions), "alone")
+def viewer_page(scene: Scene, title: str, max_rotations: int = MAX_ROTATIONS) -> Page:
+    """Return a page that contains only the viewer; see `encode_scene` for `max_rotations`."""
+    return assemble_page(title, viewer_html(scene, max_rotations), "alone")
 
 
 def notebook_view(item: Motion | Graft) -> str:
@@ -169,24 +169,26 @@ def notebook_view(item: Motion | Graft) -> str:
     """
     scene = Scene.of([item])
     name = scene.figures[0].name
-    return iframe_html(viewer_page(scene, name, _MAX_NOTEBOOK_POSITIONS).html, name)
+    return iframe_html(viewer_page(scene, name, _MAX_NOTEBOOK_ROTATIONS).html, name)
 
 
-def viewer_html(
-    scene: Scene, max_positions: int = MAX_NODE_POSITIONS, n_shown: int = _MAX_SHOWN
-) -> str:
+def viewer_html(scene: Scene, max_rotations: int = MAX_ROTATIONS, n_shown: int = _MAX_SHOWN) -> str:
     """Return the HTML of the viewer with a scene; a page can contain only one viewer.
 
     The page shows the first `n_shown` figures until the reader chooses others. The positions of
     each figure are in a separate element, which the script reads when it first shows the figure.
     """
-    data = encode_scene(scene, max_positions, n_shown)
+    data = encode_scene(scene, max_rotations, n_shown)
     characters = [own["clip"] for own in data["objects"] if own["kind"] == "figure"]
     elements = [asset("viewer.html")]
-    for index, clip in enumerate([*data["clips"], *characters]):
+    for index, clip in enumerate([*data["clips"], *characters, *data["windows"].values()]):
         clip["data"] = f"mograft-poses-{index}"
-        poses = {key: clip.pop(key) for key in ("path", "pose")}
+        poses = {key: clip.pop(key) for key in ("units", "pose")}
         elements.append(embed_json(poses, clip["data"]))
+    for index, character in enumerate(data["characters"]):
+        character["data"] = f"mograft-character-{index}"
+        stored = {key: character.pop(key) for key in ("arrays", "textures")}
+        elements.append(embed_json(stored, character["data"]))
     return "\n".join([*elements, embed_json(data)])
 
 
@@ -209,13 +211,13 @@ def assemble_page(
     """
     # A name in a file may contain a lone surrogate, which UTF-8 cannot encode.
     title, body = (text.encode("utf-8", "replace").decode("utf-8") for text in (title, body))
-    script = viewer_script() if script is None else script
+    scripts = [asset("three.js"), viewer_script()] if script is None else [script]
     sheet = asset("viewer.css") + style
     # Additional protection against names from files that contain HTML: the browser runs only
     # this script and loads nothing.
     policy = (
         f"default-src 'none'; img-src data:; base-uri 'none'; form-action 'none'; "
-        f"script-src '{_digest(script)}'; style-src '{_digest(sheet)}'"
+        f"script-src {' '.join(map(_quoted_digest, scripts))}; style-src {_quoted_digest(sheet)}"
     )
     return Page(
         title,
@@ -225,7 +227,9 @@ def assemble_page(
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
         f"<title>{html.escape(title)}</title>"
         f"<style>{sheet}</style></head>\n"
-        f'<body class="{kind}">\n{body}\n<script>{script}</script>\n</body></html>\n',
+        f'<body class="{kind}">\n{body}\n'
+        + "\n".join(f"<script>{text}</script>" for text in scripts)
+        + "\n</body></html>\n",
     )
 
 
@@ -262,8 +266,9 @@ def embed_json(values: dict[str, Any], name: str = "mograft-data") -> str:
     return f'<script type="application/json" id="{name}">{text}</script>'
 
 
-def _digest(text: str) -> str:
-    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+@cache
+def _quoted_digest(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
 @cache

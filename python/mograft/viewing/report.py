@@ -2,7 +2,6 @@
 
 import html
 import os
-import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,7 +10,7 @@ from urllib.parse import quote
 import numpy as np
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
-from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.arrays import FloatArray
 from mograft._util.html_table import html_table
 from mograft._util.verdict import compare
 from mograft.body.mass import center_of_mass, mass_model
@@ -37,7 +36,7 @@ def report_page(
     *,
     columns: Sequence[Mapping[str, str]] = (),
 ) -> Page:
-    """Return a report page about grafts, with tables, charts and the viewer.
+    """Return a report page about grafts, with tables and the viewer.
 
     Parameters
     ----------
@@ -101,8 +100,6 @@ def report_page(
 <h2>Motions</h2>
 {motions}
 <p class="note">{_MOTION_NOTE}{_MEASURE_NOTE if columns else ""}</p>
-<h2>Seams and donors</h2>
-{_charts(grafts)}
 <h2>Limits on donors</h2>
 {_donor_table(first)}
 <h2>Clips</h2>
@@ -119,27 +116,14 @@ def _details(heading: str, content: str) -> str:
 
 def _scene(grafts: Sequence[Graft], files: Sequence[Path | None]) -> Scene:
     """Return the scene of grafts; a graft with a file has the command line that edits it."""
-    commands = {
-        id(graft.motion): _edit_command(graft.motion.name, file)
-        for graft, file in zip(grafts, files, strict=False)
-        if file is not None
-    }
-    return Scene.of(grafts).with_commands(commands)
-
-
-def _edit_command(name: str, file: Path) -> str:
-    """Return the command line that edits the graft of this name in a file, as a new motion."""
-    source, target = str(file.with_suffix(".json")), [str(file.with_name(f"{file.stem}_new.bvh"))]
-    if file.suffix.lower() == ".glb":
-        source, target = f"{file}#{name}", [str(file), "--as", f"{name}_new"]
-    elif file.suffix.lower() == ".npz":
-        source = f"{file}#{name}"
-    return shlex.join(["mograft", "graft", "--from", source, "-o", *target])
+    pairs = zip(grafts, files, strict=False)
+    return Scene.of(grafts).with_files({id(own.motion): path for own, path in pairs if path})
 
 
 _TIMELINE_NOTE = (
-    "Hatched segments of the timeline are exchanged; point at one to see its donor, click it to "
-    "list the donors that it could have."
+    "Coloured blocks of the timeline are exchanged, one colour per clip; the mark at the left edge "
+    "of a block is the angle of its seam. Click a block to list its donors, point at a donor to "
+    "see it; your choices become a command."
 )
 _MOTION_NOTE = (
     "New frames: share of frames in which a grafted joint differs by more than 5° from the base; "
@@ -221,46 +205,6 @@ def _balance_shift(graft: Graft) -> FloatArray:
     offset = center_of_mass(graft.motion) - center_of_mass(graft.base)
     offset[:, graft.library.up] = 0.0
     return np.linalg.norm(offset, axis=1) / mass_model(graft.base.skeleton).height
-
-
-def _charts(grafts: Sequence[Graft]) -> str:
-    limit = float(np.degrees(seam_limit(grafts[0])))
-    angles = np.degrees([seam.gap for graft in grafts for seam in graft.seams])
-    edges = np.linspace(0, max(limit * 4 / 3, float(angles.max(initial=0.0)) + 1), 25)
-    caption = f"Seam angles of {len(angles)} seams; the limit is {limit:.0f}°"
-    tally, names = np.histogram(angles, edges)[0], [f"{edge:.0f}°" for edge in edges]
-    figures = [_bars(tally, names, caption, edges[:-1] >= limit - 1e-6)]
-    for group, counts in grafts[0].alternatives.items():
-        top = min(int(counts.max(initial=0)) + 1, 24)
-        tally = np.bincount(np.minimum(counts, top), minlength=top + 1)
-        names = [str(k) for k in range(top)] + [f"{top}+", ""]
-        caption = f"Number of segments by their number of other donors, for {group}"
-        figures.append(_bars(tally, names, caption, np.arange(top + 1) == 0))
-    return f'<div class="charts">{"".join(figures)}</div>'
-
-
-def _bars(counts: IntArray, names: Sequence[str], caption: str, is_marked: BoolArray) -> str:
-    """Return a bar chart of `counts` as SVG; bars with true `is_marked` have another colour."""
-    width, height, left, bottom = 420, 150, 34, 18
-    step, line = (width - left - 14) / len(counts), height - bottom
-    top = max(int(counts.max(initial=0)), 1)
-    parts = []
-    for index, count in enumerate(counts.tolist()):
-        x, bar = left + index * step, (line - 12) * count / top
-        parts.append(
-            f'<rect class="{"bar over" if is_marked[index] else "bar"}" '
-            f'x="{x + 0.5:.1f}" y="{line - bar:.1f}" width="{step - 1:.1f}" height="{bar:.1f}">'
-            f"<title>{names[index]}: {count}</title></rect>"
-        )
-        if index % max(1, len(counts) // 6) == 0:
-            parts.append(f'<text x="{x + 1:.1f}" y="{height - 4}">{names[index]}</text>')
-    parts.append(f'<text x="0" y="18">{top}</text>')
-    parts.append(f'<path class="axis" d="M{left} {line}H{width}M{left} 12V{line}" fill="none"/>')
-    text = html.escape(caption)
-    return (
-        f'<figure><svg class="chart" viewBox="0 0 {width} {height}" role="img" '
-        f'aria-label="{text}">{"".join(parts)}</svg><figcaption>{text}</figcaption></figure>'
-    )
 
 
 def _donor_table(graft: Graft) -> str:

@@ -13,11 +13,13 @@ from mograft.analysis.segmentation import segment
 from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.io.formats import find_addresses, read_clip, split_address
+from mograft.io.gltf.document import read_gltf_file
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 from mograft.search.constraints import Constraint
 from mograft.synthesis.graft_result import Graft
+from mograft.synthesis.newness import newness
 from mograft.viewing.figure import (
     CandidateTable,
     Figure,
@@ -40,6 +42,7 @@ class Scene:
 
     figures: tuple[Figure, ...]
     constraints: tuple[ShownConstraint, ...] = ()  # Their obstacles and targets are drawn.
+    character: Path | None = None  # A glTF file with the mesh of the figures.
 
     @classmethod
     def of(
@@ -73,16 +76,26 @@ class Scene:
             scene.add(item)
         if not scene.figures:
             raise ValueError("`items` must contain at least one motion, got none")
-        return cls(tuple(scene.figures), tuple(scene.constraints))
+        given = [item.character for item in items if isinstance(item, Scene) and item.character]
+        return cls(tuple(scene.figures), tuple(scene.constraints), *given[:1])
 
     @classmethod
     def of_clips(cls, library: Library, clips: Iterable[int]) -> "Scene":
         """Return a scene of the clips of a library that have the given indices."""
         return cls(tuple(_clip_figure(library, library.clips[clip]) for clip in clips))
 
-    def with_commands(self, commands: Mapping[int, str]) -> "Scene":
-        """Return the scene with `Figure.command` set by the `id` of motions, else None."""
-        figures = (replace(own, command=commands.get(id(own.motion))) for own in self.figures)
+    def with_character(self, path: Path | None) -> "Scene":
+        """Return the scene with the mesh of a glTF file for all figures of its joints."""
+        if path is not None:
+            read_gltf_file(path)  # Raises an error if the file is invalid or has no joints.
+        return replace(self, character=path)
+
+    def with_files(self, files: Mapping[int, Path]) -> "Scene":
+        """Return the scene with the commands of files, which are given by the `id` of motions."""
+        figures = (
+            own.with_file(files[id(own.motion)]) if id(own.motion) in files else own
+            for own in self.figures
+        )
         return replace(self, figures=tuple(figures))
 
     @property
@@ -106,12 +119,16 @@ class _Builder:
     figures: list[Figure] = field(default_factory=list)
     constraints: list[ShownConstraint] = field(default_factory=list)
     tables: dict[tuple[int, ...], CandidateTable] = field(default_factory=dict)
+    grafts: list[Motion] = field(default_factory=list)
 
     def add(self, item: Item) -> None:
         """Add an item; raise a TypeError if its type is not one of `Item`."""
         if isinstance(item, Graft):
             self._add_figure(_clip_figure(item.library, item.base))
-            self._add_figure(_graft_figure(item, self._candidates(item)))
+            figure = _graft_figure(item, self._candidates(item))
+            note = str(newness(item, self.grafts))
+            self.grafts.append(item.motion)
+            self._add_figure(replace(figure, note=note))
             self._add_constraints(item.request.constraints, item.motion)
         elif isinstance(item, Library):
             for clip in item.clips:
@@ -233,7 +250,13 @@ def _graft_figure(graft: Graft, candidates: CandidateTable) -> Figure:
     groups = dict.fromkeys(s.group for s in graft.substitutions)
     members = graft.library.groups.resolve(graft.motion.skeleton)
     rows = tuple(_graft_row(graft, group) for group in groups)
-    return Figure(graft.motion, graft.motion.name, members, rows, candidates=candidates)
+    library = graft.library
+
+    def clip_of(name: str) -> Motion:
+        return library.clips[library.names.index(name)]
+
+    name = graft.motion.name
+    return Figure(graft.motion, name, members, rows, candidates=candidates, clip_of=clip_of)
 
 
 def _graft_row(graft: Graft, group: str) -> TimelineRow:
@@ -256,4 +279,15 @@ def _graft_row(graft: Graft, group: str) -> TimelineRow:
         )
         for s, count in zip(substitutions, graft.alternatives[group].tolist(), strict=True)
     )
-    return TimelineRow(group, tuple(parts))
+    changes = (
+        TimelinePart(
+            start=own.frames[0],
+            stop=own.frames[1],
+            clip=own.clip if own.part is None else f"{own.part}: {own.clip}",
+            donor_start=own.clip_frames[0],
+            donor_stop=own.clip_frames[1],
+        )
+        for own in graft.changes
+        if own.group == group
+    )
+    return TimelineRow(group, tuple(parts), tuple(changes))

@@ -8,12 +8,14 @@ import subprocess
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mograft._util.atomic import checked_path, write_bytes
+from mograft._util.extras import import_extra
 from mograft._util.signals import clean_up_by
 from mograft.body.groups import JointGroups
 from mograft.motion.motion import Motion
@@ -100,10 +102,7 @@ def write_video(
     if not 0 < rate <= _MAX_RATE[ending]:
         limit = f"above 0 and at most {_MAX_RATE[ending]} for {ending}"
         raise ValueError(f"`rate` must be {limit}, got {rate:g}")
-    try:
-        import PIL  # noqa: F401 - only whether it is installed
-    except ImportError as error:
-        raise _missing("Pillow") from error
+    import_extra("PIL", "films need Pillow", "video")
     program = _find_ffmpeg() if ending == ".mp4" else ""
     resampled = [
         motion if abs(motion.rate - rate) < 1e-6 * rate else motion.resample(rate)
@@ -129,19 +128,12 @@ def _report(
         yield picture
 
 
-def _missing(name: str) -> ModuleNotFoundError:
-    return ModuleNotFoundError(f"films need {name}: pip install 'mograft[video]'", name=name)
-
-
 def _find_ffmpeg() -> str:
-    try:
-        import imageio_ffmpeg
-    except ImportError as error:
-        found = shutil.which("ffmpeg")
-        if found is None:
-            raise _missing("imageio-ffmpeg") from error
+    found = shutil.which("ffmpeg")
+    if found is not None and find_spec("imageio_ffmpeg") is None:
         return found
-    program: str = imageio_ffmpeg.get_ffmpeg_exe()
+    package = import_extra("imageio_ffmpeg", "films need imageio-ffmpeg", "video")
+    program: str = package.get_ffmpeg_exe()
     return program
 
 

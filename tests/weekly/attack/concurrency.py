@@ -65,7 +65,7 @@ LIBRARY_CALLS = {
     "graft_many": lambda own: mg.graft_many(own, count=3, seed=1)[:],
     "advise": lambda own: mg.advise(mg.graft(own, seed=2)),
     "newness": lambda own: mg.newness(mg.graft(own, seed=2)),
-    "edit": lambda own: mg.edit(mg.graft(own, seed=4), reroll=[2]),
+    "edit": lambda own: mg.edit(mg.graft(own, seed=4), mg.constraints.Ban(2)),
     "change": lambda own: mg.change(mg.graft(own, seed=4), "upper", (40, 90)),
     "graft_record": lambda own: mg.graft_record(mg.graft(own, seed=4)),
     "repair": lambda own: mg.repair(own, constraints=FAR),

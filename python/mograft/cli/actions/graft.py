@@ -20,10 +20,10 @@ from mograft.cli.files import (
     library_folder,
 )
 from mograft.cli.output import print_error, print_remark, print_result, show_progress, with_flags
-from mograft.cli.syntax.arguments import UsageError, arguments_of
+from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import DemoOptions
 from mograft.cli.syntax.options import GraftOptions
-from mograft.cli.syntax.values import resolve_frames
+from mograft.cli.syntax.values import resolve_donor, resolve_frames
 from mograft.config import Config
 from mograft.config_text import parse_fields
 from mograft.dancer import dance
@@ -55,7 +55,7 @@ _N_DEMO_GRAFTS = 3
 _NEAR_DEGREES = 1.0  # mean angle below which a motion counts as an earlier one again
 _PLACES = ("reach", "avoid", "avoid_self", "face")
 _DONORS = ("only_from", "not_from", "only_tagged", "not_tagged")
-_EDITS = ("change", "take", "ban", "keep", "reroll", *_PLACES, *_DONORS)
+_EDITS = ("change", "take", "ban", "keep", *_PLACES, *_DONORS)
 _OUTPUTS = ("output", "into", "as_", "report", "measure", "digits", "json", "force", "quiet")
 _ALLOWED = (*_EDITS, *_OUTPUTS, "verbose", "files", "from_")
 """Arguments that may be given with ``--from``; the provenance sets all others."""
@@ -79,19 +79,15 @@ def run(options: GraftOptions) -> int:
         library = configuration.load_library(options)
     else:
         files = tuple(expand_folders(files, include_grafts=options.include_grafts))
-    paths, page = graft_files.output_paths(
-        options, files[0] if library is None else library.names[0]
-    )
-    written = [*graft_files.files_of_grafts(paths), *([page] if options.report else [])]
-    graft_files.check_targets(written, options, files)
+    first = files[0] if library is None else library.names[0]
+    paths, page = graft_files.output_paths(options, first, files)
     if options.measure and find_spec("scipy") is None:
         raise ValueError("--measure needs SciPy: pip install 'mograft[evaluate]'")
     if library is None:
         strict = not has_folder(options.files)
         library = configuration.load_library(replace(options, files=files), strict=strict)
         if library.refused:  # the first file may be one of them
-            paths, page = graft_files.output_paths(options, library.names[0])
-            graft_files.check_targets(graft_files.files_of_grafts(paths), options, files)
+            paths, page = graft_files.output_paths(options, library.names[0], files)
     constraints = configuration.read_constraints(options, library.rate)
     if options.change:
         constraints.append(KeepOriginal())
@@ -119,21 +115,13 @@ def _check_options(options: GraftOptions) -> None:
     """Raise a UsageError if options without ``--from`` contradict each other."""
     if not options.files:
         raise UsageError("expected LIB or FILE")
-    if options.reroll:
-        raise UsageError("--reroll requires --from")
     if options.output.suffix.lower() == ".bvh" and options.count != 1:
         raise UsageError(
             f"-o must be a folder, or a .glb or .npz file, if -n is above 1, got {options.output}"
         )
     if options.distinct > 180.0:
         raise UsageError(f"--distinct must be at most 180, got {options.distinct:g}")
-    if options.only_violations and options.change:
-        raise UsageError("--change cannot be combined with --only-violations")
-    if options.only_violations and options.count != 1:
-        raise UsageError(f"-n must be 1 with --only-violations, got {options.count}")
-    if options.only_violations and options.scenario != "original":
-        raise UsageError("--scenario cannot be combined with --only-violations")
-    configuration.check_scenario(options)
+    configuration.check_combinations(options)
 
 
 def _run_replay(options: GraftOptions) -> int:
@@ -141,13 +129,11 @@ def _run_replay(options: GraftOptions) -> int:
     is_edit = any(getattr(options, name) for name in _EDITS)
     allowed = (*_ALLOWED, "seed", "best_effort") if is_edit else _ALLOWED
     allowed = (*allowed, "set", *(("count",) if options.change else ()))
-    for argument in arguments_of(GraftOptions):
-        name = argument.dest
-        is_set = getattr(options, name) not in (argument.default, None)
-        if is_set and name not in options.origins and name not in allowed:
+    for field, name in options.changed().items():
+        if field not in (*options.origins, *allowed):
             raise UsageError(
-                f"--{argument.name} cannot be combined with --from, which makes a graft again; "
-                "--change, --take, --ban, --keep and --reroll change parts of it"
+                f"--{name} cannot be combined with --from, which makes a graft again; "
+                "--change, --take, --ban and --keep change parts of it"
             )
     source, path = options.from_ or "", options.output
     record = read_record(source)
@@ -159,7 +145,8 @@ def _run_replay(options: GraftOptions) -> int:
         paths = [path / f"{name}.bvh" for name in names]
     elif options.count > 1 and path.suffix.lower() == ".bvh":
         raise UsageError(f"-o must be a folder, .glb or .npz file if -n is above 1, got {path}")
-    graft_files.check_targets(graft_files.files_of_grafts(paths), options)
+    page = paths[0].with_suffix(".html")
+    graft_files.check_targets(paths, options, page=page if options.report else None)
     folder = library_folder(options.files)
     library = None if folder is None else Library.open(folder)
     sources = options.files if library is None else ()
@@ -178,7 +165,7 @@ def _run_replay(options: GraftOptions) -> int:
             return 4  # The edits contradict each other or the constraints of the graft.
     if not options.given("digits"):
         options = replace(options, digits=record.digits)
-    _write_results(grafts, paths, paths[0].with_suffix(".html"), options)
+    _write_results(grafts, paths, page, options)
     return 0
 
 
@@ -186,10 +173,9 @@ def _edit(graft: Graft, options: GraftOptions) -> list[Graft]:
     """Return the versions of a graft with the edits and changes that the options describe."""
     rate = graft.base.rate
     edits = configuration.read_constraints(options, rate)
-    reroll = [own.resolve_span(rate) or own.number or 0 for own in options.reroll]
     edited = graft
-    if edits or reroll:
-        edited = edit(graft, *edits, reroll=reroll, seed=options.seed)
+    if edits:
+        edited = edit(graft, *edits, seed=options.seed)
         command = shlex.join(options.words)
         commands = (*graft.request.edit_commands, command)
         edited = replace(edited, request=replace(edited.request, edit_commands=commands))
@@ -210,9 +196,8 @@ def _change(graft: Graft, options: GraftOptions) -> list[Graft]:
         changed = graft
         try:
             for group, span, donor in options.change:
-                if isinstance(donor, tuple):
-                    donor = (donor[0], *resolve_frames(donor[1:], rate))
-                changed = change(changed, group, resolve_frames(span, rate), donor, rank=rank)
+                frames, chosen = resolve_frames(span, rate), resolve_donor(donor, rate)
+                changed = change(changed, group, frames, chosen, rank=rank)
         except ValueError as error:
             message = re.sub(r"`(group|frames|donor)`", r"the \1 of --change", str(error))
             if not versions:
@@ -338,7 +323,7 @@ def _write_results(
             text = ", ".join(f"{name} {text}" for name, text in columns[-1].items())
             measured = f"  {text}; ranges: parts of the base"
         if not is_together:
-            write_graft(own, path, section, digits=options.digits)
+            write_graft(own, path, [section], digits=options.digits)
         if options.json:
             record = {**graft_record(own, path.parent), "digits": options.digits}
             documents.append({"file": str(path), **record, **section, "newness": new.as_dict()})
@@ -352,7 +337,9 @@ def _write_results(
         if is_together or (options.report and len(kept) < _MAX_REPORTED):
             kept.append(own)
     if is_together:
-        kept = graft_files.write_together(kept, paths[0], sections, options)
+        update = options.into is not None
+        names = write_graft(kept, paths[0], sections, update=update, force=options.force)
+        kept = list(map(graft_files.renamed, kept, names))
         if not options.json:
             print(paths[0])
     _print_remarks(own, substitutions, n_near, options)

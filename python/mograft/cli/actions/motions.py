@@ -21,6 +21,7 @@ from mograft.io.bvh.reader import read_bvh
 from mograft.io.clips import Clips
 from mograft.io.formats import find_format, join_address, open_clips, read_clip, split_address
 from mograft.library.build import discover_groups
+from mograft.library.discover import scan_folder
 from mograft.library.spec import describe_match
 from mograft.motion.skeleton import Skeleton
 
@@ -35,7 +36,7 @@ def run_info(options: InfoOptions) -> int:
         try:
             clips = open_clips(path, skeleton=rest)
             if not len(clips):
-                raise ValueError(f"{path} holds no motion: {'; '.join(clips.notes)}")
+                raise FormatError(f"holds no motion: {'; '.join(clips.notes)}", path)
             chosen = range(len(clips)) if pattern is None else clips.find(pattern)
             found = [_contents(clips, index, options) for index in chosen]
             skeletons[path] = clips[chosen[0]].skeleton
@@ -59,8 +60,7 @@ def _find_files(names: Iterable[str]) -> list[str]:
     """Return the addresses of the files that are given, or that are in the given folders."""
     found: list[str] = []
     for name in names:
-        addresses = expand_folders([name]) if Path(name).is_dir() else []
-        paths = dict.fromkeys(split_address(address)[0] for address in addresses)
+        paths = [str(path) for path in scan_folder(name)] if Path(name).is_dir() else []
         found += paths or [name]
     return found
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mograft._util.atomic import write_bytes
+from mograft._util.extras import import_extra
 from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
 from mograft.analysis.group_discovery import GroupDiscovery
 from mograft.body.groups import JointGroups
@@ -85,12 +86,12 @@ def run_view(options: ViewOptions) -> int:
     if folder is None:
         files = expand_folders(options.files)
         groups, config, skeleton = configuration.figure_settings(options, files)
-        page = view(*files, groups=groups, config=config, show=False, skeleton=skeleton)
+        scene = Scene.of(files, groups, config, skeleton)
     else:
         configuration.refuse_fixed_options(options, "groups", "skeleton")
         library = Library.open(folder)
-        clips = Scene.of_clips(library, select_clips(library, options.clip))
-        page = view(clips, show=False)
+        scene = Scene.of_clips(library, select_clips(library, options.clip))
+    page = view(scene.with_character(options.character), show=False)
     target = options.output or temporary_path()
     target.parent.mkdir(parents=True, exist_ok=True)
     path = page.save(target, force=True)
@@ -105,10 +106,7 @@ def run_plot(options: PlotOptions) -> int:
     target = options.output
     check_suffix(target, ".png", ".svg", ".pdf")
     check_writable([target], force=options.force, inputs=options.files)
-    try:
-        import matplotlib as mpl
-    except ImportError as error:
-        raise ValueError("plots need matplotlib: pip install 'mograft[plot]'") from error
+    mpl = import_extra("matplotlib", "plots need matplotlib", "plot")
     mpl.use("agg")
     metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(target.suffix.lower())
     from matplotlib import pyplot

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mograft import __version__
+from mograft._util.extras import import_extra
 from mograft.cli.output import print_result
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import COMMANDS, CompletionOptions, DoctorOptions, ShowOptions
@@ -118,10 +119,7 @@ def _collect(options: ShowOptions) -> list[dict[str, Any]]:
 
 def run_completion(options: CompletionOptions) -> int:
     """Print the completion script of a shell."""
-    try:
-        import shtab
-    except ImportError as error:
-        raise ImportError("completion needs shtab: pip install 'mograft[completion]'") from error
+    shtab = import_extra("shtab", "completion needs shtab", "completion")
     parsers = build_parsers(COMMANDS, is_completion=True)
     print(shtab.complete(parsers[()], options.shell))
     return 0

@@ -116,6 +116,11 @@ class Options(_Declaration, section="general"):
         """
         return [name for name in names if name not in self.origins and getattr(self, name)]
 
+    def changed(self) -> dict[str, str]:
+        """Return the options whose value is not the default, as names for the user by field."""
+        arguments = arguments_of(type(self))
+        return {a.dest: a.name for a in arguments if getattr(self, a.dest) not in (a.default, None)}
+
 
 @dataclass(frozen=True)
 class Command:

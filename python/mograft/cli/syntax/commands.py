@@ -116,6 +116,9 @@ class ViewOptions(options.FieldOptions, options.SkeletonOptions, options.WriterO
     files: tuple[values.LibraryOrFile, ...] = positional("motion files, or one library", "+")
     clip: tuple[values.Name, ...] = option("clips of a library, or globs; may be repeated")
     groups: values.Groups | None = options.groups_option(_FIGURE_COLOURS, "trunk, arms and legs")
+    character: values.File | None = option(
+        "glTF file whose mesh the figures show (default: the file of the motion, if it is glTF)"
+    )
     output: values.File | None = option(
         "HTML file (default: a temporary one, opened in the browser)", short="-o"
     )

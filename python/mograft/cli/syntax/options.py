@@ -1,6 +1,6 @@
 """Options of ``mograft graft`` and those that commands share, by heading of ``--help``."""
 
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from mograft.cli.syntax import values
 from mograft.cli.syntax.arguments import Options, option, positional, setting
@@ -137,7 +137,8 @@ class DonorOptions(Options, section="donors"):
     ban: tuple[values.Ban, ...] = option(
         "donors that a base segment must not have: all segments of CLIP, or those that overlap its "
         "frames FIRST-LAST. Without CLIP, the base segment must not keep its captured motion, or "
-        "with --from the donor that it has in the graft. SEGMENT is as for --take; may be repeated"
+        "with --from the donor that it has in the graft, if it has another candidate. SEGMENT is "
+        "as for --take; may be repeated"
     )
     only_from: values.Clips | None = setting(
         "clips that may provide donors, or globs such as waltz*"
@@ -175,10 +176,10 @@ class BaseOptions(Options, section="what to keep"):
 class ScenarioOptions(Options, section="scenario"):
     """Options for base motions that are not captured."""
 
-    scenario: Annotated[str, values.Value("original|graph|N,...")] = option(
+    scenario: Literal["original", "graph"] = option(
         "motion of the base group: original - a captured clip; graph - a random sequence of "
-        "segments, in which each segment continues the motion of the previous one; or indices of "
-        "segments in the library, which are joined in this order (default: original)",
+        "segments, in which each segment continues the motion of the previous one (default: "
+        "original)",
         default="original",
     )
     duration: values.Duration | None = option(
@@ -204,7 +205,7 @@ class RecordOptions(Options, section="input"):
     )
     from_: values.Record | None = option(
         "graft to make again: .json or FILE.glb#NAME",
-        details="the bytes are the same; --change, --take, --ban, --keep, --reroll, and options "
+        details="the bytes are the same; --change, --take, --ban, --keep, and options "
         "for places and donors change what they must and leave the rest unchanged; --set of fields "
         "of blending keeps all donors; LIB|FILE is needed only if files have moved",
     )
@@ -216,17 +217,12 @@ class ChangeOptions(Options, section="what to change"):
     swap: values.Words | None = setting("which of --groups change (default: all but base)")
     change: tuple[values.Change, ...] = option(
         "another part of a clip for a group",
-        details="in a range of frames or times; CLIP may be a glob such as wave*; without CLIP, "
-        "the part that fits best; -n makes as many alternatives. The range and the part begin at "
-        "any frame. All other frames stay as they are in the graft of --from, or else as captured; "
-        "may be repeated",
+        details="or for a body part in it (torso, head, arms, larm, rarm), in a range of frames or "
+        "times; CLIP may be a glob such as wave*; without CLIP, the part that fits best; -n makes "
+        "as many alternatives. All other frames and joints stay as they are in the graft of "
+        "--from, or else as captured; may be repeated",
     )
     only_violations: bool = option("exchange only what violates the constraints", is_expert=True)
-    reroll: tuple[values.Segment, ...] = option(
-        "with --from: index of a base segment that gets another donor, or frames FIRST-LAST of "
-        "several; may be repeated",
-        is_expert=True,
-    )
 
 
 class VarietyOptions(SeedOptions, section="how different"):

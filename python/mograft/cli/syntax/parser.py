@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from mograft import __version__
-from mograft._util.documents import parse_document
+from mograft._util.documents import read_document
 from mograft.cli.syntax.arguments import SECTIONS, Argument, Command, Options
 from mograft.errors import suggest_name
 
@@ -68,6 +68,7 @@ def build_parsers(
         description="Create natural motions from captured ones by exchanging body parts.",
     )
     root.add_argument("--version", action="version", version=f"mograft {__version__}")
+    root.add_argument("--help-all", action="help", help=argparse.SUPPRESS)
     parsers: Parsers = {(): root}
 
     def add(path: tuple[str, ...], members: Sequence[Command]) -> None:
@@ -88,6 +89,7 @@ def build_parsers(
                 formatter_class=lambda prog: argparse.HelpFormatter(prog, max_help_position=28),
             )
             if command.actions:
+                parser.add_argument("--help-all", action="help", help=argparse.SUPPRESS)
                 add(words, command.actions)
             else:
                 parser.set_defaults(command=command, parser=parser)
@@ -113,8 +115,8 @@ def _add_arguments(
                 _add_completion(action, argument)
     # The last group is that of --quiet, which every command has.
     group.add_argument("-h", "--help", action="help", help="show this text")
-    if has_more:
-        group.add_argument("--help-all", action="help", help="show all options, with details")
+    text = "show all options, with details" if has_more else argparse.SUPPRESS
+    group.add_argument("--help-all", action="help", help=text)
 
 
 def _keywords(argument: Argument, *, is_short: bool) -> dict[str, Any]:
@@ -255,10 +257,7 @@ def _read_file(path: Path, command: Command, commands: Sequence[Command]) -> dic
     Keys before all tables apply to every command; the table of the command overrides them.
     `commands` are all commands, whose names are the allowed names of tables.
     """
-    try:
-        document = parse_document(path.read_text(encoding="utf-8"), "TOML")
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+    document = read_document(path, "TOML")
     known = {each.name: {argument.dest for argument in each.settings()} for each in commands}
     shared = {k: v for k, v in document.items() if k == "set" or not isinstance(v, dict)}
     for name in document.keys() - shared.keys() - known.keys():

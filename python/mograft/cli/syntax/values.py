@@ -7,10 +7,10 @@ import math
 import re
 from argparse import ArgumentTypeError
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
 from mograft.errors import suggest_name
@@ -158,36 +158,42 @@ def resolve_frames(given: Range, rate: float) -> tuple[int, int]:
     return resolve_frame(given[0], rate), resolve_frame(given[1], rate)
 
 
-@dataclass(frozen=True)
-class SegmentValue:
+def resolve_span(given: Range | None, rate: float) -> tuple[int, int] | None:
+    """Return the result of `resolve_frames`; None if `given` is None."""
+    return None if given is None else resolve_frames(given, rate)
+
+
+class SegmentValue(NamedTuple):
     """A base segment, given by its index or by its frames, and optionally a joint group."""
 
     number: int | None  # Index of the segment, or None if its frames are given.
     span: Range | None  # First and last frame, or None if the index is given.
-    group: str | None = None
-
-    def resolve_span(self, rate: float) -> tuple[int, int] | None:
-        """Return the first and last frame; None if the segment is given by its number.
-
-        `rate` is in frames per second.
-        """
-        return None if self.span is None else resolve_frames(self.span, rate)
+    group: str | None
 
 
-@_parser("expected a segment such as 24, or frames such as 100-400 or 10s-12.5s")
-def segment_value(text: str) -> SegmentValue:
-    """Parse a base segment: its index ``N`` or its frames ``FIRST-LAST``."""
-    if text.isdecimal():
-        return SegmentValue(int(text), None)
-    return SegmentValue(None, frames(text))
-
-
-def _group_segment(text: str) -> SegmentValue:
-    """Parse a segment, optionally after the name of a group and a colon."""
+def _segment(text: str) -> SegmentValue:
+    """Parse ``[GROUP:]N`` or ``[GROUP:]FIRST-LAST``."""
     group, colon, segment = text.rpartition(":")
     if colon and not group:
         raise ValueError("expected the name of a group before the colon")
-    return replace(segment_value(segment), group=group or None)
+    if segment.isdecimal():
+        return SegmentValue(int(segment), None, group or None)
+    return SegmentValue(None, frames(segment), group or None)
+
+
+Donor = str | Taken | None
+"""A clip, a clip with its first and last frame, or none."""
+
+
+def _donor(text: str) -> Donor:
+    """Parse ``CLIP``, ``CLIP:FIRST-LAST`` or an empty text."""
+    clip, _, span = text.rpartition(":")  # The name of a clip may contain colons.
+    return (clip, *frames(span)) if clip and span[:1].isdecimal() else text or None
+
+
+def resolve_donor(given: Donor, rate: float) -> str | tuple[str, int, int] | None:
+    """Return a donor with frames instead of times; see `resolve_frame`."""
+    return (given[0], *resolve_frames(given[1:], rate)) if isinstance(given, tuple) else given
 
 
 @_parser("expected SEGMENT=CLIP:FIRST-LAST, such as 24=walk:242-275")
@@ -200,25 +206,19 @@ def take(text: str) -> tuple[SegmentValue, Taken]:
     clip, _, span = donor.rpartition(":")  # The name of a clip may contain colons.
     if not clip:
         raise ValueError
-    return _group_segment(segment), (clip, *frames(span))
+    return _segment(segment), (clip, *frames(span))
 
 
 @_parser("expected SEGMENT, SEGMENT=CLIP or SEGMENT=CLIP:FIRST-LAST, such as 24=walk")
-def ban(text: str) -> tuple[SegmentValue, str | Taken | None]:
-    """Parse a value of ``--ban``: ``[GROUP:]SEGMENT[=CLIP[:FIRST-LAST]]``.
-
-    Return the base segment, and the donors: None, a clip, or a clip with its first and last frame.
-    """
-    segment, equals, clip = text.partition("=")
-    if equals and not clip:
+def ban(text: str) -> tuple[SegmentValue, Donor]:
+    """Parse a value of ``--ban``: ``[GROUP:]SEGMENT[=CLIP[:FIRST-LAST]]``."""
+    segment, equals, donor = text.partition("=")
+    if equals and not donor:
         raise ValueError
-    name, _, span = clip.rpartition(":")
-    if name and span[:1].isdecimal():
-        return _group_segment(segment), (name, *frames(span))
-    return _group_segment(segment), clip or None
+    return _segment(segment), _donor(donor)
 
 
-Changed = tuple[str, Range, str | Taken | None]
+Changed = tuple[str, Range, Donor]
 """A group, its first and last frame, and a donor."""
 
 
@@ -227,19 +227,12 @@ Changed = tuple[str, Range, str | Taken | None]
     "upper@100-160=wave or upper@4s-6s"
 )
 def change(text: str) -> Changed:
-    """Parse a value of ``--change``: ``GROUP@FIRST-LAST[=CLIP[:FIRST-LAST]]``.
-
-    Return the group, the first and last frame, and the donor: None, a clip, or a clip with its
-    first and last frame.
-    """
+    """Parse a value of ``--change``: ``GROUP@FIRST-LAST[=CLIP[:FIRST-LAST]]``."""
     where, equals, donor = text.partition("=")
     group, _, span = where.rpartition("@")
     if not group or (equals and not donor):
         raise ValueError
-    name, _, part = donor.rpartition(":")
-    if name and part[:1].isdecimal():
-        return group, frames(span), (name, *frames(part))
-    return group, frames(span), donor or None
+    return group, frames(span), _donor(donor)
 
 
 @_parser(f"must be {', '.join(UNITS)} or a number above 0")
@@ -429,9 +422,8 @@ TrueRate = Annotated[tuple[str, float], Value("CLIP=FPS", true_rate)]
 FrameValue = Annotated[Frame, Value("N|S", frame)]
 Frames = Annotated[Range, Value("FIRST-LAST", frames)]
 Length = Annotated[Frame, Value("N|S", frame_count)]
-Segment = Annotated[SegmentValue, Value("SEGMENT", segment_value)]
 Take = Annotated[tuple[SegmentValue, Taken], Value("SEGMENT=CLIP:FIRST-LAST", take)]
-Ban = Annotated[tuple[SegmentValue, str | Taken | None], Value("SEGMENT[=CLIP[:FIRST-LAST]]", ban)]
+Ban = Annotated[tuple[SegmentValue, Donor], Value("SEGMENT[=CLIP[:FIRST-LAST]]", ban)]
 Change = Annotated[Changed, Value("GROUP@FIRST-LAST[=CLIP[:FIRST-LAST]]", change)]
 Corners = Annotated[list[tuple[float, float]], Value("X,Z:X,Z:...", corners)]
 Reach = Annotated[Reached, Value("FRAME[-LAST]:JOINT:[@PART+]X,Y,Z[~TOL]", reach)]

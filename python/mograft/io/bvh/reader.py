@@ -23,7 +23,7 @@ from mograft.io.bvh.cursor import (
     open_cursor,
 )
 from mograft.io.bvh.header import Header, read_header
-from mograft.io.clips import ClipLength, Clips, single_clip
+from mograft.io.clips import Clips, single_clip
 from mograft.motion.limits import check_frames
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import CHANNELS, Skeleton
@@ -37,7 +37,7 @@ _PADDING = re.compile(rb"[\0\x1a \t-\r]*")
 
 
 @dataclass(frozen=True, eq=False)
-class BvhSummary(ClipLength):
+class BvhSummary:
     """Skeleton, length and repairs of a BVH file, without the motion.
 
     Parameters
@@ -56,6 +56,8 @@ class BvhSummary(ClipLength):
         The deviations that were tolerated, each with its line.
     """
 
+    n_frames: int
+    frame_time: float
     path: str
     skeleton: Skeleton
     declared_frames: int

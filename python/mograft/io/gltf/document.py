@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft._util.containers import LazySequence
 from mograft._util.names import unique_names
 from mograft.errors import FormatError, join_names
-from mograft.io.clips import ClipLength, Clips, errors_of_file
+from mograft.io.clips import Clips, errors_of_file
 from mograft.io.gltf.animation import (
     DEFAULT_RATE,
     PATH_WIDTHS,
@@ -182,59 +181,43 @@ def open_gltf(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> C
     try:
         file = read_gltf_file(path)
     except NoFigureError as error:
-        return Clips(path, (), tuple[Motion, ...]().__getitem__, "glTF", (error.message,), ())
-    lengths = _Lengths(file, rate)
+        return Clips(path, (), tuple[Motion, ...]().__getitem__, "glTF", (error.message,))
     animations = [file.container.items("animations")[index] for index in file.animations]
     texts = zip(file.clip_names, map(provenance, animations), strict=True)
-    grafts = {name: text for name, text in texts if text is not None}
-    return Clips(path, file.clip_names, lengths.read_motion, "glTF", file.notes, lengths, grafts)
+    return Clips(
+        path,
+        file.clip_names,
+        lambda clip: _read_motion(file, clip, rate),
+        "glTF",
+        file.notes,
+        lambda clip: len(_read_times(file, clip, rate)[1]),
+        {name: text for name, text in texts if text is not None},
+    )
 
 
-@dataclass(frozen=True, eq=False)
-class _Lengths(LazySequence[ClipLength]):
-    """The lengths of the clips of a file; accessing a length reads the key times of the clip.
+def _read_motion(file: GltfFile, clip: int, rate: float | None) -> Motion:
+    """Return the motion of a clip, sampled from its first to its last key.
 
-    `rate` is in frames per second, or None.
+    If `rate` is None, the rate is that of the keys if these lie on a uniform grid of 12 to 500
+    frames per second, else 30. Raises `FormatError` if the animation is invalid.
     """
+    animation, times, frame_time = _read_times(file, clip, rate)
+    turned, positions = to_world(file.moved_parents, file.sample(animation, times))
+    turned, positions = turned[:, file.n_above :], positions[:, file.n_above :]
+    name, path = file.clip_names[clip], file.container.path
+    address = name if len(file.clip_names) > 1 else None
+    return rebase(file.rest, turned, positions, frame_time, name=name, path=path, clip=address)
 
-    file: GltfFile
-    rate: float | None
 
-    def __len__(self) -> int:
-        return len(self.file.animations)
-
-    def item(self, index: int) -> ClipLength:
-        """Return the length of a clip."""
-        return self._read_grid(index)[2]
-
-    def read_motion(self, clip: int) -> Motion:
-        """Return the motion of a clip, sampled from its first to its last key.
-
-        By default, the rate is that of the keys if these lie on a uniform grid of 12 to 500 frames
-        per second, else 30. Raises `FormatError` if the animation is invalid.
-        """
-        file, first = self.file, self.file.n_above
-        animation, times, length = self._read_grid(clip)
-        turned, positions = to_world(file.moved_parents, file.sample(animation, times))
-        name = file.clip_names[clip]
-        return rebase(
-            file.rest,
-            turned[:, first:],
-            positions[:, first:],
-            length.frame_time,
-            name=name,
-            path=file.container.path,
-            clip=name if len(file.clip_names) > 1 else None,
-        )
-
-    def _read_grid(self, clip: int) -> tuple[Animation, FloatArray, ClipLength]:
-        """Return the channels of a clip, the times of its frames, and its length."""
-        file, animation = self.file, self.file.read(clip)
-        n_nodes, n_bytes = len(file.moved_nodes), file.container.n_bytes
-        with errors_of_file(file.container.path, animation.place):
-            times = choose_times(animation.key_times, self.rate, n_nodes, n_bytes)
-            frame_time = 1.0 / (self.rate or DEFAULT_RATE)
-            if len(times) > 1:
-                frame_time = float(times[-1] - times[0]) / (len(times) - 1)
-            limits.check_frame_time(frame_time)
-        return animation, times, ClipLength(len(times), frame_time)
+def _read_times(
+    file: GltfFile, clip: int, rate: float | None
+) -> tuple[Animation, FloatArray, float]:
+    """Return the channels of a clip, the times of its frames, and the frame time."""
+    animation, n_nodes = file.read(clip), len(file.moved_nodes)
+    with errors_of_file(file.container.path, animation.place):
+        times = choose_times(animation.key_times, rate, n_nodes, file.container.n_bytes)
+        frame_time = 1.0 / (rate or DEFAULT_RATE)
+        if len(times) > 1:
+            frame_time = float(times[-1] - times[0]) / (len(times) - 1)
+        limits.check_frame_time(frame_time)
+    return animation, times, frame_time

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from mograft._util.arrays import BoolArray, FloatArray
 from mograft.errors import SkeletonMismatchError, join_names
-from mograft.io.clips import ClipLength, Clips, errors_of_file, single_clip
+from mograft.io.clips import Clips, errors_of_file, single_clip
 from mograft.io.npz import NpzArchive, copy_npz_archive, open_npz_archive
 from mograft.io.rest_pose import POSITION_TOLERANCE
 from mograft.io.smpl.body_models import MODELS, SMPL_H, SMPL_X, BodyModel, rest_skeleton
@@ -127,7 +127,6 @@ def open_amass(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> 
         lambda: to_motion(file, rest, rate),
         rate,
         notes=(note, *_notes(file)),
-        lengths=(ClipLength(file.n_frames, 1.0 / file.rate(rate)),),
     )
 
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mograft._util.extras import import_extra
 from mograft._util.gaussian import gaussian_filter
 from mograft.analysis.segmentation import kinetic_energy, segment
 from mograft.body.groups import JointGroups
@@ -37,11 +38,9 @@ def new_axes(size: tuple[float, float], *counts: int, **options: Any) -> Any:  #
 
     Raise an ImportError with the remedy if Matplotlib is not installed.
     """
-    try:
-        from matplotlib import pyplot
-    except ImportError as error:
-        text = "plots need matplotlib: pip install 'mograft[plot]'"
-        raise ImportError(text, name="matplotlib") from error
+    import_extra("matplotlib", "plots need matplotlib", "plot")
+    from matplotlib import pyplot
+
     return pyplot.subplots(*counts, figsize=size, layout="constrained", **options)[1]
 
 

@@ -1,11 +1,11 @@
-// Colours of the theme, of joint groups and of clusters.
+// Colours of the theme, of joint groups, of clips and of clusters.
 import { root, scene } from "./scene.js";
 
 export const ink = { version: 0 };
 
 export function readTheme() {
   const style = getComputedStyle(root);
-  for (const name of ["paper", "text", "faint", "line", "accent", "panel", "obstacle", "character"]) {
+  for (const name of ["paper", "text", "faint", "line", "accent", "panel", "obstacle", "character", "body"]) {
     ink[name] = style.getPropertyValue(`--${name}`).trim();
   }
   ink.dark = style.getPropertyValue("--dark").trim() === "1";
@@ -18,8 +18,8 @@ export function groupColour(name) {
   return index < 0 ? ink.faint : ink.group[index % ink.group.length];
 }
 
-export function clusterColour(cluster) {
-  if (cluster < 0) return ink.line;
-  const hue = (cluster * 137.508 + 200) % 360;
-  return ink.dark ? `hsl(${hue} 45% 42%)` : `hsl(${hue} 62% 76%)`;
+// A colour for each number, far from those of the numbers before.
+export function numberColour(number) {
+  const hue = (number * 137.508 + 200) % 360;
+  return ink.dark ? `hsl(${hue} 40% 36%)` : `hsl(${hue} 58% 80%)`;
 }

@@ -1,21 +1,31 @@
 // The description of a segment, the donors that it could have, and the table of all segments.
+import { choicesOf, choose, onChoice } from "./choices.js";
 import { redraw, seek } from "./player.js";
-import { create, find, scene, state, toPageFrame } from "./scene.js";
-import { timeline } from "./timeline.js";
+import { donorFrames, load } from "./poses.js";
+import { clipFrame, create, createButton, find, scene, state, toPageFrame } from "./scene.js";
+import { donorName, timeline } from "./timeline.js";
 
 const degrees = (value) => `${value.toFixed(1)}°`;
+const NOTE =
+  "Cost and seams are those between the captured neighbours, as mograft candidates prints them. Point at a donor to see it.";
+const IDLE = "Click a block to list the donors that it could have; drag over blocks to select a range of frames.";
 
 export function describe({ line, part }) {
   const { row, clip } = line;
   const items = [`${clip.name}, ${row.group}`, `segment ${part}`, `frames ${row.start[part]}–${row.stop[part]}`];
   if (row.cluster[part] >= 0) items.push(`cluster ${row.cluster[part]}`);
-  if (row.source[part] >= 0) {
+  const source = donorName(row, part);
+  if (source !== null) {
     const stretch = row.stretch[part];
     const percent = `${stretch > 0 ? "+" : "−"}${(100 * Math.abs(stretch)).toFixed(1)} %`;
     const duration = Math.abs(stretch) < 0.0005 ? "same duration" : `duration ${percent}`;
-    items.push(`donor ${scene.donors[row.source[part]]} ${row.first[part]}–${row.last[part]}, ${duration}`);
+    items.push(`donor ${source} ${row.first[part]}–${row.last[part]}, ${duration}`);
   } else if (row.grafted) {
     items.push(row.others[part] === 0 ? "captured: no other donor" : "captured");
+  }
+  for (const own of row.changes) {
+    if (own.stop < row.start[part] || own.start > row.stop[part]) continue;
+    items.push(`changed in ${own.start}–${own.stop}: ${scene.donors[own.source]} ${own.first}–${own.last}`);
   }
   const seams = [];
   if (row.before[part] !== null) seams.push(`${degrees(row.before[part])} before`);
@@ -26,26 +36,21 @@ export function describe({ line, part }) {
   return items.join(" · ");
 }
 
-const NOTE = "Cost and seams are those between the captured neighbours, as mograft candidates prints them.";
-
-let listed = null;
+let listed = "";
 
 export function writeDetail() {
   const chosen = state.hovered || state.pinned;
-  const idle = timeline.lines.length
-    ? "Point at a segment of the timeline to see its donor; click to list the donors that it could have."
-    : "";
-  const text = chosen ? describe(chosen) : idle;
+  const range = state.range ? `range ${state.range.join("–")}` : "";
+  const text = [range, chosen ? describe(chosen) : ""].filter(Boolean).join(" · ") || (timeline.lines.length ? IDLE : "");
   const detail = find("detail");
   if (detail.textContent !== text) detail.textContent = text;
-  detail.classList.toggle("idle", !chosen);
-  if (listed?.row === state.pinned?.line.row && listed?.part === state.pinned?.part) return;
-  listed = state.pinned && { row: state.pinned.line.row, part: state.pinned.part };
+  detail.classList.toggle("idle", !chosen && !range);
+  const { pinned } = state;
+  const key = pinned ? [timeline.lines.indexOf(pinned.line), pinned.part, state.range].join() : "";
+  if (listed === key) return;
+  listed = key;
   writeCandidates();
 }
-
-// Words are quoted as a POSIX shell expects them.
-const quote = (word) => (/^[\w@%+=:,./-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
 
 // The candidates of a segment, in the order of `mograft candidates`; null if the page has none.
 export function candidatesOf({ line, part }) {
@@ -55,85 +60,109 @@ export function candidatesOf({ line, part }) {
   const list = Array.from({ length: table.counts[part] }, (_, i) => {
     const k = offset + i;
     const [clip, from, to] = [scene.donors[table.source[k]], table.first[k], table.last[k]];
+    const isOwn = table.own[k] === 1;
+    const { row } = line;
+    const isSame = row.source[part] === table.source[k] && row.first[part] === from && row.last[part] === to;
+    const isUsed = row.source[part] < 0 ? isOwn : isSame;
     return {
       clip,
-      frames: `${from}-${to}`,
+      from,
+      to,
+      isOwn,
+      isUsed,
       cost: table.cost[k],
       stretch: table.stretch[k],
       before: table.before[k],
       after: table.after[k],
-      isOwn: table.own[k] === 1,
-      isUsed: isUsed(line, part, table.own[k] === 1, table.source[k], from, to),
-      ...commands(line, part, clip, from, to),
     };
   });
   return { list, more: table.total[part] - list.length };
 }
 
-// How to use a donor and how to exclude it: on the command line, or for a graft without a file as a
-// constraint in Python. The group is named if several groups are exchanged.
-function commands({ clip: figure, row }, part, clip, from, to) {
-  const isGroup = figure.rows.length > 1;
-  if (figure.command === null) {
-    const group = isGroup ? `, group=${JSON.stringify(row.group)}` : "";
-    const edit = `(${part}, (${JSON.stringify(clip)}, ${from}, ${to})${group})`;
-    return { take: `mg.constraints.Use${edit}`, ban: `mg.constraints.Ban${edit}` };
+// Show a donor in place: the group of the selected figure moves as the donor until `null` is given.
+export function preview(chosen, own) {
+  state.preview = null;
+  if (own) {
+    const { line, part } = chosen;
+    const { clip, row } = line;
+    const frames = donorFrames(own.clip, own.from, own.to);
+    const index = clip.groups.indexOf(row.group);
+    const joints = clip.parents.flatMap((_, joint) => (clip.group[joint] === index ? [joint] : []));
+    const [start, stop] = [row.start[part], row.stop[part]];
+    if (frames) {
+      load(frames.source).then(redraw);
+      state.preview = { clip, joints, start, stop, first: own.from, last: own.to, frames };
+    }
+    const frame = clipFrame(clip, state.frame);
+    if (frame < start || frame > stop) seek(toPageFrame(clip, (start + stop) / 2));
   }
-  const edit = quote(`${isGroup ? `${row.group}:` : ""}${part}=${clip}:${from}-${to}`);
-  return { take: `${figure.command} --take ${edit}`, ban: `${figure.command} --ban ${edit}` };
+  redraw();
 }
 
-function isUsed({ row }, part, isOwn, source, from, to) {
-  if (row.source[part] < 0) return isOwn;
-  return row.source[part] === source && row.first[part] === from && row.last[part] === to;
+// The selected range in frames of a figure, or else the segment without the frame that it shares with the next.
+function rangeOf({ line: { clip, row }, part }, range = state.range) {
+  if (!range) return [row.start[part], Math.max(row.stop[part] - 1, row.start[part])];
+  return range.map((frame) => clipFrame(clip, frame));
+}
+
+function chooseFor(chosen, kind, own) {
+  const { line, part } = chosen;
+  const { clip, row } = line;
+  const [start, stop] = rangeOf(chosen, kind === "take" || kind === "ban" ? null : state.range);
+  const group = clip.rows.length > 1 ? row.group : null;
+  choose(clip, { kind, group, row: row.group, part, start, stop, ...(own && { clip: own.clip, from: own.from, to: own.to }) });
 }
 
 function writeCandidates() {
-  const found = state.pinned && candidatesOf(state.pinned);
-  find("candidates").hidden = !found;
-  if (!found) return;
-  find("donors").replaceChildren(...found.list.map(candidateRow));
-  const more = found.more > 0 ? `${found.more} more: mograft candidates --segment ${state.pinned.part}. ` : "";
-  const isPriced = found.list.some((own) => own.cost !== null);
-  find("more").textContent = more + (isPriced ? NOTE : "");
-  find("command").value = "";
-  find("copied").textContent = "take or ban copies the command that does it";
+  const { pinned } = state;
+  preview(null, null);
+  const found = pinned && candidatesOf(pinned);
+  find("candidates").hidden = !pinned?.line.row.grafted;
+  if (find("candidates").hidden) return;
+  find("donors").replaceChildren(...(found?.list || []).map((own) => candidateRow(pinned, own)));
+  const more = found?.more > 0 ? `${found.more} more: mograft candidates --segment ${pinned.part}. ` : "";
+  find("more").textContent = more + (found?.list.some((own) => own.cost !== null) ? NOTE : "");
+  const where = state.range ? `${rangeOf(pinned).join("–")}` : "this segment";
+  const keep = createButton(`keep captured motion in ${where}`, "Add to the command", () => chooseFor(pinned, "keep"));
+  const other = createButton(`other motion in ${where}`, "The best part of any clip that is new there", () =>
+    chooseFor(pinned, "change"),
+  );
+  find("ranges").replaceChildren(keep, other);
+  markChoices();
 }
 
-function candidateRow(own) {
+function candidateRow(chosen, own) {
   const record = create("tr", undefined, own.isUsed ? "used" : "");
-  const name = own.isOwn ? `${own.clip} ${own.frames} (captured)` : `${own.clip} ${own.frames}`;
-  const cells = [own.isUsed ? `${name}, in use` : name];
+  const frames = `${own.clip} ${own.from}-${own.to}${own.isOwn ? " (captured)" : ""}`;
+  const cells = [own.isUsed ? `${frames}, in use` : frames];
   if (own.cost === null) cells.push("", "", "");
   else cells.push(own.cost.toFixed(2), own.stretch.toFixed(2), `${own.before.toFixed(0)}°/${own.after.toFixed(0)}°`);
   record.append(...cells.map((text) => create("td", text)));
   const last = create("td");
-  for (const word of ["take", "ban"]) {
-    const button = create("button", word);
-    button.type = "button";
-    button.title = `Copy ${own[word]}`;
-    button.addEventListener("click", () => copy(own[word]));
+  for (const kind of ["take", "ban", ...(state.range ? ["change"] : [])]) {
+    const button = createButton(kind === "change" ? "use in range" : kind, "Add to the command", () =>
+      chooseFor(chosen, kind, own),
+    );
+    button.dataset.choice = [kind, own.clip, own.from, own.to].join();
+    button.setAttribute("aria-pressed", "false");
     last.append(button, " ");
   }
   record.append(last);
+  for (const kind of ["pointerenter", "focusin"]) record.addEventListener(kind, () => preview(chosen, own));
+  for (const kind of ["pointerleave", "focusout"]) record.addEventListener(kind, () => preview(chosen, null));
   return record;
 }
 
-async function copy(text) {
-  const field = find("command");
-  field.value = text;
-  let isCopied = false;
-  try {
-    await navigator.clipboard.writeText(text);
-    isCopied = true;
-  } catch {
-    // In a notebook, the page may not write to the clipboard: the command is then selected.
-    field.focus();
-    field.select();
-    isCopied = document.execCommand("copy");
-  }
-  find("copied").textContent = isCopied ? "copied" : "selected: press Ctrl+C to copy";
+// Show which buttons are among the choices.
+function markChoices() {
+  const { pinned } = state;
+  if (!pinned) return;
+  const taken = choicesOf(pinned.line.clip).filter(({ row, part }) => row === pinned.line.row.group && part === pinned.part);
+  const keys = taken.map(({ kind, clip, from, to }) => [kind, clip, from, to].join());
+  for (const button of find("donors").querySelectorAll("button"))
+    button.setAttribute("aria-pressed", keys.includes(button.dataset.choice));
 }
+onChoice(markChoices);
 
 export function writeTable() {
   const records = [];
@@ -141,12 +170,13 @@ export function writeTable() {
     const { row, clip } = line;
     for (let part = 0; part < Math.min(row.start.length, 2000); part++) {
       const record = create("tr");
+      const source = donorName(row, part);
       const cells = [
         clip.name,
         row.group,
         `${row.start[part]}–${row.stop[part]}`,
         row.cluster[part] < 0 ? "" : row.cluster[part],
-        row.source[part] < 0 ? "" : `${scene.donors[row.source[part]]} ${row.first[part]}–${row.last[part]}`,
+        source === null ? "" : `${source} ${row.first[part]}–${row.last[part]}`,
         row.before[part] === null ? "" : degrees(row.before[part]),
       ];
       record.append(...cells.map((text) => create("td", text)));

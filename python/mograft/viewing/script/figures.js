@@ -1,41 +1,73 @@
-// Which figures are shown, and their captions: the names, and the donors in this frame.
-import { tiles } from "./camera.js";
+// Which figures are shown, and their captions: name, how new it is, and the donors in this frame.
+import { mark, markOf, onChoice } from "./choices.js";
 import { load } from "./poses.js";
-import { clipFrame, clips, create, find, partAt, scene, shownClips, size, state } from "./scene.js";
+import { clipFrame, clips, create, createButton, find, partAt, shownClips, size, state } from "./scene.js";
+import { tiles } from "./stage.js";
+import { donorName } from "./timeline.js";
 
 let captions = [];
+
+function markButtons(clip) {
+  if (clip.keep === null) return [];
+  const made = [
+    ["star", "★"],
+    ["reject", "✕"],
+  ].map(([value, sign]) => {
+    const button = createButton(sign, `${value === "star" ? "Keep" : "Reject"} this motion`, () => mark(clip, value));
+    button.setAttribute("aria-label", `${button.title}: ${clip.name}`);
+    button.dataset.mark = value;
+    return button;
+  });
+  return made;
+}
 
 export function makeCaptions() {
   captions = shownClips().map((clip) => {
     const box = create("div", undefined, "caption");
     const now = create("div", "", "now");
-    box.append(create("bdi", clip.name), now);
-    return { box, now, text: "" };
+    const head = create("div", undefined, "head");
+    head.append(create("bdi", clip.name), ...markButtons(clip));
+    const note = create("div", clip.note, "now note");
+    note.title = clip.note;
+    box.append(head, note, now);
+    return { box, now, clip, text: "" };
   });
   find("captions").replaceChildren(...captions.map(({ box }) => box));
   placeCaptions();
+  markCaptions();
 }
 
+function markCaptions() {
+  for (const { box, clip } of captions) {
+    for (const button of box.querySelectorAll("button"))
+      button.setAttribute("aria-pressed", markOf(clip) === button.dataset.mark);
+    box.classList.toggle("rejected", markOf(clip) === "reject");
+  }
+}
+onChoice(markCaptions);
+
+// A caption covers the tile of its figure; its edges separate the tiles.
 export function placeCaptions() {
   const places = tiles();
   captions.forEach(({ box }, i) => {
-    const tile = state.overlay ? [0, i * 40, size.width, 40] : places[i];
-    box.style.left = `${tile[0]}px`;
-    box.style.top = `${tile[1]}px`;
-    box.style.width = `${tile[2]}px`;
+    const [left, top, width, height] = state.overlay ? [0, i * 64, size.width, 64] : places[i];
+    Object.assign(box.style, { left: `${left}px`, top: `${top}px`, width: `${width}px`, height: `${height}px` });
+    box.classList.toggle("beside", left > 0);
+    box.classList.toggle("below", top > 0 && !state.overlay);
     box.style.opacity = state.overlay && i ? "0.65" : "1";
   });
 }
 
 export function writeCaptions() {
-  shownClips().forEach((clip, i) => {
+  captions.forEach((caption) => {
+    const { clip, now } = caption;
     const frame = clipFrame(clip, state.frame);
     const text = clip.rows
       .map((row) => [row, partAt(row, frame)])
       .filter(([row, at]) => at >= 0 && row.source[at] >= 0)
-      .map(([row, at]) => `${row.group} ← ${scene.donors[row.source[at]]} ${row.first[at]}–${row.last[at]}`)
+      .map(([row, at]) => `${row.group} ← ${donorName(row, at)} ${row.first[at]}–${row.last[at]}`)
       .join(" · ");
-    if (text !== captions[i].text) captions[i].now.textContent = captions[i].text = text;
+    if (text !== caption.text) now.textContent = caption.text = text;
   });
 }
 
@@ -59,11 +91,8 @@ export function makeFigureButtons(onChange) {
   const box = find("figures");
   box.hidden = clips.length < 3;
   clips.forEach((clip, i) => {
-    const button = create("button");
-    button.type = "button";
-    button.title = "Show or hide; with shift, show this figure beside the first one only";
-    button.append(create("bdi", clip.name));
-    button.addEventListener("click", async (event) => {
+    const title = "Show or hide; with shift, show this figure beside the first one only";
+    const button = createButton("", title, async (event) => {
       // A figure is decoded when it is shown for the first time.
       await Promise.all([load(clips[0]), load(clip)]);
       const others = state.shown.filter((k) => k !== i);
@@ -71,6 +100,7 @@ export function makeFigureButtons(onChange) {
       else if (others.length === state.shown.length) showFigures([...others, i], onChange);
       else if (others.length) showFigures(others, onChange);
     });
+    button.append(create("bdi", clip.name));
     box.append(button);
   });
   markChosen();

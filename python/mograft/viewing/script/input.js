@@ -73,25 +73,57 @@ export function listenToStage(stage) {
   );
 }
 
-let scrubbing = null;
+// Drag over the rows selects a range; drag over the overview seeks; two fingers zoom both.
 export function listenToTimeline(canvas, hasRows) {
+  const fingers = new Map();
+  let start = null; // The frame at which the pointer went down.
+  let spread = 0;
+  const frameOf = (x) => (hasRows ? toFrame : overviewFrame)(x, canvas.clientWidth);
   const place = (event) => {
     const box = canvas.getBoundingClientRect();
     return [event.clientX - box.left, event.clientY - box.top];
   };
-  const frameAt = (event) => (hasRows ? toFrame : overviewFrame)(place(event)[0], canvas.clientWidth);
   canvas.addEventListener("pointerdown", (event) => {
     canvas.setPointerCapture(event.pointerId);
-    scrubbing = canvas;
-    if (hasRows) state.pinned = segmentAt(...place(event));
-    seek(frameAt(event));
+    const at = place(event);
+    fingers.set(event.pointerId, at[0]);
+    spread = 0;
+    start = fingers.size === 1 ? at : null;
+    if (!hasRows) seek(frameOf(at[0]));
   });
   canvas.addEventListener("pointermove", (event) => {
-    if (hasRows) state.hovered = segmentAt(...place(event));
-    if (scrubbing === canvas) seek(clamp(frameAt(event), ...(hasRows ? state.window : [0, nFrames - 1])));
-    else redraw();
+    const at = place(event);
+    if (hasRows) state.hovered = segmentAt(...at);
+    if (fingers.has(event.pointerId)) fingers.set(event.pointerId, at[0]);
+    if (fingers.size === 2) {
+      const [a, b] = [...fingers.values()];
+      const apart = Math.max(Math.abs(a - b), 8);
+      if (spread) zoomTime(spread / apart, frameOf((a + b) / 2));
+      spread = apart;
+    } else if (start && !hasRows) seek(clamp(frameOf(at[0]), 0, nFrames - 1));
+    else if (start && Math.abs(at[0] - start[0]) > 4) {
+      const ends = [start[0], at[0]].map((x) => Math.round(clamp(frameOf(x), ...state.window)));
+      state.range = ends.sort((a, b) => a - b);
+    }
+    redraw();
   });
-  for (const kind of ["pointerup", "pointercancel"]) canvas.addEventListener(kind, () => (scrubbing = null));
+  canvas.addEventListener("pointerup", (event) => {
+    fingers.delete(event.pointerId);
+    const at = place(event);
+    if (hasRows && start && Math.abs(at[0] - start[0]) <= 4) {
+      state.pinned = segmentAt(...at);
+      if (state.range && (frameOf(at[0]) < state.range[0] || frameOf(at[0]) > state.range[1])) state.range = null;
+      seek(clamp(frameOf(at[0]), ...state.window));
+    } else if (hasRows && start && state.range) {
+      state.pinned ||= segmentAt(...start);
+      seek(state.range[0]);
+    }
+    start = null;
+  });
+  canvas.addEventListener("pointercancel", (event) => {
+    fingers.delete(event.pointerId);
+    start = null;
+  });
   canvas.addEventListener("pointerleave", () => {
     state.hovered = null;
     redraw();
@@ -103,10 +135,18 @@ export function listenToTimeline(canvas, hasRows) {
       event.preventDefault();
       const [a, b] = state.window;
       if (Math.abs(event.deltaX) > Math.abs(event.deltaY)) show(a + (event.deltaX / canvas.clientWidth) * (b - a), b - a);
-      else zoomTime(Math.exp(event.deltaY * 0.0015), frameAt(event));
+      else zoomTime(Math.exp(event.deltaY * 0.0015), frameOf(place(event)[0]));
     },
     { passive: false },
   );
+}
+
+// Begin or end the selected range at the current frame.
+function setRange(end) {
+  const range = state.range || [state.frame, state.frame];
+  range[end] = state.frame;
+  state.range = range[0] <= range[1] ? [...range] : [state.frame, state.frame];
+  redraw();
 }
 
 const KEYS = {
@@ -121,6 +161,15 @@ const KEYS = {
   t: () => toggle("trails"),
   g: () => toggle("floor"),
   l: () => toggle("loop"),
+  c: () => toggle("colours"),
+  m: () => toggle("mesh"),
+  k: () => toggle("clusters"),
+  i: () => setRange(0),
+  u: () => setRange(1),
+  Escape: () => {
+    state.range = state.pinned = null;
+    redraw();
+  },
   a: () => orbit(-0.15, 0),
   d: () => orbit(0.15, 0),
   w: () => orbit(0, 0.1),

@@ -1,12 +1,15 @@
 // Start: read the data, draw, and listen to pointer and keyboard.
+import { actorOf, hasMesh } from "./actors.js";
+import { loadCharacters } from "./character.js";
+import { commandOf } from "./choices.js";
 import { groupColour, ink, readTheme } from "./colours.js";
-import { candidatesOf, describe, writeDetail, writeTable } from "./details.js";
+import { candidatesOf, describe, preview, writeDetail, writeTable } from "./details.js";
 import { makeCaptions, makeFigureButtons, placeCaptions, writeCaptions } from "./figures.js";
 import { listenToKeys, listenToStage, listenToTimeline, resetCamera, toggle } from "./input.js";
 import { cut, draw, onDraw, play, redraw, seconds, seek, show, writeFrame, zoomTime } from "./player.js";
-import { load, pose } from "./poses.js";
-import { clips, create, find, nFrames, overview, root, rows, scene, shownClips, size, stage, state } from "./scene.js";
-import { drawStage } from "./stage.js";
+import { load, makePose, nodePlace, setPose } from "./poses.js";
+import { clips, create, find, marks, nFrames, overview, root, rows, scene, shownClips, size, stage, state } from "./scene.js";
+import { drawStage, startStage } from "./stage.js";
 import { drawOverview, drawRows, layOutRows, timeline } from "./timeline.js";
 
 const sliders = [rows, overview];
@@ -22,7 +25,7 @@ function resize() {
   const ratio = Math.min(window.devicePixelRatio || 1, 2);
   Object.assign(size, { width: stage.clientWidth, height: stage.clientHeight, ratio });
   timeline.gutter = overview.clientWidth < 600 ? 104 : 160;
-  for (const canvas of [stage, rows, overview]) {
+  for (const canvas of [marks, rows, overview]) {
     canvas.width = Math.round(canvas.clientWidth * ratio);
     canvas.height = Math.round(canvas.clientHeight * ratio);
   }
@@ -38,7 +41,9 @@ function onFiguresChange() {
 }
 
 function describeStage() {
-  const names = shownClips().map((clip) => clip.name).join(" and ");
+  const names = shownClips()
+    .map((clip) => clip.name)
+    .join(" and ");
   stage.setAttribute("aria-label", `Moving figures: ${names}. Space plays, arrow keys step.`);
   find("overlay").hidden = state.shown.length < 2;
   find("loop").hidden = find("parts").hidden = !timeline.lines.length;
@@ -70,7 +75,7 @@ function listenToButtons() {
     seek(Number(event.target.value) || 0);
     event.target.blur(); // The keys control the player again.
   });
-  for (const name of ["overlay", "follow", "trails", "floor", "loop"]) {
+  for (const name of ["overlay", "follow", "trails", "floor", "colours", "mesh", "clusters", "loop"]) {
     find(name).addEventListener("click", () => toggle(name));
   }
   find("wider").addEventListener("click", () => zoomTime(2, state.frame));
@@ -96,7 +101,6 @@ function listen() {
 }
 
 function prepare() {
-  readTheme();
   writeLegend();
   makeCaptions();
   makeFigureButtons(onFiguresChange);
@@ -109,17 +113,20 @@ function prepare() {
   find("frame").max = nFrames - 1;
   find("total").textContent = `/ ${nFrames - 1}`;
   find("note").textContent = scene.note;
-  state.follow = scene.follow;
-  find("follow").setAttribute("aria-pressed", state.follow);
+  const hasClusters = clips.some(({ rows: own }) => own.some(({ cluster }) => cluster.some((number) => number >= 0)));
+  find("clusters").hidden = !hasClusters;
+  find("mesh").hidden = !hasMesh();
+  state.colours = !hasMesh();
+  find("colours").setAttribute("aria-pressed", state.colours);
   for (const drawer of [drawStage, writeCaptions, drawRows, drawOverview, writeDetail, writeFrame, writeSliders]) {
     onDraw(drawer);
   }
 }
 
-// If segments are too narrow to point at, only a part of the timeline is visible at first.
+// If blocks are too narrow for their names, only a part of the timeline is visible at first.
 function fitTimeline() {
   const most = Math.max(0, ...timeline.lines.map((line) => line.row.start.length));
-  const room = Math.max(rows.clientWidth / 28, 8);
+  const room = Math.max(rows.clientWidth / 90, 6);
   if (most > 1.5 * room) show(0, ((nFrames - 1) * room) / most);
 }
 
@@ -128,7 +135,9 @@ async function begin() {
     throw new Error("the browser must support DecompressionStream (2023)");
   }
   const characters = scene.objects.filter(({ kind }) => kind === "figure").map(({ clip }) => clip);
-  await Promise.all([...shownClips(), ...characters].map(load));
+  await Promise.all([...[...shownClips(), ...characters].map(load), loadCharacters()]);
+  readTheme();
+  startStage();
   prepare();
   resize();
   fitTimeline();
@@ -143,8 +152,25 @@ async function begin() {
       draw();
     },
     frame: () => state.frame,
-    pose: (clip, frame) => Array.from(pose(clips[clip], frame, new Float32Array(clips[clip].nodes * 3))),
-    isLoaded: (clip) => Boolean(clips[clip].positions),
+    // World positions of the nodes of a figure in a frame, also with the donor of a preview.
+    pose: (index, frame) => {
+      const clip = clips[index];
+      const pose = setPose(clip, frame, makePose(clip));
+      return Array.from({ length: clip.parents.length + clip.ends.length }, (_, node) => nodePlace(clip, pose, node)).flat();
+    },
+    preview: (row, part, own) => preview({ line: timeline.lines[row], part }, own),
+    skin: (index) => {
+      const { skeleton } = actorOf(clips[index]).meshes.find(({ userData }) => !userData.isRigid);
+      skeleton.update();
+      return Array.from(skeleton.boneMatrices);
+    },
+    pin: (row, part) => {
+      state.pinned = { line: timeline.lines[row], part };
+      redraw();
+    },
+    isWindowLoaded: (name) => Boolean(scene.windows[name].values),
+    command: (index) => commandOf(clips[index]),
+    isLoaded: (clip) => Boolean(clips[clip].values),
     describe: (row, part) => describe({ line: timeline.lines[row], part }),
     candidates: (row, part) => candidatesOf({ line: timeline.lines[row], part }),
     offset: (row) => timeline.offsets[row],

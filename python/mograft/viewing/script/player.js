@@ -41,6 +41,14 @@ export function seek(frame) {
   redraw();
 }
 
+// The frames that repeat: the selected range, or else those of the selected segment.
+function loopFrames() {
+  const { pinned, range } = state;
+  if (range || !pinned) return range;
+  const { clip, row } = pinned.line;
+  return [row.start, row.stop].map((frames) => Math.round(toPageFrame(clip, frames[pinned.part])));
+}
+
 let clock = 0;
 let carried = 0;
 function tick(time) {
@@ -51,12 +59,8 @@ function tick(time) {
   if (whole > 0) {
     carried -= whole;
     let next = state.frame + whole;
-    const { pinned } = state;
-    if (state.loop && pinned) {
-      const from = Math.round(toPageFrame(pinned.line.clip, pinned.line.row.start[pinned.part]));
-      const to = Math.round(toPageFrame(pinned.line.clip, pinned.line.row.stop[pinned.part]));
-      if (next > to || next < from) next = from;
-    } else if (next > nFrames - 1) next = 0;
+    const [from, to] = (state.loop && loopFrames()) || [0, nFrames - 1];
+    if (next > to || next < from) next = from;
     seek(next);
   }
   requestAnimationFrame(tick);

@@ -4,6 +4,7 @@ export const root = document.getElementById("mograft");
 export const scene = JSON.parse(document.getElementById("mograft-data").textContent);
 export const find = (name) => root.querySelector(`[data-part="${name}"]`);
 export const stage = find("stage");
+export const marks = find("marks");
 export const rows = find("rows");
 export const overview = find("overview");
 export const isAlone = document.body.classList.contains("alone");
@@ -13,24 +14,30 @@ export const first = clips[0];
 export const nFrames = Math.max(...clips.map((clip) => Math.round(((clip.frames - 1) * clip.dt) / first.dt) + 1));
 export const size = { width: 1, height: 1, ratio: 1 };
 
+const isNarrow = root.clientWidth < 600;
 export const state = {
   frame: 0,
   playing: false,
   speed: 1,
-  shown: clips.map((_, i) => i).slice(0, scene.shown),
+  shown: clips.map((_, i) => i).slice(0, isNarrow ? Math.min(2, scene.shown) : scene.shown),
   overlay: false,
   follow: true,
   stand: 0,
   trails: false,
   floor: true,
+  colours: true,
+  mesh: true,
+  clusters: false,
   loop: false,
   yaw: 0.55,
   pitch: 0.22,
   zoom: 1,
   pan: [0, 0],
   window: [0, nFrames - 1],
+  range: null, // Selected frames of the page: [first, last].
   pinned: null,
   hovered: null,
+  preview: null, // A donor that replaces the motion of a group in the frames of a segment.
 };
 
 export const shownClips = () => state.shown.map((i) => clips[i]);
@@ -43,6 +50,14 @@ export function create(tag, text, className) {
   if (text !== undefined) element.textContent = text;
   if (className) element.className = className;
   return element;
+}
+
+export function createButton(text, title, act) {
+  const button = create("button", text);
+  button.type = "button";
+  button.title = title;
+  button.addEventListener("click", act);
+  return button;
 }
 
 // Index of the segment of a row that contains a frame, or -1.

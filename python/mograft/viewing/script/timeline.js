@@ -1,10 +1,11 @@
-// The timeline: one row of segments per joint group of each shown figure, and the overview.
-import { clusterColour, groupColour, ink } from "./colours.js";
+// The timeline: one row of blocks per joint group of each shown figure, and the overview.
+import { groupColour, ink, numberColour } from "./colours.js";
 import { drawObjectFrames } from "./objects.js";
 import { clips, first, nFrames, overview, partAt, rows, scene, shownClips, size, state, toPageFrame } from "./scene.js";
 
-const ROW = 18;
+const ROW = 22;
 const GAP = 6;
+const WIDE_SEAM = 45; // Angle in degrees of a seam whose mark has the full height.
 
 export const timeline = { lines: [], offsets: [], height: 0, gutter: 110 };
 let picture = null; // The timeline without its cursor.
@@ -44,75 +45,75 @@ export function segmentAt(x, y) {
 
 function fit(context, text, room) {
   if (context.measureText(text).width <= room) return text;
-  let low = 0;
-  let high = text.length;
-  while (low < high) {
-    const middle = (low + high + 1) >> 1;
-    if (context.measureText(`…${text.slice(-middle)}`).width <= room) low = middle;
-    else high = middle - 1;
-  }
-  return low ? `…${text.slice(-low)}` : "";
+  let length = text.length;
+  while (length && context.measureText(`…${text.slice(-length)}`).width > room) length--;
+  return length ? `…${text.slice(-length)}` : "";
 }
 
-function hatch(context) {
-  const tile = document.createElement("canvas");
-  tile.width = tile.height = 6 * size.ratio;
-  const brush = tile.getContext("2d");
-  brush.scale(size.ratio, size.ratio);
-  brush.strokeStyle = ink.dark ? "rgba(255,255,255,.42)" : "rgba(0,0,0,.34)";
-  brush.lineWidth = 1.2;
-  for (const shift of [-6, 0, 6]) {
-    brush.moveTo(shift, 6);
-    brush.lineTo(shift + 6, 0);
-  }
-  brush.stroke();
-  const pattern = context.createPattern(tile, "repeat");
-  pattern.setTransform(new DOMMatrix().scale(1 / size.ratio));
-  return pattern;
-}
-
-function drawRowName(brush, line, top) {
-  brush.fillStyle = groupColour(line.row.group);
-  brush.fillRect(0, top + 3, 4, ROW - 6);
+function drawRowName(brush, { clip, row }, top) {
+  brush.fillStyle = groupColour(row.group);
+  brush.fillRect(0, top + 4, 4, ROW - 8);
   brush.fillStyle = ink.text;
-  const many = clips.length > 1;
-  const group = many ? ` · ${line.row.group}` : "";
+  const group = clips.length > 1 ? ` · ${row.group}` : row.group;
   const room = timeline.gutter - 16 - brush.measureText(group).width;
-  const name = many ? fit(brush, line.clip.name, room) + group : fit(brush, line.row.group, room);
-  brush.fillText(name, 9, top + ROW / 2);
+  brush.fillText((clips.length > 1 ? fit(brush, clip.name, room) : "") + group, 9, top + ROW / 2);
 }
 
-function drawSegments(brush, line, top, wide, stripes) {
-  const { start, stop, cluster, source } = line.row;
-  for (let part = 0; part < start.length; part++) {
-    const a = toX(toPageFrame(line.clip, start[part]), wide);
-    const b = toX(toPageFrame(line.clip, stop[part]), wide);
+// The names that fit into a block, longest first.
+function blockNames(source, from, to) {
+  const frames = `${from}–${to}`;
+  return source === null ? [frames] : [`${source} ${frames}`, source];
+}
+
+export const donorName = (row, part) => (row.source[part] < 0 ? null : scene.donors[row.source[part]]);
+
+function drawBlock(brush, top, a, b, { fill, names, seam, isBold }) {
+  const width = Math.max(b - a - (b - a > 4 ? 1.5 : 0.3), 0.5);
+  brush.fillStyle = fill;
+  brush.fillRect(a, top + 1.5, width, ROW - 3);
+  if (isBold) {
+    brush.strokeStyle = ink.text;
+    brush.strokeRect(a + 0.5, top + 2, width - 1, ROW - 4);
+  }
+  const room = a + width - 8;
+  let name = names.find((text) => brush.measureText(text).width <= room - a - 2) || "";
+  if (seam !== null) {
+    // The mark of a seam is as high as its gap is wide.
+    const high = Math.max(3, Math.min(seam / WIDE_SEAM, 1) * (ROW - 3));
+    brush.fillStyle = ink.text;
+    brush.fillRect(a, top + ROW - 1.5 - high, 2, high);
+    const text = `${seam.toFixed(0)}°  ${name}`;
+    if (brush.measureText(text).width <= room - a - 2) name = text;
+  }
+  brush.fillStyle = ink.text;
+  brush.fillText(name, a + 6, top + ROW / 2 + 0.5);
+}
+
+function drawSegments(brush, { clip, row }, top, wide) {
+  const place = (frame) => toX(toPageFrame(clip, frame), wide);
+  for (let part = 0; part < row.start.length; part++) {
+    const [a, b] = [place(row.start[part]), place(row.stop[part])];
     if (b < timeline.gutter || a > wide) continue;
-    const width = Math.max(b - a - (b - a > 4 ? 1.5 : 0.3), 0.5);
-    // Without clusters, the colour of an exchanged segment is that of the clip of its donor.
-    brush.fillStyle = clusterColour(cluster[part] < 0 ? source[part] : cluster[part]);
-    brush.fillRect(a, top + 1.5, width, ROW - 3);
-    if (source[part] >= 0) {
-      brush.fillStyle = b - a > 3 ? stripes : "rgba(0,0,0,.2)";
-      brush.fillRect(a, top + 1.5, width, ROW - 3);
+    const source = donorName(row, part);
+    const names =
+      source === null ? blockNames(null, row.start[part], row.stop[part]) : blockNames(source, row.first[part], row.last[part]);
+    const cluster = row.cluster[part];
+    let fill = source === null ? ink.panel : numberColour(row.source[part]);
+    if (state.clusters && cluster >= 0) {
+      fill = numberColour(cluster + 3);
+      names.unshift(`cluster ${cluster}`, `${cluster}`);
     }
-    const number = `${cluster[part]}`;
-    if (cluster[part] < 0 || b - a <= 7 * number.length + 6) continue;
-    const middle = a + width / 2;
-    const room = brush.measureText(number).width + 5;
-    if (source[part] >= 0) {
-      brush.fillStyle = clusterColour(cluster[part]);
-      brush.fillRect(middle - room / 2, top + 3, room, ROW - 6);
-    }
-    brush.fillStyle = ink.dark ? "#fff" : "#111";
-    brush.textAlign = "center";
-    brush.fillText(number, middle, top + ROW / 2 + 0.5);
-    brush.textAlign = "left";
+    drawBlock(brush, top, a, b, { fill, names, seam: row.before[part] });
+  }
+  for (const own of row.changes) {
+    const names = blockNames(scene.donors[own.source], own.first, own.last);
+    const look = { fill: numberColour(own.source), names, seam: null, isBold: true };
+    drawBlock(brush, top, place(own.start), place(own.stop), look);
   }
 }
 
 function drawPicture(wide) {
-  const key = [state.window, state.shown, rows.width, rows.height, ink.version].join();
+  const key = [state.window, state.shown, state.clusters, rows.width, rows.height, ink.version].join();
   if (picture && key === pictureKey) return;
   pictureKey = key;
   picture = document.createElement("canvas");
@@ -122,7 +123,6 @@ function drawPicture(wide) {
   brush.scale(size.ratio, size.ratio);
   brush.font = "11px system-ui, sans-serif";
   brush.textBaseline = "middle";
-  const stripes = hatch(brush);
   timeline.lines.forEach((line, i) => {
     const top = timeline.offsets[i];
     drawRowName(brush, line, top);
@@ -130,7 +130,7 @@ function drawPicture(wide) {
     brush.beginPath();
     brush.rect(timeline.gutter, top, inner(wide), ROW);
     brush.clip();
-    drawSegments(brush, line, top, wide, stripes);
+    drawSegments(brush, line, top, wide);
     brush.restore();
   });
 }
@@ -145,6 +145,14 @@ export function drawRows() {
   context.clearRect(0, 0, rows.width, rows.height);
   if (rows.width && rows.height) context.drawImage(picture, 0, 0);
   context.setTransform(size.ratio, 0, 0, size.ratio, 0, 0);
+  if (state.range) {
+    const [a, b] = state.range.map((frame) => Math.max(toX(frame, wide), timeline.gutter));
+    context.fillStyle = context.strokeStyle = ink.accent;
+    context.globalAlpha = 0.16;
+    context.fillRect(a, 0, b - a, height);
+    context.globalAlpha = 1;
+    for (const x of [a, b]) context.fillRect(x - 0.5, 0, 1, height);
+  }
   for (const [chosen, strong] of [
     [state.hovered, false],
     [state.pinned, true],
@@ -170,8 +178,7 @@ function outline(context, { line, part }, wide, strong) {
   };
   const { row } = line;
   frame(line, row.start[part], row.stop[part], false);
-  if (row.source[part] < 0) return;
-  const donor = scene.donors[row.source[part]];
+  const donor = donorName(row, part);
   const home = timeline.lines.find((other) => other.clip.name === donor && other.row.group === row.group);
   if (home) frame(home, row.first[part], row.last[part], true);
 }
