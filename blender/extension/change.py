@@ -53,9 +53,7 @@ class MOGRAFT_OT_change(WorkOperator, _Armature, bpy.types.Operator):
 
     kind: EnumProperty(name="Change", items=EDITS)
     clip: StringProperty(name="Action", options=UNSAVED)
-    first: IntProperty(
-        name="First frame", options=UNSAVED, description="First and last 0: the best"
-    )
+    first: IntProperty(name="First frame (0: the best part)", options=UNSAVED)
     last: IntProperty(name="Last frame", options=UNSAVED)
 
     @classmethod

@@ -86,7 +86,6 @@ class MOGRAFT_OT_generate(WorkOperator, _Armature, bpy.types.Operator):
         made = write_results(loaded, results)
         for own in made if owner.mograft.pushes_down else ():
             push_down(owner, own)
-        owner.mograft.base = bpy.data.actions[base]
         preview(owner, made[0])
         names = made[0].name if len(made) == 1 else f"{made[0].name} to {made[-1].name}"
         self.report({"INFO"}, f"{names}: {results[0].newness}")

@@ -352,7 +352,12 @@ def change_one_part():
     bpy.ops.mograft.accept()
     (graft,) = grafts()
     bpy.ops.mograft.repeat()
-    error, *_ = compare(owner, owner.mograft.base or bpy.data.actions[0], graft)
+    base = bpy.data.actions["wd2_spiral_walk_slow02"]
+    error, *_ = compare(owner, base, graft)
+    n_grafts = len(grafts())
+    bpy.ops.mograft.generate(count=1, seed=9)  # on the base of the graft that is shown
+    assert len(grafts()) == n_grafts + 1
+    assert json.loads(owner.animation_data.action["mograft_record"])["base"] == base.name
     assert hash_all(owner) == before
     return f"{len(graft.mograft.ranges)} ranges, error {error:.1e}"
 
