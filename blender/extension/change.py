@@ -100,7 +100,7 @@ class MOGRAFT_OT_change(WorkOperator, _Armature, bpy.types.Operator):
         self.report({"INFO"}, "Preview: accept or discard it")
 
     def invoke(self, context, event):
-        """Ask for the part that is to be chosen."""
+        """Ask for the part of a clip that replaces the selected one."""
         if self.kind == "CHOOSE" and not self.clip:
             return context.window_manager.invoke_props_dialog(self)
         return super().invoke(context, event)

@@ -40,7 +40,7 @@ def parse_document(text: str | bytes, kind: Literal["JSON", "TOML"] = "JSON") ->
 
 
 def read_document(path: Path, kind: Literal["JSON", "TOML"] = "JSON") -> Any:  # noqa: ANN401
-    """Return the content of a file; as `parse_document`, with errors that name the file."""
+    """Parse a JSON or TOML file as `parse_document` does; errors name the file."""
     try:
         return parse_document(path.read_text(encoding="utf-8"), kind)
     except ValueError as error:

@@ -83,7 +83,7 @@ class WorldMeasures(Record):
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def columns(self) -> dict[str, str]:
-        """Return the measures as text, by title, with the verdict on each."""
+        """Return a text for each measure, its value and verdict, by the title of the measure."""
         found = {}
         for title, (name, factor, digits, suffix) in _COLUMNS.items():
             value = factor * getattr(self, name)
@@ -259,7 +259,7 @@ class WorldReference:
 
 
 class _Base:
-    """A base, with the measures that its grafts are compared with."""
+    """A base motion and its own measures, with which those of its grafts are compared."""
 
     def __init__(self, motion: Motion) -> None:
         self.motion = motion

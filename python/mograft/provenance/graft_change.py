@@ -33,7 +33,7 @@ def change(
     constraints: Sequence[Constraint] = (),
     rank: int = 0,
 ) -> Graft:
-    """Return a graft in which a group moves as in another part of a clip in a range of frames.
+    """Return `graft` with the motion of a part of a clip for one group, in a range of frames.
 
     Range and part begin and end at any frame, also inside of segments. The part is stretched to
     the length of the range, and the seams at both ends are closed within the range.

@@ -42,7 +42,7 @@ class DonorSpan:
 
 @dataclass(frozen=True, eq=False)
 class ChangedPart:
-    """A joint group that is exchanged, or a body part within it."""
+    """The joints that a change moves: an exchanged group, or one body part of it."""
 
     group: str  # the exchanged group
     spec: GraftedGroup

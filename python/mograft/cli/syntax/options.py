@@ -75,9 +75,9 @@ class LibraryFileOptions(SkeletonOptions, section="input"):
         is_expert=True,
     )
     match: Literal["names", "anatomy"] | None = setting(
-        "how motions of different hierarchies fit together (default: names)",
-        details="names - all must have the same joint names and hierarchy; anatomy - joints "
-        "correspond by body part, and those without a counterpart are listed",
+        "which joints of the motions correspond (default: names)",
+        details="names - those of the same name; all motions must have one hierarchy; anatomy - "
+        "those of the same body part; joints without a counterpart are left out and listed",
         is_expert=True,
     )
 
