@@ -12,7 +12,7 @@ from .actions import preview, write_results
 from .armature import RefusedError
 from .curves import frames_of
 from .grafting import change
-from .operators import _Armature, request_of, violation_of
+from .operators import UNSAVED, _Armature, request_of, violation_of
 from .sources import BEFORE, EDIT, PARENT, RECORD, Setup, load, restore_others
 from .work import WorkOperator
 
@@ -52,9 +52,9 @@ class MOGRAFT_OT_change(WorkOperator, _Armature, bpy.types.Operator):
     bl_label = "Change"
 
     kind: EnumProperty(name="Change", items=EDITS)
-    clip: StringProperty(name="Action", description="For Choose Part")
-    first: IntProperty(name="First frame", description="First and last 0: the best part")
-    last: IntProperty(name="Last frame", description="In the time of the action")
+    clip: StringProperty(name="Action", options=UNSAVED)
+    first: IntProperty(name="First frame (0: the best part)", options=UNSAVED)
+    last: IntProperty(name="Last frame", options=UNSAVED)
 
     @classmethod
     def description(cls, _context, properties):

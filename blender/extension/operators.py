@@ -17,6 +17,9 @@ from .groups import read_groups, write_groups
 from .scene_constraints import make_constraints
 from .work import WorkOperator
 
+UNSAVED = {"SKIP_SAVE"}
+"""Buttons that do not set a property use its default, not the value of the last call."""
+
 
 class _Armature:
     """Operators of the active armature."""
@@ -38,9 +41,9 @@ class MOGRAFT_OT_generate(WorkOperator, _Armature, bpy.types.Operator):
     bl_idname = "mograft.generate"
     bl_label = "Generate"
 
-    count: IntProperty(name="Number", min=0, max=1000, description="0: as in the panel")
-    seed: IntProperty(name="Seed", min=-1, default=-1, description="-1: as in the panel")
-    on_all: BoolProperty(name="On all", description="Make grafts on every source of the armature")
+    count: IntProperty(name="Number", min=0, max=1000, options=UNSAVED)
+    seed: IntProperty(name="Seed", min=-1, default=-1, options=UNSAVED)
+    on_all: BoolProperty(name="On all", options=UNSAVED)
 
     def prepare(self, context):
         """Read all actions and constraints."""
@@ -83,7 +86,6 @@ class MOGRAFT_OT_generate(WorkOperator, _Armature, bpy.types.Operator):
         made = write_results(loaded, results)
         for own in made if owner.mograft.pushes_down else ():
             push_down(owner, own)
-        owner.mograft.base = bpy.data.actions[base]
         preview(owner, made[0])
         names = made[0].name if len(made) == 1 else f"{made[0].name} to {made[-1].name}"
         self.report({"INFO"}, f"{names}: {results[0].newness}")
@@ -109,7 +111,7 @@ class MOGRAFT_OT_repeat(WorkOperator, _Armature, bpy.types.Operator):
     bl_idname = "mograft.repeat"
     bl_label = "Repeat from Provenance"
 
-    action: StringProperty(description="Name of the graft; empty: the action of the armature")
+    action: StringProperty(options=UNSAVED)  # the default is the one that is shown
 
     def prepare(self, context):
         """Read the sources of a graft."""
@@ -163,7 +165,7 @@ class MOGRAFT_OT_add_assets(WorkOperator, _Armature, bpy.types.Operator):
     bl_property = "library"
 
     library: EnumProperty(name="Library", items=_libraries)
-    folder: StringProperty(description="A folder or .blend file instead of a library")
+    folder: StringProperty(options=UNSAVED)  # or a .blend file, instead of a library
 
     def invoke(self, context, _event):
         """Show the libraries of the preferences."""

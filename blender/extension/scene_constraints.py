@@ -35,6 +35,7 @@ def make_constraints(items, first, last, read_other):
         target = item.target
         if target is None:
             raise RefusedError("A condition has no object: choose one, or remove the condition")
+        place = tuple(target.matrix_world.translation)
         if item.kind == "AVOID" and target.type == "ARMATURE":
             motion, other = read_other(target)
             others[len(found)] = {**other, "frames": frames}
@@ -44,10 +45,9 @@ def make_constraints(items, first, last, read_other):
         elif item.kind == "REACH":
             if not item.bone:
                 raise RefusedError(f"Choose the bone that reaches {target.name}")
-            place, span = tuple(target.matrix_world.translation), frames or (0, last - first)
+            span = frames or (0, last - first)
             found.append(mg.constraints.Reach(item.bone, place, frames=span))
         else:
-            place = tuple(target.matrix_world.translation)
             found.append(mg.constraints.Face(place, item.bone or None, frames=frames))
     return found, others
 

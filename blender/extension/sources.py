@@ -93,11 +93,14 @@ def collect(context, settings):
         name = item.name if item.file else item.action.name
         sources.append(Source(action=name, armature=armature.name, file=item.file))
     data = owner.animation_data
-    base = settings.base or (data.action if data else None)
+    base = data.action if data else None
+    if base is not None and RECORD in base:
+        base = bpy.data.actions.get(json.loads(base[RECORD])["base"])
+    base = settings.base or base
     if base is None:
         has_nla = data is not None and len(data.nla_tracks)
-        hint = "bake its NLA tracks to an action first" if has_nla else "choose a base action"
-        raise RefusedError(f"{owner.name} has no action: {hint}")
+        hint = ", or bake its NLA tracks to an action" if has_nla else ""
+        raise RefusedError(f"{owner.name} has no action: choose a base action{hint}")
     if base.library is not None:
         raise RefusedError(f"{base.name} is linked: make it local to use it as a base")
     own = Source(action=base.name, armature=owner.name)
@@ -113,12 +116,11 @@ def collect(context, settings):
         extent = rigs.make_rig(armature, placed, is_deform_only=settings.is_visual).rest.extent
         size = size or extent  # that of the base: parts come from figures of its size
         placements[armature.name] = replace(placed, scale=placed.scale * size / extent)
-    render = context.scene.render
     setup = Setup(
         armature=owner.name,
         sources=sources,
         placements=placements,
-        rate=render.fps / render.fps_base,
+        rate=context.scene.render.fps / context.scene.render.fps_base,
         is_visual=settings.is_visual,
         is_mirrored=settings.is_mirrored,
     )
