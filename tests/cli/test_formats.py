@@ -42,6 +42,15 @@ def test_info_lists_clips(run, succeed, pack):
     assert "note: nodes that are not joints: bones" in out
 
 
+@pytest.mark.parametrize("name", ["#Rig|walk_b", "walk_b", "*_b"])
+def test_graft_base_is_found_by_any_unique_pattern_of_its_name(succeed, pack, tmp_path, name):
+    succeed("graft", pack, "--base", name, "-o", tmp_path / "found.glb")
+    succeed("graft", pack, "--base", "Rig|walk_b", "-o", tmp_path / "exact.glb")
+    clip = "#Rig|walk_b_graft0"
+    motions = [mg.read(f"{tmp_path / own}.glb{clip}")[0] for own in ("found", "exact")]
+    assert (motions[0].rotations == motions[1].rotations).all()
+
+
 def test_graft_base_by_address_equals_base_by_name(succeed, pack, tmp_path):
     for name, base in (("a", f"{pack}#jump"), ("b", "Rig|jump")):
         options = ("--base", base, "--seed", "3", "-o", tmp_path / name)

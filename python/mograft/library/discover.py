@@ -139,13 +139,13 @@ def _exclude_copies(clips: list[FoundClip]) -> list[FoundClip]:
     return [replace(own, is_graft=True) if paths[id(own)] in copies else own for own in clips]
 
 
-def scan_folder(folder: str) -> list[Path]:
+def scan_folder(folder: str, *, every: bool = False) -> list[Path]:
     """Return the motion files in a folder and its subfolders, sorted by path.
 
     Files are chosen by suffix. Files in the same folder with the same stem are taken for exports of
-    one another: only those of the first format in `FORMATS` are returned. Hidden files and folders
-    are left out, because other programs give hidden names to copies and to incomplete files. So is
-    anything but regular files, because reading a pipe would block.
+    one another: unless `every`, only those of the first format in `FORMATS` are returned. Hidden
+    files and folders are left out, because other programs give hidden names to copies and to
+    incomplete files. So is anything but regular files, because reading a pipe would block.
     """
     files: list[Path] = []
     for parent, folders, names in os.walk(folder):
@@ -156,7 +156,8 @@ def scan_folder(folder: str) -> list[Path]:
             if rank is not None and path.is_file():
                 ranks.setdefault(path.stem, {}).setdefault(rank, []).append(path)
         for by_rank in ranks.values():
-            files += by_rank[min(by_rank)]
+            for rank in by_rank if every else [min(by_rank)]:
+                files += by_rank[rank]
     return sorted(files)
 
 

@@ -206,6 +206,7 @@ def _find_base(library: Library, name: str | None, folder: Path | None) -> Motio
     if `name` is None. `folder` is the folder of a stored library, or None.
     """
     names = library.names
+    name = name and name.removeprefix("#")  # as `mograft info` prints the clips of a file
     if name is None or (folder is not None and name in names):
         return name
     sources = [entry.source_file for entry in library.entries]

@@ -60,7 +60,7 @@ def _find_files(names: Iterable[str]) -> list[str]:
     """Return the addresses of the files that are given, or that are in the given folders."""
     found: list[str] = []
     for name in names:
-        paths = [str(path) for path in scan_folder(name)] if Path(name).is_dir() else []
+        paths = [str(path) for path in scan_folder(name, every=True)] if Path(name).is_dir() else []
         found += paths or [name]
     return found
 
