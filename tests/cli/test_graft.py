@@ -258,6 +258,20 @@ def test_graft_from_with_edits_prints_changes_and_records_the_command(run, first
     assert document["edits"][0]["command"].endswith("--ban 55")
 
 
+def test_graft_changes_vary_where_other_parts_exist(succeed, folder, tmp_path):
+    """A range with frames of its own keeps them in every version; alone, it has one version."""
+    fixed, free = "upper@20-90=b:10-70", "upper@100-130"
+    words = ["graft", folder, "-n", 3, "--change", fixed]
+    succeed(*words, "--change", free, "-o", tmp_path / "both")
+    versions = [read_bvh(path).rotations for path in sorted((tmp_path / "both").glob("*.bvh"))]
+    assert len(versions) == 3
+    assert (versions[0][:91] == versions[1][:91]).all()
+    assert len({own[100:131].tobytes() for own in versions}) == 3
+    _, err = succeed(*words, "-o", tmp_path / "one")
+    assert len(list((tmp_path / "one").glob("*.bvh"))) == 1
+    assert "warning: 1 of 3 motions are written: there are no other parts" in err
+
+
 def test_graft_from_with_edits_takes_moved_library(run, first, folder, tmp_path):
     shutil.copy(first.with_suffix(".json"), tmp_path / "new.json")
     words = ["graft", "--from", tmp_path / "new.json", "--ban", "24"]

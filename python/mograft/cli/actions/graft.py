@@ -172,22 +172,29 @@ def _edit(graft: Graft, options: GraftOptions) -> list[Graft]:
 def _change(graft: Graft, options: GraftOptions) -> list[Graft]:
     """Return ``-n`` versions of a graft with the changes of ``--change``, fewer if donors lack.
 
-    Version k has in each range the part of the k-th lowest cost.
+    Version k has in each range the part of the k-th lowest cost, or the last one that there is.
     """
     if not options.change:
         return [graft]
     rate, versions = graft.base.rate, list[Graft]()
+    best = [0] * len(options.change)
     for rank in range(options.count):
-        changed = graft
-        try:
-            for group, span, donor in options.change:
-                frames, chosen = resolve_frames(span, rate), resolve_donor(donor, rate)
+        changed, is_new = graft, rank == 0
+        for index, (group, span, donor) in enumerate(options.change):
+            frames, chosen = resolve_frames(span, rate), resolve_donor(donor, rate)
+            try:
                 changed = change(changed, group, frames, chosen, rank=rank)
-        except ValueError as error:
-            message = re.sub(r"`(group|frames|donor)`", r"the \1 of --change", str(error))
-            if not versions:
-                raise ValueError(message) from None
-            print_remark(f"warning: {rank} of {options.count} motions are written: {message}")
+                best[index], is_new = rank, is_new or not isinstance(chosen, tuple)
+            except ValueError as error:
+                if not versions:
+                    message = re.sub(r"`(group|frames|donor)`", r"the \1 of --change", str(error))
+                    raise ValueError(message) from None
+                changed = change(changed, group, frames, chosen, rank=best[index])
+        if not is_new:
+            print_remark(
+                f"warning: {rank} of {options.count} motions are written: there are no other parts "
+                "of the clips for the ranges of --change"
+            )
             break
         command = shlex.join(options.words)
         changes = [own if own.command else replace(own, command=command) for own in changed.changes]
