@@ -285,6 +285,19 @@ def test_graft_from_with_edits_takes_moved_library(run, first, folder, tmp_path)
     assert "is another library: SHA-256" in err
 
 
+def test_graft_from_in_another_folder_finds_the_folder_of_the_command(
+    succeed, folder, tmp_path, monkeypatch
+):
+    shutil.copytree(folder, tmp_path / "work" / "clips")
+    monkeypatch.chdir(tmp_path / "work")
+    succeed("graft", "clips", "-o", "out")
+    monkeypatch.chdir(tmp_path / "work" / "out")
+    succeed("graft", "--from", "a_graft0.json", "--ban", "9", "-o", "here.bvh")
+    monkeypatch.chdir(tmp_path)
+    succeed("graft", "--from", "work/out/a_graft0.json", "--ban", "9", "-o", "there.bvh")
+    assert Path("there.bvh").read_bytes() == Path("work/out/here.bvh").read_bytes()
+
+
 @pytest.mark.parametrize(
     ("options", "code", "message"),
     [

@@ -1,6 +1,7 @@
 """`GraftRecord`: provenance as read from a JSON document; the library and files that it names."""
 
 import glob
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
@@ -297,6 +298,14 @@ def _present_source(record: GraftRecord, source: str) -> str:
     clip = next((own for own in record.clips if own.file and Path(own.file).name == name), None)
     if Path(path).exists() or glob.has_magic(path):
         return source
+    # The command was typed in another folder: a clip of the graft lies in the folder, or is it.
+    parts = tuple(own for own in Path(os.path.normpath(path)).parts if own != os.pardir)
+    for file in (own.file for own in record.clips if own.file and parts):
+        place = Path(os.path.abspath(record.folder / file))
+        found = (own for own in (place, *place.parents) if own.parts[-len(parts) :] == parts)
+        for own in found:
+            if own.exists():
+                return join_address(str(own), pattern)
     if clip is None:
         raise record.error(f"{source} is missing: give the library, or all of its files")
     return join_address(_find_file(record, clip, ()), pattern)
