@@ -1,8 +1,8 @@
 """Commands that take or write libraries."""
 
 import json
-import re
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
