@@ -152,29 +152,28 @@ def _choose(
     if isinstance(donor, tuple):
         return _exact_span(library, frames, donor)
     if donor is not None:
-        within = [(clip, None) for clip in find_matches("donor", donor, library.names)]
-    spans = find_donor_spans(problem, motion, part, frames, within)
+        within = find_matches("donor", donor, library.names)
     hard = [own for own in problem.pose_constraints if own.is_hard]
-    if not hard:
-        first = next(islice(spans, rank, None), None)
-        if first is not None:
-            return first
-    errors: list[tuple[float, int, DonorSpan]] = []
-    for number, span in enumerate(islice(spans, _MAX_TRIALS + rank)):
-        trial = insert_span(problem, motion, part, frames, span)
-        found = find_violations(hard, problem.poses_of(trial))
-        errors.append((sum(own.error for own in found), number, span))
-        if sum(not error for error, _, _ in errors) > rank:
-            break
-    if len(errors) <= rank:
+    found = find_donor_spans(problem, motion, part, frames, within)
+    spans = list(islice(found, rank + (_MAX_TRIALS if hard else 1)))
+    if len(spans) <= rank:
         n, what = frames[1] - frames[0], "all clips" if donor is None else repr(donor)
-        others = f"only {len(errors)} parts" if errors else "no part"
+        others = f"only {len(spans)} parts" if spans else "no part"
         raise ValueError(
             f"{others} of {what} can replace {part.group} in frames {frames[0]}-{frames[1]}: "
             f"expected a part of {n / MAX_RATIO:.0f} to {n * MAX_RATIO:.0f} frames without "
             "recording faults that satisfies the constraints on donors"
         )
-    return sorted(errors)[rank][2]
+    if not hard:
+        return spans[rank]
+    errors: list[tuple[float, int]] = []
+    for number, span in enumerate(spans):
+        trial = insert_span(problem, motion, part, frames, span)
+        violations = find_violations(hard, problem.poses_of(trial))
+        errors.append((sum(own.error for own in violations), number))
+        if sum(not error for error, _ in errors) > rank:
+            break
+    return spans[sorted(errors)[rank][1]]
 
 
 def _exact_span(library: Library, frames: Span, donor: tuple[str, int, int]) -> DonorSpan:

@@ -22,6 +22,7 @@ from mograft.search.constraints import Span, overlaps
 from mograft.search.copies import COPY_ANGLE
 from mograft.search.costs import INFEASIBLE_PENALTY
 from mograft.search.donor_constraints import Ban, MaxStretch, NotFrom, OnlyFrom
+from mograft.solve.finish import plants_feet
 from mograft.solve.search_problem import SearchProblem
 
 _N_SAMPLES = 8  # poses at which a span is compared with the range
@@ -76,23 +77,22 @@ def find_donor_spans(
     motion: Motion,
     part: ChangedPart,
     frames: Span,
-    within: Sequence[tuple[int, Span | None]] | None = None,
+    within: Sequence[int] | None = None,
 ) -> Iterator[DonorSpan]:
     """Yield the spans that can replace a part in a range of frames of a motion, cheapest first.
 
-    `within` has the clips that may donate, each with the frames of which a span is a part. By
-    default all clips donate, and spans in which the part moves as in the motion or its base, spans
-    around the range itself, and those with seams wider than `Config.max_angle` are left out. The
+    `within` has the indices of the clips that may donate. By default all clips donate, and spans
+    in which the part moves as in the motion or its base, spans around the range itself, and those
+    with seams wider than `Config.max_angle` are left out. The
     cost is that of `CostModel`, with the seams at the ends of the range, the mean angle of the base
     part instead of distances in the embedding, and the pose difference to the range. Spans of
     one clip that overlap by more than half are one: the cheapest. Spans are as long as the range
-    up to `Config.max_stretch`; a clip or part that is shorter is taken as a whole.
+    up to `Config.max_stretch`; a clip that is shorter is taken as a whole.
     """
     range_ = _Range(problem, motion, part, frames)
-    given = within or [(clip, None) for clip in range(len(problem.library.clips))]
     found = []
-    for clip, span in given:
-        starts, stops, costs = range_.compare(clip, span, accept_same=within is not None)
+    for clip in within or range(len(problem.library.clips)):
+        starts, stops, costs = range_.compare(clip, accept_same=within is not None)
         for index in _pick(starts, stops, costs):
             ends = int(starts[index]), int(stops[index])
             found.append(DonorSpan(clip, *ends, float(costs[index])))
@@ -127,25 +127,21 @@ class _Range:
         self.parts = [own.rotations[samples][:, self.joints] for own in (motion, problem.base)]
         self.base_part = motion.rotations[samples][:, self.base_joints]
         ends = [max(frames[0] - 1, 0), min(frames[1], motion.n_frames - 2)]
-        self.speeds = _speeds(motion, self.joints)[ends] if motion.n_frames > 1 else None
+        self.speeds = _speeds(motion, self.joints)[ends]
 
-    def compare(
-        self, clip: int, part: Span | None, *, accept_same: bool
-    ) -> tuple[IntArray, IntArray, FloatArray]:
+    def compare(self, clip: int, *, accept_same: bool) -> tuple[IntArray, IntArray, FloatArray]:
         """Return first frames, last frames and costs of the spans of a clip, each (n_spans,).
 
         The cost is infinite where constraints or faults exclude a span.
         """
         motion = self.problem.library.clips[clip]
-        first, last = part or (0, motion.n_frames - 1)
-        longest, stretch = last - first, self.problem.config.max_stretch
+        longest, stretch = motion.n_frames - 1, self.problem.config.max_stretch
         wanted = np.round(self.n * np.linspace(1.0 - stretch, 1.0 + stretch, _N_LENGTHS))
         lengths = np.unique(wanted[(wanted >= 1) & (wanted <= longest)].astype(np.int64))
         if not len(lengths) and longest >= max(self.n / MAX_RATIO, 1):
             lengths = np.array([longest])
         spans = [
-            np.stack([own := np.arange(first, last - n + 1), own + n], axis=1)
-            for n in lengths.tolist()
+            np.stack([own := np.arange(longest - n + 1), own + n], axis=1) for n in lengths.tolist()
         ]
         starts, stops = np.concatenate([np.zeros((0, 2), np.int64), *spans]).T
         if not len(starts):
@@ -175,13 +171,9 @@ class _Range:
             distances = base_gaps[rows, frames].mean(axis=0) / model.scales.angle
         n, is_same = np.full(len(starts), self.n), np.zeros(len(starts), bool)
         costs = model.unary(n, stops - starts, distances, is_same) + model.similarity(differences)
-        if self.speeds is not None:
-            last = len(speeds) - 1
-            for side, at in ((0, starts), (1, stops - 1)):
-                velocities = velocity_gaps(self.speeds[[side]], speeds)[0]
-                angles = gaps[0 if side == 0 else -1]
-                seam_at = starts if side == 0 else stops
-                costs += model.pairwise(angles[seam_at], velocities[at.clip(0, last)])
+        for side, seams, steps in ((0, starts, starts), (-1, stops, stops - 1)):
+            velocities = velocity_gaps(self.speeds[[side]], speeds)[0]
+            costs += model.pairwise(gaps[side, seams], velocities[steps])
         if not accept_same:
             is_known = captured_gaps[rows, frames].mean(axis=0) < COPY_ANGLE
             is_known |= differences < COPY_ANGLE
@@ -265,18 +257,13 @@ def _plant_feet(
 
     Only contacts in the frames `near`, a mask of shape (n_frames,), count.
     """
-    library, skeleton = problem.library, motion.skeleton
-    joints = set(part.spec.whole_joints.tolist())
-    legs = find_legs(skeleton)
-    driving = {joint for leg in legs for joint in (leg.ankle, *skeleton.ancestors(leg.ankle))}
-    if library.config.feet == "never" or joints.isdisjoint(
-        driving - set(skeleton.ancestors(library.root))
-    ):
+    library, joints = problem.library, set(part.spec.whole_joints.tolist())
+    if not plants_feet(library, joints):
         return motion
     contacts = detect_contacts(motion)
     at = np.linspace(span.start, span.stop, frames[1] - frames[0] + 1).round().astype(np.int64)
     captured = detect_contacts(library.clips[span.clip])[at]
-    for index, leg in enumerate(legs):
+    for index, leg in enumerate(find_legs(motion.skeleton)):
         if leg.ankle in joints:
             contacts[frames[0] : frames[1] + 1, index] |= captured[:, index]
     return plant_feet(

@@ -63,10 +63,7 @@ def _plant_feet(
     in its donor's clip. The motion is not changed if `Config.feet` is "never" or if no exchanged
     group drives the feet.
     """
-    library, skeleton = problem.library, motion.skeleton
-    if library.config.feet == "never":
-        return motion, None
-    legs = find_legs(skeleton)
+    library = problem.library
     donors_of = {
         joint: sequence
         for group, sequence in donors.items()
@@ -75,11 +72,9 @@ def _plant_feet(
     exchanged = {
         joint for joint, sequence in donors_of.items() if (sequence != problem.scenario).any()
     }
-    above_root = set(skeleton.ancestors(library.root))
-    driving = {joint for leg in legs for joint in (leg.ankle, *skeleton.ancestors(leg.ankle))}
-    if exchanged.isdisjoint(driving - above_root):
+    if not plants_feet(library, exchanged):
         return motion, None
-    sources = [donors_of.get(leg.ankle, problem.scenario) for leg in legs]
+    sources = [donors_of.get(leg.ankle, problem.scenario) for leg in find_legs(motion.skeleton)]
     contacts, heights = donor_contacts(library, problem.base_segments, sources)
     return plant_feet(
         motion,
@@ -89,6 +84,15 @@ def _plant_feet(
         floor_reference=problem.base,
         min_heights=heights,
     )
+
+
+def plants_feet(library: Library, joints: set[int]) -> bool:
+    """Whether feet are planted if `joints` are exchanged, because they drive feet."""
+    skeleton = library.skeleton
+    above_root = set(skeleton.ancestors(library.root))
+    ankles = [leg.ankle for leg in find_legs(skeleton)]
+    driving = {joint for ankle in ankles for joint in (ankle, *skeleton.ancestors(ankle))}
+    return library.config.feet != "never" and not joints.isdisjoint(driving - above_root)
 
 
 def _finish_reaches(
