@@ -92,6 +92,16 @@ def encode_scene(
     }
 
 
+def encode_figure(figure: Figure, *, is_mesh: bool) -> dict[str, Any]:
+    """Return a single figure as a dict for JSON, with all its frames.
+
+    ``donors`` has the clips of its `source` numbers. `is_mesh` is whether a mesh shows it.
+    """
+    skeleton, donors = DrawnSkeleton.of(figure.motion, figure.motion.n_frames), dict[str, int]()
+    own = _encode_figure(figure, skeleton, (1, _MESH_PRECISION if is_mesh else 1.0), donors)
+    return {**own, "donors": list(donors), "height": skeleton.height, "floor": skeleton.floor}
+
+
 def _encode_figure(
     figure: Figure, skeleton: DrawnSkeleton, steps: tuple[int, float], donors: dict[str, int]
 ) -> dict[str, Any]:
