@@ -234,6 +234,11 @@ def _members(
     return {"body": np.arange(skeleton.n_joints)}
 
 
+def motion_figure(motion: Motion, library: Library) -> Figure:
+    """Return the figure of a motion, which has the skeleton of a library, with its groups."""
+    return _motion_figure(motion, library.groups, (), library.config)
+
+
 def clip_figure(library: Library, clip: Motion) -> Figure:
     """Return the figure of a clip of a library."""
     library, index = library.resolve_base(clip)
