@@ -10,6 +10,7 @@ from mograft._util.arrays import BoolArray
 from mograft._util.runs import find_runs
 from mograft.config import Config, scale_of_variety
 from mograft.errors import join_names, suggest_name
+from mograft.library.library import Library
 from mograft.motion.segments import Segments
 from mograft.provenance.graft_change import change
 from mograft.provenance.graft_edit import edit
@@ -161,7 +162,7 @@ def regenerate_range(session: "Session", fields: Fields) -> tuple[Project, str]:
     return _revised(session, own, regenerate(graft, ranges, seed)), f"regenerate {_text(fields)}"
 
 
-def _with_library(graft: Graft, library: object) -> Graft:
+def _with_library(graft: Graft, library: Library) -> Graft:
     original = None if graft.unchanged is None else _with_library(graft.unchanged, library)
     return replace(graft, library=library, unchanged=original)
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -99,7 +99,7 @@ def more_like(session: "Session", fields: Fields) -> tuple[Project, str]:
 
 def _library(session: "Session", fields: Fields) -> Library:
     """Return the library with the options of new motions, and those of an action."""
-    library, changes = session.ready_library(), {}
+    library, changes = session.ready_library(), dict[str, Any]()
     variety = fields.number("variety")
     if variety is not None:
         changes["sigma_scale"] = scale_of_variety(variety)

@@ -222,7 +222,7 @@ class Session:
             self.opened = replace(self.opened, key=key, status="building", done=0, total=0)
         self._worker.submit(self._build, self.project, key)
 
-    def _build(self, project: Project, key: object) -> None:
+    def _build(self, project: Project, key: tuple[Any, ...]) -> None:
         def is_old() -> bool:
             return key != self.opened.key or self._is_closed
 
@@ -318,7 +318,7 @@ class Session:
     @contextmanager
     def job(self, text: str, total: int) -> Iterator[Callable[[], None]]:
         """Show a job while it runs; the block calls the function for each item that is done."""
-        own = {"id": text, "text": text, "done": 0, "total": total}
+        own: Json = {"id": text, "text": text, "done": 0, "total": total}
 
         def advance() -> None:
             own["done"] += 1

@@ -64,12 +64,12 @@ def build(project: Project, progress: Progress) -> Opened:
         try:
             library = _read(project, paths, progress)
         except (MograftError, OSError, *DAMAGE) as error:
-            sources = tuple(_source(own.path, [], broken, {}) for own in project.inputs)
+            lost = tuple(_source(own.path, [], broken, {}) for own in project.inputs)
             message = str(error) if paths else "no motion could be read"
-            return replace(opened, status="failed", message=message, sources=sources)
+            return replace(opened, status="failed", message=message, sources=lost)
     files = [own.source_file for own in library.entries]
     hashes: dict[str, str] = {}
-    sources = []
+    sources = list[dict[str, Any]]()
     for own in project.inputs:
         if is_library(own.path):
             hashes[own.path] = hash_library(library)
