@@ -89,7 +89,7 @@ def write_motions(
     for path in paths:
         for file in files_of_graft(path) if ending in MOTION_SUFFIXES else [path]:
             if file.exists() and not force:
-                raise FileExistsError(f"{file} exists: choose another folder, or replace it")
+                raise FileExistsError(f"{file} exists; replace it with --force (force)")
     paths[0].parent.mkdir(parents=True, exist_ok=True)
     for number, path in enumerate(paths):
         own = list(grafts) if is_together else [grafts[number]]
