@@ -11,7 +11,6 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from anyio import to_thread
-from mograft.studio.session import Session, StaleRevision
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
@@ -23,6 +22,7 @@ from mograft._util.documents import parse_document
 from mograft.errors import MograftError
 from mograft.studio.events import Events
 from mograft.studio.security import Guard, Places, Refusal, Token
+from mograft.studio.session import Session, StaleRevision
 from mograft.studio.uploads import store_upload
 
 _VIEWING = files("mograft.viewing")

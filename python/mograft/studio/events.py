@@ -7,9 +7,8 @@ from collections.abc import AsyncIterator, Mapping
 from contextlib import suppress
 from typing import Any
 
-from mograft.studio.session import Session
-
 from mograft.studio.security import Refusal
+from mograft.studio.session import Session
 
 HEARTBEAT_SECONDS = 5.0
 MAX_LISTENERS = 16

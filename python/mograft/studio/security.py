@@ -14,7 +14,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from mograft.io.formats import split_address
+from mograft.io.formats import join_address, split_address
 
 MAX_JSON_BYTES = 4 << 20
 MAX_UPLOAD_BYTES = 2 << 30
@@ -184,14 +184,17 @@ class Places:
         A relative path starts at the folder of the session. Raises Refusal if the path, with
         symbolic links resolved, is neither below this folder nor given.
         """
-        name, clip = split_address(text)
-        path = _resolve(self.folder / name)
+        name, clip = split_address(str(self.folder / text.replace("\0", "\ufffd")))
+        path = _resolve(Path(name))
+        # A clip whose name has a separator would change the path.
+        if clip is not None and ("/" in clip or "\\" in clip or not path.is_file()):
+            raise Refusal(403, "path", f"{_short(text)} is not a clip of a file")
         if not any(path.is_relative_to(_resolve(root)) for root in (self.folder, *self.given)):
             shown = _short(text)
             raise Refusal(403, "path", f"{shown} is outside of the folders of this studio")
         if not path.exists():
             raise Refusal(404, "path", f"{_short(text)} does not exist")
-        return path if clip is None else path.with_name(f"{path.name}#{clip}")
+        return Path(join_address(str(path), clip))
 
     def find_output(self, text: str) -> Path:
         """Return the path of a file in the folder of the session; raise Refusal for others."""

@@ -11,11 +11,11 @@ from typing import Self
 
 import h11
 import uvicorn
-from mograft.studio.session import Session
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from mograft.studio.app import create_app
 from mograft.studio.security import Places, Token
+from mograft.studio.session import Session
 
 MAX_CONNECTIONS = 64
 _REQUEST_SECONDS = 10.0

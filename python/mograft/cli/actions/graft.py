@@ -422,4 +422,8 @@ def run_demo(options: DemoOptions) -> int:
         "next:       mograft graft your.bvh -o out/ -n 5",
     ]
     print_result(options, "demo/1", document, closing_lines)
+    if options.studio:
+        from mograft.cli.actions.studio import serve
+
+        serve(options, folder / "studio", [sample], is_shown=True)
     return 0

@@ -16,6 +16,7 @@ class DemoOptions(options.SeedOptions, options.WriterOptions, section="output"):
 
     output: values.Folder = option("folder (default: demo)", default=Path("demo"), short="-o")
     open: bool = option("open the page in the browser")
+    studio: bool = option("then open the dance in mograft studio, until interrupted")
 
 
 class InfoOptions(options.SkeletonOptions):
@@ -108,6 +109,24 @@ class StreamOptions(options.LibraryOptions):
         "pause between two messages, in seconds, after which a connection is closed (default: 600)",
         default=600.0,
     )
+
+
+class StudioOptions(options.ResultOptions):
+    """Make and change grafts in the browser.
+
+    The command prints the address of the page, which only this computer can open, and runs until
+    it is interrupted. The page saves each step in the project of the folder.
+    """
+
+    files: tuple[values.LibraryOrFile, ...] = positional(
+        "motion files, folders of them, a library, a graft or a project", "*"
+    )
+    output: values.Folder | None = option(
+        "folder of the project, dropped files and exports (default: that of the project; studio)",
+        short="-o",
+    )
+    port: values.Port = setting("TCP port; 0 selects a free port (default: 0)", default=0)
+    open: bool = option("open the page in the browser")
 
 
 class ViewOptions(options.FieldOptions, options.SkeletonOptions, options.WriterOptions):
@@ -240,6 +259,7 @@ COMMANDS = (
     Command("candidates", options.CandidatesOptions, "candidates:run"),
     Command("graft", options.GraftOptions, "graft:run"),
     Command("stream", StreamOptions, "library:run_stream"),
+    Command("studio", StudioOptions, "studio:run_studio"),
     Command("view", ViewOptions, "pictures:run_view"),
     Command("plot", PlotOptions, "pictures:run_plot"),
     Command("export", ExportOptions, "pictures:run_export"),
