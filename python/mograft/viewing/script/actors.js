@@ -92,6 +92,18 @@ export function actorOf(clip) {
   return actors.get(clip);
 }
 
+// Forget the meshes of a figure that is not shown again.
+export function dropActor(clip) {
+  const actor = actors.get(clip);
+  if (!actor) return;
+  actors.delete(clip);
+  actor.root.removeFromParent();
+  for (const { geometry, skeleton } of [actor.capsules, ...actor.meshes]) {
+    geometry.dispose();
+    skeleton.dispose();
+  }
+}
+
 // Colours of the vertices by joint group, or one colour for all.
 function paint(actor, colour) {
   const key = [ink.version, state.colours, colour].join();
