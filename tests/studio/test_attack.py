@@ -6,7 +6,6 @@ import subprocess
 import sys
 import time
 from contextlib import ExitStack
-from pathlib import Path
 from urllib.parse import quote
 
 import httpx
@@ -148,10 +147,18 @@ def test_paths_outside_of_the_folders_are_refused(client, folder, name):
     else:
         reply = client.post("/api/open", json={"paths": [name]})
         assert reply.status_code in (403, 404)
+        action = {"action": "set_character", "path": name}
+        assert client.post("/api/do", json=action).status_code in (403, 404)
     for path in (name, f"{name}/x"):
         reply = client.get(f"/api/files/{quote(path, safe='')}")
         assert reply.status_code in (403, 404)
         assert "secret" not in reply.text.replace("secret.bvh", "")
+
+
+def test_project_outside_of_the_folder_is_not_opened(client, folder):
+    path = folder.parent / "given" / "a.project.json"
+    path.write_text("{}")
+    assert client.post("/api/open", json={"paths": [str(path)]}).status_code == 403
 
 
 UPLOAD_NAMES = [

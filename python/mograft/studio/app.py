@@ -3,11 +3,11 @@
 import json
 import sys
 import traceback
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager
 from functools import partial
 from importlib.resources import files
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from anyio import to_thread
@@ -121,6 +121,8 @@ class _Requests:
         revision = action.pop("revision", None)
         if revision is not None and type(revision) is not int:
             raise ValueError(f"`revision` must be an integer or null, got {revision!r}")
+        if isinstance(action.get("path"), str):
+            action["path"] = str(self.places.find(action["path"]))
         return await _reply(self.session.do, action, revision)
 
     async def find_donors(self, request: Request) -> Response:
@@ -135,7 +137,10 @@ class _Requests:
         found = [self.places.find(text) for text in paths]
         return await _reply(partial(self._open, found))
 
-    def _open(self, paths: list[Any]) -> dict[str, Any]:
+    def _open(self, paths: Sequence[Path]) -> dict[str, Any]:
+        for path in paths:
+            if path.suffix.lower() == ".json" and not self.places.has_output(path):
+                raise Refusal(403, "path", f"{path} would be changed: open it by mograft studio")
         self.session.open(paths)
         return {"revision": self.session.revision}
 

@@ -199,9 +199,13 @@ class Places:
     def find_output(self, text: str) -> Path:
         """Return the path of a file in the folder of the session; raise Refusal for others."""
         path = _resolve(self.folder / text)
-        if not path.is_relative_to(_resolve(self.folder)) or not path.is_file():
+        if not self.has_output(path) or not path.is_file():
             raise Refusal(404, "path", f"{_short(text)} is not a file of this studio")
         return path
+
+    def has_output(self, path: Path) -> bool:
+        """Return whether a path without symbolic links is below the folder of the session."""
+        return path.is_relative_to(_resolve(self.folder))
 
 
 def _resolve(path: Path) -> Path:
