@@ -35,7 +35,7 @@ export function startCards() {
   const pane = document.getElementById("pane-motions");
   parts.base = selectInput([], null, { "aria-label": "Base clip" });
   parts.count = numberInput(12, { min: 1, max: 100, step: 1 });
-  parts.variety = make("input", { type: "range", min: "0", max: "1", step: "0.05", value: "0.5", "aria-label": "Variety" });
+  parts.variety = make("input", { type: "range", min: "0", max: "1", step: "0.05", value: "0.5", "aria-label": "Variety", oninput: () => (parts.variety.dataset.moved = "1") });
   parts.seed = numberInput("", { min: 0, step: 1, placeholder: "next" });
   parts.loop = make("input", { type: "checkbox" });
   parts.swap = make("fieldset", { class: "swap" }, make("legend", { text: "exchange" }));
@@ -92,7 +92,7 @@ function makeMotions(event) {
     action: "make",
     base: parts.base.value,
     count: Number(parts.count.value) || 1,
-    variety: Number(parts.variety.value),
+    ...(parts.variety.dataset.moved && { variety: Number(parts.variety.value) }),
     ...(parts.seed.value !== "" && { seed: Number(parts.seed.value) }),
     ...(parts.loop.checked && { loop: true }),
     ...(!isAll && { swap }),
@@ -112,6 +112,7 @@ function writeForm() {
     const boxes = others.map((name) => field(name, make("input", { type: "checkbox", value: name, checked: true })));
     parts.swap.replaceChildren(make("legend", { text: "exchange" }), ...boxes);
   }
+  if (!parts.variety.dataset.moved && store.project.options?.variety !== undefined) parts.variety.value = store.project.options.variety;
   parts.make.disabled = library?.status !== "ready" || !names.length;
   parts.make.title = parts.make.disabled ? "Open motions first; the library must be ready" : "";
 }
@@ -147,8 +148,9 @@ function makeCard({ id }) {
   const kept = make("label", { class: "keep", title: "Keep: write it on export" }, keep, "Keep");
   const rename = button("✎", "Rename", () => askName(id));
   const head = make("div", { class: "head" }, name, rename);
-  const buttons = make("div", { class: "buttons" }, star, reject, more, kept);
-  const element = make("div", { class: "card", role: "listitem" }, preview, head, numbers, warning, buttons);
+  const marks = make("div", { class: "marks" }, star, reject);
+  const buttons = make("div", { class: "buttons" }, more, kept);
+  const element = make("div", { class: "card", role: "listitem" }, preview, marks, head, numbers, warning, buttons);
   const card = { element, preview, name, numbers, warning, star, reject, more, keep, rename, isPointed: false };
   for (const kind of ["pointerenter", "focusin"]) element.addEventListener(kind, () => (card.isPointed = true));
   for (const kind of ["pointerleave", "focusout"]) element.addEventListener(kind, () => (card.isPointed = false));
@@ -197,11 +199,10 @@ function askName(id) {
 }
 
 // The numbers of a motion, as the reports name them.
-export function numbersOf({ cost, new: share, changed, apart }) {
+export function numbersOf({ cost, new: share, apart }) {
   const texts = [];
   if (share !== null && share !== undefined) texts.push([`${percent(share)} new`, "share of windows that no clip of the library contains"]);
-  if (changed !== null && changed !== undefined) texts.push([`${percent(changed)} changed`, "share of the exchanged parts that are not captured"]);
-  if (apart !== null && apart !== undefined) texts.push([`${apart.toFixed(2)} apart`, "distance from the nearest motion that is kept"]);
+  if (apart !== null && apart !== undefined) texts.push([`${apart.toFixed(0)}° apart`, "angle of the joints to the nearest motion that is kept"]);
   if (cost !== null && cost !== undefined) texts.push([`cost ${cost.toFixed(1)}`, "cost of the donors; less is smoother"]);
   return texts;
 }

@@ -1,7 +1,7 @@
 // Constraints of the selected motion as a list of forms, and what they violate.
 import { player, mainFigure, nFrames, seek } from "./player.js";
 import { act, emit, on, selected, store } from "./store.js";
-import { button, field, icon, make, numberInput, range, selectInput } from "./ui.js";
+import { button, field, icon, make, numberInput, selectInput } from "./ui.js";
 import { DEFAULTS, FIELDS, framesText, nameOf, NEW, obstacleOf, upOf } from "./records.js";
 
 const parts = {};
@@ -39,12 +39,13 @@ async function add() {
 function write() {
   const motion = selected();
   parts.add.disabled = !motion;
-  const key = JSON.stringify([motion?.id, motion?.constraints, motion?.violations, jointNames().length]);
+  const key = JSON.stringify([motion?.id, motion?.constraints, motion?.violations, motion?.remarks, jointNames().length]);
   if (key === written) return;
   written = key;
   const own = motion?.constraints || [];
   parts.none.hidden = own.length > 0;
-  parts.violations.replaceChildren(...(motion?.violations || []).map(violationItem));
+  const remarks = motion?.violations.length ? motion.remarks.map((text) => make("li", { text })) : [];
+  parts.violations.replaceChildren(...(motion?.violations || []).map(violationItem), ...remarks);
   const focused = document.activeElement?.dataset?.field;
   parts.list.replaceChildren(...own.map((each) => makeForm(motion, each)));
   if (focused) parts.list.querySelector(`[data-field="${CSS.escape(focused)}"]`)?.focus();
@@ -54,10 +55,10 @@ function write() {
   markChosen();
 }
 
-function violationItem({ first, last, joint, text }) {
+function violationItem({ first, text }) {
   const go = () => seek(first);
   const item = button("", "Go to these frames", go, { class: "plain" });
-  item.append(icon("warn"), `${range(first, last)}${joint ? ` ${joint}` : ""}: ${text}`);
+  item.append(icon("warn"), text);
   return make("li", {}, item);
 }
 
@@ -71,10 +72,12 @@ function markChosen() {
 
 function makeForm(motion, { number, record }) {
   const name = nameOf(record);
+  const isShape = Boolean(FIELDS[record.kind]);
   const choose = button(name, "Select, to move it on the stage", () => {
     store.constraint = store.constraint === number ? null : number;
     emit("constraint");
-  }, { class: "choose" });
+  }, { class: isShape ? "choose" : "choose plain" });
+  choose.disabled = !isShape;
   const drop = button("✕", "Remove", () => act({ action: "drop_constraint", id: motion.id, number }), { "aria-label": `Remove ${name}` });
   const head = make("div", { class: "head" }, choose, make("span", { class: "faint", text: framesText(record) }), drop);
   const form = make("div", { class: "constraint", role: "group", "aria-label": name }, head);

@@ -7,7 +7,6 @@ import { button, field, make, openDialog, selectInput } from "./ui.js";
 const FORMATS = [
   ["glb", "GLB (glTF 2.0)"],
   ["bvh", "BVH"],
-  ["fbx", "FBX"],
   ["npz", "NPZ (NumPy, AMASS)"],
   ["usda", "USD"],
   ["csv", "CSV"],
@@ -44,7 +43,7 @@ export function openExport() {
       try {
         return await send("/api/export", body);
       } catch (error) {
-        result.replaceChildren(make("p", { class: "reason", text: error.message }));
+        result.replaceChildren(make("p", { class: "why", text: error.message }));
         throw error;
       }
     });

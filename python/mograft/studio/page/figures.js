@@ -89,6 +89,8 @@ async function loadMeshes() {
       const found = await read("/api/character");
       scene.characters = Array.isArray(found) ? found : [found].filter((one) => one?.parts);
       await loadCharacters();
+      // A character is shown as it is; colours of groups are a switch.
+      if (scene.characters.length) emit("character");
     })();
     characters = { wanted, loading };
   }
@@ -193,10 +195,10 @@ on("project", () => {
   }
   shape = next;
   for (const own of [...held.values()]) {
-    if (own.kind !== "motion") continue;
+    if (own.kind === "clip") continue;
     const motion = motionOf(own.name);
     if (!motion) forget(own);
-    else if (own.clip && own.clip.hash !== motion.hash) ask(own);
+    else if (own.kind === "motion" && own.clip && own.clip.hash !== motion.hash) ask(own);
   }
 });
 on("changed", ({ ids }) => {

@@ -35,7 +35,7 @@ export function startGizmo() {
   onGizmo(() => Boolean(controls?.axis || controls?.dragging));
   onPointer("view", { click: pick });
   on("project selected figure", write);
-  on("constraint", attach);
+  on("constraint mode", attach);
   on("selected", () => {
     store.constraint = null;
     attach();
@@ -206,7 +206,7 @@ function write() {
 }
 
 function attach() {
-  const own = shapes.get(store.constraint);
+  const own = store.mode === "view" ? shapes.get(store.constraint) : null;
   find("gizmo").hidden = !own;
   if (own && !controls) makeControls();
   if (own) {
@@ -237,7 +237,7 @@ function characterFigures(clip) {
   for (const { number, record, mesh } of shapes.values()) {
     const own = obstacleOf(record);
     if (own?.kind !== "Character") continue;
-    const source = figureOf("clip", own.motion?.clip ?? own.motion?.name);
+    const source = figureOf("clip", own.motion?.name);
     if (!source) continue;
     if (doubles.get(number)?.source !== source) doubles.set(number, { source, figure: Object.create(source, { now: { value: makePose(source) } }) });
     const { figure } = doubles.get(number);

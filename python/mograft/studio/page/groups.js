@@ -3,7 +3,7 @@ import { groupColour, ink } from "/viewer/colours.js";
 import { nodePlace } from "/viewer/poses.js";
 import { find, scene } from "/viewer/scene.js";
 import { jointNames } from "./constraints.js";
-import { mainFigure } from "./player.js";
+import { mainFigure, poseNow } from "./player.js";
 import { label, onMarks, onPointer, redrawStage } from "./stage.js";
 import { act, emit, on, store } from "./store.js";
 import { button, field, make, selectInput } from "./ui.js";
@@ -111,8 +111,9 @@ function assign(joint, isWithChildren) {
 
 function nearest([x, y], view) {
   if (!view) return -1;
+  const pose = poseNow(view.clip);
   const far = jointNames().map((_, joint) => {
-    const [px, py, depth] = view.point(nodePlace(view.clip, view.clip.now, joint));
+    const [px, py, depth] = view.point(nodePlace(view.clip, pose, joint));
     return depth > 1 ? Infinity : Math.hypot(px - x, py - y);
   });
   const least = Math.min(...far);

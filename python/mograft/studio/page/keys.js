@@ -118,11 +118,13 @@ export function startKeys() {
   });
   find("layout").addEventListener("change", (event) => setLayout(event.target.value));
   for (const name of Object.values(TOGGLES)) find(name).addEventListener("click", () => toggle(name));
+  find("hush").addEventListener("click", () => (find("message").hidden = true));
   find("reset").addEventListener("click", resetCamera);
   find("help").addEventListener("click", openHelp);
   find("undo").addEventListener("click", () => undo("undo"));
   find("redo").addEventListener("click", () => undo("redo"));
   on("project", writeUndo);
+  on("character", () => state.colours && toggle("colours"));
   document.addEventListener("keydown", onKey);
 }
 

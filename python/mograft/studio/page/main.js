@@ -49,8 +49,8 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", changeThem
 listen(
   (event) => {
     if (event.kind === "note") say(event.text);
-    else if (event.kind === "progress") emit("progress", event);
-    if (event.kind !== "note" && event.revision !== store.project?.revision) refresh();
+    if (event.kind === "progress") emit("progress", event);
+    if (event.revision !== undefined && event.revision !== store.project?.revision) refresh();
   },
   () => refresh().then(() => (root.dataset.ready = "1")),
 );

@@ -44,10 +44,10 @@ let hideMessage = 0;
 export function say(text, isError = false) {
   const message = find("message");
   clearTimeout(hideMessage);
-  message.textContent = text;
+  message.querySelector("span").textContent = text;
   message.classList.toggle("error", isError);
   message.hidden = !text;
-  if (text && !isError) hideMessage = setTimeout(() => (message.hidden = true), 6000);
+  if (text && !isError) hideMessage = setTimeout(() => (message.hidden = true), 5000);
 }
 
 // Run what a person asked for; say what went wrong.

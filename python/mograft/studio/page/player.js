@@ -1,4 +1,5 @@
 // The current frame of the selected motion, and playback.
+import { setPose } from "/viewer/poses.js";
 import { clamp, find } from "/viewer/scene.js";
 import { figureOf } from "./figures.js";
 import { emit, on, selected, store } from "./store.js";
@@ -11,6 +12,12 @@ export const mainFigure = () => (selected() ? motionFigure() : figureOf("clip", 
 export const nFrames = () => selected()?.frames ?? mainFigure()?.frames ?? 1;
 export const frameTime = () => (selected() ? 1 / selected().rate : (mainFigure()?.dt ?? 1 / 30));
 export const seconds = (frame) => (frame * frameTime()).toFixed(2);
+
+// The pose of a figure in the current frame; pictures of cards leave other poses.
+export function poseNow(clip) {
+  const frame = clamp(Math.round((player.frame * frameTime()) / clip.dt), 0, clip.frames - 1);
+  return setPose(clip, frame, clip.now);
+}
 
 export function seek(frame) {
   player.frame = clamp(Math.round(frame), 0, nFrames() - 1);

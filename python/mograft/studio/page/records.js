@@ -1,5 +1,6 @@
 // Constraints as records: their names, their fields, and new ones near a figure.
 import { nodePlace } from "/viewer/poses.js";
+import { poseNow } from "./player.js";
 import { range } from "./ui.js";
 
 const SHAPES = { Sphere: "Sphere", Box: "Box", Capsule: "Capsule", HalfSpace: "Wall", Character: "Character" };
@@ -13,6 +14,12 @@ export function nameOf(record) {
   if (record.kind === "Reach") return `${record.joint} to target`;
   if (record.kind === "Face") return `${record.joint || "Head"} looks at`;
   if (record.kind === "AvoidSelf") return "Own body";
+  const where = record.group ? `${record.group}: ` : "";
+  if (record.kind === "KeepOriginal") return `${where}captured`;
+  if (record.kind === "Use" || record.kind === "Ban") {
+    const [clip, from, to] = [record.donor].flat();
+    return `${where}${record.kind === "Ban" ? "not " : ""}${clip}${from === undefined ? "" : ` ${range(from, to)}`}`;
+  }
   return record.kind;
 }
 
@@ -43,7 +50,7 @@ export const upOf = (clip) => toFile(new THREE.Vector3(0, 1, 0), clip);
 
 // A place at the figure: a share of its height above the floor, and ahead of it or beside it in heights.
 function near(clip, high, ahead, beside = 0) {
-  const [x, , z] = nodePlace(clip, clip.now, clip.root);
+  const [x, , z] = nodePlace(clip, poseNow(clip), clip.root);
   const tall = clip.height;
   return toFile(new THREE.Vector3(x + beside * tall, clip.floor + high * tall, z + ahead * tall), clip);
 }
@@ -64,7 +71,7 @@ export const NEW = {
   Box: (clip) => ({ kind: "Avoid", obstacle: { kind: "Box", center: numbers(near(clip, 0.3, 0.5)), half: [0.15, 0.15, 0.15].map((share) => round(share * clip.height)), rotation: [0, 0, 0, 1] } }),
   Capsule: (clip) => ({ kind: "Avoid", obstacle: { kind: "Capsule", start: numbers(near(clip, 0.1, 0.4, 0.2)), stop: numbers(near(clip, 1, 0.4, 0.2)), radius: round(0.06 * clip.height) } }),
   Wall: (clip) => ({ kind: "Avoid", obstacle: { kind: "HalfSpace", point: numbers(near(clip, 0.5, 0.6)), normal: numbers(toFile(new THREE.Vector3(0, 0, -1), clip)) } }),
-  Character: (clip, { clipName }) => ({ kind: "Avoid", obstacle: { kind: "Character", motion: { clip: clipName }, offset: numbers(toFile(new THREE.Vector3(0.8 * clip.height, 0, 0), clip)), yaw: 0, delay: 0, radius: 1 } }),
+  Character: (clip, { clipName }) => ({ kind: "Avoid", obstacle: { kind: "Character", motion: { name: clipName }, offset: numbers(toFile(new THREE.Vector3(0.8 * clip.height, 0, 0), clip)), yaw: 0, delay: 0, radius: 1 } }),
   "Hand or foot target": (clip, { joints, frame }) => ({ kind: "Reach", joint: findJoint(joints, ["righthand", "hand_r", "r_hand", "hand", "wrist"]), target: numbers(near(clip, 0.7, 0.25)), frames: [frame, frame] }),
   "Gaze target": (clip, { frames }) => ({ kind: "Face", target: numbers(near(clip, 0.9, 1)), frames }),
   "Region of a joint": (clip, { joints }) => ({ kind: "KeepOut", joint: findJoint(joints, ["lefthand", "hand_l", "hand", "wrist"]), region: { kind: "Sphere", center: numbers(near(clip, 0.5, 0.2)), radius: round(0.15 * clip.height) } }),

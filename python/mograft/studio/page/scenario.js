@@ -3,7 +3,6 @@ import { ink } from "/viewer/colours.js";
 import { find } from "/viewer/scene.js";
 import { floorPoint, label, onMarks, onPointer, redrawStage } from "./stage.js";
 import { mainFigure } from "./player.js";
-import { toFile } from "./records.js";
 import { act, emit, on, store } from "./store.js";
 import { button, field, make, numberInput } from "./ui.js";
 
@@ -133,25 +132,13 @@ function tap() {
 
 function makeMotions(event) {
   event.preventDefault();
-  const clip = mainFigure();
-  const sent = points.map(([x, z]) => {
-    const place = clip ? toFile(new THREE.Vector3(x, clip.floor, z), clip) : new THREE.Vector3(x, 0, z);
-    return onFloor(place, clip);
-  });
   setDrawing(false);
   act({
     action: "scenario",
-    points: sent,
+    points,
     ...(parts.duration.value && { duration: Number(parts.duration.value) }),
     ...(parts.tempo.value && { tempo: Number(parts.tempo.value) }),
     loop: parts.loop.checked,
     count: Number(parts.count.value) || 1,
   });
-}
-
-// The two coordinates of the floor, in the axes of the file.
-function onFloor(place, clip) {
-  const up = clip ? toFile(new THREE.Vector3(0, 1, 0), clip).toArray().map(Math.abs) : [0, 1, 0];
-  const vertical = up.indexOf(Math.max(...up));
-  return place.toArray().filter((_, axis) => axis !== vertical);
 }

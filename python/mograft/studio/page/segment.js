@@ -5,7 +5,7 @@ import { attempt, send } from "./net.js";
 import { mainFigure, player, seek } from "./player.js";
 import { redrawStage } from "./stage.js";
 import { act, emit, on, selected, store } from "./store.js";
-import { blockFrames, lanes } from "./timeline.js";
+import { lanes, overlaps } from "./timeline.js";
 import { button, icon, make, range } from "./ui.js";
 
 const ASK_MILLISECONDS = 120; // A selection that stays this long asks for its donors.
@@ -26,7 +26,10 @@ export function startSegment() {
   parts.again = button("Regenerate", "Solve only this range again  r", () => change("regenerate"));
   parts.captured = button("Keep captured", "The captured motion here  b", () => change("restore"));
   parts.ban = button("Ban donor", "Never use the present donor here", () => change("ban"));
-  parts.variety = make("input", { type: "range", min: "0", max: "1", step: "0.05", value: "0.5", "aria-label": "Near or varied donors", onchange: () => ask(true) });
+  parts.variety = make("input", { type: "range", min: "0", max: "1", step: "0.05", value: "0.5", "aria-label": "Near or varied donors", onchange: () => {
+    parts.variety.dataset.moved = "1";
+    ask(true);
+  } });
   parts.count = make("p", { class: "faint", role: "status" });
   parts.body = make("tbody");
   const heads = ["donor", "cost", "stretch", "seams", ""].map((text) => make("th", { text, scope: "col" }));
@@ -48,8 +51,10 @@ export function startSegment() {
   on("focus project selected figure", write);
 }
 
+// The variety is that of the project until a person moves the slider.
+const varietyOf = () => (parts.variety.dataset.moved ? { variety: Number(parts.variety.value) } : {});
 const lockOf = (motion, { group, first, last }) =>
-  motion?.locks.find((own) => (own.group === group || own.group === null) && own.first <= last && own.last >= first);
+  motion?.locks.find((own) => (own.group === group || own.group === null) && overlaps(own, first, last));
 
 export function toggleLock() {
   const [motion, { focus }] = [selected(), store];
@@ -63,7 +68,7 @@ export async function change(action, donor = {}) {
   const [motion, { focus }] = [selected(), store];
   if (!motion || !focus || focus.isCaptured) return;
   const { group, first, last } = focus;
-  const variety = action === "regenerate" ? { variety: Number(parts.variety.value) } : {};
+  const variety = action === "regenerate" ? varietyOf() : {};
   preview(null);
   await act({ action, id: motion.id, group, first, last, ...variety, ...donor });
 }
@@ -96,8 +101,8 @@ function describe({ group, first, last, isCaptured }) {
   const { row, clip } = lane;
   const texts = [];
   for (let part = 0; part < row.start.length && texts.length < 4; part++) {
-    const [a, b] = blockFrames(row, part);
-    if (b < first || a > last) continue;
+    const [a, b] = [row.start[part], row.stop[part]];
+    if (b <= first || a >= last) continue;
     if (row.source[part] < 0) texts.push(`${range(a, b)} captured`);
     else {
       const stretch = Math.abs(row.stretch[part]) < 0.0005 ? "" : `, ${(100 * row.stretch[part]).toFixed(0)} % longer`.replace(/-(\d+ %) longer/, "$1 shorter");
@@ -128,7 +133,7 @@ function ask(isForced = false, limit = LIMIT) {
   const number = ++asked;
   timer = setTimeout(async () => {
     const { group, first, last } = focus;
-    const body = { id: motion.id, group, first, last, limit, variety: Number(parts.variety.value) };
+    const body = { id: motion.id, group, first, last, limit, ...varietyOf() };
     parts.count.textContent = "Donors are compared…";
     const found = await attempt(() => send("/api/donors", body));
     if (number !== asked) return;
@@ -164,7 +169,7 @@ function donorRow(own, focus, lock) {
   const row = make(
     "tr",
     { class: refused ? "refused" : isUsed ? "used" : "" },
-    make("td", {}, see, isUsed ? make("span", { class: "tag", text: "in use" }) : null, refused ? make("span", { class: "reason", text: refused }) : null),
+    make("td", {}, see, isUsed ? make("span", { class: "tag", text: "in use" }) : null, refused ? make("span", { class: "why", text: refused }) : null),
     make("td", { text: number(own.cost, 1) }),
     make("td", { text: own.stretch === null || own.stretch === undefined ? "" : `${own.stretch > 0 ? "+" : ""}${(100 * own.stretch).toFixed(0)} %` }),
     make("td", { text: own.seamBefore === null || own.seamBefore === undefined ? "" : `${number(own.seamBefore, 0)}°/${number(own.seamAfter, 0)}°` }),
@@ -190,9 +195,8 @@ async function preview(own, focus = store.focus) {
   if (turn !== previewed || !frames) return;
   const index = clip.groups.indexOf(focus.group);
   const joints = clip.parents.flatMap((_, joint) => (clip.group[joint] === index ? [joint] : []));
-  const stop = focus.part === null ? focus.last : lanes().find(({ row }) => row.group === focus.group).row.stop[focus.part];
-  state.preview = { clip, joints, start: focus.first, stop, first: own.first, last: own.last, frames };
-  if (player.frame < focus.first || player.frame > stop) seek((focus.first + stop) / 2);
+  state.preview = { clip, joints, start: focus.first, stop: focus.last, first: own.first, last: own.last, frames };
+  if (player.frame < focus.first || player.frame > focus.last) seek((focus.first + focus.last) / 2);
   emit("preview");
   redrawStage();
 }

@@ -51,7 +51,7 @@ function write() {
 function sourceItem({ name, clips, status, message, path }) {
   const text = status === "ok" ? (clips === 1 ? "1 clip" : `${clips} clips`) : status;
   const item = make("li", { class: `source ${status}`, title: path }, make("bdi", { text: name }), make("span", { class: "tag", text }));
-  if (message) item.append(make("p", { class: "reason", text: message }));
+  if (message) item.append(make("p", { class: "why", text: message }));
   return item;
 }
 
@@ -63,13 +63,14 @@ function clipItem({ name, frames, rate, faults }) {
   return item;
 }
 
-function writeProgress({ library, jobs = store.project?.jobs }) {
-  const running = (jobs || []).map(({ text, done, total }) => (total ? `${text} ${done}/${total}` : text));
+function writeProgress({ library, ...event }) {
+  const jobs = event.total ? [event] : store.project?.jobs || [];
+  const running = jobs.map(({ text, done, total }) => (total ? `${text} ${done}/${total}` : text));
   if (library) {
     const { status, done, total, segments, message } = library;
     const texts = { none: "", building: `Library: ${done} of ${total} clips…`, ready: `Library: ${segments} segments ready.`, failed: `Library: ${message}` };
     const bar = status === "building" ? make("progress", { max: Math.max(total, 1), value: done, "aria-label": "Library" }) : null;
-    parts.library.replaceChildren(make("span", { class: status === "failed" ? "reason" : "", text: texts[status] ?? message ?? "" }), ...(bar ? [bar] : []));
+    parts.library.replaceChildren(make("span", { class: status === "failed" ? "why" : "", text: texts[status] ?? message ?? "" }), ...(bar ? [bar] : []));
     if (status === "building") running.unshift(texts.building);
     if (status === "ready" && message) parts.library.append(make("p", { class: "faint", text: message }));
   }

@@ -28,6 +28,7 @@ export const onPointer = (mode, handlers) => clickers.set(mode, handlers);
 
 export const baseFigure = () => {
   const motion = selected();
+  if (motion?.isComposed) return figureOf("base", motion.id);
   const isClip = motion && store.project.clips.some(({ name }) => name === motion.base);
   return isClip ? figureOf("clip", motion.base) : null;
 };

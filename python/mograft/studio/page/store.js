@@ -63,6 +63,13 @@ export function focusOn(focus) {
   emit("focus");
 }
 
+// A preview of a motion is not in the state of the server.
+function showPreview({ motions: ids, hash, violations }) {
+  const motion = motionOf(ids[0]);
+  if (motion) Object.assign(motion, { hash, violations });
+  emit("project");
+}
+
 // Ask for a change; the reply names the changed motions. A change of an old state is refused.
 export async function act(action, { isQuiet = false } = {}) {
   const started = performance.now();
@@ -79,9 +86,9 @@ export async function act(action, { isQuiet = false } = {}) {
     }
   });
   if (!reply) return null;
-  if (reply.message) say(reply.message);
-  else if (!isQuiet) say("");
+  if (!isQuiet) say(reply.message || "");
+  if (reply.hash) showPreview(reply);
   emit("changed", { ids: reply.motions || [], started });
-  await refresh();
+  if (!action.preview) await refresh();
   return reply;
 }

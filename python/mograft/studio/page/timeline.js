@@ -7,7 +7,7 @@ import { baseFigure } from "./stage.js";
 import { focusOn, on, selected, store } from "./store.js";
 import { button, icon, make, range, showTab } from "./ui.js";
 
-const BLOCK_WIDTH = 58; // Pixels of a block at first, about.
+const BLOCK_WIDTH = 74; // Pixels of a block at first, about.
 const WIDE_SEAM = 45; // Degrees of a seam whose mark has the full height.
 const MAX_ZOOM = 200;
 
@@ -43,7 +43,7 @@ export function startTimeline() {
     make("span", { class: "faint", "data-part": "selection", role: "status" }),
     make("span", { class: "set end" }, button("−", "Show more of the timeline", () => setZoom(zoom / 1.6), { "aria-label": "Show more of the timeline" }), button("+", "Enlarge the timeline", () => setZoom(zoom * 1.6), { "aria-label": "Enlarge the timeline" })),
   );
-  find("timeline").append(make("div", { class: "lanegrid" }, parts.names, parts.scroller), parts.foot);
+  find("timeline").append(make("div", { class: "lanegrid" }, make("div", { class: "side" }, parts.names), parts.scroller), parts.foot);
   listenToRuler();
   parts.lanes.addEventListener("pointerdown", beginDrag);
   parts.lanes.addEventListener("keydown", moveBetweenBlocks);
@@ -146,13 +146,15 @@ function write() {
   if (focused) parts.lanes.querySelector(`[data-block="${CSS.escape(focused)}"]`)?.focus();
 }
 
-// The frames of a block: those of the segment without the frame that it shares with the next one.
-export function blockFrames(row, part) {
-  const isLast = part === row.start.length - 1;
-  return [row.start[part], isLast ? row.stop[part] : Math.max(row.stop[part] - 1, row.start[part])];
-}
+// Segments share their first frame with the one before.
+export const overlaps = (own, first, last) => own.first < last && own.last > first;
 
-const overlaps = (a, first, last) => a.first <= last && a.last >= first;
+// The violations of a group: by its joint, or of all groups if that is unknown.
+function isOfGroup({ group, joint }, name) {
+  const { names, joints } = store.project.groups;
+  const found = group ?? names.find((own) => joints[own]?.includes(joint)) ?? name;
+  return found === name || (found === store.project.groups.base && lanes()[0]?.row.group === name);
+}
 
 function makeLane({ clip, row, isCaptured }, motion) {
   const lane = make("div", { class: "lane", role: "group", "aria-label": isCaptured ? `${row.group}, captured` : row.group });
@@ -170,7 +172,7 @@ function makeLane({ clip, row, isCaptured }, motion) {
     lane.append(place(make("div", { class: "locked", title: `locked in ${range(own.first, own.last)}` }, icon("lock")), own.first, own.last));
   }
   for (const own of motion.violations) {
-    if (own.group !== null && own.group !== row.group) continue;
+    if (!isOfGroup(own, row.group)) continue;
     const show = () => {
       seek(own.first);
       showTab(document.getElementById("tab-constraints"));
@@ -183,11 +185,11 @@ function makeLane({ clip, row, isCaptured }, motion) {
 }
 
 function makeBlock(clip, row, part, motion, isCaptured) {
-  const [first, last] = blockFrames(row, part);
+  const [first, last] = [row.start[part], row.stop[part]];
   const donor = row.source[part] < 0 ? null : clip.donors[row.source[part]];
   const frames = range(row.first[part], row.last[part]);
-  const text = isCaptured ? range(row.start[part], row.stop[part]) : donor === null ? "captured" : `${donor} ${frames}`;
-  const block = make("button", { type: "button", class: "block", tabindex: "-1", title: text }, make("span", { text }));
+  const full = donor === null ? "captured" : `${donor} ${frames}`;
+  const block = make("button", { type: "button", class: "block", tabindex: "-1", title: full });
   Object.assign(block.dataset, { group: row.group, part, block: `${row.group}/${part}` });
   if (donor !== null) block.style.backgroundColor = numberColour(row.source[part]);
   else block.classList.add("captured");
@@ -201,8 +203,11 @@ function makeBlock(clip, row, part, motion, isCaptured) {
     const mark = make("i", { class: "seam", title: `seam: ${seam.toFixed(1)}°` });
     mark.style.height = `${(15 + 85 * Math.min(seam / WIDE_SEAM, 1)).toFixed(0)}%`;
     block.prepend(mark);
-    if (seam >= 3) block.querySelector("span").textContent = `${seam.toFixed(0)}° ${text}`;
+    if (seam >= 5) block.append(make("span", { class: "angle", text: `${seam.toFixed(0)}°` }));
   }
+  // In narrow blocks, the name of the clip is cut before its frames are.
+  if (isCaptured || donor === null) block.append(make("span", { text: isCaptured ? range(first, last) : "captured" }));
+  else block.append(make("span", { class: "clip", text: store.project.clips.length > 1 ? donor : "" }), make("span", { text: frames }));
   return place(block, row.start[part], row.stop[part]);
 }
 
@@ -215,7 +220,7 @@ function blockAt(group, frame) {
 export function selectBlock(group, part, isSeeking = true) {
   const lane = lanes().find(({ row }) => row.group === group);
   if (!lane) return;
-  const [first, last] = blockFrames(lane.row, part);
+  const [first, last] = [lane.row.start[part], lane.row.stop[part]];
   focusOn({ group, first, last, part, isCaptured: lane.isCaptured });
   if (isSeeking && (player.frame < first || player.frame > last)) seek(first);
 }
@@ -292,12 +297,12 @@ function writeFocus() {
   }
   if (!parts.lanes.querySelector('.block[tabindex="0"]')) parts.lanes.querySelector(".block")?.setAttribute("tabindex", "0");
   parts.range.hidden = !focus;
-  const text = focus ? `${focus.group ?? "all groups"}, frames ${range(focus.first, focus.last)}` : "Click a block to select it; drag over a lane to select frames.";
+  const text = focus ? `${focus.group ?? "all groups"}, frames ${range(focus.first, focus.last)}` : "Click a block, or drag over frames.";
   find("selection").textContent = text;
   if (!focus) return;
   place(parts.range, focus.first, Math.max(focus.last, focus.first + 0.5));
   const lane = parts.lanes.querySelector(`[data-group="${CSS.escape(focus.group ?? "")}"].lane`);
-  parts.range.style.top = lane ? `${parts.lanes.offsetTop + lane.offsetTop}px` : "0";
+  parts.range.style.top = lane ? `${lane.offsetTop}px` : "0";
   parts.range.style.height = lane ? `${lane.offsetHeight}px` : "100%";
 }
 
