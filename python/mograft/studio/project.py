@@ -87,7 +87,9 @@ class Project:
     @property
     def joint_groups(self) -> JointGroups | str:
         """The groups of new motions, as an argument of `Library.build`."""
-        return self.groups if self.groups in PRESETS else JointGroups.from_toml(self.groups)
+        if self.groups in PRESETS:
+            return self.groups
+        return JointGroups.from_toml(f"{self.groups}\n")  # with a line break it is no path
 
     @cached_property
     def text(self) -> str:

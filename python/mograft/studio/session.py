@@ -23,6 +23,7 @@ from mograft.motion.motion import Motion
 from mograft.provenance.document import move_record
 from mograft.provenance.graft_record import GraftRecord, read_record
 from mograft.studio import actions, donors, export, sources, views
+from mograft.studio.notes import captured_warnings
 from mograft.studio.project import (
     FORMAT,
     History,
@@ -353,7 +354,10 @@ class Session:
                 message = self._step(step)
                 project = self.project
             else:
-                project, text = actions.run(self, action)
+                with captured_warnings() as warned:
+                    project, text = actions.run(self, action)
+                for own in warned:
+                    self.note(own)
                 if is_preview:
                     return views.preview(self, str(action["id"]))
                 self._set(project, text, old)

@@ -1,7 +1,6 @@
 """The inputs of a project: what was found in them, and the library of their clips."""
 
 import hashlib
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,6 +15,7 @@ from mograft.library.discover import find_clips
 from mograft.library.ingest_run import MISMATCH_REMEDY
 from mograft.library.library import Library
 from mograft.library.origin import hash_library
+from mograft.studio.notes import captured_warnings
 from mograft.studio.project import Project, ProjectInput
 
 Progress = Callable[[str, int, int], None]
@@ -58,8 +58,7 @@ def build(project: Project, progress: Progress) -> Opened:
     if not project.inputs:
         return opened
     broken: dict[str, str] = {}
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with captured_warnings() as caught:
         paths = [own.path for own in project.inputs if _can_open(own.path, broken)]
         try:
             library = _read(project, paths, progress)
@@ -87,7 +86,7 @@ def build(project: Project, progress: Progress) -> Opened:
         opened,
         library=library,
         status="ready",
-        message="\n".join(dict.fromkeys(str(own.message) for own in caught)),
+        message="\n".join(caught),
         sources=tuple(
             _with_change(*own, hashes) for own in zip(sources, project.inputs, strict=True)
         ),
