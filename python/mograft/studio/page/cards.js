@@ -1,5 +1,5 @@
 // Variations: cards with looping previews, how new they are, and what a person thinks of them.
-import { figureOf } from "./figures.js";
+import { figureOf, ghostOf } from "./figures.js";
 import { act, motions, on, select, store } from "./store.js";
 import { button, create, field, icon, make, numberInput, percent, selectInput } from "./ui.js";
 import { addRegion, dropRegion, isVisible, redraw } from "./view.js";
@@ -165,7 +165,7 @@ function makeCard({ id }) {
     const clip = figureOf("motion", id);
     if (!clip) return null;
     const frame = Math.round(clock / clip.dt) % clip.frames;
-    return { figures: [{ clip, frame }], look };
+    return { figures: [{ clip: ghostOf(clip, "card", { rings: 2 }), frame }], look };
   });
   return card;
 }

@@ -44,7 +44,7 @@ function write() {
   written = key;
   const own = motion?.constraints || [];
   parts.none.hidden = own.length > 0;
-  const remarks = motion?.violations.length ? motion.remarks.map((text) => make("li", { text })) : [];
+  const remarks = motion?.violations.length ? motion.remarks.slice(-1).map((text) => make("li", { text })) : []; // The remedy.
   parts.violations.replaceChildren(...(motion?.violations || []).map(violationItem), ...remarks);
   const focused = document.activeElement?.dataset?.field;
   parts.list.replaceChildren(...own.map((each) => makeForm(motion, each)));

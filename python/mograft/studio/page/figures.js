@@ -74,6 +74,7 @@ async function replace(own, found) {
   const old = own.clip;
   const isSame = old && String(old.offsets) === String(found.offsets) && old.character === found.character;
   if (!isSame) {
+    if (old) dropGhosts(old);
     if (old) dropActor(old);
     own.clip = found;
     return;
@@ -138,20 +139,17 @@ function addTracks(clip, joints) {
   Object.assign(clip, { values, tracks, turning: [...clip.turning, ...joints] });
 }
 
-// A second pose of a figure, for onion skins: it shares the frames.
+// Further poses of a figure, by name: for onion skins, and coarse ones for cards. They share its frames.
 const ghosts = new Map();
-export function ghostOf(clip, number) {
-  const own = ghosts.get(clip) || [];
+export function ghostOf(clip, name, given = {}) {
+  const own = ghosts.get(clip) || new Map();
   ghosts.set(clip, own);
-  own[number] ||= Object.create(clip, { now: { value: makePose(clip) } });
-  return own[number];
+  if (!own.has(name)) own.set(name, Object.assign(Object.create(clip, { now: { value: makePose(clip) } }), given));
+  return own.get(name);
 }
-export function dropGhosts(kept = null) {
-  for (const [clip, own] of ghosts) {
-    if (clip === kept) continue;
-    own.forEach(dropActor);
-    ghosts.delete(clip);
-  }
+function dropGhosts(clip) {
+  for (const ghost of ghosts.get(clip)?.values() || []) dropActor(ghost);
+  ghosts.delete(clip);
 }
 
 // Frames of a captured clip, for previews of donors.
@@ -177,8 +175,7 @@ export async function windowOf(clip, first, last) {
 function forget(own) {
   held.delete(own.key);
   if (!own.clip) return;
-  for (const ghost of ghosts.get(own.clip) || []) dropActor(ghost);
-  ghosts.delete(own.clip);
+  dropGhosts(own.clip);
   dropActor(own.clip);
 }
 

@@ -2,7 +2,7 @@
 import { ink } from "/viewer/colours.js";
 import { nodePlace } from "/viewer/poses.js";
 import { clamp, find, partAt, state } from "/viewer/scene.js";
-import { dropGhosts, figureOf, ghostOf } from "./figures.js";
+import { figureOf, ghostOf } from "./figures.js";
 import { frameTime, mainFigure, player } from "./player.js";
 import { on, selected, store } from "./store.js";
 import { addRegion, redraw } from "./view.js";
@@ -81,7 +81,6 @@ function prepareGraft() {
   const base = baseFigure();
   if (base && store.layout === "overlay" && store.mode === "view")
     figures.push({ clip: base, frame: frameIn(base), alpha: 0.4, colour: ink.body });
-  dropGhosts(store.onion ? clip : null);
   if (store.onion) {
     const gap = ONION_SECONDS / clip.dt;
     [-2, -1, 1, 2].forEach((step, i) => {

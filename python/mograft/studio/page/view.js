@@ -4,19 +4,16 @@ import { ink } from "/viewer/colours.js";
 import { nodePlace } from "/viewer/poses.js";
 import { find, root, scene, state } from "/viewer/scene.js";
 
-const canvas = find("canvas");
 const world = new THREE.Scene();
 const sun = new THREE.DirectionalLight(0xffffff, 2.3);
 const regions = new Set();
-let renderer = null;
+const surfaces = []; // One for the stage, one for all cards.
 let floor = null;
 let lines = null;
 let shade = null;
 let isAsked = false;
-let size = "";
 
 export const addToWorld = (...objects) => world.add(...objects);
-export const hasView = () => renderer !== null;
 
 function makeFloor() {
   lines = new THREE.GridHelper(24, 24);
@@ -27,22 +24,36 @@ function makeFloor() {
   return floor;
 }
 
+// Whether a processor draws in place of a graphics card: edges are not smoothed then.
+function isSoftware() {
+  const context = document.createElement("canvas").getContext("webgl2");
+  const names = context?.getExtension("WEBGL_debug_renderer_info");
+  const name = names ? context.getParameter(names.UNMASKED_RENDERER_WEBGL) : "";
+  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software/i.test(name);
+}
+
 // Start three.js; without WebGL, figures are not drawn, and the page says so.
 export function startView() {
-  const context = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
-  find("reason").hidden = context !== null;
-  if (!context) return;
-  renderer = new THREE.WebGLRenderer({ canvas, context, alpha: true, antialias: true, preserveDrawingBuffer: true });
-  renderer.autoClear = false;
-  renderer.setClearColor(0x000000, 0);
-  renderer.shadowMap.enabled = true;
-  renderer.shadowMap.autoUpdate = false;
-  renderer.shadowMap.type = THREE.PCFSoftShadowMap;
+  world.add(new THREE.HemisphereLight(0xffffff, 0x8a8f98, 1.9), sun, sun.target, makeFloor());
   sun.castShadow = true;
   sun.shadow.mapSize.set(512, 512);
   sun.shadow.radius = 5;
   sun.shadow.bias = -0.002;
-  world.add(new THREE.HemisphereLight(0xffffff, 0x8a8f98, 1.9), sun, sun.target, makeFloor());
+  const antialias = !isSoftware();
+  for (const [name, around] of [["stageCanvas", find("tiles")], ["cardsCanvas", document.getElementById("pane-motions")]]) {
+    const canvas = find(name);
+    const context = canvas.getContext("webgl2", { antialias, preserveDrawingBuffer: true });
+    find("reason").hidden = context !== null;
+    if (!context) return;
+    const renderer = new THREE.WebGLRenderer({ canvas, context, alpha: true, antialias, preserveDrawingBuffer: true });
+    renderer.autoClear = false;
+    renderer.setClearColor(0x000000, 0);
+    renderer.shadowMap.enabled = name === "stageCanvas";
+    renderer.shadowMap.autoUpdate = false;
+    renderer.shadowMap.type = THREE.PCFSoftShadowMap;
+    surfaces.push({ canvas, around, renderer, place: "" });
+  }
   for (const kind of ["scroll", "resize", "toggle"]) window.addEventListener(kind, redrawAll, { capture: true, passive: true });
   new ResizeObserver(redrawAll).observe(root);
 }
@@ -91,43 +102,40 @@ export const isVisible = (region) => isSeen(placeOf(region.element));
 
 function drawAll() {
   isAsked = false;
-  if (!renderer) {
-    for (const region of regions) {
-      if (region.isDirty) region.prepare();
-      region.isDirty = false;
-    }
-    return;
-  }
-  const ratio = Math.min(window.devicePixelRatio || 1, 1.5);
-  const next = [window.innerWidth, window.innerHeight, ratio].join();
   const places = new Map([...regions].map((region) => [region, placeOf(region.element)]));
-  let isMoved = next !== size;
-  if (isMoved) {
-    size = next;
-    renderer.setPixelRatio(ratio);
-    renderer.setSize(window.innerWidth, window.innerHeight, false);
+  for (const surface of surfaces) drawSurface(surface, places);
+  for (const region of regions) {
+    if (region.isDirty && !surfaces.length) region.prepare();
+    region.isDirty = false;
   }
-  for (const [region, place] of places) {
-    const key = JSON.stringify(place);
-    isMoved ||= key !== region.place;
-    region.place = key;
-  }
+}
+
+// A canvas covers what is seen of its part of the page; its regions are drawn if they changed.
+function drawSurface(surface, places) {
+  const { canvas, around, renderer } = surface;
+  const own = [...places].filter(([{ element }]) => around.contains(element));
+  canvas.hidden = !own.some(([, place]) => isSeen(place));
+  if (!own.some(([region, place]) => region.isDirty && isSeen(place))) return;
+  const { seen } = placeOf(around);
+  const ratio = Math.min(window.devicePixelRatio || 1, 1.5);
+  const key = JSON.stringify([seen, ratio, own.map(([, place]) => place)]);
+  const isMoved = key !== surface.place;
   if (isMoved) {
+    surface.place = key;
+    const [width, height] = [seen.right - seen.left, seen.bottom - seen.top];
+    Object.assign(canvas.style, { left: `${seen.left}px`, top: `${seen.top}px`, width: `${width}px`, height: `${height}px` });
+    if (renderer.getPixelRatio() !== ratio) renderer.setPixelRatio(ratio);
+    if (canvas.width !== Math.floor(width * ratio) || canvas.height !== Math.floor(height * ratio)) renderer.setSize(width, height, false);
     renderer.setScissorTest(false);
     renderer.clear();
   }
   renderer.setScissorTest(true);
-  for (const [region, place] of places) {
-    if (!isMoved && !region.isDirty) continue;
-    region.isDirty = false;
-    if (isSeen(place)) drawRegion(region, place);
-  }
+  for (const [region, place] of own) if ((isMoved || region.isDirty) && isSeen(place)) drawRegion(region, place, surface, seen);
 }
 
-function drawRegion(region, { left, top, width, height, seen }) {
-  const y = window.innerHeight;
-  renderer.setViewport(left, y - top - height, width, height);
-  renderer.setScissor(seen.left, y - seen.bottom, seen.right - seen.left, seen.bottom - seen.top);
+function drawRegion(region, { left, top, width, height, seen }, { renderer }, whole) {
+  renderer.setViewport(left - whole.left, whole.bottom - top - height, width, height);
+  renderer.setScissor(seen.left - whole.left, whole.bottom - seen.bottom, seen.right - seen.left, seen.bottom - seen.top);
   renderer.clear();
   const shown = region.prepare(region);
   if (!shown?.figures.length) return;
@@ -135,6 +143,8 @@ function drawRegion(region, { left, top, width, height, seen }) {
     const actor = actorOf(clip);
     world.add(actor.root);
     poseActor(actor, frame, look);
+    // three.js updates a skeleton once in each frame, but a figure has another pose in each region.
+    for (const mesh of [actor.capsules, ...actor.meshes]) if (mesh.visible) mesh.skeleton.update();
     return actor;
   });
   const { clip } = shown.figures[0];
@@ -142,6 +152,7 @@ function drawRegion(region, { left, top, width, height, seen }) {
   Object.assign(scene, { height: clip.height, floor: clip.floor });
   const view = aim(region, shown, sizeOf(actors[0]), { width, height });
   placeWorld(view, clip, actors, region.isStage, shown.objects || []);
+  renderer.shadowMap.needsUpdate = region.isStage && state.floor;
   renderer.render(world, region.camera);
   shown.after?.(view);
 }
@@ -187,5 +198,4 @@ function placeWorld({ clip, target, tall, distance }, first, actors, isStage, ob
   sun.position.set(x + 0.7 * tall, clip.floor + 3 * tall, z + 0.9 * tall);
   Object.assign(sun.shadow.camera, { left: -tall, right: tall, top: tall, bottom: -tall, near: 0.1 * tall, far: 6 * tall });
   sun.shadow.camera.updateProjectionMatrix();
-  renderer.shadowMap.needsUpdate = isStage && state.floor;
 }
