@@ -58,6 +58,20 @@ def test_motions_of_a_session_are_those_of_graft_many(session, dances):
     assert [hash_poses(own.motion) for own in found] == [hash_poses(own.motion) for own in grafts]
 
 
+def test_step_names_how_many_motions_were_made(session):
+    assert session.state()["undo"] == "make 3 on one"
+    assert do(session, "make", base="two", count=2)["message"] == "make 2 on two"
+
+
+def test_failure_between_two_motions_leaves_none(session, monkeypatch):
+    before, add = (session.project, session.history), session.workshop.add
+    calls = iter([add, None])
+    monkeypatch.setattr(session.workshop, "add", lambda *given: next(calls)(*given))
+    with pytest.raises(TypeError):
+        do(session, "make", base="two", count=2)
+    assert (session.project, session.history) == before
+
+
 def test_take_gives_the_segment_this_donor_and_keeps_the_others(session):
     segment = segment_of(session, "m1", 4)
     donor = other_donor(session, segment)

@@ -84,9 +84,9 @@ def constrain(
     those beside them get other donors, unless they are `locked`. All others keep theirs. A `Reach`
     that is left out stays with weight 0 as the last constraint if inverse kinematics has moved a
     limb to its target, because earlier versions of the graft have the limb there. Unless
-    `is_quick`, all candidates are searched if the nearest ones leave violations; the result is that
-    of the nearest ones if this is cancelled (`mograft._util.cancel`). Raise ValueError if the
-    library has only the clips of the graft.
+    `is_quick`, all candidates are searched if the nearest ones leave violations, and the better of
+    the two results is returned; if this is cancelled (`mograft._util.cancel`), the first. Raise
+    ValueError if the library has only the clips of the graft.
     """
     _check_whole(graft)
     changes, graft = graft.changes, unchanged(graft)
@@ -103,14 +103,15 @@ def constrain(
     is_reaching = any(type(own) is Reach for own in constraints if not _is_in(own, old))
     if is_open.any() or is_reaching or retired:
         seed = graft.seed if seed is None else seed
-        new = graft
-        is_near = problem.root_group is None
-        if is_near:
+        if problem.root_group is not None:
+            new = choose_again(graft, plan, is_open, seed)
+        else:
             near = partial(_choose_near, is_open=is_open)
             new = choose_again(graft, _with_nearest(plan, is_open), is_open, seed, near)
-        if not is_near or (not is_quick and is_open.any() and new.violations):
-            with suppress(*([CancelledError] if is_near else [])):
-                new = choose_again(graft, plan, is_open, seed)
+            if new.violations and is_open.any() and not is_quick:
+                with suppress(CancelledError):
+                    other = choose_again(graft, plan, is_open, seed)
+                    new = min(new, other, key=_total_excess)
     else:
         violations = find_motion_violations(problem, graft.motion, graft.donors)
         request = replace(graft.request, constraints=problem.constraints)
@@ -146,6 +147,10 @@ def _choose_near(plan: GraftPlan, *, is_open: BoolArray) -> DonorSequences:
     first, stop = max(int(positions[0]) - 1, 0), int(positions[-1]) + 2
     stop = min(stop, len(plan.problem.base_segments))
     return repair_near(plan.problem, donors, trellises, first, stop)
+
+
+def _total_excess(graft: Graft) -> float:
+    return sum(violation.error - 1.0 for violation in graft.violations)
 
 
 def _is_in(own: Constraint, constraints: Sequence[Constraint]) -> bool:

@@ -34,10 +34,10 @@ def make(session: "Session", fields: Fields) -> tuple[Project, str]:
         base = library.names[0]
     if base not in library.names:
         raise ValueError(f"`base` must be a clip, got {base!r}")
+    n_before = session.project.n_made
     grafts = _make(session, fields, library, base, None, count)
     project = _add(session, grafts, f"make {count} on {base}", count)
-    n = len(project.motions) - len(session.project.motions)
-    return project, f"make {n} on {base}"
+    return project, f"make {project.n_made - n_before} on {base}"
 
 
 def compose(session: "Session", fields: Fields) -> tuple[Project, str]:

@@ -364,6 +364,10 @@ class Session:
                         project, text = actions.run(self, action)
                 except CancelledError:
                     return self._superseded()
+                except BaseException:
+                    if self.project is not old:
+                        self.show(old)  # without the motions that were shown already
+                    raise
                 for own in warned:
                     self.note(own)
                 if is_preview:
