@@ -15,7 +15,7 @@ from mograft.dancer import dance
 from mograft.library.origin import hash_poses
 from mograft.provenance.document import move_record
 from mograft.studio import sources
-from mograft.studio.editing import is_locked
+from mograft.studio.actions.editing import is_locked
 from mograft.studio.session import Session
 
 N_FRAMES = 150

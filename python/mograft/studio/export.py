@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mograft._util.names import portable_stem, unique_names
 from mograft.io.gltf.document import read_gltf_file
@@ -15,18 +15,16 @@ from mograft.provenance.writing import (
     write_character,
     write_graft,
 )
-from mograft.studio.fields import Fields
+from mograft.studio.actions.fields import Fields
+from mograft.studio.desk import Desk
 from mograft.studio.project import read_project
 from mograft.synthesis.graft_result import Graft
-
-if TYPE_CHECKING:
-    from mograft.studio.session import Session
 
 _TOGETHER = (".glb", ".npz")
 """Endings of the names of files that can have several motions."""
 
 
-def run(session: "Session", request: Mapping[str, Any]) -> dict[str, list[str]]:
+def run(desk: Desk, request: Mapping[str, Any]) -> dict[str, list[str]]:
     """Write motions below the folder of the session.
 
     ``ids`` are the motions, by default those that are kept; ``format`` is an ending such as bvh.
@@ -35,22 +33,22 @@ def run(session: "Session", request: Mapping[str, Any]) -> dict[str, list[str]]:
     """
     fields = Fields(request)
     ending = f".{fields.choice('format', [own[1:] for own in WRITERS])}"
-    folder = _folder(session.folder, fields.text("folder", ""))
+    folder = _folder(desk.folder, fields.text("folder", ""))
     if fields.has("ids"):
-        motions = [session.project.motion(own) for own in fields.items("ids", str)]
+        motions = [desk.project.motion(own) for own in fields.items("ids", str)]
     else:
-        motions = [own for own in session.project.motions if own.is_kept]
+        motions = [own for own in desk.project.motions if own.is_kept]
     if not motions:
         raise ValueError("no motion is kept: keep one, or give `ids`")
     target = folder
     if fields.flag("into"):
         if ending not in _TOGETHER:
             raise ValueError(f"`into` requires glb or npz, got {ending[1:]}")
-        file = session.file
+        file = desk.file
         name = "motions" if file is None else file.path.name.removesuffix(".json")
         target = folder / f"{portable_stem(name.removesuffix('.project'))}{ending}"
-    grafts = [session.workshop.graft(own.record) for own in motions]
-    character = session.project.character
+    grafts = [desk.workshop.graft(own.record) for own in motions]
+    character = desk.project.character
     files = write_motions(
         grafts,
         target,
@@ -58,7 +56,7 @@ def run(session: "Session", request: Mapping[str, Any]) -> dict[str, list[str]]:
         None if character is None else Path(character),
         force=fields.flag("force"),
     )
-    return {"files": [own.relative_to(session.folder).as_posix() for own in files]}
+    return {"files": [own.relative_to(desk.folder).as_posix() for own in files]}
 
 
 def _folder(root: Path, name: str) -> Path:
