@@ -1,11 +1,12 @@
-"""The method of the paper in plain NumPy, written from its description and not from the code of mograft.
+"""The method of the paper in plain NumPy, written from its description and not from mograft.
 
-The whole chain up to the sets of donors: energy, boundaries, groups, features, principal components, complete linkage,
-threshold, candidates, gaps. Only the clustering itself is SciPy's. Nothing is fast, and nothing is shared with the product.
+The chain up to the sets of donors: energy, boundaries, groups, features, principal components,
+complete linkage (that of SciPy), threshold, candidates and gaps. It shares no code with mograft.
 """
 
 import re
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.cluster.hierarchy import fcluster, linkage
@@ -16,22 +17,23 @@ LENGTH_RATIO = 0.15
 SIGMA = 2.0 / 30.0
 """Seconds: two frames of a recording at 30 frames per second."""
 
-# Mass, centre of mass from the proximal end, transverse radius of gyration, in percent: means of men and women (de Leva 1996).
+# Mass, centre of mass from the proximal end and transverse radius of gyration in percent, means of
+# men and women (de Leva 1996).
 BODY = {
     "head": (6.81, 50.8, 30.5),
     "trunk": (43.015, 49.5, 29.9),
-    "upper arm": (2.63, 57.6, 26.35),
+    "upper arm": (2.63, 57.6, 26.45),
     "forearm": (1.5, 45.65, 26.1),
-    "hand": (0.585, 36.55, 22.15),
+    "hand": (0.585, 35.25, 22.15),
     "thigh": (14.47, 38.55, 34.65),
     "shank": (4.57, 43.75, 25.45),
     "foot": (1.33, 42.15, 26.2),
 }
 NAMES = {
-    "trunk": "hipjoint|hips|pelvis|spine|chest|torso|abdomen|collar|clavicle|shoulder|back",
+    "trunk": "hipjoint|hips|^hip$|pelvis|spine|chest|torso|abdomen|collar|clavicle|shoulder|back",
     "forearm": "forearm|lowerarm|elbow",
     "hand": "hand|wrist|finger|thumb|index|middle|ring|pinky",
-    "upper arm": "upperarm|arm",
+    "upper arm": "upperarm|arm|shldr",
     "foot": "foot|ankle|toe|ball",
     "thigh": "upleg|upperleg|thigh|femur|hip",
     "shank": "lowerleg|knee|shin|calf|leg",
@@ -43,7 +45,7 @@ NOT_COMPARED = re.compile("finger|thumb|index|middle|ring|pinky|toe|ball")
 
 @dataclass(frozen=True, kw_only=True)
 class Clip:
-    """A recording: joints in order, parents first, the root first; rotations are local and x, y, z, w."""
+    """A recording. The first joint is the root; rotations are local, with the scalar last."""
 
     names: list[str]
     parents: list[int]
@@ -84,17 +86,15 @@ def part_of(name):
 
 def side_of(name):
     short = name.split(":")[-1]
-    return (
-        "left"
-        if re.match("(?i)left|l_|L[A-Z]", short)
-        else "right"
-        if re.match("(?i)right|r_|R[A-Z]", short)
-        else ""
-    )
+    found = re.match("(?i:left|l_)|[lL](?=[A-Z])|((?i:right|r_)|[rR](?=[A-Z]))", short)
+    return "" if found is None else "right" if found[1] else "left"
 
 
 def inertias(clip):
-    """About the proximal joint, by transverse axes; a part of several joints is rods that share its mass by length."""
+    """Return moments about the proximal joints.
+
+    A part of several joints is rods that share its mass by length.
+    """
     count = len(clip.names)
     children = [[c for c in range(count) if clip.parents[c] == j] for j in range(count)]
     below = [1] * count
@@ -139,11 +139,7 @@ def boundaries(clip):
     )
     steps = np.diff(smooth)
     moving = np.flatnonzero(np.abs(steps) > 1e-12 * smooth.max())
-    turns = [
-        (a + 1 + b) // 2
-        for a, b in zip(moving, moving[1:], strict=False)
-        if steps[a] * steps[b] < 0
-    ]
+    turns = [(a + 1 + b) // 2 for a, b in pairwise(moving) if steps[a] * steps[b] < 0]
     return sorted({0, len(smooth) - 1, *(int(t) for t in turns)})
 
 
@@ -163,8 +159,11 @@ def tangents(steps):
     )
 
 
-def resample(values, rotation):
-    """SAMPLES equidistant samples of n + 1 frames by the cubic curve of Kim, Kim and Shin, or Hermite's for positions."""
+def resample(values, *, rotation):
+    """Return equidistant samples of n + 1 frames.
+
+    Rotations by the cubic curve of Kim, Kim and Shin, positions by Hermite's.
+    """
     n = len(values) - 1
     speed = tangents(
         log(mul(inv(values[:-1]), values[1:])) if rotation else np.diff(values, axis=0)
@@ -192,20 +191,22 @@ def resample(values, rotation):
 
 
 def features(clips, segments, joints):
-    """One row a segment: rotation vectors against the mean of a joint, steps of the root, length in intervals."""
+    """Return for each segment rotation vectors, steps of the root, and the length.
+
+    Rotations are relative to the mean of the joint over the samples of all segments.
+    """
+    joints = np.array(joints)
     compared = [j for j in joints if not NOT_COMPARED.search(clips[0].names[j].casefold())]
-    frames = np.concatenate([clip.rotations[:, compared] for clip in clips])
-    means = np.array(
-        [np.linalg.eigh(frames[:, k].T @ frames[:, k])[1][:, -1] for k in range(len(compared))]
-    )
-    rows = []
-    for c, first, last in segments:
-        piece = slice(first, last + 1)
-        row = [log(mul(inv(means), resample(clips[c].rotations[piece, compared], True))).ravel()]
-        if 0 in joints:
-            row.append(np.diff(resample(clips[c].positions[piece], False), axis=0).ravel())
-        rows.append(np.concatenate([*row, [last - first]]))
-    return np.array(rows)
+    pieces = [(clips[c], slice(first, last + 1)) for c, first, last in segments]
+    turns = np.array([resample(c.rotations[own][:, compared], rotation=True) for c, own in pieces])
+    products = np.einsum("nmja,nmjb->jab", turns, turns)
+    vectors = log(mul(inv(np.linalg.eigh(products)[1][..., -1]), turns))
+    columns = [vectors.reshape(len(segments), -1)]
+    if 0 in joints:
+        paths = [resample(c.positions[own], rotation=False) for c, own in pieces]
+        columns.append(np.diff(paths, axis=1).reshape(len(segments), -1))
+    lengths = [last - first for _, first, last in segments]
+    return np.column_stack([*columns, lengths])
 
 
 def scores(rows):
@@ -226,7 +227,7 @@ def clusters(points):
 
 
 def candidates(labels, lengths):
-    """For each segment the segments whose part it may take: same cluster of the base, length within 15 percent, strictly."""
+    """Return for each segment those in its cluster with a length within 15 percent, strictly."""
     lengths = np.asarray(lengths)
     return [
         set(
@@ -239,7 +240,7 @@ def candidates(labels, lengths):
 
 
 def gap(clips, before, after, joints):
-    """Mean angle in degrees between the last pose of one segment and the first of another, over the joints of a group."""
+    """Return the mean angle in degrees between the last pose of a segment and the next's first."""
     a = clips[before[0]].rotations[before[2], joints]
     b = clips[after[0]].rotations[after[1], joints]
     return np.rad2deg(np.linalg.norm(log(mul(inv(a), b)), axis=-1).mean())
