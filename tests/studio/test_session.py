@@ -196,7 +196,7 @@ def test_preview_is_no_step_and_ends_with_the_next_action(session):
 
 def test_waiting_previews_are_replaced_by_the_last(session):
     do(session, "add_constraint", id="m1", constraint=AVOID)
-    replies, threads = {}, []
+    replies, threads, before = {}, [], session._n_requested
 
     def move(x):
         moved = {**AVOID, "obstacle": {**SPHERE, "center": [x, 110.0, 20.0]}}
@@ -207,7 +207,7 @@ def test_waiting_previews_are_replaced_by_the_last(session):
         for x in (10.0, 20.0, 30.0):
             threads.append(threading.Thread(target=move, args=(x,)))
             threads[-1].start()
-            while session._waiting["m1"] <= len(threads):
+            while session._n_requested < before + len(threads):
                 pass
     for thread in threads:
         thread.join()

@@ -1,7 +1,7 @@
 """Edits of a graft: other donors at some base segments, everything else unchanged."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -282,10 +282,17 @@ def remaining_constraints(
     return kept
 
 
-def choose_again(graft: Graft, plan: GraftPlan, is_open: BoolArray, seed: int) -> Graft:
+def choose_again(
+    graft: Graft,
+    plan: GraftPlan,
+    is_open: BoolArray,
+    seed: int,
+    choose: Callable[[GraftPlan], DonorSequences] | None = None,
+) -> Graft:
     """Return the graft with donors chosen again at some positions only.
 
-    They are those of `is_open`, shape (n_groups, n_segments).
+    They are those of `is_open`, shape (n_groups, n_segments). `choose` replaces the choice of the
+    configuration and self-repair.
     """
     before, is_free_of = graft.donors, dict(zip(plan.pools, is_open, strict=True))
     candidates = {
@@ -298,8 +305,12 @@ def choose_again(graft: Graft, plan: GraftPlan, is_open: BoolArray, seed: int) -
         for group, lists in plan.problem.candidates.items()
     }
     restricted = replace(plan, problem=replace(plan.problem, candidates=candidates))
-    (chosen,) = restricted.choose_donors(1, seed)
-    assembly, repairs = restricted.assemble(chosen, graft.motion.name)
+    if choose is None:
+        (chosen,) = restricted.choose_donors(1, seed)
+        assembly, repairs = restricted.assemble(chosen, graft.motion.name)
+    else:
+        assembly = Assembly.build(plan.problem, choose(restricted), graft.motion.name)
+        repairs = []
     steps = (before, assembly.donors)
     reaches = [
         own

@@ -1,11 +1,14 @@
 """Revisions of a graft: donors chosen again in ranges, and other constraints."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray
+from mograft._util.arrays import BoolArray, IntArray
+from mograft._util.cancel import CancelledError
 from mograft.blend.reach_completion import ReachCompletion
 from mograft.library.origin import is_partial
 from mograft.provenance.graft_change import apply_changes, plan_of, unchanged
@@ -19,8 +22,14 @@ from mograft.provenance.graft_edit import (
 from mograft.search.constraints import Constraint, Span
 from mograft.search.donor_constraints import Ban
 from mograft.search.pose_constraints import Reach
+from mograft.search.trellis import DonorSequences, viterbi
+from mograft.solve.donor_repair import repair_near
 from mograft.solve.finish import find_motion_violations
+from mograft.solve.plan import GraftPlan
 from mograft.synthesis.graft_result import Graft
+
+_NEAREST_FACTOR = 2
+"""Candidates of a position that are tried first, as a multiple of `Config.max_candidates`."""
 
 Ranges = Sequence[tuple[str, Span]]  # groups, each with a first and a last frame
 
@@ -62,15 +71,22 @@ def _without(candidates: np.ndarray, donor: int) -> np.ndarray:
 
 
 def constrain(
-    graft: Graft, constraints: Sequence[Constraint], *, locked: Ranges = (), seed: int | None = None
+    graft: Graft,
+    constraints: Sequence[Constraint],
+    *,
+    locked: Ranges = (),
+    seed: int | None = None,
+    is_quick: bool = False,
 ) -> Graft:
     """Return the graft with other constraints.
 
     The segments that violate those that are not constraints of the graft, the same objects, and
     those beside them get other donors, unless they are `locked`. All others keep theirs. A `Reach`
     that is left out stays with weight 0 as the last constraint if inverse kinematics has moved a
-    limb to its target, because earlier versions of the graft have the limb there. Raise ValueError
-    if the library has only the clips of the graft.
+    limb to its target, because earlier versions of the graft have the limb there. Unless
+    `is_quick`, all candidates are searched if the nearest ones leave violations; the result is that
+    of the nearest ones if this is cancelled (`mograft._util.cancel`). Raise ValueError if the
+    library has only the clips of the graft.
     """
     _check_whole(graft)
     changes, graft = graft.changes, unchanged(graft)
@@ -86,12 +102,50 @@ def constrain(
         is_open &= ~locked_positions(problem, locked)
     is_reaching = any(type(own) is Reach for own in constraints if not _is_in(own, old))
     if is_open.any() or is_reaching or retired:
-        new = choose_again(graft, plan, is_open, graft.seed if seed is None else seed)
+        seed = graft.seed if seed is None else seed
+        new = graft
+        is_near = problem.root_group is None
+        if is_near:
+            near = partial(_choose_near, is_open=is_open)
+            new = choose_again(graft, _with_nearest(plan, is_open), is_open, seed, near)
+        if not is_near or (not is_quick and is_open.any() and new.violations):
+            with suppress(*([CancelledError] if is_near else [])):
+                new = choose_again(graft, plan, is_open, seed)
     else:
         violations = find_motion_violations(problem, graft.motion, graft.donors)
         request = replace(graft.request, constraints=problem.constraints)
         new = replace(graft, violations=tuple(violations), request=request)
     return apply_changes(new, problem, changes)
+
+
+def _with_nearest(plan: GraftPlan, is_open: BoolArray) -> GraftPlan:
+    """Return a plan with fewer candidates at some positions: those most like the base segment."""
+    problem, candidates = plan.problem, dict[str, list[IntArray]]()
+    for group, free in zip(problem.pools, is_open, strict=True):
+        lists, positions = list(problem.candidates[group]), np.flatnonzero(free)
+        if len(positions):
+            pool, model = problem.pools[group], problem.cost_models[group]
+            chosen, base = [lists[at] for at in positions.tolist()], problem.scenario[positions]
+            pairs = np.repeat(base, [len(own) for own in chosen]), np.concatenate(chosen)
+            costs = pool.preselection_costs(*pairs, model)
+            kept, _ = model.keep_cheapest_of_each(base, chosen, costs, _NEAREST_FACTOR)
+            for at, own in zip(positions.tolist(), kept, strict=True):
+                lists[at] = own
+        candidates[group] = lists
+    return replace(plan, problem=replace(problem, candidates=candidates))
+
+
+def _choose_near(plan: GraftPlan, *, is_open: BoolArray) -> DonorSequences:
+    """Return the cheapest donors, changed until the constraints hold near some positions."""
+    trellises = plan.trellises
+    paths = {group: viterbi(trellis.costs) for group, trellis in trellises.items()}
+    donors = {group: trellises[group].donor_sequence(path) for group, path in paths.items()}
+    positions = np.flatnonzero(is_open.any(axis=0))
+    if not len(positions) or not any(own.is_hard for own in plan.problem.pose_constraints):
+        return donors
+    first, stop = max(int(positions[0]) - 1, 0), int(positions[-1]) + 2
+    stop = min(stop, len(plan.problem.base_segments))
+    return repair_near(plan.problem, donors, trellises, first, stop)
 
 
 def _is_in(own: Constraint, constraints: Sequence[Constraint]) -> bool:

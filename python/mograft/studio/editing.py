@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mograft._util.arrays import BoolArray
+from mograft._util.cancel import cancellable
 from mograft._util.runs import find_runs
 from mograft.config import Config, scale_of_variety
 from mograft.errors import join_names, suggest_name
@@ -175,7 +176,7 @@ def add_constraint(session: "Session", fields: Fields) -> tuple[Project, str]:
     """Add a constraint; segments that violate it get other donors."""
     own, graft = _target(session, fields)
     added = _decode(session, fields)
-    new = _constrained(own, graft, lambda known: [*known, added])
+    new = _constrained(session, own, graft, fields, lambda known: [*known, added])
     return _revised(session, own, new), f"add {type(added).__name__}"
 
 
@@ -183,7 +184,9 @@ def set_constraint(session: "Session", fields: Fields) -> tuple[Project, str | N
     """Replace a constraint; a preview is shown, but is no step and is not saved."""
     own, graft = _target(session, fields)
     number, added = _number(fields, graft), _decode(session, fields)
-    new = _constrained(own, graft, lambda known: [*known[:number], added, *known[number + 1 :]])
+    new = _constrained(
+        session, own, graft, fields, lambda known: [*known[:number], added, *known[number + 1 :]]
+    )
     if fields.flag("preview"):
         session.preview(own.id, new)
         return session.project, None
@@ -195,15 +198,23 @@ def drop_constraint(session: "Session", fields: Fields) -> tuple[Project, str]:
     own, graft = _target(session, fields)
     number = _number(fields, graft)
     dropped = graft.request.constraints[number]
-    new = _constrained(own, graft, lambda known: [*known[:number], *known[number + 1 :]])
+    new = _constrained(
+        session, own, graft, fields, lambda known: [*known[:number], *known[number + 1 :]]
+    )
     return _revised(session, own, new), f"remove {type(dropped).__name__}"
 
 
 def _constrained(
-    own: ProjectMotion, graft: Graft, alter: Callable[[list[Constraint]], list[Constraint]]
+    session: "Session",
+    own: ProjectMotion,
+    graft: Graft,
+    fields: Fields,
+    alter: Callable[[list[Constraint]], list[Constraint]],
 ) -> Graft:
     locked = [(lock.group, (lock.first, lock.last)) for lock in own.locks]
-    return constrain(graft, alter(list(graft.request.constraints)), locked=locked)
+    new, is_quick = alter(list(graft.request.constraints)), fields.flag("preview")
+    with cancellable(session.is_superseded):
+        return constrain(graft, new, locked=locked, is_quick=is_quick)
 
 
 def _decode(session: "Session", fields: Fields) -> Constraint:

@@ -11,6 +11,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+from mograft._util.cancel import CancelledError, cancellable
 from mograft._util.documents import parse_document
 from mograft._util.names import portable_stem
 from mograft.config import Config
@@ -89,7 +90,8 @@ class Session:
         self._lock = threading.RLock()  # of the attributes
         self._action_lock = threading.RLock()  # one action at a time
         self._libraries: dict[Any, sources.Opened] = {}
-        self._waiting: dict[str, int] = {}  # the last preview that was requested of each motion
+        self._n_requested = self._ticket = 0  # the number of the last action, and of the present
+        self._n_questions = 0  # of donors; only the last of several is answered
         self._subscriptions: list[Subscription] = []
         self._worker = ThreadPoolExecutor(1, "studio library")
         self._is_closed = False
@@ -343,10 +345,13 @@ class Session:
         is not compared for previews, and ValueError if the action is not possible.
         """
         is_preview = action.get("preview") is True
-        ticket = self._ticket(action)
+        with self._lock:
+            self._n_requested += 1
+            ticket = self._n_requested
         with self._action_lock:
-            if is_preview and self._waiting.get(str(action.get("id"))) != ticket:
-                return {"revision": self.revision, "motions": [], "message": "superseded"}
+            self._ticket = ticket
+            if is_preview and self.is_superseded():
+                return self._superseded()
             if not is_preview and revision is not None and revision != self.revision:
                 raise StaleRevision(f"expected revision {self.revision}, got {revision}")
             old, step = self.project, action.get("action")
@@ -354,8 +359,11 @@ class Session:
                 message = self._step(step)
                 project = self.project
             else:
-                with captured_warnings() as warned:
-                    project, text = actions.run(self, action)
+                try:
+                    with captured_warnings() as warned:
+                        project, text = actions.run(self, action)
+                except CancelledError:
+                    return self._superseded()
                 for own in warned:
                     self.note(own)
                 if is_preview:
@@ -365,14 +373,12 @@ class Session:
             changed = [own.id for own in project.motions if own not in old.motions]
             return {"revision": self.revision, "motions": changed, "message": message}
 
-    def _ticket(self, action: Mapping[str, Any]) -> int:
-        """Return a number of an action; of the previews of a motion, only the last one is done."""
-        key = str(action.get("id"))
-        with self._lock:
-            if len(self._waiting) > _MAX_EVENTS:
-                self._waiting.clear()
-            self._waiting[key] = self._waiting.get(key, 0) + 1
-            return self._waiting[key]
+    def is_superseded(self) -> bool:
+        """Return whether a later action waits for the present one."""
+        return self._n_requested != self._ticket
+
+    def _superseded(self) -> Json:
+        return {"revision": self.revision, "motions": [], "message": "superseded"}
 
     def _step(self, step: str) -> str:
         with self._lock:
@@ -471,8 +477,18 @@ class Session:
         return views.character(self)
 
     def donors(self, question: Mapping[str, Any]) -> Json:
-        """Return the ranked donors of a range; see `mograft.studio.donors`."""
-        return donors.find(self, question)
+        """Return the ranked donors of a range; see `mograft.studio.donors`.
+
+        The result has ``"superseded": true`` if a later question came during the search.
+        """
+        with self._lock:
+            self._n_questions += 1
+            ticket = self._n_questions
+        try:
+            with cancellable(lambda: self._n_questions != ticket):
+                return donors.find(self, question)
+        except CancelledError:
+            return {"donors": [], "total": 0, "isSegment": False, "superseded": True}
 
     def window(self, clip: str, first: int, last: int) -> Json:
         """Return the poses of a part of a clip."""

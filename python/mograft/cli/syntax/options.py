@@ -210,7 +210,8 @@ class RecordOptions(Options, section="input"):
         "of blending keeps all donors; LIB|FILE is needed only if files have moved",
     )
     project: values.File | None = option(
-        "project of mograft studio, whose kept motions are made again, without the studio"
+        "project of mograft studio, whose kept motions are made again, without the studio",
+        is_expert=True,
     )
 
 
