@@ -195,6 +195,14 @@ class ExportOptions(options.DigitsOptions, options.SkeletonOptions, options.Writ
     )
     size: values.Size = setting("size of a film in pixels (default: 720x480)", default="720x480")
     dark: bool = setting("draw a film in light colours on a dark background")
+    renderer: Literal["capsules", "browser"] | None = setting(
+        "what draws a film: capsules, or the browser, with the mesh of the character (needs "
+        "mograft[browser]; default: capsules)"
+    )
+    character: values.File | None = option(
+        "glTF file whose mesh a film shows, with --renderer browser (default: the file of the "
+        "motion, if it is glTF)"
+    )
 
 
 class EvaluateOptions(options.SeedOptions, options.LibraryOptions, options.WriterOptions):
