@@ -53,7 +53,8 @@ export function startCards() {
   parts.sort = selectInput(Object.entries(SORTS).map(([key, [text]]) => [key, text]), "made", { onchange: layOut });
   parts.shown = selectInput(Object.entries(SHOWN).map(([key, [text]]) => [key, text]), "all", { onchange: layOut });
   parts.looping = button("Previews", "Play or stop the previews", () => setLooping(!isLooping));
-  parts.bar = make("div", { class: "row" }, field("sort", parts.sort), field("show", parts.shown), parts.looping);
+  parts.remove = button("Remove rejected", "Remove the rejected motions", () => act({ action: "remove", ids: motions().filter(({ mark }) => mark === "reject").map(({ id }) => id) }));
+  parts.bar = make("div", { class: "row" }, field("sort", parts.sort), field("show", parts.shown), parts.looping, parts.remove);
   parts.none = make("p", { class: "faint", text: "No motions yet: choose a base, and make some." });
   parts.grid = make("div", { class: "cards", role: "list", "aria-label": "Motions" });
   pane.append(parts.form, parts.bar, parts.none, parts.grid);
@@ -130,6 +131,7 @@ function writeAll() {
     if (!cards.has(motion.id)) cards.set(motion.id, makeCard(motion));
     writeCard(cards.get(motion.id), motion);
   }
+  parts.remove.hidden = !all.some(({ mark }) => mark === "reject");
   parts.none.hidden = all.length > 0;
   parts.bar.hidden = parts.grid.hidden = all.length === 0;
   layOut();

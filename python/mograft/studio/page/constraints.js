@@ -4,6 +4,7 @@ import { act, emit, on, selected, store } from "./store.js";
 import { button, field, icon, make, numberInput, selectInput } from "./ui.js";
 import { DEFAULTS, FIELDS, framesText, nameOf, NEW, obstacleOf, upOf } from "./records.js";
 
+const HINT = "Obstacles, targets of hands, feet and gaze: added at the figure, moved on the stage or by numbers.";
 const parts = {};
 let written = "";
 
@@ -16,7 +17,7 @@ export function startConstraints() {
   parts.kind = selectInput(Object.keys(NEW), "Sphere", { "aria-label": "Kind of constraint" });
   parts.add = button("Add", "Add at the figure, for the selected frames or all", add);
   parts.list = make("div", { class: "constraints" });
-  parts.none = make("p", { class: "faint", text: "Obstacles, targets of hands, feet and gaze: added at the figure, moved on the stage or by numbers." });
+  parts.none = make("p", { class: "faint", text: HINT });
   parts.violations = make("ul", { class: "violations", "aria-label": "Violations" });
   pane.append(make("div", { class: "row" }, field("add", parts.kind), parts.add), parts.none, parts.violations, parts.list);
   on("project selected", write);
@@ -44,6 +45,7 @@ function write() {
   written = key;
   const own = motion?.constraints || [];
   parts.none.hidden = own.length > 0;
+  parts.none.textContent = motion ? HINT : "Make or select a motion first.";
   const remarks = motion?.violations.length ? motion.remarks.slice(-1).map((text) => make("li", { text })) : []; // The remedy.
   parts.violations.replaceChildren(...(motion?.violations || []).map(violationItem), ...remarks);
   const focused = document.activeElement?.dataset?.field;

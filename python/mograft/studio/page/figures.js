@@ -46,10 +46,9 @@ function startWaiting() {
       nLoading--;
       own.asking = null;
       resolve();
-      if (own.isStale) {
-        own.isStale = false;
-        ask(own);
-      }
+      const isOld = own.isStale && own.clip?.hash !== motionOf(own.name)?.hash;
+      own.isStale = false;
+      if (isOld) ask(own);
       startWaiting();
     });
   }

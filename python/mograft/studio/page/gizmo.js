@@ -115,7 +115,7 @@ async function finish() {
 }
 
 // The record of a shape after a gizmo changed its place, orientation or scale.
-function recordOf({ record, mesh, scale }) {
+export function recordOf({ record, mesh, scale }) {
   const round = (value) => Number(value.toPrecision(6));
   const place = mesh.position.toArray().map(round);
   // The axis that was scaled most sets sizes that have only one number.
@@ -148,7 +148,7 @@ function recordOf({ record, mesh, scale }) {
 const lengthOf = ({ start, stop }) => new THREE.Vector3(...start).distanceTo(new THREE.Vector3(...stop));
 
 // A mesh in the axes of the file.
-function makeMesh(record, clip) {
+export function makeMesh(record, clip) {
   const own = obstacleOf(record);
   const tall = clip.height;
   const mesh = new THREE.Mesh();

@@ -82,7 +82,7 @@ function write() {
   const lists = jointNames().map((joint, index) => field(joint, selectInput(edited.names.map((own, k) => [k, own]), edited.of[index], { onchange: (event) => setGroup(index, Number(event.target.value), false) })));
   const isOpen = parts.box.querySelector("details")?.open;
   parts.box.replaceChildren(
-    make("h3", { text: "Groups of joints" }),
+    make("h2", { text: "Groups of joints" }),
     ...choices,
     make("div", { class: "set" }, name, button("Add group", "A further group", addGroup)),
     make("details", { open: Boolean(isOpen) }, make("summary", { text: "all joints" }), ...lists),

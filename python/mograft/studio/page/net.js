@@ -17,6 +17,7 @@ async function request(path, options = {}) {
     lose();
     throw new ServerError("The server of the studio does not answer.", "lost", 0);
   }
+  regain();
   const found = reply.headers.get("Content-Type")?.startsWith("application/json") ? await reply.json() : {};
   if (!reply.ok) throw new ServerError(found.error || `The server answered ${reply.status}.`, found.kind, reply.status);
   return found;
@@ -68,16 +69,23 @@ function lose() {
   warn("Connection lost. The project is saved with every change; the page tries to connect again.");
 }
 
+function regain() {
+  document.getElementById("mograft").dataset.connection = "open";
+  if (isLost) warn("");
+  isLost = false;
+}
+
 // Listen to events of the server. `onOpen` is called whenever the connection is made, also again.
 export function listen(onEvent, onOpen) {
   const source = new EventSource("/api/events");
   source.addEventListener("open", () => {
-    document.getElementById("mograft").dataset.connection = "open";
-    if (isLost) warn("");
-    isLost = false;
+    regain();
     onOpen();
   });
-  source.addEventListener("message", ({ data }) => onEvent(JSON.parse(data)));
+  source.addEventListener("message", ({ data }) => {
+    regain();
+    onEvent(JSON.parse(data));
+  });
   source.addEventListener("error", () => {
     lose();
     // A refused connection is closed for good: make a new one.

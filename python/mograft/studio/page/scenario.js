@@ -3,8 +3,8 @@ import { ink } from "/viewer/colours.js";
 import { find } from "/viewer/scene.js";
 import { floorPoint, label, onMarks, onPointer, redrawStage } from "./stage.js";
 import { mainFigure } from "./player.js";
-import { act, emit, on, store } from "./store.js";
-import { button, field, make, numberInput } from "./ui.js";
+import { act, emit, on, select, store } from "./store.js";
+import { button, field, make, numberInput, showTab } from "./ui.js";
 
 const MIN_STEP = 0.08; // Distance of points of a path while it is drawn, in heights.
 const MAX_TAPS = 8;
@@ -30,11 +30,11 @@ export function startScenario() {
   const form = make(
     "form",
     { class: "form", onsubmit: makeMotions },
-    make("h3", { text: "Path" }),
+    make("h2", { text: "Path" }),
     make("div", { class: "row" }, parts.draw, ...parts.shapes, parts.clear),
     parts.length,
     make("details", {}, make("summary", { text: "points by numbers" }), parts.table, parts.addPoint),
-    make("h3", { text: "Time" }),
+    make("h2", { text: "Time" }),
     field("duration", parts.duration, "s"),
     make("div", { class: "set" }, field("tempo", parts.tempo, "beats/min"), parts.tap),
     field("loop", parts.loop),
@@ -130,10 +130,10 @@ function tap() {
   if (taps.length > 1) parts.tempo.value = Math.round((60 * (taps.length - 1)) / (taps.at(-1) - taps[0]));
 }
 
-function makeMotions(event) {
+async function makeMotions(event) {
   event.preventDefault();
   setDrawing(false);
-  act({
+  const reply = await act({
     action: "scenario",
     points,
     ...(parts.duration.value && { duration: Number(parts.duration.value) }),
@@ -141,4 +141,7 @@ function makeMotions(event) {
     loop: parts.loop.checked,
     count: Number(parts.count.value) || 1,
   });
+  if (!reply?.motions.length) return;
+  select(reply.motions[0]);
+  showTab(document.getElementById("tab-motions"));
 }

@@ -19,7 +19,7 @@ let timer = 0;
 export function startSegment() {
   const pane = document.getElementById("pane-segment");
   parts.none = make("p", { class: "faint", text: "Select a block or a range of frames in the timeline." });
-  parts.title = make("h3", { text: "" });
+  parts.title = make("h2", { text: "" });
   parts.about = make("p", { class: "about" });
   parts.lock = button("Lock", "Changes of other parts keep this one  k", toggleLock);
   parts.other = button("Other part", "The best part of any clip that is new here  n", () => change("change"));
@@ -32,7 +32,7 @@ export function startSegment() {
   } });
   parts.count = make("p", { class: "faint", role: "status" });
   parts.body = make("tbody");
-  const heads = ["donor", "cost", "stretch", "seams", ""].map((text) => make("th", { text, scope: "col" }));
+  const heads = ["donor", "cost", "stretch", "seams", "use"].map((text) => make("th", { scope: "col" }, make("span", { text, class: text === "use" ? "hidden" : "" })));
   parts.table = make("table", { class: "donors" }, make("caption", { class: "hidden", text: "Possible donors" }), make("thead", {}, make("tr", {}, ...heads)), parts.body);
   parts.more = button("Show more", "More donors", () => ask(true, parts.limit + LIMIT));
   parts.all = make(

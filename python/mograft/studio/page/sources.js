@@ -17,8 +17,8 @@ export function startSources() {
   parts.character = selectInput([], "", { onchange: (event) => act({ action: "set_character", path: event.target.value || null }) });
   parts.preset = selectInput([], "", { onchange: (event) => event.target.value && act({ action: "set_groups", preset: event.target.value }) });
   parts.edit = button("Edit groups…", "Click joints on the figure", () => find("leftTabs").dispatchEvent(new CustomEvent("edit-groups")));
-  parts.settings = make("div", { class: "form" }, make("h3", { text: "Groups and character" }), make("div", { class: "set" }, field("groups", parts.preset), parts.edit), field("character", parts.character));
-  pane.append(parts.open, parts.files, parts.library, parts.settings, make("h3", { text: "Clips" }), parts.clips);
+  parts.settings = make("div", { class: "form" }, make("h2", { text: "Groups and character" }), make("div", { class: "set" }, field("groups", parts.preset), parts.edit), field("character", parts.character));
+  pane.append(parts.open, parts.files, parts.library, parts.settings, make("h2", { text: "Clips" }), parts.clips);
   find("open").addEventListener("click", openFiles);
   listenToDrops();
   on("project", write);

@@ -193,21 +193,27 @@ function makeBlock(clip, row, part, motion, isCaptured) {
   Object.assign(block.dataset, { group: row.group, part, block: `${row.group}/${part}` });
   if (donor !== null) block.style.backgroundColor = numberColour(row.source[part]);
   else block.classList.add("captured");
-  const seam = row.before[part];
+  const seam = isCaptured ? null : row.before[part];
   const isLocked = motion?.locks.some((own) => (own.group === null || own.group === row.group) && overlaps(own, first, last));
-  const said = [row.group, `segment ${part}`, `frames ${range(first, last)}`, isCaptured || donor === null ? "captured" : `donor ${donor} ${frames}`];
-  if (seam !== null) said.push(`seam ${seam.toFixed(0)}°`);
+  const angle = seam === null ? "" : `${seam.toFixed(0)}°`;
+  const said = [`donor ${donor} ${frames} ${angle}`, row.group, `segment ${part}`, `frames ${range(first, last)}`];
+  // In narrow blocks, the name of the clip is cut before its frames are.
+  if (isCaptured || donor === null) {
+    const text = isCaptured ? range(first, last) : "captured";
+    said[0] = isCaptured ? `${text} captured` : text;
+    block.append(make("span", { text }));
+  } else {
+    block.append(make("span", { class: "clip", text: store.project.clips.length > 1 ? donor : "" }), " ", make("span", { text: frames }), " ");
+    if (seam >= 5) block.append(make("span", { class: "angle", text: angle }));
+  }
+  if (angle) said.push(`seam ${angle}`);
   if (isLocked) said.push("locked");
   block.setAttribute("aria-label", said.join(", "));
-  if (seam !== null && !isCaptured) {
+  if (seam !== null) {
     const mark = make("i", { class: "seam", title: `seam: ${seam.toFixed(1)}°` });
     mark.style.height = `${(15 + 85 * Math.min(seam / WIDE_SEAM, 1)).toFixed(0)}%`;
     block.prepend(mark);
-    if (seam >= 5) block.append(make("span", { class: "angle", text: `${seam.toFixed(0)}°` }));
   }
-  // In narrow blocks, the name of the clip is cut before its frames are.
-  if (isCaptured || donor === null) block.append(make("span", { text: isCaptured ? range(first, last) : "captured" }));
-  else block.append(make("span", { class: "clip", text: store.project.clips.length > 1 ? donor : "" }), make("span", { text: frames }));
   return place(block, row.start[part], row.stop[part]);
 }
 
