@@ -13,8 +13,7 @@ from mograft._util.cancel import CancelledError, cancellable, check_cancelled
 from mograft.dancer import dance
 from mograft.library.origin import hash_poses
 from mograft.provenance.graft_change import plan_of
-from mograft.provenance.graft_edit import locked_positions
-from mograft.provenance.graft_revision import constrain, regenerate
+from mograft.provenance.graft_revision import constrain, regenerate, select_positions
 
 N_FRAMES = 240
 spans = st.tuples(st.integers(0, N_FRAMES - 2), st.integers(1, 60)).map(
@@ -38,7 +37,7 @@ def graft(library):
 
 
 def selected(graft, ranges):
-    return locked_positions(plan_of(graft, ()).problem, ranges)[0]
+    return select_positions(plan_of(graft, ()).problem, ranges)[0]
 
 
 def assert_replayed(graft):

@@ -500,3 +500,42 @@ def test_state_has_only_json_numbers(session):
     assert state["motions"][0]["apart"] > 0
     assert state["motions"][0]["constraints"][0]["shape"]["kind"] == "sphere"
     assert state["undo"] == "keep one_graft2"
+
+
+def test_threads_get_answers_while_motions_and_libraries_are_made(make_session, dances):
+    session, errors = make_session(("one.bvh",)), []
+    do(session, "make", count=2)
+    is_over = threading.Event()
+
+    def ask(number):
+        questions = (
+            session.state,
+            lambda: session.figure("motion", "m1"),
+            lambda: session.figure("base", "m2"),
+            lambda: session.donors({"id": "m1", "group": "larm", "first": 20, "last": 50}),
+            lambda: session.window("one", 0, 20),
+            lambda: session.do({"action": "mark", "id": "m2", "mark": "star"}),
+        )
+        while not is_over.is_set():
+            try:
+                questions[number % len(questions)]()
+            except ValueError as error:
+                if "not ready" not in str(error):
+                    errors.append(error)
+            except Exception as error:
+                errors.append(error)
+
+    threads = [threading.Thread(target=ask, args=(number,)) for number in range(6)]
+    for thread in threads:
+        thread.start()
+    session.open([dances / "two.bvh"])
+    session.do({"action": "set_groups", "preset": "lower_torso_arms"})
+    session.do({"action": "regenerate", "id": "m1", "group": None, "first": 0, "last": 100})
+    session.do({"action": "undo"})
+    session.flush()
+    session.do({"action": "make", "base": "two", "count": 2})
+    is_over.set()
+    for thread in threads:
+        thread.join(30)
+    assert not any(thread.is_alive() for thread in threads)
+    assert errors == []

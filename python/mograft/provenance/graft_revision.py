@@ -14,18 +14,19 @@ from mograft.library.origin import is_partial
 from mograft.provenance.graft_change import apply_changes, plan_of, unchanged
 from mograft.provenance.graft_edit import (
     choose_again,
-    locked_positions,
+    position_masks,
     remaining_changes,
     remaining_constraints,
     violating_positions,
 )
 from mograft.search.constraints import Constraint, Span
-from mograft.search.donor_constraints import Ban
+from mograft.search.donor_constraints import Ban, KeepOriginal
 from mograft.search.pose_constraints import Reach
 from mograft.search.trellis import DonorSequences, viterbi
 from mograft.solve.donor_repair import repair_near
 from mograft.solve.finish import find_motion_violations
 from mograft.solve.plan import GraftPlan
+from mograft.solve.search_problem import SearchProblem
 from mograft.synthesis.graft_result import Graft
 
 _NEAREST_FACTOR = 2
@@ -45,7 +46,7 @@ def regenerate(graft: Graft, ranges: Ranges, seed: int, *, locked: Ranges = ()) 
     changes, graft = graft.changes, unchanged(graft)
     problem = plan_of(graft, ()).problem
     groups, cut = list(problem.pools), problem.base_segments
-    is_open = locked_positions(problem, ranges) & ~locked_positions(problem, locked)
+    is_open = select_positions(problem, ranges) & ~select_positions(problem, locked)
     rules = [
         Ban(frames=(int(cut.start[at]), int(cut.stop[at])), group=groups[row])
         for row, at in np.argwhere(is_open).tolist()
@@ -62,6 +63,12 @@ def regenerate(graft: Graft, ranges: Ranges, seed: int, *, locked: Ranges = ()) 
     plan = replace(plan, problem=replace(plan.problem, candidates=candidates))
     new = choose_again(graft, plan, is_open, seed)
     return apply_changes(new, plan.problem, remaining_changes(changes, plan.problem, is_open))
+
+
+def select_positions(problem: SearchProblem, ranges: Ranges) -> BoolArray:
+    """Return the positions that ranges of frames of groups select, (n_groups, n_segments)."""
+    rules = [KeepOriginal(frames=frames, group=group) for group, frames in ranges]
+    return position_masks(rules, list(problem.pools), problem.base_segments)
 
 
 def _without(candidates: np.ndarray, donor: int) -> np.ndarray:
@@ -99,7 +106,7 @@ def constrain(
     known = [own for given, own in pairs if any(given is each for each in old)]
     if len(known) < len(constraints):
         is_open = violating_positions(graft, problem, [*known, *retired])
-        is_open &= ~locked_positions(problem, locked)
+        is_open &= ~select_positions(problem, locked)
     is_reaching = any(type(own) is Reach for own in constraints if not _is_in(own, old))
     if is_open.any() or is_reaching or retired:
         seed = graft.seed if seed is None else seed

@@ -43,7 +43,8 @@ class Workshop:
         self._libraries: dict[str, Library] = {}  # by hash
         self._configured: dict[tuple[str, Config], Library] = {}
         self._angles: dict[tuple[str, str], float | None] = {}
-        self._lock = threading.RLock()
+        self._lock = threading.RLock()  # of the attributes
+        self._building = threading.RLock()  # one graft or library at a time; taken first
 
     def set_library(self, library: Library) -> None:
         """Set the library of new motions."""
@@ -65,7 +66,7 @@ class Workshop:
         if library.config == config:
             return library
         key = (hash_library(library), config)
-        with self._lock:
+        with self._building:
             if key not in self._configured:
                 self._configured[key] = library.relabelled(config)
             return self._configured[key]
@@ -81,32 +82,38 @@ class Workshop:
             graft = replace(graft, request=replace(graft.request, sources=tuple(sources)))
         record = graft_record(graft, self.folder)
         key, text = record_key(record)
-        with self._lock:
-            self.records[key], self.texts[key] = record, text
-            self.keep(key, graft)
+        self.records[key], self.texts[key] = record, text
+        self.keep(key, graft)
         return key
 
     def rename(self, key: str, name: str) -> str:
         """Return the key of a record with another name of the motion."""
         record = {**self.records[key], "name": name}
         new, text = record_key(record)
-        with self._lock:
-            self.records[new], self.texts[new] = record, text
-            graft = self._grafts.get(key)
-            if graft is not None:
-                self.keep(new, _renamed(graft, name))
+        self.records[new], self.texts[new] = record, text
+        graft = self._grafts.get(key)
+        if graft is not None:
+            self.keep(new, _renamed(graft, name))
         return new
 
     def graft(self, key: str) -> Graft:
         """Return the graft of a record: one in memory, or else by replay."""
+        known = self._use(key)
+        if known is not None:
+            return known
+        with self._building:  # another thread may have built it meanwhile
+            graft = self._use(key)
+            if graft is None:
+                record = self.records[key]
+                graft = replay(move_record(record, self.folder, Path()), self._find_library(record))
+                self.keep(key, graft)
+            return graft
+
+    def _use(self, key: str) -> Graft | None:
         with self._lock:
             if key in self._grafts:
                 self._grafts.move_to_end(key)
-                return self._grafts[key]
-            record = self.records[key]
-            graft = replay(move_record(record, self.folder, Path()), self._find_library(record))
-            self.keep(key, graft)
-            return graft
+            return self._grafts.get(key)
 
     def find(self, key: str) -> Graft | None:
         """Return the graft of a record if it is in memory."""
@@ -119,7 +126,7 @@ class Workshop:
         ProvenanceError, LibraryError or OSError if that cannot be built.
         """
         graft, library = self.graft(key), self.library
-        with self._lock:
+        with self._building:
             if library is None or hash_library(library) == self._hash_of(key):
                 return graft if not is_partial(graft.library) else self._whole(key)
             rebased = self._rebase(key, library)
@@ -146,18 +153,20 @@ class Workshop:
     def _whole(self, key: str) -> Graft:
         """Return a graft with all clips of its library, built from their files."""
         record = read_record(move_record(self.records[key], self.folder, Path()))
-        library = self._add_library(find_whole_library(record, ()))
+        found = find_whole_library(record, ())
+        with self._lock:
+            library = self._add_library(found)
         graft = replay(record.document, self.configured(library, record.config))
         self.keep(key, graft)
         return graft
 
     def keep(self, key: str, graft: Graft) -> None:
         """Keep a graft in memory, and measure it."""
+        if key in self.records and key not in self.measures:
+            self.measures[key] = _measure(graft)
         with self._lock:
             self._grafts[key] = graft
             self._grafts.move_to_end(key)
-            if key in self.records:
-                self.measures.setdefault(key, _measure(graft))
             sizes = {own: _size(each) for own, each in self._grafts.items()}
             while len(self._grafts) > 2 and sum(sizes.values()) > _MAX_BYTES:
                 del sizes[self._grafts.popitem(last=False)[0]]
