@@ -1,6 +1,10 @@
 // Requests to the server, and the connection: its events, its loss and its return.
 import { find } from "/viewer/scene.js";
 
+const LOST =
+  "Connection lost. The project is saved with every change, and the page tries to connect again. " +
+  "If the studio was started again, open its new address.";
+
 export class ServerError extends Error {
   constructor(text, kind, status) {
     super(text);
@@ -52,11 +56,11 @@ export function say(text, isError = false) {
 }
 
 // Run what a person asked for; say what went wrong.
-export async function attempt(act) {
+export async function attempt(act, show = (error) => say(error.message, true)) {
   try {
     return await act();
   } catch (error) {
-    if (error.kind !== "lost") say(error.message, true);
+    if (error.kind !== "lost") show(error);
     if (!(error instanceof ServerError)) console.error(error);
     return null;
   }
@@ -66,7 +70,7 @@ let isLost = false;
 function lose() {
   isLost = true;
   document.getElementById("mograft").dataset.connection = "lost";
-  warn("Connection lost. The project is saved with every change; the page tries to connect again.");
+  warn(LOST);
 }
 
 function regain() {

@@ -1,8 +1,9 @@
 // The current frame of the selected motion, and playback.
 import { setPose } from "/viewer/poses.js";
-import { clamp, find } from "/viewer/scene.js";
+import { clamp } from "/viewer/scene.js";
 import { figureOf } from "./figures.js";
 import { emit, on, selected, store } from "./store.js";
+import { parts } from "./ui.js";
 
 export const player = { frame: 0, isPlaying: false, speed: 1 };
 
@@ -26,9 +27,9 @@ export function seek(frame) {
 }
 
 function writeFrame() {
-  find("time").textContent = `${seconds(player.frame)} s`;
-  find("total").textContent = `/ ${nFrames() - 1}`;
-  const input = find("frame");
+  parts.time.textContent = `${seconds(player.frame)} s`;
+  parts.total.textContent = `/ ${nFrames() - 1}`;
+  const input = parts.frame;
   input.max = nFrames() - 1;
   if (document.activeElement !== input) input.value = player.frame;
 }
@@ -52,7 +53,7 @@ function tick(time) {
 
 export function play(isOn = !player.isPlaying) {
   player.isPlaying = isOn && nFrames() > 1;
-  const button = find("play");
+  const button = parts.play;
   button.setAttribute("aria-label", player.isPlaying ? "Pause" : "Play");
   button.querySelector("use").setAttribute("href", player.isPlaying ? "#i-pause" : "#i-play");
   clock = performance.now();

@@ -41,7 +41,10 @@ export function startView() {
   sun.shadow.radius = 5;
   sun.shadow.bias = -0.002;
   const antialias = !isSoftware();
-  for (const [name, around] of [["stageCanvas", find("tiles")], ["cardsCanvas", document.getElementById("pane-motions")]]) {
+  for (const [name, around] of [
+    ["stageCanvas", find("tiles")],
+    ["cardsCanvas", document.getElementById("pane-motions")],
+  ]) {
     const canvas = find(name);
     const context = canvas.getContext("webgl2", { antialias, preserveDrawingBuffer: true });
     find("reason").hidden = context !== null;
@@ -125,7 +128,8 @@ function drawSurface(surface, places) {
     const [width, height] = [seen.right - seen.left, seen.bottom - seen.top];
     Object.assign(canvas.style, { left: `${seen.left}px`, top: `${seen.top}px`, width: `${width}px`, height: `${height}px` });
     if (renderer.getPixelRatio() !== ratio) renderer.setPixelRatio(ratio);
-    if (canvas.width !== Math.floor(width * ratio) || canvas.height !== Math.floor(height * ratio)) renderer.setSize(width, height, false);
+    if (canvas.width !== Math.floor(width * ratio) || canvas.height !== Math.floor(height * ratio))
+      renderer.setSize(width, height, false);
     renderer.setScissorTest(false);
     renderer.clear();
   }
