@@ -539,3 +539,41 @@ def test_threads_get_answers_while_motions_and_libraries_are_made(make_session, 
         thread.join(30)
     assert not any(thread.is_alive() for thread in threads)
     assert errors == []
+
+
+@pytest.mark.parametrize("format_", ["csv", "npz", "glb"])
+def test_export_writes_a_file_of_each_motion(session, tmp_path, format_):
+    for motion in ("m1", "m2"):
+        do(session, "keep", id=motion, isKept=True)
+    files = session.export({"format": format_, "folder": "each"})["files"]
+    assert files == [f"each/one_graft1.{format_}", f"each/one_graft2.{format_}"]
+    if format_ != "csv":
+        (read,) = mg.read(f"{tmp_path / files[0]}#one_graft1")
+        assert read.n_frames == graft_of(session, "m1").motion.n_frames
+
+
+def test_export_into_another_character_can_be_replayed(session, dances, tmp_path):
+    mg.write(mg.read(dances / "two.bvh")[0], tmp_path / "character.glb")
+    do(session, "set_character", path="character.glb")
+    assert session.character() is None  # it has bones and no mesh
+    do(session, "keep", id="m1", isKept=True)
+    (file,) = session.export({"format": "glb", "into": True})["files"]
+    assert [own.name for own in mg.read(tmp_path / file)] == ["two", "one_graft1"]
+    again = mg.replay(f"{tmp_path / file}#one_graft1")
+    assert hash_poses(again.motion) == hash_poses(graft_of(session, "m1").motion)
+
+
+def test_stored_library_opens_alone_and_makes_the_same_motions(session, make_session, dances):
+    known = [hash_poses(graft_of(session, own).motion) for own in ("m1", "m2", "m3")]
+    session.close()
+    path = session.folder / "dances.mograft"
+    mg.Library.index([str(dances)], path)
+    stored = make_session((path,))
+    do(stored, "make", base="one", count=3)
+    assert [hash_poses(graft_of(stored, own).motion) for own in ("m1", "m2", "m3")] == known
+    with pytest.raises(ValueError, match="groups of a stored library"):
+        do(stored, "set_groups", preset="lower_torso_arms")
+    do(stored, "ban", **segment_of(stored, "m1", 4))
+    stored.open([dances / "one.bvh"])
+    stored.flush()
+    assert "open it alone" in stored.state()["library"]["message"]

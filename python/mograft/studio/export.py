@@ -5,16 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from mograft._util.names import portable_stem, unique_names
-from mograft.io.gltf.document import read_gltf_file
 from mograft.provenance.document import move_record
 from mograft.provenance.replay import replay
-from mograft.provenance.writing import (
-    MOTION_SUFFIXES,
-    WRITERS,
-    files_of_graft,
-    write_character,
-    write_graft,
-)
+from mograft.provenance.writing import MOTION_SUFFIXES, WRITERS, files_of_graft, write_graft
 from mograft.studio.actions.fields import Fields
 from mograft.studio.desk import Desk
 from mograft.studio.project import read_project
@@ -91,11 +84,8 @@ def write_motions(
     paths[0].parent.mkdir(parents=True, exist_ok=True)
     for number, path in enumerate(paths):
         own = list(grafts) if is_together else [grafts[number]]
-        if ending == ".glb" and character is not None:
-            motions = [each.motion for each in own]
-            write_character(read_gltf_file(character), motions, path, keeps_animations=True)
-        elif ending in MOTION_SUFFIXES:
-            write_graft(own if is_together else own[0], path)
+        if ending in MOTION_SUFFIXES:
+            write_graft(own if is_together else own[0], path, character=character)
         else:
             WRITERS[ending](own[0].motion, path)
     return paths

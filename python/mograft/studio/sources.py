@@ -12,6 +12,7 @@ from mograft.errors import DAMAGE, MograftError, join_names
 from mograft.io.formats import split_address
 from mograft.library.derive import BUILD_STAGES
 from mograft.library.discover import find_clips
+from mograft.library.files.stored_clips import StoredClips
 from mograft.library.ingest_run import MISMATCH_REMEDY
 from mograft.library.library import Library
 from mograft.library.origin import hash_library
@@ -20,6 +21,8 @@ from mograft.studio.project import Project, ProjectInput
 
 Progress = Callable[[str, int, int], None]
 _MAX_FAULTS = 50  # of a clip
+_MAX_BYTES_OF_CLIPS = 256_000_000
+"""Clips of a stored library that stay in memory, because every edit reads many of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +117,12 @@ def _read(project: Project, paths: Sequence[str], progress: Progress) -> Library
             f"{libraries[0]} is a library: open it alone, or add files to it by mograft index --add"
         )
     if libraries:
-        return Library.open(libraries[0])
+        library = Library.open(libraries[0])
+        if isinstance(library.clips, StoredClips):
+            n_numbers = 7 * library.skeleton.n_joints + library.skeleton.n_channels
+            size = 8 * n_numbers * max(own.n_frames for own in library.entries)
+            library.clips.max_cached = max(library.clips.max_cached, _MAX_BYTES_OF_CLIPS // size)
+        return library
     config = project.full_config
     built = {name: getattr(config, name) for name in Config.fields_of(*BUILD_STAGES)}
     return Library.build(
