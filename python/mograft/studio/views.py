@@ -1,5 +1,6 @@
 """What the page shows, as JSON: the state of a session and the encodings of figures."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 from mograft.body.groups import PRESETS
 from mograft.config import variety_of_scale
 from mograft.library.library import Library
+from mograft.provenance.document import violation_record
 from mograft.studio.desk import Desk
 from mograft.studio.project import ProjectMotion, Record
 from mograft.synthesis.graft_result import Graft
@@ -115,20 +117,22 @@ def _motion(desk: Desk, own: ProjectMotion) -> Json:
             for number, each in enumerate(record["request"]["constraints"])
             if each.get("weight") != 0
         ],
-        "violations": [_violation(each) for each in record["violations"]],
+        "violations": [_violation(each, record["groups"]) for each in record["violations"]],
         "changes": [_change(each) for each in record["changes"]],
         "remarks": remarks,
     }
 
 
-def _violation(record: Record) -> Json:
+def _violation(record: Record, groups: Mapping[str, Sequence[str]]) -> Json:
+    """Return a violation; its group is that of its joint, if it has one."""
     first, last = record["frames"]
+    joint = record["joint"]
     return {
-        "group": None,
+        "group": next((name for name, joints in groups.items() if joint in joints), None),
         "number": record["number"],
         "first": first,
         "last": last,
-        "joint": record["joint"],
+        "joint": joint,
         "text": record["message"],
     }
 
@@ -142,23 +146,15 @@ def _change(record: Record) -> str:
 def preview(desk: Desk, key: str) -> Json:
     """Return the result of an action that shows a preview of a motion."""
     name, graft = desk.previews[key]
-    violations = [
-        {
-            "group": None,
-            "number": None,
-            "first": own.frames[0],
-            "last": own.frames[1],
-            "joint": own.joint,
-            "text": own.message,
-        }
-        for own in graft.violations
-    ]
+    groups = _groups(graft.library)["joints"]
+    known = graft.request.constraints
+    found = [_violation(violation_record(own, known), groups) for own in graft.violations]
     return {
         "revision": desk.revision,
         "motions": [key],
         "message": "",
         "hash": name,
-        "violations": violations,
+        "violations": found,
     }
 
 
