@@ -19,6 +19,7 @@ from mograft.studio.session import Session, StaleRevision
 
 SPHERE = {"kind": "Sphere", "center": [10.0, 110.0, 20.0], "radius": 15.0}
 AVOID = {"kind": "Avoid", "obstacle": SPHERE, "frames": [20, 90]}
+SHARED = Path(__file__).parents[3] / "shared" / "data"
 REACH = {"kind": "Reach", "joint": "LeftHand", "target": [30.0, 130.0, 40.0], "frames": [120, 125]}
 
 
@@ -577,3 +578,20 @@ def test_stored_library_opens_alone_and_makes_the_same_motions(session, make_ses
     stored.open([dances / "one.bvh"])
     stored.flush()
     assert "open it alone" in stored.state()["library"]["message"]
+
+
+@pytest.mark.parametrize("name", ["glb/kaykit_Knight.glb", "fbx/quaternius_Male_Casual.fbx"])
+def test_figures_have_the_mesh_of_their_file(make_session, name):
+    path = SHARED / name
+    if not path.exists():
+        pytest.skip("no recordings")
+    if path.suffix == ".fbx":
+        pytest.importorskip("mograft_fbx")
+    session = make_session((path,))
+    clips = session.state()["clips"]
+    assert session.state()["sources"][0]["clips"] == len(clips) > 5
+    mesh = session.character()
+    figure = session.figure("clip", clips[0]["name"])
+    assert figure["character"] == 0
+    assert len(mesh["inverses"]) == len(session.state()["skeleton"]["joints"])
+    assert mesh["parts"]

@@ -47,7 +47,7 @@ class Desk:
         self.file: ProjectFile | None = None
         self.workshop = Workshop(self.folder)
         self.previews: dict[str, tuple[str, Graft]] = {}
-        self.characters: dict[Any, Any] = {}  # encodings by file
+        self.characters: dict[Any, tuple[tuple[str, ...], Json] | None] = {}  # meshes by file
         self.lock = threading.RLock()  # of the attributes
         self.action_lock = threading.RLock()  # one action at a time
         self.n_requested = self.ticket = 0  # the number of the last action, and of the present

@@ -8,7 +8,7 @@ from typing import Any
 
 from mograft.body.faults import find_faults
 from mograft.config import Config
-from mograft.errors import DAMAGE, MograftError, join_names
+from mograft.errors import DAMAGE, MograftError
 from mograft.io.formats import split_address
 from mograft.library.derive import BUILD_STAGES
 from mograft.library.discover import find_clips
@@ -20,6 +20,7 @@ from mograft.studio.notes import captured_warnings
 from mograft.studio.project import Project, ProjectInput
 
 Progress = Callable[[str, int, int], None]
+_MAX_REASON = 300  # characters
 _MAX_FAULTS = 50  # of a clip
 _MAX_BYTES_OF_CLIPS = 256_000_000
 """Clips of a stored library that stay in memory, because every edit reads many of them."""
@@ -147,7 +148,8 @@ def _source(
     reasons += [broken[path]] if path in broken else []
     is_other = bool(reasons) and all(own.endswith(MISMATCH_REMEDY) for own in reasons)
     status = "ok" if clips else "skipped" if is_other else "broken"
-    message = join_names(reasons, 3)
+    more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
+    message = f"{reasons[0][:_MAX_REASON]}{more}" if reasons else ""
     name = path.removeprefix(f"{Path(split_address(path)[0]).parent}/")
     return {"path": path, "name": name, "clips": len(clips), "status": status, "message": message}
 

@@ -8,17 +8,20 @@ import numpy as np
 
 from mograft.body.groups import PRESETS
 from mograft.config import variety_of_scale
+from mograft.errors import DAMAGE, FormatError
 from mograft.library.library import Library
 from mograft.provenance.document import violation_record
 from mograft.studio.desk import Desk
+from mograft.studio.notes import captured_warnings
 from mograft.studio.project import ProjectMotion, Record
 from mograft.synthesis.graft_result import Graft
-from mograft.viewing.character import find_characters
+from mograft.viewing.character import read_character
 from mograft.viewing.encoding import encode_change, encode_figure, encode_window
 from mograft.viewing.scene import clip_figure, graft_figure, motion_figure
 
 Json = dict[str, Any]
 _MAX_WINDOW = 4000  # frames
+_MESHES = (".glb", ".gltf", ".fbx")
 
 
 def state(desk: Desk) -> Json:
@@ -205,27 +208,25 @@ def _find_character(desk: Desk) -> tuple[tuple[str, ...], Json] | None:
     library, given = desk.opened.library, desk.project.character
     if library is None or not library.entries:
         return None
-    files = [own.source_file for own in library.entries]
-    paths = [Path(own.path) for own in files if own is not None]
-    path = Path(given) if given else next((own for own in paths if own.suffix in _MESHES), None)
-    key = None if path is None else (path, path.stat().st_mtime_ns if path.exists() else 0)
-    if key is None:
+    sources = [own.source_file for own in library.entries]
+    files = [None if own is None else Path(own.path) for own in sources]
+    found = (own for own in files if own is not None and own.suffix.lower() in _MESHES)
+    path = Path(given) if given else next(found, None)
+    if path is None:
         return None
+    skeleton = library.clips[files.index(path)].skeleton if path in files else library.skeleton
+    key = (path, path.stat().st_mtime_ns if path.exists() else 0, skeleton.names)
     if key not in desk.characters:
-        skeleton = library.skeleton
-        clips = zip(files, range(len(files)), strict=True)
-        own = [index for file, index in clips if file is not None and Path(file.path) == path]
-        if own:
-            skeleton = library.clips[own[0]].skeleton
-        found, _, notes = find_characters([(path, skeleton)], None)
-        desk.characters[key] = (skeleton.names, found[0]) if found else None
+        mesh = None
+        with captured_warnings() as notes:
+            try:
+                mesh = read_character(path, skeleton)
+            except (FormatError, OSError, *DAMAGE) as error:
+                desk.note(f"the figures are capsules, not the mesh of {path.name}: {error}")
         for note in notes:
             desk.note(note)
-    result: tuple[tuple[str, ...], Json] | None = desk.characters[key]
-    return result
-
-
-_MESHES = (".glb", ".gltf")
+        desk.characters[key] = None if mesh is None else (skeleton.names, mesh)
+    return desk.characters[key]
 
 
 def window(desk: Desk, clip: str, first: int, last: int) -> Json:
