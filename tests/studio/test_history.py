@@ -13,7 +13,6 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 import mograft as mg
 from mograft.dancer import dance
 from mograft.library.origin import hash_poses
-from mograft.provenance.document import move_record
 from mograft.studio import sources
 from mograft.studio.actions.editing import is_locked
 from mograft.studio.session import Session
@@ -204,7 +203,7 @@ class Actions(RuleBasedStateMachine):
         session = self.session
         try:
             for own in session.project.motions:
-                record = move_record(session.workshop.records[own.record], self.folder, Path())
+                record = session.workshop.record(own.record)
                 graft = session.workshop.graft(own.record)
                 assert hash_poses(mg.replay(record).motion) == hash_poses(graft.motion)
             other = open_session(self.folder, "b.json")

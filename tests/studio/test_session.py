@@ -14,7 +14,6 @@ import mograft as mg
 from mograft.cli import main
 from mograft.errors import FormatError, MograftError
 from mograft.library.origin import hash_poses
-from mograft.provenance.document import move_record
 from mograft.studio.session import Session, StaleRevision
 
 SPHERE = {"kind": "Sphere", "center": [10.0, 110.0, 20.0], "radius": 15.0}
@@ -182,9 +181,8 @@ def test_dropped_target_leaves_no_trace_in_the_motion(session):
     after = graft_of(session, "m1")
     np.testing.assert_allclose(after.motion.rotations, before.motion.rotations, atol=2e-4)
     assert session.state()["motions"][0]["constraints"] == []
-    record = session.workshop.records[session.project.motion("m1").record]
-    placed = move_record(record, session.workshop.folder, Path())
-    assert hash_poses(mg.replay(placed).motion) == hash_poses(after.motion)
+    record = session.workshop.record(session.project.motion("m1").record)
+    assert hash_poses(mg.replay(record).motion) == hash_poses(after.motion)
 
 
 def test_set_constraint_keeps_its_number(session):
@@ -595,3 +593,27 @@ def test_figures_have_the_mesh_of_their_file(make_session, name):
     assert figure["character"] == 0
     assert len(mesh["inverses"]) == len(session.state()["skeleton"]["joints"])
     assert mesh["parts"]
+
+
+def test_damaged_record_of_a_project_is_named(session, tmp_path):
+    session.flush()
+    document = json.loads(session.file.path.read_text())
+    key = session.project.motion("m2").record
+    del document["records"][key]["config"]
+    (tmp_path / "bad.json").write_text(json.dumps(document))
+    with pytest.raises(FormatError, match="'config' is missing") as error:
+        Session(tmp_path, tmp_path / "bad.json")
+    assert error.value.place == f"records.{key}"
+
+
+def test_records_that_no_step_needs_are_forgotten(session, monkeypatch):
+    monkeypatch.setattr("mograft.studio.workshop._MAX_UNUSED", 0)
+    monkeypatch.setattr("mograft.studio.project.MAX_STEPS", 3)
+    for number in range(12):
+        do(session, "rename", id="m1", name=f"name {number}")
+    used = {own.record for each in session.history.projects for own in each.motions}
+    used |= {own.record for own in session.project.motions}
+    assert used <= session.workshop.texts.keys()
+    assert len(session.workshop.texts) <= 2 * len(used)
+    do(session, "undo")
+    assert session.figure("motion", "m1")["name"] == "name 10"

@@ -134,7 +134,9 @@ class Desk:
         if self.file is None:
             return
         project, history, folder = self.project, self.history, self.file.path.parent
-        texts = self.workshop.texts
+        keys = {own.record for each in (project, *history.projects) for own in each.motions}
+        self.workshop.keep_only(keys)
+        texts = dict(self.workshop.texts)
         self.file.save(lambda: project_text(project, history, texts, folder))
 
     def show(self, project: Project) -> None:
@@ -171,7 +173,7 @@ class Desk:
 
     def name_of(self, own: ProjectMotion) -> str:
         """Return the name of a motion."""
-        return str(self.workshop.records[own.record]["name"])
+        return str(self.workshop.summaries[own.record]["name"])
 
     def source_names(self) -> list[str]:
         """Return the inputs as paths relative to the folder of records."""

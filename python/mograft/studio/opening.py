@@ -8,7 +8,7 @@ from pathlib import Path
 from mograft._util.documents import parse_document
 from mograft._util.names import portable_stem
 from mograft.config import Config
-from mograft.errors import FormatError, MograftError, suggest_path
+from mograft.errors import FormatError, MograftError, ProvenanceError, suggest_path
 from mograft.io.formats import absolute_address, split_address
 from mograft.library.discover import has_provenance, holds_graft
 from mograft.provenance.document import move_record
@@ -20,6 +20,7 @@ from mograft.studio.project import (
     Project,
     ProjectInput,
     ProjectMotion,
+    Record,
     read_project,
     record_key,
 )
@@ -65,6 +66,8 @@ def use_file(desk: Desk, path: Path) -> None:
         project, history, records = (
             read_project(path) if path.exists() else (Project(), History(), {})
         )
+        for key in dict.fromkeys(own.record for own in project.motions):
+            _check_record(path, key, records[key])
     except BaseException:
         file.close()
         raise
@@ -76,6 +79,14 @@ def use_file(desk: Desk, path: Path) -> None:
     if old is not None:
         old.close()
     desk.set(project, None)
+
+
+def _check_record(path: Path, key: str, record: Record) -> None:
+    """Raise FormatError if a provenance record of a project is damaged."""
+    try:
+        read_record(record)
+    except ProvenanceError as error:
+        raise FormatError(str(error).removeprefix("document: "), path, f"records.{key}") from None
 
 
 def _choose_file(desk: Desk) -> None:
@@ -108,8 +119,8 @@ def _open_graft(desk: Desk, path: str) -> None:
     """Add a graft, with its inputs and options if the project has none."""
     record = read_record(path)
     document = move_record(dict(record.document), record.folder, desk.workshop.folder)
-    key, text = record_key(document)
-    desk.workshop.records[key], desk.workshop.texts[key] = document, text
+    key = record_key(document)[0]
+    desk.workshop.add_records({key: document})
     project = desk.project
     if not project.inputs:
         default = Config().as_dict()

@@ -84,7 +84,7 @@ def _options(desk: Desk) -> Json:
 
 
 def _motion(desk: Desk, own: ProjectMotion) -> Json:
-    record = desk.workshop.records[own.record]
+    record = desk.workshop.summaries[own.record]
     measures = desk.workshop.measures.get(own.record, {})
     kept = [each for each in desk.project.motions if each.is_kept and each.id != own.id]
     angles = [desk.workshop.angle(own.record, each.record) for each in kept]
@@ -117,7 +117,7 @@ def _motion(desk: Desk, own: ProjectMotion) -> Json:
         "locks": [lock._asdict() for lock in own.locks],
         "constraints": [
             {"number": number, "record": each, "shape": measures.get("shapes", {}).get(number)}
-            for number, each in enumerate(record["request"]["constraints"])
+            for number, each in enumerate(record["constraints"])
             if each.get("weight") != 0
         ],
         "violations": [_violation(each, record["groups"]) for each in record["violations"]],
