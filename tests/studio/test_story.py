@@ -144,7 +144,7 @@ def test_story_by_keyboard_alone_exports_what_the_command_makes(browser, source,
         person.until("state.motions.length >= 12 && !state.jobs.length")
 
         person.press(page.locator(".card .preview").nth(1))
-        person.press(page.locator(".card").nth(1).get_by_role("button", name="★"))
+        person.press(page.locator(".card").nth(1).get_by_role("button", name="Star"))
         person.until("state.motions[1].mark === 'star'")
         person.tab_to(page.locator(".block[tabindex='0']"))
         for _ in range(2):
@@ -165,6 +165,7 @@ def test_story_by_keyboard_alone_exports_what_the_command_makes(browser, source,
         before = len(state["motions"][1]["constraints"])
         page.keyboard.press("Control+z")
         person.until(f"state.motions[1].constraints.length === {before - 1}")
+        page.locator("button:enabled", has_text="Redo").wait_for()
         page.keyboard.press("Control+Shift+z")
         state = person.until(f"state.motions[1].constraints.length === {before}")
         assert state["motions"][1]["locks"] == [lock]
