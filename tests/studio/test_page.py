@@ -452,7 +452,7 @@ def test_constraints_of_every_kind_are_added_and_shown_by_another_page(browser, 
         field = page.get_by_role("group", name="Box").get_by_label("yaw")
         field.fill("30")
         field.press("Enter")
-        page.locator("[data-part=message]", has_text="move").wait_for()
+        wait_until(page, "document.querySelector('[data-part=undo]').title.includes('move')")
     box = graft_of(session).request.constraints[kinds.index("Box")].obstacle
     half = np.radians(15)
     np.testing.assert_allclose(box.rotation, [0, np.sin(half), 0, np.cos(half)], atol=1e-6)
