@@ -162,3 +162,13 @@ def test_cancelled_search_returns_the_nearest_candidates(graft):
 def test_cancelled_search_for_spans_raises_error(graft):
     with cancellable(lambda: True), pytest.raises(CancelledError):
         mg.change(graft, "upper", (50, 80))
+
+
+def test_violations_by_captured_joints_are_not_searched_for(graft):
+    hips = tuple(graft.base.world_positions()[100, 0].tolist())
+    avoid = mc.KeepOut("LeftFoot", mc.Sphere(hips, 500.0), frames=(90, 110))
+    checks = []
+    with cancellable(lambda: bool(checks.append(1))):
+        new = constrain(graft, [avoid])
+    assert {own.joint for own in new.violations} == {"LeftFoot"}
+    assert len(checks) <= 4
