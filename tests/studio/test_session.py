@@ -230,9 +230,15 @@ def test_waiting_previews_are_replaced_by_the_last(session):
 
 def test_action_on_another_revision_is_refused(session):
     before = session.project
-    with pytest.raises(StaleRevision):
-        session.do({"action": "mark", "id": "m1", "mark": "star"}, session.revision - 1)
+    revision = session.revision
+    for other in (revision - 1, revision + 1):
+        with pytest.raises(StaleRevision):
+            session.do({"action": "mark", "id": "m1", "mark": "star"}, other)
     assert session.project == before
+    session.notify()  # as a thread does when it has found the faults of clips
+    session.do({"action": "mark", "id": "m1", "mark": "star"}, revision)
+    with pytest.raises(StaleRevision):
+        session.do({"action": "mark", "id": "m1", "mark": None}, revision)
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,8 @@ class Desk:
 
     def __init__(self, folder: Path) -> None:
         self.folder = Path(folder).resolve()
-        self.project, self.history, self.revision = Project(), History(), 0
+        self.project, self.history = Project(), History()
+        self.revision = self.project_revision = 0  # of the state, and of its last other project
         self.opened, self.jobs = sources.Opened(), dict[str, Json]()
         self.file: ProjectFile | None = None
         self.workshop = Workshop(self.folder)
@@ -80,10 +81,12 @@ class Desk:
         """Send a text for the person."""
         self.emit({"kind": "note", "text": text})
 
-    def notify(self) -> None:
-        """Send that the state has changed."""
+    def notify(self, *, is_project: bool = False) -> None:
+        """Send that the state has changed, and whether the project has."""
         with self.lock:
             self.revision += 1
+            if is_project:
+                self.project_revision = self.revision
             self.emit({"kind": "state", "revision": self.revision})
 
     @contextmanager
@@ -117,7 +120,7 @@ class Desk:
             self.update_library()
             self.add_hashes()
             self.save()
-        self.notify()
+            self.notify(is_project=True)
 
     def update_library(self) -> None:
         """Build the library of the present project, if it is another one."""
@@ -144,7 +147,7 @@ class Desk:
         """Show a project that an action has not finished."""
         with self.lock:
             self.project = project
-        self.notify()
+            self.notify(is_project=True)
 
     def preview(self, key: str, graft: Graft) -> None:
         """Show another version of a motion until the next action."""
