@@ -35,11 +35,11 @@ def with_target(options: GraftOptions) -> GraftOptions:
         raise UsageError(f"--into must be a .glb file, got {target.name}")
     elif not into.is_file():
         raise FileNotFoundError(2, "No such file", str(into))
-    if suffix == ".bvh" and options.count != 1:
+    if suffix in (".bvh", ".csv") and options.count != 1:
         raise UsageError(
             f"-o must be a folder, or a .glb or .npz file, if -n is above 1; got {target}"
         )
-    if options.given("digits") and suffix in (".glb", ".npz"):
+    if options.given("digits") and suffix in (".csv", ".glb", ".npz"):
         raise UsageError(f"--digits requires .bvh; got {target.name}")
     if options.as_ is not None and (suffix != ".glb" or options.count != 1):
         raise UsageError(f"--as requires a .glb file and a single motion; got {name} {target.name}")
@@ -73,18 +73,19 @@ def renamed(graft: Graft, name: str | None) -> Graft:
 
 
 def output_paths(
-    options: GraftOptions, first: str, inputs: Sequence[str]
+    options: GraftOptions, first: str, inputs: Sequence[str], suffix: str
 ) -> tuple[list[Path], Path]:
     """Return the path of each motion and the path of the report page.
 
-    All motions have the same path if ``-o`` is a file. `first` is the first file, or the name of
-    the first clip of a library. Raise an OSError if one of the files must not be written.
+    All motions have the same path if ``-o`` is a file; in a folder, paths end in `suffix`. `first`
+    is the first file, or the name of the first clip of a library. Raise an OSError if one of the
+    files must not be written.
     """
     if options.output.suffix.lower() in MOTION_SUFFIXES:
         paths, page = [options.output] * options.count, options.output.with_suffix(".html")
     else:
         stem = _stem(options, first)
-        paths = [options.output / f"{stem}_graft{i}.bvh" for i in range(options.count)]
+        paths = [options.output / f"{stem}_graft{i}{suffix}" for i in range(options.count)]
         page = options.output / "index.html"
     check_targets(paths, options, inputs, page if options.report else None)
     return paths, page

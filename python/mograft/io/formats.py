@@ -77,6 +77,18 @@ def _is_amass(names: frozenset[str]) -> bool:
     return "trans" in names and ("poses" in names or {"root_orient", "pose_body"} <= names)
 
 
+def _is_table(path: Path, _: bytes) -> bool:
+    """Return whether a file may be a table of joint angles, by its suffix and its first lines."""
+    if path.suffix.lower() != ".csv":
+        return False
+    with path.open("rb") as file:
+        lines = file.read(1 << 16).decode("utf-8-sig", "replace").splitlines()[:2]
+    cells = [line.replace(",", " ").split() for line in lines]
+    is_wide = bool(cells) and min(map(len, cells)) >= 8
+    return is_wide and cells[0][:2] != ["frame", "time"]
+
+
+_TRACKER = frozenset(("joint_pos", "body_pos_w", "body_quat_w"))
 _KIMODO_ARRAYS = frozenset(("posed_joints", "global_rot_mats"))
 _NPZ_ARRAYS = frozenset(("format", "rotations", "parents"))
 _FBX_STARTS = (b"Kaydara FBX Binary", b"; FBX ")
@@ -91,6 +103,8 @@ FORMATS = (
     Format("AMASS", (".npz",), "io.smpl.amass:open_amass", _holds(_is_amass)),
     Format("Kimodo", (".npz",), "io.kimodo:open_kimodo", _holds(_KIMODO_ARRAYS.issubset)),
     Format("NPZ", (".npz",), "io.npz:open_npz", _holds(_NPZ_ARRAYS.issubset)),
+    Format("robot NPZ", (".npz",), "io.robots.trackers:open_tracker", _holds(_TRACKER.issubset)),
+    Format("robot CSV", (".csv",), "io.robots.tables:open_table", _is_table),
     Format("USD", _USD_SUFFIXES, "io.usd_reader:open_usd", _IS_USD, "pxr"),
 )
 """All formats, in order of precedence: if the content of a file matches several, the first is

@@ -30,7 +30,7 @@ def run_info(options: InfoOptions) -> int:
     """Describe every file; return exit code 3 if one of them is invalid, else 0."""
     documents: list[dict[str, Any]] = []
     skeletons: dict[str, Skeleton] = {}
-    rest, hierarchy = selected_skeleton(options.skeleton), None
+    rest, hierarchy = selected_skeleton(options), None
     for address in _find_files(options.files):
         path, pattern = split_address(address)
         try:
@@ -118,7 +118,7 @@ def _length(document: dict[str, Any]) -> str:
 
 def run_check(options: CheckOptions) -> int:
     """Check every file; return exit code 3 if one of them is not valid, else 0."""
-    documents, rest = [], selected_skeleton(options.skeleton)
+    documents, rest = [], selected_skeleton(options)
     skeletons: dict[str, Skeleton] = {}
     for name in expand_folders(options.files):
         document = _check_file(name, rest, skeletons, strict=options.strict)
@@ -172,7 +172,7 @@ def run_groups(options: GroupsOptions) -> int:
     if target is not None:
         check_suffix(target, ".toml")
     files = expand_folders(options.files)
-    rest = selected_skeleton(options.skeleton)
+    rest = selected_skeleton(options)
     skeleton = read_clip(files[0], skeleton=rest).skeleton
     if is_automatic(options.preset):
         number = automatic_number(options.preset)
