@@ -48,6 +48,12 @@ def changed(graft, rank):
     return mg.change(graft, "upper", (100, 130), rank=rank)
 
 
+def is_feasible(library, graft):
+    limits = mg.evaluation.feasible_limits(library.clips)
+    checks = mg.evaluation.robot_checks(graft.motion, graft.base)
+    return all(checks[name] <= limits[name] + 1e-6 for name in limits)
+
+
 WIDE = mg.Config(max_stretch=0.4)
 STEEP = mg.Config(max_angle=float(np.radians(60)))
 CASES = [
@@ -66,9 +72,11 @@ CASES = [
     Case("--match anatomy --include-grafts", build={"match": "anatomy", "include_grafts": True}),
     Case("--skeleton {folder}/a.bvh"),
     Case(
-        "--model {walks}/humanoid.xml --quaternion wxyz --fps walk*=25 --fps 30 -n 2",
+        "--model {walks}/humanoid.xml --quaternion wxyz --fps walk*=25 -n 3 --only-feasible",
         build={"skeleton": {"quaternion": "wxyz", "rate": {"walk*": 25}}},
-        call={"count": 2},
+        make=lambda library: [
+            new for new in mg.graft_many(library, count=3) if is_feasible(library, new)
+        ],
         source="{walks}",
     ),
     Case("--preset paper --seed 3", mg.Config.paper(), call={"seed": 3}),

@@ -88,9 +88,12 @@ def test_export_robot_writes_the_files_of_trackers(succeed, walks, tmp_path):
     np.testing.assert_array_equal(copy, given)
 
 
-def test_graft_csv_of_a_motion_without_hinges_is_refused(run, folder, tmp_path):
-    code, _, err = run("graft", folder, "-o", tmp_path / "a.csv")
-    assert code == 2
+def test_graft_csv_of_a_motion_without_hinges_is_refused(run, usage_error, folder, tmp_path):
+    err = usage_error("graft", folder, "-o", tmp_path / "a.csv")
+    assert "mograft export writes .csv from a .bvh file" in err
+    run("index", folder, "-o", tmp_path / "lib")
+    code, _, err = run("graft", tmp_path / "lib", "-o", tmp_path / "a.csv")
+    assert code == 1
     assert "may end with .csv only for a robot" in err
     assert not list(tmp_path.glob("a.*"))
 
@@ -105,11 +108,9 @@ def test_graft_csv_of_a_motion_without_hinges_is_refused(run, folder, tmp_path):
         ("--model {model} --quaternion zyx", "argument --quaternion"),
     ],
 )
-def test_robot_options_that_contradict_are_usage_errors(run, walks, words, message):
+def test_robot_options_that_contradict_are_usage_errors(usage_error, walks, words, message):
     path, files = walks
-    code, _, err = run("info", files[0], *words.format(model=path).split())
-    assert code == 2
-    assert message in err
+    assert message in usage_error("info", files[0], *words.format(model=path).split())
 
 
 def test_robot_table_without_model_is_an_invalid_file(run, walks):

@@ -216,8 +216,8 @@ def write_walks(folder, n_clips=2, n_frames=240):
                 "hip_pitch": -0.4 * side * np.sin(step),
                 "knee": 0.5 - 0.4 * side * np.cos(step),
                 "ankle_pitch": -0.2 + 0.1 * np.sin(step),
-                "shoulder_pitch": side * 0.5 * np.sin(step) + 0.4 * sway,
-                "shoulder_roll": side * (0.2 + 0.1 * sway),
+                "shoulder_pitch": (0.8 + 0.4 * clip) * (side * 0.5 * np.sin(step) + 0.4 * sway),
+                "shoulder_roll": side * (0.6 + 0.1 * sway),
                 "elbow": -0.8 + 0.3 * np.sin(step + sway),
                 "waist_yaw": 0.15 * np.sin(step) + 0.1 * sway,
                 "torso": 0.1 + 0.05 * np.cos(2 * step),
@@ -226,8 +226,18 @@ def write_walks(folder, n_clips=2, n_frames=240):
             angles[:, column] = kinds.get(stem, 0.05 * sway)
         turn = rotations.from_axis_angle([0, 0, 1], 1.0 + 0.1 * time)
         lean = rotations.from_axis_angle([0.3, 1, 0], 0.05 * np.sin(2 * step))
-        places = np.stack([0.6 * time, 0.3 * time, 0.8 + 0.02 * np.cos(2 * step)], axis=1)
-        pose = Pose(places, rotations.multiply(turn, lean), angles)
+        quats = rotations.multiply(turn, lean)
+        still = to_motion(model, Pose(np.zeros((n_frames, 3)), quats, angles), TableLayout())
+        places = still.world_positions()
+        # The lowest point stays where it is, but for the smoothing of the root.
+        lowest = places[..., 2].argmin(axis=1)[:-1]
+        steps = np.diff(places, axis=0)[np.arange(n_frames - 1), lowest]
+        root = np.vstack([np.zeros(3), -np.cumsum(steps, axis=0)])
+        root[:, 2] = -places[..., 2].min(axis=1)
+        weights = np.hanning(17)[1:-1] / np.hanning(17).sum()
+        padded = np.pad(root, ((7, 7), (0, 0)), mode="reflect", reflect_type="odd")
+        root = np.stack([np.convolve(own, weights, mode="valid") for own in padded.T], axis=1)
+        pose = Pose(root, quats, angles)
         files.append(folder / f"walk{clip}.csv")
         layout = TableLayout("wxyz", numbers=".6f")
         formats.write_table(to_motion(model, pose, layout), files[-1])

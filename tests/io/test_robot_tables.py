@@ -205,12 +205,12 @@ def edited(text, row, column, cell):
 @pytest.mark.parametrize(
     ("row", "column", "cell", "message"),
     [
-        (3, 8, ["nan"], "line 4: expected a finite number in column 9, got 'nan'"),
-        (0, 8, ["nan"], "line 1: expected a finite number in column 9, got 'nan'"),
-        (3, 8, ["inf"], "line 4: expected a finite number in column 9"),
-        (3, 8, ["a"], "line 4: expected a finite number in column 9, got 'a'"),
-        (3, 8, [], "line 4: expected 11 numbers, got 10"),
-        (3, 8, ["1", "2"], "line 4: expected 11 numbers, got 12"),
+        (3, 8, ["nan"], "line 4: expected 11 finite numbers, got 'nan'"),
+        (0, 8, ["nan"], "line 1: expected 11 finite numbers, got 'nan'"),
+        (3, 8, ["inf"], "line 4: expected 11 finite numbers, got 'inf'"),
+        (3, 8, ["a"], "line 4: expected 11 finite numbers, got 'a'"),
+        (3, 8, [], "line 4: expected 11 finite numbers, got 10 numbers"),
+        (3, 8, ["1", "2"], "line 4: expected 11 finite numbers, got 12 numbers"),
         (3, 4, ["0.9"], "in line 4"),
         (3, 8, ["9000"], "expected angles within the limits of left_knee_joint"),
         (3, 2, ["1e9"], "expected heights of the root in m, cm or mm"),
@@ -318,7 +318,8 @@ def test_read_tracker_breadth_first_lists_levels_in_order(tmp_path):
     [
         ({"fps": np.zeros_like}, "a rate above 0"),
         ({"joint_pos": lambda a: np.tile(a, 9)}, "array `joint_pos`: expected shape"),
-        ({"body_quat_w": lambda a: 0.5 * a}, "expected unit quaternions"),
+        ({"body_quat_w": lambda a: a[..., ::-1]}, "m away from those of the model"),
+        ({"body_quat_w": lambda a: 0.0 * a}, "`rotations` must be finite"),
         (
             {"body_pos_w": lambda a: a + 0.1 * np.arange(a.shape[1])[:, None]},
             "m away from those of the model",

@@ -1,7 +1,6 @@
 """Laws of `keep_on_hinges`: axes, limits, what stays, continuity."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -178,9 +177,3 @@ def test_hinges_without_limits_turn_continuously():
     quats = np.zeros((60, 7, 4))
     quats[:, hinges.joints] = free.rotations(angles)
     np.testing.assert_allclose(free.angles(quats), angles, atol=1e-12)
-
-
-def test_hinges_wrong_shape_raises_value_error():
-    hinges = random_skeleton(np.random.default_rng(1)).hinges
-    with pytest.raises(ValueError, match="`axes` must have shape"):
-        Hinges(**{**vars(hinges), "axes": np.zeros((1, 3))})

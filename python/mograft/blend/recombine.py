@@ -62,9 +62,7 @@ def recombine(base: Motion, parts: Iterable[Part], name: str) -> Motion:
     if hinges is not None and quats is not base.rotations:
         parents = base.skeleton.parents
         quats = keep_on_hinges(hinges, parents, quats, base.rotations, changed, base.rate)
-        joints = np.flatnonzero(changed)
-        is_new = (quats[:, joints] != base.rotations[:, joints]).any(axis=2)
-        _mark_derived(values, base.skeleton, joints, is_new, "rotation")
+        values = None  # angles replace them
     return replace(
         base,
         rotations=quats,

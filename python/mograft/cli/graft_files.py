@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mograft._util.names import portable_stem
-from mograft.cli.files import check_suffix, check_writable
+from mograft.cli.files import check_suffix, check_writable, library_folder
 from mograft.cli.output import print_remark
 from mograft.cli.syntax.arguments import Options, UsageError
 from mograft.cli.syntax.options import GraftOptions
@@ -30,7 +30,9 @@ def with_target(options: GraftOptions) -> GraftOptions:
     target = options.output if into is None else into
     suffix = target.suffix.lower()
     if into is None:
-        check_suffix(target, *MOTION_SUFFIXES, is_folder=True)
+        may_be_robot = options.model or options.from_ or library_folder(options.files)
+        suffixes = [own for own in MOTION_SUFFIXES if may_be_robot or own != ".csv"]
+        check_suffix(target, *suffixes, is_folder=True)
     elif suffix != ".glb":
         raise UsageError(f"--into must be a .glb file, got {target.name}")
     elif not into.is_file():

@@ -67,6 +67,12 @@ def _begins(*starts: bytes, suffix: str | None = None) -> Callable[[Path, bytes]
     return lambda path, head: head.startswith(starts) or path.suffix.lower() == suffix
 
 
+def _is_table(path: Path, head: bytes) -> bool:
+    """Return whether a CSV file has many columns that are not those of `write_csv`."""
+    is_wide = head.partition(b"\n")[0].count(b",") > 1
+    return path.suffix.lower() == ".csv" and is_wide and not head.startswith(_POSITIONS)
+
+
 def _holds(condition: Callable[[frozenset[str]], bool]) -> Callable[[Path, bytes], bool]:
     """Return the condition that a file is NPZ, and the names of its arrays meet a condition."""
     return lambda path, _: condition(npz_arrays(path))
@@ -77,23 +83,13 @@ def _is_amass(names: frozenset[str]) -> bool:
     return "trans" in names and ("poses" in names or {"root_orient", "pose_body"} <= names)
 
 
-def _is_table(path: Path, _: bytes) -> bool:
-    """Return whether a file may be a table of joint angles, by its suffix and its first lines."""
-    if path.suffix.lower() != ".csv":
-        return False
-    with path.open("rb") as file:
-        lines = file.read(1 << 16).decode("utf-8-sig", "replace").splitlines()[:2]
-    cells = [line.replace(",", " ").split() for line in lines]
-    is_wide = bool(cells) and min(map(len, cells)) >= 8
-    return is_wide and cells[0][:2] != ["frame", "time"]
-
-
 _TRACKER = frozenset(("joint_pos", "body_pos_w", "body_quat_w"))
 _KIMODO_ARRAYS = frozenset(("posed_joints", "global_rot_mats"))
 _NPZ_ARRAYS = frozenset(("format", "rotations", "parents"))
 _FBX_STARTS = (b"Kaydara FBX Binary", b"; FBX ")
 _USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 _IS_USD = _begins(b"#usda", b"PXR-USDC", suffix=".usdz")
+_POSITIONS = b"frame,time,"  # the start of the tables that `write_csv` writes
 _IS_GLTF = _begins(b"glTF", suffix=".gltf")
 
 FORMATS = (

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray, as_floats, as_indices, set_fields
+from mograft._util.arrays import BoolArray, FloatArray, IntArray, set_fields
 from mograft.motion import rotations
 
 NO_LIMIT = 1e9
@@ -96,16 +96,10 @@ class Hinges:
     layout: TableLayout = TableLayout()
 
     def __post_init__(self) -> None:
-        n, n_joints = len(self.names), len(self.masses)
-        shapes: dict[str, tuple[int, ...]] = {"axes": (n, 3), "limits": (n, 2), "speeds": (n,)}
-        shapes |= {"frames": (n_joints, 4), "masses": (n_joints,)}
-        shapes |= {"origins": (n_joints, 3), "centers": (n_joints, 3)}
-        own = {name: as_floats(name, vars(self)[name], shapes[name]).copy() for name in shapes}
-        joints, bodies = (
-            as_indices(name, vars(self)[name]).copy() for name in ("joints", "bodies")
-        )
-        fixed = {"names": tuple(self.names), "joints": joints, "bodies": bodies}
-        set_fields(self, {**fixed, **own})
+        given = {k: v for k, v in vars(self).items() if k not in ("names", "layout")}
+        kinds = {"joints": np.int64, "bodies": np.int64}
+        arrays = {name: np.array(own, kinds.get(name, float)) for name, own in given.items()}
+        set_fields(self, {"names": tuple(self.names), **arrays})
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         set_fields(self, state)
@@ -172,20 +166,21 @@ def keep_on_hinges(
     rate : float
         Frames per second.
     """
-    number_of = {joint: number for number, joint in enumerate(hinges.joints.tolist())}
+    axes = np.zeros((len(parents), 3))  # zero if a joint is fixed
+    axes[hinges.joints] = hinges.axes
     kept = quats.copy()
-    for joint in np.flatnonzero(is_moved[1:]).tolist():
-        own = kept[:, joint + 1]
-        axis = hinges.axes[number_of[joint + 1]] if joint + 1 in number_of else np.zeros(3)
-        turned, rest = _swing_twist(own, axis)
-        is_off = np.linalg.norm(own[:, :3] - (own[:, :3] @ axis)[:, None] * axis, axis=1) > _ON_AXIS
+    for joint in 1 + np.flatnonzero(is_moved[1:]):
+        own, axis = kept[:, joint], axes[joint]
+        across = own[:, :3] - (own[:, :3] @ axis)[:, None] * axis
+        is_off = np.linalg.norm(across, axis=1, keepdims=True) > _ON_AXIS
         if not is_off.any():
             continue
-        kept[:, joint + 1] = np.where(is_off[:, None], turned, own)
-        below = [c for c in np.flatnonzero(parents == joint + 1).tolist() if c in number_of]
+        turned, rest = _swing_twist(own, axis)
+        kept[:, joint] = np.where(is_off, turned, own)
+        below = np.flatnonzero((parents == joint) & axes.any(axis=1))
         if len(below) == 1 and is_moved[below[0]]:
             passed = rotations.multiply(rest, kept[:, below[0]])
-            kept[:, below[0]] = np.where(is_off[:, None], passed, kept[:, below[0]])
+            kept[:, below[0]] = np.where(is_off, passed, kept[:, below[0]])
     return _within_limits(hinges, kept, reference, is_moved, rate)
 
 
@@ -200,8 +195,6 @@ def _swing_twist(quats: FloatArray, axis: FloatArray) -> tuple[FloatArray, Float
     An axis of zeros gives no rotation. So does a half turn about a perpendicular axis.
     """
     twists = np.concatenate([(quats[:, :3] @ axis)[:, None] * axis, quats[:, 3:]], axis=1)
-    if not axis.any():
-        twists = np.tile(rotations.IDENTITY, (len(quats), 1))
     norms = np.linalg.norm(twists, axis=1, keepdims=True)
     twists = np.where(norms < 1e-6, rotations.IDENTITY, twists / np.maximum(norms, 1e-6))
     return twists, rotations.multiply(rotations.inverse(twists), quats)

@@ -233,9 +233,8 @@ class Motion:
         bounds: tuple[npt.ArrayLike, ...] = ([0], [self.n_frames - 1], [intervals + 1])
         quats, hinges = resample_segments(self.rotations, *bounds), self.skeleton.hinges
         if hinges is not None:
-            is_hinge = np.ones(self.n_joints, bool)
-            known = self.skeleton.parents, quats, self.rotations, is_hinge, rate
-            quats = keep_on_hinges(hinges, *known)
+            own = self.skeleton.parents, quats, self.rotations, np.ones(self.n_joints, bool)
+            quats = keep_on_hinges(hinges, *own, rate)
         return replace(
             self,
             frame_time=self.duration / intervals,

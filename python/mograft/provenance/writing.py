@@ -97,16 +97,16 @@ def write(item: Motion | Graft, path: str | PathLike[str], *, force: bool = Fals
     if ending not in WRITERS:
         hint = suggest_name(ending, WRITERS)
         raise ValueError(f"`path` must end with {', '.join(WRITERS)}, got {target.name}{hint}")
-    is_robot = isinstance(item, Graft) and item.motion.skeleton.hinges is not None
-    holds_graft = isinstance(item, Graft) and ending in MOTION_SUFFIXES
-    holds_graft = holds_graft and (ending != ".csv" or is_robot)
+    motion = item.motion if isinstance(item, Graft) else item
+    is_world = ending == ".csv" and motion.skeleton.hinges is None
+    holds_graft = isinstance(item, Graft) and ending in MOTION_SUFFIXES and not is_world
     for file in files_of_graft(target) if holds_graft else [target]:
         if file.exists() and not force:
             raise FileExistsError(f"{file} exists: use another name, or force=True to replace it")
     if isinstance(item, Graft) and holds_graft:
         write_graft(item, target)
     else:
-        WRITERS[ending](item.motion if isinstance(item, Graft) else item, target)
+        WRITERS[ending](motion, target)
 
 
 def files_of_graft(path: Path) -> list[Path]:

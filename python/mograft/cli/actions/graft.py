@@ -45,6 +45,7 @@ All of them are in memory at the same time.
 """
 
 _N_DEMO_GRAFTS = 3
+_MAX_EXCESS = 1e-6  # of a check; less is rounding
 _NEAR_DEGREES = 1.0  # mean angle below which a motion counts as an earlier one again
 _PLACES = ("reach", "avoid", "avoid_self", "face")
 _DONORS = ("only_from", "not_from", "only_tagged", "not_tagged")
@@ -102,8 +103,32 @@ def run(options: GraftOptions) -> int:
         grafts = list(grafts)
         if _are_refused(grafts, options):
             return 4  # No donor sequence satisfies the constraints.
+    if options.only_feasible:
+        if not (feasible := _find_feasible(grafts, library)):
+            return 4
+        grafts, paths = [grafts[k] for k in feasible], [paths[k] for k in feasible]
     _write_results(grafts, paths, page, options)
     return 0
+
+
+def _find_feasible(grafts: Sequence[Graft], library: Library) -> list[int]:
+    """Return the indices of the grafts that are feasible; print why the others are not."""
+    from mograft.evaluation.robot_checks import (
+        feasible_limits,
+        robot_checks,
+    )  # takes long to import
+
+    limits, kept = feasible_limits(library.clips), list[int]()
+    for index, graft in enumerate(grafts):
+        found = robot_checks(graft.motion, graft.base).items()
+        worse = [(name, own) for name, own in found if own > limits[name] + _MAX_EXCESS]
+        kept += [] if worse else [index]
+        if worse:
+            text = ", ".join(f"{name} {own:.3g} > {limits[name]:.3g}" for name, own in worse)
+            print_remark(f"{graft.motion.name} is not written: {text} of the recordings")
+    if not kept:
+        print_error(f"none of {len(grafts)} motions is as feasible as the recordings")
+    return kept
 
 
 def _check_options(options: GraftOptions) -> None:
@@ -356,7 +381,7 @@ def _print_remarks(
     `last` is one of the grafts, and `n_near` the number of those that are near to an earlier one.
     """
     n, remarks = len(substitutions), list[str]()
-    if n < options.count and not options.change:
+    if n < options.count and not options.change and not options.only_feasible:
         apart = f" that are {options.distinct:g}° apart" if options.distinct else ""
         smaller = "a smaller --distinct, " if options.distinct else ""
         wider = "" if options.variety is None else "--variety or "

@@ -17,6 +17,7 @@ from mograft.cli.files import check_suffix, check_writable, expand_folders
 from mograft.cli.output import print_error, print_result
 from mograft.cli.syntax.commands import CheckOptions, GroupsOptions, InfoOptions
 from mograft.errors import FormatError
+from mograft.evaluation.robot_checks import describe_checks, robot_checks
 from mograft.io.bvh.reader import read_bvh
 from mograft.io.clips import Clips
 from mograft.io.formats import find_format, join_address, open_clips, read_clip, split_address
@@ -83,6 +84,8 @@ def _contents(clips: Clips, index: int, options: InfoOptions) -> dict[str, Any]:
     shown = [f for f in find_faults(motion) if is_complete or f.kind not in HARMLESS_FAULTS]
     notes = {"notes": list(clips.notes), "repairs": list(motion.repairs)}
     notes["faults"] = [fault.message for fault in shown]
+    if skeleton.hinges is not None:
+        notes["notes"] += [f"robot: {describe_checks(robot_checks(motion))}"]
     return {**source, **size, **time, "groups": groups, **notes}
 
 
@@ -135,6 +138,8 @@ def run_check(options: CheckOptions) -> int:
             if options.verbose or fault["kind"] not in HARMLESS_FAULTS
         ]
         print("\n  ".join([f"{name}: {'' if lines else 'good'}".rstrip(), *lines]))
+        if document["robot"]:
+            print(f"  robot: {describe_checks(document['robot'])}")
     sizes = describe_sizes(skeletons)
     print_result(options, "check/1", {"files": documents, "sizes": sizes}, sizes)
     return 3 if any(document["error"] for document in documents) else 0
@@ -148,7 +153,7 @@ def _check_file(
         is_bvh = find_format(Path(split_address(name)[0])).name == "BVH"
         motion = read_bvh(name, strict=strict) if is_bvh else read_clip(name, skeleton=rest)
     except FormatError as error:
-        return {"file": name, "error": str(error), "repairs": [], "faults": []}
+        return {"file": name, "error": str(error), "repairs": [], "faults": [], "robot": {}}
     skeletons[name] = motion.skeleton
     names = motion.skeleton.names
     faults = []
@@ -156,7 +161,9 @@ def _check_file(
         joint = None if fault.joint is None else names[fault.joint]
         place = {"frames": list(fault.frames), "joint": joint}
         faults.append({"kind": fault.kind, **place, "message": fault.message})
-    return {"file": name, "error": None, "repairs": list(motion.repairs), "faults": faults}
+    robot = robot_checks(motion) if motion.skeleton.hinges is not None else {}
+    found = {"repairs": list(motion.repairs), "faults": faults, "robot": robot}
+    return {"file": name, "error": None, **found}
 
 
 def _describe_fault(fault: dict[str, Any]) -> str:

@@ -245,11 +245,21 @@ class VarietyOptions(SeedOptions, section="how different"):
         short="-n",
     )
     distinct: values.Distance = setting(
-        "smallest angle between any two motions (default: 0)",
+        "smallest angle between two motions (default: 0)",
         default=0.0,
         details="it is the mean of the exchanged joints",
     )
     mirror: bool = setting("use the mirror images of all clips as donors, too", is_expert=True)
+
+
+class FeasibleOptions(Options, section="output"):
+    """Options for motions of robots that are not written."""
+
+    only_feasible: bool = setting(
+        "of a robot, write only motions whose checks are at most the 99th percentile of those of "
+        "the recordings; see mograft check",
+        is_expert=True,
+    )
 
 
 class EffortOptions(Options, section="where the hands go"):
@@ -265,6 +275,7 @@ class EffortOptions(Options, section="where the hands go"):
 class GraftOptions(
     DigitsOptions,
     WriterOptions,
+    FeasibleOptions,
     EffortOptions,
     VarietyOptions,
     ChangeOptions,

@@ -26,8 +26,6 @@ class _Reader:
             settings |= compiler.attributes
         self.unit = 1.0 if settings.get("angle", "degree") == "radian" else np.pi / 180.0
         self.order = settings.get("eulerseq", "xyz")
-        if len(self.order) != 3 or not set(self.order.lower()) <= set("xyz"):
-            raise root.error(f"expected three letters x, y and z in eulerseq, got {self.order!r}")
         self.limits_by_range = settings.get("autolimits", "true") == "true"
         self.defaults: dict[str, dict[str, str]] = {_MAIN: {}}
         for element in root.all("default"):
@@ -119,7 +117,7 @@ def mjcf_bodies(root: XmlElement) -> list[Body]:
         if element.tag in _REFUSED:
             raise element.error(f"<{element.tag}> is not supported: save the model with MuJoCo")
     tops = [body for world in root.all("worldbody") for body in world.all("body")]
-    free = [top for top in tops if top.all("freejoint") or _has_free_joint(top)]
+    free = [top for top in tops if any(map(_is_free, top.children))]
     chosen = free or tops
     if len(chosen) != 1:
         raise root.error(f"expected one body with a free joint, got {len(chosen)}")
@@ -128,5 +126,5 @@ def mjcf_bodies(root: XmlElement) -> list[Body]:
     return reader.bodies
 
 
-def _has_free_joint(body: XmlElement) -> bool:
-    return any(joint.attributes.get("type") == "free" for joint in body.all("joint"))
+def _is_free(element: XmlElement) -> bool:
+    return element.tag == "freejoint" or element.attributes.get("type") == "free"

@@ -71,13 +71,12 @@ def read_model(
     root = read_xml(file)
     if root.tag not in ("mujoco", "robot"):
         raise root.error(f"expected the element mujoco or robot, got {root.tag}")
-    bodies = mjcf_bodies(root) if root.tag == "mujoco" else urdf_bodies(root)
+    with errors_of_file(file):
+        bodies = mjcf_bodies(root) if root.tag == "mujoco" else urdf_bodies(root)
     if not any(body.joints for body in bodies):
         raise root.error("expected at least one hinge joint, got none")
     names = [joint.name for body in bodies for joint in body.joints]
-    for kind, found in (("bodies", [body.name for body in bodies]), ("joints", names)):
-        if len(set(found)) < len(found):
-            double = next(name for name in found if found.count(name) > 1)
-            raise root.error(f"expected {kind} of different names, got {double!r} twice")
+    if len(set(names)) < len(names):
+        raise root.error(f"expected joints of different names, got {', '.join(names)}")
     with errors_of_file(file):
         return to_skeleton(bodies, TableLayout(quaternion or "", rates=tuple(rates.items())))

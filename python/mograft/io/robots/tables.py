@@ -27,7 +27,6 @@ _FRAMES = ("frame", "index", "frame_index", "")
 _TIMES = ("time", "t", "timestamp", "seconds")
 _ENDINGS = ("", "_dof", "_pos", "_rad", "_deg")
 _TURNS = ("quat", "rot", "orient", "q")
-_SNAP = 1e-9  # distance from a number of the file's precision up to which it counts as that number
 
 
 class _Columns(NamedTuple):
@@ -116,10 +115,9 @@ def write_table(motion: Motion, path: str | os.PathLike[str]) -> None:
         values[:, columns.turns] = _as_stored(pose.quats[:, order], layout)
     if columns.time is not None:
         values[:, columns.time] = np.arange(motion.n_frames) * motion.frame_time
-    stored = _stored(values, layout)
-    is_near = np.abs(stored - values) <= _SNAP * np.maximum(np.abs(values), 1.0)
+    values = _stored(values, layout)
     rows = [",".join(layout.header)] if layout.header else []
-    for frame, row in enumerate(np.where(is_near, stored, values).tolist()):
+    for frame, row in enumerate(values.tolist()):
         cells = [f"{value:{layout.numbers}}" for value in row]
         if columns.frame is not None:
             cells[columns.frame] = str(frame)
@@ -158,14 +156,11 @@ def _read_cells(path: Path) -> tuple[tuple[str, ...], FloatArray, list[str], lis
             header = tuple(cells)
             continue
         first = first or cells
-        n_columns = len(header or first)
-        if len(cells) != n_columns:
-            message = f"expected {n_columns} numbers, got {len(cells)}"
-            raise FormatError(message, path, f"line {line}")
-        if values is None:
-            column = next(c for c, own in enumerate(cells) if _as_numbers([own]) is None)
-            message = f"expected a finite number in column {column + 1}, got {cells[column][:40]!r}"
-            raise FormatError(message, path, f"line {line}")
+        if values is None or len(cells) != len(header or first):
+            wrong = [cell for cell in cells if _as_numbers([cell]) is None]
+            got = repr(wrong[0][:40]) if wrong else f"{len(cells)} numbers"
+            expected = f"{len(header or first)} finite numbers"
+            raise FormatError(f"expected {expected}, got {got}", path, f"line {line}")
         rows.append(values)
         lines.append(line)
     if not rows:

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray
 from mograft.io.robots.bodies import Body, BodyJoint
 from mograft.io.robots.xml_tree import XmlElement
 from mograft.motion import rotations
@@ -37,7 +36,8 @@ def urdf_bodies(root: XmlElement) -> list[Body]:
         joint, parent = stack.pop()
         name = joint.first("child").attributes["link"]
         origin = joint.first("origin")
-        turn = _turn(origin)
+        # Roll, pitch and yaw are about the axes of the parent.
+        turn = rotations.from_euler(origin.numbers("rpy", 3, "0 0 0")[::-1].copy(), "ZYX")
         bodies.append(Body(name, parent, origin.numbers("xyz", 3, "0 0 0"), turn, _hinge(joint)))
         stack += [(child, len(bodies) - 1) for child in below[name][::-1]]
     for body in bodies:
@@ -52,11 +52,6 @@ def _name(element: XmlElement) -> str:
     if "name" not in element.attributes:
         raise element.error(f"expected the attribute name of <{element.tag}>, got none")
     return element.attributes["name"]
-
-
-def _turn(origin: XmlElement) -> FloatArray:
-    # Roll, pitch and yaw are about the axes of the parent.
-    return rotations.from_euler(origin.numbers("rpy", 3, "0 0 0")[::-1].copy(), "ZYX")
 
 
 def _hinge(joint: XmlElement) -> list[BodyJoint]:

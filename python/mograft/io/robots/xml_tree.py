@@ -10,10 +10,10 @@ from mograft._util.arrays import FloatArray
 from mograft.errors import FormatError
 from mograft.motion.limits import MAX_COORDINATE
 
-MAX_XML_BYTES = 1 << 25
+MAX_XML_BYTES = 1 << 21
 """Largest file that is read: models have meshes in files of their own."""
 
-_MAX_DEPTH, _MAX_ELEMENTS = 256, 1 << 18
+_MAX_DEPTH = 256
 
 
 @dataclass(eq=False)
@@ -57,24 +57,20 @@ def read_xml(path: Path) -> XmlElement:
     """Return the root element of an XML file.
 
     Raises `FormatError` with the line if the file is not XML, declares a document type or entities,
-    has more than 32 MiB or 262,144 elements, or is nested deeper than 256 levels; OSError if it
-    cannot be read.
+    has more than 2 MiB, or is nested deeper than 256 levels; OSError if it cannot be read.
     """
     with path.open("rb") as file:
         data = file.read(MAX_XML_BYTES + 1)
     if len(data) > MAX_XML_BYTES:
-        raise FormatError("expected at most 32 MiB of XML, got more", path)
+        raise FormatError("expected at most 2 MiB of XML, got more", path)
     parser = expat.ParserCreate()
     top = XmlElement(path, 0, "", {})
-    stack, count = [top], 0
+    stack = [top]
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal count
-        count += 1
         element = XmlElement(path, parser.CurrentLineNumber, tag, attributes)
-        if len(stack) > _MAX_DEPTH or count > _MAX_ELEMENTS:
-            expected = f"at most {_MAX_DEPTH} levels and {_MAX_ELEMENTS} elements"
-            raise element.error(f"expected {expected}, got more")
+        if len(stack) > _MAX_DEPTH:
+            raise element.error(f"expected at most {_MAX_DEPTH} levels, got more")
         stack[-1].children.append(element)
         stack.append(element)
 
