@@ -9,14 +9,18 @@ from typing import Any
 
 from mograft._util.names import portable_stem
 from mograft.cli.files import check_suffix, check_writable, library_folder
-from mograft.cli.output import print_remark
+from mograft.cli.output import print_error, print_remark
 from mograft.cli.syntax.arguments import Options, UsageError
 from mograft.cli.syntax.options import GraftOptions
+from mograft.evaluation.robot_checks import feasible_limits, robot_checks
 from mograft.io.formats import SUFFIXES, split_address
+from mograft.library.library import Library
 from mograft.provenance.writing import MOTION_SUFFIXES, files_of_graft
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.page import open_file
 from mograft.viewing.report import report_page
+
+_MAX_EXCESS = 1e-6  # of a check; less is rounding
 
 
 def with_target(options: GraftOptions) -> GraftOptions:
@@ -108,6 +112,21 @@ def with_command(graft: Graft, options: Options, sources: Sequence[str]) -> Graf
     """Return a copy of a graft whose `request` holds the command line and the files `sources`."""
     command = shlex.join(options.words)
     return replace(graft, request=replace(graft.request, command=command, sources=tuple(sources)))
+
+
+def find_feasible(grafts: Sequence[Graft], library: Library) -> list[int]:
+    """Return the indices of the grafts that are feasible; print why the others are not."""
+    limits, kept = feasible_limits(library.clips), list[int]()
+    for index, graft in enumerate(grafts):
+        found = robot_checks(graft.motion, graft.base).items()
+        worse = [(name, own) for name, own in found if own > limits[name] + _MAX_EXCESS]
+        kept += [] if worse else [index]
+        if worse:
+            text = ", ".join(f"{name} {own:.3g} > {limits[name]:.3g}" for name, own in worse)
+            print_remark(f"{graft.motion.name} is not written: {text} of the recordings")
+    if not kept:
+        print_error(f"none of {len(grafts)} motions is as feasible as the recordings")
+    return kept
 
 
 def write_report(

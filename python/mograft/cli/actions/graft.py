@@ -45,7 +45,6 @@ All of them are in memory at the same time.
 """
 
 _N_DEMO_GRAFTS = 3
-_MAX_EXCESS = 1e-6  # of a check; less is rounding
 _NEAR_DEGREES = 1.0  # mean angle below which a motion counts as an earlier one again
 _PLACES = ("reach", "avoid", "avoid_self", "face")
 _DONORS = ("only_from", "not_from", "only_tagged", "not_tagged")
@@ -64,6 +63,10 @@ _KEPT_VIOLATIONS = (
 def run(options: GraftOptions) -> int:
     """Run the command."""
     options = graft_files.with_target(options)
+    if options.project is not None:
+        from mograft.cli.actions.project import run_project  # takes long to import
+
+        return run_project(options)
     if options.from_ is not None:
         return _run_replay(options)
     _check_options(options)
@@ -104,31 +107,11 @@ def run(options: GraftOptions) -> int:
         if _are_refused(grafts, options):
             return 4  # No donor sequence satisfies the constraints.
     if options.only_feasible:
-        if not (feasible := _find_feasible(grafts, library)):
+        if not (feasible := graft_files.find_feasible(grafts, library)):
             return 4
         grafts, paths = [grafts[k] for k in feasible], [paths[k] for k in feasible]
     _write_results(grafts, paths, page, options)
     return 0
-
-
-def _find_feasible(grafts: Sequence[Graft], library: Library) -> list[int]:
-    """Return the indices of the grafts that are feasible; print why the others are not."""
-    from mograft.evaluation.robot_checks import (
-        feasible_limits,
-        robot_checks,
-    )  # takes long to import
-
-    limits, kept = feasible_limits(library.clips), list[int]()
-    for index, graft in enumerate(grafts):
-        found = robot_checks(graft.motion, graft.base).items()
-        worse = [(name, own) for name, own in found if own > limits[name] + _MAX_EXCESS]
-        kept += [] if worse else [index]
-        if worse:
-            text = ", ".join(f"{name} {own:.3g} > {limits[name]:.3g}" for name, own in worse)
-            print_remark(f"{graft.motion.name} is not written: {text} of the recordings")
-    if not kept:
-        print_error(f"none of {len(grafts)} motions is as feasible as the recordings")
-    return kept
 
 
 def _check_options(options: GraftOptions) -> None:
@@ -447,4 +430,8 @@ def run_demo(options: DemoOptions) -> int:
         "next:       mograft graft your.bvh -o out/ -n 5",
     ]
     print_result(options, "demo/1", document, closing_lines)
+    if options.studio:
+        from mograft.cli.actions.studio import serve
+
+        serve(options, folder / "studio", [sample], is_shown=True)
     return 0

@@ -219,6 +219,10 @@ class RecordOptions(Options, section="input"):
         "for places and donors change what they must and leave the rest unchanged; --set of fields "
         "of blending keeps all donors; LIB|FILE is needed only if files have moved",
     )
+    project: values.File | None = option(
+        "project of mograft studio, whose kept motions are made again, without the studio",
+        is_expert=True,
+    )
 
 
 class ChangeOptions(Options, section="what to change"):
@@ -252,16 +256,6 @@ class VarietyOptions(SeedOptions, section="how different"):
     mirror: bool = setting("use the mirror images of all clips as donors, too", is_expert=True)
 
 
-class FeasibleOptions(Options, section="output"):
-    """Options for motions of robots that are not written."""
-
-    only_feasible: bool = setting(
-        "of a robot, write only motions whose checks are at most the 99th percentile of those of "
-        "the recordings; see mograft check",
-        is_expert=True,
-    )
-
-
 class EffortOptions(Options, section="where the hands go"):
     """Options for constraints that cannot be satisfied."""
 
@@ -275,7 +269,6 @@ class EffortOptions(Options, section="where the hands go"):
 class GraftOptions(
     DigitsOptions,
     WriterOptions,
-    FeasibleOptions,
     EffortOptions,
     VarietyOptions,
     ChangeOptions,
@@ -308,6 +301,11 @@ class GraftOptions(
     )
     as_: values.Name | None = option("name of the animation in a .glb file", is_expert=True)
     report: bool = setting("also write an HTML page that describes the motions")
+    only_feasible: bool = setting(
+        "of a robot, write only motions whose checks are at most the 99th percentile of those of "
+        "the recordings; see mograft check",
+        is_expert=True,
+    )
     measure: bool = setting(
         "also measure jerk, foot contacts and balance of each motion (needs mograft[evaluate])",
         is_expert=True,

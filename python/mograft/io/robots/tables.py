@@ -59,6 +59,7 @@ def open_table(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> 
         turn = poses.find_angle_unit(model.hinges, angles)
         known = columns.order or stated.quaternion
         places, turns = values[:, columns.positions], values[:, columns.turns]
+        turns *= turn if columns.order == _EULER else 1.0
         pose = poses.Pose(unit * places, turns, turn * angles)
         pose, order, evidence = _find_turns(model, pose, known, lines)
         seconds, origin = _frame_time(stated, values, columns, path)
@@ -177,26 +178,24 @@ def _find_columns(header: Sequence[str], n_columns: int, hinges: Hinges) -> _Col
             raise ValueError(f"expected {expected}, got {n_columns}")
         return _Columns(None, None, [0, 1, 2], [3, 4, 5, 6], "", list(range(7, 7 + n)))
     names = [name.strip().strip('"').lower() for name in header]
-    column_of = {name: column for column, name in enumerate(names)}
-    frame, time = (
-        next((column_of[name] for name in known if name in column_of), None)
-        for known in (_FRAMES, _TIMES)
-    )
-    angles, missing = list[int](), list[str]()
-    for hinge in hinges.names:
-        bases = (hinge.lower(), hinge.lower().removesuffix("_joint"))
-        known = [column_of.get(f"{base}{end}") for base in bases for end in _ENDINGS]
-        column = next((own for own in known if own is not None), None)
-        angles += [] if column is None else [column]
-        missing += [hinge] if column is None else []
+    frame = next((c for c, name in enumerate(names) if name in _FRAMES), None)
+    time = next((c for c, name in enumerate(names) if name in _TIMES), None)
+    number_of = {
+        f"{base}{end}": number
+        for number, hinge in enumerate(map(str.lower, hinges.names))
+        for base in (hinge.removesuffix("_joint"), hinge)
+        for end in _ENDINGS
+    }
+    column_of = {number_of[name]: c for c, name in enumerate(names) if name in number_of}
+    missing = [name for number, name in enumerate(hinges.names) if number not in column_of]
     if missing:
         raise ValueError(f"expected columns for {join_names(missing)} of the model, got none")
+    angles = [column_of[number] for number in range(n)]
     rest = [c for c in range(len(names)) if c not in (frame, time, *angles)]
     turns = [c for c in rest if any(part in names[c] for part in _TURNS)]
     places = [c for c in rest if c not in turns]
     order, axes = ("".join(names[c][-1:] for c in own) for own in (turns, places))
-    is_known = order == _EULER or len(turns) == 4
-    if axes not in ("xyz", "012") or not is_known:
+    if axes not in ("xyz", "012") or not (order == _EULER or len(turns) == 4):
         expected = "x, y, z and quaternion, or three angles x, y, z, of the root"
         got = join_names([header[c] for c in rest])
         raise ValueError(f"expected {expected} besides the joints, got {got}")
@@ -212,8 +211,7 @@ def _find_turns(
     Raises ValueError if they are not unit quaternions or their order is ambiguous.
     """
     if order == _EULER:
-        unit = np.pi / 180.0 if np.abs(pose.quats).max() > 2.0 * np.pi else 1.0
-        quats = rotations.from_euler(unit * pose.quats[:, ::-1].copy(), "ZYX")
+        quats = rotations.from_euler(pose.quats[:, ::-1].copy(), "ZYX")
         return pose._replace(quats=quats), order, "none, but angles about fixed axes, x first"
     errors = np.abs(np.linalg.norm(pose.quats, axis=1) - 1.0)
     row = int(errors.argmax())
@@ -261,9 +259,7 @@ def _as_stored(quats: FloatArray, layout: TableLayout) -> FloatArray:
     """
     rows = np.arange(len(quats))
     largest = quats[rows, np.abs(quats).argmax(axis=1)]
-    step = 10.0 ** -int(layout.numbers[1:-1])
-    if layout.is_single:
-        step = 2.0**-24
+    step = 2.0**-24 if layout.is_single else 10.0 ** -int(layout.numbers[1:-1])
     best, least = quats, np.full(len(quats), 1e-2 * step)
     for count in range(-4, 5):
         target = _stored(largest + count * step, layout)
