@@ -33,12 +33,15 @@ class Part:
     angles: Mapping[ChannelKey, FloatArray] = field(default_factory=dict)
 
 
-def recombine(base: Motion, parts: Iterable[Part], name: str) -> Motion:
+def recombine(
+    base: Motion, parts: Iterable[Part], name: str, *, moves_limbs: bool = False
+) -> Motion:
     """Replace the motion of joint groups in a base motion (paper, eq. 20).
 
     No joint is in two parts. All other joints keep the motion of the base, bit for bit. The result
     keeps each channel value whose rotation or translation equals that of the base. The joints of a
-    robot turn about their hinges only; see `keep_on_hinges`.
+    robot turn about their hinges only; see `keep_on_hinges`. With `moves_limbs`, joints below those
+    of `parts` may turn, too, to follow rotations that one hinge cannot make.
     """
     changed = np.zeros(base.n_joints, bool)
     quats, positions = base.rotations, base.positions
@@ -59,6 +62,8 @@ def recombine(base: Motion, parts: Iterable[Part], name: str) -> Motion:
         changed[joint] = True
         _replace_channels(base, joint, single, quats, values)
     hinges = base.skeleton.hinges
+    if moves_limbs and hinges is not None:
+        changed = base.skeleton.subtree_mask(np.flatnonzero(changed))
     if hinges is not None and quats is not base.rotations:
         parents = base.skeleton.parents
         quats = keep_on_hinges(hinges, parents, quats, base.rotations, changed, base.rate)
