@@ -234,6 +234,8 @@ class DonorLayout:
     def _close(self, space: ValueSpace) -> FloatArray:
         timeline, config, treatment = self.timeline, self.config, SEAM_TREATMENTS[self.config.seam]
         times, kept = timeline.frame_times(), timeline.kept_rows
+        if not self.tracks(space)[0].shape[1]:
+            return np.empty((len(kept), *self.tracks(space)[0].shape[1:]))
         rows, boundaries = timeline.sample(space, self.tracks(space), times), self.boundaries(space)
         frames = SegmentTimes(times.segment[kept], times.frames[kept])
         closed = ClosedFrames(

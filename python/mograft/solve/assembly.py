@@ -1,7 +1,7 @@
 """Motions assembled from donor sequences, and how far they violate hard constraints."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from mograft.blend.loop_join import close_join
 from mograft.blend.recombine import Part, recombine
 from mograft.blend.transplant import seam_reach, transplant
 from mograft.body.capsules import Poses
-from mograft.motion.motion import Motion
+from mograft.motion.motion import Motion, select_frames
 from mograft.motion.segments import Segments
 from mograft.search.costs import excess
 from mograft.search.trellis import DonorSequences
@@ -165,9 +165,7 @@ def assemble_excerpts(problem: SearchProblem, excerpts: Sequence[Excerpt]) -> Mo
         np.concatenate([own.start + shift for own, shift in pairs]),
         np.concatenate([own.stop + shift for own, shift in pairs]),
     )
-    motion = replace(
-        base, rotations=base.rotations[kept], positions=base.positions[kept], channel_values=None
-    )
+    motion = select_frames(base, kept, base.frame_time, has_channels=False)
     parts = []
     for group in problem.pools:
         chosen = [own.donors_of(group) for own in excerpts if group in own.donors]
