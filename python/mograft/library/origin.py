@@ -240,8 +240,8 @@ def build_partial_library(
 
     `addresses` are those of the clips, `origin` is that of the whole library. The segments are the
     same because those of a clip depend only on the clip, the configuration and the library
-    specification. Every segment is a cluster by itself. Raise an error of `read_clip` if a file cannot be read, and ValueError if a
-    clip does not fit.
+    specification. Every segment is a cluster by itself. Raise an error of `read_clip` if a file
+    cannot be read, and ValueError if a clip does not fit.
     """
     spec = LibrarySpec(
         skeleton=origin.hierarchy or read_clip(addresses[0], skeleton=origin.rest).skeleton,
