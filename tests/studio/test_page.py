@@ -379,7 +379,9 @@ def test_lost_connection_is_shown_until_the_server_is_back(browser, session):
         wait_until(page, "document.querySelector('[data-part=banner]').hidden")
 
 
-@pytest.mark.parametrize("name", [own for own in HOSTILE_NAMES if own.isprintable()])
+@pytest.mark.parametrize(
+    "name", [own for own in HOSTILE_NAMES if own.strip() and own.isprintable()]
+)
 def test_names_are_shown_as_text(browser, session, name):
     with opened(browser, session) as page:
         until_figure(page)
@@ -429,3 +431,28 @@ def test_meshes_of_removed_motions_are_dropped(browser, session):
         session.do({"action": "remove", "ids": ["m2", "m3"]})
         wait_until(page, "document.querySelectorAll('.card').length === 1")
         assert run(page, count) < before
+
+
+def test_constraints_of_every_kind_are_added_and_shown_by_another_page(browser, session):
+    with opened(browser, session) as page:
+        until_figure(page)
+        page.locator("#tab-constraints").click()
+        kinds = page.locator("[data-part=newKind] option").all_inner_texts()
+        for number, kind in enumerate(kinds):
+            page.locator("[data-part=newKind]").select_option(kind)
+            page.locator("[data-part=addConstraint]").click()
+            page.locator(".constraint").nth(number).wait_for()
+        forms = page.locator(".constraint").all_inner_texts()
+    assert len(graft_of(session).request.constraints) == len(kinds)
+    with opened(browser, session) as page:
+        until_figure(page)
+        page.locator("#tab-constraints").click()
+        page.locator(".constraint").nth(len(kinds) - 1).wait_for()
+        assert page.locator(".constraint").all_inner_texts() == forms
+        field = page.get_by_role("group", name="Box").get_by_label("yaw")
+        field.fill("30")
+        field.press("Enter")
+        wait_until(page, "document.querySelector('[data-part=undo]').title.includes('move')")
+    box = graft_of(session).request.constraints[kinds.index("Box")].obstacle
+    half = np.radians(15)
+    np.testing.assert_allclose(box.rotation, [0, np.sin(half), 0, np.cos(half)], atol=1e-6)

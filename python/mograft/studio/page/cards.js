@@ -1,7 +1,7 @@
 // Variations: cards with looping previews, how new they are, and what a person thinks of them.
 import { figureOf, ghostOf } from "./figures.js";
 import { act, motions, on, select, store } from "./store.js";
-import { button, counted, create, field, fill, icon, make, parts, percent } from "./ui.js";
+import { breakable, button, counted, create, field, fill, icon, make, parts, percent } from "./ui.js";
 import { addRegion, dropRegion, isVisible, redraw } from "./view.js";
 
 const PREVIEW_MILLISECONDS = 33; // Between two pictures of the previews.
@@ -37,6 +37,10 @@ export function startCards() {
   for (const own of [parts.sort, parts.shown]) own.addEventListener("change", layOut);
   parts.previews.addEventListener("click", () => setLooping(!isLooping));
   parts.removeRejected.addEventListener("click", () => act({ action: "remove", ids: rejected().map(({ id }) => id) }));
+  parts.makeBase.addEventListener("change", () => {
+    store.clip = parts.makeBase.value;
+    select(null);
+  });
   setLooping(isLooping);
   isStill.addEventListener("change", () => setLooping(!isStill.matches));
   on("project", writeAll);
@@ -66,11 +70,11 @@ function tick() {
   }
 }
 
-function makeMotions(event) {
+async function makeMotions(event) {
   event.preventDefault();
   const swap = [...parts.makeSwap.querySelectorAll("input")].filter((own) => own.checked).map((own) => own.value);
   const isAll = swap.length === parts.makeSwap.querySelectorAll("input").length;
-  act({
+  const reply = await act({
     action: "make",
     base: parts.makeBase.value,
     count: Number(parts.makeCount.value) || 1,
@@ -79,6 +83,7 @@ function makeMotions(event) {
     ...(parts.makeLoop.checked && { loop: true }),
     ...(!isAll && { swap }),
   });
+  if (reply?.motions.length) select(reply.motions[0]);
 }
 
 function writeForm() {
@@ -195,7 +200,7 @@ function numbersOf({ cost, new: share, apart, isLoop }) {
 
 function writeCard(card, motion) {
   const { name, mark, isKept, violations } = motion;
-  card.name.textContent = name;
+  card.name.replaceChildren(...breakable(name));
   card.numbers.replaceChildren(...numbersOf(motion));
   card.element.setAttribute(
     "aria-label",

@@ -14,7 +14,7 @@ export const setConstraint = (motion, number, constraint, isPreview = false) =>
 export function startConstraints() {
   fill(parts.newKind, Object.keys(NEW));
   parts.addConstraint.addEventListener("click", add);
-  on("project selected", write);
+  on("project selected figure", write);
   on("constraint", markChosen);
 }
 
@@ -33,10 +33,11 @@ async function add() {
 function write() {
   const motion = selected();
   parts.addConstraint.disabled = !motion;
-  const key = JSON.stringify([motion?.id, motion?.constraints, motion?.violations, motion?.remarks, jointNames().length]);
+  const isLoaded = mainFigure() !== null; // Its axes are needed.
+  const key = JSON.stringify([motion?.id, motion?.constraints, motion?.violations, motion?.remarks, isLoaded]);
   if (key === written) return;
   written = key;
-  const own = motion?.constraints || [];
+  const own = (isLoaded && motion?.constraints) || [];
   parts.noConstraint.hidden = own.length > 0;
   parts.noConstraint.textContent = motion ? HINT : "Make or select a motion first.";
   const remarks = motion?.violations.length ? motion.remarks.slice(-1).map((text) => make("li", { text })) : []; // The remedy.

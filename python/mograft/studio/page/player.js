@@ -9,8 +9,10 @@ export const player = { frame: 0, isPlaying: false, speed: 1 };
 
 export const motionFigure = () => figureOf("motion", store.selected);
 // The figure whose frames the page counts: the selected motion, or else the first clip.
-export const mainFigure = () => (selected() ? motionFigure() : figureOf("clip", store.project?.clips[0]?.name));
-export const nFrames = () => selected()?.frames ?? mainFigure()?.frames ?? 1;
+export const mainFigure = () => (selected() ? motionFigure() : figureOf("clip", shownClip()?.name));
+// Without a selected motion, the stage shows the clip that is chosen as base.
+const shownClip = () => store.project?.clips.find(({ name }) => name === store.clip) || store.project?.clips[0];
+export const nFrames = () => selected()?.frames ?? shownClip()?.frames ?? 1;
 export const frameTime = () => (selected() ? 1 / selected().rate : (mainFigure()?.dt ?? 1 / 30));
 export const seconds = (frame) => (frame * frameTime()).toFixed(2);
 
@@ -70,4 +72,4 @@ export function cut(direction) {
   if (next !== undefined) seek(next);
 }
 
-on("selected project", () => seek(player.frame));
+on("selected project figure", () => seek(player.frame));

@@ -13,6 +13,7 @@ const MAX_ZOOM = 200;
 
 let zoom = 1;
 let shown = ""; // What the lanes show: they are made again if it changes.
+let written = 0; // Frame of the cursor.
 let fitted = null; // The motion that the zoom fits.
 
 export const toShare = (frame) => frame / Math.max(nFrames() - 1, 1);
@@ -94,7 +95,8 @@ function writeCursor() {
   parts.cursor.style.left = percent(player.frame);
   parts.ruler.setAttribute("aria-valuenow", player.frame);
   parts.ruler.setAttribute("aria-valuetext", `frame ${player.frame} of ${nFrames() - 1}, ${seconds(player.frame)} seconds`);
-  if (!player.isPlaying && document.activeElement !== parts.ruler) return;
+  if (player.frame === written) return; // A person may have scrolled away from it.
+  written = player.frame;
   const x = toShare(player.frame) * parts.track.clientWidth;
   const { scrollLeft, clientWidth } = parts.scroller;
   if (x < scrollLeft || x > scrollLeft + clientWidth) parts.scroller.scrollLeft = x - 0.1 * clientWidth;

@@ -51,6 +51,9 @@ export function fill(select, options, value) {
 }
 export const selectInput = (options, value, given = {}) => fill(make("select", given), options, value);
 
+// A text that lines can break after each underscore.
+export const breakable = (text) => text.split(/(?<=_)/).flatMap((part) => [part, make("wbr")]);
+
 // An element with a name from a file and a note.
 export const named = (tag, given, name, note, kind = "faint") =>
   make(tag, given, make("bdi", { text: name }), note ? make("span", { class: kind, text: note }) : null);
