@@ -202,14 +202,16 @@ def graft_many(
     best: Grafts | None = None
     while True:
         plan = GraftPlan.build(library, base, swap, constraints, scenario)
-        wider = _widened(library, MAX_SIGMA_SCALE) if widen else None
-        if wider is None and (n := plan.n_combinations) < count:
+        is_last = not widen or _wider_scale(library) > MAX_SIGMA_SCALE
+        if is_last and (n := plan.n_combinations) < count:
             warnings.warn(f"at most {n} different motions exist, not {count}", stacklevel=2)
         donors = _choose_donors(plan, count, seed, float(distinct))
         if best is None or len(donors) >= len(best):
             best = Grafts(plan, donors, seed, _request=_request(plan, base, swap))
-        if wider is None or len(donors) >= count:
+        if is_last or len(donors) >= count:
             break
+        # Clustering a large library takes longer than the grafts: only if it is needed.
+        wider = _widened(library)
         scales = [variety_of_scale(own.config.sigma_scale) for own in (library, wider)]
         notes.append(
             f"only {len(donors)} different motions with a variety of {scales[0]:.2f}; trying "
@@ -302,10 +304,9 @@ def repair(
         request = replace(_request(plan, base, swap), method="repair")
         graft = build_graft(plan, donors, 0, 0, request)
         best = graft if best is None else min(best, graft, key=_total_excess)
-        wider = None if _are_kept(best, plan) else _widened(library, widest)
-        if wider is None:
+        if _are_kept(best, plan) or _wider_scale(library) > widest:
             return best
-        library = wider
+        library = _widened(library)
 
 
 def kept_violations(
@@ -339,12 +340,14 @@ def _request(
     )
 
 
-def _widened(library: Library, widest: float) -> Library | None:
-    """Return a library with larger clusters, or None if `sigma_scale` would exceed `widest`."""
-    sigma_scale = library.config.sigma_scale * 4 / 3
-    if sigma_scale > widest:
-        return None
-    return library.relabelled(replace(library.config, sigma_scale=sigma_scale))
+def _wider_scale(library: Library) -> float:
+    """Return the `sigma_scale` of the next larger clusters."""
+    return library.config.sigma_scale * 4 / 3
+
+
+def _widened(library: Library) -> Library:
+    """Return a library with larger clusters."""
+    return library.relabelled(replace(library.config, sigma_scale=_wider_scale(library)))
 
 
 def _are_kept(graft: Graft, plan: GraftPlan) -> bool:
