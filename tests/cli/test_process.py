@@ -25,6 +25,7 @@ ARGUMENTS = {
     ("lib", "export"): ["LIB", "--format", "csv", "-o", "tables"],
     ("candidates",): ["CLIP", "--segment", "3"],
     ("graft",): ["CLIP", "-o", "new.bvh"],
+    ("augment",): ["CLIP", "-o", "set", "-n", "3", "--seconds", "1"],
     ("view",): ["CLIP", "-o", "page.html"],
     ("plot",): ["energy", "CLIP", "-o", "x.png"],
     ("export",): ["CLIP", "-o", "x.npz"],

@@ -1,0 +1,47 @@
+"""Options of the commands that make data sets and search libraries."""
+
+from typing import Annotated, Literal
+
+from mograft.cli.syntax import options, values
+from mograft.cli.syntax.arguments import option, setting
+
+FEATURE_NAMES = (
+    *("rotations", "rotations_6d", "matrices", "root", "positions", "contacts", "humanml3d"),
+)
+
+
+class AugmentOptions(options.SeedOptions, options.LibraryOptions, section="output"):
+    """Write a data set of windows of grafts, from which models are trained.
+
+    Bases and donors are clips of one part of a split; clips whose motion also occurs in another
+    part are left out. The same options and seed give the same bytes with any number of processes.
+    """
+
+    output: values.Folder = option("folder of the data set", short="-o", is_required=True)
+    count: values.Count = option("number of windows", short="-n", is_required=True)
+    seconds: values.Duration = setting("duration of a window (default: 4)", default=4.0)
+    bases: values.Clips | None = setting("base clips, or globs such as waltz* (default: all)")
+    split: Annotated[str, values.Value("CSV|auto:KEY")] | None = setting(
+        "table of clips and their parts, or automatic parts (default: all clips)",
+        details="a row has a clip, a file, a glob or tag:TAG, and a part; auto:clip, auto:file and "
+        "auto:tag make train, val and test of 80, 10 and 10 percent, in which clips, files or tags "
+        "are not divided; auto:tag:GLOB uses only tags such as performer*",
+    )
+    part: values.Name = setting("part of the split (default: train)", default="train")
+    features: Annotated[tuple[str, ...], values.Value("NAME,...", values.names)] | None = setting(
+        f"arrays of npz and parquet, of {', '.join(FEATURE_NAMES)} (default: rotations,root,"
+        "contacts)"
+    )
+    format: Literal["npz", "parquet", "bvh", "glb"] = setting(
+        "format of the files (default: npz); parquet needs mograft[parquet]", default="npz"
+    )
+    variants: values.Count = setting(
+        "grafts of a base before the next base (default: 4)", default=4, is_expert=True
+    )
+    min_new: values.Share = setting(
+        "smallest share of frames of a window that differ from the base (default: 0.5)",
+        default=0.5,
+        is_expert=True,
+    )
+    jobs: values.Count = setting("processes that make grafts (default: 1)", default=1, short="-j")
+    resume: bool = option("continue an interrupted run with the same options")
