@@ -51,7 +51,7 @@ class Config:
         its extrema are found (4.1.1). 0 disables smoothing.
     min_length, max_length : float
         Shortest and longest segment, in seconds. Shorter segments are merged, longer ones
-        split.
+        split. With a `min_length` of 0 none are merged, as in the paper.
     omega : {"world", "local"}
         Whether the angular velocity of a link, the body part that moves with a joint, is relative
         to the world or to its parent (eq. 1).
@@ -188,7 +188,7 @@ class Config:
         "segmentation", "energy", stored=False
     )
     smoothing: float = setting("segmentation", 2 * FRAME, 0)
-    min_length: float = setting("segmentation", 3 * FRAME)
+    min_length: float = setting("segmentation", 3 * FRAME, 0)
     max_length: float = setting("segmentation", 2.0)
     omega: Literal["world", "local"] = setting("segmentation", "world")
     inertia: Literal["own", "subtree", "unit"] = setting("segmentation", "own")
@@ -286,7 +286,7 @@ class Config:
         frames; sigma limits the diameter of a cluster.
         """
         literal = cls(
-            min_length=FRAME,
+            min_length=0.0,
             max_length=math.inf,
             keep_heading=True,
             rotation_floor=0.0,

@@ -107,6 +107,7 @@ def test_check_lists_errors_and_faults_of_every_file(run, folder, tmp_path):
     assert "bad.bvh:4:2: expected OFFSET" in err
     assert "teleport: frames 99 to 100" in out
     assert "tolerated: " in out
+    assert "3 clips: 1 usable, 1 usable except for the listed frames, 1 invalid\n" in out
     assert run("check", tmp_path / "short.bvh")[0] == 0
     assert run("check", "--strict", tmp_path / "short.bvh")[0] == 3
     document = json.loads(run("check", "--json", tmp_path)[1])

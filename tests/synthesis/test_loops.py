@@ -69,6 +69,7 @@ def test_is_loop_cyclic_motion_is_one_and_its_half_is_none(seed, n_frames):
     motion = cyclic_motion(seed % 1000, 2 * n_frames + 1)
     assert is_loop(motion)
     assert not is_loop(motion[: n_frames - n_frames // 3])
+    assert is_loop(replace(motion, frame_time=900.0))  # longer than the longest frame time
 
 
 def test_is_loop_turned_and_travelling_root_is_one_and_gap_is_none():

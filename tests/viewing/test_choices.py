@@ -88,20 +88,22 @@ def test_viewer_preview_moves_the_group_as_the_donor(browser, takes, tmp_path):
     assert seen == {"take0", "take1"}
 
 
-@pytest.mark.parametrize("suffix", [".bvh", ".glb"])
-def test_viewer_commands_replay_all_choices(browser, takes, tmp_path, monkeypatch, capsys, suffix):
+@pytest.mark.parametrize(("suffix", "count"), [(".bvh", 2), (".glb", 2), (".glb", 5)])
+def test_viewer_commands_replay_all_choices(
+    browser, takes, tmp_path, monkeypatch, capsys, suffix, count
+):
     monkeypatch.chdir(tmp_path)
+    names = [f"take0_graft{index}" for index in range(count)]
     if suffix == ".glb":
         write_glb(takes, "clips.glb")
-        words = ["clips.glb", "--base", "take0", "-o", "long.glb", "-n", "2"]
-        names, target = ["take0_graft0", "take0_graft1"], "long.html"
+        words, target = ["clips.glb", "-o", "long.glb"], "long.html"
     else:
         (tmp_path / "clips").mkdir()
         for own in takes:
             mg.write_bvh(own, f"clips/{own.name}.bvh")
-        words = ["clips", "--base", "take0", "-o", ".", "-n", "2"]
-        names, target = ["take0_graft0", "take0_graft1"], "index.html"
-    assert main(["graft", *words, "--report", "--seed", "1"]) == 0, capsys.readouterr().err
+        words, target = ["clips", "-o", "."], "index.html"
+    words += ["--base", "take0", "-n", str(count), "--report", "--seed", "1"]
+    assert main(["graft", *words]) == 0, capsys.readouterr().err
     capsys.readouterr()
     page_path = tmp_path / target
     data = page_data(mg.Page("", page_path.read_text(encoding="utf-8")))

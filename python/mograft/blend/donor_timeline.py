@@ -234,6 +234,8 @@ class DonorLayout:
     def _close(self, space: ValueSpace) -> FloatArray:
         timeline, config, treatment = self.timeline, self.config, SEAM_TREATMENTS[self.config.seam]
         times, kept = timeline.frame_times(), timeline.kept_rows
+        if not self.tracks(space)[0].shape[1]:
+            return np.empty((len(kept), *self.tracks(space)[0].shape[1:]))
         rows, boundaries = timeline.sample(space, self.tracks(space), times), self.boundaries(space)
         frames = SegmentTimes(times.segment[kept], times.frames[kept])
         closed = ClosedFrames(
@@ -241,7 +243,7 @@ class DonorLayout:
             values=treatment.close(rows[kept], self.piece_times(frames), boundaries),
             cut=timeline.cut,
             seams=np.flatnonzero(self.seams),
-            window=round(config.seam_window * timeline.rate),
+            window=round(min(config.seam_window * timeline.rate, timeline.cut.stop[-1])),
             blend=config.seam_blend * timeline.rate,
             rate=timeline.rate,
             donor_rows=rows,

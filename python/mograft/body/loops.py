@@ -36,7 +36,7 @@ def is_loop(motion: Motion) -> bool:
     shifts = motion.positions[-1] - motion.positions[0]
     carriers = [root, *motion.skeleton.ancestors(root)]
     shifts[carriers] = 0.0
-    ends = motion[:: motion.n_frames - 1].world_positions()[:, root, up]
+    ends = [motion[k : k + 1].world_positions()[0, root, up] for k in (0, motion.n_frames - 1)]
     limit = MAX_LOOP_SHIFT * mass_model(motion.skeleton).height
     if (
         np.linalg.norm(rotations.log(turns), axis=-1).max() > MAX_LOOP_ANGLE

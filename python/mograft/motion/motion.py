@@ -1,7 +1,7 @@
 """`Motion`: the joint rotations and positions of a skeleton in every frame."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -135,15 +135,8 @@ class Motion:
         if not chosen:
             wanted = f"motion[{frames.start}:{frames.stop}]"
             raise ValueError(f"{wanted} selects none of the frames 0 to {self.n_frames - 1}")
-        values, is_computed = self.channel_values, self.computed_values
-        return replace(
-            self,
-            frame_time=self.frame_time * step,
-            rotations=self.rotations[frames],
-            positions=self.positions[frames],
-            channel_values=None if values is None else values[frames],
-            computed_values=None if is_computed is None else is_computed[frames],
-        )
+        limits.check_frame_time(self.frame_time * step, "`frame_time`")
+        return select_frames(self, frames, self.frame_time * step)
 
     @property
     def n_frames(self) -> int:
@@ -325,6 +318,24 @@ class Motion:
             if self.computed_values is not None:
                 computed |= self.computed_values[frames]
         return computed
+
+
+def select_frames(
+    motion: Motion, frames: slice | IntArray, frame_time: float, *, has_channels: bool = True
+) -> Motion:
+    """Return some frames of a motion, whose values are not checked again.
+
+    Without `has_channels`, channel values are left out.
+    """
+    state = {own.name: getattr(motion, own.name) for own in fields(motion)}
+    for name in ("rotations", "positions", "channel_values", "computed_values"):
+        if name.endswith("_values") and not has_channels:
+            state[name] = None
+        elif state[name] is not None:
+            state[name] = np.ascontiguousarray(state[name][frames])
+    selected = object.__new__(Motion)
+    set_fields(selected, {**state, "frame_time": frame_time})
+    return selected
 
 
 def _as_channel_array(

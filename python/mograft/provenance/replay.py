@@ -216,9 +216,11 @@ def _finish_versions(
         reaches, adjust = [own.reach for own in found] if is_same else every, None
         if graft is not None:
             known = [own.reach for own in completions[-1]]
-            added = [own for own in reaches if not any(own is old for old in known)]
+            # Both those that were added and those that were removed.
+            other = [own for own in reaches if not any(own is old for old in known)]
+            other += [own for own in known if not any(own is new for new in reaches)]
             steps = versions[index - 1], donors
-            adjust = partial(splice_versions, plan.problem, *steps, graft.motion, reaches=added)
+            adjust = partial(splice_versions, plan.problem, *steps, graft.motion, reaches=other)
         moved = [own.reach for own in found if own.is_moved] if is_same else every
         graft = finish_graft(plan.problem, assembly, seed, index, adjust, moved)
         completions.append(found if is_same else graft.reach_completions)

@@ -1,7 +1,7 @@
 """Motions assembled from donor sequences, and how far they violate hard constraints."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from mograft.blend.loop_join import close_join
 from mograft.blend.recombine import Part, recombine
 from mograft.blend.transplant import seam_reach, transplant
 from mograft.body.capsules import Poses
-from mograft.motion.motion import Motion
+from mograft.motion.motion import Motion, select_frames
 from mograft.motion.segments import Segments
 from mograft.search.costs import excess
 from mograft.search.trellis import DonorSequences
@@ -118,6 +118,8 @@ def donor_excess(problem: SearchProblem, donors: DonorSequences) -> dict[str, Fl
     The result has an array of shape (n_frames,) for each group: max(0, greatest violation amount
     - 1) in each frame.
     """
+    if not any(own.is_hard for own in problem.pose_constraints):
+        return {group: np.zeros(problem.base.n_frames) for group in problem.driven_joints}
     excesses = donor_excesses(problem, [donors], 0, len(problem.base_segments))
     return {group: own[0] for group, own in excesses.items()}
 
@@ -165,9 +167,7 @@ def assemble_excerpts(problem: SearchProblem, excerpts: Sequence[Excerpt]) -> Mo
         np.concatenate([own.start + shift for own, shift in pairs]),
         np.concatenate([own.stop + shift for own, shift in pairs]),
     )
-    motion = replace(
-        base, rotations=base.rotations[kept], positions=base.positions[kept], channel_values=None
-    )
+    motion = select_frames(base, kept, base.frame_time, has_channels=False)
     parts = []
     for group in problem.pools:
         chosen = [own.donors_of(group) for own in excerpts if group in own.donors]

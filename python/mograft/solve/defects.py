@@ -133,11 +133,11 @@ class DefectMeasure:
         """
         half_width = max(round(_SEAM_SECONDS * self.problem.base.rate), 1)
         around = frames[:, None] + np.arange(-half_width, half_width + 1)
-        found = []
+        rows, found = np.clip(around, 0, len(derivatives[0]) - 1), []
         # A second difference reaches one step to both sides, a third one step further.
         for values, reach in zip(derivatives, (1, 2), strict=True):
             is_inside = (around >= first + self._step) & (around <= last - reach * self._step)
-            own = values[around.clip(0, len(values) - 1)] * is_inside
+            own = values[rows] * is_inside
             found.append(own.max(axis=1, initial=0.0))
         return np.stack(found)
 

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.runs import dilate, find_runs
 from mograft.search.constraints import Span, Violation
 from mograft.search.costs import excess
@@ -169,12 +169,9 @@ class _Defects:
             )
         return reports
 
-    def has_feasible_seams(self, donors: IntArray, window: _Window) -> bool:
-        """Whether no seam in a window exceeds `max_angle` by more than before the repair."""
-        start, stop = window
-        around = slice(max(start - 1, 0), stop + 1)
-        first = self._seam_excess(self.donors[around])
-        return bool((self._seam_excess(donors[around]) <= first + _ROUNDING).all())
+    def has_feasible_seams(self, donors: IntArray) -> BoolArray:
+        """Return whether each seam exceeds `max_angle` by no more than before the repair."""
+        return self._seam_excess(donors) <= self._first_seam_excess + _ROUNDING
 
     def broken_frames(self, assembly: Assembly) -> list[Span]:
         """Return the frames of the violations of constraints that `assembly` violates more.
@@ -197,6 +194,10 @@ class _Defects:
     def first_violations(self) -> Sequence[Violation]:
         """The violations of the first donors."""
         return self.violations(self.assembly)
+
+    @cached_property
+    def _first_seam_excess(self) -> FloatArray:
+        return self._seam_excess(self.donors)
 
     def _seam_excess(self, donors: IntArray) -> FloatArray:
         problem = self.assembly.problem
@@ -233,6 +234,7 @@ def _search(defects: _Defects, trellis: DonorTrellis) -> IntArray:
             current = search_again(trellis, penalties, current, inner, _LIMIT_FACTOR)
         donors = np.where(is_open, current, first)
         found = _measure(defects, donors, windows)
+        is_feasible = defects.has_feasible_seams(donors)
         for (start, stop), own in zip(windows, found, strict=True):
             inside = own[min(start, 1) :][: stop - start]
             above[start:stop] = excess(inside.max(axis=1))
@@ -240,7 +242,7 @@ def _search(defects: _Defects, trellis: DonorTrellis) -> IntArray:
             if (
                 total < least[start, stop]
                 and defects.is_better(own, (start, stop))
-                and defects.has_feasible_seams(donors, (start, stop))
+                and is_feasible[max(start - 1, 0) : stop].all()
             ):
                 least[start, stop] = total
                 best[start:stop] = current[start:stop]

@@ -202,7 +202,7 @@ def graft_many(
     best: Grafts | None = None
     while True:
         plan = GraftPlan.build(library, base, swap, constraints, scenario)
-        is_last = not widen or _wider_scale(library) > MAX_SIGMA_SCALE
+        is_last = not widen or _next_scale(library) > MAX_SIGMA_SCALE
         if is_last and (n := plan.n_combinations) < count:
             warnings.warn(f"at most {n} different motions exist, not {count}", stacklevel=2)
         donors = _choose_donors(plan, count, seed, float(distinct))
@@ -210,7 +210,6 @@ def graft_many(
             best = Grafts(plan, donors, seed, _request=_request(plan, base, swap))
         if is_last or len(donors) >= count:
             break
-        # Clustering a large library takes longer than the grafts: only if it is needed.
         wider = _widened(library)
         scales = [variety_of_scale(own.config.sigma_scale) for own in (library, wider)]
         notes.append(
@@ -304,7 +303,7 @@ def repair(
         request = replace(_request(plan, base, swap), method="repair")
         graft = build_graft(plan, donors, 0, 0, request)
         best = graft if best is None else min(best, graft, key=_total_excess)
-        if _are_kept(best, plan) or _wider_scale(library) > widest:
+        if _are_kept(best, plan) or _next_scale(library) > widest:
             return best
         library = _widened(library)
 
@@ -340,14 +339,14 @@ def _request(
     )
 
 
-def _wider_scale(library: Library) -> float:
-    """Return the `sigma_scale` of the next larger clusters."""
+def _next_scale(library: Library) -> float:
+    """Return the `Config.sigma_scale` of the next larger clusters."""
     return library.config.sigma_scale * 4 / 3
 
 
 def _widened(library: Library) -> Library:
-    """Return a library with larger clusters."""
-    return library.relabelled(replace(library.config, sigma_scale=_wider_scale(library)))
+    """Return a library with the next larger clusters."""
+    return library.relabelled(replace(library.config, sigma_scale=_next_scale(library)))
 
 
 def _are_kept(graft: Graft, plan: GraftPlan) -> bool:

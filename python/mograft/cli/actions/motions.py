@@ -120,6 +120,7 @@ def run_check(options: CheckOptions) -> int:
     """Check every file; return exit code 3 if one of them is not valid, else 0."""
     documents, rest = [], selected_skeleton(options.skeleton)
     skeletons: dict[str, Skeleton] = {}
+    n_good = n_invalid = 0
     for name in expand_folders(options.files):
         document = _check_file(name, rest, skeletons, strict=options.strict)
         documents.append(document)
@@ -127,6 +128,7 @@ def run_check(options: CheckOptions) -> int:
             continue
         if document["error"] is not None:
             print_error(document["error"])
+            n_invalid += 1
             continue
         lines = [f"tolerated: {repair}" for repair in document["repairs"]]
         lines += [
@@ -134,7 +136,14 @@ def run_check(options: CheckOptions) -> int:
             for fault in document["faults"]
             if options.verbose or fault["kind"] not in HARMLESS_FAULTS
         ]
+        n_good += all(fault["kind"] in HARMLESS_FAULTS for fault in document["faults"])
         print("\n  ".join([f"{name}: {'' if lines else 'good'}".rstrip(), *lines]))
+    if (n := len(documents)) > 1 and not options.json:
+        n_faulty = n - n_good - n_invalid
+        print(
+            f"{n} clips: {n_good} usable, {n_faulty} usable except for the listed frames, "
+            f"{n_invalid} invalid"
+        )
     sizes = describe_sizes(skeletons)
     print_result(options, "check/1", {"files": documents, "sizes": sizes}, sizes)
     return 3 if any(document["error"] for document in documents) else 0

@@ -7,7 +7,7 @@ const TYPES = { f4: Float32Array, u2: Uint16Array, u4: Uint32Array, u1: Uint8Arr
 // Decode the arrays and textures of the characters of the page.
 export async function loadCharacters() {
   for (const character of scene.characters) {
-    const data = JSON.parse(document.getElementById(character.data).textContent);
+    const data = character.data ? JSON.parse(document.getElementById(character.data).textContent) : character;
     character.textures = await Promise.all(data.textures.map(decodeTexture));
     for (const part of character.parts) {
       part.arrays = {};

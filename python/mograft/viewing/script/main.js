@@ -4,7 +4,7 @@ import { loadCharacters } from "./character.js";
 import { commandOf } from "./choices.js";
 import { groupColour, ink, readTheme } from "./colours.js";
 import { describe, preview, writeDetail, writeTable } from "./details.js";
-import { makeCaptions, makeFigureButtons, placeCaptions, writeCaptions } from "./figures.js";
+import { makeCaptions, makeFigureButtons, placeCaptions, showFigures, writeCaptions } from "./figures.js";
 import { listenToKeys, listenToStage, listenToTimeline, resetCamera, toggle, TOGGLES } from "./input.js";
 import { cut, draw, onDraw, play, redraw, seconds, seek, show, writeFrame, zoomTime } from "./player.js";
 import { load, makePose, nodePlace, setPose } from "./poses.js";
@@ -149,7 +149,11 @@ async function begin() {
     seek(frame);
     draw();
   };
-  const parts = { scene, state, timeline, actorOf, commandOf, describe, makePose, nodePlace, preview, setPose };
+  const show = async (indices) => {
+    await Promise.all(indices.map((i) => load(clips[i])));
+    showFigures(indices, onFiguresChange);
+  };
+  const parts = { show, scene, state, timeline, actorOf, commandOf, describe, makePose, nodePlace, preview, setPose };
   window.mograft = { frames: nFrames, seek: moveTo, frame: () => state.frame, ...parts };
 }
 

@@ -1,7 +1,10 @@
 // The data of the page and the state of the viewer. Names come from files and enter the page as
 // text only.
 export const root = document.getElementById("mograft");
-export const scene = JSON.parse(document.getElementById("mograft-data").textContent);
+const stored = document.getElementById("mograft-data");
+// The page of the studio contains no figures: it adds them later.
+const nothing = { clips: [], groups: [], characters: [], objects: [], windows: {}, shown: 0, height: 1, floor: 0 };
+export const scene = stored ? JSON.parse(stored.textContent) : nothing;
 export const find = (name) => root.querySelector(`[data-part="${name}"]`);
 export const stage = find("stage");
 export const marks = find("marks");
@@ -11,7 +14,7 @@ export const isAlone = document.body.classList.contains("alone");
 export const clips = scene.clips;
 // Frame numbers of the page are those of the first figure.
 export const first = clips[0];
-export const nFrames = Math.max(...clips.map((clip) => Math.round(((clip.frames - 1) * clip.dt) / first.dt) + 1));
+export const nFrames = Math.max(1, ...clips.map((clip) => Math.round(((clip.frames - 1) * clip.dt) / first.dt) + 1));
 export const size = { width: 1, height: 1, ratio: 1 };
 
 const isNarrow = root.clientWidth < 600;
