@@ -26,6 +26,7 @@ ARGUMENTS = {
     ("candidates",): ["CLIP", "--segment", "3"],
     ("graft",): ["CLIP", "-o", "new.bvh"],
     ("augment",): ["CLIP", "-o", "set", "-n", "3", "--seconds", "1"],
+    ("find",): ["CLIP", "LIB", "--frames", "10-30"],
     ("view",): ["CLIP", "-o", "page.html"],
     ("plot",): ["energy", "CLIP", "-o", "x.png"],
     ("export",): ["CLIP", "-o", "x.npz"],

@@ -1,13 +1,25 @@
 """Data sets of grafts for the training of models, and searches in libraries.
 
 `augment` returns windows of grafts as a sequence, `write` stores them in a folder, and `read_set`
-opens it. Bases and donors of one part of a split hold no motion of another part.
+opens it. Bases and donors of one part of a split hold no motion of another part. `find` returns
+spans that move like a query.
 """
 
 from mograft.datasets.augmentation import Augmentation, augment
 from mograft.datasets.features import FEATURES
+from mograft.datasets.finding import Hit, find
 from mograft.datasets.humanml import humanml3d
 from mograft.datasets.reading import DataSet, read_set
 from mograft.datasets.writing import write
 
-__all__ = ["FEATURES", "Augmentation", "DataSet", "augment", "humanml3d", "read_set", "write"]
+__all__ = [
+    "FEATURES",
+    "Augmentation",
+    "DataSet",
+    "Hit",
+    "augment",
+    "find",
+    "humanml3d",
+    "read_set",
+    "write",
+]

@@ -1,18 +1,28 @@
-"""``mograft augment``: data sets of grafts."""
+"""``mograft augment`` and ``find``: data sets of grafts, and searches in libraries."""
 
+from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from mograft._util.workers import worker_processes
 from mograft.cli import configuration
-from mograft.cli.files import check_suffix
+from mograft.cli.files import check_suffix, check_writable, frame_range
+from mograft.cli.graft_files import open_page
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax.arguments import UsageError
-from mograft.cli.syntax.datasets import AugmentOptions
+from mograft.cli.syntax.datasets import AugmentOptions, FindOptions
 from mograft.datasets.augmentation import augment
 from mograft.datasets.features import DEFAULT_FEATURES
+from mograft.datasets.finding import Hit, find
 from mograft.datasets.splits import Part
 from mograft.datasets.writing import write
 from mograft.errors import join_names
+from mograft.io.formats import read_clip, split_address
+from mograft.library.library import Library
+from mograft.motion.motion import Motion
+from mograft.viewing.page import temporary_path, view
 
 
 def run_augment(options: AugmentOptions) -> int:
@@ -82,3 +92,64 @@ def _describe_report(report: dict[str, Any], count: int) -> list[str]:
             "max_stretch=0.3, a lower --min-new or more clips give more"
         )
     return lines
+
+
+_MAX_SHOWN = 11
+"""Spans on a page, beside the query."""
+
+
+def run_find(options: FindOptions) -> int:
+    """List the spans of a library that are nearest to a query."""
+    if options.query is None and options.text is None:
+        raise UsageError("expected QUERY and LIB, or LIB and --text; got neither QUERY nor --text")
+    for name in options.given("frames", "part"):
+        if options.query is None:
+            raise UsageError(f"--{name} requires QUERY")
+    if options.output is not None:
+        check_suffix(options.output, ".html", ".htm")
+        check_writable([options.output], force=options.force)
+    library = Library.open(options.library)
+    query, frames = None, None
+    if options.query is not None:
+        query = _read_query(library, options.query)
+        frames = frame_range(query, options.frames)
+    hits = find(
+        library, query, frames=frames, part=options.part, text=options.text, top=options.top
+    )
+    lines = [_describe_hit(hit, library.rate) for hit in hits] or ["no span was found"]
+    if options.output is not None or options.open:
+        path = options.output or temporary_path()
+        shown = [] if query is None or frames is None else [(query, *frames)]
+        shown += [
+            (library.clips[library.names.index(own.clip)], own.start, own.stop) for own in hits
+        ]
+        items = [
+            replace(motion[start : stop + 1], name=f"{motion.name} {start}-{stop}", path=None)
+            for motion, start, stop in shown[: _MAX_SHOWN + 1]
+        ]
+        if not items:
+            raise ValueError("no span was found: no page was written")
+        view(*items, groups=library.groups, show=False).save(path, force=True)
+        if options.open:
+            open_page(path)
+        lines = [*lines, str(path)]
+    document = [
+        {**asdict(hit), "angle": None if np.isnan(hit.angle) else hit.angle} for hit in hits
+    ]
+    print_result(options, "find/1", {"hits": document}, lines)
+    return 0
+
+
+def _read_query(library: Library, name: str) -> Motion:
+    """Return the clip of a library, or the motion in a file, with a name."""
+    if name not in library.names and Path(split_address(name)[0]).exists():
+        return read_clip(name, skeleton=library.spec.rest)
+    base, clip = library.resolve_base(name)
+    return base.clips[clip]
+
+
+def _describe_hit(hit: Hit, rate: float) -> str:
+    span = f"{hit.clip} {hit.start}-{hit.stop} ({hit.start / rate:.2f}-{hit.stop / rate:.2f} s)"
+    if np.isnan(hit.angle):
+        return f"{hit.clip}: {hit.stop + 1} frames"
+    return f"{span}: {np.degrees(hit.angle):.1f}°, distance {hit.distance:.2f}"

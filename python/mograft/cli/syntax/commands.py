@@ -267,6 +267,7 @@ COMMANDS = (
     Command("candidates", options.CandidatesOptions, "candidates:run"),
     Command("graft", options.GraftOptions, "graft:run"),
     Command("augment", datasets.AugmentOptions, "datasets:run_augment"),
+    Command("find", datasets.FindOptions, "datasets:run_find"),
     Command("stream", StreamOptions, "library:run_stream"),
     Command("studio", StudioOptions, "studio:run_studio"),
     Command("view", ViewOptions, "pictures:run_view"),

@@ -3,7 +3,7 @@
 from typing import Annotated, Literal
 
 from mograft.cli.syntax import options, values
-from mograft.cli.syntax.arguments import option, setting
+from mograft.cli.syntax.arguments import option, positional, setting
 
 FEATURE_NAMES = (
     *("rotations", "rotations_6d", "matrices", "root", "positions", "contacts", "humanml3d"),
@@ -45,3 +45,22 @@ class AugmentOptions(options.SeedOptions, options.LibraryOptions, section="outpu
     )
     jobs: values.Count = setting("processes that make grafts (default: 1)", default=1, short="-j")
     resume: bool = option("continue an interrupted run with the same options")
+
+
+class FindOptions(options.WriterOptions, section="output"):
+    """Find the spans of a library that move like a clip or file, or clips by their words."""
+
+    query: values.ClipOrFile | None = positional(
+        "clip of the library, or motion file; none with --text alone", "?"
+    )
+    library: values.LibraryFolder = positional("folder of a library")
+    frames: values.Frames | None = option(
+        "frames, or times as 3s-4s, of QUERY; whole segments are compared (default: all)"
+    )
+    part: values.Name | None = option("joint group that is compared (default: all groups)")
+    text: values.Name | None = option("words of names, tags and descriptions of clips")
+    top: values.Count = setting("number of spans (default: 20)", default=20)
+    output: values.File | None = option(
+        "HTML file in which the query and the first spans are side by side", short="-o"
+    )
+    open: bool = option("open the page in the browser")
