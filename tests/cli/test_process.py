@@ -27,6 +27,7 @@ ARGUMENTS = {
     ("graft",): ["CLIP", "-o", "new.bvh"],
     ("augment",): ["CLIP", "-o", "set", "-n", "3", "--seconds", "1"],
     ("find",): ["CLIP", "LIB", "--frames", "10-30"],
+    ("curate",): ["LIB"],
     ("view",): ["CLIP", "-o", "page.html"],
     ("plot",): ["energy", "CLIP", "-o", "x.png"],
     ("export",): ["CLIP", "-o", "x.npz"],

@@ -1,24 +1,31 @@
-"""``mograft augment`` and ``find``: data sets of grafts, and searches in libraries."""
+"""``mograft augment``, ``find`` and ``curate``: data sets, searches, choices of clips."""
 
+import csv
+import io
+import shutil
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from mograft._util.atomic import atomic_path, write_bytes
+from mograft._util.names import portable_stem
 from mograft._util.workers import worker_processes
 from mograft.cli import configuration
 from mograft.cli.files import check_suffix, check_writable, frame_range
 from mograft.cli.graft_files import open_page
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax.arguments import UsageError
-from mograft.cli.syntax.datasets import AugmentOptions, FindOptions
+from mograft.cli.syntax.datasets import AugmentOptions, CurateOptions, FindOptions
 from mograft.datasets.augmentation import augment
+from mograft.datasets.curation import Choice, curate
 from mograft.datasets.features import DEFAULT_FEATURES
 from mograft.datasets.finding import Hit, find
 from mograft.datasets.splits import Part
 from mograft.datasets.writing import write
 from mograft.errors import join_names
+from mograft.io.csv import without_formula
 from mograft.io.formats import read_clip, split_address
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -153,3 +160,68 @@ def _describe_hit(hit: Hit, rate: float) -> str:
     if np.isnan(hit.angle):
         return f"{hit.clip}: {hit.stop + 1} frames"
     return f"{span}: {np.degrees(hit.angle):.1f}°, distance {hit.distance:.2f}"
+
+
+def run_curate(options: CurateOptions) -> int:
+    """Choose few clips that hold nearly all movements of a library."""
+    if options.radius is not None and options.keep is not None:
+        raise UsageError("--keep cannot be combined with --radius")
+    target, table = options.output, None
+    if target is not None:
+        check_suffix(target, ".csv", is_folder=True)
+        table = target if target.suffix.lower() == ".csv" else target / "clips.csv"
+    library = Library.open(options.library)
+    found = curate(library, radius=options.radius, keep=options.keep, part=options.part)
+    copies = {} if target is None or table == target else _copied_files(library, found.kept, target)
+    if table is not None:
+        check_writable([*copies, table], force=options.force, inputs=list(copies.values()))
+        table.parent.mkdir(parents=True, exist_ok=True)
+        for path, source in copies.items():
+            with atomic_path(path) as draft:
+                shutil.copyfile(source, draft)
+        write_bytes(table, _curation_table(found.choices))
+    n_faulty = sum(np.isnan(own.nearest) for own in found.choices)
+    print_remark(
+        f"{len(found.kept)} of {len(found.choices)} clips kept, {found.kept_share:.1%} of the "
+        f"frames; every other segment is within {found.radius:.3f} of a kept one"
+    )
+    for share in (0.5, 0.9, 1.0):
+        number, (frames, _) = next(
+            (i, own) for i, own in enumerate(found.curve, 1) if own[1] >= share
+        )
+        print_remark(f"  {share:.0%} of the clusters in {number} clips, {frames} frames")
+    if n_faulty:
+        print_remark(f"  {n_faulty} clips have faults in all segments")
+    lines = found.kept if table is None else [*copies, table]
+    document = {"radius": found.radius, "kept_share": found.kept_share, "curve": found.curve}
+    clips = [
+        {**asdict(own), "nearest": None if np.isnan(own.nearest) else own.nearest}
+        for own in found.choices
+    ]
+    print_result(options, "curate/1", {**document, "clips": clips}, lines)
+    return 0
+
+
+def _copied_files(library: Library, kept: list[str], folder: Path) -> dict[Path, str]:
+    """Return the copies of the files of clips, with the files; equal names get numbers."""
+    names = set(kept)
+    files = [own.source_file for own in library.entries if own.name in names]
+    sources = list(dict.fromkeys(file.path for file in files if file is not None))
+    copies: dict[Path, str] = {}
+    for source in sources:
+        path, number = folder / portable_stem(Path(source).name), 2
+        while path in copies:
+            path = folder / f"{Path(source).stem}~{number}{Path(source).suffix}"
+            number += 1
+        copies[path] = source
+    return copies
+
+
+def _curation_table(choices: tuple[Choice, ...]) -> bytes:
+    text = io.StringIO(newline="")
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(("clip", "kept", "frames", "nearest", "reason"))
+    for own in choices:
+        name, reason = without_formula(own.clip), without_formula(own.reason)
+        rows.writerow((name, int(own.is_kept), own.frames, f"{own.nearest:.6g}", reason))
+    return text.getvalue().encode("utf-8", "replace")

@@ -268,6 +268,7 @@ COMMANDS = (
     Command("graft", options.GraftOptions, "graft:run"),
     Command("augment", datasets.AugmentOptions, "datasets:run_augment"),
     Command("find", datasets.FindOptions, "datasets:run_find"),
+    Command("curate", datasets.CurateOptions, "datasets:run_curate"),
     Command("stream", StreamOptions, "library:run_stream"),
     Command("studio", StudioOptions, "studio:run_studio"),
     Command("view", ViewOptions, "pictures:run_view"),

@@ -64,3 +64,25 @@ class FindOptions(options.WriterOptions, section="output"):
         "HTML file in which the query and the first spans are side by side", short="-o"
     )
     open: bool = option("open the page in the browser")
+
+
+class CurateOptions(options.WriterOptions, section="output"):
+    """Choose few clips that hold nearly all movements of a library.
+
+    Every segment without faults of a dropped clip is within the radius of a segment of a kept clip,
+    in the embedding of the library. The clips are listed with the reason for each.
+    """
+
+    library: values.LibraryFolder = positional("folder of a library")
+    radius: values.NonNegative | None = setting(
+        "radius in cluster diameter thresholds of the library (default: 1)"
+    )
+    keep: Annotated[float, values.Value("X|X%", values.share_or_percent)] | None = setting(
+        "share of the frames to keep, such as 10%, instead of a radius"
+    )
+    part: values.Name | None = option("joint group that is compared (default: all groups)")
+    output: values.OutputPath | None = option(
+        "folder to which the files of the kept clips are copied, with the table; or a .csv file "
+        "for the table alone",
+        short="-o",
+    )
