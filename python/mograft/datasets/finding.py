@@ -157,21 +157,23 @@ def _nearest_runs(
         for group in groups
         if (embedding := library.embedding[group]) is not None and library.sigma[group] > 0
     ]
+
+    def squares(starts: IntArray, offset: int) -> FloatArray:
+        """Return the squared distances of the segments at `offset` in runs and in the query."""
+        gaps = [points[starts + offset] - points[own[offset]] for points in spaces]
+        return np.sum([np.einsum("ij,ij->i", gap, gap) for gap in gaps], axis=0) + np.zeros(
+            len(starts)
+        )
+
     sums = np.zeros(len(runs))
     wanted = min(count * (2 * n - 1), len(runs))  # a run overlaps n - 1 others on either side
-    for offset, segment in enumerate(own.tolist()):
-        for points in spaces:
-            gaps = points[runs + offset] - points[segment]
-            sums = sums + np.einsum("ij,ij->i", gaps, gaps)
+    for offset in range(n):
+        sums = sums + squares(runs, offset)
         if 0 < wanted < len(runs) and offset + 1 < n:
             # The final sum of the runs that are best now bounds that of the best ones.
             best = runs[np.argpartition(sums, wanted - 1)[:wanted]]
-            total = np.zeros(wanted)
-            for later, other in enumerate(own.tolist()):
-                for points in spaces:
-                    gaps = points[best + later] - points[other]
-                    total = total + np.einsum("ij,ij->i", gaps, gaps)
-            kept = sums <= total.max() * (1 + 1e-9)
+            bound = np.sum([squares(best, later) for later in range(n)], axis=0).max()
+            kept = sums <= bound * (1 + 1e-9)
             runs, sums = runs[kept], sums[kept]
     found, distances = list[int](), list[float]()
     is_free = np.ones(n_known, bool)

@@ -10,7 +10,6 @@ import numpy as np
 from mograft._util.containers import LazySequence
 from mograft._util.documents import read_document
 from mograft.datasets.features import Array
-from mograft.datasets.shards import read_features
 from mograft.datasets.writing import MANIFEST, SCHEMA
 from mograft.errors import MograftError
 
@@ -63,16 +62,16 @@ class DataSet(LazySequence[dict[str, Array]]):
         return {**{name: own[row] for name, own in shard.items()}, "index": np.array(index)}
 
     def _read(self, number: int) -> dict[str, Array]:
-        shapes = {name: own["shape"] for name, own in self.manifest["features"].items()}
         (file,) = self.manifest["shards"][number]["files"]
         path = self.folder / file["file"]
         if not path.is_file() or path.stat().st_size != file["bytes"]:
             raise MograftError(f"{path} is missing or has changed since it was written")
-        return read_features(path, shapes)
+        with np.load(path, allow_pickle=False) as archive:
+            return {name: archive[name] for name in self.manifest["features"]}
 
 
 def read_set(folder: str | PathLike[str]) -> DataSet:
-    """Open a data set of the format npz or parquet.
+    """Open a data set of the format npz.
 
     Parameters
     ----------
@@ -89,7 +88,7 @@ def read_set(folder: str | PathLike[str]) -> DataSet:
     FileNotFoundError
         If the folder has no manifest.
     ValueError
-        If the data set is not complete, or is of motion files.
+        If the data set is not complete, or of another format.
     """
     path = Path(fspath(folder))
     document = read_document(path / MANIFEST)
@@ -97,6 +96,6 @@ def read_set(folder: str | PathLike[str]) -> DataSet:
         raise ValueError(f"{path}: expected a data set of {SCHEMA}")
     if "report" not in document:
         raise ValueError(f"{path} is not complete: finish it with --resume or `resume=True`")
-    if document["request"]["format"] not in ("npz", "parquet"):
-        raise ValueError(f"{path} has motion files, which `mograft.read` reads")
+    if (kind := document["request"]["format"]) != "npz":
+        raise ValueError(f"{path}: expected a data set of the format npz, got {kind}")
     return DataSet(path.absolute(), document)

@@ -4,9 +4,9 @@ import io
 import os
 import tempfile
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from mograft._util.atomic import write_bytes
 from mograft._util.extras import import_extra
 from mograft._util.names import portable_stem
 from mograft.datasets.augmentation import Encode, Window
-from mograft.datasets.features import Array
 from mograft.io.bvh.writer import write_bvh
 from mograft.io.glb import write_glb
 from mograft.motion.motion import Motion
@@ -29,7 +28,6 @@ Files = list[tuple[str, bytes]]
 class ShardFormat(ABC):
     """A format in which shards are stored; the same windows give the same bytes."""
 
-    summary: ClassVar[str]
     encode: Encode | None = None  # converts the motion of a window; None: only features are stored
 
     @abstractmethod
@@ -43,8 +41,6 @@ class ShardFormat(ABC):
 class NpzShards(ShardFormat):
     """One NPZ file per shard: for each feature an array whose first axis is the window."""
 
-    summary = "arrays of NumPy, a file for 64 windows"
-
     def files(self, number: int, first: int, windows: Sequence[Window]) -> Files:  # noqa: ARG002
         """As `ShardFormat.files`."""
         buffer = io.BytesIO()
@@ -56,8 +52,6 @@ class NpzShards(ShardFormat):
 
 class ParquetShards(ShardFormat):
     """One Parquet file per shard: a row per window, and a list of numbers for each feature."""
-
-    summary = "tables, a row per window; needs mograft[parquet]"
 
     def check(self) -> None:
         """As `ShardFormat.check`."""
@@ -83,11 +77,6 @@ class MotionShards(ShardFormat):
     def __init__(self, suffix: str, write: Callable[[Motion, Path], object]) -> None:
         self._suffix, self._write = suffix, write
         self.encode = self._encode
-
-    @property
-    def summary(self) -> str:  # type: ignore[override]
-        """What is stored."""
-        return f"a {self._suffix} file for each window"
 
     def _encode(self, motion: Motion) -> bytes:
         with tempfile.TemporaryDirectory() as folder:
@@ -119,19 +108,3 @@ def write_files(folder: Path, files: Files) -> None:
         path = folder / name
         os.makedirs(path.parent, exist_ok=True)
         write_bytes(path, data)
-
-
-def read_features(path: Path, shapes: Mapping[str, Sequence[int]]) -> dict[str, Array]:
-    """Return the features of an NPZ or Parquet shard by name, with the windows on the first axis.
-
-    `shapes` has the shape of each feature in one window.
-    """
-    if path.suffix == ".npz":
-        with np.load(path, allow_pickle=False) as archive:
-            return {name: archive[name] for name in shapes}
-    parquet = import_extra("pyarrow.parquet", "Parquet needs pyarrow", "parquet")
-    table = parquet.read_table(path)
-    return {
-        name: table[name].combine_chunks().values.to_numpy(zero_copy_only=False).reshape(-1, *shape)
-        for name, shape in shapes.items()
-    }

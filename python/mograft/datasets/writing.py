@@ -3,6 +3,7 @@
 import csv
 import hashlib
 import io
+import json
 import pickle
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
@@ -15,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from mograft._util.atomic import exclusive_lock, write_bytes, write_json
+from mograft._util.atomic import exclusive_lock, write_bytes, write_text
 from mograft._util.documents import read_document
 from mograft._util.validate import as_integer, check_choice, check_type
 from mograft.datasets.augmentation import PROVENANCE, Augmentation, JobResult, Window
@@ -241,7 +242,7 @@ def _write_manifest(
 ) -> dict[str, Any]:
     document = {"schema": SCHEMA, "request": request, "state": state.as_dict(), **more}
     document |= {"features": state.features, "shards": state.shards}
-    write_json(folder / MANIFEST, document)
+    write_text(folder / MANIFEST, json.dumps(document, indent=1) + "\n")
     return document
 
 
@@ -276,10 +277,6 @@ def _report(windows: Augmentation, folder: Path, state: _State) -> dict[str, Any
                 bases[row["base"]] += 1
                 own = tuple(float(row[name]) for name in ("new", "changed", "gap"))
                 measures[row["window"]] = own
-    tags = Counter[str]()
-    tags_of = {entry.name: entry.tags for entry in library.entries}
-    for base, number in bases.items():
-        tags.update(dict.fromkeys(tags_of.get(base, ()), number))
     new, changed, gap = np.array(list(measures.values()) or [(0.0,) * 3]).T
     is_ours = part.clips[library.segments.clip]
     n_donors = int((library.is_donor & is_ours).sum())
@@ -298,8 +295,6 @@ def _report(windows: Augmentation, folder: Path, state: _State) -> dict[str, Any
         "clips_of_part": int(part.clips.sum()),
         "clips_left_out": list(part.shared),
         "clips_of_other_parts": part.n_others,
-        "clips_unlisted": part.n_unlisted,
-        "windows_by_tag": dict(sorted(tags.items())),
     }
 
 

@@ -2,15 +2,13 @@
 
 import csv
 import io
-import shutil
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mograft._util.atomic import atomic_path, write_bytes
-from mograft._util.names import portable_stem
+from mograft._util.atomic import write_bytes
 from mograft._util.workers import worker_processes
 from mograft.cli import configuration
 from mograft.cli.files import check_suffix, check_writable, frame_range
@@ -73,10 +71,7 @@ def run_augment(options: AugmentOptions) -> int:
 
 def _describe_part(part: Part) -> None:
     if part.name != "all":
-        print_remark(
-            f"{part.name}: {int(part.clips.sum())} clips; {part.n_others} in other parts, "
-            f"{part.n_unlisted} in none"
-        )
+        print_remark(f"{part.name}: {int(part.clips.sum())} clips; {part.n_others} in other parts")
     if part.shared:
         print_remark(
             f"warning: {len(part.shared)} clips of {part.name} are left out, because other parts "
@@ -166,55 +161,32 @@ def run_curate(options: CurateOptions) -> int:
     """Choose few clips that hold nearly all movements of a library."""
     if options.radius is not None and options.keep is not None:
         raise UsageError("--keep cannot be combined with --radius")
-    target, table = options.output, None
-    if target is not None:
-        check_suffix(target, ".csv", is_folder=True)
-        table = target if target.suffix.lower() == ".csv" else target / "clips.csv"
+    if options.output is not None:
+        check_suffix(options.output, ".csv")
+        check_writable([options.output], force=options.force)
     library = Library.open(options.library)
     found = curate(library, radius=options.radius, keep=options.keep, part=options.part)
-    copies = {} if target is None or table == target else _copied_files(library, found.kept, target)
-    if table is not None:
-        check_writable([*copies, table], force=options.force, inputs=list(copies.values()))
-        table.parent.mkdir(parents=True, exist_ok=True)
-        for path, source in copies.items():
-            with atomic_path(path) as draft:
-                shutil.copyfile(source, draft)
-        write_bytes(table, _curation_table(found.choices))
-    n_faulty = sum(np.isnan(own.nearest) for own in found.choices)
+    if options.output is not None:
+        write_bytes(options.output, _curation_table(found.choices))
     print_remark(
         f"{len(found.kept)} of {len(found.choices)} clips kept, {found.kept_share:.1%} of the "
         f"frames; every other segment is within {found.radius:.3f} of a kept one"
     )
-    for share in (0.5, 0.9, 1.0):
-        number, (frames, _) = next(
-            (i, own) for i, own in enumerate(found.curve, 1) if own[1] >= share
-        )
-        print_remark(f"  {share:.0%} of the clusters in {number} clips, {frames} frames")
-    if n_faulty:
-        print_remark(f"  {n_faulty} clips have faults in all segments")
-    lines = found.kept if table is None else [*copies, table]
+    for share in (0.5, 0.9):
+        number, own = next((i, own) for i, own in enumerate(found.curve, 1) if own[1] >= share)
+        print_remark(f"  {share:.0%} of the clusters in {number} clips, {own[0]} frames")
+    clips = [{**asdict(own), "nearest": _number(own.nearest)} for own in found.choices]
     document = {"radius": found.radius, "kept_share": found.kept_share, "curve": found.curve}
-    clips = [
-        {**asdict(own), "nearest": None if np.isnan(own.nearest) else own.nearest}
-        for own in found.choices
-    ]
+    pairs = zip(library.entries, found.choices, strict=True)
+    kept = [entry for entry, own in pairs if own.is_kept]
+    lines = [entry.source_file.address if entry.source_file else entry.name for entry in kept]
     print_result(options, "curate/1", {**document, "clips": clips}, lines)
     return 0
 
 
-def _copied_files(library: Library, kept: list[str], folder: Path) -> dict[Path, str]:
-    """Return the copies of the files of clips, with the files; equal names get numbers."""
-    names = set(kept)
-    files = [own.source_file for own in library.entries if own.name in names]
-    sources = list(dict.fromkeys(file.path for file in files if file is not None))
-    copies: dict[Path, str] = {}
-    for source in sources:
-        path, number = folder / portable_stem(Path(source).name), 2
-        while path in copies:
-            path = folder / f"{Path(source).stem}~{number}{Path(source).suffix}"
-            number += 1
-        copies[path] = source
-    return copies
+def _number(value: float) -> float | None:
+    """Return a number as JSON has it, which has no NaN."""
+    return None if np.isnan(value) else value
 
 
 def _curation_table(choices: tuple[Choice, ...]) -> bytes:

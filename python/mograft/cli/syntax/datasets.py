@@ -5,10 +5,6 @@ from typing import Annotated, Literal
 from mograft.cli.syntax import options, values
 from mograft.cli.syntax.arguments import option, positional, setting
 
-FEATURE_NAMES = (
-    *("rotations", "rotations_6d", "matrices", "root", "positions", "contacts", "humanml3d"),
-)
-
 
 class AugmentOptions(options.SeedOptions, options.LibraryOptions, section="output"):
     """Write a data set of windows of grafts, from which models are trained.
@@ -29,8 +25,8 @@ class AugmentOptions(options.SeedOptions, options.LibraryOptions, section="outpu
     )
     part: values.Name = setting("part of the split (default: train)", default="train")
     features: Annotated[tuple[str, ...], values.Value("NAME,...", values.names)] | None = setting(
-        f"arrays of npz and parquet, of {', '.join(FEATURE_NAMES)} (default: rotations,root,"
-        "contacts)"
+        "arrays of npz and parquet, of rotations, rotations_6d, matrices, root, positions, "
+        "contacts, humanml3d (default: rotations,root,contacts)"
     )
     format: Literal["npz", "parquet", "bvh", "glb"] = setting(
         "format of the files (default: npz); parquet needs mograft[parquet]", default="npz"
@@ -70,7 +66,7 @@ class CurateOptions(options.WriterOptions, section="output"):
     """Choose few clips that hold nearly all movements of a library.
 
     Every segment without faults of a dropped clip is within the radius of a segment of a kept clip,
-    in the embedding of the library. The clips are listed with the reason for each.
+    in the embedding of the library. The files of the kept clips are printed.
     """
 
     library: values.LibraryFolder = positional("folder of a library")
@@ -81,8 +77,6 @@ class CurateOptions(options.WriterOptions, section="output"):
         "share of the frames to keep, such as 10%, instead of a radius"
     )
     part: values.Name | None = option("joint group that is compared (default: all groups)")
-    output: values.OutputPath | None = option(
-        "folder to which the files of the kept clips are copied, with the table; or a .csv file "
-        "for the table alone",
-        short="-o",
+    output: values.File | None = option(
+        ".csv file for a table of all clips, with the reason for each", short="-o"
     )
