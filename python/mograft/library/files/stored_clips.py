@@ -97,7 +97,7 @@ class StoredClips(LazySequence[Motion]):
     ) -> None:
         self.table, self.folder = table, folder
         self._frames, self._spec = frames, spec
-        self.max_cached = _MAX_CACHED_CLIPS  # clips that stay in memory
+        self.max_cached_clips = _MAX_CACHED_CLIPS
         self._cache: OrderedDict[int, Motion] = OrderedDict()
 
     def __len__(self) -> int:
@@ -111,7 +111,7 @@ class StoredClips(LazySequence[Motion]):
             with damage_raises_library_error(self.folder, f"clip {index}"):
                 motion = self._spec.convert(motion, self.table.entries[index].name)
             self._cache[index] = motion
-            if len(self._cache) > self.max_cached:
+            if len(self._cache) > self.max_cached_clips:
                 self._cache.popitem(last=False)
         return motion
 
