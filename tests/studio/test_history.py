@@ -82,7 +82,7 @@ class Actions(RuleBasedStateMachine):
         super().__init__()
         self.folder = Path(tempfile.mkdtemp())
         self.session = open_session(self.folder, "a.json")
-        self.log = []
+        self.log, self.past, self.future = [], [], []
         self.do(action="make", count=2)
 
     def do(self, **action):
@@ -94,6 +94,20 @@ class Actions(RuleBasedStateMachine):
             assert (self.session.project, self.session.history) == before
         else:
             self.log.append(action)
+            self.compare(action["action"], before[0])
+
+    def compare(self, action, old):
+        """Compare the project after a step with those that the steps before it left."""
+        present = self.session.project
+        if action == "undo":
+            assert present == self.past.pop()
+            self.future.append(old)
+        elif action == "redo":
+            assert present == self.future.pop()
+            self.past.append(old)
+        elif present != old:
+            self.past.append(old)
+            self.future.clear()
 
     def motion(self, index):
         motions = self.session.project.motions

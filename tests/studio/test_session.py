@@ -14,6 +14,7 @@ import mograft as mg
 from mograft.cli import main
 from mograft.errors import FormatError, MograftError
 from mograft.library.origin import hash_poses
+from mograft.studio.project import read_project
 from mograft.studio.session import Session, StaleRevision
 
 SPHERE = {"kind": "Sphere", "center": [10.0, 110.0, 20.0], "radius": 15.0}
@@ -403,6 +404,20 @@ def test_change_of_the_file_by_another_program_is_not_overwritten(session):
     assert any("another program" in own.get("text", "") for own in received)
 
 
+def test_change_by_another_program_before_the_end_is_not_overwritten(session):
+    session.flush()
+    path = session.file.path
+    path.write_text("mine")
+    do(session, "mark", id="m1", mark="star")
+    closing = threading.Thread(target=session.close, daemon=True)
+    with session.lock:  # as if the thread of the file reported first
+        closing.start()
+    closing.join(30)
+    assert not closing.is_alive()
+    assert path.read_text() == "mine"
+    assert read_project(path.with_name("one.project (2).json"))[0].motion("m1").mark == "star"
+
+
 def test_damaged_project_is_refused_and_kept(tmp_path):
     path = tmp_path / "bad.json"
     path.write_text("{")
@@ -413,14 +428,17 @@ def test_damaged_project_is_refused_and_kept(tmp_path):
     Session(tmp_path, path).close()  # it is not locked any more
 
 
-def test_broken_file_gets_a_message_and_the_others_are_used(make_session, dances, tmp_path):
-    bad = tmp_path / "bad.bvh"
+@pytest.mark.parametrize(("name", "place"), [("bad.bvh", "bad.bvh:2"), ("bad.glb", "bad.glb")])
+def test_broken_file_gets_a_message_and_the_others_are_used(
+    make_session, dances, tmp_path, name, place
+):
+    bad = tmp_path / name
     bad.write_text("HIERARCHY\nnonsense")
     session = make_session((dances / "one.bvh", bad))
     by_name = {own["name"]: own for own in session.state()["sources"]}
     assert by_name["one.bvh"]["status"] == "ok"
-    assert by_name["bad.bvh"]["status"] == "broken"
-    assert "bad.bvh:2" in by_name["bad.bvh"]["message"]
+    assert by_name[name]["status"] == "broken"
+    assert place in by_name[name]["message"]
     assert session.state()["library"]["status"] == "ready"
 
 
@@ -489,6 +507,8 @@ def test_scenario_follows_the_drawn_path(session):
     path = motion.world_positions()[:, 0]
     assert np.linalg.norm(path[0, [0, 2]]) < 20
     assert np.linalg.norm(path[-1, [0, 2]] - [150, 150]) < 60
+    assert np.linalg.norm(path[:, [0, 2]] - [150, 0], axis=1).min() < 60
+    assert np.linalg.norm(path[:, [0, 2]] - [0, 150], axis=1).min() > 60
     assert session.figure("base", "m4")["frames"] == motion.n_frames
 
 

@@ -51,6 +51,7 @@ class Desk:
         self.lock = threading.RLock()  # of the attributes
         self.action_lock = threading.RLock()  # one action at a time
         self.n_requested = self.ticket = 0  # the number of the last action, and of the present
+        self._events_lock = threading.Lock()
         self._subscriptions: list[Subscription] = []
 
     # Events
@@ -58,19 +59,19 @@ class Desk:
     def subscribe(self) -> Subscription:
         """Return a queue of the events from now on."""
         own = Subscription(self)
-        with self.lock:
+        with self._events_lock:
             self._subscriptions.append(own)
         return own
 
     def unsubscribe(self, own: Subscription) -> None:
         """Send no more events to a subscription."""
-        with self.lock:
+        with self._events_lock:
             if own in self._subscriptions:
                 self._subscriptions.remove(own)
 
     def emit(self, event: Json) -> None:
         """Send an event to all subscriptions."""
-        with self.lock:
+        with self._events_lock:
             for own in self._subscriptions:
                 if own.qsize() < _MAX_EVENTS:
                     own.put(event)

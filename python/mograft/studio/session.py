@@ -50,10 +50,10 @@ class Session(Desk):
         """Save the project and end the threads."""
         self._builder.close()
         with self.lock:
-            if self.file is not None:
-                self.save()
-                self.file.close()
-                self.file = None
+            self.save()
+            file, self.file = self.file, None
+        if file is not None:
+            file.close()  # its thread may need the lock to report something
 
     def flush(self) -> None:
         """Wait until the library is built and the project is written."""
