@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -188,8 +189,9 @@ def figure_settings(
 
 def selected_config(options: FieldOptions) -> Config:
     """Return the configuration that ``--preset`` selects, with the values of other options."""
-    is_paper = getattr(options, "preset", None) == "paper"
-    return _with_options(Config.paper() if is_paper else Config(), options)
+    presets = {"paper": Config.paper, "paper-rms": partial(Config.paper, sigma="rms")}
+    chosen = presets.get(getattr(options, "preset", None) or "", Config)
+    return _with_options(chosen(), options)
 
 
 def _with_options(config: Config, options: FieldOptions, *, is_stored: bool = False) -> Config:
