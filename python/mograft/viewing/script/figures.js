@@ -9,7 +9,7 @@ let captions = [];
 
 function markButtons(clip) {
   if (clip.keep === null) return [];
-  const made = [
+  return [
     ["star", "★"],
     ["reject", "✕"],
   ].map(([value, sign]) => {
@@ -18,7 +18,6 @@ function markButtons(clip) {
     button.dataset.mark = value;
     return button;
   });
-  return made;
 }
 
 export function makeCaptions() {

@@ -91,21 +91,10 @@ function listenToButtons() {
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", changeTheme);
 }
 
-function listen() {
-  listenToStage();
-  listenToTimeline(rows, true);
-  listenToTimeline(overview, false);
-  listenToKeys();
-  listenToButtons();
-  new ResizeObserver(resize).observe(root);
-}
-
 function prepare() {
   writeLegend();
   makeCaptions();
   makeFigureButtons(onFiguresChange);
-  layOutRows();
-  describeStage();
   for (const slider of sliders) {
     slider.setAttribute("aria-valuemin", 0);
     slider.setAttribute("aria-valuemax", nFrames - 1);
@@ -131,17 +120,19 @@ function fitTimeline() {
 }
 
 async function begin() {
-  if (typeof DecompressionStream === "undefined") {
-    throw new Error("the browser must support DecompressionStream (2023)");
-  }
   const characters = scene.objects.filter(({ kind }) => kind === "figure").map(({ clip }) => clip);
   await Promise.all([...[...shownClips(), ...characters].map(load), loadCharacters()]);
   readTheme();
   startStage();
   prepare();
-  resize();
+  onFiguresChange();
   fitTimeline();
-  listen();
+  listenToStage();
+  listenToTimeline(rows, true);
+  listenToTimeline(overview, false);
+  listenToKeys();
+  listenToButtons();
+  new ResizeObserver(resize).observe(root);
   draw();
   root.dataset.ready = "1";
   // Interface for scripts: tests, and other scripts in the page.
