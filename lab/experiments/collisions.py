@@ -178,7 +178,7 @@ def tables(results):
                     ),
                     f"{min(scales):.2f} to {max(scales):.2f}" if key != "whole" else "any",
                     format_estimate(_mean(gaps), 1, has_n=False) if gaps else "-",
-                    *(f"{np.median([own[key][k] for own in placements]):.3g}" for k in _COSTS),
+                    *(f"{np.median([own[key][k] for own in placements]):.4g}" for k in _COSTS),
                 )
             )
     pairs = {

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -198,9 +197,8 @@ def figure_settings(
 
 def selected_config(options: FieldOptions) -> Config:
     """Return the configuration that ``--preset`` selects, with the values of other options."""
-    presets = {"paper": Config.paper, "paper-rms": partial(Config.paper, sigma="rms")}
-    chosen = presets.get(getattr(options, "preset", None) or "", Config)
-    return _with_options(chosen(), options)
+    sigma = {"paper": "literal", "paper-rms": "rms"}.get(getattr(options, "preset", None) or "")
+    return _with_options(Config.paper(sigma=sigma) if sigma else Config(), options)
 
 
 def _with_options(config: Config, options: FieldOptions, *, is_stored: bool = False) -> Config:
