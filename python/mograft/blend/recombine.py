@@ -32,17 +32,21 @@ class Part:
     angles: Mapping[ChannelKey, FloatArray] = field(default_factory=dict)
 
 
-def recombine(base: Motion, parts: Iterable[Part], name: str) -> Motion:
+def recombine(base: Motion, parts: Iterable[Part], name: str, *, spreads: bool = False) -> Motion:
     """Replace the motion of joint groups in a base motion (paper, eq. 20).
 
     No joint is in two parts. All other joints keep the motion of the base, bit for bit. The result
-    keeps each channel value whose rotation or translation equals that of the base.
+    keeps each channel value whose rotation or translation equals that of the base. The joints of a
+    robot turn about their hinges only; see `Hinges.keep`. With `spreads`, joints below those of
+    `parts` may turn, too, to follow rotations that one hinge cannot make.
     """
+    changed = np.zeros(base.n_joints, bool)
     quats, positions = base.rotations, base.positions
     values = None if base.channel_values is None else base.channel_values.copy()
     single: dict[ChannelKey, FloatArray] = {}
     # `parts` may be an iterator: the arrays of one part can be released before the next is made.
     for part in parts:
+        changed[part.joints] = True
         quats, is_rotated = _replace_joints(quats, part.rotations, part.joints)
         _mark_derived(values, base.skeleton, part.joints, is_rotated, "rotation")
         if part.positions is not None:
@@ -52,7 +56,13 @@ def recombine(base: Motion, parts: Iterable[Part], name: str) -> Motion:
     if single and quats is base.rotations:
         quats = quats.copy()
     for joint in dict.fromkeys(joint for joint, _ in single):
+        changed[joint] = True
         _replace_channels(base, joint, single, quats, values)
+    hinges = base.skeleton.hinges
+    if hinges is not None and quats is not base.rotations:
+        changed |= spreads & base.skeleton.subtree_mask(np.flatnonzero(changed))
+        known = base.skeleton.parents, quats, base.rotations, changed
+        quats, values = hinges.keep(*known, base.rate), None  # angles replace channel values
     return replace(
         base,
         rotations=quats,

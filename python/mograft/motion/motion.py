@@ -223,10 +223,14 @@ class Motion:
         if self.n_frames == 1 or intervals == self.n_frames - 1:
             return self
         bounds: tuple[npt.ArrayLike, ...] = ([0], [self.n_frames - 1], [intervals + 1])
+        quats, hinges = resample_segments(self.rotations, *bounds), self.skeleton.hinges
+        if hinges is not None:
+            own = self.skeleton.parents, quats, self.rotations, np.ones(self.n_joints, bool)
+            quats = hinges.keep(*own, rate)
         return replace(
             self,
             frame_time=self.duration / intervals,
-            rotations=resample_segments(self.rotations, *bounds),
+            rotations=quats,
             positions=resample_segment_positions(self.positions, *bounds),
             channel_values=None,
             computed_values=None,

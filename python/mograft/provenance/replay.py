@@ -12,19 +12,16 @@ from mograft._util.validate import check_type
 from mograft.blend.reach_completion import ReachCompletion
 from mograft.config import Config
 from mograft.errors import DAMAGE, ProvenanceError
-from mograft.io.formats import read_clip
 from mograft.library.library import Library
 from mograft.library.origin import hash_poses
-from mograft.motion.motion import Motion
 from mograft.provenance.graft_change import apply_changes
 from mograft.provenance.graft_edit import splice_versions
 from mograft.provenance.graft_record import (
-    ClipRecord,
     GraftRecord,
     RecordedLibrary,
     as_frames,
-    find_clip,
     find_library,
+    read_motion,
     read_record,
 )
 from mograft.scenario import Scenario
@@ -238,12 +235,9 @@ def _read_request(record: GraftRecord, sources: Sequence[str]) -> GraftRequest:
     """Return the recorded request without its scenario."""
     request = record.document["request"]
 
-    def decode_motion(motion: Mapping[str, Any]) -> Motion:
-        clip = ClipRecord.from_json(motion)
-        return replace(read_clip(find_clip(record, clip, sources)), name=clip.name)
-
+    decode = partial(read_motion, record=record, sources=sources)
     swap = request["swap"]
-    constraints = [decode_constraint(own, decode_motion) for own in request["constraints"]]
+    constraints = [decode_constraint(own, decode) for own in request["constraints"]]
     return GraftRequest(
         **{name: request[name] for name in ("method", "base", "command")},
         swap=None if swap is None else tuple(swap),

@@ -77,14 +77,16 @@ def write_motions(
     ending = target.suffix.lower() if is_together else ending
     names = unique_names([portable_stem(own.motion.name) for own in grafts])
     paths = [target] if is_together else [target / f"{own}{ending}" for own in names]
+    are_robots = all(own.motion.skeleton.hinges is not None for own in grafts)
+    holds_graft = ending in MOTION_SUFFIXES and (ending != ".csv" or are_robots)
     for path in paths:
-        for file in files_of_graft(path) if ending in MOTION_SUFFIXES else [path]:
+        for file in files_of_graft(path) if holds_graft else [path]:
             if file.exists() and not force:
                 raise FileExistsError(f"{file} exists; replace it with --force (force)")
     paths[0].parent.mkdir(parents=True, exist_ok=True)
     for number, path in enumerate(paths):
         own = list(grafts) if is_together else [grafts[number]]
-        if ending in MOTION_SUFFIXES:
+        if holds_graft:
             write_graft(own if is_together else own[0], path, character=character)
         else:
             WRITERS[ending](own[0].motion, path)

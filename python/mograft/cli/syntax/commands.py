@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from mograft.cli.syntax import options, values
+from mograft.cli.syntax import datasets, options, values
 from mograft.cli.syntax.arguments import Command, Options, option, positional, setting
 
 PLOT_KINDS = ("strip", "timeline", "energy", "pca", "dendrogram", "clusters", "groups")
@@ -190,6 +190,9 @@ class ExportOptions(options.DigitsOptions, options.SkeletonOptions, options.Writ
     like: values.Source | None = option(
         "AMASS file whose unchanged arrays an .npz takes (default: write the arrays of mograft)"
     )
+    tracker: Literal["mjlab", "beyondmimic"] | None = option(
+        "write an .npz of a robot for this tracker"
+    )
     groups: values.Groups | None = options.groups_option(
         f"{_FIGURE_COLOURS} of a figure or film", "trunk, arms and legs"
     )
@@ -266,6 +269,9 @@ COMMANDS = (
     Command("lib", summary="describe, verify or export a library", actions=_LIBRARY_ACTIONS),
     Command("candidates", options.CandidatesOptions, "candidates:run"),
     Command("graft", options.GraftOptions, "graft:run"),
+    Command("augment", datasets.AugmentOptions, "datasets:run_augment"),
+    Command("find", datasets.FindOptions, "datasets:run_find"),
+    Command("curate", datasets.CurateOptions, "datasets:run_curate"),
     Command("stream", StreamOptions, "library:run_stream"),
     Command("studio", StudioOptions, "studio:run_studio"),
     Command("view", ViewOptions, "pictures:run_view"),

@@ -265,6 +265,13 @@ def true_rate(text: str) -> tuple[str, float]:
     return clip, _positive(rate)
 
 
+@_parser("must be FPS or GLOB=FPS")
+def file_rate(text: str) -> tuple[str, float]:
+    """Parse ``[GLOB=]FPS`` into a glob of names of files, by default ``*``, and a frame rate."""
+    pattern, _, rate = text.rpartition("=")
+    return pattern or "*", _positive(rate)
+
+
 def preset(text: str, more: str = "") -> str:
     """Parse the name of a preset of joint groups, ``auto`` or ``auto:N``."""
     fitting = next((name for name in PRESETS if text in name.split("_")), None)
@@ -379,6 +386,15 @@ def face(text: str) -> tuple[Point, Range | None]:
     return _point(place), frames(range_text) if separator else None
 
 
+@_parser("must be a share from 0 to 1, or a percentage such as 10%")
+def share_or_percent(text: str) -> float:
+    """Read a share, such as ``0.1`` or ``10%``."""
+    share = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    if not 0 <= share <= 1:
+        raise ValueError
+    return share
+
+
 _count = _number(int, "an integer of at least 1", lambda n: n >= 1)
 _motions = _number(int, "from 1 to 100000 (other seeds give more)", lambda n: 1 <= n <= 100_000)
 _index = _number(int, "an integer of at least 0", lambda n: n >= 0)
@@ -419,6 +435,7 @@ Clips = Annotated[tuple[str, ...], Value("CLIP,...", names)]
 Tags = Annotated[tuple[str, ...], Value("TAG,...", names)]
 Assignment = Annotated[tuple[str, str], Value("FIELD=VALUE", assignment)]
 TrueRate = Annotated[tuple[str, float], Value("CLIP=FPS", true_rate)]
+FileRate = Annotated[tuple[str, float], Value("[GLOB=]FPS", file_rate)]
 FrameValue = Annotated[Frame, Value("N|S", frame)]
 Frames = Annotated[Range, Value("FIRST-LAST", frames)]
 Length = Annotated[Frame, Value("N|S", frame_count)]

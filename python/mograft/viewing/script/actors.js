@@ -146,15 +146,13 @@ export function poseActor(actor, frame, { alpha = 1, colour } = {}) {
 
 // How much higher than its skeleton a figure is drawn, in the pose of the first view.
 export function sizeOf(actor) {
-  if (!actor.capsules.visible) {
-    actor.size ||= actor.meshes.reduce((size, mesh) => {
-      mesh.skeleton.update();
-      mesh.computeBoundingBox();
-      return Math.max(size, (mesh.boundingBox.max.y - scene.floor) / scene.height);
-    }, 1);
-    return Math.min(actor.size, 2);
-  }
-  return 1;
+  if (actor.capsules.visible) return 1;
+  actor.size ||= actor.meshes.reduce((size, mesh) => {
+    mesh.skeleton.update();
+    mesh.computeBoundingBox();
+    return Math.max(size, (mesh.boundingBox.max.y - scene.floor) / scene.height);
+  }, 1);
+  return Math.min(actor.size, 2);
 }
 
 export const hasMesh = () => clips.some((clip) => clip.character !== null);

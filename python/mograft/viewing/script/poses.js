@@ -39,10 +39,7 @@ async function decode(clip) {
   clip.cameraPath = smooth(clip, Math.round(0.4 / (clip.dt * clip.step)));
 }
 
-export function load(clip) {
-  clip.loading ||= decode(clip);
-  return clip.loading;
-}
+export const load = (clip) => (clip.loading ||= decode(clip));
 
 // The bones of a figure, which stand in the axes of the page below `base`.
 export function makePose({ parents, offsets, turn, place }) {

@@ -64,14 +64,7 @@ export function createButton(text, title, act) {
 }
 
 // Index of the segment of a row that contains a frame, or -1.
-export function partAt(row, frame) {
-  const { start, stop } = row;
-  let low = 0;
-  let high = start.length - 1;
-  while (low < high) {
-    const middle = (low + high + 1) >> 1;
-    if (start[middle] <= frame) low = middle;
-    else high = middle - 1;
-  }
-  return start.length && frame >= start[low] && frame <= stop[low] ? low : -1;
+export function partAt({ start, stop }, frame) {
+  const part = start.findLastIndex((own) => own <= frame);
+  return part >= 0 && frame <= stop[part] ? part : -1;
 }
