@@ -643,3 +643,17 @@ def test_records_that_no_step_needs_are_forgotten(session, monkeypatch):
     assert len(session.workshop.texts) <= 2 * len(used)
     do(session, "undo")
     assert session.figure("motion", "m1")["name"] == "name 10"
+
+
+def test_locks_are_those_of_whole_segments(session):
+    cut = [segment_of(session, "m1", number) for number in range(8)]
+    middle = (cut[2]["first"] + cut[2]["last"]) // 2
+    do(session, "lock", id="m1", group="upper", first=middle, last=cut[5]["last"])
+    do(session, "lock", **cut[6])
+    locks = session.project.motion("m1").locks
+    assert locks == (("upper", cut[2]["first"], cut[6]["last"]),)
+    do(session, "unlock", id="m1", group=None, first=cut[4]["first"] + 1, last=cut[4]["last"] - 1)
+    assert session.project.motion("m1").locks == (
+        ("upper", cut[2]["first"], cut[3]["last"]),
+        ("upper", cut[5]["first"], cut[6]["last"]),
+    )

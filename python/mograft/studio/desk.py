@@ -25,18 +25,6 @@ Json = dict[str, Any]
 _MAX_EVENTS = 1000
 
 
-class Subscription(queue.Queue[Json]):
-    """The events of a session, from the time of the subscription on."""
-
-    def __init__(self, desk: "Desk") -> None:
-        super().__init__()
-        self._desk = desk
-
-    def close(self) -> None:
-        """Receive no more events."""
-        self._desk.unsubscribe(self)
-
-
 class Desk:
     """A project and its history. All methods can be called from any thread."""
 
@@ -53,28 +41,22 @@ class Desk:
         self.action_lock = threading.RLock()  # one action at a time
         self.n_requested = self.ticket = 0  # the number of the last action, and of the present
         self._events_lock = threading.Lock()
-        self._subscriptions: list[Subscription] = []
+        self._listeners: list[queue.Queue[Json]] = []
 
     # Events
 
-    def subscribe(self) -> Subscription:
-        """Return a queue of the events from now on."""
-        own = Subscription(self)
+    def subscribe(self) -> queue.Queue[Json]:
+        """Return a queue of the events from now on; of one that is not read, the last are lost."""
+        own: queue.Queue[Json] = queue.Queue(_MAX_EVENTS)
         with self._events_lock:
-            self._subscriptions.append(own)
+            self._listeners.append(own)
         return own
-
-    def unsubscribe(self, own: Subscription) -> None:
-        """Send no more events to a subscription."""
-        with self._events_lock:
-            if own in self._subscriptions:
-                self._subscriptions.remove(own)
 
     def emit(self, event: Json) -> None:
         """Send an event to all subscriptions."""
         with self._events_lock:
-            for own in self._subscriptions:
-                if own.qsize() < _MAX_EVENTS:
+            for own in self._listeners:
+                if not own.full():
                     own.put(event)
 
     def note(self, text: str) -> None:
