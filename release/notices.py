@@ -14,7 +14,7 @@ from typing import Any
 
 from release.crates import Crate, read_crates
 from release.distributions import DISTRIBUTIONS, ROOT, Distribution
-from release.three import TARGET, read_licence, read_version
+from release.three import BUNDLES, read_licence, read_version
 
 _LICENCES_ELSEWHERE = {"ufbx": ROOT / "python-fbx" / "LICENSE-ufbx"}
 """Licence files of crates whose packages have none."""
@@ -49,7 +49,7 @@ def render_licences(distribution: Distribution, crates: list[Crate]) -> str:
         head = f"{crate.key}, {crate.repository}\nLicence: {crate.licence}\n"
         sections.append("\n".join([head, *(f"{text}\n" for text in texts)]))
     if distribution.name == "mograft":
-        head = f"three.js {read_version()}, https://threejs.org, in pages and in {TARGET.name}\n"
+        head = f"three.js {read_version()}, https://threejs.org, in pages and in three.js\n"
         sections.append(f"{head}Licence: MIT\n\n{read_licence()}\n")
     return f"{_RULE}\n".join(sections)
 
@@ -120,7 +120,8 @@ def _describe_crate(crate: Crate, purl: str) -> dict[str, Any]:
 
 def _describe_three() -> dict[str, Any]:
     purl = f"pkg:npm/three@{read_version()}"
-    hashes = [{"alg": "SHA-256", "content": hashlib.sha256(TARGET.read_bytes()).hexdigest()}]
+    contents = [own.target.read_bytes() for own in BUNDLES]
+    hashes = [{"alg": "SHA-256", "content": hashlib.sha256(own).hexdigest()} for own in contents]
     named = {"type": "library", "bom-ref": purl, "name": "three", "version": read_version()}
     return {**named, "licenses": [{"expression": "MIT"}], "purl": purl, "hashes": hashes}
 

@@ -86,7 +86,7 @@ def open_page(browser, path, width=1280, height=800, theme="light"):
     page.on("pageerror", lambda error: messages.append(str(error)))
     page.on("request", lambda request: requests.append(request.url))
     page.goto(path.as_uri())
-    page.wait_for_selector("#mograft[data-ready]")
+    page.wait_for_selector("#mograft[data-ready]", state="attached")
     page.evaluate(HELPERS)
     try:
         yield page

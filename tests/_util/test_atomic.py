@@ -1,6 +1,5 @@
 """Properties of atomic writes and locks: kills, errors, links, permissions, long names."""
 
-import json
 import os
 import subprocess
 import sys
@@ -10,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mograft._util.atomic import atomic_path, exclusive_lock, write_bytes, write_json, write_text
-from tests.strategies import few_examples
+from mograft._util.atomic import atomic_path, exclusive_lock, write_bytes, write_text
 
 KILLED_SCRIPT = """
 import os, signal, sys
@@ -108,20 +106,6 @@ def test_write_bytes_name_of_any_length_is_written(tmp_path_factory, length, dat
     write_bytes(target, data)
     assert target.read_bytes() == data
     assert list_names(target.parent) == [target.name]
-
-
-JSON_VALUES = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
-    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
-)
-
-
-@few_examples(4)  # each example waits for the disk
-@given(st.dictionaries(st.text(), JSON_VALUES, min_size=3))
-def test_write_json_any_document_gives_the_text_of_dumps(tmp_path_factory, document):
-    path = tmp_path_factory.getbasetemp() / "document.json"
-    write_json(path, document)
-    assert path.read_bytes() == (json.dumps(document, indent=1) + "\n").encode()
 
 
 HOLD_SCRIPT = """

@@ -156,6 +156,7 @@ def places(folder, tmp_path_factory):
 def test_parity_cases_cover_all_options_of_graft():
     words = {word.partition("=")[0] for case in CASES for word in case.words.split()}
     words |= {"--into", "--as"}  # of .glb files: test_formats.py
+    words |= {"--project"}  # tests/studio
     for option in arguments_of(GraftOptions):
         assert option.is_positional or option.is_required or words & set(option.flags), option
 

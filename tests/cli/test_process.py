@@ -33,9 +33,9 @@ ARGUMENTS = {
 }
 """Arguments of every command that prints results, except those in `TESTED_ELSEWHERE`."""
 
-# completion prints a script, tests/evaluation covers evaluate, which takes long, and
-# tests/synthesis/test_stream_server.py covers stream, which does not end.
-TESTED_ELSEWHERE = {("completion",), ("evaluate",), ("stream",)}
+# completion prints a script, tests/evaluation covers evaluate, which takes long;
+# tests/stream/test_stream_server.py and tests/studio cover stream and studio, which do not end.
+TESTED_ELSEWHERE = {("completion",), ("evaluate",), ("stream",), ("studio",)}
 
 
 def test_json_arguments_cover_every_command():

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft import formats
-from mograft.io.bvh import cursor, header
+from mograft.io.bvh import cursor
 from mograft.motion import rotations
 from tests.dialects import Dialect, clips, dialects, layouts, to_text
-from tests.fuzz.bvh import SEEDS, check, mutate
+from tests.fuzz.bvh import SEEDS, check
 from tests.hierarchies import mark_repeated_hierarchies
-from tests.io.bvh_helpers import TEXT, assert_same_numbers, assert_same_skeleton, read, round_trip
+from tests.io.bvh_helpers import assert_same_numbers, assert_same_skeleton, read, round_trip
 from tests.io.recorded_files import DATA, ODD, ODD_FILES, RECORDINGS, file_id, require
 from tests.strategies import few_examples
 
@@ -104,43 +104,6 @@ def test_read_bvh_position_channels_replace_or_add_to_offsets(clip, add_offsets)
     np.testing.assert_array_equal(motion.positions, expected)
     # The written file gives the same positions without add_offsets.
     np.testing.assert_array_equal(round_trip(motion).positions, expected)
-
-
-def read_item_by_item(text, *, strict):
-    with patch.object(header, "_read_usual_item", lambda _cursor, _tree: False):
-        return read_hierarchy(text, strict=strict)
-
-
-def read_hierarchy(text, chunk_bytes=cursor.CHUNK_BYTES, *, strict):
-    try:
-        with patch.object(cursor, "CHUNK_BYTES", chunk_bytes):
-            summary = formats.scan_bvh(io.BytesIO(text), strict=strict)
-    except mg.BvhError as error:
-        return str(error)
-    skeleton = summary.skeleton
-    sites = [(own.parent, own.offset.tolist(), own.before, own.name) for own in skeleton.end_sites]
-    joints = skeleton.names, skeleton.parents.tolist(), skeleton.offsets.tolist()
-    return joints, skeleton.channels, sites, summary.repairs
-
-
-@few_examples(100)
-@given(clips(), dialects() | layouts(), st.sampled_from([7, 100, cursor.CHUNK_BYTES]))
-def test_usual_hierarchies_are_read_as_all_others(clip, dialect, chunk_bytes):
-    text = to_text(clip, dialect)
-    assert not isinstance(read_hierarchy(text, chunk_bytes, strict=False), str)
-    for strict in (False, True):
-        found = read_hierarchy(text, chunk_bytes, strict=strict)
-        assert found == read_item_by_item(text, strict=strict)
-
-
-@few_examples(300)
-@given(st.integers(0, 2**32), st.booleans(), st.booleans())
-def test_damaged_usual_hierarchies_are_read_as_all_others(seed, is_small, strict):
-    with patch("tests.fuzz.bvh.TEXT", TEXT.encode()):
-        text = mutate(seed)
-    chunk_bytes = 50 if is_small else cursor.CHUNK_BYTES
-    found = read_hierarchy(text, chunk_bytes, strict=strict)
-    assert found == read_item_by_item(text, strict=strict)
 
 
 def test_read_bvh_invalid_source_raises_error():

@@ -114,20 +114,6 @@ def test_donor_sequence_and_path_are_inverse(make_pool, seed):
 
 
 @given(SEEDS)
-def test_seam_costs_that_are_computed_again_equal_those_that_are_stored(make_pool, seed):
-    pool, config = make_pool(seed), Config(max_stretch=2.0)
-    stored = build(pool, config).costs
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("mograft.search.trellis._MAX_STORED_SEAM_COSTS", 0)
-        patch.setattr("mograft.search.trellis.POSITIONS_PER_BATCH", 3)
-        computed = build(pool, config).costs
-        assert not isinstance(computed.pairwise, tuple)
-        for one, other in zip(stored.pairwise, computed.pairwise, strict=True):
-            np.testing.assert_array_equal(other, one)
-        np.testing.assert_array_equal(viterbi(computed), viterbi(stored))
-
-
-@given(SEEDS)
 def test_cheapest_sequence_by_similarity_takes_the_nearest_other_segment(make_pool, seed):
     pool = make_pool(seed, n_labels=4)
     config = Config(choice="nearest", max_stretch=2.0, max_angle=np.pi)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mograft.search.trellis import ComputedMatrices, Trellis, diverse, k_best, sample, viterbi
+from mograft.search.trellis import Trellis, diverse, k_best, sample, viterbi
 from tests.oracles import search as oracle
 from tests.strategies import SEEDS, few_examples
 
@@ -134,60 +134,6 @@ def test_conditional_costs_differ_by_change_of_path_cost(seed):
             changed[position] = index
             difference = path_cost(trellis, changed) - path_cost(trellis, path)
             assert cost - costs[path[position]] == pytest.approx(difference, abs=1e-9)
-
-
-@given(SEEDS, st.integers(1, 40), st.integers(1, 7), st.sampled_from([0.0, 0.2]), st.data())
-def test_searches_with_computed_matrices_equal_those_with_stored_ones(
-    seed, n_positions, block_length, forbidden, data
-):
-    """For blocks of any length, and on any part of the positions."""
-    stored = make_trellis(seed, n_positions=n_positions, forbidden=forbidden)
-    matrices = ComputedMatrices(
-        lambda start, stop: list(stored.pairwise[start:stop]),
-        lambda position, index: stored.pairwise[position][index],
-        range(n_positions - 1),
-        block_length,
-    )
-    computed = Trellis(stored.unary, matrices)
-    start = data.draw(st.integers(0, n_positions - 1))
-    stop = data.draw(st.integers(start + 1, n_positions))
-    path = viterbi(stored)
-    pairs = [
-        (stored, computed),
-        (stored.slice(start, stop), computed.slice(start, stop)),
-        (stored.slice_within(path, start, stop), computed.slice_within(path, start, stop)),
-    ]
-    for one, other in pairs:
-        np.testing.assert_array_equal(viterbi(other), viterbi(one))
-        for found, expected in zip(k_best(other, 3), k_best(one, 3), strict=True):
-            np.testing.assert_array_equal(found, expected)
-        if math.isfinite(one.cost(viterbi(one))):
-            drawn = [sample(own, 0.7, np.random.default_rng(seed)) for own in (one, other)]
-            np.testing.assert_array_equal(*drawn)
-
-
-def test_computed_matrices_compute_blocks_within_the_slice_that_is_read():
-    """A search of a few positions computes these once; a row needs no block."""
-    computed, rows = [], []
-
-    def compute(start, stop):
-        computed.append((start, stop))
-        return [np.zeros((2, 2))] * (stop - start)
-
-    def compute_row(position, index):
-        rows.append((position, index))
-        return np.zeros(2)
-
-    matrices = ComputedMatrices(compute, compute_row, range(20), 8)
-    costs = Trellis((np.zeros(2),) * 21, matrices)
-    list(matrices)
-    list(matrices[::-1])
-    assert computed == [(0, 8), (8, 16), (16, 20), (8, 16), (0, 8)]
-    computed.clear()
-    viterbi(costs.slice_within(np.zeros(21, np.int64), 9, 13))
-    assert (computed, rows) == ([(8, 13)], [])
-    costs.pairwise_row(12, 1), costs.pairwise_row(13, 0)
-    assert (computed, rows) == ([(8, 13)], [(13, 0)])
 
 
 def test_searches_of_an_empty_trellis_return_the_empty_path():

@@ -10,7 +10,6 @@ from mograft._util import memory
 from mograft.blend import transplant
 from mograft.cli import main
 from mograft.dancer import dance
-from mograft.search import trellis
 from mograft.synthesis.graft import MEMORY_FACTOR
 
 
@@ -49,11 +48,10 @@ def test_graft_that_does_not_fit_is_refused_by_name(monkeypatch, tmp_path, capsy
 
 @pytest.mark.parametrize("choice", ["sample", "best", "viterbi"])
 def test_graft_with_little_stored_equals_one_with_everything_stored(monkeypatch, choice):
-    """Costs of seams and rotations of clips are not stored if they are many."""
+    """Rotations of clips are not stored if they are many."""
     config = mg.Config(choice=choice, max_candidates=2)
     library = mg.Library.build(dance(strides=2).motion, config=config)
     expected = mg.graft(library, seed=3)
-    monkeypatch.setattr(trellis, "_MAX_STORED_SEAM_COSTS", 0)
     monkeypatch.setattr(transplant, "_MAX_BLOCK_VALUES", 1000)
     found = mg.graft(library, seed=3)
     np.testing.assert_array_equal(found.motion.rotations, expected.motion.rotations)

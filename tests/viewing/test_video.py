@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,10 +15,12 @@ from mograft.cli import main
 from mograft.dancer import dance
 from mograft.io.export_figure import PALETTE
 from mograft.viewing.film_pictures import draw_pictures
+from tests.browser import chromium
 from tests.strategies import HOSTILE_NAMES
 
 Image = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
 SIZE = (160, 120)
+KNIGHT = Path(__file__).parents[3] / "shared" / "data" / "glb" / "kaykit_Knight.glb"
 
 
 @pytest.fixture(scope="module")
@@ -195,3 +198,57 @@ def test_export_command_writes_films_and_names_missing_extra(motion, tmp_path, c
     assert main([*words, str(tmp_path / "y.gif")]) == 1
     assert "films need Pillow: pip install 'mograft[video]'" in capsys.readouterr().err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.bvh", "x.gif"]
+
+
+def film_of_browser(folder, name, *words):
+    """Return the pictures of a film, made in a process of its own: playwright runs once in each."""
+    given = [*words, "-o", f"{name}.gif", "--renderer", "browser", "--size", "160x120"]
+    command = [sys.executable, "-m", "mograft", "export", *map(str, given), "--frames", "0-10"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return frames_of(folder / f"{name}.gif").astype(int)
+
+
+@pytest.mark.browser
+def test_film_of_browser_moves_and_is_the_same_twice(motion, tmp_path):
+    with chromium():  # Skips without one.
+        pass
+    write_bvh(motion, tmp_path / "dancer.bvh")
+    first, second = (film_of_browser(tmp_path, name, "dancer.bvh") for name in "ab")
+    np.testing.assert_array_equal(first, second)
+    assert np.abs(first[0] - first[-1]).max() > 60
+    assert 0.01 < (np.ptp(first, axis=3) > 40).mean() < 0.5  # colours of the joint groups
+
+
+@pytest.mark.browser
+def test_film_of_browser_shows_the_mesh_of_the_character(tmp_path):
+    if not KNIGHT.exists():
+        pytest.skip(f"{KNIGHT.name} is not installed")
+    with chromium():
+        pass
+    assert main(["export", f"{KNIGHT}#Cheer", "-o", str(tmp_path / "cheer.bvh")]) == 0
+    mesh = film_of_browser(tmp_path, "mesh", f"{KNIGHT}#Cheer")
+    given = film_of_browser(tmp_path, "given", "cheer.bvh", "--character", KNIGHT)
+    capsules = film_of_browser(tmp_path, "capsules", "cheer.bvh")
+    difference = [np.abs(own - mesh).mean() for own in (given, capsules)]
+    assert difference[0] < 0.1 * difference[1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"renderer": "lines"}, "`renderer` must be 'capsules' or 'browser', got 'lines'"),
+        ({"character": "a.glb"}, "`renderer` must be 'browser' for a character, got 'capsules'"),
+    ],
+)
+def test_film_refuses_renderer_and_character_that_do_not_fit(motion, tmp_path, arguments, message):
+    with pytest.raises(ValueError, match=message):
+        write_video(motion, tmp_path / "a.gif", **arguments)
+    assert not list(tmp_path.iterdir())
+
+
+def test_film_of_browser_without_playwright_names_the_extra(motion, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "playwright.sync_api", None)
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'mograft\[browser\]'"):
+        write_video(motion, tmp_path / "a.gif", renderer="browser")
+    assert not list(tmp_path.iterdir())

@@ -2,16 +2,15 @@
 
 import errno
 import hashlib
-import json
 import os
 import platform
 import shutil
 import stat
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 from mograft._util.signals import clean_up_by
 
@@ -149,14 +148,6 @@ def write_bytes(path: Path, data: bytes) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write text atomically as UTF-8, without conversion of line endings."""
     write_bytes(path, text.encode("utf-8"))
-
-
-def write_json(path: Path, document: Mapping[str, Any]) -> None:
-    """Write a JSON document atomically, indented by one space; its text is written in pieces."""
-    encoder = json.JSONEncoder(indent=1)
-    with atomic_path(path) as draft, draft.open("x", encoding="utf-8", newline="") as stream:
-        stream.writelines(encoder.iterencode(document))
-        stream.write("\n")
 
 
 @contextmanager

@@ -2,10 +2,13 @@
 
 import json
 import re
+from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
+
+T = TypeVar("T")
 
 MAX_LEVELS = 100
 """Lists and tables in each other. Deeper ones exhaust the stack of Python, also in messages."""
@@ -45,3 +48,8 @@ def read_document(path: Path, kind: Literal["JSON", "TOML"] = "JSON") -> Any:  #
         return parse_document(path.read_text(encoding="utf-8"), kind)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def optional(convert: Callable[[Any], T], value: Any) -> T | None:  # noqa: ANN401 - of JSON
+    """Return a converted value of a document; None for null."""
+    return None if value is None else convert(value)

@@ -243,7 +243,7 @@ class DonorLayout:
             values=treatment.close(rows[kept], self.piece_times(frames), boundaries),
             cut=timeline.cut,
             seams=np.flatnonzero(self.seams),
-            window=round(config.seam_window * timeline.rate),
+            window=round(min(config.seam_window * timeline.rate, timeline.cut.stop[-1])),
             blend=config.seam_blend * timeline.rate,
             rate=timeline.rate,
             donor_rows=rows,

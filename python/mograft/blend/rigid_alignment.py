@@ -20,18 +20,8 @@ class RootTransforms:
 
     @classmethod
     def from_motion(cls, motion: Motion, joint: int) -> "RootTransforms":
-        """Return the world transforms of a joint in all frames of a motion.
-
-        For a joint without a parent they are its values in the motion, unchanged.
-        """
-        chain = [joint]
-        while (parent := int(motion.skeleton.parents[chain[-1]])) >= 0:
-            chain.append(parent)
-        quats, positions = motion.rotations[:, chain[-1]], motion.positions[:, chain[-1]]
-        for child in chain[-2::-1]:
-            positions = positions + rotations.rotate(quats, motion.positions[:, child])
-            quats = rotations.multiply(quats, motion.rotations[:, child])
-        return cls(quats, positions)
+        """Return the world transforms of a joint in all frames of a motion."""
+        return cls(*motion.world_track(joint))
 
     def relative_to_parent(self, motion: Motion, frames: IntArray, joint: int) -> "RootTransforms":
         """Return these transforms of `joint` relative to its parent in the given frames."""

@@ -100,7 +100,7 @@ class GraftedRoot:
         base_rotations, base_positions = base.world_track(self.joint)
         has_base_rotation = (root.rotations == base_rotations).all(axis=1)
         has_base_position = (root.positions == base_positions).all(axis=1)
-        local = root.relative_to(RootTransforms(*base.world_track(int(parent))))
+        local = root.relative_to(RootTransforms.from_motion(base, int(parent)))
         local.rotations[has_base_rotation] = base.rotations[has_base_rotation, self.joint]
         local.positions[has_base_position] = base.positions[has_base_position, self.joint]
         self._set_root(quats, positions, local)
@@ -120,8 +120,7 @@ class GraftedRoot:
         quats = [track.copy() for track in layout.rotations]
         places = [track.copy() for track in layout.positions]
         for clip, rotation, position in zip(clips, quats, places, strict=True):
-            world = RootTransforms(*clip.world_track(self.joint))
-            self._set_root(rotation, position, world)
+            self._set_root(rotation, position, RootTransforms.from_motion(clip, self.joint))
         return replace(layout, rotations=quats, positions=places)
 
     def _source(self, layout: DonorLayout) -> RootTransforms:

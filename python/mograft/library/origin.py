@@ -3,14 +3,15 @@
 import hashlib
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
 from mograft._util.containers import LazySequence
+from mograft._util.documents import optional
 from mograft.body.groups import JointGroups
 from mograft.body.mirroring import MirroredClips, mirror
 from mograft.config import Config
@@ -59,15 +60,32 @@ class ClipOrigin:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PartialClip:
-    """A clip to read, by the file that holds it."""
+class ClipRecord:
+    """A clip of which a graft is made."""
 
-    name: str  # in the library
-    address: str
-    rate_override: float | None  # frames per second, if the file gives a wrong rate
-    is_mirrored: bool  # whether the clip is the mirror image of the clip in the file
-    is_in_library: bool  # False for a base outside the library
-    tags: tuple[str, ...]
+    name: str
+    file: str | None  # relative to the folder of the document
+    clip: str | None  # name in the file, if the file holds several clips
+    sha256: str | None
+    is_base: bool
+    is_mirrored: bool
+    is_in_library: bool
+    true_rate: float | None  # frames per second, if the file gives a wrong rate
+    licence: str | None
+
+    @classmethod
+    def from_json(cls, record: Mapping[str, Any]) -> Self:
+        """Read an item of ``clips``, or the file of the motion of a `Character`."""
+        texts = {key: optional(str, record[key]) for key in ("file", "clip", "sha256")}
+        return cls(
+            name=str(record["name"]),
+            **texts,
+            is_base="base" in record.get("roles", ()),
+            is_mirrored=bool(record.get("is_mirrored")),
+            is_in_library=bool(record.get("is_in_library")),
+            true_rate=optional(float, record.get("true_rate")),
+            licence=optional(str, record.get("licence")),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +93,7 @@ class PartialClips(LazySequence[Motion]):
     """Some clips of a library, with the origins of these clips and of the library."""
 
     motions: Sequence[Motion]
-    clips: Sequence[PartialClip]
+    clips: Sequence[ClipRecord]
     library: LibraryOrigin
 
     def __len__(self) -> int:
@@ -212,35 +230,37 @@ def find_source_file(motion: Motion, spec: LibrarySpec | None = None) -> SourceF
 
 def build_partial_library(
     library_type: type[L],
-    clips: Sequence[PartialClip],
+    clips: Sequence[ClipRecord],
+    addresses: Sequence[str],
     groups: JointGroups,
     config: Config,
     origin: LibraryOrigin,
 ) -> L:
     """Return a library of some clips of a whole library, cut into the same segments.
 
-    `origin` is the origin of the whole library. The segments are the same because those of a clip
-    depend only on the clip, the configuration and the library specification. Every segment is a
-    cluster by itself. Raise an error of `read_clip` if a file cannot be read, and ValueError if a
-    clip does not fit.
+    `addresses` are those of the clips, `origin` is that of the whole library. The segments are the
+    same because those of a clip depend only on the clip, the configuration and the library
+    specification. Every segment is a cluster by itself. Raise an error of `read_clip` if a file
+    cannot be read, and ValueError if a clip does not fit.
     """
     spec = LibrarySpec(
-        skeleton=origin.hierarchy or read_clip(clips[0].address, skeleton=origin.rest).skeleton,
+        skeleton=origin.hierarchy or read_clip(addresses[0], skeleton=origin.rest).skeleton,
         rate=origin.rate,
         root=origin.root,
         up=origin.up,
         match=origin.match,
         rest=origin.rest,
     )
-    ingested = [_ingest(clip, config, spec) for clip in clips]
+    ingested = [_ingest(*own, config, spec) for own in zip(clips, addresses, strict=True)]
     entries = [own.info._replace(name=clip.name) for clip, own in zip(clips, ingested, strict=True)]
     library = assemble(library_type, ingested, entries, groups, spec, config, None)
     return replace(library, clips=PartialClips(library.clips, clips, origin))
 
 
-def _ingest(clip: PartialClip, config: Config, spec: LibrarySpec) -> IngestedClip:
+def _ingest(clip: ClipRecord, address: str, config: Config, spec: LibrarySpec) -> IngestedClip:
     """Read a clip, and mirror it if required."""
-    pending = PendingClip((0, ()), clip.address, clip.tags, clip.rate_override)
+    tags = () if clip.licence is None else (f"licence:{clip.licence}",)
+    pending = PendingClip((0, ()), address, tags, clip.true_rate)
     result = ingest(pending, spec, config, is_packed=False)
     if not isinstance(result, IngestedClip):
         raise result.error

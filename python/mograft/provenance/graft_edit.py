@@ -1,7 +1,7 @@
 """Edits of a graft: other donors at some base segments, everything else unchanged."""
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -17,7 +17,7 @@ from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.provenance.graft_change import apply_changes, plan_of, unchanged
 from mograft.search.constraint_records import UnrestoredConstraint
-from mograft.search.constraints import Constraint, overlaps
+from mograft.search.constraints import Constraint, Span, overlaps
 from mograft.search.donor_constraints import Ban, DonorReference, KeepOriginal, Use
 from mograft.search.pose_constraints import Reach
 from mograft.search.trellis import DonorSequences
@@ -26,7 +26,7 @@ from mograft.solve.finish import find_motion_violations, finish_motion
 from mograft.solve.plan import GraftPlan
 from mograft.solve.search_problem import SearchProblem, check_constraints, resolve_segments
 from mograft.synthesis.graft_building import finish_graft
-from mograft.synthesis.graft_result import Graft
+from mograft.synthesis.graft_result import Change, Graft
 
 _RULES = (Use, Ban, KeepOriginal)
 """Constraints that select segments, and replace earlier ones there."""
@@ -35,7 +35,12 @@ _MAX_CHANGES = 20
 """Replaced donors that `describe_changes` lists."""
 
 
-def edit(graft: Graft, *edits: Constraint, seed: int | None = None) -> Graft:
+def edit(
+    graft: Graft,
+    *edits: Constraint,
+    seed: int | None = None,
+    locked: Sequence[tuple[str, Span]] = (),
+) -> Graft:
     """Return the graft with other donors at some segments; all other segments keep theirs.
 
     Parameters
@@ -52,6 +57,8 @@ def edit(graft: Graft, *edits: Constraint, seed: int | None = None) -> Graft:
         that violate it, and those beside them, get other donors.
     seed : int, optional
         Seed of the choice. Default: that of the graft.
+    locked : sequence of (str, (int, int)), optional
+        Groups and ranges of frames whose segments keep their donors, even if they violate an edit.
 
     Returns
     -------
@@ -105,22 +112,34 @@ def edit(graft: Graft, *edits: Constraint, seed: int | None = None) -> Graft:
                 "contain: the new donors need not satisfy it",
                 stacklevel=2,
             )
-    kept = [*_remaining_constraints(old, rules, groups, cut), *added]
+    kept = [*remaining_constraints(old, rules, groups, cut), *added]
     plan = plan_of(graft, [*kept, *(own for own in rules if not _bans_present(own))])
     if any(map(_bans_present, rules)):
         plan = plan_of(graft, [*kept, *_with_present_donors(graft, plan.problem, rules)])
-    edited = _masks(rules, groups, cut)
-    is_open = edited | (_violating(graft, plan.problem, old) if added else False)
-    result = _choose(graft, plan, dict(zip(groups, is_open, strict=True)), seed)
-    remaining = [
-        own
-        for own in changes
-        if not (edited[groups.index(own.group)] & overlaps(cut, own.frames)).any()
-    ]
-    return apply_changes(result, plan.problem, remaining)
+    edited = position_masks(rules, groups, cut) & ~locked_positions(problem, locked)
+    is_open = edited | (violating_positions(graft, plan.problem, old) if added else False)
+    is_open &= ~locked_positions(problem, locked)
+    result = choose_again(graft, plan, is_open, seed)
+    return apply_changes(result, plan.problem, remaining_changes(changes, plan.problem, edited))
 
 
-def _violating(graft: Graft, problem: SearchProblem, old: Sequence[Constraint]) -> BoolArray:
+def locked_positions(problem: SearchProblem, locked: Sequence[tuple[str, Span]]) -> BoolArray:
+    """Return the positions that ranges of frames of groups select, (n_groups, n_segments)."""
+    rules = [KeepOriginal(frames=frames, group=group) for group, frames in locked]
+    return position_masks(rules, list(problem.pools), problem.base_segments)
+
+
+def remaining_changes(
+    changes: Sequence[Change], problem: SearchProblem, edited: BoolArray
+) -> list[Change]:
+    """Return the changes outside of the positions `edited`, shape (n_groups, n_segments)."""
+    cut, rows = problem.base_segments, dict(zip(problem.pools, edited, strict=True))
+    return [own for own in changes if not (rows[own.group] & overlaps(cut, own.frames)).any()]
+
+
+def violating_positions(
+    graft: Graft, problem: SearchProblem, old: Sequence[Constraint]
+) -> BoolArray:
     """Return the positions at or beside which a graft violates constraints that are not `old`.
 
     The result has shape (n_groups, n_segments).
@@ -194,7 +213,7 @@ def _with_present_donors(
         if not _bans_present(edit):
             rules.append(edit)
             continue
-        for row, position in np.argwhere(_masks([edit], groups, cut)).tolist():
+        for row, position in np.argwhere(position_masks([edit], groups, cut)).tolist():
             group = groups[row]
             n_banned += 1
             if (problem.candidates[group][position] != graft.donors[group][position]).any():
@@ -223,7 +242,7 @@ def _ban_present(graft: Graft, problem: SearchProblem, group: str, position: int
     return Ban(frames=span, donor=reference, group=group)
 
 
-def _masks(
+def position_masks(
     constraints: Sequence[Constraint], groups: Sequence[str], segments: Segments
 ) -> BoolArray:
     """Return which base segments constraints select, shape (n_groups, n_segments)."""
@@ -234,7 +253,7 @@ def _masks(
     return selected
 
 
-def _remaining_constraints(
+def remaining_constraints(
     constraints: Sequence[Constraint],
     edits: Sequence[Constraint],
     groups: Sequence[str],
@@ -245,11 +264,11 @@ def _remaining_constraints(
     At the segments of an edit, earlier hard `Use` and `KeepOriginal` no longer apply; at those of
     a `Use` or `KeepOriginal` edit, earlier hard `Ban` no longer apply either.
     """
-    edited = _masks(edits, groups, segments)
-    fixed = _masks([own for own in edits if not isinstance(own, Ban)], groups, segments)
+    edited = position_masks(edits, groups, segments)
+    fixed = position_masks([own for own in edits if not isinstance(own, Ban)], groups, segments)
     kept: list[Constraint] = []
     for constraint in constraints:
-        selected = _masks([constraint], groups, segments)
+        selected = position_masks([constraint], groups, segments)
         removed = fixed if isinstance(constraint, Ban) else edited
         if not isinstance(constraint, Use | Ban | KeepOriginal) or not (
             constraint.is_hard and (selected & removed).any()
@@ -263,27 +282,43 @@ def _remaining_constraints(
     return kept
 
 
-def _choose(graft: Graft, plan: GraftPlan, is_open: Mapping[str, BoolArray], seed: int) -> Graft:
-    """Return the graft with donors chosen again at the positions of `is_open` only."""
-    before = graft.donors
+def choose_again(
+    graft: Graft,
+    plan: GraftPlan,
+    is_open: BoolArray,
+    seed: int,
+    choose: Callable[[GraftPlan], DonorSequences] | None = None,
+) -> Graft:
+    """Return the graft with donors chosen again at some positions only.
+
+    They are those of `is_open`, shape (n_groups, n_segments). `choose` replaces the choice of the
+    configuration and self-repair.
+    """
+    before, is_free_of = graft.donors, dict(zip(plan.pools, is_open, strict=True))
     candidates = {
         group: [
             own if is_free else np.array([donor])
             for own, is_free, donor in zip(
-                lists, is_open[group].tolist(), before[group].tolist(), strict=True
+                lists, is_free_of[group].tolist(), before[group].tolist(), strict=True
             )
         ]
         for group, lists in plan.problem.candidates.items()
     }
     restricted = replace(plan, problem=replace(plan.problem, candidates=candidates))
-    (chosen,) = restricted.choose_donors(1, seed)
-    assembly, repairs = restricted.assemble(chosen, graft.motion.name)
+    if choose is None:
+        (chosen,) = restricted.choose_donors(1, seed)
+        assembly, repairs = restricted.assemble(chosen, graft.motion.name)
+    else:
+        assembly = Assembly.build(plan.problem, choose(restricted), graft.motion.name)
+        repairs = []
     steps = (before, assembly.donors)
     reaches = [
         own
         for own in plan.problem.constraints
         if type(own) is Reach and not any(own is old for old in graft.request.constraints)
     ]
+    # Those without a weight any more were removed.
+    reaches += [own.reach for own in graft.reach_completions if own.reach.weight == 0]
     adjust = partial(splice_versions, plan.problem, *steps, graft.motion, reaches=reaches)
     edited = finish_graft(plan.problem, assembly, seed, graft.index, adjust)
     cut, changed = plan.problem.base_segments, changed_positions(*steps)

@@ -2,13 +2,13 @@
 
 import glob
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Any, Self
 
-from mograft._util.documents import parse_document
+from mograft._util.documents import optional, parse_document
 from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.errors import DAMAGE, LibraryError, ProvenanceError, join_names
@@ -18,39 +18,9 @@ from mograft.library import discover, origin
 from mograft.library.clip_table import skeleton_from_json
 from mograft.library.ingest_run import IngestOptions
 from mograft.library.library import Library
+from mograft.motion.motion import Motion
 from mograft.provenance.document import SCHEMA
 from mograft.search.constraints import Span
-
-T = TypeVar("T")
-
-
-@dataclass(frozen=True, kw_only=True)
-class ClipRecord:
-    """A clip of which a graft is made."""
-
-    name: str
-    file: str | None  # relative to the folder of the document
-    clip: str | None  # name in the file, if the file holds several clips
-    sha256: str | None
-    is_base: bool
-    is_mirrored: bool
-    is_in_library: bool
-    true_rate: float | None
-    licence: str | None
-
-    @classmethod
-    def from_json(cls, record: Mapping[str, Any]) -> Self:
-        """Read an item of ``clips``, or the file of the motion of a `Character`."""
-        texts = {key: _optional(str, record[key]) for key in ("file", "clip", "sha256")}
-        return cls(
-            name=str(record["name"]),
-            **texts,
-            is_base="base" in record.get("roles", ()),
-            is_mirrored=bool(record.get("is_mirrored")),
-            is_in_library=bool(record.get("is_in_library")),
-            true_rate=_optional(float, record.get("true_rate")),
-            licence=_optional(str, record.get("licence")),
-        )
 
 
 @dataclass(frozen=True)
@@ -87,7 +57,7 @@ class GraftRecord:
     config: Config
     groups: JointGroups
     library: origin.LibraryOrigin
-    clips: tuple[ClipRecord, ...]
+    clips: tuple[origin.ClipRecord, ...]
     sources: tuple[str, ...]  # files and folders, as typed on the command line
     digits: int | None  # decimals of computed angles in its .bvh file; None: as in the base's
     donors: tuple[DonorRecord, ...]
@@ -175,9 +145,9 @@ def _parse(
             config=Config.from_dict(document["config"]),
             groups=JointGroups.from_toml(str(document["groups_toml"]) + "\n"),
             library=_read_library(document["library"], folder),
-            clips=tuple(map(ClipRecord.from_json, document["clips"])),
+            clips=tuple(map(origin.ClipRecord.from_json, document["clips"])),
             sources=tuple(map(str, document["request"]["sources"])),
-            digits=_optional(check_digits, document.get("digits")),
+            digits=optional(check_digits, document.get("digits")),
             donors=tuple(map(DonorRecord.from_json, document["substitutions"])),
             edits=tuple(
                 tuple(map(DonorRecord.from_json, edit["replaced"])) for edit in document["edits"]
@@ -192,7 +162,7 @@ def _parse(
 
 
 def _read_library(record: Mapping[str, Any], folder: Path) -> origin.LibraryOrigin:
-    path = _optional(str, record["folder"])
+    path = optional(str, record["folder"])
     return origin.LibraryOrigin(
         folder=None if path is None else folder / path,
         sha256=str(record["sha256"]),
@@ -202,8 +172,8 @@ def _read_library(record: Mapping[str, Any], folder: Path) -> origin.LibraryOrig
         root=int(record["root"]),
         up=int(record["up"]),
         match=record["match"],
-        hierarchy=_optional(skeleton_from_json, record["hierarchy"]),
-        rest=_optional(skeleton_from_json, record["rest"]),
+        hierarchy=optional(skeleton_from_json, record["hierarchy"]),
+        rest=optional(skeleton_from_json, record["rest"]),
     )
 
 
@@ -211,10 +181,6 @@ def as_frames(value: Sequence[Any]) -> Span:
     """Return the first and last frame of a document as integers."""
     first, last = value
     return int(first), int(last)
-
-
-def _optional(convert: Callable[[Any], T], value: Any) -> T | None:  # noqa: ANN401 - of JSON
-    return None if value is None else convert(value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -347,12 +313,20 @@ def _prepare_library(record: GraftRecord, library: Library, label: str) -> Libra
     return library if library.config == record.config else library.relabelled(record.config)
 
 
-def find_clip(record: GraftRecord, clip: ClipRecord, sources: Iterable[str]) -> str:
+def find_clip(record: GraftRecord, clip: origin.ClipRecord, sources: Iterable[str]) -> str:
     """Return the address of a clip, after comparing the SHA-256 of its file; see `_find_file`."""
     return join_address(_find_file(record, clip, sources), clip.clip)
 
 
-def _find_file(record: GraftRecord, clip: ClipRecord, sources: Iterable[str]) -> str:
+def read_motion(
+    values: Mapping[str, Any], record: GraftRecord, sources: Iterable[str] = ()
+) -> Motion:
+    """Read the motion of a `Character` of a constraint of a graft."""
+    clip = origin.ClipRecord.from_json(values)
+    return replace(read_clip(find_clip(record, clip, sources)), name=clip.name)
+
+
+def _find_file(record: GraftRecord, clip: origin.ClipRecord, sources: Iterable[str]) -> str:
     """Return the path of the file of a clip, after comparing its SHA-256.
 
     Raise ProvenanceError if there is no such file, or if it has changed.
@@ -385,19 +359,9 @@ def _possible_paths(record: GraftRecord, file: str, sources: Iterable[str]) -> I
 
 def _partial_library(record: GraftRecord, sources: Sequence[str]) -> RecordedLibrary:
     """Return a library of only the clips of a graft, read from their files."""
-    clips = [
-        origin.PartialClip(
-            name=clip.name,
-            address=find_clip(record, clip, sources),
-            rate_override=clip.true_rate,
-            is_mirrored=clip.is_mirrored,
-            is_in_library=clip.is_in_library,
-            tags=() if clip.licence is None else (f"licence:{clip.licence}",),
-        )
-        for clip in record.clips
-    ]
+    addresses = [find_clip(record, clip, sources) for clip in record.clips]
     library = origin.build_partial_library(
-        Library, clips, record.groups, record.config, record.library
+        Library, record.clips, addresses, record.groups, record.config, record.library
     )
     bases = [index for index, clip in enumerate(record.clips) if clip.is_base]
     base = bases[0] if bases and record.document["scenario"] is None else None

@@ -12,19 +12,16 @@ from mograft._util.validate import check_type
 from mograft.blend.reach_completion import ReachCompletion
 from mograft.config import Config
 from mograft.errors import DAMAGE, ProvenanceError
-from mograft.io.formats import read_clip
 from mograft.library.library import Library
 from mograft.library.origin import hash_poses
-from mograft.motion.motion import Motion
 from mograft.provenance.graft_change import apply_changes
 from mograft.provenance.graft_edit import splice_versions
 from mograft.provenance.graft_record import (
-    ClipRecord,
     GraftRecord,
     RecordedLibrary,
     as_frames,
-    find_clip,
     find_library,
+    read_motion,
     read_record,
 )
 from mograft.scenario import Scenario
@@ -216,9 +213,11 @@ def _finish_versions(
         reaches, adjust = [own.reach for own in found] if is_same else every, None
         if graft is not None:
             known = [own.reach for own in completions[-1]]
-            added = [own for own in reaches if not any(own is old for old in known)]
+            # Both those that were added and those that were removed.
+            other = [own for own in reaches if not any(own is old for old in known)]
+            other += [own for own in known if not any(own is new for new in reaches)]
             steps = versions[index - 1], donors
-            adjust = partial(splice_versions, plan.problem, *steps, graft.motion, reaches=added)
+            adjust = partial(splice_versions, plan.problem, *steps, graft.motion, reaches=other)
         moved = [own.reach for own in found if own.is_moved] if is_same else every
         graft = finish_graft(plan.problem, assembly, seed, index, adjust, moved)
         completions.append(found if is_same else graft.reach_completions)
@@ -236,12 +235,9 @@ def _read_request(record: GraftRecord, sources: Sequence[str]) -> GraftRequest:
     """Return the recorded request without its scenario."""
     request = record.document["request"]
 
-    def decode_motion(motion: Mapping[str, Any]) -> Motion:
-        clip = ClipRecord.from_json(motion)
-        return replace(read_clip(find_clip(record, clip, sources)), name=clip.name)
-
+    decode = partial(read_motion, record=record, sources=sources)
     swap = request["swap"]
-    constraints = [decode_constraint(own, decode_motion) for own in request["constraints"]]
+    constraints = [decode_constraint(own, decode) for own in request["constraints"]]
     return GraftRequest(
         **{name: request[name] for name in ("method", "base", "command")},
         swap=None if swap is None else tuple(swap),

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
-from mograft._util.atomic import atomic_path, write_bytes, write_json
+from mograft._util.atomic import atomic_path, write_bytes, write_text
 from mograft._util.signals import delay_signals
 from mograft._util.validate import check_type
 from mograft.errors import suggest_name
@@ -206,7 +206,8 @@ def write_graft(
         else:
             write_bvh(grafts[0].motion, draft, digits=digits)
         known = {MOTION_HASH: SourceFile.from_path(str(draft)).sha256}
-        write_json(target.with_suffix(".json"), {**documents[0], **known})
+        text = json.dumps({**documents[0], **known}, indent=1)
+        write_text(target.with_suffix(".json"), f"{text}\n")
     return (grafts[0].motion.name,)
 
 

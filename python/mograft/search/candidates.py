@@ -7,6 +7,7 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.html_table import notebook_table
+from mograft.motion.segments import Segments
 from mograft.search.costs import CostModel, length_fits
 from mograft.search.segment_pool import SegmentPool
 
@@ -100,13 +101,18 @@ class ConstraintVerdicts:
 
 
 def list_candidates(
-    pool: SegmentPool, segment: int, model: CostModel, verdicts: ConstraintVerdicts | None = None
+    pool: SegmentPool,
+    segment: int,
+    model: CostModel,
+    verdicts: ConstraintVerdicts | None = None,
+    around: tuple[int | None, int | None] | None = None,
 ) -> Candidates:
     """Return the candidates of a base segment with costs and reasons for refusal.
 
     The candidates are the segments in its neighbourhood (`Config.neighbourhood`), or those of
-    `verdicts`. Gaps and seam costs are those with the segments before and after the base segment in
-    its clip. No limit refuses the donors that `Use` requires.
+    `verdicts`. Gaps and seam costs are those with the segments `around`, by default those before
+    and after the base segment in its clip; None stands for no segment. No limit refuses the donors
+    that `Use` requires.
     """
     segments, config = pool.segments, model.config
     if verdicts is None:
@@ -118,9 +124,9 @@ def list_candidates(
     fits = length_fits(segments.lengths[base], segments.lengths[members], pool.rate, config)
     is_copy = pool.are_copies(base, members)
     costs, gaps = pool.unary_costs(base, members, model) + verdicts.costs, np.zeros((2, len(base)))
-    for side, neighbour in enumerate((segment - 1, segment + 1)):
-        near = np.array([neighbour])
-        if 0 <= neighbour < len(segments) and segments.clip[neighbour] == segments.clip[segment]:
+    for side, neighbour in enumerate(around or _neighbours_in_clip(segments, segment)):
+        if neighbour is not None:
+            near = np.array([neighbour])
             left, right = (members, near) if side else (near, members)
             gaps[side] = pool.seam_angles(left, right).ravel()
             costs = costs + pool.pairwise_costs(left, right, model).ravel()
@@ -163,6 +169,16 @@ def list_candidates(
         allowed=tuple(candidate for candidate in listed if not candidate.refused),
         refused=tuple(candidate for candidate in listed if candidate.refused),
         elsewhere=len(segments) - len(members),
+    )
+
+
+def _neighbours_in_clip(segments: Segments, segment: int) -> tuple[int | None, int | None]:
+    """Return the segments before and after a segment in its clip."""
+    clip = segments.clip[segment]
+    before, after = segment - 1, segment + 1
+    return (
+        before if before >= 0 and segments.clip[before] == clip else None,
+        after if after < len(segments) and segments.clip[after] == clip else None,
     )
 
 

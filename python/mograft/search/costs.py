@@ -45,7 +45,7 @@ def length_fits(base: IntArray, donor: IntArray, rate: float, config: Config) ->
     it is ``|base - donor| <= max(max_stretch · base, length_slack · rate)``. The rule is relative
     to the base segment, so it is not symmetric.
     """
-    gap, limit, tolerance = np.abs(base - donor), config.max_stretch * base, 1e-9 * base
+    gap, limit, tolerance = np.abs(base - donor), float(config.max_stretch) * base, 1e-9 * base
     if config.length_slack > 0:
         return gap <= np.maximum(limit, config.length_slack * rate) + tolerance
     return gap < limit - tolerance

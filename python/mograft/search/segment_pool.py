@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from mograft.search.neighbourhoods import FEWEST_DONORS, NEIGHBOURHOODS
 
 _SEGMENTS_PER_BATCH = 1 << 12  # base segments whose support margins are in memory
 _MAX_KNOWN_PAIRS = 1 << 22  # base segments and donors whose effect is kept
+_MAX_KNOWN_LISTS = 4  # bases whose candidates are kept
 POSITIONS_PER_BATCH = 1024  # base segments whose candidates are evaluated together
 _NEIGHBOURS_PER_BATCH = 1 << 19  # base segments and neighbours that are compared together
 _N_TYPICAL_SEAMS = 512  # seams from which the typical gaps are measured
@@ -106,6 +108,8 @@ class SegmentPool:
     sigma: float = 0.0  # cluster diameter threshold, in the unit of `points`
     balance: SegmentBalance | None = None  # None: all donors keep the balance
     parts: SegmentParts | None = None  # None: no donor is compared with the base part
+    # The last results of `candidate_lists`, by the arguments: edits of a graft use the same ones.
+    _known_lists: dict[Any, tuple[IntArray, ...]] = field(init=False, default_factory=dict)
 
     def neighbours(self, base: IntArray, config: Config) -> list[IntArray]:
         """Return the indices of the segments in the neighbourhood of each base segment.
@@ -140,11 +144,21 @@ class SegmentPool:
         most `PRESELECTION` times `max_candidates` segments: those of the lowest
         `preselection_costs`.
         """
+        key = (hashlib.sha256(np.ascontiguousarray(scenario).data).digest(), config, model)
+        known = self._known_lists.get(key)
+        if known is not None:
+            return list(known)
         lists: list[IntArray] = []
         for start in range(0, len(scenario), POSITIONS_PER_BATCH):
             positions = scenario[start : start + POSITIONS_PER_BATCH]
             neighbours = self.neighbours(positions, config)
             lists += self._keep_fitting(positions, neighbours, config, model)
+        for own in lists:
+            make_read_only(own)
+        if sum(map(len, lists)) <= _MAX_KNOWN_PAIRS // _MAX_KNOWN_LISTS:
+            while len(self._known_lists) >= _MAX_KNOWN_LISTS:
+                self._known_lists.pop(next(iter(list(self._known_lists))), None)
+            self._known_lists[key] = tuple(lists)
         return lists
 
     def _keep_fitting(

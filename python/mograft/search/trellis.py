@@ -8,7 +8,6 @@ the weight) of all continuations of each candidate, and then once forwards to re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import overload
 
 import numpy as np
 
@@ -17,71 +16,11 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.search.costs import PRESELECTION, CostModel
 from mograft.search.segment_pool import POSITIONS_PER_BATCH, SegmentPool
 
-_MAX_STORED_SEAM_COSTS = 1 << 24
-"""Costs of seams that are stored: 128 MiB. More are computed again in each pass over a trellis."""
-
 _N_SEGMENT_BITS = 32
 _SEGMENT_BITS = (1 << _N_SEGMENT_BITS) - 1
 
 DonorSequences = dict[str, IntArray]
 """The donor sequence of each grafted group: the donor segment at each position."""
-
-
-class ComputedMatrices(Sequence[FloatArray]):
-    """Pairwise costs that are computed when they are read, a block of positions at a time.
-
-    `compute` takes `start` and `stop`, and returns the matrices of the positions `start` to
-    `stop` - 1. `compute_row` takes a position and a candidate, and returns that row of the matrix.
-    `positions` are the positions of the matrices in this sequence. The block that was computed last
-    is kept; a sequence and its slices keep one block together. The first block of a slice begins at
-    the first position of the slice, and no block exceeds the slice.
-    """
-
-    def __init__(
-        self,
-        compute: Callable[[int, int], list[FloatArray]],
-        compute_row: Callable[[int, int], FloatArray],
-        positions: range,
-        block_length: int,
-        blocks: dict[int, list[FloatArray]] | None = None,
-    ) -> None:
-        self._compute, self._compute_row, self._positions = compute, compute_row, positions
-        self._block_length, self._blocks = block_length, {} if blocks is None else blocks
-
-    def __len__(self) -> int:
-        return len(self._positions)
-
-    @overload
-    def __getitem__(self, index: int) -> FloatArray: ...
-    @overload
-    def __getitem__(self, index: slice) -> "ComputedMatrices": ...
-    def __getitem__(self, index: int | slice) -> "FloatArray | ComputedMatrices":
-        chosen = self._positions[index]
-        if isinstance(chosen, range):
-            functions = self._compute, self._compute_row
-            return ComputedMatrices(*functions, chosen, self._block_length, self._blocks)
-        known = self._find(chosen)
-        if known is not None:
-            return known
-        first, last = sorted((self._positions[0], self._positions[-1]))
-        start = chosen - (chosen - first) % self._block_length
-        matrices = self._compute(start, min(start + self._block_length, last + 1))
-        self._blocks.clear()
-        self._blocks[start] = matrices  # with several threads, for a moment one block of each
-        return matrices[chosen - start]
-
-    def row(self, index: int, candidate: int) -> FloatArray:
-        """Return the costs from a candidate to all candidates of the next position."""
-        chosen = self._positions[index]
-        known = self._find(chosen)
-        return self._compute_row(chosen, candidate) if known is None else known[candidate]
-
-    def _find(self, position: int) -> FloatArray | None:
-        """Return the matrix of a position if the block that is kept has it."""
-        for start, matrices in list(self._blocks.items()):
-            if start <= position < start + len(matrices):
-                return matrices[position - start]
-        return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,19 +69,12 @@ class Trellis:
         The unary costs of the first and last position include the pairwise costs to the fixed
         candidates beside them.
         """
-        unary, first = list(self.unary[start:stop]), max(start - 1, 0)
-        near = self.pairwise[first:stop]  # one slice: computed matrices are computed once
+        unary = list(self.unary[start:stop])
         if start > 0:
-            unary[0] = unary[0] + near[0][path[start - 1]]
+            unary[0] = unary[0] + self.pairwise[start - 1][path[start - 1]]
         if stop < len(self):
-            unary[-1] = unary[-1] + near[-1][:, path[stop]]
-        return Trellis(tuple(unary), near[start - first : stop - 1 - first])
-
-    def pairwise_row(self, position: int, index: int) -> FloatArray:
-        """Return the pairwise costs of one candidate to all candidates of the next position."""
-        if isinstance(self.pairwise, ComputedMatrices):
-            return self.pairwise.row(position, index)
-        return self.pairwise[position][index]
+            unary[-1] = unary[-1] + self.pairwise[stop - 1][:, path[stop]]
+        return Trellis(tuple(unary), self.pairwise[start : stop - 1])
 
     def conditional_costs(self, path: IntArray) -> list[FloatArray]:
         """Return the cost of each candidate at each position with all other positions as in `path`.
@@ -178,7 +110,7 @@ def viterbi(trellis: Trellis) -> IntArray:
     to_end.reverse()
     path = [int(to_end[0].argmin())]
     for position, onward in enumerate(to_end[1:]):
-        path.append(int((trellis.pairwise_row(position, path[-1]) + onward).argmin()))
+        path.append(int((trellis.pairwise[position][path[-1]] + onward).argmin()))
     return np.array(path, np.int64)
 
 
@@ -228,32 +160,10 @@ def sample(trellis: Trellis, temperature: float, rng: np.random.Generator) -> In
     """
     if not len(trellis):
         return np.zeros(0, np.int64)
-    if isinstance(trellis.pairwise, ComputedMatrices):
-        return _sample_stepwise(trellis, temperature, rng.random(len(trellis)))
     counts = np.array([len(costs) for costs in trellis.unary])
     pairwise = np.concatenate([np.zeros(0), *(costs.ravel() for costs in trellis.pairwise)])
     draws = rng.random(len(trellis))
     return _core.sample(counts, np.concatenate(trellis.unary), pairwise, temperature, draws)
-
-
-def _sample_stepwise(trellis: Trellis, temperature: float, draws: FloatArray) -> IntArray:
-    """Draw a path as the kernel does; only a block of the pairwise costs is in memory."""
-    weights = [-trellis.unary[-1] / temperature]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for unary, pairwise in zip(trellis.unary[-2::-1], trellis.pairwise[::-1], strict=True):
-            onward = weights[-1] - pairwise / temperature
-            top = onward.max(axis=1)
-            top = np.where(np.isfinite(top), top, 0.0)
-            sums = np.exp(onward - top[:, None]).sum(axis=1)
-            weights.append(-unary / temperature + (top + np.log(sums)))
-        path: list[int] = []
-        for position, (ends, draw) in enumerate(zip(reversed(weights), draws, strict=True)):
-            if position:
-                ends = ends - trellis.pairwise_row(position - 1, path[-1]) / temperature
-            sums = np.cumsum(np.exp(ends - ends.max()))
-            index = int(np.searchsorted(sums, draw * sums[-1], side="right"))
-            path.append(min(index, len(ends) - 1))
-    return np.array(path, np.int64)
 
 
 def diverse(
@@ -327,7 +237,8 @@ class DonorTrellis:
             found, costs = _keep_cheapest(pool, scenario[batch], candidates[batch], model, own)
             kept += found
             unary += costs
-        return cls(scenario, tuple(kept), Trellis(tuple(unary), _seam_costs(pool, kept, model)))
+        seam_costs = tuple(pool.pairwise_costs_along(kept, model))
+        return cls(scenario, tuple(kept), Trellis(tuple(unary), seam_costs))
 
     def find_path(self, costs: Trellis, search: Callable[[Trellis], IntArray]) -> IntArray:
         """Return the path that a search finds, given the costs of this trellis or changed ones.
@@ -390,22 +301,3 @@ def _keep_cheapest(
     kept, unary = model.keep_cheapest_of_each(scenario, candidates, costs, PRESELECTION)
     costs = np.concatenate(unary) + pool.further_costs(*pair(kept), model)
     return model.keep_cheapest_of_each(scenario, kept, costs)
-
-
-def _seam_costs(
-    pool: SegmentPool, candidates: Sequence[IntArray], model: CostModel
-) -> Sequence[FloatArray]:
-    """Return the costs of seams; if they are many, they are computed whenever they are read."""
-    counts = np.array([len(own) for own in candidates], np.int64)
-    if (counts[:-1] * counts[1:]).sum() <= _MAX_STORED_SEAM_COSTS:
-        return tuple(pool.pairwise_costs_along(candidates, model))
-
-    def compute(start: int, stop: int) -> list[FloatArray]:
-        return pool.pairwise_costs_along(candidates[start : stop + 1], model)
-
-    def compute_row(position: int, index: int) -> FloatArray:
-        left, right = candidates[position][index : index + 1], candidates[position + 1]
-        return pool.pairwise_costs(left, right, model)[0]
-
-    positions = range(len(candidates) - 1)
-    return ComputedMatrices(compute, compute_row, positions, POSITIONS_PER_BATCH)

@@ -118,6 +118,8 @@ def donor_excess(problem: SearchProblem, donors: DonorSequences) -> dict[str, Fl
     The result has an array of shape (n_frames,) for each group: max(0, greatest violation amount
     - 1) in each frame.
     """
+    if not any(own.is_hard for own in problem.pose_constraints):
+        return {group: np.zeros(problem.base.n_frames) for group in problem.driven_joints}
     excesses = donor_excesses(problem, [donors], 0, len(problem.base_segments))
     return {group: own[0] for group, own in excesses.items()}
 

@@ -16,6 +16,7 @@ from itertools import islice
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.cancel import check_cancelled
 from mograft._util.runs import dilate, find_runs
 from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
 from mograft.body.capsules import Poses
@@ -33,6 +34,7 @@ from mograft.solve.donor_trellis import (
 from mograft.solve.search_problem import SearchProblem
 
 _MAX_ROUNDS = 8  # searches with increased penalties
+_MAX_ROUNDS_NEAR = 4
 _REPAIR_RADIUS = 3  # positions beside a violated one that a restricted problem can change
 _MAX_WINDOW_LENGTH = 8  # positions of the longest window whose sequences are assembled
 _N_CHEAPEST_TRIALS = 48  # cheapest sequences of a window that are assembled
@@ -87,6 +89,7 @@ def repair_donors(
     }
     least, best = np.inf, chosen
     for _ in range(_MAX_ROUNDS):
+        check_cancelled()
         excess = donor_excess(problem, chosen)
         total = sum(float(own.sum()) for own in excess.values())
         if total < least:
@@ -97,6 +100,41 @@ def repair_donors(
             worst = problem.greatest_at_positions(excess[group])
             chosen[group] = search_again(trellis, penalties[group], chosen[group], worst)
     return _try_sequences(problem, best, local)
+
+
+def repair_near(
+    problem: SearchProblem,
+    donors: DonorSequences,
+    trellises: Mapping[str, DonorTrellis],
+    first: int,
+    stop: int,
+) -> DonorSequences:
+    """Change donors as `repair_donors`, but without assembling the sequences around a violation.
+
+    Violations count in the positions `first` to `stop` - 1. No group may contain the root. This
+    takes a tenth of the time of `repair_donors`, and satisfies the constraints less often.
+    """
+    chosen = dict(donors)
+    penalties = {
+        group: [np.zeros(len(own)) for own in trellis.candidates]
+        for group, trellis in trellises.items()
+    }
+    least, best = np.inf, chosen
+    for _ in range(_MAX_ROUNDS_NEAR):
+        check_cancelled()
+        excess = donor_excesses(problem, [chosen], first, stop)
+        total = sum(float(own.sum()) for own in excess.values())
+        if total < least:
+            least, best = total, dict(chosen)
+        if total == 0:
+            break
+        begin, end = problem.base_segments.start[first], problem.base_segments.stop[stop - 1]
+        for group, trellis in trellises.items():
+            frames = np.zeros(problem.base.n_frames)
+            frames[begin : end + 1] = excess[group][0]
+            worst = problem.greatest_at_positions(frames)
+            chosen[group] = search_again(trellis, penalties[group], chosen[group], worst)
+    return best
 
 
 def replace_unlisted(donors: IntArray, trellis: DonorTrellis) -> IntArray:
@@ -247,6 +285,7 @@ def _least_violating(
     """
     least, best = np.inf, alternatives[0]
     for i in range(0, len(alternatives), _TRIALS_PER_BATCH):
+        check_cancelled()
         batch = alternatives[i : i + _TRIALS_PER_BATCH]
         excesses = donor_excesses(problem, batch, first, stop).values()
         totals = np.sum([own.sum(axis=1) for own in excesses], axis=0)
@@ -289,6 +328,7 @@ def tabu_search(
     for iteration in range(_MAX_ITERATIONS):
         if least == 0 or idle == _MAX_ITERATIONS_WITHOUT_GAIN:
             break
+        check_cancelled()
         positions, given, _ = rank_substitutions(
             problem, trellis, current, motion, free_from <= iteration
         )

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.cancel import check_cancelled
 from mograft.blend.foot_planting import plant_feet
 from mograft.blend.recombine import recombine, splice
 from mograft.blend.transplant import GraftedGroup, transplant
@@ -92,6 +93,7 @@ def find_donor_spans(
     range_ = _Range(problem, motion, part, frames)
     found = []
     for clip in within or range(len(problem.library.clips)):
+        check_cancelled()
         starts, stops, costs = range_.compare(clip, accept_same=within is not None)
         for index in _pick(starts, stops, costs):
             ends = int(starts[index]), int(stops[index])

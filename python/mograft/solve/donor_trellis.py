@@ -142,7 +142,7 @@ def group_trellis(
     """Return the trellis of some candidates of a group; `costs` are those of constraints."""
     pool, model = problem.pools[group], problem.cost_models[group]
     trellis = DonorTrellis.build(pool, problem.scenario, candidates, model, costs)
-    if not problem.is_loop or not isinstance(trellis.costs.pairwise, tuple):
+    if not problem.is_loop:
         return trellis
     ends = trellis.candidates[-1], trellis.candidates[0]
     return replace(trellis, join=pool.pairwise_costs(*ends, model))

@@ -92,6 +92,56 @@ def encode_scene(
     }
 
 
+def encode_figure(figure: Figure, *, is_mesh: bool) -> dict[str, Any]:
+    """Return a single figure as a dict for JSON, with all its frames.
+
+    ``donors`` has the clips of its `source` numbers. `is_mesh` is whether a mesh shows it.
+    """
+    skeleton, donors = DrawnSkeleton.of(figure.motion, figure.motion.n_frames), dict[str, int]()
+    own = _encode_figure(figure, skeleton, (1, _MESH_PRECISION if is_mesh else 1.0), donors)
+    return {**own, "donors": list(donors), "height": skeleton.height, "floor": skeleton.floor}
+
+
+def encode_change(old: Motion, figure: Figure, *, is_mesh: bool) -> dict[str, Any] | None:
+    """Return what differs between a motion, whose figure a page has, and the figure of another one.
+
+    ``patch`` has the rotations and positions from the first to the last frame that differs, of the
+    joints that a page has of `old`; None if the two are the same. The result is None if the page
+    needs the whole figure.
+    """
+    new, donors = figure.motion, dict[str, int]()
+    is_known = old.rotations.shape == new.rotations.shape
+    if not is_known or not np.array_equal(old.is_translated, new.is_translated):
+        return None
+    turns, places = old.rotations != new.rotations, old.positions != new.positions
+    frames = np.flatnonzero(turns.any(axis=(1, 2)) | places.any(axis=(1, 2)))
+    joints = _turning_joints(old.rotations)
+    if not np.array_equal(joints, _turning_joints(new.rotations)):
+        return None
+    patch = None
+    if len(frames):
+        first, last = int(frames[0]), int(frames[-1])
+        precision, height = _MESH_PRECISION if is_mesh else 1.0, mass_model(new.skeleton).height
+        units = (precision * _ROTATION_UNIT, precision * 1e-4 * height)
+        part = np.arange(first, last + 1)
+        patch = {"first": first, "last": last, **_encode_frames(new, part, None, units, joints)}
+    rows = [_encode_row(row, donors) for row in figure.rows]
+    return {"patch": patch, "rows": rows, "donors": list(donors), "energy": _energy_curve(new)}
+
+
+def _turning_joints(turns: FloatArray) -> IntArray:
+    """Return the joints that have a rotation in any frame, given (n_frames, n_joints, 4)."""
+    joints: IntArray = np.flatnonzero((turns != rotations.IDENTITY).any(axis=(0, 2)))
+    return joints
+
+
+def encode_window(motion: Motion, first: int, last: int) -> dict[str, Any]:
+    """Return the rotations of all joints in a part of a clip, without the path of the root."""
+    joints: IntArray = np.arange(1, motion.n_joints)
+    packed = _encode_frames(motion, np.arange(first, last + 1), joints, (_ROTATION_UNIT, 1e-3))
+    return {**packed, "step": 1, "start": [first], "stop": [last]}
+
+
 def _encode_figure(
     figure: Figure, skeleton: DrawnSkeleton, steps: tuple[int, float], donors: dict[str, int]
 ) -> dict[str, Any]:
@@ -140,22 +190,29 @@ def _encode_motion(
 
 
 def _encode_frames(
-    motion: Motion, frames: IntArray, joints: IntArray, units: tuple[float, float]
+    motion: Motion,
+    frames: IntArray,
+    joints: IntArray | None,
+    units: tuple[float, float],
+    turning: IntArray | None = None,
 ) -> dict[str, Any]:
     """Return the rotations of some joints in some frames, and the positions that vary.
 
-    Rotations that are zero in all these frames are left out.
+    `joints` are by default all. Rotations that are zero in all these frames are left out, unless
+    `turning` has the joints whose rotations are returned.
     """
-    turns = motion.rotations[frames][:, joints]
-    is_turning = (turns != rotations.IDENTITY).any(axis=(0, 2))
+    joints = np.arange(motion.n_joints) if joints is None else joints
+    if turning is None:
+        turning = joints[_turning_joints(motion.rotations[frames][:, joints])]
+    turns = motion.rotations[frames][:, turning]
     moving = joints[motion.is_translated[joints] | (joints == 0)]
     tracks = [
-        rotations.continuous_signs(turns[:, is_turning]).reshape(len(frames), -1),
+        rotations.continuous_signs(turns).reshape(len(frames), -1),
         motion.positions[frames][:, moving].reshape(len(frames), -1),
     ]
     steps, pose = quantize(tracks, units)
     packed = {"units": steps, "pose": _compress(pose)}
-    named = {"turning": joints[is_turning].tolist(), "moving": moving.tolist()}
+    named = {"turning": turning.tolist(), "moving": moving.tolist()}
     return {"kept": len(frames), **named, **packed}
 
 

@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -15,7 +16,7 @@ from mograft.errors import DAMAGE, MograftError, ProvenanceError
 from mograft.io.formats import read_clip
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
-from mograft.provenance.graft_record import ClipRecord, GraftRecord, find_clip, read_clip_record
+from mograft.provenance.graft_record import GraftRecord, find_clip, read_clip_record, read_motion
 from mograft.search.constraint_records import decode_constraint
 from mograft.search.constraints import Constraint
 from mograft.solve.candidate_verdicts import candidates
@@ -220,12 +221,8 @@ def recorded_base(
 
 def recorded_constraints(record: GraftRecord) -> list[Constraint]:
     """Return the constraints of a graft, except those whose files are missing or damaged."""
-
-    def decode_motion(values: dict[str, object]) -> Motion:
-        return read_clip(find_clip(record, ClipRecord.from_json(values), ()))
-
     found: list[Constraint] = []
     for values in (record.document.get("request") or {}).get("constraints", ()):
         with suppress(*DAMAGE, MograftError, OSError):
-            found.append(decode_constraint(values, decode_motion))
+            found.append(decode_constraint(values, partial(read_motion, record=record)))
     return found

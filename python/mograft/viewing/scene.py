@@ -82,7 +82,7 @@ class Scene:
     @classmethod
     def of_clips(cls, library: Library, clips: Iterable[int]) -> "Scene":
         """Return a scene of the clips of a library that have the given indices."""
-        return cls(tuple(_clip_figure(library, library.clips[clip]) for clip in clips))
+        return cls(tuple(clip_figure(library, library.clips[clip]) for clip in clips))
 
     def with_character(self, path: Path | None) -> "Scene":
         """Return the scene with the mesh of a glTF file for all figures of its joints."""
@@ -124,15 +124,15 @@ class _Builder:
     def add(self, item: Item) -> None:
         """Add an item; raise a TypeError if its type is not one of `Item`."""
         if isinstance(item, Graft):
-            self._add_figure(_clip_figure(item.library, item.base))
-            figure = _graft_figure(item, self._candidates(item))
+            self._add_figure(clip_figure(item.library, item.base))
+            figure = graft_figure(item, self._candidates(item))
             note = str(newness(item, self.grafts))
             self.grafts.append(item.motion)
             self._add_figure(replace(figure, note=note))
             self._add_constraints(item.request.constraints, item.motion)
         elif isinstance(item, Library):
             for clip in item.clips:
-                self._add_figure(_clip_figure(item, clip))
+                self._add_figure(clip_figure(item, clip))
         elif isinstance(item, Motion):
             self._add_figure(_motion_figure(item, self.groups, self.libraries, self.config))
         elif isinstance(item, Scene):
@@ -207,7 +207,7 @@ def _motion_figure(
     for library in libraries:
         for clip in library.clips:
             if _is_same(clip, motion):
-                return _clip_figure(library, clip)
+                return clip_figure(library, clip)
     rows: tuple[TimelineRow, ...] = ()
     if motion.n_frames >= 2:
         found = segment(motion, config)
@@ -234,7 +234,13 @@ def _members(
     return {"body": np.arange(skeleton.n_joints)}
 
 
-def _clip_figure(library: Library, clip: Motion) -> Figure:
+def motion_figure(motion: Motion, library: Library) -> Figure:
+    """Return the figure of a motion, which has the skeleton of a library, with its groups."""
+    return _motion_figure(motion, library.groups, (), library.config)
+
+
+def clip_figure(library: Library, clip: Motion) -> Figure:
+    """Return the figure of a clip of a library."""
     library, index = library.resolve_base(clip)
     segments = library.segments.of_clip(index)
     start, stop = library.segments.start[segments], library.segments.stop[segments]
@@ -246,7 +252,8 @@ def _clip_figure(library: Library, clip: Motion) -> Figure:
     return Figure(motion, motion.name, library.groups.resolve(motion.skeleton), rows)
 
 
-def _graft_figure(graft: Graft, candidates: CandidateTable) -> Figure:
+def graft_figure(graft: Graft, candidates: CandidateTable | None = None) -> Figure:
+    """Return the figure of a graft."""
     groups = dict.fromkeys(s.group for s in graft.substitutions)
     members = graft.library.groups.resolve(graft.motion.skeleton)
     rows = tuple(_graft_row(graft, group) for group in groups)

@@ -19,6 +19,7 @@ from mograft._util.extras import import_extra
 from mograft._util.signals import clean_up_by
 from mograft.body.groups import JointGroups
 from mograft.motion.motion import Motion
+from mograft.viewing.browser_pictures import browser_pictures
 from mograft.viewing.film_pictures import draw_pictures
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 _MAX_DEFAULT_RATE = {".mp4": 60.0, ".gif": 20.0}
 _MAX_RATE = {".mp4": 240, ".gif": 50}
+RENDERERS = ("capsules", "browser")
 _MIN_SIDE, _MAX_SIDE = 64, 4096
 _GIF_COLOURS = 64
 
@@ -38,6 +40,8 @@ def write_video(
     size: tuple[int, int] = (720, 480),
     groups: JointGroups | str | None = None,
     dark: bool = False,
+    renderer: str = "capsules",
+    character: str | os.PathLike[str] | None = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> float:
     """Write a film that shows motions side by side in real time; needs the extra ``video``.
@@ -58,6 +62,11 @@ def write_video(
         legs.
     dark : bool
         Whether to draw light colours on a dark background.
+    renderer : {"capsules", "browser"}
+        What draws the figures. "browser" shows them as a page does, with the mesh of the character,
+        by a Chromium without a window; it needs the extra ``browser``.
+    character : str or path, optional
+        A glTF file with the mesh of the figures, for "browser". Default: the files of the motions.
     progress : callable, optional
         Called for each picture with ``"film"``, its index from 0, and the number of pictures.
 
@@ -69,11 +78,13 @@ def write_video(
     Raises
     ------
     ModuleNotFoundError
-        If Pillow is not installed, or for MP4 neither imageio-ffmpeg nor ffmpeg.
+        If Pillow is not installed, for MP4 neither imageio-ffmpeg nor ffmpeg, or for "browser" not
+        playwright.
     OSError
-        If ffmpeg fails; the message contains the last line that ffmpeg printed.
+        If ffmpeg fails; the message contains the last line that ffmpeg printed. If Chromium fails.
     ValueError
-        If there is no motion, the ending of the path is unknown, or a number is out of range.
+        If there is no motion, the ending of the path or the renderer is unknown, a number is out of
+        range, or "capsules" is given a character.
 
     Notes
     -----
@@ -102,13 +113,20 @@ def write_video(
     if not 0 < rate <= _MAX_RATE[ending]:
         limit = f"above 0 and at most {_MAX_RATE[ending]} for {ending}"
         raise ValueError(f"`rate` must be {limit}, got {rate:g}")
+    if renderer not in RENDERERS or (character is not None and renderer != "browser"):
+        expected = "'browser' for a character" if character else " or ".join(map(repr, RENDERERS))
+        raise ValueError(f"`renderer` must be {expected}, got {renderer!r}")
     import_extra("PIL", "films need Pillow", "video")
     program = _find_ffmpeg() if ending == ".mp4" else ""
     resampled = [
         motion if abs(motion.rate - rate) < 1e-6 * rate else motion.resample(rate)
         for motion in motions
     ]
-    pictures = draw_pictures(resampled, rate, size, groups, dark=dark)
+    if renderer == "browser":
+        path_of_mesh = None if character is None else Path(character)
+        pictures = browser_pictures(resampled, size, groups, path_of_mesh, dark=dark)
+    else:
+        pictures = draw_pictures(resampled, rate, size, groups, dark=dark)
     count = max(motion.n_frames for motion in resampled)
     if progress is not None:
         pictures = _report(pictures, count, progress)

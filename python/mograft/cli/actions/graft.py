@@ -63,6 +63,10 @@ _KEPT_VIOLATIONS = (
 def run(options: GraftOptions) -> int:
     """Run the command."""
     options = graft_files.with_target(options)
+    if options.project is not None:
+        from mograft.cli.actions.project import run_project  # takes long to import
+
+        return run_project(options)
     if options.from_ is not None:
         return _run_replay(options)
     _check_options(options)
@@ -418,4 +422,8 @@ def run_demo(options: DemoOptions) -> int:
         "next:       mograft graft your.bvh -o out/ -n 5",
     ]
     print_result(options, "demo/1", document, closing_lines)
+    if options.studio:
+        from mograft.cli.actions.studio import serve
+
+        serve(options, folder / "studio", [sample], is_shown=True)
     return 0

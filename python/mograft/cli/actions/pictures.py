@@ -60,7 +60,7 @@ _ENDINGS_OF_SEVERAL = (".glb", *_FILMS)
 _ENDINGS_OF_OPTION = {
     "scale": _FIGURES,
     "groups": (*_FIGURES, *_FILMS),
-    "dark": _FILMS,
+    **dict.fromkeys(("dark", "renderer", "character"), _FILMS),
     "digits": (".bvh",),
     "like": (".npz",),
 }
@@ -295,6 +295,7 @@ def _write_film(
     with show_progress() as progress:
         rate, (width, height), dark = options.rate, options.size, options.dark
         look: dict[str, Any] = {"size": options.size, "groups": groups, "dark": dark}
+        look |= {"renderer": options.renderer or "capsules", "character": options.character}
         rate = write_video(motions, target, rate=rate, progress=progress, **look)
     print_remark(f"{target.name}: {width} by {height} pixels, {rate:.6g} pictures per second")
     return {"size": [width, height], "rate": rate, "frames": [m.n_frames for m in motions]}

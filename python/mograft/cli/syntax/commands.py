@@ -16,6 +16,7 @@ class DemoOptions(options.SeedOptions, options.WriterOptions, section="output"):
 
     output: values.Folder = option("folder (default: demo)", default=Path("demo"), short="-o")
     open: bool = option("open the page in the browser")
+    studio: bool = option("then open the dance in mograft studio, until interrupted")
 
 
 class InfoOptions(options.SkeletonOptions):
@@ -131,6 +132,24 @@ class PlayOptions(options.SkeletonOptions):
     speed: values.Speed = option("factor of the speed (default: 1)", default=1.0)
 
 
+class StudioOptions(options.ResultOptions):
+    """Make and change grafts in the browser.
+
+    The command prints the address of the page, which only this computer can open, and runs until
+    it is interrupted. The page saves each step in the project of the folder.
+    """
+
+    files: tuple[values.LibraryOrFile, ...] = positional(
+        "motion files, folders of them, a library, a graft or a project", "*"
+    )
+    output: values.Folder | None = option(
+        "folder of the project, dropped files and exports (default: that of the project; studio)",
+        short="-o",
+    )
+    port: values.Port = setting("TCP port; 0 selects a free port (default: 0)", default=0)
+    open: bool = option("open the page in the browser")
+
+
 class ViewOptions(options.FieldOptions, options.SkeletonOptions, options.WriterOptions):
     """Show motions side by side in the browser."""
 
@@ -197,6 +216,14 @@ class ExportOptions(options.DigitsOptions, options.SkeletonOptions, options.Writ
     )
     size: values.Size = setting("size of a film in pixels (default: 720x480)", default="720x480")
     dark: bool = setting("draw a film in light colours on a dark background")
+    renderer: Literal["capsules", "browser"] | None = setting(
+        "what draws a film: capsules, or the browser, with the mesh of the character (needs "
+        "mograft[browser]; default: capsules)"
+    )
+    character: values.File | None = option(
+        "glTF file whose mesh a film shows, with --renderer browser (default: the file of the "
+        "motion, if it is glTF)"
+    )
 
 
 class EvaluateOptions(options.SeedOptions, options.LibraryOptions, options.WriterOptions):
@@ -262,6 +289,7 @@ COMMANDS = (
     Command("graft", options.GraftOptions, "graft:run"),
     Command("stream", StreamOptions, "library:run_stream"),
     Command("play", PlayOptions, "live:run_play"),
+    Command("studio", StudioOptions, "studio:run_studio"),
     Command("view", ViewOptions, "pictures:run_view"),
     Command("plot", PlotOptions, "pictures:run_plot"),
     Command("export", ExportOptions, "pictures:run_export"),

@@ -209,6 +209,10 @@ class RecordOptions(Options, section="input"):
         "for places and donors change what they must and leave the rest unchanged; --set of fields "
         "of blending keeps all donors; LIB|FILE is needed only if files have moved",
     )
+    project: values.File | None = option(
+        "project of mograft studio, whose kept motions are made again, without the studio",
+        is_expert=True,
+    )
 
 
 class ChangeOptions(Options, section="what to change"):

@@ -139,7 +139,8 @@ class Cursor:
 
         If the pattern does not match, return None and do not move.
         """
-        match = self.match(pattern)
+        self._ensure_lookahead()
+        match = pattern.match(self.buffer, self.offset)
         self._word_start = self.offset
         if match is None:
             return None
@@ -150,15 +151,6 @@ class Cursor:
         self.offset = match.end()
         return match.group(1)
 
-    def match(self, pattern: re.Pattern[bytes]) -> re.Match[bytes] | None:
-        """Match a pattern at the cursor without moving; offsets are those in `buffer`."""
-        self._ensure_lookahead()
-        return pattern.match(self.buffer, self.offset)
-
-    def move_after(self, match: re.Match[bytes]) -> None:
-        """Move after a result of `match`, which counts as the last word taken."""
-        self._word_start, self.offset = match.span()
-
     @property
     def has_lookahead(self) -> bool:
         """Whether the buffer holds enough text after the cursor for a word of maximum length."""
@@ -167,14 +159,6 @@ class Cursor:
     def _ensure_lookahead(self) -> None:
         if not self.is_at_end and not self.has_lookahead:
             self.skip_white_space()
-
-    def position_of(self, offset: int) -> Position:
-        """Return line and column of an offset in the buffer.
-
-        Positions must be requested in ascending order, because lines are counted from the last one.
-        """
-        self._count_to(offset)
-        return self._line, self._column
 
     def move_back(self) -> None:
         """Move back to the start of the last word taken."""

@@ -1,10 +1,8 @@
 """Parsing of a BVH file up to its first frame: the hierarchy and the two lines of MOTION."""
 
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -18,20 +16,6 @@ _NAME = re.compile(rb"([^\r\n{]*)[ \t-\r]*")
 _SITE = re.compile(rb"(site(?=[ \t-\r{]|\Z))[ \t-\r]*", re.IGNORECASE)
 _FRAMES = re.compile(rb"(frames[ \t-\r]*:?)[ \t-\r]*", re.IGNORECASE)
 _FRAME_TIME = re.compile(rb"(frames?[ \t-\r]*time[ \t-\r]*:?)[ \t-\r]*", re.IGNORECASE)
-
-# The usual form of a joint and of an end site, for `Cursor.match`. Names and numbers are words of
-# moderate length, and OFFSET precedes CHANNELS.
-_USUAL_BRACE = rb"[ \t]*\r?\n[ \t-\r]*\{[ \t-\r]*"
-_USUAL_OFFSET = rb"OFFSET" + 3 * rb"[ \t-\r]+([+-]?[0-9.][0-9.eE+-]{0,40})" + rb"[ \t-\r]+"
-_USUAL_JOINT = re.compile(
-    rb"JOINT[ \t]+([^ \t-\r{}]{1,1000})"
-    + _USUAL_BRACE
-    + _USUAL_OFFSET
-    + rb"CHANNELS[ \t-\r]+([1-6](?:[ \t-\r]+[XYZ](?:position|rotation)){1,6})[ \t-\r]+"
-)
-_USUAL_SITE = re.compile(rb"End[ \t]+Site" + _USUAL_BRACE + _USUAL_OFFSET + rb"\}[ \t-\r]*")
-
-_BRACE = re.compile(rb"\}[ \t-\r]*")
 
 _CHANNEL_OF_WORD = {name.lower().encode(): name for name in CHANNELS}
 
@@ -126,8 +110,7 @@ def _read_hierarchy(cursor: Cursor) -> Skeleton:
     tree = _Tree()
     _add_joint(cursor, tree, _read_joint(cursor, "ROOT"))
     while tree.open:
-        if not _read_usual_item(cursor, tree):
-            _read_item(cursor, tree)
+        _read_item(cursor, tree)
     words, positions, offsets, channels = zip(*tree.joints, strict=True)
     names = _decode_names(cursor, words, positions)
     site_words, places, ends, parents, ranks = [*zip(*tree.sites, strict=True)] or [()] * 5
@@ -141,49 +124,6 @@ def _read_hierarchy(cursor: Cursor) -> Skeleton:
         )
     except ValueError as error:
         cursor.fail(str(error))
-
-
-def _read_usual_item(cursor: Cursor, tree: _Tree) -> bool:
-    """Read an item of the usual form: a joint, an end site or a brace; return False for others.
-
-    `_read_item` gives the same result, also for items of any other form, but takes ten times as
-    long.
-    """
-    found = cursor.match(_USUAL_JOINT)
-    if found is not None:
-        name, x, y, z, text = found.groups()
-        offset, channels = _to_finite(x, y, z), _find_channels(text)
-        if offset is None or channels is None:
-            return False
-        position = cursor.position_of(found.start(1))
-        _add_joint(cursor, tree, _Joint(name, position, offset, channels))
-    elif (found := cursor.match(_USUAL_SITE)) is not None:
-        offset = _to_finite(*found.groups())
-        if offset is None:
-            return False
-        tree.add_site(b"", cursor.position_of(cursor.offset), offset)
-    elif (found := cursor.match(_BRACE)) is not None:
-        _check_end_sites(cursor, tree, tree.open.pop())
-    else:
-        return False
-    cursor.move_after(found)
-    return True
-
-
-def _to_finite(*words: bytes) -> list[float] | None:
-    """Return words as numbers; None if one is not a finite number."""
-    try:
-        numbers = [float(word) for word in words]
-    except ValueError:
-        return None
-    return numbers if all(map(math.isfinite, numbers)) else None
-
-
-@cache
-def _find_channels(text: bytes) -> tuple[str, ...] | None:
-    """Return the channels of a text: their count and their names; None if these do not agree."""
-    count, *names = text.decode().split()
-    return tuple(names) if len({*names}) == len(names) == int(count) else None
 
 
 def _add_joint(cursor: Cursor, tree: _Tree, joint: _Joint) -> None:

@@ -106,6 +106,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
             raise damage(folder, f"{MANIFEST} does not match its checksum")
         foreign = [name for name in document["files"] if not _FILE.fullmatch(name)]
         _ = [(own["bytes"], own["sha256"]) for own in document["files"].values()]
+        if not isinstance(document["generation"], str):
+            raise TypeError(f"`generation` must be a name, got {document['generation']!r}")
     if foreign:
         raise damage(folder, f"{MANIFEST} lists {foreign[0]!r}, which is no file of a generation")
     return document
@@ -141,7 +143,7 @@ def load_library(library_type: type[L], stored: StoredLibrary) -> L:
     """
     with damage_raises_library_error(stored.folder, MANIFEST):
         manifest, arrays = stored.manifest, stored.arrays
-        groups = JointGroups.from_toml(manifest["groups"])
+        groups = JointGroups.from_toml(manifest["groups"] + "\n")  # text, never a path
         embedding: dict[str, Embedding | None] = {}
         labels, states = {}, {}
         for group, about in manifest["group"].items():
@@ -158,6 +160,8 @@ def load_library(library_type: type[L], stored: StoredLibrary) -> L:
                     **{name: own.pop(name) for name in EMBEDDING_ARRAYS},
                 )
             states[group] = own
+        if (missing := set(groups.names) - labels.keys()) or isinstance(manifest["rate"], bool):
+            raise ValueError(f"no data of the groups {missing}" if missing else "no rate")
         frames = [arrays[f"frames-{shard}"] for shard in manifest["shards"]]
         spec = LibrarySpec(
             skeleton=skeleton_from_json(manifest["skeleton"]),

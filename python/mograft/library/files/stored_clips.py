@@ -122,9 +122,9 @@ class StoredClips(LazySequence[Motion]):
         """
         info, location = self.table.entries[index], self.table.locations[index]
         file, start, rate = info.source_file, location.first_number, info.rate_override
-        stored = self._frames[location.shard][start : start + location.n_numbers]
-        skeleton = self.table.skeletons[location.skeleton]
         with damage_raises_library_error(self.folder, f"clip {index}"):
+            stored = self._frames[location.shard][start : start + location.n_numbers]
+            skeleton = self.table.skeletons[location.skeleton]
             numbers = np.array(stored, np.float64)
             poses = _unpack(numbers, location.content, info.source_frames, skeleton)
             return Motion(

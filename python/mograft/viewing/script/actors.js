@@ -6,13 +6,13 @@ import { clips, scene, state } from "./scene.js";
 
 const UP = new THREE.Vector3(0, 1, 0);
 
-// A capsule from a to b, or an ellipsoid about their middle if `width` is given.
-function limb(a, b, radius, width) {
+// A capsule from a to b, or an ellipsoid about their middle if `width` is given; `rings` is how fine it is.
+function makeLimb(rings, a, b, radius, width) {
   const along = b.clone().sub(a);
   const length = along.length();
   const shape = width
-    ? new THREE.SphereGeometry(1, 16, 12).scale(width, radius, width)
-    : new THREE.CapsuleGeometry(radius, length, 4, 16);
+    ? new THREE.SphereGeometry(1, 4 * rings, 3 * rings).scale(width, radius, width)
+    : new THREE.CapsuleGeometry(radius, length, rings, 4 * rings);
   const turn = new THREE.Quaternion().setFromUnitVectors(UP, length ? along.divideScalar(length) : UP);
   const middle = a.clone().add(b).multiplyScalar(0.5);
   return shape.applyQuaternion(turn).translate(middle.x, middle.y, middle.z);
@@ -23,6 +23,7 @@ function boneShapes(clip, [, x, y, z, radius, kind]) {
   const start = new THREE.Vector3();
   const end = new THREE.Vector3(x, y, z);
   const length = end.length();
+  const limb = (...shape) => makeLimb(clip.rings || 4, ...shape);
   if (kind === "head") {
     const high = Math.max(0.66 * length, 1.2 * radius);
     const middle = end.clone().multiplyScalar(0.5);
@@ -92,6 +93,18 @@ export function actorOf(clip) {
   return actors.get(clip);
 }
 
+// Forget the meshes of a figure that is not shown again.
+export function dropActor(clip) {
+  const actor = actors.get(clip);
+  if (!actor) return;
+  actors.delete(clip);
+  actor.root.removeFromParent();
+  for (const { geometry, skeleton } of [actor.capsules, ...actor.meshes]) {
+    geometry.dispose();
+    skeleton.dispose();
+  }
+}
+
 // Colours of the vertices by joint group, or one colour for all.
 function paint(actor, colour) {
   const key = [ink.version, state.colours, colour].join();
@@ -133,15 +146,13 @@ export function poseActor(actor, frame, { alpha = 1, colour } = {}) {
 
 // How much higher than its skeleton a figure is drawn, in the pose of the first view.
 export function sizeOf(actor) {
-  if (!actor.capsules.visible) {
-    actor.size ||= actor.meshes.reduce((size, mesh) => {
-      mesh.skeleton.update();
-      mesh.computeBoundingBox();
-      return Math.max(size, (mesh.boundingBox.max.y - scene.floor) / scene.height);
-    }, 1);
-    return Math.min(actor.size, 2);
-  }
-  return 1;
+  if (actor.capsules.visible) return 1;
+  actor.size ||= actor.meshes.reduce((size, mesh) => {
+    mesh.skeleton.update();
+    mesh.computeBoundingBox();
+    return Math.max(size, (mesh.boundingBox.max.y - scene.floor) / scene.height);
+  }, 1);
+  return Math.min(actor.size, 2);
 }
 
 export const hasMesh = () => clips.some((clip) => clip.character !== null);

@@ -7,7 +7,7 @@ const TYPES = { f4: Float32Array, u2: Uint16Array, u4: Uint32Array, u1: Uint8Arr
 // Decode the arrays and textures of the characters of the page.
 export async function loadCharacters() {
   for (const character of scene.characters) {
-    const data = JSON.parse(document.getElementById(character.data).textContent);
+    const data = character.data ? JSON.parse(document.getElementById(character.data).textContent) : character;
     character.textures = await Promise.all(data.textures.map(decodeTexture));
     for (const part of character.parts) {
       part.arrays = {};
@@ -27,20 +27,17 @@ async function decodeTexture({ type, data, wrap }) {
     const texture = new THREE.Texture(image);
     const modes = { 33071: THREE.ClampToEdgeWrapping, 33648: THREE.MirroredRepeatWrapping, 10497: THREE.RepeatWrapping };
     const [wrapS, wrapT] = wrap.map((mode) => modes[mode]);
-    return Object.assign(texture, { wrapS, wrapT, flipY: false, needsUpdate: true });
+    return Object.assign(texture, { wrapS, wrapT, flipY: false, colorSpace: THREE.SRGBColorSpace, needsUpdate: true });
   } catch {
     return null;
   }
 }
 
 function makeMaterial(own, textures) {
-  const texture = own.texture === null ? null : textures[own.texture];
-  if (texture) texture.colorSpace = THREE.SRGBColorSpace;
-  const [red, green, blue, alpha] = own.color;
   return new THREE.MeshStandardMaterial({
-    color: new THREE.Color(red, green, blue),
-    opacity: alpha,
-    map: texture,
+    color: new THREE.Color(...own.color.slice(0, 3)),
+    opacity: own.color[3],
+    map: own.texture === null ? null : textures[own.texture],
     metalness: own.metalness,
     roughness: own.roughness,
     emissive: new THREE.Color(...own.emissive),

@@ -74,12 +74,9 @@ export function keepCommand() {
   const starred = made.filter((clip) => verdicts.get(clip) === "star");
   const kept = starred.length ? starred : made.filter((clip) => verdicts.get(clip) !== "reject");
   if (!kept.length) return "";
-  if (kept.every((clip) => Array.isArray(clip.keep)))
-    return `mkdir -p kept && cp ${kept
-      .flatMap((clip) => clip.keep)
-      .map(quote)
-      .join(" ")} kept`;
-  return kept.map((clip) => clip.keep).join(" && ");
+  if (!kept.every((clip) => Array.isArray(clip.keep))) return kept.map((clip) => clip.keep).join(" && ");
+  const files = kept.flatMap((clip) => clip.keep);
+  return `mkdir -p kept && cp ${files.map(quote).join(" ")} kept`;
 }
 
 function commandRow(label, command, clear) {
@@ -89,27 +86,21 @@ function commandRow(label, command, clear) {
   name.append(create("bdi", label), " ", field);
   const copy = createButton("Copy", "Copy the command", () => copyText(field));
   const row = create("p", undefined, "command");
-  row.append(name, copy, createButton("Clear", "Forget these choices", clear));
+  const forget = createButton("Clear", "Forget these choices", () => {
+    clear();
+    writeChoices();
+  });
+  row.append(name, copy, forget);
   return row;
 }
 
 function writeChoices() {
   const items = [...choices].map(([clip, own]) => {
     const label = `${clip.name}: ${own.length} ${own.length === 1 ? "choice" : "choices"}`;
-    return commandRow(label, commandOf(clip), () => {
-      choices.delete(clip);
-      writeChoices();
-    });
+    return commandRow(label, commandOf(clip), () => choices.delete(clip));
   });
   const keep = keepCommand();
-  if (keep) {
-    items.push(
-      commandRow("keep the chosen motions", keep, () => {
-        verdicts.clear();
-        writeChoices();
-      }),
-    );
-  }
+  if (keep) items.push(commandRow("keep the chosen motions", keep, () => verdicts.clear()));
   find("commands").replaceChildren(...items);
   find("choices").hidden = !items.length;
   find("copied").textContent = "";

@@ -27,9 +27,8 @@ export function describe({ line, part }) {
     if (own.stop < row.start[part] || own.start > row.stop[part]) continue;
     items.push(`changed in ${own.start}–${own.stop}: ${scene.donors[own.source]} ${own.first}–${own.last}`);
   }
-  const seams = [];
-  if (row.before[part] !== null) seams.push(`${degrees(row.before[part])} before`);
-  if (row.after[part] !== null) seams.push(`${degrees(row.after[part])} after`);
+  const sides = ["before", "after"].filter((side) => row[side][part] !== null);
+  const seams = sides.map((side) => `${degrees(row[side][part])} ${side}`);
   if (seams.length) items.push(`seam angle ${seams.join(", ")}`);
   const others = row.others[part];
   if (others) items.push(others === 1 ? "1 other donor" : `${others} other donors`);
@@ -64,17 +63,8 @@ function candidatesOf({ line, part }) {
     const { row } = line;
     const isSame = row.source[part] === table.source[k] && row.first[part] === from && row.last[part] === to;
     const isUsed = row.source[part] < 0 ? isOwn : isSame;
-    return {
-      clip,
-      from,
-      to,
-      isOwn,
-      isUsed,
-      cost: table.cost[k],
-      stretch: table.stretch[k],
-      before: table.before[k],
-      after: table.after[k],
-    };
+    const [cost, stretch, before, after] = ["cost", "stretch", "before", "after"].map((name) => table[name][k]);
+    return { clip, from, to, isOwn, isUsed, cost, stretch, before, after };
   });
   return { list, more: table.total[part] - list.length };
 }
@@ -124,9 +114,8 @@ function writeCandidates() {
   find("more").textContent = more + (found?.list.some((own) => own.cost !== null) ? NOTE : "");
   const where = state.range ? `${rangeOf(pinned).join("–")}` : "this segment";
   const keep = createButton(`keep captured motion in ${where}`, "Add to the command", () => chooseFor(pinned, "keep"));
-  const other = createButton(`other motion in ${where}`, "The best part of any clip that is new there", () =>
-    chooseFor(pinned, "change"),
-  );
+  const reason = "The best part of any clip that is new there";
+  const other = createButton(`other motion in ${where}`, reason, () => chooseFor(pinned, "change"));
   find("ranges").replaceChildren(keep, other);
   markChoices();
 }
@@ -140,9 +129,8 @@ function candidateRow(chosen, own) {
   record.append(...cells.map((text) => create("td", text)));
   const last = create("td");
   for (const kind of ["take", "ban", ...(state.range ? ["change"] : [])]) {
-    const button = createButton(kind === "change" ? "use in range" : kind, "Add to the command", () =>
-      chooseFor(chosen, kind, own),
-    );
+    const label = kind === "change" ? "use in range" : kind;
+    const button = createButton(label, "Add to the command", () => chooseFor(chosen, kind, own));
     button.dataset.choice = [kind, own.clip, own.from, own.to].join();
     button.setAttribute("aria-pressed", "false");
     last.append(button, " ");

@@ -9,7 +9,7 @@ let captions = [];
 
 function markButtons(clip) {
   if (clip.keep === null) return [];
-  const made = [
+  return [
     ["star", "★"],
     ["reject", "✕"],
   ].map(([value, sign]) => {
@@ -18,7 +18,6 @@ function markButtons(clip) {
     button.dataset.mark = value;
     return button;
   });
-  return made;
 }
 
 export function makeCaptions() {
@@ -76,9 +75,9 @@ function markChosen() {
   buttons.forEach((button, i) => button.setAttribute("aria-pressed", state.shown.includes(i)));
 }
 
-// Show the figures of the given indices, which must have been loaded.
-function showFigures(indices, onChange) {
-  state.shown = [...indices].sort((a, b) => a - b);
+// Show the figures of the given indices, in this order, which must have been loaded.
+export function showFigures(indices, onChange) {
+  state.shown = indices;
   if (state.pinned && !shownClips().includes(state.pinned.line.clip)) state.pinned = null;
   state.hovered = null;
   makeCaptions();
@@ -97,7 +96,7 @@ export function makeFigureButtons(onChange) {
       await Promise.all([load(clips[0]), load(clip)]);
       const others = state.shown.filter((k) => k !== i);
       if (event.shiftKey) showFigures(i ? [0, i] : [0], onChange);
-      else if (others.length === state.shown.length) showFigures([...others, i], onChange);
+      else if (others.length === state.shown.length) showFigures([...others, i].sort((a, b) => a - b), onChange);
       else if (others.length) showFigures(others, onChange);
     });
     button.append(create("bdi", clip.name));

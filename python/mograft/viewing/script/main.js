@@ -4,7 +4,7 @@ import { loadCharacters } from "./character.js";
 import { commandOf } from "./choices.js";
 import { groupColour, ink, readTheme } from "./colours.js";
 import { describe, preview, writeDetail, writeTable } from "./details.js";
-import { makeCaptions, makeFigureButtons, placeCaptions, writeCaptions } from "./figures.js";
+import { makeCaptions, makeFigureButtons, placeCaptions, showFigures, writeCaptions } from "./figures.js";
 import { listenToKeys, listenToStage, listenToTimeline, resetCamera, toggle, TOGGLES } from "./input.js";
 import { cut, draw, onDraw, play, redraw, seconds, seek, show, writeFrame, zoomTime } from "./player.js";
 import { load, makePose, nodePlace, setPose } from "./poses.js";
@@ -91,21 +91,10 @@ function listenToButtons() {
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", changeTheme);
 }
 
-function listen() {
-  listenToStage();
-  listenToTimeline(rows, true);
-  listenToTimeline(overview, false);
-  listenToKeys();
-  listenToButtons();
-  new ResizeObserver(resize).observe(root);
-}
-
 function prepare() {
   writeLegend();
   makeCaptions();
   makeFigureButtons(onFiguresChange);
-  layOutRows();
-  describeStage();
   for (const slider of sliders) {
     slider.setAttribute("aria-valuemin", 0);
     slider.setAttribute("aria-valuemax", nFrames - 1);
@@ -131,17 +120,19 @@ function fitTimeline() {
 }
 
 async function begin() {
-  if (typeof DecompressionStream === "undefined") {
-    throw new Error("the browser must support DecompressionStream (2023)");
-  }
   const characters = scene.objects.filter(({ kind }) => kind === "figure").map(({ clip }) => clip);
   await Promise.all([...[...shownClips(), ...characters].map(load), loadCharacters()]);
   readTheme();
   startStage();
   prepare();
-  resize();
+  onFiguresChange();
   fitTimeline();
-  listen();
+  listenToStage();
+  listenToTimeline(rows, true);
+  listenToTimeline(overview, false);
+  listenToKeys();
+  listenToButtons();
+  new ResizeObserver(resize).observe(root);
   draw();
   root.dataset.ready = "1";
   // Interface for scripts: tests, and other scripts in the page.
@@ -149,7 +140,11 @@ async function begin() {
     seek(frame);
     draw();
   };
-  const parts = { scene, state, timeline, actorOf, commandOf, describe, makePose, nodePlace, preview, setPose };
+  const show = async (indices) => {
+    await Promise.all(indices.map((i) => load(clips[i])));
+    showFigures(indices, onFiguresChange);
+  };
+  const parts = { show, scene, state, timeline, actorOf, commandOf, describe, makePose, nodePlace, preview, setPose };
   window.mograft = { frames: nFrames, seek: moveTo, frame: () => state.frame, ...parts };
 }
 

@@ -52,13 +52,9 @@ export function poseObjects({ target }) {
       poseActor(actor, clamp(moved, 0, clip.frames - 1), { alpha: 0.6 * strength, colour: ink.character });
       continue;
     }
-    for (const [material, alpha] of [
-      [shape.material, 0.3],
-      [lines.material, 0.8],
-    ]) {
-      material.color.set(colourOf(object));
-      material.opacity = alpha * strength;
-    }
+    for (const { material } of [shape, lines]) material.color.set(colourOf(object));
+    shape.material.opacity = 0.3 * strength;
+    lines.material.opacity = 0.8 * strength;
     if (object.kind !== "plane") continue;
     const normal = new THREE.Vector3(0, 0, 1).applyQuaternion(shape.quaternion);
     const point = new THREE.Vector3().fromArray(object.center);
@@ -66,33 +62,34 @@ export function poseObjects({ target }) {
   }
 }
 
+export function strokeLine(pen, points) {
+  pen.beginPath();
+  for (const [x, y] of points) pen.lineTo(x, y);
+  pen.stroke();
+}
+
 function drawTarget(pen, object, view) {
-  const [x, y, depth] = view.point(object.center);
+  const center = view.point(object.center);
+  const [x, y, depth] = center;
   if (depth > 1) return;
   const radius = Math.max(object.radius * view.scale, MIN_TARGET);
   pen.lineWidth = 2;
   pen.beginPath();
   pen.arc(x, y, radius, 0, 2 * Math.PI);
-  for (const [dx, dy] of [
-    [1, 0],
-    [-1, 0],
-    [0, 1],
-    [0, -1],
-  ]) {
-    pen.moveTo(x + 0.5 * radius * dx, y + 0.5 * radius * dy);
-    pen.lineTo(x + 1.6 * radius * dx, y + 1.6 * radius * dy);
+  for (const side of [-radius, radius]) {
+    pen.moveTo(x + 0.5 * side, y);
+    pen.lineTo(x + 1.6 * side, y);
+    pen.moveTo(x, y + 0.5 * side);
+    pen.lineTo(x, y + 1.6 * side);
   }
   pen.stroke();
   const { clip } = view;
   if (!isActive(object) || object.joint < 0 || object.joint >= clip.parents.length) return;
-  const [px, py, far] = view.point(nodePlace(clip, clip.now, object.joint));
-  if (far > 1) return;
+  const joint = view.point(nodePlace(clip, clip.now, object.joint));
+  if (joint[2] > 1) return;
   pen.setLineDash([4, 4]);
   pen.lineWidth = 1.5;
-  pen.beginPath();
-  pen.moveTo(px, py);
-  pen.lineTo(x, y);
-  pen.stroke();
+  strokeLine(pen, [joint, center]);
   pen.setLineDash([]);
 }
 

@@ -2,9 +2,7 @@
 import { clips, find, first, nFrames, state, toPageFrame } from "./scene.js";
 
 const drawers = [];
-export function onDraw(drawer) {
-  drawers.push(drawer);
-}
+export const onDraw = (drawer) => drawers.push(drawer);
 
 let isAsked = false;
 export function draw() {

@@ -10,7 +10,7 @@ export async function inflate(text) {
 
 // Inverse of mograft.viewing.encoding.quantize: second differences in time, mapped to unsigned
 // integers of 24 bits; all low bytes before all middle bytes before all high bytes.
-function unpack(bytes, { kept, tracks, units }) {
+export function unpack(bytes, { kept, tracks, units }) {
   const count = kept * tracks;
   const values = new Float32Array(count);
   for (let track = 0; track < tracks; track++) {
@@ -29,7 +29,7 @@ function unpack(bytes, { kept, tracks, units }) {
 }
 
 async function decode(clip) {
-  const { pose, units } = JSON.parse(document.getElementById(clip.data).textContent);
+  const { pose, units } = clip.data ? JSON.parse(document.getElementById(clip.data).textContent) : clip;
   const turns = 4 * clip.turning.length;
   clip.tracks = turns + 3 * clip.moving.length;
   const layout = { ...clip, units: Array.from({ length: clip.tracks }, (_, i) => units[i < turns ? 0 : 1]) };
@@ -39,10 +39,7 @@ async function decode(clip) {
   clip.cameraPath = smooth(clip, Math.round(0.4 / (clip.dt * clip.step)));
 }
 
-export function load(clip) {
-  clip.loading ||= decode(clip);
-  return clip.loading;
-}
+export const load = (clip) => (clip.loading ||= decode(clip));
 
 // The bones of a figure, which stand in the axes of the page below `base`.
 export function makePose({ parents, offsets, turn, place }) {
@@ -58,7 +55,7 @@ export function makePose({ parents, offsets, turn, place }) {
 }
 
 // The path of the camera: a moving average of the root, without the sway of single steps.
-function smooth(clip, radius) {
+export function smooth(clip, radius) {
   const { kept, root } = clip;
   const pose = makePose(clip);
   const line = new Set();
@@ -79,14 +76,12 @@ function smooth(clip, radius) {
 
 // Set a rotation or position to that of a frame, interpolated between the stored frames.
 function setTrack(source, at, from, target) {
-  const low = Math.min(Math.floor(at), source.kept - 1);
-  const high = Math.min(low + 1, source.kept - 1);
-  const values = target.toArray().map((_, i) => {
-    const a = source.values[low * source.tracks + from + i];
-    return a + (at - low) * (source.values[high * source.tracks + from + i] - a);
-  });
-  target.fromArray(values);
-  if (target.isQuaternion) target.normalize();
+  const { kept, tracks, values } = source;
+  const low = Math.min(Math.floor(at), kept - 1);
+  const [a, b] = [low, Math.min(low + 1, kept - 1)].map((k) => k * tracks + from);
+  const mix = (i) => values[a + i] + (at - low) * (values[b + i] - values[a + i]);
+  if (target.isQuaternion) target.set(mix(0), mix(1), mix(2), mix(3)).normalize();
+  else target.set(mix(0), mix(1), mix(2));
 }
 
 function rotateBones(clip, frame, { bones }, isWanted = () => true) {

@@ -1,7 +1,10 @@
 // The data of the page and the state of the viewer. Names come from files and enter the page as
 // text only.
 export const root = document.getElementById("mograft");
-export const scene = JSON.parse(document.getElementById("mograft-data").textContent);
+const stored = document.getElementById("mograft-data");
+// The page of the studio contains no figures: it adds them later.
+const nothing = { clips: [], groups: [], characters: [], objects: [], windows: {}, shown: 0, height: 1, floor: 0 };
+export const scene = stored ? JSON.parse(stored.textContent) : nothing;
 export const find = (name) => root.querySelector(`[data-part="${name}"]`);
 export const stage = find("stage");
 export const marks = find("marks");
@@ -11,7 +14,7 @@ export const isAlone = document.body.classList.contains("alone");
 export const clips = scene.clips;
 // Frame numbers of the page are those of the first figure.
 export const first = clips[0];
-export const nFrames = Math.max(...clips.map((clip) => Math.round(((clip.frames - 1) * clip.dt) / first.dt) + 1));
+export const nFrames = Math.max(1, ...clips.map((clip) => Math.round(((clip.frames - 1) * clip.dt) / first.dt) + 1));
 export const size = { width: 1, height: 1, ratio: 1 };
 
 const isNarrow = root.clientWidth < 600;
@@ -61,14 +64,7 @@ export function createButton(text, title, act) {
 }
 
 // Index of the segment of a row that contains a frame, or -1.
-export function partAt(row, frame) {
-  const { start, stop } = row;
-  let low = 0;
-  let high = start.length - 1;
-  while (low < high) {
-    const middle = (low + high + 1) >> 1;
-    if (start[middle] <= frame) low = middle;
-    else high = middle - 1;
-  }
-  return start.length && frame >= start[low] && frame <= stop[low] ? low : -1;
+export function partAt({ start, stop }, frame) {
+  const part = start.findLastIndex((own) => own <= frame);
+  return part >= 0 && frame <= stop[part] ? part : -1;
 }

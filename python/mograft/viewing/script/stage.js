@@ -2,7 +2,7 @@
 import { actorOf, allActors, poseActor, sizeOf } from "./actors.js";
 import { groupColour, ink } from "./colours.js";
 import { bonePlace, makePose, nodePlace, setPose } from "./poses.js";
-import { addObjects, drawLabels, poseObjects } from "./objects.js";
+import { addObjects, drawLabels, poseObjects, strokeLine } from "./objects.js";
 import { clipFrame, find, marks, scene, shownClips, size, stage, state } from "./scene.js";
 
 const pen = marks.getContext("2d");
@@ -107,10 +107,7 @@ function drawTrails(clip, frame, view) {
     pen.strokeStyle = groupColour(clip.groups[clip.group[joint]]);
     for (let k = 1; k < trail.length; k++) {
       pen.globalAlpha = (0.75 * k) / trail.length;
-      pen.beginPath();
-      pen.moveTo(trail[k - 1][0], trail[k - 1][1]);
-      pen.lineTo(trail[k][0], trail[k][1]);
-      pen.stroke();
+      strokeLine(pen, [trail[k - 1], trail[k]]);
     }
   });
   pen.globalAlpha = 1;
@@ -126,13 +123,11 @@ function drawStrip(clip, view) {
     const shift = ((still - 2) * view.tile[2]) / 6;
     pen.globalAlpha = still ? 0.35 : 1;
     for (const [joint, x, y, z, radius] of clip.bones) {
-      const start = nodePlace(clip, pose, joint);
-      const end = bonePlace(pose.bones[joint], [x, y, z]);
+      const places = [nodePlace(clip, pose, joint), bonePlace(pose.bones[joint], [x, y, z])];
       pen.strokeStyle = groupColour(clip.groups[clip.group[joint]]);
       pen.lineWidth = Math.max(1.5, radius * view.scale);
-      pen.beginPath();
-      for (const [px, py] of [view.point(start), view.point(end)]) pen.lineTo(px + shift, py);
-      pen.stroke();
+      const ends = places.map(view.point);
+      strokeLine(pen, ends.map(([px, py]) => [px + shift, py]));
     }
   }
   pen.globalAlpha = 1;

@@ -153,25 +153,20 @@ export function drawRows() {
     context.globalAlpha = 1;
     for (const x of [a, b]) context.fillRect(x - 0.5, 0, 1, height);
   }
-  for (const [chosen, strong] of [
-    [state.hovered, false],
-    [state.pinned, true],
-  ]) {
-    if (chosen) outline(context, chosen, wide, strong);
-  }
+  if (state.hovered) outline(context, state.hovered, wide, 1.2);
+  if (state.pinned) outline(context, state.pinned, wide, 2);
   drawCursor(context, toX(state.frame, wide), height);
 }
 
 // Outline a segment, and its donor if the donor is in the timeline.
-function outline(context, { line, part }, wide, strong) {
+function outline(context, { line, part }, wide, lineWidth) {
   const frame = (target, from, to, dashed) => {
     const index = timeline.lines.indexOf(target);
     if (index < 0) return;
     const a = Math.max(toX(toPageFrame(target.clip, from), wide), timeline.gutter);
     const b = Math.min(toX(toPageFrame(target.clip, to), wide), wide - 8);
     if (b <= a) return;
-    context.strokeStyle = ink.text;
-    context.lineWidth = strong ? 2 : 1.2;
+    Object.assign(context, { strokeStyle: ink.text, lineWidth });
     context.setLineDash(dashed ? [3, 2] : []);
     context.strokeRect(a, timeline.offsets[index] + 1.5, b - a - 1, ROW - 3);
     context.setLineDash([]);

@@ -1,0 +1,1 @@
+"""A study in which people choose the more natural of two motions, and its analysis."""

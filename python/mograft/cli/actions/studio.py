@@ -1,0 +1,77 @@
+"""``mograft studio``: the editor of grafts in the browser."""
+
+import sys
+import webbrowser
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from mograft._util.documents import read_document
+from mograft._util.extras import import_extra
+from mograft._util.signals import clean_up_by
+from mograft.cli.output import print_remark, print_result
+from mograft.cli.syntax.arguments import UsageError
+from mograft.cli.syntax.commands import StudioOptions
+from mograft.cli.syntax.options import ResultOptions
+from mograft.io.formats import split_address
+from mograft.studio.project import FORMAT
+from mograft.studio.session import Session
+
+_FOLDER = Path("studio")
+
+
+def run_studio(options: StudioOptions) -> int:
+    """Run the command until it is interrupted."""
+    for name in options.files:
+        path = Path(split_address(name)[0])
+        if not path.exists():
+            raise FileNotFoundError(2, "No such file or directory", str(path))
+    projects = [name for name in options.files if _is_project(Path(name))]
+    if projects and len(options.files) > 1:
+        raise UsageError(f"a project is opened alone, got {len(options.files)} files")
+    project = Path(projects[0]) if projects else None
+    folder = options.output or (_FOLDER if project is None else project.parent)
+    sources = [] if projects else [Path(name) for name in options.files]
+    return serve(options, folder, sources, project, options.port, is_shown=options.open)
+
+
+def _is_project(path: Path) -> bool:
+    if path.suffix.lower() != ".json" or not path.is_file():
+        return False
+    document = read_document(path)
+    return isinstance(document, dict) and document.get("format") == FORMAT
+
+
+def serve(
+    options: ResultOptions,
+    folder: Path,
+    sources: Sequence[Path],
+    project: Path | None = None,
+    port: int = 0,
+    *,
+    is_shown: bool = False,
+) -> int:
+    """Serve a session with a folder and sources until the command is interrupted."""
+    for module in ("starlette", "uvicorn"):
+        import_extra(module, "the studio needs starlette and uvicorn", "studio")
+    from mograft.studio.server import StudioServer
+
+    report = _no_report if options.quiet else print_remark
+    folder.mkdir(parents=True, exist_ok=True)
+    session = Session(folder, project)
+    with clean_up_by(session.close):
+        if sources:
+            session.open(sources)
+        with StudioServer(session, folder, sources, port, report=report) as server:
+            document: dict[str, Any] = {"url": server.url, "folder": str(folder)}
+            lines = [f"mograft studio at {server.url}", f"writes to {folder}; Ctrl-C ends it"]
+            print_result(options, "studio/1", document, lines)
+            sys.stdout.flush()
+            if is_shown and not webbrowser.open(server.url):
+                print_remark("no browser found: open the address yourself")
+            server.wait()
+    return 0
+
+
+def _no_report(_: str) -> None:
+    pass

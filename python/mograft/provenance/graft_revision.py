@@ -1,0 +1,185 @@
+"""Revisions of a graft: donors chosen again in ranges, and other constraints."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, IntArray
+from mograft._util.cancel import CancelledError
+from mograft.blend.reach_completion import ReachCompletion
+from mograft.library.origin import is_partial
+from mograft.provenance.graft_change import apply_changes, plan_of, unchanged
+from mograft.provenance.graft_edit import (
+    choose_again,
+    locked_positions,
+    remaining_changes,
+    remaining_constraints,
+    violating_positions,
+)
+from mograft.search.constraints import Constraint, Span
+from mograft.search.donor_constraints import Ban
+from mograft.search.pose_constraints import Reach
+from mograft.search.trellis import DonorSequences, viterbi
+from mograft.solve.donor_repair import repair_near
+from mograft.solve.finish import find_motion_violations
+from mograft.solve.plan import GraftPlan
+from mograft.synthesis.graft_result import Graft
+
+_NEAREST_FACTOR = 2
+"""Candidates of a position that are tried first, as a multiple of `Config.max_candidates`."""
+
+Ranges = Sequence[tuple[str, Span]]  # groups, each with a first and a last frame
+
+
+def regenerate(graft: Graft, ranges: Ranges, seed: int, *, locked: Ranges = ()) -> Graft:
+    """Return the graft with donors chosen again in ranges of frames.
+
+    Each segment of `ranges` that has another candidate gets another donor; those of `locked` keep
+    theirs. The constraints `Use` and `KeepOriginal` no longer apply to these segments. Raise
+    ValueError if the library has only the clips of the graft.
+    """
+    _check_whole(graft)
+    changes, graft = graft.changes, unchanged(graft)
+    problem = plan_of(graft, ()).problem
+    groups, cut = list(problem.pools), problem.base_segments
+    is_open = locked_positions(problem, ranges) & ~locked_positions(problem, locked)
+    rules = [
+        Ban(frames=(int(cut.start[at]), int(cut.stop[at])), group=groups[row])
+        for row, at in np.argwhere(is_open).tolist()
+    ]
+    kept = remaining_constraints(graft.request.constraints, rules, groups, cut)
+    plan = plan_of(graft, kept)
+    candidates = {
+        group: [
+            _without(own, donor) if is_free else own
+            for own, donor, is_free in zip(lists, graft.donors[group], free, strict=True)
+        ]
+        for (group, lists), free in zip(plan.problem.candidates.items(), is_open, strict=True)
+    }
+    plan = replace(plan, problem=replace(plan.problem, candidates=candidates))
+    new = choose_again(graft, plan, is_open, seed)
+    return apply_changes(new, plan.problem, remaining_changes(changes, plan.problem, is_open))
+
+
+def _without(candidates: np.ndarray, donor: int) -> np.ndarray:
+    """Return candidates without a donor, unless it is the only one."""
+    others: np.ndarray = candidates[candidates != donor]
+    return others if len(others) else candidates
+
+
+def constrain(
+    graft: Graft,
+    constraints: Sequence[Constraint],
+    *,
+    locked: Ranges = (),
+    seed: int | None = None,
+    is_quick: bool = False,
+) -> Graft:
+    """Return the graft with other constraints.
+
+    The segments that violate those that are not constraints of the graft, the same objects, and
+    those beside them get other donors, unless they are `locked`. All others keep theirs. A `Reach`
+    that is left out stays with weight 0 as the last constraint if inverse kinematics has moved a
+    limb to its target, because earlier versions of the graft have the limb there. Unless
+    `is_quick`, all candidates are searched if the nearest ones leave violations; the result is that
+    of the nearest ones if this is cancelled (`mograft._util.cancel`). Raise ValueError if the
+    library has only the clips of the graft.
+    """
+    _check_whole(graft)
+    changes, graft = graft.changes, unchanged(graft)
+    old = graft.request.constraints
+    graft, retired = _retire(graft, constraints)
+    plan = plan_of(graft, [*constraints, *retired])
+    problem = plan.problem
+    is_open: BoolArray = np.zeros((len(problem.pools), len(problem.base_segments)), bool)
+    pairs = zip(constraints, problem.constraints, strict=False)
+    known = [own for given, own in pairs if any(given is each for each in old)]
+    if len(known) < len(constraints):
+        is_open = violating_positions(graft, problem, [*known, *retired])
+        is_open &= ~locked_positions(problem, locked)
+    is_reaching = any(type(own) is Reach for own in constraints if not _is_in(own, old))
+    if is_open.any() or is_reaching or retired:
+        seed = graft.seed if seed is None else seed
+        new = graft
+        is_near = problem.root_group is None
+        if is_near:
+            near = partial(_choose_near, is_open=is_open)
+            new = choose_again(graft, _with_nearest(plan, is_open), is_open, seed, near)
+        if not is_near or (not is_quick and is_open.any() and new.violations):
+            with suppress(*([CancelledError] if is_near else [])):
+                new = choose_again(graft, plan, is_open, seed)
+    else:
+        violations = find_motion_violations(problem, graft.motion, graft.donors)
+        request = replace(graft.request, constraints=problem.constraints)
+        new = replace(graft, violations=tuple(violations), request=request)
+    return apply_changes(new, problem, changes)
+
+
+def _with_nearest(plan: GraftPlan, is_open: BoolArray) -> GraftPlan:
+    """Return a plan with fewer candidates at some positions: those most like the base segment."""
+    problem, candidates = plan.problem, dict[str, list[IntArray]]()
+    for group, free in zip(problem.pools, is_open, strict=True):
+        lists, positions = list(problem.candidates[group]), np.flatnonzero(free)
+        if len(positions):
+            pool, model = problem.pools[group], problem.cost_models[group]
+            chosen, base = [lists[at] for at in positions.tolist()], problem.scenario[positions]
+            pairs = np.repeat(base, [len(own) for own in chosen]), np.concatenate(chosen)
+            costs = pool.preselection_costs(*pairs, model)
+            kept, _ = model.keep_cheapest_of_each(base, chosen, costs, _NEAREST_FACTOR)
+            for at, own in zip(positions.tolist(), kept, strict=True):
+                lists[at] = own
+        candidates[group] = lists
+    return replace(plan, problem=replace(problem, candidates=candidates))
+
+
+def _choose_near(plan: GraftPlan, *, is_open: BoolArray) -> DonorSequences:
+    """Return the cheapest donors, changed until the constraints hold near some positions."""
+    trellises = plan.trellises
+    paths = {group: viterbi(trellis.costs) for group, trellis in trellises.items()}
+    donors = {group: trellises[group].donor_sequence(path) for group, path in paths.items()}
+    positions = np.flatnonzero(is_open.any(axis=0))
+    if not len(positions) or not any(own.is_hard for own in plan.problem.pose_constraints):
+        return donors
+    first, stop = max(int(positions[0]) - 1, 0), int(positions[-1]) + 2
+    stop = min(stop, len(plan.problem.base_segments))
+    return repair_near(plan.problem, donors, trellises, first, stop)
+
+
+def _is_in(own: Constraint, constraints: Sequence[Constraint]) -> bool:
+    return any(own is each for each in constraints)
+
+
+def _retire(graft: Graft, constraints: Sequence[Constraint]) -> tuple[Graft, list[Constraint]]:
+    """Return a graft in which the targets left out have weight 0, and these targets."""
+    history = (*graft.completion_history, graft.reach_completions)
+    used = [own.reach for version in history for own in version]
+    removed = [
+        own
+        for own in graft.request.constraints
+        if isinstance(own, Reach) and _is_in(own, used) and not _is_in(own, constraints)
+    ]
+    others = {id(own): replace(own, frame=None, weight=0.0) for own in removed}
+    if not others:
+        return graft, []
+
+    def renew(version: tuple[ReachCompletion, ...]) -> tuple[ReachCompletion, ...]:
+        return tuple(replace(own, reach=others.get(id(own.reach), own.reach)) for own in version)
+
+    kept = tuple(others.get(id(own), own) for own in graft.request.constraints)
+    return (
+        replace(
+            graft,
+            request=replace(graft.request, constraints=kept),
+            completion_history=tuple(map(renew, graft.completion_history)),
+            reach_completions=renew(graft.reach_completions),
+        ),
+        [others[id(own)] for own in removed],
+    )
+
+
+def _check_whole(graft: Graft) -> None:
+    if is_partial(graft.library):
+        raise ValueError("the whole library is needed to replace donors: use replay(path, library)")

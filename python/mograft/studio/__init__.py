@@ -1,0 +1,1 @@
+"""The studio: an editor of grafts in the browser."""

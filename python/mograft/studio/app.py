@@ -1,0 +1,234 @@
+"""The requests of the page of the studio, as calls of a `Session`."""
+
+import json
+import sys
+import traceback
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from contextlib import asynccontextmanager
+from functools import partial
+from importlib.resources import files
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from anyio import to_thread
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from mograft._util.documents import parse_document
+from mograft.errors import MograftError
+from mograft.studio.events import Events
+from mograft.studio.security import Guard, Places, Refusal, Token
+from mograft.studio.session import Session, StaleRevision
+from mograft.studio.uploads import store_upload
+
+_VIEWING = files("mograft.viewing")
+_ASSETS = {"studio": [files("mograft.studio") / "page"], "viewer": [_VIEWING / "script", _VIEWING]}
+_TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
+
+_Handler = Callable[[Request], Awaitable[Response]]
+
+
+def create_app(
+    session: Session, token: Token, places: Places, report: Callable[[str], None]
+) -> Starlette:
+    """Return the application that serves a session to the page.
+
+    `places` are the folders that may be read and written. `report` is called with a line for each
+    refused request.
+    """
+    requests = _Requests(session, places)
+
+    @asynccontextmanager
+    async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        requests.events.start()
+        yield
+
+    return Starlette(
+        routes=requests.routes(),
+        middleware=[Middleware(Guard, token=token, report=report)],
+        exception_handlers={HTTPException: _reply_to_error, Exception: _reply_to_error},
+        lifespan=lifespan,
+    )
+
+
+class _Requests:
+    """The handlers of requests. Computations run in threads, one at a time by the session."""
+
+    def __init__(self, session: Session, places: Places) -> None:
+        self.session, self.places = session, places
+        self.events = Events(session)
+
+    def routes(self) -> list[Route]:
+        """Return the addresses with their handlers."""
+        table: list[tuple[str, str, _Handler]] = [
+            ("GET", "/", self.get_page),
+            ("GET", "/studio/{name}", self.get_asset),
+            ("GET", "/viewer/{name}", self.get_asset),
+            ("GET", "/api/state", self.get_state),
+            ("GET", "/api/events", self.get_events),
+            ("GET", "/api/figure/{kind}/{name:path}", self.get_figure),
+            ("GET", "/api/character", self.get_character),
+            ("GET", "/api/window", self.get_window),
+            ("GET", "/api/files/{name:path}", self.get_file),
+            ("PUT", "/api/files/{name:path}", self.put_file),
+            ("POST", "/api/do", self.do),
+            ("POST", "/api/donors", self.find_donors),
+            ("POST", "/api/open", self.open),
+            ("POST", "/api/export", self.export),
+            ("POST", "/api/ping", self.ping),
+        ]
+        return [Route(path, _reporting(call), methods=[method]) for method, path, call in table]
+
+    async def get_page(self, _: Request) -> Response:
+        """Return the page."""
+        return _asset("studio", "index.html")
+
+    async def get_asset(self, request: Request) -> Response:
+        """Return a script or style that the package contains."""
+        return _asset(request.url.path.split("/")[1], request.path_params["name"])
+
+    async def get_state(self, _: Request) -> Response:
+        """Return what the page shows, apart from motions."""
+        return await _reply(self.session.state)
+
+    async def get_events(self, _: Request) -> Response:
+        """Return the stream of events."""
+        self.events.check_capacity()
+        return StreamingResponse(self.events.stream(), media_type="text/event-stream")
+
+    async def get_figure(self, request: Request) -> Response:
+        """Return a motion or clip, or what changed since a version of it."""
+        kind, name = request.path_params["kind"], request.path_params["name"]
+        return await _reply(self.session.figure, kind, name, request.query_params.get("since"))
+
+    async def get_character(self, _: Request) -> Response:
+        """Return the mesh of the figures."""
+        return await _reply(self.session.character)
+
+    async def get_window(self, request: Request) -> Response:
+        """Return frames of a captured clip."""
+        given = request.query_params
+        frames = [_integer(given.get(name, ""), name) for name in ("first", "last")]
+        return await _reply(self.session.window, given.get("clip", ""), *frames)
+
+    async def do(self, request: Request) -> Response:
+        """Perform an action: ``{"action": ..., "revision": ...}`` with the fields of the action."""
+        action = await _document(request)
+        revision = action.pop("revision", None)
+        if revision is not None and type(revision) is not int:
+            raise ValueError(f"`revision` must be an integer or null, got {revision!r}")
+        if isinstance(action.get("path"), str):
+            action["path"] = str(self.places.find(action["path"]))
+        return await _reply(self.session.do, action, revision)
+
+    async def find_donors(self, request: Request) -> Response:
+        """Return the ranked donors of a range."""
+        return await _reply(self.session.donors, await _document(request))
+
+    async def open(self, request: Request) -> Response:
+        """Open files, folders, a library or a project: ``{"paths": [...]}``."""
+        paths = (await _document(request)).get("paths")
+        if not isinstance(paths, list) or not all(isinstance(own, str) for own in paths):
+            raise ValueError("`paths` must be a list of texts")
+        found = [self.places.find(text) for text in paths]
+        return await _reply(partial(self._open, found))
+
+    def _open(self, paths: Sequence[Path]) -> dict[str, Any]:
+        for path in paths:
+            if path.suffix.lower() == ".json" and not self.places.has_output(path):
+                raise Refusal(403, "path", f"{path} would be changed: open it by mograft studio")
+        self.session.open(paths)
+        return {"revision": self.session.revision}
+
+    async def export(self, request: Request) -> Response:
+        """Write motions to files below the folder of the session."""
+        return await _reply(self.session.export, await _document(request))
+
+    async def get_file(self, request: Request) -> Response:
+        """Return a file below the folder of the session, to be saved."""
+        path = self.places.find_output(request.path_params["name"])
+        return FileResponse(path, media_type="application/octet-stream", filename=path.name)
+
+    async def put_file(self, request: Request) -> Response:
+        """Store a file of the browser, which `open` can open then."""
+        n_bytes = int(request.headers.get("content-length", 0))
+        parts, name = request.stream(), request.path_params["name"]
+        path = await store_upload(parts, n_bytes, self.places.folder, name)
+        return JSONResponse({"path": path.as_posix()})
+
+    async def ping(self, _: Request) -> Response:
+        """Return the revision: the server lives."""
+        return JSONResponse({"revision": self.session.revision})
+
+
+def _asset(folder: str, name: str) -> Response:
+    """Return the file of exactly this name among those of the page."""
+    found = (own for place in _ASSETS[folder] for own in place.iterdir() if own.name == name)
+    file, media_type = next(found, None), _TYPES.get(PurePosixPath(name).suffix)
+    if file is None or media_type is None:
+        raise Refusal(404, "path", f"there is no page {name}")
+    return Response(file.read_bytes(), media_type=media_type)
+
+
+async def _document(request: Request) -> dict[str, Any]:
+    """Return the JSON object in the body of a request."""
+    if request.headers.get("content-type", "").partition(";")[0] != "application/json":
+        raise Refusal(415, "invalid", "expected the type application/json")
+    document = parse_document(await request.body())
+    if not isinstance(document, dict):
+        raise ValueError(f"expected a JSON object, got {type(document).__name__}")
+    return document
+
+
+def _integer(text: str, name: str) -> int:
+    if not (text.isascii() and text.isdecimal() and len(text) < 10):
+        raise ValueError(f"`{name}` must be the number of a frame, got {text!r}")
+    return int(text)
+
+
+async def _reply(call: Callable[..., Any], *arguments: Any) -> Response:  # noqa: ANN401
+    """Return the result of a call, which runs in a thread, as JSON."""
+
+    def encode() -> bytes:
+        return json.dumps(call(*arguments), allow_nan=False, separators=(",", ":")).encode()
+
+    return Response(await to_thread.run_sync(encode), media_type="application/json")
+
+
+def _reporting(handler: _Handler) -> _Handler:
+    """Return a handler that replies to errors, so that each reply has the headers of safety."""
+
+    async def handle(request: Request) -> Response:
+        try:
+            return await handler(request)
+        except Exception as error:  # no request ends the server
+            return await _reply_to_error(request, error)
+
+    return handle
+
+
+async def _reply_to_error(request: Request, error: Exception) -> Response:
+    refusal = _as_refusal(error)
+    request.scope["mograft.reason"] = str(refusal)
+    return refusal.response()
+
+
+def _as_refusal(error: Exception) -> Refusal:
+    if isinstance(error, Refusal):
+        return error
+    if isinstance(error, HTTPException):
+        return Refusal(error.status_code, "path", error.detail)
+    if isinstance(error, StaleRevision):
+        return Refusal(409, "stale", str(error))
+    if isinstance(error, FileExistsError):
+        return Refusal(409, "exists", str(error))
+    if isinstance(error, OSError):
+        return Refusal(400, "file", str(error))
+    if isinstance(error, ValueError | TypeError | LookupError | MograftError):
+        return Refusal(400, "invalid", str(error))
+    traceback.print_exception(error, file=sys.stderr)
+    return Refusal(500, "internal", f"{type(error).__name__}: {error}")

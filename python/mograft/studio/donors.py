@@ -1,0 +1,120 @@
+"""The donors of a range of a motion, ranked by cost, with the reasons against refused ones."""
+
+from collections.abc import Mapping
+from itertools import islice
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mograft.config import Config, scale_of_variety
+from mograft.library.library import Library
+from mograft.provenance.graft_change import plan_of, unchanged
+from mograft.search.candidates import Candidate, list_candidates
+from mograft.search.constraints import Span, as_span
+from mograft.search.donor_choice import cost_model
+from mograft.solve.donor_spans import ChangedPart, find_donor_spans
+from mograft.studio.editing import base_segments
+from mograft.studio.fields import Fields
+from mograft.synthesis.graft_result import Graft, Substitution
+
+if TYPE_CHECKING:
+    from mograft.studio.session import Session
+
+Json = dict[str, Any]
+_LIMIT = 40
+_MAX_LIMIT = 500
+
+
+def find(session: "Session", question: Mapping[str, Any]) -> Json:
+    """Return the donors of a segment, or of a range between any frames.
+
+    The costs and seams of donors of a segment are those beside its present neighbours in the
+    motion. Donors of any other range are parts of clips of about its length.
+    """
+    fields = Fields(question)
+    own = session.project.motion(question.get("id"))
+    graft, group = session.workshop.editable(own.record), fields.text("group")
+    frames, limit = fields.frames(), fields.integer("limit", _LIMIT, 1, _MAX_LIMIT)
+    library, variety = graft.library, fields.number("variety")
+    if variety is not None:
+        values = library.config.as_dict() | {"sigma_scale": scale_of_variety(variety)}
+        library = session.workshop.configured(library, Config.from_dict(values))
+    if group in graft.alternatives:
+        cut = base_segments(graft, group)
+        found = np.flatnonzero((cut.start == frames[0]) & (cut.stop == frames[1]))
+        if len(found):
+            return _of_segment(graft, library, group, int(found[0]), limit)
+    return _of_range(graft, group, frames, limit)
+
+
+def _of_segment(graft: Graft, library: Library, group: str, position: int, limit: int) -> Json:
+    own = [each for each in graft.substitutions if each.group == group]
+    around = (
+        own[position - 1].donor if position else None,
+        own[position + 1].donor if position + 1 < len(own) else None,
+    )
+    pool = library.pool(group)
+    model = cost_model(library.config, pool)
+    listed = list_candidates(pool, own[position].segment, model, around=around)
+    ranked = sorted(listed.allowed, key=lambda each: each.cost)
+    ranked += sorted(listed.refused, key=lambda each: each.cost)
+    used = [each for each in ranked if each.segment == own[position].donor]
+    shown = [*used, *(each for each in ranked[:limit] if each not in used)]
+    length = own[position].stop - own[position].start
+    return {
+        "donors": [_candidate(library, each, own[position], length) for each in shown],
+        "total": len(ranked),
+        "isSegment": True,
+    }
+
+
+def _candidate(library: Library, own: Candidate, present: Substitution, length: int) -> Json:
+    return {
+        "clip": library.names[own.clip],
+        "first": own.start,
+        "last": own.stop,
+        "cost": round(own.cost, 4),
+        "seamBefore": round(float(np.degrees(own.gap_before)), 2),
+        "seamAfter": round(float(np.degrees(own.gap_after)), 2),
+        "stretch": round(length / (own.stop - own.start) - 1.0, 4),
+        "refused": own.refused,
+        "isUsed": own.segment == present.donor,
+        "isCaptured": own.segment == present.segment,
+    }
+
+
+def _of_range(graft: Graft, group: str, frames: Span, limit: int) -> Json:
+    first, last = as_span("first, last", frames)
+    if not first < last < graft.motion.n_frames:
+        raise ValueError(
+            f"`first` and `last` must be two frames from 0 to {graft.motion.n_frames - 1}, got "
+            f"{first}-{last}"
+        )
+    problem = plan_of(unchanged(graft), graft.request.constraints).problem
+    part = ChangedPart.find(problem, group)
+    spans = list(islice(find_donor_spans(problem, graft.motion, part, frames), _MAX_LIMIT))
+    names, length = graft.library.names, last - first
+    used = {
+        (own.clip, own.clip_frames)
+        for own in graft.changes
+        if own.frames == (first, last) and group in (own.part, own.group)
+    }
+    return {
+        "donors": [
+            {
+                "clip": names[own.clip],
+                "first": own.start,
+                "last": own.stop,
+                "cost": round(own.cost, 4),
+                "seamBefore": None,
+                "seamAfter": None,
+                "stretch": round(length / (own.stop - own.start) - 1.0, 4),
+                "refused": "",
+                "isUsed": (names[own.clip], (own.start, own.stop)) in used,
+                "isCaptured": False,
+            }
+            for own in spans[:limit]
+        ],
+        "total": len(spans),
+        "isSegment": False,
+    }

@@ -1,0 +1,231 @@
+"""Actions that change one motion: its donors in ranges of frames, and its constraints."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray
+from mograft._util.cancel import cancellable
+from mograft._util.runs import find_runs
+from mograft.config import Config, scale_of_variety
+from mograft.errors import join_names, suggest_name
+from mograft.library.library import Library
+from mograft.motion.segments import Segments
+from mograft.provenance.graft_change import change
+from mograft.provenance.graft_edit import edit
+from mograft.provenance.graft_revision import constrain, regenerate
+from mograft.search.constraint_records import decode_constraint
+from mograft.search.constraints import Constraint, Span, overlaps
+from mograft.search.donor_constraints import Ban, KeepOriginal, Use
+from mograft.studio.fields import Fields
+from mograft.studio.project import Lock, Project, ProjectMotion
+from mograft.synthesis.graft_result import Graft
+
+if TYPE_CHECKING:
+    from mograft.studio.session import Session
+
+Ranges = list[tuple[str, Span]]
+
+
+def where(group: str | None, first: int, last: int) -> str:
+    """Return the name of a range in texts."""
+    return f"{group or 'all groups'}, frames {first}-{last}"
+
+
+def base_segments(graft: Graft, group: str) -> Segments:
+    """Return the base segments of a graft in its frames; raise ValueError for an unknown group."""
+    own = [each for each in graft.substitutions if each.group == group]
+    if not own:
+        names = list(graft.alternatives)
+        raise ValueError(
+            f"`group` must be an exchanged group, one of {join_names(names)}; got "
+            f"{group!r}{suggest_name(group, names)}"
+        )
+    return Segments(np.array([each.start for each in own]), np.array([each.stop for each in own]))
+
+
+def check_range(graft: Graft, group: str, frames: Span) -> None:
+    """Raise ValueError unless a range of frames of a group exists."""
+    if not overlaps(base_segments(graft, group), frames).any():
+        last = graft.motion.n_frames - 1
+        raise ValueError(f"`first, last` must be within 0 to {last}, got {frames[0]}-{frames[1]}")
+
+
+def is_locked(graft: Graft, group: str, locks: Sequence[Lock]) -> BoolArray:
+    """Return which segments of a group are locked."""
+    cut = base_segments(graft, group)
+    selected = np.zeros(len(cut), bool)
+    for lock in locks:
+        if lock.group == group:
+            selected |= overlaps(cut, (lock.first, lock.last))
+    return selected
+
+
+def _target(session: "Session", fields: Fields) -> tuple[ProjectMotion, Graft]:
+    own = session.project.motion(fields.values.get("id"))
+    return own, session.workshop.editable(own.record)
+
+
+def _refuse_locked(own: ProjectMotion, graft: Graft, group: str, frames: Span) -> None:
+    """Raise ValueError if a locked segment is in a range; `group` may also be a body part."""
+    for name in [group] if group in graft.alternatives else graft.alternatives:
+        selected = overlaps(base_segments(graft, name), frames)
+        if (selected & is_locked(graft, name, own.locks)).any():
+            raise ValueError(f"{where(group, *frames)} is locked: unlock first")
+
+
+def _open_ranges(own: ProjectMotion, graft: Graft, fields: Fields) -> Ranges:
+    """Return the ranges of an action that are not locked; raise ValueError if there is none."""
+    group, frames, found = fields.optional_text("group"), fields.frames(), Ranges()
+    for name in graft.alternatives if group is None else [group]:
+        check_range(graft, name, frames)
+        cut = base_segments(graft, name)
+        is_open = overlaps(cut, frames) & ~is_locked(graft, name, own.locks)
+        for start, stop in find_runs(is_open).tolist():
+            found.append((name, (int(cut.start[start]), int(cut.stop[stop - 1]))))
+    if not found:
+        raise ValueError(f"{where(group, *frames)} is locked: unlock first")
+    return found
+
+
+def _revised(session: "Session", own: ProjectMotion, graft: Graft) -> Project:
+    """Return the project with another version of a motion."""
+    key = session.workshop.add(graft, session.source_names())
+    return session.project.with_motion(replace(own, record=key))
+
+
+def take(session: "Session", fields: Fields) -> tuple[Project, str]:
+    """Take a part of a clip; between any frames, if it or the range is no segment."""
+    own, graft = _target(session, fields)
+    group, frames = fields.text("group"), fields.frames()
+    clip, donor = fields.text("clip"), [fields.integer(name, -1) for name in ("from", "to")]
+    _refuse_locked(own, graft, group, frames)
+    library = graft.library
+    if clip not in library.names:
+        raise ValueError(f"`clip` must be a clip, got {clip!r}{suggest_name(clip, library.names)}")
+    cut = library.segments[library.segments.of_clip(library.names.index(clip))]
+    is_segment = ((cut.start == donor[0]) & (cut.stop == donor[1])).any()
+    if group in graft.alternatives and is_segment:
+        base = base_segments(graft, group)
+        is_segment = ((base.start == frames[0]) & (base.stop == frames[1])).any()
+    if group in graft.alternatives and is_segment:
+        reference = (clip, donor[0], donor[1])
+        new = edit(graft, Use(frames=frames, donor=reference, group=group))
+    else:
+        new = change(graft, group, frames, (clip, donor[0], donor[1]))
+    text = f"{where(group, *frames)}: take {clip} {donor[0]}-{donor[1]}"
+    return _revised(session, own, new), text
+
+
+def ban(session: "Session", fields: Fields) -> tuple[Project, str]:
+    """Ban the present donors of a range."""
+    own, graft = _target(session, fields)
+    ranges = _open_ranges(own, graft, fields)
+    new = edit(graft, *(Ban(frames=frames, group=group) for group, frames in ranges))
+    return _revised(session, own, new), f"ban {_text(fields)}"
+
+
+def restore(session: "Session", fields: Fields) -> tuple[Project, str]:
+    """Restore the captured motion of a range."""
+    own, graft = _target(session, fields)
+    group, frames = fields.optional_text("group"), fields.frames()
+    for name in graft.alternatives if group is None else [group]:
+        check_range(graft, name, frames)
+        _refuse_locked(own, graft, name, frames)
+    new = edit(graft, KeepOriginal(frames=frames, group=group))
+    return _revised(session, own, new), f"captured {_text(fields)}"
+
+
+def change_range(session: "Session", fields: Fields) -> tuple[Project, str]:
+    """Change a range between any frames."""
+    own, graft = _target(session, fields)
+    group, frames, clip = fields.text("group"), fields.frames(), fields.optional_text("clip")
+    _refuse_locked(own, graft, group, frames)
+    donor: str | tuple[str, int, int] | None = clip
+    if clip is not None and fields.has("from"):
+        donor = (clip, fields.integer("from", 0), fields.integer("to", 0))
+    new = change(graft, group, frames, donor, rank=fields.integer("rank", 0, 0, 1000))
+    return _revised(session, own, new), f"change {new.changes[-1]}"
+
+
+def regenerate_range(session: "Session", fields: Fields) -> tuple[Project, str]:
+    """Choose the donors of a range again."""
+    own, graft = _target(session, fields)
+    ranges = _open_ranges(own, graft, fields)
+    variety = fields.number("variety")
+    if variety is not None:
+        values = graft.library.config.as_dict() | {"sigma_scale": scale_of_variety(variety)}
+        library = session.workshop.configured(graft.library, Config.from_dict(values))
+        graft = _with_library(graft, library)
+    seed = fields.integer("seed", graft.seed + len(graft.history) + 1)
+    return _revised(session, own, regenerate(graft, ranges, seed)), f"regenerate {_text(fields)}"
+
+
+def _with_library(graft: Graft, library: Library) -> Graft:
+    original = None if graft.unchanged is None else _with_library(graft.unchanged, library)
+    return replace(graft, library=library, unchanged=original)
+
+
+def _text(fields: Fields) -> str:
+    return where(fields.optional_text("group"), *fields.frames())
+
+
+def add_constraint(session: "Session", fields: Fields) -> tuple[Project, str]:
+    """Add a constraint; segments that violate it get other donors."""
+    own, graft = _target(session, fields)
+    added = _decode(session, fields)
+    new = _constrained(session, own, graft, fields, lambda known: [*known, added])
+    return _revised(session, own, new), f"add {type(added).__name__}"
+
+
+def set_constraint(session: "Session", fields: Fields) -> tuple[Project, str | None]:
+    """Replace a constraint; a preview is shown, but is no step and is not saved."""
+    own, graft = _target(session, fields)
+    number, added = _number(fields, graft), _decode(session, fields)
+    new = _constrained(
+        session, own, graft, fields, lambda known: [*known[:number], added, *known[number + 1 :]]
+    )
+    if fields.flag("preview"):
+        session.preview(own.id, new)
+        return session.project, None
+    return _revised(session, own, new), f"move {type(added).__name__}"
+
+
+def drop_constraint(session: "Session", fields: Fields) -> tuple[Project, str]:
+    """Remove a constraint; the donors stay."""
+    own, graft = _target(session, fields)
+    number = _number(fields, graft)
+    dropped = graft.request.constraints[number]
+    new = _constrained(
+        session, own, graft, fields, lambda known: [*known[:number], *known[number + 1 :]]
+    )
+    return _revised(session, own, new), f"remove {type(dropped).__name__}"
+
+
+def _constrained(
+    session: "Session",
+    own: ProjectMotion,
+    graft: Graft,
+    fields: Fields,
+    alter: Callable[[list[Constraint]], list[Constraint]],
+) -> Graft:
+    locked = [(lock.group, (lock.first, lock.last)) for lock in own.locks]
+    new, is_quick = alter(list(graft.request.constraints)), fields.flag("preview")
+    with cancellable(session.is_superseded):
+        return constrain(graft, new, locked=locked, is_quick=is_quick)
+
+
+def _decode(session: "Session", fields: Fields) -> Constraint:
+    record = fields.values.get("constraint")
+    if not isinstance(record, dict):
+        raise ValueError(f"`constraint` must be an object, got {record!r}")
+    return decode_constraint(record, session.decode_motion)
+
+
+def _number(fields: Fields, graft: Graft) -> int:
+    n = len(graft.request.constraints)
+    if not n:
+        raise ValueError("the motion has no constraints")
+    return fields.integer("number", -1, 0, n - 1)

@@ -1,0 +1,65 @@
+"""Server-sent events: what a session reports, to every page that listens."""
+
+import asyncio
+import json
+import threading
+from collections.abc import AsyncIterator, Mapping
+from contextlib import suppress
+from typing import Any
+
+from mograft.studio.security import Refusal
+from mograft.studio.session import Session
+
+HEARTBEAT_SECONDS = 5.0
+MAX_LISTENERS = 16
+_MAX_WAITING = 64
+
+
+class Events:
+    """The listeners of a session's events; a thread takes the events from the session."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._listeners: set[asyncio.Queue[Mapping[str, Any]]] = set()
+
+    def start(self) -> None:
+        """Begin to pass on events, in the running event loop."""
+        loop, events = asyncio.get_running_loop(), self._session.subscribe()
+
+        def pass_on() -> None:
+            with suppress(RuntimeError):  # the loop has ended
+                while True:
+                    loop.call_soon_threadsafe(self._publish, events.get())
+
+        threading.Thread(target=pass_on, daemon=True, name="studio events").start()
+
+    def _publish(self, event: Mapping[str, Any]) -> None:
+        for queue in self._listeners:
+            if queue.full():  # a page that does not read; it reads the state again later
+                while not queue.empty():
+                    queue.get_nowait()
+                event = self._state()
+            queue.put_nowait(event)
+
+    def _state(self) -> dict[str, Any]:
+        return {"kind": "state", "revision": self._session.revision}
+
+    def check_capacity(self) -> None:
+        """Raise Refusal if too many pages listen."""
+        if len(self._listeners) >= MAX_LISTENERS:
+            raise Refusal(503, "busy", f"{MAX_LISTENERS} pages are connected already")
+
+    async def stream(self) -> AsyncIterator[str]:
+        """Yield events in the syntax of ``text/event-stream``, and a heartbeat in pauses."""
+        queue: asyncio.Queue[Mapping[str, Any]] = asyncio.Queue(_MAX_WAITING)
+        self._listeners.add(queue)
+        try:
+            event: Mapping[str, Any] = self._state()
+            while True:
+                yield f"data: {json.dumps(event)}\n\n"
+                try:
+                    event = await asyncio.wait_for(queue.get(), HEARTBEAT_SECONDS)
+                except TimeoutError:
+                    event = {"kind": "ping", "revision": self._session.revision}
+        finally:
+            self._listeners.discard(queue)

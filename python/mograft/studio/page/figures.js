@@ -1,0 +1,206 @@
+// The figures of the page: encodings of motions and clips, kept up to date by what changed in them.
+import { dropActor } from "/viewer/actors.js";
+import { loadCharacters } from "/viewer/character.js";
+import { inflate, load, makePose, smooth, unpack } from "/viewer/poses.js";
+import { scene } from "/viewer/scene.js";
+import { attempt, read } from "./net.js";
+import { emit, motionOf, on, store } from "./store.js";
+
+const MAX_LOADING = 3; // Requests for figures at the same time.
+
+const held = new Map(); // "motion:ID" or "clip:NAME" -> {kind, name, clip, asking, isStale}
+const waiting = [];
+let nLoading = 0;
+let characters = null; // Name of the character whose meshes are loaded, and the promise of them.
+
+// The decoded figure, or null while it is loaded: the event "figure" names its key then.
+export function figureOf(kind, name) {
+  if (name === undefined || name === null || !store.project) return null;
+  const key = `${kind}:${name}`;
+  if (!held.has(key)) {
+    held.set(key, { key, kind, name, clip: null, asking: null, isStale: false });
+    ask(held.get(key));
+  }
+  return held.get(key).clip;
+}
+
+function ask(own) {
+  if (own.asking) {
+    own.isStale = true;
+    return;
+  }
+  own.asking = new Promise((resolve) => waiting.push({ own, resolve }));
+  startWaiting();
+}
+
+function startWaiting() {
+  while (waiting.length && nLoading < MAX_LOADING) {
+    // Figures on the stage are loaded before those of cards.
+    const index = Math.max(
+      waiting.findIndex(({ own }) => own.name === store.selected),
+      0,
+    );
+    const { own, resolve } = waiting.splice(index, 1)[0];
+    nLoading++;
+    attempt(() => update(own)).then(() => {
+      nLoading--;
+      own.asking = null;
+      resolve();
+      if (own.isStale) {
+        own.isStale = false;
+        ask(own);
+      }
+      startWaiting();
+    });
+  }
+}
+
+async function update(own) {
+  const since = own.clip ? `?since=${encodeURIComponent(own.clip.hash)}` : "";
+  const found = await read(`/api/figure/${own.kind}/${encodeURIComponent(own.name)}${since}`);
+  if (!held.has(own.key)) return;
+  if ("patch" in found && own.clip) {
+    const { patch, ...rest } = found;
+    if (patch) await applyPatch(own.clip, patch);
+    Object.assign(own.clip, rest);
+  } else await replace(own, found);
+  own.clip.key = own.key;
+  emit("figure", own.key);
+}
+
+async function replace(own, found) {
+  if (found.character !== null && found.character !== undefined) await loadMeshes();
+  await load(found);
+  const old = own.clip;
+  const isSame = old && String(old.offsets) === String(found.offsets) && old.character === found.character;
+  if (!isSame) {
+    if (old) dropGhosts(old);
+    if (old) dropActor(old);
+    own.clip = found;
+    return;
+  }
+  // The meshes stay bound to the bones.
+  Object.assign(old, found, { now: old.now });
+}
+
+async function loadMeshes() {
+  const wanted = String(store.project.character);
+  if (characters?.wanted !== wanted) {
+    const loading = (async () => {
+      const found = await read("/api/character");
+      scene.characters = Array.isArray(found) ? found : [found].filter((one) => one?.parts);
+      await loadCharacters();
+      // A character is shown as it is; colours of groups are a switch.
+      if (scene.characters.length) emit("character");
+    })();
+    characters = { wanted, loading };
+  }
+  await characters.loading;
+}
+
+// Write the frames of a patch into the values of a figure.
+export async function applyPatch(clip, patch) {
+  const { turning, moving, kept, units, first } = patch;
+  const turns = 4 * turning.length;
+  const tracks = turns + 3 * moving.length;
+  const layout = { kept, tracks, units: Array.from({ length: tracks }, (_, i) => units[i < turns ? 0 : 1]) };
+  const values = unpack(await inflate(patch.pose), layout);
+  const missing = turning.filter((joint) => !clip.turning.includes(joint));
+  if (missing.length) addTracks(clip, missing);
+  const own = 4 * clip.turning.length;
+  const copy = (k, from, to, width) => {
+    for (let i = 0; i < width; i++) clip.values[(first + k) * clip.tracks + to + i] = values[k * tracks + from + i];
+  };
+  for (let k = 0; k < kept; k++) {
+    clip.turning.forEach((joint, i) => {
+      const index = turning.indexOf(joint);
+      if (index >= 0) copy(k, 4 * index, 4 * i, 4);
+      else clip.values.set([0, 0, 0, 1], (first + k) * clip.tracks + 4 * i);
+    });
+    moving.forEach((joint, i) => {
+      const index = clip.moving.indexOf(joint);
+      if (index >= 0) copy(k, turns + 3 * i, own + 3 * index, 3);
+    });
+  }
+  if (moving.length) clip.cameraPath = smooth(clip, Math.round(0.4 / (clip.dt * clip.step)));
+}
+
+// Add tracks of joints that did not turn before.
+function addTracks(clip, joints) {
+  const from = 4 * clip.turning.length;
+  const tracks = clip.tracks + 4 * joints.length;
+  const values = new Float32Array(clip.kept * tracks);
+  for (let k = 0; k < clip.kept; k++) {
+    values.set(clip.values.subarray(k * clip.tracks, k * clip.tracks + from), k * tracks);
+    joints.forEach((_, i) => (values[k * tracks + from + 4 * i + 3] = 1));
+    const rest = clip.values.subarray(k * clip.tracks + from, (k + 1) * clip.tracks);
+    values.set(rest, k * tracks + from + 4 * joints.length);
+  }
+  Object.assign(clip, { values, tracks, turning: [...clip.turning, ...joints] });
+}
+
+// Further poses of a figure, by name: for onion skins, and coarse ones for cards. They share its frames.
+const ghosts = new Map();
+export function ghostOf(clip, name, given = {}) {
+  const own = ghosts.get(clip) || new Map();
+  ghosts.set(clip, own);
+  if (!own.has(name)) own.set(name, Object.assign(Object.create(clip, { now: { value: makePose(clip) } }), given));
+  return own.get(name);
+}
+function dropGhosts(clip) {
+  for (const ghost of ghosts.get(clip)?.values() || []) dropActor(ghost);
+  ghosts.delete(clip);
+}
+
+// Frames of a captured clip, for previews of donors.
+const windows = new Map();
+export async function windowOf(clip, first, last) {
+  const key = JSON.stringify([clip, first, last]);
+  if (!windows.has(key)) {
+    if (windows.size > 200) windows.delete(windows.keys().next().value);
+    const asked = read(`/api/window?clip=${encodeURIComponent(clip)}&first=${first}&last=${last}`);
+    windows.set(
+      key,
+      asked.then(async (found) => {
+        const source = { moving: [], step: 1, ...found };
+        await load(source);
+        return { source, shift: -(source.first ?? first) };
+      }),
+    );
+    windows.get(key).catch(() => windows.delete(key));
+  }
+  return windows.get(key);
+}
+
+function forget(own) {
+  held.delete(own.key);
+  if (!own.clip) return;
+  dropGhosts(own.clip);
+  dropActor(own.clip);
+}
+
+let shape = "";
+on("project", () => {
+  const { groups, character, skeleton, library } = store.project;
+  scene.groups = groups?.names || [];
+  // Other groups, another mesh or another skeleton change all figures.
+  const next = JSON.stringify([groups?.joints, character, skeleton, library?.status === "ready"]);
+  if (shape && next !== shape) {
+    windows.clear();
+    for (const own of held.values()) if (own.clip) own.clip.hash = "";
+    for (const own of [...held.values()]) ask(own);
+  }
+  shape = next;
+  for (const own of [...held.values()]) {
+    if (own.kind === "clip") continue;
+    const motion = motionOf(own.name);
+    if (!motion) forget(own);
+    else if (own.kind === "motion" && own.clip && own.clip.hash !== motion.hash) ask(own);
+  }
+});
+on("changed", ({ ids }) => {
+  for (const id of ids) {
+    const own = held.get(`motion:${id}`);
+    if (own?.clip) ask(own);
+  }
+});

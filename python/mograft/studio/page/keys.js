@@ -1,0 +1,160 @@
+// Buttons of the stage and the header, and the keyboard.
+import { find, state } from "/viewer/scene.js";
+import { openExport } from "./exporting.js";
+import { setMode } from "./gizmo.js";
+import { cancelGroups } from "./groups.js";
+import { cut, nFrames, play, player, seek } from "./player.js";
+import { setDrawing } from "./scenario.js";
+import { change, toggleLock } from "./segment.js";
+import { openFiles } from "./sources.js";
+import { orbit, redrawStage, resetCamera, standStill, zoom } from "./stage.js";
+import { act, emit, focusOn, on, store } from "./store.js";
+import { setRange } from "./timeline.js";
+import { make, openDialog } from "./ui.js";
+import { redrawAll } from "./view.js";
+
+// The switches: those of the page, and those that the drawing of figures reads.
+const TOGGLES = { f: "follow", v: "onion", g: "floor", l: "loop", c: "colours", m: "mesh" };
+const holder = (name) => (name in state && name !== "follow" && name !== "loop" ? state : store);
+
+export function toggle(name) {
+  const own = holder(name);
+  own[name] = !own[name];
+  find(name).setAttribute("aria-pressed", own[name]);
+  if (name === "follow") standStill();
+  if (["colours", "mesh", "floor"].includes(name)) redrawAll();
+  else redrawStage();
+}
+
+function setLayout(value) {
+  store.layout = value;
+  find("layout").value = value;
+  emit("layout");
+}
+const nextLayout = () => {
+  const all = ["beside", "overlay", "graft"];
+  setLayout(all[(all.indexOf(store.layout) + 1) % all.length]);
+};
+
+function escape() {
+  setDrawing(false);
+  cancelGroups();
+  store.constraint = null;
+  emit("constraint");
+  focusOn(null);
+}
+
+const undo = (action) => {
+  if (store.project?.[action] !== null) act({ action });
+};
+
+const KEYS = {
+  ArrowRight: (event) => seek(player.frame + (event.shiftKey ? 10 : 1)),
+  ArrowLeft: (event) => seek(player.frame - (event.shiftKey ? 10 : 1)),
+  Home: () => seek(0),
+  End: () => seek(nFrames() - 1),
+  "[": () => cut(-1),
+  "]": () => cut(1),
+  i: () => setRange(0),
+  u: () => setRange(1),
+  k: toggleLock,
+  n: () => change("change"),
+  r: () => change("regenerate"),
+  b: () => change("restore"),
+  o: nextLayout,
+  1: () => setMode("translate"),
+  2: () => setMode("rotate"),
+  3: () => setMode("scale"),
+  Escape: escape,
+  a: () => orbit(-0.15, 0),
+  d: () => orbit(0.15, 0),
+  w: () => orbit(0, 0.1),
+  s: () => orbit(0, -0.1),
+  "+": () => zoom(1.2),
+  "-": () => zoom(1 / 1.2),
+  0: resetCamera,
+  "?": openHelp,
+};
+const WITH_CONTROL = {
+  z: (event) => undo(event.shiftKey ? "redo" : "undo"),
+  y: () => undo("redo"),
+  o: openFiles,
+  e: () => !find("export").disabled && openExport(),
+};
+
+const HELP = [
+  ["space", "play or pause"],
+  ["← →", "one frame back or forward; with shift ten"],
+  ["[ ]  home end", "previous or next segment; first or last frame"],
+  ["tab, ← → ↑ ↓ in the timeline", "select a block; with shift change the range"],
+  ["i u", "range from here, range to here"],
+  ["k n r b", "lock, other part, regenerate, keep captured"],
+  ["* x on a card", "star, reject"],
+  ["l", "loop the selected range"],
+  ["o f v g c m", "base beside, overlaid or hidden; follow, onion, floor, groups, character"],
+  ["1 2 3", "move, rotate, scale the chosen constraint"],
+  ["a d w s + − 0", "rotate, zoom, reset the camera; or drag, wheel; shift + drag moves it"],
+  ["ctrl + z, ctrl + shift + z", "undo, redo"],
+  ["ctrl + o, ctrl + e", "open, export"],
+  ["esc", "select nothing, end drawing"],
+];
+
+export function openHelp() {
+  const items = HELP.flatMap(([key, text]) => [make("dt", { text: key }), make("dd", { text })]);
+  const dialog = openDialog("Keys", make("dl", {}, ...items), make("button", { type: "button", text: "Close", onclick: () => dialog.close() }));
+}
+
+const isText = (element) => element.closest("input:not([type=checkbox]):not([type=radio]):not([type=range]), textarea, select");
+const isPressed = (element) => element.closest("button, summary, a, input, select");
+
+export function startKeys() {
+  find("play").addEventListener("click", () => play());
+  find("back").addEventListener("click", () => cut(-1));
+  find("on").addEventListener("click", () => cut(1));
+  find("frame").addEventListener("change", (event) => seek(Number(event.target.value) || 0));
+  find("speed").addEventListener("input", (event) => {
+    player.speed = Number(event.target.value);
+    find("speedText").textContent = `${player.speed}×`;
+  });
+  find("layout").addEventListener("change", (event) => setLayout(event.target.value));
+  for (const name of Object.values(TOGGLES)) find(name).addEventListener("click", () => toggle(name));
+  find("hush").addEventListener("click", () => (find("message").hidden = true));
+  find("reset").addEventListener("click", resetCamera);
+  find("help").addEventListener("click", openHelp);
+  find("undo").addEventListener("click", () => undo("undo"));
+  find("redo").addEventListener("click", () => undo("redo"));
+  on("project", writeUndo);
+  on("character", () => state.colours && toggle("colours"));
+  document.addEventListener("keydown", onKey);
+}
+
+function onKey(event) {
+  if (document.querySelector("dialog[open]") || event.defaultPrevented || event.altKey) return;
+  const { target, key } = event;
+  if (event.ctrlKey || event.metaKey) {
+    const act = WITH_CONTROL[key.toLowerCase()];
+    if (!act || (isText(target) && "zy".includes(key.toLowerCase()))) return;
+    event.preventDefault();
+    return act(event);
+  }
+  if (isText(target)) return;
+  if (key === " ") {
+    if (isPressed(target)) return;
+    event.preventDefault();
+    return play();
+  }
+  if (target.type === "range" && (key.startsWith("Arrow") || key === "Home" || key === "End")) return;
+  const act = KEYS[key] || (TOGGLES[key] && (() => toggle(TOGGLES[key])));
+  if (!act) return;
+  event.preventDefault();
+  act(event);
+}
+
+function writeUndo() {
+  for (const name of ["undo", "redo"]) {
+    const text = store.project[name];
+    const element = find(name);
+    element.disabled = text === null || text === undefined;
+    element.title = text ? `${name === "undo" ? "Undo" : "Redo"}: ${text}` : `Nothing to ${name}`;
+  }
+}

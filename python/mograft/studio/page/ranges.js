@@ -1,0 +1,53 @@
+// The frames of constraints, as bars below the lanes; their ends can be moved.
+import { frameAt, place } from "./timeline.js";
+import { nFrames } from "./player.js";
+import { act, emit, store } from "./store.js";
+import { make, range } from "./ui.js";
+import { nameOf } from "./records.js";
+
+export function laneOfConstraints(motion) {
+  return motion.constraints.filter(({ record }) => isShown(record)).map((own) => {
+    const { number, record } = own;
+    const name = nameOf(record);
+    const [first, last] = record.frames || [0, nFrames() - 1];
+    const text = record.frames ? range(first, last) : "all frames";
+    const bar = make("button", { type: "button", class: "bar-range", title: `${name}: ${text}; drag an end to change it`, "aria-label": `${name}, ${text}`, onclick: () => chooseConstraint(number) });
+    bar.append(make("span", { text }));
+    if (record.frames) for (const end of [0, 1]) bar.append(makeHandle(motion, own, bar, end));
+    const element = make("div", { class: "lane thin" }, place(bar, first, Math.max(last, first + 1)));
+    return { name, element };
+  });
+}
+
+// Constraints on donors are choices of the timeline itself.
+const isShown = ({ kind }) => ["Avoid", "AvoidSelf", "KeepOut", "Reach", "Face"].includes(kind);
+
+export function chooseConstraint(number) {
+  store.constraint = number;
+  document.getElementById("tab-constraints").click();
+  emit("constraint");
+}
+
+function makeHandle(motion, { number, record }, bar, end) {
+  const handle = make("i", { class: end ? "handle end-handle" : "handle" });
+  let frames = [...record.frames];
+  handle.addEventListener("pointerdown", (event) => {
+    event.stopPropagation();
+    event.preventDefault();
+    handle.setPointerCapture(event.pointerId);
+  });
+  handle.addEventListener("pointermove", (event) => {
+    if (!handle.hasPointerCapture(event.pointerId)) return;
+    const at = frameAt(event);
+    frames = end ? [frames[0], Math.max(at, frames[0])] : [Math.min(at, frames[1]), frames[1]];
+    place(bar, frames[0], Math.max(frames[1], frames[0] + 1));
+    bar.querySelector("span").textContent = range(...frames);
+  });
+  handle.addEventListener("pointerup", () => {
+    if (String(frames) === String(record.frames)) return;
+    const { frame, ...rest } = record;
+    act({ action: "set_constraint", id: motion.id, number, constraint: { ...rest, frames } });
+  });
+  handle.addEventListener("click", (event) => event.stopPropagation());
+  return handle;
+}

@@ -1,0 +1,316 @@
+// The timeline: one lane for each joint group, blocks with their donors, seams, locks and violations.
+import { numberColour } from "/viewer/colours.js";
+import { find } from "/viewer/scene.js";
+import { laneOfConstraints } from "./ranges.js";
+import { mainFigure, nFrames, player, seconds, seek } from "./player.js";
+import { baseFigure } from "./stage.js";
+import { focusOn, on, selected, store } from "./store.js";
+import { button, icon, make, range, showTab } from "./ui.js";
+
+const BLOCK_WIDTH = 74; // Pixels of a block at first, about.
+const WIDE_SEAM = 45; // Degrees of a seam whose mark has the full height.
+const MAX_ZOOM = 200;
+
+const parts = {};
+let zoom = 1;
+let shown = ""; // What the lanes show: they are made again if it changes.
+let fitted = null; // The motion that the zoom fits.
+
+export const toShare = (frame) => frame / Math.max(nFrames() - 1, 1);
+const percent = (frame) => `${(100 * toShare(frame)).toFixed(4)}%`;
+export function place(element, first, last) {
+  element.style.left = percent(first);
+  element.style.width = `${(100 * toShare(last - first)).toFixed(4)}%`;
+  return element;
+}
+export function frameAt(event) {
+  const box = parts.track.getBoundingClientRect();
+  return Math.round(Math.max(0, Math.min(1, (event.clientX - box.left) / box.width)) * (nFrames() - 1));
+}
+
+export function startTimeline() {
+  parts.names = make("div", { class: "names", "aria-hidden": "true" });
+  parts.ruler = make("div", { class: "ruler", role: "slider", tabindex: "0", "aria-label": "Frame", "aria-valuemin": "0" });
+  parts.lanes = make("div", { class: "lanes" });
+  parts.extra = make("div", { class: "extra" });
+  parts.range = make("div", { class: "range", hidden: true });
+  parts.cursor = make("div", { class: "cursor" });
+  parts.track = make("div", { class: "track" }, parts.ruler, parts.lanes, parts.extra, parts.range, parts.cursor);
+  parts.scroller = make("div", { class: "scroller", tabindex: "-1" }, parts.track);
+  parts.foot = make(
+    "div",
+    { class: "row foot" },
+    make("span", { class: "faint", "data-part": "selection", role: "status" }),
+    make("span", { class: "set end" }, button("−", "Show more of the timeline", () => setZoom(zoom / 1.6), { "aria-label": "Show more of the timeline" }), button("+", "Enlarge the timeline", () => setZoom(zoom * 1.6), { "aria-label": "Enlarge the timeline" })),
+  );
+  find("timeline").append(make("div", { class: "lanegrid" }, make("div", { class: "side" }, parts.names), parts.scroller), parts.foot);
+  listenToRuler();
+  parts.lanes.addEventListener("pointerdown", beginDrag);
+  parts.lanes.addEventListener("keydown", moveBetweenBlocks);
+  parts.scroller.addEventListener("wheel", onWheel, { passive: false });
+  new ResizeObserver(() => fit()).observe(parts.scroller);
+  on("project selected figure theme", write);
+  on("frame", writeCursor);
+  on("focus", writeFocus);
+}
+
+export const timelineParts = parts;
+
+function setZoom(factor, at = player.frame) {
+  const middle = toShare(at) * parts.track.clientWidth - parts.scroller.scrollLeft;
+  zoom = Math.max(1, Math.min(MAX_ZOOM, factor));
+  parts.track.style.width = `${100 * zoom}%`;
+  parts.scroller.scrollLeft = toShare(at) * parts.track.clientWidth - middle;
+  writeRuler();
+}
+
+function onWheel(event) {
+  if (!event.ctrlKey && !event.metaKey) return;
+  event.preventDefault();
+  setZoom(zoom * Math.exp(-event.deltaY * 0.0015), frameAt(event));
+}
+
+// If blocks are too narrow for their names, only a part of the timeline is visible at first.
+function fit(isForced = false) {
+  const clip = mainFigure();
+  if (!clip?.rows || (fitted === clip.key && !isForced)) return writeRuler();
+  fitted = clip.key;
+  const most = Math.max(1, ...clip.rows.map((row) => row.start.length));
+  setZoom((most * BLOCK_WIDTH) / Math.max(parts.scroller.clientWidth, 1));
+}
+
+function writeRuler() {
+  const frames = nFrames();
+  const wide = parts.track.clientWidth || 1;
+  const steps = [1, 2, 5, 10, 20, 30, 60, 150, 300, 600, 1500, 3000, 9000];
+  const step = steps.find((own) => (own / frames) * wide > 56) || steps.at(-1);
+  const key = [frames, step].join();
+  if (parts.ruler.dataset.key === key) return;
+  parts.ruler.dataset.key = key;
+  const ticks = [];
+  for (let frame = 0; frame < frames - 1 && ticks.length < 2000; frame += step) {
+    const tick = make("span", { text: frame });
+    tick.style.left = percent(frame);
+    ticks.push(tick);
+  }
+  parts.ruler.replaceChildren(...ticks);
+  parts.ruler.setAttribute("aria-valuemax", frames - 1);
+}
+
+function listenToRuler() {
+  const { ruler } = parts;
+  ruler.addEventListener("pointerdown", (event) => {
+    ruler.setPointerCapture(event.pointerId);
+    seek(frameAt(event));
+  });
+  ruler.addEventListener("pointermove", (event) => ruler.hasPointerCapture(event.pointerId) && seek(frameAt(event)));
+}
+
+function writeCursor() {
+  parts.cursor.style.left = percent(player.frame);
+  parts.ruler.setAttribute("aria-valuenow", player.frame);
+  parts.ruler.setAttribute("aria-valuetext", `frame ${player.frame} of ${nFrames() - 1}, ${seconds(player.frame)} seconds`);
+  if (!player.isPlaying && document.activeElement !== parts.ruler) return;
+  const x = toShare(player.frame) * parts.track.clientWidth;
+  const { scrollLeft, clientWidth } = parts.scroller;
+  if (x < scrollLeft || x > scrollLeft + clientWidth) parts.scroller.scrollLeft = x - 0.1 * clientWidth;
+}
+
+// The lanes of the selected motion: its exchanged groups, then those that its base keeps.
+export function lanes() {
+  const clip = mainFigure();
+  if (!clip?.rows) return [];
+  const own = clip.rows.map((row) => ({ clip, row, isCaptured: !row.grafted }));
+  const base = clip.key?.startsWith("motion:") ? baseFigure() : null;
+  const names = own.map(({ row }) => row.group);
+  const others = (base?.rows || []).filter(({ group }) => !names.includes(group));
+  return [...own, ...others.map((row) => ({ clip: base, row, isCaptured: true }))];
+}
+
+function write() {
+  const motion = selected();
+  const all = lanes();
+  const marks = motion ? [motion.locks, motion.violations, motion.constraints] : [];
+  const next = JSON.stringify([store.selected, all.map(({ clip, row }) => [clip.key, clip.hash, row.group]), marks, document.documentElement.dataset.theme, nFrames()]);
+  fit();
+  writeCursor();
+  if (next === shown) return;
+  shown = next;
+  const focused = document.activeElement?.dataset?.block;
+  parts.lanes.replaceChildren(...all.map((lane) => makeLane(lane, motion)));
+  const rows = motion ? laneOfConstraints(motion) : [];
+  parts.extra.replaceChildren(...rows.map(({ element }) => element));
+  const names = all.map(({ row, isCaptured }) => make("div", { class: "name", title: isCaptured ? `${row.group}: captured` : row.group }, make("bdi", { text: row.group }), isCaptured ? make("span", { class: "faint", text: " captured" }) : null));
+  parts.names.replaceChildren(make("div", { class: "name", text: "frame" }), ...names, ...rows.map(({ name }) => make("div", { class: "name thin", title: name }, make("bdi", { text: name }))));
+  writeFocus();
+  if (focused) parts.lanes.querySelector(`[data-block="${CSS.escape(focused)}"]`)?.focus();
+}
+
+// Segments share their first frame with the one before.
+export const overlaps = (own, first, last) => own.first < last && own.last > first;
+
+// The violations of a group: by its joint, or of all groups if that is unknown.
+function isOfGroup({ group, joint }, name) {
+  const { names, joints } = store.project.groups;
+  const found = group ?? names.find((own) => joints[own]?.includes(joint)) ?? name;
+  return found === name || (found === store.project.groups.base && lanes()[0]?.row.group === name);
+}
+
+function makeLane({ clip, row, isCaptured }, motion) {
+  const lane = make("div", { class: "lane", role: "group", "aria-label": isCaptured ? `${row.group}, captured` : row.group });
+  lane.dataset.group = row.group;
+  for (let part = 0; part < row.start.length; part++) lane.append(makeBlock(clip, row, part, motion, isCaptured));
+  for (const own of row.changes) {
+    const text = `${clip.donors[own.source]} ${range(own.first, own.last)}`;
+    const block = make("div", { class: "changed", title: `changed in ${range(own.start, own.stop)}: ${text}`, text });
+    block.style.backgroundColor = numberColour(own.source);
+    lane.append(place(block, own.start, own.stop));
+  }
+  if (!motion || isCaptured) return lane;
+  for (const own of motion.locks) {
+    if (own.group !== null && own.group !== row.group) continue;
+    lane.append(place(make("div", { class: "locked", title: `locked in ${range(own.first, own.last)}` }, icon("lock")), own.first, own.last));
+  }
+  for (const own of motion.violations) {
+    if (!isOfGroup(own, row.group)) continue;
+    const show = () => {
+      seek(own.first);
+      showTab(document.getElementById("tab-constraints"));
+    };
+    const mark = button("", own.text, show, { class: "violated", "aria-label": `Violation in ${range(own.first, own.last)}: ${own.text}` });
+    mark.append(icon("warn"));
+    lane.append(place(mark, own.first, own.last));
+  }
+  return lane;
+}
+
+function makeBlock(clip, row, part, motion, isCaptured) {
+  const [first, last] = [row.start[part], row.stop[part]];
+  const donor = row.source[part] < 0 ? null : clip.donors[row.source[part]];
+  const frames = range(row.first[part], row.last[part]);
+  const full = donor === null ? "captured" : `${donor} ${frames}`;
+  const block = make("button", { type: "button", class: "block", tabindex: "-1", title: full });
+  Object.assign(block.dataset, { group: row.group, part, block: `${row.group}/${part}` });
+  if (donor !== null) block.style.backgroundColor = numberColour(row.source[part]);
+  else block.classList.add("captured");
+  const seam = row.before[part];
+  const isLocked = motion?.locks.some((own) => (own.group === null || own.group === row.group) && overlaps(own, first, last));
+  const said = [row.group, `segment ${part}`, `frames ${range(first, last)}`, isCaptured || donor === null ? "captured" : `donor ${donor} ${frames}`];
+  if (seam !== null) said.push(`seam ${seam.toFixed(0)}°`);
+  if (isLocked) said.push("locked");
+  block.setAttribute("aria-label", said.join(", "));
+  if (seam !== null && !isCaptured) {
+    const mark = make("i", { class: "seam", title: `seam: ${seam.toFixed(1)}°` });
+    mark.style.height = `${(15 + 85 * Math.min(seam / WIDE_SEAM, 1)).toFixed(0)}%`;
+    block.prepend(mark);
+    if (seam >= 5) block.append(make("span", { class: "angle", text: `${seam.toFixed(0)}°` }));
+  }
+  // In narrow blocks, the name of the clip is cut before its frames are.
+  if (isCaptured || donor === null) block.append(make("span", { text: isCaptured ? range(first, last) : "captured" }));
+  else block.append(make("span", { class: "clip", text: store.project.clips.length > 1 ? donor : "" }), make("span", { text: frames }));
+  return place(block, row.start[part], row.stop[part]);
+}
+
+function blockAt(group, frame) {
+  const lane = lanes().find(({ row }) => row.group === group);
+  const part = lane ? lane.row.start.findLastIndex((start) => start <= frame) : -1;
+  return part < 0 ? null : { lane, part };
+}
+
+export function selectBlock(group, part, isSeeking = true) {
+  const lane = lanes().find(({ row }) => row.group === group);
+  if (!lane) return;
+  const [first, last] = [lane.row.start[part], lane.row.stop[part]];
+  focusOn({ group, first, last, part, isCaptured: lane.isCaptured });
+  if (isSeeking && (player.frame < first || player.frame > last)) seek(first);
+}
+
+// A click selects a block, a drag a range of frames in its lane.
+function beginDrag(event) {
+  const lane = event.target.closest(".lane");
+  if (!lane || event.button !== 0 || event.target.closest(".violated")) return;
+  const from = { x: event.clientX, frame: frameAt(event), group: lane.dataset.group };
+  let isDragged = false;
+  const { isCaptured } = lanes().find(({ row }) => row.group === from.group);
+  const move = (next) => {
+    if (!isDragged && Math.abs(next.clientX - from.x) < 5) return;
+    isDragged = true;
+    const [first, last] = [from.frame, frameAt(next)].sort((a, b) => a - b);
+    focusOn({ group: from.group, first, last, part: null, isCaptured, isDragging: true });
+  };
+  const up = () => {
+    window.removeEventListener("pointermove", move);
+    window.removeEventListener("pointerup", up);
+    window.removeEventListener("pointercancel", up);
+    if (isDragged) {
+      focusOn({ ...store.focus, isDragging: false });
+      return seek(store.focus.first);
+    }
+    const found = blockAt(from.group, from.frame);
+    if (!found) return;
+    selectBlock(from.group, found.part, false);
+    seek(from.frame);
+    parts.lanes.querySelector(`[data-block="${CSS.escape(`${from.group}/${found.part}`)}"]`)?.focus({ preventScroll: true });
+  };
+  window.addEventListener("pointermove", move);
+  window.addEventListener("pointerup", up);
+  window.addEventListener("pointercancel", up);
+}
+
+// Arrow keys select the block beside or in the lane above or below; with shift they change the range.
+function moveBetweenBlocks(event) {
+  const { block, group, part } = event.target.dataset;
+  if (!block || event.ctrlKey || event.metaKey || event.altKey) return;
+  const index = Number(part);
+  const all = lanes();
+  const at = all.findIndex(({ row }) => row.group === group);
+  let target = null;
+  if (event.key === "Enter" || event.key === " ") target = [group, index];
+  else if (event.key === "ArrowLeft" || event.key === "ArrowRight") {
+    const step = event.key === "ArrowLeft" ? -1 : 1;
+    if (event.shiftKey) {
+      const { first, last } = store.focus || {};
+      if (store.focus) focusOn({ ...store.focus, part: null, last: Math.max(first, Math.min(nFrames() - 1, last + step)) });
+      return stop(event);
+    }
+    target = [group, Math.max(0, Math.min(all[at].row.start.length - 1, index + step))];
+  } else if (event.key === "ArrowUp" || event.key === "ArrowDown") {
+    const lane = all[at + (event.key === "ArrowUp" ? -1 : 1)];
+    if (lane) target = [lane.row.group, lane.row.start.findLastIndex((start) => start <= all[at].row.start[index])];
+  }
+  if (!target || target[1] < 0) return;
+  stop(event);
+  selectBlock(...target);
+  parts.lanes.querySelector(`[data-block="${CSS.escape(target.join("/"))}"]`)?.focus();
+}
+function stop(event) {
+  event.preventDefault();
+  event.stopPropagation();
+}
+
+function writeFocus() {
+  const { focus } = store;
+  for (const block of parts.lanes.querySelectorAll(".block")) {
+    const isSelected = focus && focus.part !== null && block.dataset.block === `${focus.group}/${focus.part}`;
+    block.setAttribute("aria-pressed", Boolean(isSelected));
+    block.tabIndex = isSelected ? 0 : -1;
+  }
+  if (!parts.lanes.querySelector('.block[tabindex="0"]')) parts.lanes.querySelector(".block")?.setAttribute("tabindex", "0");
+  parts.range.hidden = !focus;
+  const text = focus ? `${focus.group ?? "all groups"}, frames ${range(focus.first, focus.last)}` : "Click a block, or drag over frames.";
+  find("selection").textContent = text;
+  if (!focus) return;
+  place(parts.range, focus.first, Math.max(focus.last, focus.first + 0.5));
+  const lane = parts.lanes.querySelector(`[data-group="${CSS.escape(focus.group ?? "")}"].lane`);
+  parts.range.style.top = lane ? `${lane.offsetTop}px` : "0";
+  parts.range.style.height = lane ? `${lane.offsetHeight}px` : "100%";
+}
+
+// Begin or end the selected range at the current frame.
+export function setRange(end) {
+  const group = store.focus?.group ?? lanes()[0]?.row.group ?? null;
+  const frames = store.focus ? [store.focus.first, store.focus.last] : [player.frame, player.frame];
+  frames[end] = player.frame;
+  const [first, last] = frames[0] <= frames[1] ? frames : [player.frame, player.frame];
+  focusOn({ group, first, last, part: null, isCaptured: store.focus?.isCaptured ?? false });
+}

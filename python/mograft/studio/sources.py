@@ -1,0 +1,171 @@
+"""The inputs of a project: what was found in them, and the library of their clips."""
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from mograft.body.faults import find_faults
+from mograft.config import Config
+from mograft.errors import DAMAGE, MograftError, join_names
+from mograft.io.formats import split_address
+from mograft.library.derive import BUILD_STAGES
+from mograft.library.discover import find_clips
+from mograft.library.ingest_run import MISMATCH_REMEDY
+from mograft.library.library import Library
+from mograft.library.origin import hash_library
+from mograft.studio.notes import captured_warnings
+from mograft.studio.project import Project, ProjectInput
+
+Progress = Callable[[str, int, int], None]
+_MAX_FAULTS = 50  # of a clip
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """What was found in the inputs of a project."""
+
+    key: tuple[Any, ...] = ()  # the result of `library_key`
+    library: Library | None = None
+    status: str = "none"  # none, building, ready or failed
+    done: int = 0
+    total: int = 0
+    message: str = ""
+    sources: tuple[dict[str, Any], ...] = ()
+    clips: tuple[dict[str, Any], ...] = ()
+    hashes: dict[str, str] = field(default_factory=dict)  # SHA-256 by input
+
+
+def library_key(project: Project) -> tuple[Any, ...]:
+    """Return what determines the library of a project."""
+    config = project.full_config
+    fields = {name: getattr(config, name) for name in Config.fields_of(*BUILD_STAGES)}
+    return (tuple(own.path for own in project.inputs), project.groups, tuple(fields.items()))
+
+
+def is_library(path: str | Path) -> bool:
+    """Return whether a path is the folder of a library."""
+    return (Path(path) / "manifest.json").is_file()
+
+
+def build(project: Project, progress: Progress) -> Opened:
+    """Read the inputs of a project, and build the library of their clips.
+
+    An input that cannot be read is left out, with the message of the reader.
+    """
+    opened = Opened(library_key(project))
+    if not project.inputs:
+        return opened
+    broken: dict[str, str] = {}
+    with captured_warnings() as caught:
+        paths = [own.path for own in project.inputs if _can_open(own.path, broken)]
+        try:
+            library = _read(project, paths, progress)
+        except (MograftError, OSError, *DAMAGE) as error:
+            lost = tuple(_source(own.path, [], broken, {}) for own in project.inputs)
+            message = str(error) if paths else "no motion could be read"
+            return replace(opened, status="failed", message=message, sources=lost)
+    files = [own.source_file for own in library.entries]
+    hashes: dict[str, str] = {}
+    sources = list[dict[str, Any]]()
+    for own in project.inputs:
+        if is_library(own.path):
+            hashes[own.path] = hash_library(library)
+            sources.append(_source(own.path, library.names, broken, {}))
+            continue
+        inside = [file for file in files if file is not None and _is_inside(file.path, own.path)]
+        texts = sorted({f"{file.sha256} {Path(file.path).name}" for file in inside})
+        if len(texts) == 1:
+            hashes[own.path] = inside[0].sha256
+        elif texts:
+            hashes[own.path] = hashlib.sha256("\n".join(texts).encode()).hexdigest()
+        names = [file.address for file in inside]
+        sources.append(_source(own.path, names, broken, library.refused))
+    return replace(
+        opened,
+        library=library,
+        status="ready",
+        message="\n".join(caught),
+        sources=tuple(
+            _with_change(*own, hashes) for own in zip(sources, project.inputs, strict=True)
+        ),
+        clips=tuple(
+            {"name": own.name, "frames": own.n_frames, "rate": round(library.rate, 6), "faults": []}
+            for own in library.entries
+        ),
+        hashes=hashes,
+    )
+
+
+def _can_open(path: str, broken: dict[str, str]) -> bool:
+    try:
+        if not is_library(path):
+            find_clips([path])
+    except (MograftError, OSError, *DAMAGE) as error:
+        broken[path] = str(error)
+    return path not in broken
+
+
+def _read(project: Project, paths: Sequence[str], progress: Progress) -> Library:
+    libraries = [own for own in paths if is_library(own)]
+    if libraries and len(paths) > 1:
+        raise ValueError(
+            f"{libraries[0]} is a library: open it alone, or add files to it by mograft index --add"
+        )
+    if libraries:
+        return Library.open(libraries[0])
+    config = project.full_config
+    built = {name: getattr(config, name) for name in Config.fields_of(*BUILD_STAGES)}
+    return Library.build(
+        paths, project.joint_groups, Config(**built), strict=False, progress=progress
+    )
+
+
+def _is_inside(file: str, source: str) -> bool:
+    path = Path(split_address(source)[0])
+    return Path(file) == path or Path(file).is_relative_to(path)
+
+
+def _source(
+    path: str,
+    clips: Sequence[str],
+    broken: dict[str, str],
+    refused: Any,  # noqa: ANN401 - mapping
+) -> dict[str, Any]:
+    reasons = [
+        why for address, why in refused.items() if _is_inside(split_address(address)[0], path)
+    ]
+    reasons += [broken[path]] if path in broken else []
+    is_other = bool(reasons) and all(own.endswith(MISMATCH_REMEDY) for own in reasons)
+    status = "ok" if clips else "skipped" if is_other else "broken"
+    message = join_names(reasons, 3)
+    name = path.removeprefix(f"{Path(split_address(path)[0]).parent}/")
+    return {"path": path, "name": name, "clips": len(clips), "status": status, "message": message}
+
+
+def _with_change(
+    source: dict[str, Any], given: ProjectInput, hashes: dict[str, str]
+) -> dict[str, Any]:
+    found = hashes.get(given.path)
+    if given.sha256 is None or found in (None, given.sha256):
+        return source
+    text = "has changed since the project was saved"
+    return {**source, "message": "; ".join(filter(None, [source["message"], text]))}
+
+
+def with_faults(opened: Opened, *, should_stop: Callable[[], bool]) -> Opened:
+    """Return the clips with their recording faults; of an opened library, nothing is changed."""
+    clips = []
+    for own, motion in zip(
+        opened.clips, opened.library.clips if opened.library else (), strict=True
+    ):
+        if should_stop():
+            return opened
+        faults = [
+            {"kind": each.kind, "first": each.frames[0], "last": each.frames[1]}
+            | {"text": each.message}
+            for each in find_faults(motion)[:_MAX_FAULTS]
+        ]
+        clips.append({**own, "faults": faults})
+    return replace(opened, clips=tuple(clips))

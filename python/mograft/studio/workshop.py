@@ -1,0 +1,217 @@
+"""`Workshop`: the libraries and grafts of a session, which are built when they are needed."""
+
+import threading
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mograft.body.loops import is_loop
+from mograft.config import Config
+from mograft.errors import LibraryError, ProvenanceError
+from mograft.library.library import Library
+from mograft.library.origin import hash_library, hash_poses, is_partial
+from mograft.motion.motion import Motion
+from mograft.provenance.document import graft_record, move_record
+from mograft.provenance.graft_record import find_whole_library, read_record
+from mograft.provenance.replay import replay
+from mograft.studio.project import Record, record_key
+from mograft.synthesis.graft_result import Graft
+from mograft.synthesis.newness import grafted_joints, mean_angle, newness
+from mograft.viewing.encoding import encode_objects
+from mograft.viewing.figure import ShownConstraint
+
+_MAX_BYTES = 256_000_000
+"""Motions of grafts in memory; those used longest ago are built again when they are needed."""
+
+_MAX_LIBRARIES = 4
+
+
+class Workshop:
+    """Libraries, provenance records and grafts. All methods can be called from any thread."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder  # to which paths in records are relative
+        self.library: Library | None = None  # of new motions
+        self.records: dict[str, Record] = {}
+        self.texts: dict[str, str] = {}  # the records as JSON
+        self.measures: dict[str, dict[str, Any]] = {}  # of motions that were built, by record
+        self._grafts: OrderedDict[str, Graft] = OrderedDict()
+        self._libraries: dict[str, Library] = {}  # by hash
+        self._configured: dict[tuple[str, Config], Library] = {}
+        self._angles: dict[tuple[str, str], float | None] = {}
+        self._lock = threading.RLock()
+
+    def set_library(self, library: Library) -> None:
+        """Set the library of new motions."""
+        with self._lock:
+            self.library = self._add_library(library)
+
+    def _add_library(self, library: Library) -> Library:
+        key = hash_library(library)
+        self._libraries[key] = self._libraries.pop(key, library)
+        while len(self._libraries) > _MAX_LIBRARIES:
+            oldest = next(iter(self._libraries))
+            del self._libraries[oldest]
+            for own in [own for own in self._configured if own[0] == oldest]:
+                del self._configured[own]
+        return self._libraries[key]
+
+    def configured(self, library: Library, config: Config) -> Library:
+        """Return a library with another configuration; the same one for the same arguments."""
+        if library.config == config:
+            return library
+        key = (hash_library(library), config)
+        with self._lock:
+            if key not in self._configured:
+                self._configured[key] = library.relabelled(config)
+            return self._configured[key]
+
+    def add_records(self, records: Mapping[str, Record]) -> None:
+        """Add the records of a project file, with its keys."""
+        for key, record in records.items():
+            self.records[key], self.texts[key] = record, record_key(record)[1]
+
+    def add(self, graft: Graft, sources: Sequence[str]) -> str:
+        """Add a graft that was made from the files `sources`; return the key of its record."""
+        if not graft.request.sources:
+            graft = replace(graft, request=replace(graft.request, sources=tuple(sources)))
+        record = graft_record(graft, self.folder)
+        key, text = record_key(record)
+        with self._lock:
+            self.records[key], self.texts[key] = record, text
+            self.keep(key, graft)
+        return key
+
+    def rename(self, key: str, name: str) -> str:
+        """Return the key of a record with another name of the motion."""
+        record = {**self.records[key], "name": name}
+        new, text = record_key(record)
+        with self._lock:
+            self.records[new], self.texts[new] = record, text
+            graft = self._grafts.get(key)
+            if graft is not None:
+                self.keep(new, _renamed(graft, name))
+        return new
+
+    def graft(self, key: str) -> Graft:
+        """Return the graft of a record: one in memory, or else by replay."""
+        with self._lock:
+            if key in self._grafts:
+                self._grafts.move_to_end(key)
+                return self._grafts[key]
+            record = self.records[key]
+            graft = replay(move_record(record, self.folder, Path()), self._find_library(record))
+            self.keep(key, graft)
+            return graft
+
+    def find(self, key: str) -> Graft | None:
+        """Return the graft of a record if it is in memory."""
+        return self._grafts.get(key)
+
+    def editable(self, key: str) -> Graft:
+        """Return the graft of a record with the library of new motions, if that has its clips.
+
+        Otherwise return it with its own library, which may take long to build. Raise
+        ProvenanceError, LibraryError or OSError if that cannot be built.
+        """
+        graft, library = self.graft(key), self.library
+        with self._lock:
+            if library is None or hash_library(library) == self._hash_of(key):
+                return graft if not is_partial(graft.library) else self._whole(key)
+            rebased = self._rebase(key, library)
+            if rebased is not None:
+                return rebased
+            return self._whole(key) if is_partial(graft.library) else graft
+
+    def _hash_of(self, key: str) -> str:
+        return str(self.records[key]["library"]["sha256"])
+
+    def _rebase(self, key: str, library: Library) -> Graft | None:
+        """Return a graft on another library; None if its motion would be another one."""
+        record = self.records[key]
+        own = self.configured(library, Config.from_dict(record["config"]))
+        if record["groups_toml"] != library.groups.to_toml():
+            return None
+        section = {**record["library"], "sha256": hash_library(library)}
+        try:
+            graft = replay(move_record({**record, "library": section}, self.folder, Path()), own)
+        except ProvenanceError:
+            return None
+        return graft if hash_poses(graft.motion) == record["poses_sha256"] else None
+
+    def _whole(self, key: str) -> Graft:
+        """Return a graft with all clips of its library, built from their files."""
+        record = read_record(move_record(self.records[key], self.folder, Path()))
+        library = self._add_library(find_whole_library(record, ()))
+        graft = replay(record.document, self.configured(library, record.config))
+        self.keep(key, graft)
+        return graft
+
+    def keep(self, key: str, graft: Graft) -> None:
+        """Keep a graft in memory, and measure it."""
+        with self._lock:
+            self._grafts[key] = graft
+            self._grafts.move_to_end(key)
+            if key in self.records:
+                self.measures.setdefault(key, _measure(graft))
+            sizes = {own: _size(each) for own, each in self._grafts.items()}
+            while len(self._grafts) > 2 and sum(sizes.values()) > _MAX_BYTES:
+                del sizes[self._grafts.popitem(last=False)[0]]
+
+    def _find_library(self, record: Record) -> Library | None:
+        """Return the library of a record in its configuration; None if it is not in memory."""
+        library = self._libraries.get(record["library"]["sha256"])
+        if library is None:
+            return None
+        try:
+            return self.configured(library, Config.from_dict(record["config"]))
+        except (LibraryError, ValueError):
+            return None
+
+    def angle(self, one: str, other: str) -> float | None:
+        """Return the mean angle between two motions, in radians.
+
+        None if they have another number of frames, or one of them is not in memory.
+        """
+        first, second = sorted((one, other))
+        if (first, second) not in self._angles:
+            pair = self._grafts.get(first), self._grafts.get(second)
+            if pair[0] is None or pair[1] is None:
+                return None
+            a, b = pair[0].motion, pair[1].motion
+            is_comparable = (a.n_frames, a.n_joints) == (b.n_frames, b.n_joints)
+            angle = mean_angle(a, b, grafted_joints(pair[0])) if is_comparable else None
+            self._angles[first, second] = angle
+        return self._angles[first, second]
+
+
+def _renamed(graft: Graft, name: str) -> Graft:
+    original = None if graft.unchanged is None else _renamed(graft.unchanged, name)
+    return replace(graft, motion=replace(graft.motion, name=name), unchanged=original)
+
+
+def _measure(graft: Graft) -> dict[str, Any]:
+    """Return what the page shows of a motion, and its obstacles and targets in its axes."""
+    new = newness(graft)
+    shapes = {}
+    for number, own in enumerate(graft.request.constraints):
+        found = encode_objects([ShownConstraint(own, graft.motion)])
+        if found and found[0]["kind"] != "figure":
+            shapes[number] = found[0]
+    return {
+        "cost": round(float(np.mean([own.cost for own in graft.substitutions])), 4),
+        "new": round(new.new, 4),
+        "changed": round(float(np.degrees(new.changed)), 2),
+        "isLoop": is_loop(graft.motion),
+        "shapes": shapes,
+    }
+
+
+def _size(graft: Graft) -> int:
+    motions: list[Motion] = [graft.motion]
+    motions += [] if graft.unchanged is None else [graft.unchanged.motion]
+    return sum(own.rotations.nbytes + own.positions.nbytes for own in motions)

@@ -1,0 +1,407 @@
+"""Hostile requests: they are refused and reported, change nothing, and the server goes on."""
+
+import json
+import socket
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+from urllib.parse import quote
+
+import httpx
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from mograft.studio import security, server, uploads
+from mograft.studio.security import Places, Refusal
+from tests.studio.test_app import running
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("attack") / "session"
+
+
+@pytest.fixture(scope="module")
+def served(folder):
+    folder.mkdir()
+    (folder.parent / "secret.bvh").write_text("secret")
+    given_folder = folder.parent / "given"
+    given_folder.mkdir()
+    (given_folder / "walk.bvh").write_text("HIERARCHY")
+    with running(folder, [given_folder]) as found:
+        yield found
+
+
+@pytest.fixture
+def client(served):
+    """A client; at the end of the test the server has reported a refusal, and still replies."""
+    client, session, reports = served
+    session.calls.clear()
+    reports.clear()
+    yield client
+    assert session.calls == []
+    assert reports
+    assert client.post("/api/ping", json={}).status_code == 200
+
+
+REQUESTS = [
+    ("GET", "/"),
+    ("GET", "/studio/main.js"),
+    ("GET", "/api/state"),
+    ("GET", "/api/events"),
+    ("GET", "/api/figure/motion/m1"),
+    ("POST", "/api/do"),
+    ("POST", "/api/export"),
+    ("PUT", "/api/files/a.bvh"),
+    ("DELETE", "/api/files/a.bvh"),
+    ("OPTIONS", "/api/do"),
+]
+
+
+def refused(client, method, path, kind, **options):
+    reply = client.request(method, path, **options)
+    assert reply.status_code in (403, 405)
+    if reply.status_code == 403 and method != "HEAD":
+        assert reply.json()["kind"] == kind
+    assert "frame-ancestors 'none'" in reply.headers["content-security-policy"]
+    assert "access-control-allow-origin" not in reply.headers
+
+
+@pytest.mark.parametrize("request_line", REQUESTS, ids="-".join)
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:{port}", "127.0.0.1", "127.0.0.1:1"]
+)
+def test_foreign_host_is_refused(client, request_line, host):
+    host = host.format(port=client.server.token.port)
+    refused(client, *request_line, "host", headers={"host": host})
+
+
+@pytest.mark.parametrize("request_line", REQUESTS, ids="-".join)
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1", "file://"])
+def test_foreign_origin_is_refused(client, request_line, origin):
+    refused(client, *request_line, "origin", headers={"origin": origin})
+
+
+@pytest.mark.parametrize("site", ["cross-site", "same-site"])
+def test_request_from_another_site_is_refused(client, site):
+    headers = {"sec-fetch-site": site}
+    refused(client, "GET", "/api/state", "origin", headers=headers)
+    refused(client, "GET", f"/?token={client.server.token.text}", "origin", headers=headers)
+
+
+@pytest.mark.parametrize("method", ["POST", "PUT"])
+def test_writing_without_origin_is_refused(client, method):
+    port = client.server.token.port
+    with httpx.Client(base_url=f"http://127.0.0.1:{port}", cookies=client.cookies) as other:
+        refused(other, method, "/api/files/a.bvh", "origin")
+
+
+@pytest.mark.parametrize("request_line", REQUESTS, ids="-".join)
+@pytest.mark.parametrize(
+    "cookie", ["", "=", "mograft-studio-{port}=wrong", "mograft-studio-{port}"]
+)
+def test_missing_token_is_refused(client, request_line, cookie):
+    port = client.server.token.port
+    headers = {"cookie": cookie.format(port=port), "origin": client.headers["origin"]}
+    with httpx.Client(base_url=f"http://127.0.0.1:{port}") as other:
+        refused(other, *request_line, "token", headers=headers)
+        refused(other, "GET", "/?token=wrong", "token")
+        refused(other, "GET", "/?token=%00%ff&token", "token")
+
+
+def test_token_becomes_strict_cookie(served):
+    client, _, _ = served
+    reply = httpx.get(client.server.url)
+    assert reply.status_code == 303
+    assert reply.headers["location"] == "/"
+    cookie = reply.headers["set-cookie"].lower()
+    assert "httponly" in cookie
+    assert "samesite=strict" in cookie
+    assert client.server.token.text not in reply.headers["location"]
+
+
+OUTSIDE = [
+    "../secret.bvh",
+    "dropped/../../secret.bvh",
+    "/etc/passwd",
+    "..",
+    "../given",
+    "link/secret.bvh",
+    "a\0b",
+    "loop",
+    "~/x.bvh",
+    "C:\\x.bvh",
+    "walk.bvh#/../../secret.bvh",
+]
+
+
+@pytest.mark.parametrize("name", OUTSIDE)
+def test_paths_outside_of_the_folders_are_refused(client, folder, name):
+    for link, target in [("link", folder.parent), ("loop", folder / "loop")]:
+        if not (folder / link).is_symlink():
+            (folder / link).symlink_to(target)
+    if name == "../given":  # was given, and is no output
+        (folder.parent / "given" / "x").touch()
+    else:
+        reply = client.post("/api/open", json={"paths": [name]})
+        assert reply.status_code in (403, 404)
+        action = {"action": "set_character", "path": name}
+        assert client.post("/api/do", json=action).status_code in (403, 404)
+    for path in (name, f"{name}/x"):
+        reply = client.get(f"/api/files/{quote(path, safe='')}")
+        assert reply.status_code in (403, 404)
+        assert "secret" not in reply.text.replace("secret.bvh", "")
+
+
+def test_project_outside_of_the_folder_is_not_opened(client, folder):
+    path = folder.parent / "given" / "a.project.json"
+    path.write_text("{}")
+    assert client.post("/api/open", json={"paths": [str(path)]}).status_code == 403
+
+
+UPLOAD_NAMES = [
+    "../a.bvh",
+    "..%2Fa.bvh",
+    "%2e%2e/a.bvh",
+    "x/../../a.bvh",
+    "/etc/a.bvh",
+    "..\\a.bvh",
+    ".hidden.bvh",
+    ".git/hooks/a.bvh",
+    "a.html",
+    "a.py",
+    "a",
+    "1/2/3/4/5/6/7/8/9.bvh",
+]
+
+
+@pytest.mark.parametrize("name", UPLOAD_NAMES)
+def test_upload_with_refused_name_writes_nothing(client, folder, name):
+    before = sorted(folder.parent.rglob("*"))
+    reply = client.put(f"/api/files/{quote(name, safe='%')}", content=b"x")
+    assert reply.status_code in (400, 403, 404)
+    assert sorted(folder.parent.rglob("*")) == before
+
+
+@given(name=st.text(min_size=1), suffix=st.sampled_from([".bvh", ".glb", "", ".bvh/x.bvh"]))
+def test_upload_path_stays_in_its_folder(name, suffix):
+    try:
+        path = uploads.upload_path(name + suffix)
+    except Refusal:
+        return
+    assert path.parts[0] == uploads.FOLDER
+    assert ".." not in path.parts
+    assert not path.is_absolute()
+    assert "\0" not in str(path)
+
+
+@given(text=st.text(alphabet="./\\a#\0~", min_size=1))
+def test_found_path_is_below_a_folder(tmp_path_factory, text):
+    folder = tmp_path_factory.getbasetemp()
+    try:
+        path = Places(folder).find(text)
+    except Refusal:
+        return
+    assert path.resolve().is_relative_to(folder.resolve())
+
+
+def test_upload_keeps_markup_in_names_as_text(served, folder):
+    client, _, _ = served
+    name = "<script>alert(1)</script>.bvh"
+    reply = client.put(f"/api/files/{quote(name, safe='')}", content=b"HIERARCHY")
+    assert reply.status_code == 200
+    assert reply.headers["content-type"] == "application/json"
+    stored = folder / reply.json()["path"]
+    assert stored.read_bytes() == b"HIERARCHY"
+    assert stored.is_relative_to(folder / "dropped")
+
+
+def test_upload_never_replaces_another_file(served, folder):
+    client, _, _ = served
+    paths = [
+        client.put("/api/files/take.bvh", content=own).json()["path"] for own in (b"a", b"b", b"a")
+    ]
+    assert paths == ["dropped/take.bvh", "dropped/take (2).bvh", "dropped/take.bvh"]
+    assert [(folder / own).read_bytes() for own in paths] == [b"a", b"b", b"a"]
+    assert client.put("/api/files/mesh/take.bin", content=b"a").status_code == 200
+    assert client.put("/api/files/mesh/take.bin", content=b"b").status_code == 409
+    assert (folder / "dropped/mesh/take.bin").read_bytes() == b"a"
+
+
+def raw(client, text, *, seconds=10.0):
+    """Send bytes with the cookie; return the first bytes of the reply."""
+    cookie = "; ".join(f"{name}={value}" for name, value in client.cookies.items())
+    port = client.server.token.port
+    head = f"Host: 127.0.0.1:{port}\r\nOrigin: http://127.0.0.1:{port}\r\nCookie: {cookie}\r\n"
+    with socket.create_connection(("127.0.0.1", port), timeout=seconds) as link:
+        link.sendall(text.replace("HEAD", head).encode("latin-1"))
+        return link.recv(4096).decode("latin-1")
+
+
+@pytest.mark.parametrize("n_bytes", ["10000000000", "99999999999999999999", "-1", "1e3"])
+def test_claim_of_10_gigabytes_is_refused_before_its_bytes(client, folder, n_bytes):
+    text = f"PUT /api/files/big.bvh HTTP/1.1\r\nHEADContent-Length: {n_bytes}\r\n\r\nx"
+    reply = raw(client, text)
+    assert reply.startswith(("HTTP/1.1 413", "HTTP/1.1 400"))
+    assert not (folder / "dropped" / "big.bvh").exists()
+    client.get("/api/files/none.bvh")  # uvicorn itself replies to numbers that are no length
+
+
+def test_body_without_length_is_refused_at_the_limit(client, folder, monkeypatch):
+    monkeypatch.setattr(security, "MAX_UPLOAD_BYTES", 100_000)
+    parts = (b"x" * 10_000 for _ in range(30))
+    assert client.put("/api/files/long.bvh", content=parts).status_code == 413
+    assert not list(folder.rglob("long.bvh"))
+
+
+def test_body_that_stops_is_refused(client, folder, monkeypatch):
+    monkeypatch.setattr(security, "_BODY_SECONDS", 0.2)
+    text = "PUT /api/files/slow.bvh HTTP/1.1\r\nHEADContent-Length: 5\r\n\r\nx"
+    assert raw(client, text).startswith("HTTP/1.1 408")
+    assert not list(folder.rglob("*slow*"))
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"",
+        b"{",
+        b"[]",
+        b"null",
+        b"\xff",
+        b'{"a": 1',
+        b"[" * 100_000,
+        b'{"a":' * 5000 + b"1" + b"}" * 5000,
+        b'{"paths": "x"}',
+        b'{"paths": [1]}',
+        b'{"paths": [{"a": 1}]}',
+        b'{"paths": null, "revision": "x"}',
+    ],
+)
+def test_malformed_message_is_refused(client, body):
+    headers = {"content-type": "application/json"}
+    reply = client.post("/api/open", content=body, headers=headers)
+    assert (reply.status_code, reply.json()["kind"]) == (400, "invalid")
+
+
+@pytest.mark.parametrize("revision", ["1", 1.5, True, [1], {}])
+def test_revision_of_wrong_type_is_refused(client, revision):
+    assert client.post("/api/do", json={"action": "undo", "revision": revision}).status_code == 400
+
+
+def test_message_of_another_type_is_refused(client):
+    for kind in ("text/plain", "application/x-www-form-urlencoded", "multipart/form-data"):
+        reply = client.post("/api/do", content=b"{}", headers={"content-type": kind})
+        assert reply.status_code == 415
+
+
+def test_message_above_the_limit_is_refused(client):
+    reply = client.post("/api/do", json={"action": "x" * security.MAX_JSON_BYTES})
+    assert (reply.status_code, reply.json()["kind"]) == (413, "size")
+
+
+@pytest.mark.parametrize(
+    "query", ["first=x", "first=1&last=", "first=-1&last=2", f"first={'9' * 99}"]
+)
+def test_window_with_wrong_frames_is_refused(client, query):
+    assert client.get(f"/api/window?clip=a&{query}").status_code == 400
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["..%2Fviewing%2Fpage.py", "session.py", "three.js.map", "%00", "main.js%00", "", "MAIN.JS"],
+)
+def test_only_files_of_the_page_are_served(client, name):
+    for folder in ("studio", "viewer"):
+        assert client.get(f"/{folder}/{name}").status_code in (404, 400)
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.binary(min_size=1, max_size=300))
+def test_bytes_that_are_no_request_end_nothing(served, data):
+    client, _, _ = served
+    with socket.create_connection(("127.0.0.1", client.server.token.port), timeout=10) as link:
+        link.sendall(data + b"\r\n\r\n")
+        link.shutdown(socket.SHUT_WR)
+        while link.recv(4096):
+            pass
+    assert client.post("/api/ping", json={}).status_code == 200
+
+
+def test_200_connections_do_not_stop_an_open_page(served):
+    client, _, reports = served
+    address = ("127.0.0.1", client.server.token.port)
+    client.post("/api/ping", json={})
+    reports.clear()
+    with ExitStack() as stack:
+        for _ in range(200):
+            stack.enter_context(socket.create_connection(address, timeout=10))
+        for _ in range(20):
+            assert client.post("/api/ping", json={}).status_code == 200
+        until = time.monotonic() + 30
+        while len(reports) < 200 - server.MAX_CONNECTIONS and time.monotonic() < until:
+            time.sleep(0.05)
+    assert sum("refused" in own for own in reports) >= 200 - server.MAX_CONNECTIONS
+
+
+def test_silent_connection_is_closed(served, monkeypatch):
+    client, _, _ = served
+    monkeypatch.setattr(server, "_REQUEST_SECONDS", 0.2)
+    for start in (b"", b"GET / HT"):
+        with socket.create_connection(("127.0.0.1", client.server.token.port), timeout=10) as link:
+            link.sendall(start)
+            assert link.recv(100) == b""
+
+
+def test_too_many_listeners_are_refused(served, monkeypatch):
+    client, _, _ = served
+    monkeypatch.setattr("mograft.studio.events.MAX_LISTENERS", 1)
+    with client.stream("GET", "/api/events") as first:
+        lines = first.iter_lines()
+        next(lines)
+        with client.stream("GET", "/api/events") as second:
+            assert second.status_code == 503
+    for _ in range(200):  # the place of the first is free again
+        with client.stream("GET", "/api/events") as reply:
+            if reply.status_code == 200:
+                break
+        time.sleep(0.05)
+    else:
+        raise AssertionError("the place of a listener was not released")
+
+
+def test_reports_have_one_line_and_no_control_characters(served):
+    client, _, reports = served
+    reports.clear()
+    client.get("/api/files/%0a%1b%5b31mred%0d.bvh")
+    assert len(reports) == 1
+    assert reports[0].isprintable()
+
+
+def test_command_prints_address_and_ends_by_interrupt(tmp_path):
+    words = [sys.executable, "-m", "mograft", "studio", "-o", "out", "--json"]
+    with subprocess.Popen(
+        words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as child:
+        try:
+            lines = [child.stdout.readline()]
+            while lines[-1] not in ("}\n", ""):
+                lines.append(child.stdout.readline())
+            url = json.loads("".join(lines))["url"]
+            assert httpx.get(url).status_code == 303
+            other = subprocess.run(
+                [*words[:4], "-o", "other", "--port", httpx.URL(url).port.__str__()],
+                cwd=tmp_path,
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+            assert other.returncode == 1
+            assert "is not free" in other.stderr
+        finally:
+            child.terminate()
+        assert child.wait(timeout=30) == 143
+        assert child.stderr.read() == "terminated\n"
+    assert not list(tmp_path.rglob("*.part"))

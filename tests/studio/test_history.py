@@ -1,0 +1,233 @@
+"""Random actions with undo and redo: the state is that of a replay of the actions."""
+
+import shutil
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import Phase, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+
+import mograft as mg
+from mograft.dancer import dance
+from mograft.library.origin import hash_poses
+from mograft.provenance.document import move_record
+from mograft.studio import sources
+from mograft.studio.editing import is_locked
+from mograft.studio.session import Session
+
+N_FRAMES = 150
+frames = st.tuples(st.integers(0, N_FRAMES - 1), st.integers(0, N_FRAMES - 1)).map(sorted)
+groups = st.sampled_from([None, "upper"])
+number = st.integers(0, 3)
+constraints = st.builds(
+    lambda x, z, span: {
+        "kind": "Avoid",
+        "obstacle": {"kind": "Sphere", "center": [x, 110.0, z], "radius": 8.0},
+        "frames": list(span),
+    },
+    st.floats(-40, 40),
+    st.floats(-40, 40),
+    frames,
+) | st.builds(
+    lambda x, at: {
+        "kind": "Reach",
+        "joint": "LeftHand",
+        "target": [x, 120.0, 30.0],
+        "frames": [at, at],
+        "tolerance": 0.2,
+    },
+    st.floats(-40, 40),
+    st.integers(0, N_FRAMES - 1),
+)
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory):
+    """Return a motion file; its library is that of all sessions of this module."""
+    path = tmp_path_factory.mktemp("clip") / "clip.bvh"
+    mg.write(replace(dance(seed=0, strides=1).motion[:N_FRAMES], name="clip"), path)
+    return path
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _machine(clip):
+    build, known = sources.build, {}
+
+    def build_once(project, progress):
+        key = sources.library_key(project)
+        if key not in known:
+            known[key] = build(project, progress)
+        return known[key]
+
+    sources.build, Actions.clip = build_once, clip
+    yield
+    sources.build = build
+
+
+def open_session(folder, name):
+    session = Session(folder, folder / name)
+    session.open([Actions.clip])
+    session.flush()
+    return session
+
+
+class Actions(RuleBasedStateMachine):
+    """Actions on a session, and the log of those that were done."""
+
+    clip: Path
+
+    def __init__(self):
+        super().__init__()
+        self.folder = Path(tempfile.mkdtemp())
+        self.session = open_session(self.folder, "a.json")
+        self.log = []
+        self.do(action="make", count=2)
+
+    def do(self, **action):
+        """Do an action; one that is refused must change nothing."""
+        before = self.session.project, self.session.history
+        try:
+            self.session.do(action, self.session.revision)
+        except ValueError:
+            assert (self.session.project, self.session.history) == before
+        else:
+            self.log.append(action)
+
+    def motion(self, index):
+        motions = self.session.project.motions
+        return motions[index % len(motions)].id
+
+    has_motion = precondition(lambda self: self.session.project.motions)
+
+    @precondition(lambda self: len(self.session.project.motions) < 6)
+    @rule(count=st.integers(1, 2), variety=st.none() | st.floats(0, 1))
+    def make(self, count, variety):
+        self.do(action="make", count=count, variety=variety)
+
+    @precondition(lambda self: 0 < len(self.session.project.motions) < 6)
+    @rule(index=number)
+    def more_like(self, index):
+        self.do(action="more_like", id=self.motion(index), count=1)
+
+    @has_motion
+    @rule(
+        index=number,
+        name=st.sampled_from(["ban", "restore", "regenerate", "lock", "unlock", "change"]),
+        group=groups,
+        span=frames,
+    )
+    def edit(self, index, name, group, span):
+        group = group or ("upper" if name in ("lock", "change") else None)
+        place = {"group": group, "first": span[0], "last": span[1]}
+        self.do(action=name, id=self.motion(index), **place)
+
+    @has_motion
+    @rule(index=number, position=st.integers(0, 9), rank=st.integers(0, 9))
+    def take(self, index, position, rank):
+        motion = self.motion(index)
+        graft = self.session.workshop.graft(self.session.project.motion(motion).record)
+        own = graft.substitutions[position % len(graft.substitutions)]
+        place = {"id": motion, "group": own.group, "first": own.start, "last": own.stop}
+        listed = self.session.donors(place)["donors"]
+        donor = listed[rank % len(listed)]
+        span = {"clip": donor["clip"], "from": donor["first"], "to": donor["last"]}
+        self.do(action="take", **place, **span)
+
+    @has_motion
+    @rule(index=number, constraint=constraints)
+    def add_constraint(self, index, constraint):
+        self.do(action="add_constraint", id=self.motion(index), constraint=constraint)
+
+    @has_motion
+    @rule(index=number, at=st.integers(0, 1), constraint=constraints, preview=st.booleans())
+    def set_constraint(self, index, at, constraint, preview):
+        fields = {"id": self.motion(index), "number": at, "constraint": constraint}
+        self.do(action="set_constraint", preview=preview, **fields)
+
+    @has_motion
+    @rule(index=number, at=st.integers(0, 1))
+    def drop_constraint(self, index, at):
+        self.do(action="drop_constraint", id=self.motion(index), number=at)
+
+    @has_motion
+    @rule(index=number, mark=st.sampled_from([None, "star", "reject"]), is_kept=st.booleans())
+    def mark(self, index, mark, is_kept):
+        self.do(action="mark", id=self.motion(index), mark=mark)
+        self.do(action="keep", id=self.motion(index), isKept=is_kept)
+
+    @has_motion
+    @rule(index=number, name=st.sampled_from(["a", "b", "ä/ö"]))
+    def rename(self, index, name):
+        self.do(action="rename", id=self.motion(index), name=name)
+
+    @has_motion
+    @rule(index=number)
+    def remove(self, index):
+        self.do(action="remove", ids=[self.motion(index)])
+
+    @rule(name=st.sampled_from(["undo", "redo"]), count=st.integers(1, 3))
+    def step(self, name, count):
+        for _ in range(count):
+            self.do(action=name)
+
+    @precondition(lambda self: self.session.history.past)
+    @rule()
+    def undo_then_redo(self):
+        before = self.session.project, self.session.history
+        self.do(action="undo")
+        self.do(action="redo")
+        assert (self.session.project, self.session.history) == before
+
+    @invariant()
+    def locks_keep_donors(self):
+        """Locked segments keep their donors until they are unlocked."""
+        found = {}
+        for own in self.session.project.motions:
+            graft = self.session.workshop.graft(own.record)
+            for group, donors in graft.donors.items():
+                locked = is_locked(graft, group, own.locks)
+                found[own.id, group] = dict(enumerate(donors.tolist()) if locked.any() else ())
+                found[own.id, group] = {
+                    at: donor for at, donor in found[own.id, group].items() if locked[at]
+                }
+        if self.log and self.log[-1]["action"] not in ("undo", "redo"):
+            for key, donors in found.items():
+                old = getattr(self, "locked", {}).get(key, {})
+                assert all(donors[at] == donor for at, donor in old.items() if at in donors)
+        self.locked = found
+
+    def teardown(self):
+        """Compare the session with one that does the same actions, and with its file."""
+        session = self.session
+        try:
+            for own in session.project.motions:
+                record = move_record(session.workshop.records[own.record], self.folder, Path())
+                graft = session.workshop.graft(own.record)
+                assert hash_poses(mg.replay(record).motion) == hash_poses(graft.motion)
+            other = open_session(self.folder, "b.json")
+            for action in self.log:
+                other.do(action)
+            assert (other.project, other.history) == (session.project, session.history)
+            other.close()
+            session.close()
+            again = Session(self.folder, self.folder / "a.json")
+            assert (again.project, again.history) == (session.project, session.history)
+            again.close()
+        finally:
+            session.close()
+            shutil.rmtree(self.folder)
+
+
+FEW = settings(max_examples=8, stateful_step_count=15, deadline=None, phases=[Phase.generate])
+
+
+class TestActions(Actions.TestCase):
+    settings = FEW
+
+
+@pytest.mark.thorough
+class TestManyActions(Actions.TestCase):
+    settings = settings(FEW, max_examples=40, stateful_step_count=50)

@@ -1,0 +1,488 @@
+"""Sessions: laws of actions, locks, previews, export and files."""
+
+import base64
+import filecmp
+import json
+import threading
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mograft as mg
+from mograft.cli import main
+from mograft.errors import FormatError, MograftError
+from mograft.library.origin import hash_poses
+from mograft.provenance.document import move_record
+from mograft.studio.session import Session, StaleRevision
+
+SPHERE = {"kind": "Sphere", "center": [10.0, 110.0, 20.0], "radius": 15.0}
+AVOID = {"kind": "Avoid", "obstacle": SPHERE, "frames": [20, 90]}
+REACH = {"kind": "Reach", "joint": "LeftHand", "target": [30.0, 130.0, 40.0], "frames": [120, 125]}
+
+
+def do(session, action, **fields):
+    return session.do({"action": action, **fields}, session.revision)
+
+
+def graft_of(session, motion):
+    return session.workshop.graft(session.project.motion(motion).record)
+
+
+def segment_of(session, motion, number, group="upper"):
+    own = [each for each in graft_of(session, motion).substitutions if each.group == group][number]
+    return {"id": motion, "group": group, "first": own.start, "last": own.stop}
+
+
+def other_donor(session, segment):
+    listed = session.donors(segment)["donors"]
+    own = next(own for own in listed if not (own["refused"] or own["isUsed"] or own["isCaptured"]))
+    return {"clip": own["clip"], "from": own["first"], "to": own["last"]}
+
+
+def donors_at(graft, segment):
+    return [
+        own.donor
+        for own in graft.substitutions
+        if own.group == segment["group"]
+        and own.start < segment["last"]
+        and own.stop > segment["first"]
+    ]
+
+
+def test_motions_of_a_session_are_those_of_graft_many(session, dances):
+    library = mg.Library.build([str(dances / "one.bvh"), str(dances / "two.bvh")])
+    grafts = mg.graft_many(library, "one", 3)
+    found = [graft_of(session, own.id) for own in session.project.motions]
+    assert [hash_poses(own.motion) for own in found] == [hash_poses(own.motion) for own in grafts]
+
+
+def test_take_gives_the_segment_this_donor_and_keeps_the_others(session):
+    segment = segment_of(session, "m1", 4)
+    donor = other_donor(session, segment)
+    before = graft_of(session, "m1")
+    assert do(session, "take", **segment, **donor)["motions"] == ["m1"]
+    after = graft_of(session, "m1")
+    changed = [
+        (new.start, new.clip, new.donor_start, new.donor_stop)
+        for old, new in zip(before.substitutions, after.substitutions, strict=True)
+        if old.donor != new.donor
+    ]
+    assert changed == [(segment["first"], donor["clip"], donor["from"], donor["to"])]
+
+
+def test_take_between_any_frames_is_a_change(session):
+    do(
+        session,
+        "take",
+        id="m1",
+        group="larm",
+        first=31,
+        last=67,
+        clip="two",
+        **{"from": 5, "to": 40},
+    )
+    (change,) = graft_of(session, "m1").changes
+    assert (change.part, change.frames, change.clip_frames) == ("larm", (31, 67), (5, 40))
+
+
+def test_donors_of_a_segment_have_the_seams_that_they_get(session):
+    segment = segment_of(session, "m1", 4)
+    listed = session.donors({**segment, "limit": 5})["donors"]
+    chosen = next(own for own in listed if not own["isUsed"])
+    donor = {"clip": chosen["clip"], "from": chosen["first"], "to": chosen["last"]}
+    do(session, "take", **segment, **donor)
+    own = [each for each in graft_of(session, "m1").substitutions if each.group == "upper"][4]
+    assert np.degrees(own.gap_before) == pytest.approx(chosen["seamBefore"], abs=0.006)
+    assert np.degrees(own.gap_after) == pytest.approx(chosen["seamAfter"], abs=0.006)
+
+
+def test_donors_are_ranked_with_the_allowed_ones_first(session):
+    listed = session.donors({**segment_of(session, "m1", 4), "limit": 500})
+    others = [own for own in listed["donors"] if not own["isUsed"]]
+    keys = [(bool(own["refused"]), own["cost"]) for own in others]
+    assert keys == sorted(keys)
+    assert listed["total"] == len(listed["donors"])
+    few = session.donors({**segment_of(session, "m1", 4), "variety": 0.0})["total"]
+    assert few < listed["total"]
+
+
+def test_donors_of_any_range_are_spans_of_its_length(session):
+    listed = session.donors({"id": "m1", "group": "larm", "first": 31, "last": 67, "limit": 7})
+    assert not listed["isSegment"]
+    assert len(listed["donors"]) == 7
+    assert all(abs(own["stretch"]) < 0.2 for own in listed["donors"])
+
+
+@pytest.mark.parametrize("action", ["take", "restore", "change"])
+def test_actions_on_a_locked_segment_are_refused(session, action):
+    segment = segment_of(session, "m1", 4)
+    donor = other_donor(session, segment)
+    do(session, "lock", **segment)
+    before = session.project
+    with pytest.raises(ValueError, match="unlock first"):
+        do(session, action, **segment, **donor)
+    assert session.project == before
+    do(session, "unlock", **segment)
+    do(session, action, **segment, **donor)
+    assert session.project != before
+
+
+@pytest.mark.parametrize("action", ["ban", "regenerate"])
+def test_locked_segments_of_a_range_keep_their_donors(session, action):
+    locked = segment_of(session, "m1", 4)
+    do(session, "lock", **locked)
+    before = graft_of(session, "m1")
+    everything = {**locked, "first": 0, "last": before.motion.n_frames - 1}
+    do(session, action, **everything)
+    after = graft_of(session, "m1")
+    assert donors_at(after, locked) == donors_at(before, locked)
+    pairs = list(zip(before.substitutions, after.substitutions, strict=True))
+    assert sum(old.donor != new.donor for old, new in pairs) > len(pairs) / 2
+
+
+def test_constraints_leave_locked_segments(session):
+    last = graft_of(session, "m1").motion.n_frames - 1
+    whole = {"id": "m1", "group": "upper", "first": 0, "last": last}
+    do(session, "lock", **whole)
+    before = graft_of(session, "m1").donors["upper"].tolist()
+    do(session, "add_constraint", id="m1", constraint=AVOID)
+    assert graft_of(session, "m1").donors["upper"].tolist() == before
+    (motion,) = [own for own in session.state()["motions"] if own["id"] == "m1"]
+    assert motion["violations"]
+    assert any("unlock" in own for own in motion["remarks"])
+
+
+def test_dropped_target_leaves_no_trace_in_the_motion(session):
+    before = graft_of(session, "m1")
+    hand = before.motion.skeleton.index("LeftHand")
+    near = before.motion.world_positions()[120, hand] + [0.0, 2.0, 1.0]
+    do(session, "add_constraint", id="m1", constraint={**REACH, "target": near.tolist()})
+    moved = graft_of(session, "m1")
+    assert any(own.is_moved for own in moved.reach_completions)
+    assert moved.donors["upper"].tolist() == before.donors["upper"].tolist()
+    assert np.abs(moved.motion.rotations - before.motion.rotations).max() > 1e-3
+    do(session, "drop_constraint", id="m1", number=0)
+    after = graft_of(session, "m1")
+    np.testing.assert_allclose(after.motion.rotations, before.motion.rotations, atol=2e-4)
+    assert session.state()["motions"][0]["constraints"] == []
+    record = session.workshop.records[session.project.motion("m1").record]
+    placed = move_record(record, session.workshop.folder, Path())
+    assert hash_poses(mg.replay(placed).motion) == hash_poses(after.motion)
+
+
+def test_set_constraint_keeps_its_number(session):
+    do(session, "add_constraint", id="m1", constraint=AVOID)
+    do(session, "add_constraint", id="m1", constraint={**REACH, "tolerance": 0.3})
+    moved = {**AVOID, "obstacle": {**SPHERE, "center": [12.0, 110.0, 20.0]}}
+    do(session, "set_constraint", id="m1", number=0, constraint=moved)
+    own = session.state()["motions"][0]["constraints"]
+    assert [each["record"]["kind"] for each in own] == ["Avoid", "Reach"]
+    assert own[0]["record"]["obstacle"]["center"] == [12.0, 110.0, 20.0]
+
+
+def test_preview_is_no_step_and_ends_with_the_next_action(session):
+    do(session, "add_constraint", id="m1", constraint=AVOID)
+    project, revision = session.project, session.revision
+    moved = {**AVOID, "obstacle": {**SPHERE, "center": [30.0, 110.0, 20.0]}}
+    fields = {"action": "set_constraint", "id": "m1", "number": 0, "constraint": moved}
+    reply = session.do({**fields, "preview": True}, -1)
+    assert (session.project, session.revision) == (project, revision)
+    assert session.figure("motion", "m1")["hash"] == reply["hash"]
+    do(session, "mark", id="m1", mark="star")
+    assert session.figure("motion", "m1")["hash"] == project.motion("m1").record
+
+
+def test_waiting_previews_are_replaced_by_the_last(session):
+    do(session, "add_constraint", id="m1", constraint=AVOID)
+    replies, threads, before = {}, [], session._n_requested
+
+    def move(x):
+        moved = {**AVOID, "obstacle": {**SPHERE, "center": [x, 110.0, 20.0]}}
+        action = {"action": "set_constraint", "id": "m1", "number": 0, "constraint": moved}
+        replies[x] = session.do({**action, "preview": True})
+
+    with session._action_lock:
+        for x in (10.0, 20.0, 30.0):
+            threads.append(threading.Thread(target=move, args=(x,)))
+            threads[-1].start()
+            while session._n_requested < before + len(threads):
+                pass
+    for thread in threads:
+        thread.join()
+    assert [replies[x]["message"] for x in (10.0, 20.0, 30.0)] == ["superseded", "superseded", ""]
+
+
+def test_action_on_another_revision_is_refused(session):
+    before = session.project
+    with pytest.raises(StaleRevision):
+        session.do({"action": "mark", "id": "m1", "mark": "star"}, session.revision - 1)
+    assert session.project == before
+
+
+@pytest.mark.parametrize(
+    ("action", "message"),
+    [
+        ({"action": "mkae"}, "did you mean 'make'"),
+        ({}, "unknown `action`"),
+        ({"action": "make", "base": "three"}, "`base`"),
+        ({"action": "make", "count": 1000}, "`count`"),
+        ({"action": "mark", "id": "m9", "mark": "star"}, "`id`"),
+        ({"action": "mark", "id": "m1", "mark": "good"}, "`mark`"),
+        ({"action": "rename", "id": "m1", "name": ""}, "`name`"),
+        ({"action": "rename", "id": "m1", "name": "one_graft2"}, "`name`"),
+        ({"action": "lock", "id": "m1", "group": "lower", "first": 0, "last": 9}, "`group`"),
+        ({"action": "ban", "id": "m1", "group": "upper", "first": 9000, "last": 9001}, "within"),
+        ({"action": "ban", "id": "m1", "group": "upper", "first": 9, "last": 2}, "first, last"),
+        ({"action": "add_constraint", "id": "m1", "constraint": {"kind": "Fly"}}, "Fly"),
+        ({"action": "drop_constraint", "id": "m1", "number": 0}, "no constraints"),
+        ({"action": "set_options", "nonsense": 1}, "nonsense"),
+        ({"action": "set_groups", "preset": "upper"}, "`preset`"),
+        ({"action": "set_groups", "toml": "[groups]\na = [0]"}, "groups"),
+        ({"action": "set_character", "path": "/etc/passwd"}, "`path`"),
+        ({"action": "scenario", "points": [[0, 0]]}, "`points`"),
+        ({"action": "remove", "ids": []}, "`ids`"),
+    ],
+)
+def test_impossible_action_names_the_field_and_changes_nothing(session, action, message):
+    before = session.project, session.history
+    with pytest.raises(ValueError, match=message):
+        session.do(action)
+    assert (session.project, session.history) == before
+
+
+def values_of(encoded, n_frames):
+    """Return the rotations of an encoding, as the script of pages decodes them."""
+    n_tracks = 4 * len(encoded["turning"]) + 3 * len(encoded["moving"])
+    data = zlib.decompress(base64.b64decode(encoded["pose"]))
+    low, middle, high = np.frombuffer(data, np.uint8).astype(np.int64).reshape(3, n_tracks, -1)
+    folded = low | middle << 8 | high << 16
+    change = np.where(folded & 1, -(folded >> 1) - 1, folded >> 1)
+    values = np.cumsum(np.cumsum(change, axis=1), axis=1)
+    values = ((values + (1 << 23)) % (1 << 24)) - (1 << 23)
+    assert values.shape[1] == n_frames
+    n_turns = 4 * len(encoded["turning"])
+    return values[:n_turns].T.reshape(n_frames, -1, 4) * encoded["units"][0]
+
+
+def test_patch_of_a_figure_gives_the_whole_figure(session):
+    segment = segment_of(session, "m1", 4)
+    old = session.figure("motion", "m1")
+    do(session, "take", **segment, **other_donor(session, segment))
+    new, change = session.figure("motion", "m1"), session.figure("motion", "m1", old["hash"])
+    patch = change["patch"]
+    assert "parents" not in change
+    assert patch["last"] - patch["first"] < new["frames"] / 2
+    values = values_of(old, old["frames"])
+    n = patch["last"] - patch["first"] + 1
+    values[patch["first"] : patch["last"] + 1] = values_of(patch, n)
+    expected = values_of(new, new["frames"])
+    dots = np.abs((values * expected).sum(axis=-1))
+    np.testing.assert_allclose(dots, 1.0, atol=1e-4)
+    assert {key: change[key] for key in ("rows", "donors", "hash")} == {
+        key: new[key] for key in ("rows", "donors", "hash")
+    }
+
+
+def test_window_has_the_poses_of_the_clip(session):
+    window = session.window("two", 40, 60)
+    full = session.figure("clip", "two")
+    columns = [full["turning"].index(joint) for joint in window["turning"]]
+    expected = values_of(full, full["frames"])[40:61, columns]
+    np.testing.assert_allclose(
+        np.abs((values_of(window, 21) * expected).sum(axis=-1)), 1.0, atol=1e-4
+    )
+    with pytest.raises(ValueError, match="within 0 to"):
+        session.window("two", 40, 9000)
+
+
+def test_export_equals_the_command_byte_for_byte(session, tmp_path):
+    do(session, "add_constraint", id="m1", constraint={**REACH, "tolerance": 0.3})
+    do(session, "change", id="m1", group="larm", first=31, last=67)
+    do(session, "drop_constraint", id="m1", number=0)
+    do(session, "regenerate", id="m1", group=None, first=150, last=250, variety=0.8)
+    do(session, "rename", id="m3", name="new: one")
+    do(session, "scenario", points=[], duration=4, count=1)
+    for motion in ("m1", "m3", "m4"):
+        do(session, "keep", id=motion, isKept=True)
+    written = session.export({"format": "bvh", "folder": "page"})["files"]
+    assert written == ["page/one_graft1.bvh", "page/new_ one.bvh", "page/scenario_graft4.bvh"]
+    session.export({"format": "glb", "folder": "page", "into": True})
+    session.flush()
+    words = ["graft", "--project", str(session.file.path), "--quiet", "-o"]
+    assert main([*words, str(tmp_path / "command")]) == 0
+    assert main([*words, str(tmp_path / "command" / "one.glb")]) == 0
+    names = sorted(own.name for own in (tmp_path / "page").iterdir())
+    assert len(names) == 7
+    same = filecmp.cmpfiles(tmp_path / "page", tmp_path / "command", names, shallow=False)
+    assert same == (names, [], [])
+    (read,) = mg.read(tmp_path / "page" / "new_ one.bvh")
+    assert read.n_frames == graft_of(session, "m3").motion.n_frames
+
+
+@pytest.mark.parametrize("folder", ["..", "/tmp", "a/../..", ".hidden"])
+def test_export_outside_of_the_folder_is_refused(session, folder):
+    do(session, "keep", id="m1", isKept=True)
+    with pytest.raises(ValueError, match="`folder` must be below"):
+        session.export({"format": "bvh", "folder": folder})
+
+
+def test_export_never_replaces_files_silently(session, tmp_path):
+    do(session, "keep", id="m1", isKept=True)
+    (tmp_path / "one_graft1.json").write_text("mine")
+    with pytest.raises(FileExistsError, match=r"one_graft1\.json"):
+        session.export({"format": "bvh"})
+    assert not (tmp_path / "one_graft1.bvh").exists()
+    session.export({"format": "bvh", "force": True})
+    assert (tmp_path / "one_graft1.bvh").exists()
+
+
+def test_restart_loses_nothing(session, make_session):
+    do(session, "regenerate", id="m1", group=None, first=0, last=90)
+    do(session, "remove", ids=["m2"])
+    do(session, "undo")
+    project, history, path = session.project, session.history, session.file.path
+    figures = [session.figure("motion", own.id) for own in project.motions]
+    session.close()
+    other = make_session((), path)
+    assert (other.project, other.history) == (project, history)
+    assert [other.figure("motion", own.id) for own in project.motions] == figures
+    do(other, "redo")
+    while other.history.past:
+        do(other, "undo")
+    assert other.project.motions == ()
+
+
+def test_same_inputs_continue_their_project(session, make_session):
+    project, path = session.project, session.file.path
+    session.close()
+    other = make_session()
+    assert (other.project, other.file.path) == (project, path)
+
+
+def test_other_inputs_get_a_project_of_their_own(session, make_session):
+    first = session.file.path
+    session.close()
+    content = first.read_bytes()
+    other = make_session(("one.bvh",))
+    assert other.file.path != first
+    assert first.read_bytes() == content
+
+
+def test_project_is_open_in_one_session_only(session, make_session):
+    with pytest.raises(MograftError, match="open in another session"):
+        Session(session.folder, session.file.path)
+    path = session.file.path
+    session.close()
+    make_session((), path)
+
+
+def test_change_of_the_file_by_another_program_is_not_overwritten(session):
+    session.flush()
+    path, events = session.file.path, session.subscribe()
+    path.write_text("mine")
+    do(session, "mark", id="m1", mark="star")
+    session.flush()
+    assert path.read_text() == "mine"
+    assert session.file.path.read_text().startswith('{"format": "mograft.project/1"')
+    received = [events.get() for _ in range(events.qsize())]
+    assert any("another program" in own.get("text", "") for own in received)
+
+
+def test_damaged_project_is_refused_and_kept(tmp_path):
+    path = tmp_path / "bad.json"
+    path.write_text("{")
+    with pytest.raises(FormatError, match=r"bad\.json"):
+        Session(tmp_path, path)
+    assert path.read_text() == "{"
+    path.unlink()
+    Session(tmp_path, path).close()  # it is not locked any more
+
+
+def test_broken_file_gets_a_message_and_the_others_are_used(make_session, dances, tmp_path):
+    bad = tmp_path / "bad.bvh"
+    bad.write_text("HIERARCHY\nnonsense")
+    session = make_session((dances / "one.bvh", bad))
+    by_name = {own["name"]: own for own in session.state()["sources"]}
+    assert by_name["one.bvh"]["status"] == "ok"
+    assert by_name["bad.bvh"]["status"] == "broken"
+    assert "bad.bvh:2" in by_name["bad.bvh"]["message"]
+    assert session.state()["library"]["status"] == "ready"
+
+
+def test_only_broken_files_fail_with_a_message(make_session, tmp_path):
+    bad = tmp_path / "bad.bvh"
+    bad.write_text("HIERARCHY\nnonsense")
+    session = make_session((bad,))
+    assert session.state()["library"]["status"] == "failed"
+    with pytest.raises(ValueError, match="library is not ready"):
+        do(session, "make")
+
+
+@pytest.mark.parametrize("format_", ["bvh", "glb"])
+def test_session_opens_from_the_provenance_of_a_graft(make_session, dances, tmp_path, format_):
+    library = mg.Library.build([str(dances / "one.bvh"), str(dances / "two.bvh")])
+    graft = mg.graft(library, seed=3)
+    mg.write(graft, tmp_path / f"new.{format_}")
+    address = "new.json" if format_ == "bvh" else f"new.glb#{graft.motion.name}"
+    session = make_session((tmp_path / address,))
+    assert hash_poses(graft_of(session, "m1").motion) == hash_poses(graft.motion)
+    segment = segment_of(session, "m1", 4)
+    do(session, "ban", **segment)
+    assert donors_at(graft_of(session, "m1"), segment) != donors_at(graft, segment)
+
+
+def test_motions_get_donors_of_files_that_are_added(make_session, dances):
+    session = make_session(("one.bvh",))
+    do(session, "make", count=1)
+    before = hash_poses(graft_of(session, "m1").motion)
+    session.open([dances / "two.bvh"])
+    session.flush()
+    assert hash_poses(graft_of(session, "m1").motion) == before
+    segment = segment_of(session, "m1", 4)
+    assert {own["clip"] for own in session.donors(segment)["donors"]} == {"one", "two"}
+    do(session, "regenerate", id="m1", group=None, first=0, last=290)
+    assert "two" in {own.clip for own in graft_of(session, "m1").substitutions}
+    do(session, "undo")
+    do(session, "undo")
+    session.flush()
+    assert [own["name"] for own in session.state()["clips"]] == ["one"]
+
+
+def test_motions_remain_with_the_groups_with_which_they_were_made(session):
+    before = hash_poses(graft_of(session, "m1").motion)
+    do(session, "set_groups", preset="lower_torso_arms")
+    session.flush()
+    assert session.state()["groups"]["names"] == ["lower", "torso", "arms"]
+    assert hash_poses(graft_of(session, "m1").motion) == before
+    do(session, "ban", **segment_of(session, "m1", 4))
+    do(session, "make", base="two", count=1)
+    assert set(graft_of(session, "m4").alternatives) == {"torso", "arms"}
+
+
+def test_more_motions_like_one_share_most_donors(session):
+    do(session, "more_like", id="m2", count=2)
+    parent = graft_of(session, "m2")
+    for motion in ("m4", "m5"):
+        pairs = zip(parent.substitutions, graft_of(session, motion).substitutions, strict=True)
+        same = [old.donor == new.donor for old, new in pairs]
+        assert 0.3 < np.mean(same) < 1.0
+
+
+def test_scenario_follows_the_drawn_path(session):
+    do(session, "scenario", points=[[0, 0], [150, 0], [150, 150]], count=1)
+    motion = graft_of(session, "m4").motion
+    path = motion.world_positions()[:, 0]
+    assert np.linalg.norm(path[0, [0, 2]]) < 20
+    assert np.linalg.norm(path[-1, [0, 2]] - [150, 150]) < 60
+    assert session.figure("base", "m4")["frames"] == motion.n_frames
+
+
+def test_state_has_only_json_numbers(session):
+    do(session, "add_constraint", id="m1", constraint=AVOID)
+    do(session, "keep", id="m2", isKept=True)
+    state = json.loads(json.dumps(session.state(), allow_nan=False))
+    assert state["motions"][0]["apart"] > 0
+    assert state["motions"][0]["constraints"][0]["shape"]["kind"] == "sphere"
+    assert state["undo"] == "keep one_graft2"
