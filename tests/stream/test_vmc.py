@@ -344,6 +344,26 @@ def test_play_sends_each_frame_at_its_time(tmp_path, capsys):
     assert (document["schema"], document["frames"]) == ("mograft.play/1", 40)
 
 
+def test_space_pauses_and_the_motion_goes_on_where_it_was(clock):
+    motion, sent, answers = MOTION[:30], [], iter([False] * 9 + [True, False, False, True])
+
+    class Recorder:
+        def send(self, packet):
+            sent.append((oracle.receive(packet)[0], clock.now))
+
+    def wait(seconds):
+        clock.now += seconds
+        return next(answers, False)
+
+    assert live.play(motion, Recorder(), wait, speed=2.0) == 30
+    times, moments = np.array(sent).T
+    np.testing.assert_allclose(np.unique(times), np.arange(30) / 60.0, atol=1e-6)
+    late = moments - moments[0] - times
+    np.testing.assert_allclose(late[times < 9.5 / 60], 0.0, atol=1e-6)
+    np.testing.assert_allclose(late[times > 10.5 / 60], late[-1], atol=1e-6)
+    assert late[-1] == pytest.approx(3.0, abs=0.05)
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

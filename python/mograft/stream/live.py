@@ -34,7 +34,8 @@ _MAX_PACKETS_PER_SECOND = 1_000  # others are dropped; a sender of two packets a
 _HOLD_SECONDS = 0.5  # after the last packet, from when on the base is held
 _JUMP_SECONDS = 1.0  # between two frames, from which on the clock of the sender was set
 _SNAP = 0.02  # of a frame interval: times of VMC have single precision
-_CATCH_UP = 0.98  # length of frame intervals while more frames wait than necessary
+_CATCH_UP = 0.97  # length of frame intervals while more than `_QUEUE_SECONDS` of frames wait
+_QUEUE_SECONDS = 1.5
 _NEW_SECONDS = 10.0
 _OWNER_SECONDS = 2.0  # of silence, after which another sender is heard
 
@@ -44,7 +45,10 @@ class Sender:
 
     def __init__(self, address: Address) -> None:
         kind = (socket.AF_UNSPEC, socket.SOCK_DGRAM)
-        family, *_, target = socket.getaddrinfo(*address, *kind)[0]
+        try:
+            family, *_, target = socket.getaddrinfo(*address, *kind)[0]
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, address[0]) from None
         self._target: Any = target
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self.n_lost = 0  # packets that the system did not accept
@@ -143,17 +147,17 @@ class Receiver:
         self, packet: bytes, source: object, now: float
     ) -> tuple[float, Mapping[str, Place]] | None:
         """Return the time and the bones after a packet, if it completes a frame."""
+        owner, heard = self._owner
+        if owner not in (None, source) and now - heard < _OWNER_SECONDS:
+            self.dropped["of another sender"] += 1
+            return None
         if int(now) != self._second:
             self._second, self._n_in_second = int(now), 0
         self._n_in_second += 1
-        owner, heard = self._owner
         if self._n_in_second > _MAX_PACKETS_PER_SECOND:
             self.dropped["too many"] += 1
-        elif owner not in (None, source) and now - heard < _OWNER_SECONDS:
-            self.dropped["of another sender"] += 1
-        else:
-            return self._read_own(packet, source, now)
-        return None
+            return None
+        return self._read_own(packet, source, now)
 
     def _read_own(
         self, packet: bytes, source: object, now: float
@@ -257,12 +261,12 @@ class Relay:
         self._remark, self._timeout, self._options = remark, timeout, options
         self._figure = Figure(library.clips[0])
         self._step = 1.0 / library.rate
-        self._groups = np.concatenate([library.joints(group) for group in Stream(library).groups])
         if self._figure.absent:
             remark(f"left out, because the library lacks them: {join_names(self._figure.absent)}")
         self.n_base = self.n_sent = 0
         self._is_new: deque[bool] = deque(maxlen=round(_NEW_SECONDS * library.rate))
         self._restart()
+        self._joints = np.concatenate([library.joints(own) for own in self._stream.groups])
 
     def _restart(self) -> None:
         """Prepare for the first frame of a sender."""
@@ -329,7 +333,7 @@ class Relay:
         for piece in self._stream.pieces():
             motion = piece.motion
             base = np.stack([self._base.popleft() for _ in range(motion.n_frames)])
-            angles = rotations.angle(base[:, self._groups], motion.rotations[:, self._groups])
+            angles = rotations.angle(base[:, self._joints], motion.rotations[:, self._joints])
             self._is_new.extend((angles > NEW_ANGLE).any(axis=1).tolist())
             if not self._queue and self._due < time.monotonic():
                 self._due = time.monotonic()
@@ -339,8 +343,7 @@ class Relay:
         while self._queue and self._due <= time.monotonic():
             self._sender.send(self._queue.popleft())
             self.n_sent += 1
-            # A segment is at most two seconds long: then it waits behind another one.
-            is_late = len(self._queue) * self._step > 2.5
+            is_late = len(self._queue) * self._step > _QUEUE_SECONDS
             self._due += self._step * (_CATCH_UP if is_late else 1.0)
 
     def _end(self) -> None:

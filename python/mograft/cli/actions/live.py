@@ -75,13 +75,14 @@ def _sleep(seconds: float) -> bool:
 @contextmanager
 def _keys() -> Iterator[Callable[[float], bool]]:
     """Yield a function that waits some seconds and returns whether the space bar was pressed."""
-    if os.name == "nt" or not sys.stdin.isatty():
+    terminal = 0
+    # A process in the background must not change the terminal.
+    if os.name == "nt" or not os.isatty(terminal) or os.tcgetpgrp(terminal) != os.getpgrp():
         yield _sleep
         return
     import termios
     import tty
 
-    terminal = sys.stdin.fileno()
     saved = termios.tcgetattr(terminal)
 
     def wait(seconds: float) -> bool:
