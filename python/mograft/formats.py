@@ -6,6 +6,9 @@ from mograft.io.csv import write_csv
 from mograft.io.glb import write_glb
 from mograft.io.gltf.writer import write_glb_animations
 from mograft.io.npz import read_npz, write_npz
+from mograft.io.robots.model import read_model
+from mograft.io.robots.tables import write_table
+from mograft.io.robots.trackers import write_tracker
 from mograft.io.smpl.amass import write_amass
 from mograft.io.smpl.body_models import read_offsets
 from mograft.io.usd import write_usd
@@ -13,6 +16,7 @@ from mograft.io.usd import write_usd
 __all__ = [
     "BvhSummary",
     "read_bvh",
+    "read_model",
     "read_npz",
     "read_offsets",
     "scan_bvh",
@@ -22,5 +26,7 @@ __all__ = [
     "write_glb",
     "write_glb_animations",
     "write_npz",
+    "write_table",
+    "write_tracker",
     "write_usd",
 ]

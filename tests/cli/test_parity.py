@@ -12,6 +12,7 @@ from mograft import constraints as c
 from mograft.cli import main
 from mograft.cli.syntax.arguments import arguments_of
 from mograft.cli.syntax.options import GraftOptions
+from tests.io.robot_files import write_walks
 
 HAND = (10.0, 100.0, 20.0)
 
@@ -47,6 +48,12 @@ def changed(graft, rank):
     return mg.change(graft, "upper", (100, 130), rank=rank)
 
 
+def is_feasible(library, graft):
+    limits = mg.evaluation.feasible_limits(library.clips)
+    checks = mg.evaluation.robot_checks(graft.motion, graft.base)
+    return all(checks[name] <= limits[name] + 1e-6 for name in limits)
+
+
 WIDE = mg.Config(max_stretch=0.4)
 STEEP = mg.Config(max_angle=float(np.radians(60)))
 CASES = [
@@ -64,6 +71,14 @@ CASES = [
     ),
     Case("--match anatomy --include-grafts", build={"match": "anatomy", "include_grafts": True}),
     Case("--skeleton {folder}/a.bvh"),
+    Case(
+        "--model {walks}/humanoid.xml --quaternion wxyz --fps walk*=25 -n 3 --only-feasible",
+        build={"skeleton": {"quaternion": "wxyz", "rate": {"walk*": 25}}},
+        make=lambda library: [
+            new for new in mg.graft_many(library, count=3) if is_feasible(library, new)
+        ],
+        source="{walks}",
+    ),
     Case("--preset paper --seed 3", mg.Config.paper(), call={"seed": 3}),
     Case("--variety 0.9", mg.Config.with_variety(0.9)),
     Case(
@@ -149,7 +164,13 @@ def places(folder, tmp_path_factory):
     assert main(words) == 0
     assert main(["graft", str(folder), "-o", str(target / "first.bvh"), "--seed", "2"]) == 0
     first, last = nth_segment(mg.Library.open(target / "lib"), 1, 4)
-    places = {"folder": folder, "lib": target / "lib", "first": target / "first.json"}
+    write_walks(target / "walks")
+    places = {
+        "walks": target / "walks",
+        "folder": folder,
+        "lib": target / "lib",
+        "first": target / "first.json",
+    }
     return places | {"b4": f"{first}-{last}"}
 
 
@@ -169,7 +190,11 @@ def test_graft_command_and_python_give_same_bytes(succeed, places, tmp_path, cas
     if case.source == "{lib}":
         library = mg.Library.open(source)
     else:
-        library = mg.Library.build(source, config=case.config, **case.build)
+        build = dict(case.build)
+        if "skeleton" in build:
+            model = mg.formats.read_model(f"{source}/humanoid.xml", **build.pop("skeleton"))
+            build["skeleton"] = model
+        library = mg.Library.build(source, config=case.config, **build)
     if case.make is not None:
         grafts = case.make(library)
     else:
@@ -177,7 +202,7 @@ def test_graft_command_and_python_give_same_bytes(succeed, places, tmp_path, cas
         given = case.constraints(library) if callable(case.constraints) else case.constraints
         more["widen"] = not re.search("--variety|--set", case.words)
         grafts = mg.graft_many(library, constraints=given, **case.call, **more)
-    written = sorted((tmp_path / "cli").glob("*.bvh"))
+    written = sorted(own for end in ("bvh", "csv") for own in (tmp_path / "cli").glob(f"*.{end}"))
     assert len(written) == len(grafts)
     for path, new in zip(written, grafts, strict=True):
         mg.write_graft(new, tmp_path / path.name, digits=case.digits)

@@ -23,6 +23,7 @@ import mograft
 from mograft.cli import main
 from mograft.io.smpl.body_models import SMPL_H, stand_in
 from tests.io.npz_files import dance_arrays, write_arrays
+from tests.io.robot_files import write_walks
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -93,7 +94,7 @@ def make_amass_files():
     Path("body.json").write_text(json.dumps(offsets))
 
 
-PREPARATIONS = {"amass.md": make_amass_files}
+PREPARATIONS = {"amass.md": make_amass_files, "robots.md": lambda: write_walks(Path())}
 """Functions that write the files which the reader of a page has."""
 
 

@@ -19,6 +19,7 @@ from mograft.search.pose_constraints import Reach
 
 _MIN_DISTANCE = 1e-4  # skeleton heights; a nearer joint is at its target
 _STRAIGHT_MARGIN = 0.1  # radians of flexion below which a limb is straightened more slowly
+_N_HINGE_PASSES = 6  # of a robot: what hinges cannot follow is corrected again
 _MAX_EXTENSION = 1.0 - 1e-4  # distance of the ends, as a share of the limb's length
 
 
@@ -114,8 +115,10 @@ def complete_reaches(
     limbs: dict[int, list[_Task]] = {}
     for task in tasks:
         limbs.setdefault(task.limb.start, []).append(task)
-    parts = [_corrected_limb(motion, own, limits.n_blend, reference) for own in limbs.values()]
-    result = recombine(motion, parts, motion.name)
+    result = motion
+    for _ in range(1 if motion.skeleton.hinges is None else _N_HINGE_PASSES):
+        parts = [_corrected_limb(result, own, limits.n_blend, reference) for own in limbs.values()]
+        result = recombine(result, parts, motion.name, moves_limbs=True)
     return result, measure_completions(found, result)
 
 

@@ -10,6 +10,7 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.runs import find_runs
 from mograft.analysis.channel_groups import ChannelKey, euler_angles
 from mograft.motion import rotations
+from mograft.motion.hinges import keep_on_hinges
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
@@ -32,17 +33,23 @@ class Part:
     angles: Mapping[ChannelKey, FloatArray] = field(default_factory=dict)
 
 
-def recombine(base: Motion, parts: Iterable[Part], name: str) -> Motion:
+def recombine(
+    base: Motion, parts: Iterable[Part], name: str, *, moves_limbs: bool = False
+) -> Motion:
     """Replace the motion of joint groups in a base motion (paper, eq. 20).
 
     No joint is in two parts. All other joints keep the motion of the base, bit for bit. The result
-    keeps each channel value whose rotation or translation equals that of the base.
+    keeps each channel value whose rotation or translation equals that of the base. The joints of a
+    robot turn about their hinges only; see `keep_on_hinges`. With `moves_limbs`, joints below those
+    of `parts` may turn, too, to follow rotations that one hinge cannot make.
     """
+    changed = np.zeros(base.n_joints, bool)
     quats, positions = base.rotations, base.positions
     values = None if base.channel_values is None else base.channel_values.copy()
     single: dict[ChannelKey, FloatArray] = {}
     # `parts` may be an iterator: the arrays of one part can be released before the next is made.
     for part in parts:
+        changed[part.joints] = True
         quats, is_rotated = _replace_joints(quats, part.rotations, part.joints)
         _mark_derived(values, base.skeleton, part.joints, is_rotated, "rotation")
         if part.positions is not None:
@@ -52,7 +59,15 @@ def recombine(base: Motion, parts: Iterable[Part], name: str) -> Motion:
     if single and quats is base.rotations:
         quats = quats.copy()
     for joint in dict.fromkeys(joint for joint, _ in single):
+        changed[joint] = True
         _replace_channels(base, joint, single, quats, values)
+    hinges = base.skeleton.hinges
+    if moves_limbs and hinges is not None:
+        changed = base.skeleton.subtree_mask(np.flatnonzero(changed))
+    if hinges is not None and quats is not base.rotations:
+        parents = base.skeleton.parents
+        quats = keep_on_hinges(hinges, parents, quats, base.rotations, changed, base.rate)
+        values = None  # angles replace them
     return replace(
         base,
         rotations=quats,

@@ -26,6 +26,7 @@ from mograft.cli.syntax.options import (
 from mograft.config import Config, scale_of_variety
 from mograft.config_text import parse_fields
 from mograft.io.formats import open_clips, read_clip, split_address
+from mograft.io.robots.model import read_model
 from mograft.io.smpl.body_models import read_offsets
 from mograft.library.build import discover_groups
 from mograft.library.derive import BUILD_STAGES
@@ -44,7 +45,7 @@ from mograft.search.pose_constraints import Avoid, AvoidSelf, Face, Reach
 
 _MAX_EXCLUDED = 3  # clips whose reasons are stated without --verbose
 
-FIXED_OPTIONS = ("groups", "preset", "match", "skeleton")
+FIXED_OPTIONS = ("groups", "preset", "match", "skeleton", "model")
 """Options that can only be set when a library is created."""
 
 _GRAPH_OPTIONS = ("duration", "length", "path", "beats", "among")
@@ -103,7 +104,7 @@ def load_library(
         return library if config == library.config else library.relabelled(config)
     files = expand_folders(options.files, include_grafts=options.include_grafts)
     groups, config = selected_groups(options.groups), selected_config(options)
-    skeleton, hierarchy = selected_skeleton(options.skeleton), None
+    skeleton, hierarchy = selected_skeleton(options), None
     if options.match == "anatomy":
         base = _base_address(getattr(options, "base", None), files)
         hierarchy = read_clip(base, skeleton=skeleton).skeleton
@@ -150,8 +151,16 @@ def _base_address(base: str | None, files: Sequence[str]) -> str:
     return files[0]  # the command reports an unknown name
 
 
-def selected_skeleton(name: str | None) -> Skeleton | None:
-    """Return the rest pose that ``--skeleton`` names, or None."""
+def selected_skeleton(options: SkeletonOptions) -> Skeleton | None:
+    """Return the rest pose or the robot that ``--skeleton`` or ``--model`` names, or None."""
+    name = options.skeleton
+    if options.model is not None:
+        if name is not None:
+            raise UsageError("--skeleton cannot be combined with --model")
+        rates = dict(options.fps) or None
+        return read_model(options.model, quaternion=options.quaternion, rate=rates)
+    for given in options.given("quaternion", "fps"):
+        raise UsageError(f"--{given} requires --model")
     if name is None:
         return None
     is_json = Path(name).suffix.lower() == ".json"
@@ -177,7 +186,7 @@ def figure_settings(
     in `files`.
     """
     config = selected_config(options) if isinstance(options, FieldOptions) else Config()
-    skeleton, given = selected_skeleton(options.skeleton), getattr(options, "groups", None)
+    skeleton, given = selected_skeleton(options), getattr(options, "groups", None)
     groups = None if given is None else selected_groups(given)
     if isinstance(groups, str) and is_automatic(groups):
         n = automatic_number(groups)

@@ -8,15 +8,19 @@ from pathlib import Path
 from typing import Any
 
 from mograft._util.names import portable_stem
-from mograft.cli.files import check_suffix, check_writable
-from mograft.cli.output import print_remark
+from mograft.cli.files import check_suffix, check_writable, library_folder
+from mograft.cli.output import print_error, print_remark
 from mograft.cli.syntax.arguments import Options, UsageError
 from mograft.cli.syntax.options import GraftOptions
+from mograft.evaluation.robot_checks import feasible_limits, robot_checks
 from mograft.io.formats import SUFFIXES, split_address
+from mograft.library.library import Library
 from mograft.provenance.writing import MOTION_SUFFIXES, files_of_graft
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.page import open_file
 from mograft.viewing.report import report_page
+
+_MAX_EXCESS = 1e-6  # of a check; less is rounding
 
 
 def with_target(options: GraftOptions) -> GraftOptions:
@@ -30,16 +34,18 @@ def with_target(options: GraftOptions) -> GraftOptions:
     target = options.output if into is None else into
     suffix = target.suffix.lower()
     if into is None:
-        check_suffix(target, *MOTION_SUFFIXES, is_folder=True)
+        may_be_robot = options.model or options.from_ or library_folder(options.files)
+        suffixes = [own for own in MOTION_SUFFIXES if may_be_robot or own != ".csv"]
+        check_suffix(target, *suffixes, is_folder=True)
     elif suffix != ".glb":
         raise UsageError(f"--into must be a .glb file, got {target.name}")
     elif not into.is_file():
         raise FileNotFoundError(2, "No such file", str(into))
-    if suffix == ".bvh" and options.count != 1:
+    if suffix in (".bvh", ".csv") and options.count != 1:
         raise UsageError(
             f"-o must be a folder, or a .glb or .npz file, if -n is above 1; got {target}"
         )
-    if options.given("digits") and suffix in (".glb", ".npz"):
+    if options.given("digits") and suffix in (".csv", ".glb", ".npz"):
         raise UsageError(f"--digits requires .bvh; got {target.name}")
     if options.as_ is not None and (suffix != ".glb" or options.count != 1):
         raise UsageError(f"--as requires a .glb file and a single motion; got {name} {target.name}")
@@ -73,18 +79,19 @@ def renamed(graft: Graft, name: str | None) -> Graft:
 
 
 def output_paths(
-    options: GraftOptions, first: str, inputs: Sequence[str]
+    options: GraftOptions, first: str, inputs: Sequence[str], suffix: str
 ) -> tuple[list[Path], Path]:
     """Return the path of each motion and the path of the report page.
 
-    All motions have the same path if ``-o`` is a file. `first` is the first file, or the name of
-    the first clip of a library. Raise an OSError if one of the files must not be written.
+    All motions have the same path if ``-o`` is a file; in a folder, paths end in `suffix`. `first`
+    is the first file, or the name of the first clip of a library. Raise an OSError if one of the
+    files must not be written.
     """
     if options.output.suffix.lower() in MOTION_SUFFIXES:
         paths, page = [options.output] * options.count, options.output.with_suffix(".html")
     else:
         stem = _stem(options, first)
-        paths = [options.output / f"{stem}_graft{i}.bvh" for i in range(options.count)]
+        paths = [options.output / f"{stem}_graft{i}{suffix}" for i in range(options.count)]
         page = options.output / "index.html"
     check_targets(paths, options, inputs, page if options.report else None)
     return paths, page
@@ -105,6 +112,21 @@ def with_command(graft: Graft, options: Options, sources: Sequence[str]) -> Graf
     """Return a copy of a graft whose `request` holds the command line and the files `sources`."""
     command = shlex.join(options.words)
     return replace(graft, request=replace(graft.request, command=command, sources=tuple(sources)))
+
+
+def find_feasible(grafts: Sequence[Graft], library: Library) -> list[int]:
+    """Return the indices of the grafts that are feasible; print why the others are not."""
+    limits, kept = feasible_limits(library.clips), list[int]()
+    for index, graft in enumerate(grafts):
+        found = robot_checks(graft.motion, graft.base).items()
+        worse = [(name, own) for name, own in found if own > limits[name] + _MAX_EXCESS]
+        kept += [] if worse else [index]
+        if worse:
+            text = ", ".join(f"{name} {own:.3g} > {limits[name]:.3g}" for name, own in worse)
+            print_remark(f"{graft.motion.name} is not written: {text} of the recordings")
+    if not kept:
+        print_error(f"none of {len(grafts)} motions is as feasible as the recordings")
+    return kept
 
 
 def write_report(

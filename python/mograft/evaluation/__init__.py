@@ -9,6 +9,7 @@ from mograft.evaluation.balance import Balance, dynamic_balance, static_balance
 from mograft.evaluation.detectability import Detectability, detectability
 from mograft.evaluation.novelty import Novelty, novelty
 from mograft.evaluation.quality import Quality, quality
+from mograft.evaluation.robot_checks import feasible_limits, robot_checks
 from mograft.evaluation.suite import Evaluation, evaluate
 from mograft.evaluation.world_measures import (
     WorldMeasures,
@@ -28,8 +29,10 @@ __all__ = [
     "detectability",
     "dynamic_balance",
     "evaluate",
+    "feasible_limits",
     "novelty",
     "quality",
+    "robot_checks",
     "static_balance",
     "world_measures",
     "world_quality",

@@ -67,6 +67,12 @@ def _begins(*starts: bytes, suffix: str | None = None) -> Callable[[Path, bytes]
     return lambda path, head: head.startswith(starts) or path.suffix.lower() == suffix
 
 
+def _is_table(path: Path, head: bytes) -> bool:
+    """Return whether a CSV file has many columns that are not those of `write_csv`."""
+    is_wide = head.partition(b"\n")[0].count(b",") > 1
+    return path.suffix.lower() == ".csv" and is_wide and not head.startswith(_POSITIONS)
+
+
 def _holds(condition: Callable[[frozenset[str]], bool]) -> Callable[[Path, bytes], bool]:
     """Return the condition that a file is NPZ, and the names of its arrays meet a condition."""
     return lambda path, _: condition(npz_arrays(path))
@@ -77,11 +83,13 @@ def _is_amass(names: frozenset[str]) -> bool:
     return "trans" in names and ("poses" in names or {"root_orient", "pose_body"} <= names)
 
 
+_TRACKER = frozenset(("joint_pos", "body_pos_w", "body_quat_w"))
 _KIMODO_ARRAYS = frozenset(("posed_joints", "global_rot_mats"))
 _NPZ_ARRAYS = frozenset(("format", "rotations", "parents"))
 _FBX_STARTS = (b"Kaydara FBX Binary", b"; FBX ")
 _USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 _IS_USD = _begins(b"#usda", b"PXR-USDC", suffix=".usdz")
+_POSITIONS = b"frame,time,"  # the start of the tables that `write_csv` writes
 _IS_GLTF = _begins(b"glTF", suffix=".gltf")
 
 FORMATS = (
@@ -91,6 +99,8 @@ FORMATS = (
     Format("AMASS", (".npz",), "io.smpl.amass:open_amass", _holds(_is_amass)),
     Format("Kimodo", (".npz",), "io.kimodo:open_kimodo", _holds(_KIMODO_ARRAYS.issubset)),
     Format("NPZ", (".npz",), "io.npz:open_npz", _holds(_NPZ_ARRAYS.issubset)),
+    Format("robot NPZ", (".npz",), "io.robots.trackers:open_tracker", _holds(_TRACKER.issubset)),
+    Format("robot CSV", (".csv",), "io.robots.tables:open_table", _is_table),
     Format("USD", _USD_SUFFIXES, "io.usd_reader:open_usd", _IS_USD, "pxr"),
 )
 """All formats, in order of precedence: if the content of a file matches several, the first is

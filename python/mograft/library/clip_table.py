@@ -16,6 +16,7 @@ from mograft._util.arrays import BoolArray, IntArray
 from mograft.body.mass import up_axis
 from mograft.errors import LibraryError
 from mograft.library.discover import SourceFile, relative_path
+from mograft.motion.hinges import Hinges
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.motion.skeleton import EndSite, Skeleton
@@ -237,10 +238,12 @@ def skeleton_to_json(skeleton: Skeleton) -> dict[str, Any]:
             [site.parent, site.offset.tolist(), site.before, site.name]
             for site in skeleton.end_sites
         ],
+        **({} if skeleton.hinges is None else {"hinges": skeleton.hinges.to_json()}),
     }
 
 
 def skeleton_from_json(document: Mapping[str, Any]) -> Skeleton:
     """Return the skeleton of a JSON document."""
     end_sites = tuple(EndSite(*site) for site in document["end_sites"])
-    return Skeleton(**{**document, "end_sites": end_sites})
+    hinges = Hinges.from_json(document["hinges"]) if "hinges" in document else None
+    return Skeleton(**{**document, "end_sites": end_sites, "hinges": hinges})

@@ -261,7 +261,7 @@ def warn_of_other_motion(document: Mapping[str, Any], path: Path) -> bool:
     A kill between the replacements of the two files causes this, and so does a program that changes
     the motion.
     """
-    motions = filter(Path.is_file, map(path.with_suffix, (".bvh", ".glb", ".npz")))
+    motions = filter(Path.is_file, map(path.with_suffix, (".bvh", ".csv", ".glb", ".npz")))
     found = [SourceFile.from_path(str(own)).sha256 for own in motions]
     is_other = bool(found) and document.get(MOTION_HASH, found[0]) not in found
     if is_other:

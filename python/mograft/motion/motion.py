@@ -22,6 +22,7 @@ from mograft._util.html_table import notebook_html
 from mograft._util.runs import find_runs
 from mograft._util.validate import check_type
 from mograft.motion import limits, rotations
+from mograft.motion.hinges import keep_on_hinges
 from mograft.motion.resample import resample_segment_positions, resample_segments
 from mograft.motion.skeleton import Skeleton
 
@@ -223,10 +224,14 @@ class Motion:
         if self.n_frames == 1 or intervals == self.n_frames - 1:
             return self
         bounds: tuple[npt.ArrayLike, ...] = ([0], [self.n_frames - 1], [intervals + 1])
+        quats, hinges = resample_segments(self.rotations, *bounds), self.skeleton.hinges
+        if hinges is not None:
+            own = self.skeleton.parents, quats, self.rotations, np.ones(self.n_joints, bool)
+            quats = keep_on_hinges(hinges, *own, rate)
         return replace(
             self,
             frame_time=self.duration / intervals,
-            rotations=resample_segments(self.rotations, *bounds),
+            rotations=quats,
             positions=resample_segment_positions(self.positions, *bounds),
             channel_values=None,
             computed_values=None,

@@ -19,6 +19,7 @@ from mograft._util.arrays import (
     set_fields,
 )
 from mograft.errors import SkeletonMismatchError, join_names, suggest_name
+from mograft.motion.hinges import Hinges
 from mograft.motion.limits import MAX_COORDINATE, check_hierarchy
 
 CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
@@ -88,6 +89,8 @@ class Skeleton:
         rotation for the other joints.
     end_sites : sequence of EndSite, optional
         Ends of bones without a joint.
+    hinges : Hinges, optional
+        The joints of a robot that turn about one axis; see `mograft.formats.read_model`.
 
     Raises
     ------
@@ -108,6 +111,7 @@ class Skeleton:
     offsets: FloatArray
     channels: tuple[tuple[str, ...], ...] = ()
     end_sites: tuple[EndSite, ...] = ()
+    hinges: Hinges | None = None
 
     def __post_init__(self) -> None:
         names = tuple(self.names)

@@ -22,6 +22,7 @@ from mograft.io.gltf.document import GltfFile, read_gltf_file
 from mograft.io.gltf.grafts import find_original, provenance, with_provenance
 from mograft.io.gltf.writer import Addition, append_animations, fit_motion, has_duration
 from mograft.io.npz import write_npz
+from mograft.io.robots.tables import write_table
 from mograft.io.smpl.amass import write_amass
 from mograft.io.usd import write_usd
 from mograft.library.discover import MOTION_HASH, SourceFile
@@ -30,9 +31,15 @@ from mograft.motion.motion import Motion
 from mograft.provenance.document import graft_record, move_record
 from mograft.synthesis.graft_result import Graft
 
+
+def _write_csv(motion: Motion, path: Path) -> None:
+    """Write joint angles of a robot, else world positions of the joints."""
+    (write_csv if motion.skeleton.hinges is None else write_table)(motion, path)
+
+
 WRITERS: dict[str, Callable[[Motion, Path], object]] = {
     ".bvh": write_bvh,
-    ".csv": write_csv,
+    ".csv": _write_csv,
     ".glb": write_glb,
     ".npz": write_npz,
     ".usd": write_usd,
@@ -41,8 +48,8 @@ WRITERS: dict[str, Callable[[Motion, Path], object]] = {
 }
 """The writer of each ending of a file name."""
 
-MOTION_SUFFIXES = (".bvh", ".glb", ".npz")
-"""Endings of the names of files that hold the motions of grafts."""
+MOTION_SUFFIXES = (".bvh", ".csv", ".glb", ".npz")
+"""Endings of the names of files that hold the motions of grafts; ``.csv`` is for robots."""
 
 
 def write(item: Motion | Graft, path: str | PathLike[str], *, force: bool = False) -> None:
@@ -90,18 +97,21 @@ def write(item: Motion | Graft, path: str | PathLike[str], *, force: bool = Fals
     if ending not in WRITERS:
         hint = suggest_name(ending, WRITERS)
         raise ValueError(f"`path` must end with {', '.join(WRITERS)}, got {target.name}{hint}")
-    for file in files_of_graft(target) if isinstance(item, Graft) else [target]:
+    motion = item.motion if isinstance(item, Graft) else item
+    is_world = ending == ".csv" and motion.skeleton.hinges is None
+    holds_graft = isinstance(item, Graft) and ending in MOTION_SUFFIXES and not is_world
+    for file in files_of_graft(target) if holds_graft else [target]:
         if file.exists() and not force:
             raise FileExistsError(f"{file} exists: use another name, or force=True to replace it")
-    if isinstance(item, Graft) and ending in MOTION_SUFFIXES:
+    if isinstance(item, Graft) and holds_graft:
         write_graft(item, target)
     else:
-        WRITERS[ending](item.motion if isinstance(item, Graft) else item, target)
+        WRITERS[ending](motion, target)
 
 
 def files_of_graft(path: Path) -> list[Path]:
     """Return the files that `write_graft` writes: a ``.glb`` file holds the provenance."""
-    is_beside = path.suffix.lower() in (".bvh", ".npz")
+    is_beside = path.suffix.lower() in (".bvh", ".csv", ".npz")
     return [path, path.with_suffix(".json")] if is_beside else [path]
 
 
@@ -127,8 +137,9 @@ def write_graft(
     graft : Graft or sequence of Graft
         The graft; for a ``.glb`` or ``.npz`` file also several grafts.
     path : path
-        The ``.bvh``, ``.glb`` or ``.npz`` file. Existing files are overwritten. The provenance of a
-        ``.bvh`` file and of a copy of an AMASS file has the same name with the ending ``.json``.
+        The ``.bvh``, ``.glb`` or ``.npz`` file; for a robot also a ``.csv`` file of joint angles in
+        the layout of the base. Existing files are overwritten. The provenance of a ``.bvh`` file, a
+        ``.csv`` file and of a copy of an AMASS file has the same name with the ending ``.json``.
     sections : sequence of mapping of str to JSON values, optional
         Further keys of the provenance of each graft, such as measures of the motion.
     digits : int, optional
@@ -176,7 +187,9 @@ def write_graft(
     if suffix not in MOTION_SUFFIXES:
         raise ValueError(f"`path` must end with {', '.join(MOTION_SUFFIXES)}, got {target.name}")
     n = len(grafts)
-    if n != 1 and (suffix == ".bvh" or not grafts):
+    if suffix == ".csv" and any(own.motion.skeleton.hinges is None for own in grafts):
+        raise ValueError(f"`path` may end with .csv only for a robot, got {target.name}")
+    if n != 1 and (suffix in (".bvh", ".csv") or not grafts):
         raise ValueError(f"`graft` must be one graft, for .glb and .npz one or more, got {n}")
     if update and suffix != ".glb":
         raise ValueError(f"`path` must be a .glb file with `update`, got {target.name}")
@@ -203,6 +216,8 @@ def write_graft(
     with delay_signals(), atomic_path(target) as draft:
         if like is not None:
             write_amass(grafts[0].motion, draft, like=like.path)
+        elif suffix == ".csv":
+            write_table(grafts[0].motion, draft)
         else:
             write_bvh(grafts[0].motion, draft, digits=digits)
         known = {MOTION_HASH: SourceFile.from_path(str(draft)).sha256}

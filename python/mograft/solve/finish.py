@@ -87,12 +87,20 @@ def _plant_feet(
 
 
 def plants_feet(library: Library, joints: set[int]) -> bool:
-    """Whether feet are planted if `joints` are exchanged, because they drive feet."""
+    """Whether feet are planted if `joints` are exchanged, because they drive feet.
+
+    Those of a robot are not: its legs have hinges, which `bend_leg` does not know.
+    """
     skeleton = library.skeleton
     above_root = set(skeleton.ancestors(library.root))
     ankles = [leg.ankle for leg in find_legs(skeleton)]
     driving = {joint for ankle in ankles for joint in (ankle, *skeleton.ancestors(ankle))}
-    return library.config.feet != "never" and not joints.isdisjoint(driving - above_root)
+    is_robot = skeleton.hinges is not None
+    return (
+        library.config.feet != "never"
+        and not is_robot
+        and not joints.isdisjoint(driving - above_root)
+    )
 
 
 def _finish_reaches(

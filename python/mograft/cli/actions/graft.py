@@ -77,14 +77,16 @@ def run(options: GraftOptions) -> int:
     else:
         sources = tuple(files.expand_folders(sources, include_grafts=options.include_grafts))
     first = sources[0] if library is None else library.names[0]
-    paths, page = graft_files.output_paths(options, first, sources)
+    is_robot = options.model if library is None else library.skeleton.hinges
+    suffix = ".csv" if is_robot else ".bvh"
+    paths, page = graft_files.output_paths(options, first, sources, suffix)
     if options.measure and find_spec("scipy") is None:
         raise ValueError("--measure needs SciPy: pip install 'mograft[evaluate]'")
     if library is None:
         strict = not files.has_folder(options.files)
         library = configuration.load_library(replace(options, files=sources), strict=strict)
         if library.refused:  # the first file may be one of them
-            paths, page = graft_files.output_paths(options, library.names[0], sources)
+            paths, page = graft_files.output_paths(options, library.names[0], sources, suffix)
     constraints = configuration.read_constraints(options, library.rate)
     if options.change:
         constraints.append(KeepOriginal())
@@ -104,6 +106,10 @@ def run(options: GraftOptions) -> int:
         grafts = list(grafts)
         if _are_refused(grafts, options):
             return 4  # No donor sequence satisfies the constraints.
+    if options.only_feasible:
+        if not (feasible := graft_files.find_feasible(grafts, library)):
+            return 4
+        grafts, paths = [grafts[k] for k in feasible], [paths[k] for k in feasible]
     _write_results(grafts, paths, page, options)
     return 0
 
@@ -133,7 +139,9 @@ def _run_replay(options: GraftOptions) -> int:
     paths = [path] * options.count
     if path.suffix.lower() not in MOTION_SUFFIXES:
         ends = [f"_{k}" for k in range(options.count)] if options.count > 1 else [""]
-        paths = [path / f"{record.name}{end}.bvh" for end in ends]
+        rest = record.library.rest
+        suffix = ".bvh" if rest is None or rest.hinges is None else ".csv"
+        paths = [path / f"{record.name}{end}{suffix}" for end in ends]
     page = paths[0].with_suffix(".html")
     graft_files.check_targets(paths, options, page=page if options.report else None)
     folder = files.library_folder(options.files)
@@ -297,7 +305,7 @@ def _write_results(
 ) -> None:
     """Write grafts and the page that describes them, and print their paths and remarks."""
     paths[0].parent.mkdir(parents=True, exist_ok=True)
-    is_together = paths[0].suffix.lower() != ".bvh"
+    is_together = paths[0].suffix.lower() not in (".bvh", ".csv")
     reference, motions, kept = None, list[Motion](), list[Graft]()
     substitutions, sections, columns, documents = [], [], [], []
     n_near = 0
@@ -356,7 +364,7 @@ def _print_remarks(
     `last` is one of the grafts, and `n_near` the number of those that are near to an earlier one.
     """
     n, remarks = len(substitutions), list[str]()
-    if n < options.count and not options.change:
+    if n < options.count and not options.change and not options.only_feasible:
         apart = f" that are {options.distinct:g}° apart" if options.distinct else ""
         smaller = "a smaller --distinct, " if options.distinct else ""
         wider = "" if options.variety is None else "--variety or "

@@ -80,7 +80,7 @@ def _index(
         groups = configuration.selected_groups(options.groups)
         config = configuration.selected_config(options)
         keywords |= {"match": options.match or "names", "rate": options.rate}
-        skeleton = configuration.selected_skeleton(options.skeleton)
+        skeleton = configuration.selected_skeleton(options)
         keywords |= {"skeleton": skeleton, "force": options.force}
         library = Library.index(options.files, options.output, groups, config, **keywords)
     return library, dict(library.refused)

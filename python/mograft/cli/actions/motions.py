@@ -17,6 +17,7 @@ from mograft.cli.files import check_suffix, check_writable, expand_folders
 from mograft.cli.output import print_error, print_result
 from mograft.cli.syntax.commands import CheckOptions, GroupsOptions, InfoOptions
 from mograft.errors import FormatError
+from mograft.evaluation.robot_checks import describe_checks, robot_checks
 from mograft.io.bvh.reader import read_bvh
 from mograft.io.clips import Clips
 from mograft.io.formats import find_format, join_address, open_clips, read_clip, split_address
@@ -30,7 +31,7 @@ def run_info(options: InfoOptions) -> int:
     """Describe every file; return exit code 3 if one of them is invalid, else 0."""
     documents: list[dict[str, Any]] = []
     skeletons: dict[str, Skeleton] = {}
-    rest, hierarchy = selected_skeleton(options.skeleton), None
+    rest, hierarchy = selected_skeleton(options), None
     for address in _find_files(options.files):
         path, pattern = split_address(address)
         try:
@@ -83,6 +84,8 @@ def _contents(clips: Clips, index: int, options: InfoOptions) -> dict[str, Any]:
     shown = [f for f in find_faults(motion) if is_complete or f.kind not in HARMLESS_FAULTS]
     notes = {"notes": list(clips.notes), "repairs": list(motion.repairs)}
     notes["faults"] = [fault.message for fault in shown]
+    if skeleton.hinges is not None:
+        notes["notes"] += [f"robot: {describe_checks(robot_checks(motion))}"]
     return {**source, **size, **time, "groups": groups, **notes}
 
 
@@ -118,7 +121,7 @@ def _length(document: dict[str, Any]) -> str:
 
 def run_check(options: CheckOptions) -> int:
     """Check every file; return exit code 3 if one of them is not valid, else 0."""
-    documents, rest = [], selected_skeleton(options.skeleton)
+    documents, rest = [], selected_skeleton(options)
     skeletons: dict[str, Skeleton] = {}
     n_good = n_invalid = 0
     for name in expand_folders(options.files):
@@ -138,6 +141,8 @@ def run_check(options: CheckOptions) -> int:
         ]
         n_good += all(fault["kind"] in HARMLESS_FAULTS for fault in document["faults"])
         print("\n  ".join([f"{name}: {'' if lines else 'good'}".rstrip(), *lines]))
+        if document["robot"]:
+            print(f"  robot: {describe_checks(document['robot'])}")
     if (n := len(documents)) > 1 and not options.json:
         n_faulty = n - n_good - n_invalid
         print(
@@ -157,7 +162,7 @@ def _check_file(
         is_bvh = find_format(Path(split_address(name)[0])).name == "BVH"
         motion = read_bvh(name, strict=strict) if is_bvh else read_clip(name, skeleton=rest)
     except FormatError as error:
-        return {"file": name, "error": str(error), "repairs": [], "faults": []}
+        return {"file": name, "error": str(error), "repairs": [], "faults": [], "robot": {}}
     skeletons[name] = motion.skeleton
     names = motion.skeleton.names
     faults = []
@@ -165,7 +170,9 @@ def _check_file(
         joint = None if fault.joint is None else names[fault.joint]
         place = {"frames": list(fault.frames), "joint": joint}
         faults.append({"kind": fault.kind, **place, "message": fault.message})
-    return {"file": name, "error": None, "repairs": list(motion.repairs), "faults": faults}
+    robot = robot_checks(motion) if motion.skeleton.hinges is not None else {}
+    found = {"repairs": list(motion.repairs), "faults": faults, "robot": robot}
+    return {"file": name, "error": None, **found}
 
 
 def _describe_fault(fault: dict[str, Any]) -> str:
@@ -181,7 +188,7 @@ def run_groups(options: GroupsOptions) -> int:
     if target is not None:
         check_suffix(target, ".toml")
     files = expand_folders(options.files)
-    rest = selected_skeleton(options.skeleton)
+    rest = selected_skeleton(options)
     skeleton = read_clip(files[0], skeleton=rest).skeleton
     if is_automatic(options.preset):
         number = automatic_number(options.preset)

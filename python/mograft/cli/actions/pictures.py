@@ -21,19 +21,19 @@ from mograft.config import Config
 from mograft.errors import join_names
 from mograft.io.bvh.writer import write_bvh
 from mograft.io.character import open_character
-from mograft.io.csv import write_csv
 from mograft.io.export_figure import UNITS, guess_unit
 from mograft.io.formats import read_clip, split_address
 from mograft.io.glb import write_glb
 from mograft.io.gltf.document import GltfFile
 from mograft.io.npz import write_npz
+from mograft.io.robots.trackers import write_tracker
 from mograft.io.smpl.amass import write_amass
 from mograft.io.usd import write_usd
 from mograft.library.build import discover_groups, discover_in_library
 from mograft.library.discover import is_graft
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
-from mograft.provenance.writing import write_character
+from mograft.provenance.writing import WRITERS, write_character
 from mograft.viewing import plot
 from mograft.viewing.page import temporary_path, view
 from mograft.viewing.scene import Scene
@@ -51,9 +51,9 @@ _KINDS_OF_OPTION: Mapping[str, tuple[str, ...]] = {
 }
 _FIGURES = (".glb", ".usd", ".usda", ".usdc")
 _FILMS = (".mp4", ".gif")
-_TABLE_WRITERS: Mapping[str, Callable[[Motion, Path], None]] = {
+_TABLE_WRITERS: Mapping[str, Callable[[Motion, Path], object]] = {
     ".npz": write_npz,
-    ".csv": write_csv,
+    ".csv": WRITERS[".csv"],
 }
 _ENDINGS = (*_FIGURES, *_FILMS, *_TABLE_WRITERS, ".bvh")
 _ENDINGS_OF_SEVERAL = (".glb", *_FILMS)
@@ -63,6 +63,7 @@ _ENDINGS_OF_OPTION = {
     **dict.fromkeys(("dark", "renderer", "character"), _FILMS),
     "digits": (".bvh",),
     "like": (".npz",),
+    "tracker": (".npz",),
 }
 _Groups = JointGroups | str | None
 
@@ -80,7 +81,7 @@ def run_view(options: ViewOptions) -> int:
         groups, config, skeleton = configuration.figure_settings(options, sources)
         scene = Scene.of(sources, groups, config, skeleton)
     else:
-        configuration.refuse_fixed_options(options, "groups", "skeleton")
+        configuration.refuse_fixed_options(options, "groups", "skeleton", "model")
         library = Library.open(folder)
         scene = Scene.of_clips(library, files.select_clips(library, options.clip))
     page = view(scene.with_character(options.character), show=False)
@@ -124,7 +125,7 @@ def _draw(options: PlotOptions) -> "Axes":
     folder = files.library_folder(options.files)
     if folder is not None:
         fixed = () if options.kind == "groups" else ("groups",)
-        configuration.refuse_fixed_options(options, *fixed, "match", "skeleton")
+        configuration.refuse_fixed_options(options, *fixed, "match", "skeleton", "model")
     if options.clip and (folder is None or options.kind not in _KINDS_OF_OPTION["frames"]):
         raise UsageError(
             "--clip requires a library, and one of the kinds strip, timeline and energy"
@@ -165,7 +166,7 @@ def _discovery(options: PlotOptions, folder: Path | None) -> GroupDiscovery:
         automatic_number(name),
         config=configuration.selected_config(options),
         match=options.match or "names",
-        skeleton=configuration.selected_skeleton(options.skeleton),
+        skeleton=configuration.selected_skeleton(options),
     )
 
 
@@ -182,9 +183,7 @@ def _timeline_scene(options: PlotOptions, folder: Path | None) -> Scene:
     grafts = [file for file in sources if is_graft(file)]
     others = tuple(file for file in sources if file not in grafts)
     libraries = [configuration.load_library(replace(options, files=others))] if others else []
-    return Scene.of(
-        [*libraries, *grafts], skeleton=configuration.selected_skeleton(options.skeleton)
-    )
+    return Scene.of([*libraries, *grafts], skeleton=configuration.selected_skeleton(options))
 
 
 def _single_motion(
@@ -239,6 +238,8 @@ def run_export(options: ExportOptions) -> int:
         else:
             if ending == ".bvh":
                 write_bvh(motions[0], target, digits=options.digits)
+            elif options.tracker is not None:
+                write_tracker(motions[0], target, tracker=options.tracker)
             elif options.like is not None:
                 write_amass(motions[0], target, like=options.like)
             else:

@@ -211,6 +211,9 @@ class ExportOptions(options.DigitsOptions, options.SkeletonOptions, options.Writ
     like: values.Source | None = option(
         "AMASS file whose unchanged arrays an .npz takes (default: write the arrays of mograft)"
     )
+    tracker: Literal["mjlab", "beyondmimic"] | None = option(
+        "write an .npz of a robot for this tracker"
+    )
     groups: values.Groups | None = options.groups_option(
         f"{_FIGURE_COLOURS} of a figure or film", "trunk, arms and legs"
     )

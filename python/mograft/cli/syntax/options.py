@@ -52,6 +52,16 @@ class SkeletonOptions(ResultOptions, section="input"):
         "file, or a .json file of joint offsets (default: published body proportions)",
         is_expert=True,
     )
+    model: values.Source | None = setting("model of a robot, MJCF or URDF")
+    quaternion: Literal["wxyz", "xyzw"] | None = setting(
+        "order of the root's quaternion in robot CSV files (default: found in each file)",
+        is_expert=True,
+    )
+    fps: tuple[values.FileRate, ...] = setting(
+        "frames per second of robot CSV files that state none, or of those whose names match GLOB "
+        "(default: 30); may be repeated",
+        is_expert=True,
+    )
 
 
 class FieldOptions(ResultOptions, section="how different"):
@@ -239,8 +249,9 @@ class VarietyOptions(SeedOptions, section="how different"):
         short="-n",
     )
     distinct: values.Distance = setting(
-        "smallest mean angle between the exchanged joints of any two motions (default: 0)",
+        "smallest angle between two motions (default: 0)",
         default=0.0,
+        details="it is the mean of the exchanged joints",
     )
     mirror: bool = setting("use the mirror images of all clips as donors, too", is_expert=True)
 
@@ -275,10 +286,10 @@ class GraftOptions(
     """
 
     output: values.OutputPath = option(
-        "folder, or a .bvh, .npz or .glb file",
-        details="a .bvh file for a single motion; a .glb or .npz file for one or more: a copy of "
-        "the glTF, FBX or AMASS file of the base, else bones or arrays. With --from, a .glb file "
-        "that exists is updated as with --into",
+        "folder, or a .bvh, .csv, .npz or .glb file",
+        details="a .bvh file (for a robot .csv) for a single motion; a .glb or .npz file for one "
+        "or more: a copy of the glTF, FBX or AMASS file of the base, else bones or arrays. With "
+        "--from, a .glb file that exists is updated as with --into",
         short="-o",
         is_required=True,
         alternative="into",
@@ -290,6 +301,11 @@ class GraftOptions(
     )
     as_: values.Name | None = option("name of the animation in a .glb file", is_expert=True)
     report: bool = setting("also write an HTML page that describes the motions")
+    only_feasible: bool = setting(
+        "of a robot, write only motions whose checks are at most the 99th percentile of those of "
+        "the recordings; see mograft check",
+        is_expert=True,
+    )
     measure: bool = setting(
         "also measure jerk, foot contacts and balance of each motion (needs mograft[evaluate])",
         is_expert=True,

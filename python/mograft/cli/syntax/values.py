@@ -268,6 +268,13 @@ def true_rate(text: str) -> tuple[str, float]:
     return clip, _positive(rate)
 
 
+@_parser("must be FPS or GLOB=FPS")
+def file_rate(text: str) -> tuple[str, float]:
+    """Parse ``[GLOB=]FPS`` into a glob of names of files, by default ``*``, and a frame rate."""
+    pattern, _, rate = text.rpartition("=")
+    return pattern or "*", _positive(rate)
+
+
 def preset(text: str, more: str = "") -> str:
     """Parse the name of a preset of joint groups, ``auto`` or ``auto:N``."""
     fitting = next((name for name in PRESETS if text in name.split("_")), None)
@@ -447,6 +454,7 @@ Clips = Annotated[tuple[str, ...], Value("CLIP,...", names)]
 Tags = Annotated[tuple[str, ...], Value("TAG,...", names)]
 Assignment = Annotated[tuple[str, str], Value("FIELD=VALUE", assignment)]
 TrueRate = Annotated[tuple[str, float], Value("CLIP=FPS", true_rate)]
+FileRate = Annotated[tuple[str, float], Value("[GLOB=]FPS", file_rate)]
 FrameValue = Annotated[Frame, Value("N|S", frame)]
 Frames = Annotated[Range, Value("FIRST-LAST", frames)]
 Length = Annotated[Frame, Value("N|S", frame_count)]

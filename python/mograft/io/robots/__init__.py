@@ -1,0 +1,1 @@
+"""Robots: models in MJCF and URDF, and motions as their joint angles."""

@@ -1,0 +1,179 @@
+"""Models of robots against products of matrices and MuJoCo, and models that are refused."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft.io.robots.poses import Pose, to_motion
+from mograft.io.robots.trackers import body_transforms
+from mograft.motion import rotations
+from mograft.motion.hinges import Hinges, TableLayout
+from tests.io.robot_files import (
+    G1,
+    G1_MODEL,
+    body_places,
+    depth_first,
+    needs_g1,
+    random_robot,
+    to_mjcf,
+    to_urdf,
+)
+from tests.strategies import SEEDS, few_examples
+
+LEG = '<body name="leg"><joint name="knee" axis="0 1 0"/></body>'
+
+
+def written(folder, text, name="robot.xml"):
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def mjcf(bodies, top=""):
+    return f'<mujoco>{top}<worldbody><body name="base">\n{bodies}\n</body></worldbody></mujoco>'
+
+
+@few_examples(40)
+@given(seed=SEEDS, degrees=st.booleans())
+def test_read_model_bodies_match_products_of_matrices(tmp_path_factory, seed, degrees):
+    parts = random_robot(seed)
+    path = written(tmp_path_factory.mktemp("model"), to_mjcf(parts, degrees=degrees))
+    model = mg.formats.read_model(path)
+    hinges = model.hinges
+    order = [parts[index] for index in depth_first(parts)]
+    assert hinges.names == tuple(own[0] for part in order for own in part.hinges)
+    limits = [own[3:] for part in order for own in part.hinges]
+    np.testing.assert_allclose(hinges.limits, limits, atol=1e-12)
+    rng = np.random.default_rng(seed)
+    angles = rng.uniform(*hinges.limits.T, (1, len(hinges.names)))
+    place, quat = rng.normal(size=3), rng.normal(size=4)
+    root = quat[[1, 2, 3, 0]] / np.linalg.norm(quat)
+    motion = to_motion(model, Pose(place[None], root[None], angles), TableLayout())
+    expected = body_places(parts, place, quat, dict(zip(hinges.names, angles[0], strict=True)))
+    moved = [i for i in depth_first(parts) if parts[i].hinges or not i]
+    turned, places = body_transforms(motion)
+    np.testing.assert_allclose(places[0], expected[1][moved], atol=1e-12)
+    for own, matrix in zip(turned[0], expected[0][moved], strict=True):
+        np.testing.assert_allclose(rotations.rotate(own, np.eye(3)).T, matrix, atol=1e-12)
+    world, joints = motion.world_transforms()
+    centers = joints + rotations.rotate(world, hinges.centers)
+    total = (hinges.masses[:, None] * centers[0]).sum(axis=0)
+    masses = np.array([part.mass for part in parts])
+    np.testing.assert_allclose(total, (masses[:, None] * expected[2]).sum(axis=0), atol=1e-11)
+
+
+@few_examples(20)
+@given(seed=SEEDS)
+def test_read_model_urdf_and_mjcf_give_the_same_skeleton(tmp_path_factory, seed):
+    folder, parts = tmp_path_factory.mktemp("urdf"), random_robot(seed, several=False)
+    one = mg.formats.read_model(written(folder, to_mjcf(parts)))
+    other = mg.formats.read_model(written(folder, to_urdf(parts), "robot.urdf"))
+    assert one.names == other.names
+    np.testing.assert_array_equal(one.parents, other.parents)
+    np.testing.assert_allclose(one.offsets, other.offsets, atol=1e-9)
+    ours, theirs = one.hinges, other.hinges
+    assert ours.names == theirs.names
+    assert (theirs.speeds == 7).all()
+    for field in ("joints", "bodies", "axes", "limits", "centers", "masses"):
+        np.testing.assert_allclose(getattr(ours, field), getattr(theirs, field), atol=1e-9)
+
+
+@few_examples(20)
+@given(seed=SEEDS)
+def test_hinges_from_json_of_to_json_are_equal(tmp_path_factory, seed):
+    path = written(tmp_path_factory.mktemp("json"), to_mjcf(random_robot(seed)))
+    hinges = mg.formats.read_model(path, quaternion="wxyz", rate={"a*": 50}).hinges
+    again = Hinges.from_json(hinges.to_json())
+    for field, value in vars(hinges).items():
+        np.testing.assert_array_equal(getattr(again, field), value, field)
+
+
+@needs_g1()
+def test_read_model_g1_positions_match_mujoco():
+    mujoco = pytest.importorskip("mujoco", reason="needs mujoco, the oracle")
+    import re
+
+    text = re.sub(r"<geom[^>]*mesh[^>]*/>|<mesh [^>]*/>", "", G1_MODEL.read_text())
+    text = re.sub(r"<asset>.*?</asset>|material=\"[^\"]*\"", "", text, flags=re.DOTALL)
+    oracle = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(oracle)
+    model = mg.formats.read_model(G1_MODEL, rate=60)
+    motion = mg.read(G1 / "g1moves_M_Move10.csv", skeleton=model)[0]
+    ids = [mujoco.mj_name2id(oracle, mujoco.mjtObj.mjOBJ_BODY, name) for name in model.names]
+    table = np.loadtxt(G1 / "g1moves_M_Move10.csv", delimiter=",")
+    places = motion.world_positions()
+    for frame in range(0, motion.n_frames, 40):
+        data.qpos[:] = table[frame, [0, 1, 2, 6, 3, 4, 5, *range(7, 36)]]
+        mujoco.mj_kinematics(oracle, data)
+        np.testing.assert_allclose(places[frame], data.xpos[ids], atol=1e-6)
+
+
+def test_read_model_reads_classes_and_their_defaults(tmp_path):
+    top = (
+        '<default><joint range="-1 1"/><default class="a"><joint axis="1 0 0"/>'
+        '<default class="b"><joint range="-2 2"/></default></default></default>'
+        '<compiler angle="radian"/>'
+    )
+    bodies = (
+        '<body name="x" childclass="a"><joint name="jx"/><body name="y">'
+        '<joint name="jy" class="b"/></body></body>'
+        '<body name="z"><joint name="jz" limited="false"/></body>'
+    )
+    hinges = mg.formats.read_model(written(tmp_path, mjcf(bodies, top))).hinges
+    np.testing.assert_array_equal(hinges.axes, [[1, 0, 0], [1, 0, 0], [0, 0, 1]])
+    np.testing.assert_array_equal(hinges.limits[:2], [[-1, 1], [-2, 2]])
+    assert hinges.limits[2, 1] >= 1e9
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (mjcf('<body name="b"><joint type="ball"/></body>'), "line 2: expected a hinge, got"),
+        (mjcf('<body name="b"><joint name="s" type="slide"/></body>'), "line 2: expected a hinge"),
+        (mjcf(f'{LEG}<body name="b"><freejoint/></body>'), "line 2: expected a hinge"),
+        (mjcf("<frame/>"), "line 2: <frame> is not supported"),
+        (mjcf('<body name="b"><joint name="j" axis="0 0 0"/></body>'), "line 2: expected an axis"),
+        (mjcf('<body name="b"><joint name="j" axis="0 x 0"/></body>'), "line 2: expected 3 finite"),
+        (mjcf('<body name="b" pos="0 0 nan"/>'), "line 2: expected 3 finite numbers in pos"),
+        (mjcf('<body name="b" xyaxes="1 0 0 0 1 0"/>'), "line 2: xyaxes is not supported"),
+        (mjcf('<body name="b"><joint name="j" range="2 1"/></body>'), "line 2: expected an ascend"),
+        (mjcf('<body name="b"><joint name="j" ref="1"/></body>'), "line 2: expected a joint with"),
+        (mjcf('<body name="b"><joint name="j" class="c"/></body>'), "line 2: expected a class"),
+        (mjcf(LEG + LEG), "line 1: expected joints of different names, got knee, knee"),
+        (mjcf(""), "line 1: expected at least one hinge joint, got none"),
+        ("<mujoco/>", "line 1: expected one body with a free joint, got 0"),
+        ("<svg/>", "line 1: expected the element mujoco or robot, got svg"),
+        ("no XML", "line 1: expected XML"),
+        ('<!DOCTYPE a [<!ENTITY b "c">]>\n<mujoco/>', "line 1: document types and entities"),
+        ("<a>" * 300 + "</a>" * 300, "line 1: expected at most 256 levels"),
+        ("<mujoco>" + "<a/>" * 600_000 + "</mujoco>", "expected at most 2 MiB of XML, got more"),
+        ('<robot><link name="a"/><link name="b"/></robot>', "expected one link that is no child"),
+        (
+            '<robot><link name="a"/><link name="b"/>\n<joint name="j" type="prismatic">'
+            '<parent link="a"/><child link="b"/></joint></robot>',
+            "line 2: expected a joint of type revolute, continuous, fixed, got prismatic",
+        ),
+        (
+            '<robot><link name="a"/>\n<joint name="j" type="fixed"><parent link="a"/>'
+            '<child link="c"/></joint></robot>',
+            "line 2: expected the name of a link, got 'c'",
+        ),
+    ],
+)
+def test_read_model_states_the_line_of_what_is_not_supported(tmp_path, text, message):
+    path = written(tmp_path, text)
+    with pytest.raises(mg.FormatError) as caught:
+        mg.formats.read_model(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [({"quaternion": "zyx"}, "`quaternion` must be"), ({"rate": 0}, "1 / `rate`")],
+)
+def test_read_model_wrong_argument_raises_value_error(tmp_path, given, message):
+    with pytest.raises(ValueError, match=message):
+        mg.formats.read_model(written(tmp_path, mjcf(LEG)), **given)

@@ -1,0 +1,374 @@
+"""Tables and tracker files of robots: round trips, the order of quaternions, wrong content."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft.io.robots.poses import Pose, to_motion, to_pose
+from mograft.motion import rotations
+from mograft.motion.hinges import TableLayout
+from tests.io.robot_files import G1, G1_MODEL, needs_g1, random_robot, smooth_angles, to_mjcf
+from tests.strategies import SEEDS, few_examples
+
+ORDERS = {"wxyz": [3, 0, 1, 2], "xyzw": [0, 1, 2, 3]}
+LEG = """<body name="{side}_thigh" pos="0 {y} 0">
+<joint name="{side}_hip" axis="0 1 0" range="-1 1"/>
+<body name="{side}_shin" pos="0 0 -0.35">
+<joint name="{side}_knee_joint" axis="0 1 0" range="-1 1"/>
+<body name="{side}_foot" pos="0 0 -0.35"/></body></body>"""
+BIPED = f"""<mujoco><compiler angle="radian"/><worldbody><body name="pelvis"><freejoint/>
+{LEG.format(side="left", y=0.1)}{LEG.format(side="right", y=-0.1)}
+</body></worldbody></mujoco>"""
+
+
+@pytest.fixture(scope="module")
+def biped(tmp_path_factory):
+    path = tmp_path_factory.mktemp("biped") / "biped.xml"
+    path.write_text(BIPED)
+    return mg.formats.read_model(path)
+
+
+def upright_pose(model, rng, n_frames=12):
+    """A slow turn and a small lean; the robot looks along no axis."""
+    time = np.arange(n_frames)
+    heading = rng.choice([-1, 1]) * rng.uniform(0.8, 1.8)
+    turn = rotations.from_axis_angle([0, 0, 1], heading + 0.05 * time)
+    lean = rotations.from_axis_angle([1, 0.3, 0], 0.05 * np.sin(time))
+    places = np.stack([0.01 * time, -0.02 * time, 0.69 + 0.004 * np.sin(time)], axis=1)
+    angles = smooth_angles(model.hinges, rng, n_frames, 0.3)
+    return Pose(places, rotations.multiply(turn, lean), angles)
+
+
+def walking_pose(model, heading, n_frames=60):
+    """A walk whose lowest foot stays where it is."""
+    time = np.arange(n_frames)
+    swing = 0.4 * np.sin(0.2 * time)
+    # A knee bends while its leg swings forward, about -y.
+    left, right = (0.1 + 0.5 * np.maximum(side * np.cos(0.2 * time), 0) for side in (-1, 1))
+    angles = np.stack([swing, left, -swing, right], axis=1)
+    quats = np.tile(rotations.from_axis_angle([0, 0, 1], heading), (n_frames, 1))
+    still = to_motion(model, Pose(np.zeros((n_frames, 3)), quats, angles), TableLayout())
+    places = still.world_positions()
+    stance = places[..., 2].argmin(axis=1)[:-1]
+    steps = np.diff(places, axis=0)[np.arange(n_frames - 1), stance]
+    root = np.vstack([np.zeros(3), -np.cumsum(steps, axis=0)])
+    root[:, 2] = -places[..., 2].min(axis=1)
+    return Pose(root, quats, angles)
+
+
+def table_text(pose, order="xyzw", unit=1.0, *, degrees=False, digits=6, header=None):
+    turn = 180 / np.pi if degrees else 1.0
+    rows = np.hstack([pose.positions / unit, pose.quats[:, ORDERS[order]], turn * pose.angles])
+    lines = [header] if header else []
+    return "\n".join(lines + [",".join(f"{v:.{digits}f}" for v in row) for row in rows]) + "\n"
+
+
+def written(folder, text, name="walk.csv"):
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+@few_examples(40)
+@given(
+    seed=SEEDS,
+    order=st.sampled_from(["wxyz", "xyzw"]),
+    unit=st.sampled_from([1.0, 0.01, 0.001]),
+    degrees=st.booleans(),
+    digits=st.integers(4, 9),
+    has_header=st.booleans(),
+)
+def test_read_table_layouts_are_found_and_written_back_digit_for_digit(
+    biped, tmp_path_factory, seed, order, unit, degrees, digits, has_header
+):
+    folder = tmp_path_factory.mktemp("table")
+    pose = upright_pose(biped, np.random.default_rng(seed))
+    header = None
+    if has_header:
+        names = [f"root_pos_{axis}" for axis in "xyz"] + [f"root_quat_{axis}" for axis in order]
+        header = ",".join([*names, *(f"{name}_dof" for name in biped.hinges.names)])
+    text = table_text(pose, order, unit, degrees=degrees, digits=digits, header=header)
+    motion = mg.read(written(folder, text), skeleton=biped)[0]
+    layout = motion.skeleton.hinges.layout
+    assert (layout.quaternion, layout.unit, layout.is_degrees) == (order, unit, degrees)
+    found = to_pose(motion)
+    atol = 2 * 10.0**-digits
+    np.testing.assert_allclose(found.positions, pose.positions, atol=atol)
+    np.testing.assert_allclose(found.angles, pose.angles, atol=atol)
+    assert rotations.angle(found.quats, pose.quats).max() < 5 * atol
+    mg.write(motion, folder / "again.csv")
+    assert (folder / "again.csv").read_text() == text
+
+
+@few_examples(20)
+@given(seed=SEEDS)
+def test_read_table_single_precision_is_written_back_digit_for_digit(biped, tmp_path_factory, seed):
+    folder = tmp_path_factory.mktemp("single")
+    pose = upright_pose(biped, np.random.default_rng(seed))
+    rows = np.hstack([pose.positions, pose.quats, pose.angles]).astype(np.float32)
+    np.savetxt(folder / "walk.csv", rows, delimiter=",")
+    motion = mg.read(folder / "walk.csv", skeleton=biped)[0]
+    mg.write(motion, folder / "again.csv")
+    assert (folder / "again.csv").read_text() == (folder / "walk.csv").read_text()
+
+
+@few_examples(20)
+@given(seed=SEEDS)
+def test_read_table_root_angles_in_degrees_match_matrices(biped, tmp_path_factory, seed):
+    """The family with a header, centimetres, degrees and three angles of the root."""
+    folder, rng = tmp_path_factory.mktemp("euler"), np.random.default_rng(seed)
+    pose, n = upright_pose(biped, rng), 12
+    yaw = np.degrees(0.1 * np.arange(n) + rng.uniform(-2, 2))
+    euler = np.stack([rng.uniform(-9, 9, n), rng.uniform(-9, 9, n), yaw], axis=1)
+    rows = [np.arange(n)[:, None], 100 * pose.positions, euler, np.degrees(pose.angles)]
+    names = [f"root_{kind}{axis}" for kind in ("translate", "rotate") for axis in "XYZ"]
+    names = ["Frame", *names, *(f"{name}_dof" for name in biped.hinges.names)]
+    lines = [",".join([f"{row[0]:.0f}", *(f"{v:.6f}" for v in row[1:])]) for row in np.hstack(rows)]
+    text = "\n".join([",".join(names), *lines]) + "\n"
+    motion = mg.read(written(folder, text), skeleton=biped)[0]
+    x, y, z = (rotations.from_axis_angle(np.eye(3)[k], np.radians(euler[:, k])) for k in range(3))
+    expected = rotations.multiply(z, rotations.multiply(y, x))
+    assert rotations.angle(motion.rotations[:, 0], expected).max() < 1e-7
+    mg.write(motion, folder / "again.csv")
+    assert (folder / "again.csv").read_text() == text
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.02, 1.5, -3.1, np.pi])
+@pytest.mark.parametrize("order", ["wxyz", "xyzw"])
+def test_read_table_feet_that_stand_give_the_order_for_any_heading(biped, tmp_path, heading, order):
+    pose = walking_pose(biped, heading)
+    motion = mg.read(written(tmp_path, table_text(pose, order)), skeleton=biped)[0]
+    assert motion.skeleton.hinges.layout.quaternion == order
+    np.testing.assert_allclose(motion.positions[:, 0], pose.positions, atol=1e-6)
+
+
+def test_read_table_times_give_the_rate_and_options_replace_it(biped, tmp_path):
+    pose = upright_pose(biped, np.random.default_rng(1))
+    names = [*(f"p_{axis}" for axis in "xyz"), *(f"q{axis}" for axis in "wxyz")]
+    header = ",".join(["time", *names, *biped.hinges.names])
+    lines = table_text(pose, "wxyz").splitlines()
+    rows = [f"{0.02 * k:.6f},{line}" for k, line in enumerate(lines)]
+    path = written(tmp_path, "\n".join([header, *rows]) + "\n")
+    clips = mg.read(path, skeleton=biped)
+    assert clips[0].rate == pytest.approx(50)
+    assert "frames per second: 50, from the times" in clips.notes
+    mg.write(clips[0], tmp_path / "again.csv")
+    assert (tmp_path / "again.csv").read_text() == path.read_text()
+    plain = written(tmp_path, table_text(pose), "dance.csv")
+    assert mg.read(plain, skeleton=biped)[0].rate == 30
+    assert "is assumed" in mg.read(plain, skeleton=biped).notes[2]
+
+
+def read_as(tmp_path, text, **given):
+    model = tmp_path / "biped.xml"
+    model.write_text(BIPED)
+    return mg.read(written(tmp_path, text), skeleton=mg.formats.read_model(model, **given))[0]
+
+
+def test_read_table_rates_by_glob_apply_to_names_of_files(biped, tmp_path):
+    text = table_text(upright_pose(biped, np.random.default_rng(1)))
+    assert read_as(tmp_path, text, rate={"w*": 60, "*": 25}).rate == pytest.approx(60)
+    assert read_as(tmp_path, text, rate={"x*": 60, "*": 25}).rate == pytest.approx(25)
+
+
+def test_read_table_ambiguous_order_is_refused_and_can_be_stated(biped, tmp_path):
+    """A figure that looks along an axis, and one that is turned by half, have the same numbers."""
+    pose = Pose(*(own[[3] * 12] for own in upright_pose(biped, np.random.default_rng(1))))
+    pose = pose._replace(quats=np.tile([0.0, 0.0, 0.0, 1.0], (12, 1)))
+    text = table_text(pose)
+    with pytest.raises(mg.FormatError, match=r"order of quaternions is ambiguous .*--quaternion"):
+        read_as(tmp_path, text)
+    ahead = read_as(tmp_path, text, quaternion="xyzw")
+    np.testing.assert_array_equal(ahead.rotations[:, 0], pose.quats)
+    back = read_as(tmp_path, text, quaternion="wxyz")
+    np.testing.assert_array_equal(back.rotations[:, 0], np.tile([0.0, 0.0, 1.0, 0.0], (12, 1)))
+
+
+def test_read_table_one_frame_is_read(biped, tmp_path):
+    pose = Pose(*(own[:1] for own in upright_pose(biped, np.random.default_rng(1))))
+    motion = read_as(tmp_path, table_text(pose))
+    assert motion.n_frames == 1
+    mg.formats.write_tracker(motion, tmp_path / "one.npz")
+    assert not np.load(tmp_path / "one.npz")["joint_vel"].any()
+
+
+def edited(text, row, column, cell):
+    lines = text.splitlines()
+    cells = lines[row].split(",")
+    cells[column : column + 1] = cell
+    lines[row] = ",".join(cells)
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize(
+    ("row", "column", "cell", "message"),
+    [
+        (3, 8, ["nan"], "line 4: expected 11 finite numbers, got 'nan'"),
+        (0, 8, ["nan"], "line 1: expected 11 finite numbers, got 'nan'"),
+        (3, 8, ["inf"], "line 4: expected 11 finite numbers, got 'inf'"),
+        (3, 8, ["a"], "line 4: expected 11 finite numbers, got 'a'"),
+        (3, 8, [], "line 4: expected 11 finite numbers, got 10 numbers"),
+        (3, 8, ["1", "2"], "line 4: expected 11 finite numbers, got 12 numbers"),
+        (3, 4, ["0.9"], "in line 4"),
+        (3, 8, ["9000"], "expected angles within the limits of left_knee_joint"),
+        (3, 2, ["1e9"], "expected heights of the root in m, cm or mm"),
+    ],
+)
+def test_read_table_wrong_cell_raises_format_error(biped, tmp_path, row, column, cell, message):
+    text = table_text(upright_pose(biped, np.random.default_rng(1)))
+    with pytest.raises(mg.FormatError) as caught:
+        read_as(tmp_path, edited(text, row, column, cell))
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda _: "", "expected at least one row of numbers"),
+        (lambda text: "\n".join(f"{row},0" for row in text.splitlines()), "expected 11 columns"),
+        (lambda text: f"{','.join('abcdefghijk')}\n{text}", "expected columns for left_hip, "),
+        (
+            lambda text: "x,y,q1,q2,q3,q4,q5,left_hip,left_knee,right_hip,right_knee\n" + text,
+            "besides the joints, got x, y, q1",
+        ),
+    ],
+)
+def test_read_table_wrong_columns_raise_format_error(biped, tmp_path, change, message):
+    text = table_text(upright_pose(biped, np.random.default_rng(1)))
+    with pytest.raises(mg.FormatError) as caught:
+        read_as(tmp_path, change(text))
+    assert message in str(caught.value)
+
+
+def test_read_table_without_model_raises_format_error(biped, tmp_path):
+    path = written(tmp_path, table_text(upright_pose(biped, np.random.default_rng(1))))
+    with pytest.raises(mg.FormatError, match="expected the model of the robot, got none"):
+        mg.read(path)[0]
+
+
+def test_write_table_motion_without_hinges_raises_value_error(tmp_path):
+    motion = mg.Motion(mg.Skeleton(["a"], [-1], [[0, 0, 0]]), 1.0, [[[0, 0, 0, 1]]], [[[0, 0, 0]]])
+    for write in (mg.formats.write_table, mg.formats.write_tracker):
+        with pytest.raises(ValueError, match="`motion` must be the motion of a robot"):
+            write(motion, tmp_path / "a.csv")
+
+
+def robot_motion(folder, seed, n_frames=40, rate=50.0):
+    path = folder / "robot.xml"
+    path.write_text(to_mjcf(random_robot(seed)))
+    model = mg.formats.read_model(path)
+    rng = np.random.default_rng(seed)
+    angles = smooth_angles(model.hinges, rng, n_frames)
+    time = np.arange(n_frames)[:, None]
+    quats = rotations.exp(0.8 * np.sin(0.1 * time + rng.uniform(0, 6, 3)))
+    pose = Pose(np.sin(0.1 * time + rng.uniform(0, 6, 3)), quats, angles)
+    return model, to_motion(model, pose, TableLayout("wxyz"), frame_time=1 / rate)
+
+
+@few_examples(25)
+@given(seed=SEEDS, tracker=st.sampled_from(["mjlab", "beyondmimic"]))
+def test_write_tracker_is_read_back_in_both_orders(tmp_path_factory, seed, tracker):
+    folder = tmp_path_factory.mktemp("tracker")
+    model, motion = robot_motion(folder, seed)
+    mg.formats.write_tracker(motion, folder / "a.npz", tracker=tracker)
+    again = mg.read(folder / "a.npz", skeleton=model)[0]
+    assert again.rate == pytest.approx(50)
+    np.testing.assert_allclose(to_pose(again).angles, to_pose(motion).angles, atol=1e-6)
+    np.testing.assert_allclose(again.world_positions(), motion.world_positions(), atol=1e-5)
+    arrays = np.load(folder / "a.npz")
+    names = arrays["joint_names"].tolist()
+    assert sorted(names) == sorted(model.hinges.names)
+    column = names.index(model.hinges.names[-1])
+    expected = to_pose(motion).angles[:, -1]
+    np.testing.assert_allclose(arrays["joint_pos"][:, column], expected, atol=1e-6)
+
+
+@few_examples(25)
+@given(seed=SEEDS)
+def test_write_tracker_velocities_are_derivatives_of_the_poses(tmp_path_factory, seed):
+    """Central differences of a smooth motion differ from derivatives by terms of second order."""
+    folder = tmp_path_factory.mktemp("velocities")
+    _, motion = robot_motion(folder, seed, rate=1.0)
+    mg.formats.write_tracker(motion, folder / "a.npz")
+    arrays = dict(np.load(folder / "a.npz"))
+    inner = slice(1, -1)
+    places = arrays["body_pos_w"].astype(float)
+    moved = (places[2:] - places[:-2]) / 2
+    np.testing.assert_allclose(arrays["body_lin_vel_w"][inner], moved, atol=0.06)
+    quats = arrays["body_quat_w"][..., [1, 2, 3, 0]].astype(float)
+    quats /= np.linalg.norm(quats, axis=-1, keepdims=True)
+    turned = rotations.log(rotations.multiply(quats[2:], rotations.inverse(quats[:-2]))) / 2
+    np.testing.assert_allclose(arrays["body_ang_vel_w"][inner], turned, atol=0.06)
+    speeds = np.gradient(arrays["joint_pos"].astype(float), axis=0)
+    np.testing.assert_allclose(arrays["joint_vel"], speeds, atol=1e-6)
+
+
+def test_read_tracker_breadth_first_lists_levels_in_order(tmp_path):
+    model, motion = robot_motion(tmp_path, 5)
+    mg.formats.write_tracker(motion, tmp_path / "a.npz", tracker="beyondmimic")
+    names = np.load(tmp_path / "a.npz")["body_names"].tolist()
+    depths = [len(model.ancestors(model.index(name))) for name in names]
+    assert depths == sorted(depths)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"fps": np.zeros_like}, "a rate above 0"),
+        ({"joint_pos": lambda a: np.tile(a, 9)}, "array `joint_pos`: expected shape"),
+        ({"body_quat_w": lambda a: a[..., ::-1]}, "m away from those of the model"),
+        ({"body_quat_w": lambda a: 0.0 * a}, "`rotations` must be finite"),
+        (
+            {"body_pos_w": lambda a: a + 0.1 * np.arange(a.shape[1])[:, None]},
+            "m away from those of the model",
+        ),
+        ({"joint_pos": lambda a: np.nan * a}, "array `joint_pos`: expected finite numbers"),
+    ],
+)
+def test_read_tracker_wrong_array_raises_format_error(tmp_path, change, message):
+    model, motion = robot_motion(tmp_path, 5)
+    mg.formats.write_tracker(motion, tmp_path / "a.npz")
+    arrays = dict(np.load(tmp_path / "a.npz"))
+    for name, value in change.items():
+        arrays[name] = value(arrays[name])
+    np.savez(tmp_path / "a.npz", **arrays)
+    with pytest.raises(mg.FormatError) as caught:
+        mg.read(tmp_path / "a.npz", skeleton=model)
+    assert message in str(caught.value)
+
+
+def test_write_tracker_unknown_tracker_raises_value_error(tmp_path):
+    with pytest.raises(ValueError, match="`tracker` must be mjlab or beyondmimic, got 'x'"):
+        mg.formats.write_tracker(robot_motion(tmp_path, 5)[1], tmp_path / "a.npz", tracker="x")
+
+
+@needs_g1()
+@pytest.mark.parametrize("family", ["g1moves", "kimodo"])
+def test_read_table_g1_orders_are_found_and_files_written_back(tmp_path, family):
+    model = mg.formats.read_model(G1_MODEL)
+    files = sorted(G1.glob(f"{family}_*.csv"))
+    assert len(files) == 5
+    for path in files:
+        motion = mg.read(path, skeleton=model)[0]
+        expected = {"g1moves": "xyzw", "kimodo": "wxyz"}[family]
+        assert motion.skeleton.hinges.layout.quaternion == expected
+        mg.write(motion, tmp_path / path.name)
+        assert (tmp_path / path.name).read_text().rstrip() == path.read_text().rstrip()
+
+
+@needs_g1()
+def test_write_tracker_g1_matches_the_file_that_trainers_read(tmp_path):
+    """From the same angles. From the table, its angles differ by 1e-4: it was sampled again."""
+    model = mg.formats.read_model(G1_MODEL, rate=60)
+    expected = np.load(G1 / "g1moves_M_Move10_training.npz")
+    motion = mg.read(G1 / "g1moves_M_Move10_training.npz", skeleton=model)[0]
+    mg.formats.write_tracker(motion, tmp_path / "a.npz")
+    own = np.load(tmp_path / "a.npz")
+    for name in expected:
+        np.testing.assert_allclose(own[name], expected[name], atol=1e-4, err_msg=name)
+    table = mg.read(G1 / "g1moves_M_Move10.csv", skeleton=model)[0]
+    mg.formats.write_tracker(table, tmp_path / "b.npz")
+    places = np.load(tmp_path / "b.npz")["body_pos_w"][:-1]
+    np.testing.assert_allclose(places, expected["body_pos_w"], atol=1e-4)

@@ -1,0 +1,179 @@
+"""Laws of `keep_on_hinges`: axes, limits, what stays, continuity."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mograft import Motion
+from mograft.io.robots.poses import Pose, to_motion
+from mograft.motion import rotations
+from mograft.motion.hinges import Hinges, TableLayout, keep_on_hinges
+from mograft.motion.skeleton import Skeleton
+from tests.io.robot_files import smooth_angles
+from tests.strategies import SEEDS, few_examples, smooth_rotations
+
+RATE = 30.0
+
+
+def random_skeleton(rng, n_joints=7):
+    """A skeleton with hinges at random axes; some joints are fixed."""
+    parents = np.array([-1, *(int(rng.integers(joint)) for joint in range(1, n_joints))])
+    is_hinge = rng.random(n_joints) < 0.8
+    is_hinge[[0, 1]] = False, True
+    joints = np.flatnonzero(is_hinge)
+    n = len(joints)
+    axes = rng.normal(size=(n, 3))
+    hinges = Hinges(
+        tuple(f"h{joint}" for joint in joints),
+        joints,
+        axes / np.linalg.norm(axes, axis=1, keepdims=True),
+        limits=np.stack([rng.uniform(-2.0, -1.0, n), rng.uniform(0.0, 1.0, n)], axis=1),
+        speeds=np.full(n, 1e9),
+        bodies=np.array([0, *joints]),
+        frames=np.tile(rotations.IDENTITY, (n_joints, 1)),
+        origins=np.zeros((n_joints, 3)),
+        centers=np.zeros((n_joints, 3)),
+        masses=np.ones(n_joints),
+    )
+    offsets = rng.uniform(-0.3, 0.3, (n_joints, 3))
+    return Skeleton([f"b{j}" for j in range(n_joints)], parents, offsets, hinges=hinges)
+
+
+def motion_on_hinges(skeleton, rng, n_frames, share=0.8):
+    angles = smooth_angles(skeleton.hinges, rng, n_frames, share)
+    root = np.tile(rotations.IDENTITY, (n_frames, 1))
+    return to_motion(skeleton, Pose(np.zeros((n_frames, 3)), root, angles), TableLayout())
+
+
+def kept(skeleton, quats, reference, is_moved):
+    return keep_on_hinges(skeleton.hinges, skeleton.parents, quats, reference, is_moved, RATE)
+
+
+def off_axis(hinges, quats):
+    """The largest angle of rotations from a rotation about their hinge."""
+    own = quats[:, hinges.joints]
+    along = (own[..., :3] * hinges.axes).sum(axis=-1, keepdims=True) * hinges.axes
+    return 2 * np.arcsin(np.minimum(np.linalg.norm(own[..., :3] - along, axis=-1), 1)).max()
+
+
+@few_examples(40)
+@given(seed=SEEDS, n_frames=st.integers(1, 60))
+def test_keep_on_hinges_random_rotations_turn_about_axes_within_limits(seed, n_frames):
+    rng = np.random.default_rng(seed)
+    skeleton = random_skeleton(rng)
+    hinges = skeleton.hinges
+    base = motion_on_hinges(skeleton, rng, n_frames, share=1.2)
+    is_moved = rng.random(skeleton.n_joints) < 0.6
+    quats = base.rotations.copy()
+    turned = smooth_rotations(rng, n_frames, skeleton.n_joints)
+    quats[:, is_moved] = turned[:, is_moved]
+    result = kept(skeleton, quats, base.rotations, is_moved)
+    assert off_axis(hinges, result) <= 1e-9
+    fixed = np.setdiff1d(np.flatnonzero(is_moved), [0, *hinges.joints])
+    np.testing.assert_array_equal(result[:, fixed, :3], 0)
+    np.testing.assert_array_equal(result[:, ~is_moved], quats[:, ~is_moved])
+    np.testing.assert_array_equal(result[:, 0], quats[:, 0])
+    given_angles, angles = hinges.angles(base.rotations), hinges.angles(result)
+    low = np.minimum(hinges.limits[:, 0], given_angles.min(axis=0))
+    high = np.maximum(hinges.limits[:, 1], given_angles.max(axis=0))
+    assert (angles >= low - 1e-12).all()
+    assert (angles <= high + 1e-12).all()
+
+
+@few_examples(30)
+@given(seed=SEEDS)
+def test_keep_on_hinges_motion_on_hinges_is_unchanged_bit_for_bit(seed):
+    rng = np.random.default_rng(seed)
+    skeleton = random_skeleton(rng)
+    base = motion_on_hinges(skeleton, rng, 20)
+    result = kept(skeleton, base.rotations, base.rotations, np.ones(skeleton.n_joints, bool))
+    np.testing.assert_array_equal(result, base.rotations)
+
+
+@few_examples(15)
+@given(seed=SEEDS, overshoot=st.floats(0.01, 1.0))
+def test_keep_on_hinges_angles_beyond_limits_return_without_jumps_in_velocity(seed, overshoot):
+    """At a high frame rate, a jump of the velocity would be far larger than the bound."""
+    rng, rate, n_frames = np.random.default_rng(seed), 2000.0, 4000
+    skeleton = random_skeleton(rng)
+    hinges = skeleton.hinges
+    base = motion_on_hinges(skeleton, rng, n_frames, share=0.5)
+    time = np.arange(n_frames)[:, None] / rate - 1.0
+    high = hinges.limits[:, 1]
+    angles = high - 0.5 + (0.5 + overshoot) * np.exp(-((time / 0.3) ** 2))
+    quats = base.rotations.copy()
+    quats[:, hinges.joints] = hinges.rotations(angles)
+    is_moved = np.ones(skeleton.n_joints, bool)
+    given_motion = hinges, skeleton.parents, quats, base.rotations, is_moved, rate
+    result = hinges.angles(keep_on_hinges(*given_motion))
+    assert (result <= high + 1e-12).all()
+    before, after = (np.abs(np.diff(own, 2, axis=0)).max() for own in (angles, result))
+    assert after <= before + 7 * overshoot / (0.1 * rate) ** 2
+    is_far = np.abs(time[:, 0]) > 0.3 * np.sqrt(np.log(1 + 2 * overshoot)) + 0.2 + 2 / rate
+    np.testing.assert_allclose(result[is_far], angles[is_far], atol=1e-14)
+
+
+@few_examples(30)
+@given(seed=SEEDS, size=st.floats(0.01, 0.3))
+def test_keep_on_hinges_three_hinges_follow_a_rotation(seed, size):
+    """Yaw, roll and pitch of a waist take over a rotation of the first joint, to second order."""
+    rng = np.random.default_rng(seed)
+    parents, n = np.arange(-1, 3), 4
+    wide = [-3.0, 3.0]
+    hinges = Hinges(
+        ("yaw", "roll", "pitch"),
+        np.array([1, 2, 3]),
+        np.eye(3)[[2, 0, 1]],
+        limits=np.array([wide] * 3),
+        speeds=np.full(3, 1e9),
+        bodies=np.arange(n),
+        frames=np.tile(rotations.IDENTITY, (n, 1)),
+        origins=np.zeros((n, 3)),
+        centers=np.zeros((n, 3)),
+        masses=np.ones(n),
+    )
+    skeleton = Skeleton(["base", "a", "b", "c"], parents, np.zeros((n, 3)), hinges=hinges)
+    quats = np.tile(rotations.IDENTITY, (5, n, 1))
+    axis = rng.normal(size=3)
+    wanted = rotations.from_axis_angle(axis, size)
+    turned = quats.copy()
+    turned[:, 1] = wanted
+    result = kept(skeleton, turned, quats, np.ones(n, bool))
+    end = Motion(skeleton, 1.0, result, np.zeros((5, n, 3))).world_transforms()[0][:, -1]
+    assert rotations.angle(end, wanted).max() <= size**2
+
+
+@few_examples(30)
+@given(seed=SEEDS, rate=st.floats(5, 200))
+def test_resample_robot_keeps_hinges_and_limits(seed, rate):
+    rng = np.random.default_rng(seed)
+    skeleton = random_skeleton(rng)
+    hinges = skeleton.hinges
+    base = motion_on_hinges(skeleton, rng, 30, share=1.1)
+    new = base.resample(rate)
+    assert off_axis(hinges, new.rotations) <= 1e-9
+    angles, source = hinges.angles(new.rotations), hinges.angles(base.rotations)
+    low = np.minimum(hinges.limits[:, 0], source.min(axis=0))
+    high = np.maximum(hinges.limits[:, 1], source.max(axis=0))
+    assert (angles >= low - 1e-12).all()
+    assert (angles <= high + 1e-12).all()
+
+
+@few_examples(30)
+@given(seed=SEEDS)
+def test_hinges_angles_of_rotations_are_the_angles(seed):
+    rng = np.random.default_rng(seed)
+    hinges = random_skeleton(rng).hinges
+    angles = rng.uniform(*hinges.limits.T, (10, len(hinges.names)))
+    quats = np.zeros((10, 7, 4))
+    quats[:, hinges.joints] = hinges.rotations(angles) * rng.choice([-1, 1], (10, 1, 1))
+    np.testing.assert_allclose(hinges.angles(quats), angles, atol=1e-14)
+
+
+def test_hinges_without_limits_turn_continuously():
+    hinges = random_skeleton(np.random.default_rng(1)).hinges
+    free = Hinges(**{**vars(hinges), "limits": np.tile([-1e9, 1e9], (len(hinges.names), 1))})
+    angles = np.linspace(0.0, 12.0, 60)[:, None] * np.ones(len(hinges.names))
+    quats = np.zeros((60, 7, 4))
+    quats[:, hinges.joints] = free.rotations(angles)
+    np.testing.assert_allclose(free.angles(quats), angles, atol=1e-12)
