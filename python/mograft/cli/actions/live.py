@@ -24,7 +24,7 @@ def run_play(options: PlayOptions) -> int:
     addresses = [own for name in options.files for own in find_addresses(name)]
     if len(addresses) != 1:
         raise ValueError(f"play sends one motion, got {join_names(addresses)}")
-    motion = read_clip(addresses[0], skeleton=selected_skeleton(options.skeleton))
+    motion = read_clip(addresses[0], skeleton=selected_skeleton(options))
     target, figure = _text(options.vmc), Figure(motion)
     if not options.json:
         print_remark(f"{motion.name}: {motion.rate * options.speed:.6g} frames/s to {target}")
