@@ -37,7 +37,6 @@ _HOMES = {
     "provenance.writing": "write write_graft",
     "search.candidates": "Candidate Candidates",
     "solve.candidate_verdicts": "candidates",
-    "solve.self_repair": "RepairedWindow",
     "stream.stream": "StreamPiece Stream join_pieces",
     "synthesis.advice": "advise",
     "synthesis.graft": "Grafts graft graft_many repair",
@@ -51,6 +50,7 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split
 _MODULES = {
     "clustering": "mograft.clustering",
     "constraints": "mograft.constraints",
+    "datasets": "mograft.datasets",
     "evaluation": "mograft.evaluation",
     "formats": "mograft.formats",
     "plot": "mograft.viewing.plot",

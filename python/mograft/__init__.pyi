@@ -2,6 +2,7 @@
 
 from mograft import clustering as clustering
 from mograft import constraints as constraints
+from mograft import datasets as datasets
 from mograft import evaluation as evaluation
 from mograft import formats as formats
 from mograft import scenario as scenario
@@ -48,7 +49,6 @@ from mograft.provenance.writing import write_graft as write_graft
 from mograft.search.candidates import Candidate as Candidate
 from mograft.search.candidates import Candidates as Candidates
 from mograft.solve.candidate_verdicts import candidates as candidates
-from mograft.solve.self_repair import RepairedWindow as RepairedWindow
 from mograft.stream.stream import Stream as Stream
 from mograft.stream.stream import StreamPiece as StreamPiece
 from mograft.stream.stream import join_pieces as join_pieces

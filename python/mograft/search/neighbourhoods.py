@@ -10,6 +10,9 @@ from mograft._util.arrays import FloatArray, IntArray
 FEWEST_DONORS = 2
 """Number of donors up to which the nearest ones beyond a ball are added; see `SegmentPool`."""
 
+_ROUNDING = 1e-11
+"""Bound of the rounding error of a squared distance, relative to the greatest squared norm."""
+
 
 @dataclass(frozen=True, eq=False)
 class ClusterMembers:
@@ -94,14 +97,21 @@ def _ball_members(
     if points is None:
         return [base[index : index + 1] for index in range(len(base))]
     order = np.argsort(points[:, 0], kind="stable")
-    by_first = points[order]
+    by_first, limit = points[order], sigma * sigma
+    squares = np.einsum("ij,ij->i", by_first, by_first)
     reach = sigma * (1.0 + 1e-9)  # the sum below is rounded
     first = np.searchsorted(by_first[:, 0], points[base, 0] - reach, side="left")
     last = np.searchsorted(by_first[:, 0], points[base, 0] + reach, side="right")
     found: list[IntArray] = []
     for low, high, point in zip(first.tolist(), last.tolist(), points[base], strict=True):
-        distances = np.linalg.norm(by_first[low:high] - point, axis=1)
-        found.append(np.sort(order[low:high][distances <= sigma]))
+        # A product of matrices is fast but rounded: distances near the radius are computed again.
+        gaps = squares[low:high] - 2.0 * (by_first[low:high] @ point) + point @ point
+        slack = _ROUNDING * squares[low:high].max()
+        near = np.flatnonzero(gaps <= limit + slack)
+        unsure = gaps[near] >= limit - slack
+        distances = np.linalg.norm(by_first[low:high][near[unsure]] - point, axis=1)
+        unsure[unsure] = distances > sigma
+        found.append(np.sort(order[low:high][near[~unsure]]))
     return found
 
 

@@ -182,7 +182,8 @@ class Graft:
     reach_completions : tuple of ReachCompletion
         The result of inverse kinematics for each `Reach`; empty with ``Config(reach_ik=0)``.
     self_repairs : tuple of RepairedWindow
-        The frames in which `Config.self_repair` searched for other donors.
+        The frames in which `Config.self_repair` searched for other donors: the `group`, `start`,
+        `stop`, the `measure`, and its ratio to its limit `before` and `after`.
     request : GraftRequest
         The arguments with which the graft was made.
     history : tuple of dict of str to ndarray of int

@@ -5,7 +5,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.containers import remember
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.synthesis.graft_result import Graft
@@ -75,9 +76,7 @@ def newness(graft: Graft, others: Sequence[Motion] = ()) -> Newness:
     >>> newness(two, [one.motion]).nearest == one.motion.name
     True
     """
-    joints = grafted_joints(graft)
-    blocks = _joint_angles(graft.base, graft.motion, joints)
-    n_new = sum(int((own > NEW_ANGLE).any(axis=1).sum()) for own in blocks)
+    joints, (is_new, _) = grafted_joints(graft), frame_newness(graft)
     gaps = [
         (mean_angle(other, graft.motion, joints), other.name)
         for other in others
@@ -85,7 +84,21 @@ def newness(graft: Graft, others: Sequence[Motion] = ()) -> Newness:
     ]
     apart, nearest = min(gaps, default=(None, ""))
     changed = mean_angle(graft.base, graft.motion, joints)
-    return Newness(n_new / graft.base.n_frames, changed, apart, nearest)
+    return Newness(float(is_new.mean()), changed, apart, nearest)
+
+
+def frame_newness(graft: Graft) -> tuple[BoolArray, FloatArray]:
+    """Return whether each frame is new, and the mean angle of its exchanged joints to the base.
+
+    The angles are in radians; both arrays have shape (n_frames,). They are kept with the graft.
+    """
+
+    def compute() -> tuple[BoolArray, FloatArray]:
+        blocks = list(_joint_angles(graft.base, graft.motion, grafted_joints(graft)))
+        angles = np.concatenate([own.mean(axis=1) for own in blocks])
+        return np.concatenate([(own > NEW_ANGLE).any(axis=1) for own in blocks]), angles
+
+    return remember(graft, "frame newness", compute)
 
 
 def grafted_joints(graft: Graft) -> IntArray:

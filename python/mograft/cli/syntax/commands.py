@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from mograft.cli.syntax import options, values
+from mograft.cli.syntax import datasets, options, values
 from mograft.cli.syntax.arguments import Command, Options, option, positional, setting
 
 PLOT_KINDS = ("strip", "timeline", "energy", "pca", "dendrogram", "clusters", "groups")
@@ -290,6 +290,9 @@ COMMANDS = (
     Command("lib", summary="describe, verify or export a library", actions=_LIBRARY_ACTIONS),
     Command("candidates", options.CandidatesOptions, "candidates:run"),
     Command("graft", options.GraftOptions, "graft:run"),
+    Command("augment", datasets.AugmentOptions, "datasets:run_augment"),
+    Command("find", datasets.FindOptions, "datasets:run_find"),
+    Command("curate", datasets.CurateOptions, "datasets:run_curate"),
     Command("stream", StreamOptions, "library:run_stream"),
     Command("play", PlayOptions, "live:run_play"),
     Command("studio", StudioOptions, "studio:run_studio"),

@@ -19,7 +19,7 @@ from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
 _MAX_CACHED_CLIPS = 16
-"""Clips that stay in memory: a graft reads the same few again and again."""
+"""Clips that stay in memory by default: a graft reads the same few again and again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +97,7 @@ class StoredClips(LazySequence[Motion]):
     ) -> None:
         self.table, self.folder = table, folder
         self._frames, self._spec = frames, spec
+        self.max_cached_clips = _MAX_CACHED_CLIPS
         self._cache: OrderedDict[int, Motion] = OrderedDict()
 
     def __len__(self) -> int:
@@ -110,7 +111,7 @@ class StoredClips(LazySequence[Motion]):
             with damage_raises_library_error(self.folder, f"clip {index}"):
                 motion = self._spec.convert(motion, self.table.entries[index].name)
             self._cache[index] = motion
-            if len(self._cache) > _MAX_CACHED_CLIPS:
+            if len(self._cache) > self.max_cached_clips:
                 self._cache.popitem(last=False)
         return motion
 

@@ -1,0 +1,199 @@
+"""``mograft augment``, ``find`` and ``curate``: data sets, searches, choices of clips."""
+
+import csv
+import io
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mograft._util.atomic import write_bytes
+from mograft._util.workers import worker_processes
+from mograft.cli import configuration
+from mograft.cli.files import check_suffix, check_writable, frame_range
+from mograft.cli.graft_files import open_page
+from mograft.cli.output import print_remark, print_result, show_progress
+from mograft.cli.syntax.arguments import UsageError
+from mograft.cli.syntax.datasets import AugmentOptions, CurateOptions, FindOptions
+from mograft.datasets.augmentation import augment
+from mograft.datasets.curation import Choice, curate
+from mograft.datasets.features import DEFAULT_FEATURES
+from mograft.datasets.finding import Hit, find
+from mograft.datasets.splits import Part
+from mograft.datasets.writing import write
+from mograft.errors import join_names
+from mograft.io.csv import without_formula
+from mograft.io.formats import read_clip, split_address
+from mograft.library.library import Library
+from mograft.motion.motion import Motion
+from mograft.viewing.page import temporary_path, view
+
+
+def run_augment(options: AugmentOptions) -> int:
+    """Write a data set of windows of grafts."""
+    check_suffix(options.output, is_folder=True)
+    if options.resume and not options.output.is_dir():
+        raise FileNotFoundError(2, "No such folder", str(options.output))
+    if not options.resume and options.output.exists() and any(options.output.glob("*")):
+        raise FileExistsError(f"{options.output} exists; use --resume to continue it")
+    library = configuration.load_library(options)
+    if options.jobs > 1 and library.folder is None:
+        raise UsageError("--jobs requires a library in a folder, which mograft index makes")
+    windows = augment(
+        library,
+        seconds=options.seconds,
+        split=options.split,
+        part=options.part,
+        bases=options.bases or "*",
+        features=options.features or DEFAULT_FEATURES,
+        seed=options.seed or 0,
+        variants=options.variants,
+        min_new=options.min_new,
+    )
+    _describe_part(windows.part)
+    with show_progress() as progress, worker_processes(options.jobs) as executor:
+        document = write(
+            windows,
+            options.output,
+            options.count,
+            format=options.format,
+            resume=options.resume,
+            executor=executor,
+            progress=progress,
+        )
+    report = document["report"]
+    for line in _describe_report(report, options.count):
+        print_remark(line)
+    print_result(options, "augment/1", document, [options.output])
+    return 0
+
+
+def _describe_part(part: Part) -> None:
+    if part.name != "all":
+        print_remark(f"{part.name}: {int(part.clips.sum())} clips; {part.n_others} in other parts")
+    if part.shared:
+        print_remark(
+            f"warning: {len(part.shared)} clips of {part.name} are left out, because other parts "
+            f"hold the same motion: {join_names(part.shared)}"
+        )
+
+
+def _describe_report(report: dict[str, Any], count: int) -> list[str]:
+    lines = [
+        f"{report['windows']} windows, {report['seconds']:.6g} s, on {report['bases']} bases",
+        f"  {report['new_frames']:.0%} of the frames are new; {report['degrees_from_base']:.1f}° "
+        f"from the bases; widest seam of a window {report['degrees_at_widest_seam']:.1f}° (median)",
+        f"  {report['segments_used']} of {report['segments_usable']} segments used; "
+        f"{report['segments_with_faults']} excluded because of faults",
+        f"  {report['rejected_windows']} windows were refused: not new enough, or repeated",
+    ]
+    if report["windows"] < count:
+        lines.append(
+            f"warning: {report['windows']} of {count} windows exist; a higher --variety, --set "
+            "max_stretch=0.3, a lower --min-new or more clips give more"
+        )
+    return lines
+
+
+_MAX_SHOWN = 11
+"""Spans on a page, beside the query."""
+
+
+def run_find(options: FindOptions) -> int:
+    """List the spans of a library that are nearest to a query."""
+    if options.query is None and options.text is None:
+        raise UsageError("expected QUERY and LIB, or LIB and --text; got neither QUERY nor --text")
+    for name in options.given("frames", "part"):
+        if options.query is None:
+            raise UsageError(f"--{name} requires QUERY")
+    if options.output is not None:
+        check_suffix(options.output, ".html", ".htm")
+        check_writable([options.output], force=options.force)
+    library = Library.open(options.library)
+    query, frames = None, None
+    if options.query is not None:
+        query = _read_query(library, options.query)
+        frames = frame_range(query, options.frames)
+    hits = find(
+        library, query, frames=frames, part=options.part, text=options.text, top=options.top
+    )
+    lines = [_describe_hit(hit, library.rate) for hit in hits] or ["no span was found"]
+    if options.output is not None or options.open:
+        path = options.output or temporary_path()
+        shown = [] if query is None or frames is None else [(query, *frames)]
+        shown += [
+            (library.clips[library.names.index(own.clip)], own.start, own.stop) for own in hits
+        ]
+        items = [
+            replace(motion[start : stop + 1], name=f"{motion.name} {start}-{stop}", path=None)
+            for motion, start, stop in shown[: _MAX_SHOWN + 1]
+        ]
+        if not items:
+            raise ValueError("no span was found: no page was written")
+        view(*items, groups=library.groups, show=False).save(path, force=True)
+        if options.open:
+            open_page(path)
+        lines = [*lines, str(path)]
+    document = [
+        {**asdict(hit), "angle": None if np.isnan(hit.angle) else hit.angle} for hit in hits
+    ]
+    print_result(options, "find/1", {"hits": document}, lines)
+    return 0
+
+
+def _read_query(library: Library, name: str) -> Motion:
+    """Return the clip of a library, or the motion in a file, with a name."""
+    if name not in library.names and Path(split_address(name)[0]).exists():
+        return read_clip(name, skeleton=library.spec.rest)
+    base, clip = library.resolve_base(name)
+    return base.clips[clip]
+
+
+def _describe_hit(hit: Hit, rate: float) -> str:
+    span = f"{hit.clip} {hit.start}-{hit.stop} ({hit.start / rate:.2f}-{hit.stop / rate:.2f} s)"
+    if np.isnan(hit.angle):
+        return f"{hit.clip}: {hit.stop + 1} frames"
+    return f"{span}: {np.degrees(hit.angle):.1f}°, distance {hit.distance:.2f}"
+
+
+def run_curate(options: CurateOptions) -> int:
+    """Choose few clips that hold nearly all movements of a library."""
+    if options.radius is not None and options.keep is not None:
+        raise UsageError("--keep cannot be combined with --radius")
+    if options.output is not None:
+        check_suffix(options.output, ".csv")
+        check_writable([options.output], force=options.force)
+    library = Library.open(options.library)
+    found = curate(library, radius=options.radius, keep=options.keep, part=options.part)
+    if options.output is not None:
+        write_bytes(options.output, _curation_table(found.choices))
+    print_remark(
+        f"{len(found.kept)} of {len(found.choices)} clips kept, {found.kept_share:.1%} of the "
+        f"frames; every other segment is within {found.radius:.3f} of a kept one"
+    )
+    for share in (0.5, 0.9):
+        number, own = next((i, own) for i, own in enumerate(found.curve, 1) if own[1] >= share)
+        print_remark(f"  {share:.0%} of the clusters in {number} clips, {own[0]} frames")
+    clips = [{**asdict(own), "nearest": _number(own.nearest)} for own in found.choices]
+    document = {"radius": found.radius, "kept_share": found.kept_share, "curve": found.curve}
+    pairs = zip(library.entries, found.choices, strict=True)
+    kept = [entry for entry, own in pairs if own.is_kept]
+    lines = [entry.source_file.address if entry.source_file else entry.name for entry in kept]
+    print_result(options, "curate/1", {**document, "clips": clips}, lines)
+    return 0
+
+
+def _number(value: float) -> float | None:
+    """Return a number as JSON has it, which has no NaN."""
+    return None if np.isnan(value) else value
+
+
+def _curation_table(choices: tuple[Choice, ...]) -> bytes:
+    text = io.StringIO(newline="")
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(("clip", "kept", "frames", "nearest", "reason"))
+    for own in choices:
+        name, reason = without_formula(own.clip), without_formula(own.reason)
+        rows.writerow((name, int(own.is_kept), own.frames, f"{own.nearest:.6g}", reason))
+    return text.getvalue().encode("utf-8", "replace")

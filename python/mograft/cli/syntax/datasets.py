@@ -1,0 +1,82 @@
+"""Options of the commands that make data sets and search libraries."""
+
+from typing import Annotated, Literal
+
+from mograft.cli.syntax import options, values
+from mograft.cli.syntax.arguments import option, positional, setting
+
+
+class AugmentOptions(options.SeedOptions, options.LibraryOptions, section="output"):
+    """Write a data set of windows of grafts, from which models are trained.
+
+    Bases and donors are clips of one part of a split; clips whose motion also occurs in another
+    part are left out. The same options and seed give the same bytes with any number of processes.
+    """
+
+    output: values.Folder = option("folder of the data set", short="-o", is_required=True)
+    count: values.Count = option("number of windows", short="-n", is_required=True)
+    seconds: values.Duration = setting("duration of a window (default: 4)", default=4.0)
+    bases: values.Clips | None = setting("base clips, or globs such as waltz* (default: all)")
+    split: Annotated[str, values.Value("CSV|auto:KEY")] | None = setting(
+        "table of clips and their parts, or automatic parts (default: all clips)",
+        details="a row has a clip, a file, a glob or tag:TAG, and a part; auto:clip, auto:file and "
+        "auto:tag make train, val and test of 80, 10 and 10 percent, in which clips, files or tags "
+        "are not divided; auto:tag:GLOB uses only tags such as performer*",
+    )
+    part: values.Name = setting("part of the split (default: train)", default="train")
+    features: Annotated[tuple[str, ...], values.Value("NAME,...", values.names)] | None = setting(
+        "arrays of npz and parquet, of rotations, rotations_6d, matrices, root, positions, "
+        "contacts, humanml3d (default: rotations,root,contacts)"
+    )
+    format: Literal["npz", "parquet", "bvh", "glb"] = setting(
+        "format of the files (default: npz); parquet needs mograft[parquet]", default="npz"
+    )
+    variants: values.Count = setting(
+        "grafts of a base before the next base (default: 4)", default=4, is_expert=True
+    )
+    min_new: values.Share = setting(
+        "smallest share of frames of a window that differ from the base (default: 0.5)",
+        default=0.5,
+        is_expert=True,
+    )
+    jobs: values.Count = setting("processes that make grafts (default: 1)", default=1, short="-j")
+    resume: bool = option("continue an interrupted run with the same options")
+
+
+class FindOptions(options.WriterOptions, section="output"):
+    """Find the spans of a library that move like a clip or file, or clips by their words."""
+
+    query: values.ClipOrFile | None = positional(
+        "clip of the library, or motion file; none with --text alone", "?"
+    )
+    library: values.LibraryFolder = positional("folder of a library")
+    frames: values.Frames | None = option(
+        "frames, or times as 3s-4s, of QUERY; whole segments are compared (default: all)"
+    )
+    part: values.Name | None = option("joint group that is compared (default: all groups)")
+    text: values.Name | None = option("words of names, tags and descriptions of clips")
+    top: values.Count = setting("number of spans (default: 20)", default=20)
+    output: values.File | None = option(
+        "HTML file in which the query and the first spans are side by side", short="-o"
+    )
+    open: bool = option("open the page in the browser")
+
+
+class CurateOptions(options.WriterOptions, section="output"):
+    """Choose few clips that hold nearly all movements of a library.
+
+    Every segment without faults of a dropped clip is within the radius of a segment of a kept clip,
+    in the embedding of the library. The files of the kept clips are printed.
+    """
+
+    library: values.LibraryFolder = positional("folder of a library")
+    radius: values.NonNegative | None = setting(
+        "radius in cluster diameter thresholds of the library (default: 1)"
+    )
+    keep: Annotated[float, values.Value("X|X%", values.share_or_percent)] | None = setting(
+        "share of the frames to keep, such as 10%, instead of a radius"
+    )
+    part: values.Name | None = option("joint group that is compared (default: all groups)")
+    output: values.File | None = option(
+        ".csv file for a table of all clips, with the reason for each", short="-o"
+    )

@@ -1,0 +1,375 @@
+"""Windows of grafts as a sequence: which bases, which donors, and what each window holds."""
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import ceil
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mograft._util.arrays import IntArray
+from mograft._util.containers import LazySequence
+from mograft._util.names import find_matches
+from mograft._util.validate import as_integer, check_type
+from mograft.datasets.features import DEFAULT_FEATURES, Array, check_features, compute_features
+from mograft.datasets.splits import Part, Split, select_part
+from mograft.library.files.stored_clips import StoredClips
+from mograft.library.library import Library
+from mograft.motion.motion import Motion
+from mograft.search.trellis import DonorSequences
+from mograft.solve.plan import GraftPlan
+from mograft.synthesis.graft_building import build_graft
+from mograft.synthesis.graft_result import Graft
+from mograft.synthesis.newness import frame_newness
+
+_CACHED_FRAMES = 1 << 14
+"""Frames of clips that stay in the memory of a process: donors of other bases use them again."""
+
+_CACHED_GRAFTS = 4  # whose other windows are accessed next
+_MAX_DRAWS = 8  # of which an item takes the first that is new enough
+
+PROVENANCE = (
+    *("window", "base", "base_start", "base_stop", "draw", "group", "start", "stop"),
+    *("clip", "clip_start", "clip_stop", "is_captured", "new", "changed", "gap"),
+)
+"""Columns of the provenance; `provenance_rows` describes them."""
+
+Encode = Callable[[Motion], bytes]
+
+
+class Window(NamedTuple):
+    """A window of a graft."""
+
+    name: str
+    features: dict[str, Array]
+    provenance: list[tuple[Any, ...]]  # rows of `PROVENANCE` without the first column
+    data: bytes  # the encoded motion; empty if it is not needed
+
+
+class JobResult(NamedTuple):
+    """The windows of some grafts on one base, and how many were not new enough or repeated."""
+
+    windows: list[Window]
+    n_rejected: int
+
+
+@dataclass(frozen=True, eq=False)
+class Augmentation(LazySequence[dict[str, Array]]):
+    """Windows of grafts, computed when they are accessed; made by `mograft.datasets.augment`.
+
+    An item is a dict with an array for each feature; ``new``, the share of new frames; and
+    ``index``. Items in order share grafts, so that they are faster than in another order. The
+    object may be pickled and used in any number of threads and processes, forked or spawned:
+    nothing is read before the first access.
+
+    Attributes
+    ----------
+    library : Library
+        The library.
+    part : Part
+        The clips that are bases and donors.
+    n_frames : int
+        Frames of a window.
+    features : tuple of str
+        Names of the arrays.
+    bases : ndarray of int
+        The base clips, in the order in which they are used.
+    starts : tuple of ndarray of int
+        For each base the first frames of its windows.
+    seed, variants, epoch : int
+        As for `augment` and `with_epoch`.
+    min_new : float
+        Smallest share of new frames.
+    """
+
+    library: Library
+    part: Part
+    n_frames: int
+    features: tuple[str, ...]
+    bases: IntArray
+    starts: tuple[IntArray, ...]
+    seed: int
+    variants: int
+    min_new: float
+    epoch: int = 0
+    _grafts: dict[Any, Graft] = field(default_factory=dict, init=False, repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {k: v for k, v in self.__dict__.items() if k not in ("donors", "_grafts", "_ends")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state, _grafts={})
+
+    def __len__(self) -> int:
+        return int(self._ends[-1])
+
+    def __repr__(self) -> str:
+        seconds = self.n_frames / self.library.rate
+        return f"Augmentation({len(self)} windows of {seconds:.3g} s on {len(self.bases)} bases)"
+
+    def with_epoch(self, epoch: int) -> "Augmentation":
+        """Return the sequence with other grafts of the same bases, different for each epoch."""
+        return replace(self, epoch=as_integer("epoch", epoch))
+
+    def item(self, index: int) -> dict[str, Array]:
+        """Return a window: of the draws of an epoch, the first that is new enough, else the newest.
+
+        A base of which no more different grafts exist gives those of earlier epochs again.
+        """
+        number = int(np.searchsorted(self._ends, index, side="right"))
+        before = int(self._ends[number - 1]) if number else 0
+        start = int(self.starts[number][index - before])
+        best, share = None, -1.0
+        for draw in range(self.epoch * _MAX_DRAWS, (self.epoch + 1) * _MAX_DRAWS):
+            graft = self._graft(int(self.bases[number]), draw)
+            new = float(frame_newness(graft)[0][start : start + self.n_frames].mean())
+            if new > share:
+                best, share = graft, new
+            if new >= self.min_new:
+                break
+        assert best is not None
+        root, frames = self.library.root, self.n_frames
+        (row,) = compute_features(self.features, best.motion, [start], frames, root)
+        return {**row, "new": np.array(share, np.float32), "index": np.array(index)}
+
+    def run_job(self, job: int, encode: Encode | None = None) -> JobResult:
+        """Return the windows of one base in one pass, which are new enough and different.
+
+        Pass p uses draws p · variants to (p + 1) · variants - 1 of each base. `encode` converts
+        the motion of a window to the bytes of a file.
+        """
+        turn, number = divmod(job, len(self.bases))
+        base, starts = int(self.bases[number]), self.starts[number].tolist()
+        first, windows, n_rejected = turn * self.variants, list[Window](), 0
+        plan, drawn = self._draw(base, first + self.variants)
+        known: set[tuple[int, bytes]] = set()
+        for draw, donors in enumerate(drawn):
+            keys = [(start, _key(plan, donors, start, self.n_frames)) for start in starts]
+            graft = build_graft(plan, donors, self.seed, draw) if draw >= first else None
+            if graft is not None:
+                is_new = frame_newness(graft)[0]
+                shares = [float(is_new[start : start + self.n_frames].mean()) for start in starts]
+                kept = [
+                    start
+                    for start, key, share in zip(starts, keys, shares, strict=True)
+                    if share >= self.min_new and key not in known
+                ]
+                n_rejected += len(starts) - len(kept)
+                windows += self._windows(graft, draw, kept, encode)
+            known.update(keys)
+        return JobResult(
+            windows, n_rejected + len(starts) * max(first + self.variants - len(drawn), 0)
+        )
+
+    def _windows(
+        self, graft: Graft, draw: int, starts: Sequence[int], encode: Encode | None
+    ) -> list[Window]:
+        root, n_frames = self.library.root, self.n_frames
+        rows = compute_features(self.features, graft.motion, starts, n_frames, root)
+        found = []
+        for start, features in zip(starts, rows, strict=True):
+            name, data = f"{graft.base.name}_{draw}_{start}", b""
+            if encode is not None:
+                data = encode(replace(graft.motion[start : start + n_frames], name=name))
+            provenance = provenance_rows(graft, draw, start, n_frames)
+            found.append(Window(name, features, provenance, data))
+        return found
+
+    @cached_property
+    def _ends(self) -> IntArray:
+        return np.cumsum([len(own) for own in self.starts])
+
+    @cached_property
+    def donors(self) -> Library:
+        """The library in which only segments of the part are donors."""
+        library = self.library
+        clips = library.clips
+        if isinstance(clips, StoredClips):
+            mean = sum(info.n_frames for info in library.entries) / len(library.entries)
+            clips.max_cached_clips = max(clips.max_cached_clips, ceil(_CACHED_FRAMES / mean))
+        return replace(library, is_donor=library.is_donor & self.part.clips[library.segments.clip])
+
+    def _draw(self, base: int, count: int) -> tuple[GraftPlan, list[DonorSequences]]:
+        """Return the plan of a base, and `count` different donor sequences, or all that exist.
+
+        Of a larger `count` the first sequences are the same.
+        """
+        name = self.library.entries[base].name.encode("utf-8", "surrogatepass")
+        digest = hashlib.sha256(b"%d %s" % (self.seed, name)).digest()
+        plan = GraftPlan.build(self.donors, base, None, ())
+        return plan, plan.choose_donors(count, int.from_bytes(digest[:8], "big"))
+
+    def _graft(self, base: int, draw: int) -> Graft:
+        graft = self._grafts.get((base, draw))
+        if graft is None:
+            plan, drawn = self._draw(base, draw + 1)
+            draw = min(draw, len(drawn) - 1) if draw < _MAX_DRAWS else draw % len(drawn)
+            graft = build_graft(plan, drawn[draw], self.seed, draw)
+            for key in list(self._grafts)[: 1 - _CACHED_GRAFTS]:
+                self._grafts.pop(key, None)
+            self._grafts[base, draw] = graft
+        return graft
+
+
+def augment(
+    library: Library,
+    *,
+    seconds: float = 4.0,
+    split: Split | None = None,
+    part: str = "train",
+    bases: str | Sequence[str] = "*",
+    features: Sequence[str] = DEFAULT_FEATURES,
+    seed: int = 0,
+    variants: int = 4,
+    min_new: float = 0.5,
+) -> Augmentation:
+    """Return windows of grafts as a sequence, from which models are trained.
+
+    Bases and donors are clips of one part of a split. Clips whose motion also occurs in another
+    part, as a copy, a piece or a mirrored take, are left out.
+
+    Parameters
+    ----------
+    library : Library
+        The library.
+    seconds : float
+        Duration of a window.
+    split : path or mapping, optional
+        A CSV file, or a mapping, from clips to parts; or ``auto:clip``, ``auto:file``, ``auto:tag``
+        or ``auto:tag:GLOB``, by which clips, files, or clips with a tag in common are divided into
+        the parts train, val and test. Default: all clips.
+    part : str
+        The part whose clips are bases and donors.
+    bases : str or sequence of str
+        Names of the base clips, or globs.
+    features : sequence of str
+        The arrays of a window: see `mograft.datasets.FEATURES`.
+    seed : int
+        Seed of automatic splits, of the order of bases and of the choice of donors.
+    variants : int
+        Number of grafts that are made of a base before the next base.
+    min_new : float
+        Smallest share of the frames of a window in which an exchanged joint differs by more than 5
+        degrees from the base.
+
+    Returns
+    -------
+    Augmentation
+        The windows; `write` stores them, faster than they are accessed in random order.
+
+    Raises
+    ------
+    ValueError
+        If an option is invalid, no base has a window, or the split leaves a part without donors.
+
+    Examples
+    --------
+    >>> import mograft as mg
+    >>> from mograft.dancer import dance
+    >>> windows = augment(mg.Library.build(dance(strides=1).motion), seconds=2.0)
+    >>> windows[3]["rotations"].shape
+    (60, 18, 4)
+    """
+    check_type("library", library, Library)
+    if not 0 < float(seconds) < 1e6 or round(seconds * library.rate) < 2:
+        raise ValueError(f"`seconds` must give windows of at least 2 frames, got {seconds}")
+    if not 0 <= float(min_new) <= 1:
+        raise ValueError(f"`min_new` must be a share of frames, 0 to 1, got {min_new}")
+    names = check_features(features, library)
+    seed, variants = as_integer("seed", seed), as_integer("variants", variants, 1)
+    chosen = select_part(library, split, part, seed)
+    n_frames = round(seconds * library.rate)
+    wanted = find_matches("bases", bases, library.names)
+    starts = {clip: own for clip, own in _window_starts(library, n_frames).items() if len(own)}
+    clips = [clip for clip in wanted if clip in starts and chosen.clips[clip]]
+    if not clips:
+        raise ValueError(
+            f"no base clip of {chosen.name} has {n_frames} frames ({seconds:g} s) without faults; "
+            "`seconds` sets the duration"
+        )
+    others = chosen.clips[library.segments.clip] & library.is_donor
+    if not others.any():
+        raise ValueError(f"`split` leaves {chosen.name} without donors")
+    order = _order_bases(library, clips, starts, seed)
+    return Augmentation(
+        library=library,
+        part=chosen,
+        n_frames=n_frames,
+        features=names,
+        bases=np.array(order),
+        starts=tuple(starts[clip] for clip in order),
+        seed=seed,
+        variants=variants,
+        min_new=float(min_new),
+    )
+
+
+def provenance_rows(graft: Graft, draw: int, start: int, n_frames: int) -> list[tuple[Any, ...]]:
+    """Return the provenance of a window: a row for each exchanged group and base segment.
+
+    The columns, after the number of the window: the base clip, the window's first and last frame in
+    it and the number of the graft; the group; first and last frame of the base segment; the donor's
+    clip, its first and last frame there, and whether it is the base segment itself. The last three
+    are those of the window: share of new frames, mean angle to the base and greatest angle at a
+    seam, in degrees.
+    """
+    stop = start + n_frames - 1
+    is_new, angles = (own[start : stop + 1].mean() for own in frame_newness(graft))
+    gap = max((seam.gap for seam in graft.seams if start <= seam.frame <= stop), default=0.0)
+    measures = [round(float(own), 6) for own in (is_new, np.degrees(angles), np.degrees(gap))]
+    return [
+        (
+            *(graft.base.name, start, stop, draw, own.group, own.start, own.stop),
+            *(own.clip, own.donor_start, own.donor_stop, own.is_own, *measures),
+        )
+        for own in graft.substitutions
+        if own.start < stop and own.stop > start
+    ]
+
+
+def _key(plan: GraftPlan, donors: DonorSequences, start: int, n_frames: int) -> bytes:
+    """Return the donors of a window: two windows with the same ones are equal."""
+    cut = plan.problem.base_segments
+    inside = (cut.start < start + n_frames - 1) & (cut.stop > start)
+    return b"".join(own[inside].tobytes() for own in donors.values())
+
+
+def _window_starts(library: Library, n_frames: int) -> dict[int, IntArray]:
+    """Return for each clip the first frames of windows that follow each other without faults."""
+    starts: dict[int, IntArray] = {}
+    cut, n_clips = library.segments, len(library.entries)
+    faulty: dict[int, list[tuple[int, int]]] = {}
+    for segment in np.flatnonzero(~library.is_donor).tolist():
+        span = int(cut.start[segment]), int(cut.stop[segment])
+        faulty.setdefault(int(cut.clip[segment]), []).append(span)
+    for clip in range(n_clips):
+        end, first, found = library.entries[clip].n_frames, 0, list[int]()
+        for low, high in [*faulty.get(clip, []), (end, end)]:
+            found += range(first, low - n_frames + 1, n_frames)
+            first = high + 1
+        starts[clip] = np.array(found, np.int64)
+    return starts
+
+
+def _order_bases(
+    library: Library, clips: Sequence[int], starts: dict[int, IntArray], seed: int
+) -> list[int]:
+    """Return base clips in the order of a pass: evenly over sets of tags, long clips rather first.
+
+    The order within a set is a random one in which the chance to be next is proportional to the
+    number of windows (Efraimidis and Spirakis, 2006). Sets take turns.
+    """
+    rng = np.random.default_rng(seed)
+    n_windows = np.array([len(starts[clip]) for clip in clips], float)
+    ranks = np.argsort(-(rng.random(len(clips)) ** (1.0 / n_windows)), kind="stable")
+    sets: dict[tuple[str, ...], list[int]] = {}
+    for rank in ranks.tolist():
+        sets.setdefault(library.entries[clips[rank]].tags, []).append(clips[rank])
+    turns = [
+        (turn, number, clip)
+        for number, own in enumerate(sets.values())
+        for turn, clip in enumerate(own)
+    ]
+    return [clip for _, _, clip in sorted(turns)]

@@ -1,0 +1,181 @@
+"""Passages that clips have in common, by their content: copies, pieces and mirrored takes.
+
+The poses at the ends of each segment of one set of clips are searched among all frames of the
+other set. A passage is common if both ends are found at the distance of the segment's length.
+Names, headings, positions and bone lengths are not compared.
+"""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.body.mirroring import mirror
+from mograft.library.clusters import feature_joints_by_group
+from mograft.library.library import Library
+from mograft.motion import rotations
+from mograft.search.copies import COPY_ANGLE
+
+_MIN_TURN = np.radians(2.0)
+"""Rotation of some joint from the first to the last frame: poses that are held prove nothing."""
+
+_MAX_TURN = np.radians(3.0)
+"""Greatest tolerance of a joint; that of a fast joint contains its motion in half a frame."""
+
+_N_AXES, _N_CHECKED = 4, 12
+"""Principal components by which poses are found, and by which pairs are then excluded."""
+
+_FEWEST_SEGMENTS = 1024  # of which the slower half is not selected
+
+_PAIRS_PER_BATCH = 1 << 14
+# Of a spatial hash: Teschner et al. (2003), and one more prime.
+_PRIMES = np.array([73_856_093, 19_349_663, 83_492_791, 50_331_653])
+
+
+def find_shared_clips(library: Library, ours: BoolArray, others: BoolArray) -> IntArray:
+    """Return the clips among `ours` that have a passage in common with one of `others`.
+
+    Parameters
+    ----------
+    library : Library
+        The library.
+    ours, others : ndarray of bool, shape (n_clips,)
+        Two sets of clips.
+
+    Returns
+    -------
+    ndarray of int
+        The clips, ascending. A clip has a passage in common if a whole segment of it, with some
+        motion, occurs among the frames of another clip or of its mirror image.
+    """
+    index = _SegmentIndex.build(library, np.flatnonzero(ours[library.segments.clip]))
+    if not len(index.segments):
+        return np.zeros(0, np.int64)
+    found = np.zeros(len(library.segments), bool)
+    for quats in _poses(library, np.flatnonzero(others), index.joints):
+        found[index.find(quats)] = True
+    shared: IntArray = np.unique(library.segments.clip[found])
+    return shared
+
+
+def _poses(library: Library, clips: IntArray, joints: IntArray) -> Iterator[FloatArray]:
+    """Yield the rotations of joints, (n_frames, n_joints, 4), in clips and their mirror images."""
+    for clip in clips.tolist():
+        motion = library.clips[clip]
+        yield motion.rotations[:, joints]
+        with suppress(ValueError):  # a skeleton that has no mirror image has no mirrored takes
+            yield mirror(motion).rotations[:, joints]
+
+
+@dataclass(frozen=True, eq=False)
+class _SegmentIndex:
+    """Segments with motion, found by the pose in their first frame."""
+
+    segments: IntArray  # indices in the library, sorted by `keys`
+    lengths: IntArray
+    joints: IntArray  # that are compared: all whose rotations are features, but the root
+    ends: tuple[FloatArray, FloatArray]  # first and last poses, each (n, n_joints, 4)
+    limits: tuple[FloatArray, FloatArray]  # tolerances of the angles in them, each (n, n_joints)
+    mean: FloatArray
+    axes: FloatArray  # principal components of first poses, (_N_CHECKED, n_features)
+    reach: float  # greatest difference of two equal poses in a component
+    points: FloatArray  # first poses, (n, _N_CHECKED)
+    keys: IntArray  # cells of `points`, ascending
+
+    @classmethod
+    def build(cls, library: Library, segments: IntArray) -> "_SegmentIndex":
+        columns = _compared_columns(library)
+        ends, limits = [], []
+        for end in ("first", "last"):
+            states = library.boundary_states
+            parts = [states[group][end][segments][:, own] for group, own, _ in columns]
+            speeds = [
+                states[group][f"{end}_velocity"][segments][:, own] for group, own, _ in columns
+            ]
+            ends.append(np.concatenate(parts, axis=1))
+            turns = np.linalg.norm(np.concatenate(speeds, axis=1), axis=2) / (2.0 * library.rate)
+            limits.append(np.minimum(COPY_ANGLE + turns, _MAX_TURN))
+        joints = np.concatenate([own for _, _, own in columns])
+        angles = rotations.angle(*ends) if len(segments) else np.zeros((0, len(joints)))
+        moves = (angles > _MIN_TURN).any(axis=1)
+        # The fastest joints have wide tolerances; segments that begin slowly find copies as well.
+        reaches = np.sqrt(2.0 * (limits[0] ** 2).sum(axis=1))
+        known = np.sort(reaches[moves])
+        reach = float(known[: max(len(known) // 2, _FEWEST_SEGMENTS)][-1]) if len(known) else 0.0
+        kept = np.flatnonzero(moves & (reaches <= reach))
+        features = _features(ends[0][kept])
+        mean = features.mean(axis=0) if len(kept) else np.zeros(features.shape[1])
+        axes = np.linalg.eigh((features - mean).T @ (features - mean))[1].T[::-1][:_N_CHECKED]
+        points = (features - mean) @ axes.T
+        keys = _hash(np.floor(points[:, :_N_AXES] / max(2.0 * reach, 1e-9)))
+        order = np.argsort(keys, kind="stable")
+        kept = kept[order]
+        return cls(
+            segments=segments[kept],
+            lengths=library.segments.lengths[segments[kept]],
+            joints=joints,
+            ends=(ends[0][kept], ends[1][kept]),
+            limits=(limits[0][kept], limits[1][kept]),
+            mean=mean,
+            axes=axes,
+            reach=reach,
+            points=points[order],
+            keys=keys[order],
+        )
+
+    def find(self, quats: FloatArray) -> IntArray:
+        """Return the segments that occur among poses, (n_frames, n_joints, 4), of one clip."""
+        points = (_features(quats) - self.mean) @ self.axes.T
+        corners = np.floor(points[:, :_N_AXES] / max(2.0 * self.reach, 1e-9) - 0.5)
+        found: list[IntArray] = []
+        for corner in np.ndindex(*(2,) * corners.shape[1]):
+            keys = _hash(corners + corner)
+            first = np.searchsorted(self.keys, keys, side="left")
+            counts = np.searchsorted(self.keys, keys, side="right") - first
+            frames = np.repeat(np.arange(len(quats)), counts)
+            rows = np.arange(len(frames)) + np.repeat(first - (np.cumsum(counts) - counts), counts)
+            fits = frames + self.lengths[rows] < len(quats)
+            frames, rows = frames[fits], rows[fits]
+            for axes in (slice(_N_AXES), slice(_N_AXES, None)):
+                gaps = np.abs(points[frames, axes] - self.points[rows, axes])
+                near = (gaps <= self.reach).all(axis=1)
+                frames, rows = frames[near], rows[near]
+            for start in range(0, len(rows), _PAIRS_PER_BATCH):
+                batch = slice(start, start + _PAIRS_PER_BATCH)
+                found.append(self._verify(quats, frames[batch], rows[batch]))
+        return self.segments[np.concatenate(found)] if found else np.zeros(0, np.int64)
+
+    def _verify(self, quats: FloatArray, frames: IntArray, rows: IntArray) -> IntArray:
+        """Return the rows whose first and last poses are those of the clip from `frames` on."""
+        for end, shift in ((0, np.zeros_like(self.lengths)), (1, self.lengths)):
+            poses, limits = self.ends[end][rows], self.limits[end][rows]
+            cosines = np.abs(np.einsum("...i,...i->...", poses, quats[frames + shift[rows]]))
+            is_same = (cosines >= np.cos(limits / 2.0)).all(axis=1)
+            frames, rows = frames[is_same], rows[is_same]
+        return rows
+
+
+def _compared_columns(library: Library) -> list[tuple[str, IntArray, IntArray]]:
+    """Return for each group the compared columns of its boundary states, and their joints."""
+    known = {library.root}
+    found = []
+    for group, joints in feature_joints_by_group(library.groups, library.skeleton).items():
+        columns = [i for i, joint in enumerate(joints.tolist()) if joint not in known]
+        known.update(joints.tolist())
+        found.append((group, np.array(columns, np.int64), joints[columns]))
+    return found
+
+
+def _features(quats: FloatArray) -> FloatArray:
+    """Return two columns of each rotation matrix, which do not depend on signs, (n, n_features)."""
+    axes = [rotations.rotate(quats, np.eye(3)[axis]) for axis in (0, 1)]
+    return np.concatenate(axes, axis=2).reshape(len(quats), -1)
+
+
+def _hash(cells: FloatArray) -> IntArray:
+    key: IntArray = np.bitwise_xor.reduce(
+        cells.astype(np.int64) * _PRIMES[: cells.shape[1]], axis=1
+    )
+    return key

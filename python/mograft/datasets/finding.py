@@ -1,0 +1,242 @@
+"""Find spans of a library that move like a query, or clips by words."""
+
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+
+import numpy as np
+
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.validate import as_integer, check_type
+from mograft.blend.time_warp import warping_path
+from mograft.body.anatomy import feature_joints
+from mograft.library.library import Library
+from mograft.motion.motion import Motion
+from mograft.motion.resample import resample_segments
+from mograft.search.boundary_states import pose_gaps
+from mograft.search.constraints import Span, as_span, overlaps
+
+TEXT_TAG = "text:"
+"""How a tag begins that is the description of a clip."""
+
+_REFINED = 2  # times as many spans as are wanted are compared by their frames
+_MAX_WARPED_FRAMES = 600  # of the query; longer ones are compared at fewer times
+
+
+@dataclass(frozen=True)
+class Hit:
+    """A span of a clip.
+
+    Attributes
+    ----------
+    clip : str
+        Name of the clip.
+    start, stop : int
+        First and last frame.
+    distance : float
+        Distance of its segments from those of the query, in cluster diameter thresholds: the root
+        mean square over the segments, summed over the groups. For words the negative BM25 score.
+    angle : float
+        Mean angle between the joints of the span and of the query after time warping, in radians;
+        NaN for words.
+    """
+
+    clip: str
+    start: int
+    stop: int
+    distance: float
+    angle: float
+
+
+def find(
+    library: Library,
+    query: Motion | str | None = None,
+    *,
+    frames: Span | None = None,
+    part: str | None = None,
+    text: str | None = None,
+    top: int = 20,
+) -> list[Hit]:
+    """Find the spans of a library that are nearest to a motion, or the clips of a description.
+
+    Parameters
+    ----------
+    library : Library
+        The library.
+    query : Motion or str, optional
+        A motion, or the name of a clip. Without `text` it is required.
+    frames : tuple of int, optional
+        First and last frame of the query; whole segments that overlap them are compared. Default:
+        all frames.
+    part : str, optional
+        The joint group that is compared. Default: all groups.
+    text : str, optional
+        Words of names, tags and descriptions of clips, as SQLite's FTS5 accepts them. With `query`
+        only spans of the clips that match are returned.
+    top : int
+        Greatest number of spans.
+
+    Returns
+    -------
+    list of Hit
+        The spans, nearest first by `Hit.angle`; no two overlap, and none overlaps the query. For
+        `text` alone whole clips, best first.
+
+    Raises
+    ------
+    ValueError
+        If neither `query` nor `text` is given; if a clip, group, frame or expression is invalid.
+    SkeletonMismatchError
+        If the query has another hierarchy.
+
+    Notes
+    -----
+    A span has as many segments as the query. Its distance compares the points of both, one by one;
+    spans are left out as soon as the sum exceeds that of the worst of the best ones, so the nearest
+    ones are exact. Twice `top` of them are then compared by all frames.
+
+    Examples
+    --------
+    >>> import mograft as mg
+    >>> from mograft.dancer import dance
+    >>> library = mg.Library.build(dance(strides=1).motion)
+    >>> hits = find(library, "dance", frames=(300, 360), top=3)
+    >>> len(hits), hits[0].angle <= hits[1].angle
+    (3, True)
+    """
+    check_type("library", library, Library)
+    top = as_integer("top", top, 1)
+    words = None if text is None else find_words(library, text)
+    if query is None:
+        if words is None:
+            raise ValueError("`query` or `text` is required, got neither")
+        return [
+            Hit(library.names[clip], 0, library.entries[clip].n_frames - 1, score, np.nan)
+            for clip, score in words[:top]
+        ]
+    groups = library.groups.names if part is None else (part,)
+    joints = np.unique(np.concatenate([library.joints(group) for group in groups]))
+    whole, clip = library.resolve_base(query)
+    own = whole.segments.of_clip(clip)
+    if frames is not None:
+        frames = as_span("frames", frames)
+        last = whole.entries[clip].n_frames - 1
+        if frames[1] > last:
+            raise ValueError(f"`frames` must be within 0 to {last}, got {frames[0]}-{frames[1]}")
+        own = own[overlaps(whole.segments[own], frames)]
+    is_wanted = np.ones(len(library.segments), bool)
+    if words is not None:
+        clips = np.zeros(len(library.entries), bool)
+        clips[[index for index, _ in words]] = True
+        is_wanted = clips[library.segments.clip]
+    if clip < len(library.entries):
+        cut = library.segments
+        low, high = int(cut.start[own[0]]), int(cut.stop[own[-1]])
+        is_wanted &= (cut.clip != clip) | (cut.stop <= low) | (cut.start >= high)
+    first, distances = _nearest_runs(whole, own, groups, is_wanted, _REFINED * top)
+    hits = list(_refine(whole, (clip, own), first, distances, joints))
+    return sorted(hits, key=lambda hit: (hit.angle, hit.clip, hit.start))[:top]
+
+
+def _nearest_runs(
+    library: Library, own: IntArray, groups: Sequence[str], is_wanted: BoolArray, count: int
+) -> tuple[IntArray, FloatArray]:
+    """Return the first segments of the nearest runs of as many segments as `own`; nearest first.
+
+    Runs that overlap a nearer one are left out; the other result has their distances.
+    """
+    n, cut = len(own), library.segments
+    n_known = len(is_wanted)
+    blocked = np.concatenate([[0], np.cumsum(~is_wanted)])
+    runs = np.arange(max(n_known - n + 1, 0))
+    runs = runs[cut.clip[runs] == cut.clip[runs + n - 1]]
+    runs = runs[blocked[runs + n] == blocked[runs]]
+    spaces = [
+        embedding.points / library.sigma[group]
+        for group in groups
+        if (embedding := library.embedding[group]) is not None and library.sigma[group] > 0
+    ]
+
+    def squares(starts: IntArray, offset: int) -> FloatArray:
+        """Return the squared distances of the segments at `offset` in runs and in the query."""
+        gaps = [points[starts + offset] - points[own[offset]] for points in spaces]
+        return np.sum([np.einsum("ij,ij->i", gap, gap) for gap in gaps], axis=0) + np.zeros(
+            len(starts)
+        )
+
+    sums = np.zeros(len(runs))
+    wanted = min(count * (2 * n - 1), len(runs))  # a run overlaps n - 1 others on either side
+    for offset in range(n):
+        sums = sums + squares(runs, offset)
+        if 0 < wanted < len(runs) and offset + 1 < n:
+            # The final sum of the runs that are best now bounds that of the best ones.
+            best = runs[np.argpartition(sums, wanted - 1)[:wanted]]
+            bound = np.sum([squares(best, later) for later in range(n)], axis=0).max()
+            kept = sums <= bound * (1 + 1e-9)
+            runs, sums = runs[kept], sums[kept]
+    found, distances = list[int](), list[float]()
+    is_free = np.ones(n_known, bool)
+    for row in np.lexsort((runs, sums)).tolist():
+        segments = slice(int(runs[row]), int(runs[row]) + n)
+        if is_free[segments].all():
+            is_free[segments] = False
+            found.append(segments.start)
+            distances.append(float(np.sqrt(sums[row] / n)))
+        if len(found) == count:
+            break
+    return np.array(found, np.int64), np.array(distances)
+
+
+def _refine(
+    library: Library,
+    query: tuple[int, IntArray],
+    first: IntArray,
+    distances: FloatArray,
+    joints: IntArray,
+) -> Iterator[Hit]:
+    """Yield the hits of runs, with their mean joint angle after time warping."""
+    clip, own = query
+    cut, compared = library.segments, feature_joints(library.skeleton, joints)
+    compared = np.setdiff1d(compared, [library.root]) if len(compared) > 1 else compared
+    low, high = int(cut.start[own[0]]), int(cut.stop[own[-1]])
+    n = min(high - low, _MAX_WARPED_FRAMES)
+    poses = _sample(library.clips[clip], (low, high), n + 1, compared)
+    for run, distance in zip(first.tolist(), distances.tolist(), strict=True):
+        span = int(cut.start[run]), int(cut.stop[run + len(own) - 1])
+        other = int(cut.clip[run])
+        gaps = pose_gaps(poses, _sample(library.clips[other], span, 2 * n + 1, compared))
+        angle = gaps[np.arange(n + 1), warping_path(gaps)].mean()
+        yield Hit(library.entries[other].name, *span, distance, float(angle))
+
+
+def _sample(motion: Motion, span: Span, count: int, joints: IntArray) -> FloatArray:
+    quats = np.ascontiguousarray(motion.rotations[span[0] : span[1] + 1][:, joints])
+    bounds = np.array([0]), np.array([span[1] - span[0]]), np.array([count])
+    return resample_segments(quats, *bounds)
+
+
+def find_words(library: Library, text: str) -> list[tuple[int, float]]:
+    """Return the clips whose name, tags or description match an expression of FTS5, best first.
+
+    The second item is the negative score of BM25: smaller is better. Raise ValueError if the
+    expression is invalid.
+    """
+    with closing(sqlite3.connect(":memory:")) as database:
+        database.execute("CREATE VIRTUAL TABLE clip USING fts5(name, tags, text)")
+        rows = []
+        for index, entry in enumerate(library.entries):
+            notes = [tag.removeprefix(TEXT_TAG) for tag in entry.tags if tag.startswith(TEXT_TAG)]
+            tags = [tag for tag in entry.tags if not tag.startswith(TEXT_TAG)]
+            name = entry.name.encode("utf-8", "replace").decode()
+            rows.append((index + 1, name, " ".join(tags), " ".join(notes)))
+        database.executemany("INSERT INTO clip(rowid, name, tags, text) VALUES (?, ?, ?, ?)", rows)
+        try:
+            found = database.execute(
+                "SELECT rowid, bm25(clip) FROM clip WHERE clip MATCH ? ORDER BY 2, 1", (text,)
+            ).fetchall()
+        except sqlite3.OperationalError as error:
+            raise ValueError(
+                f"`text` must be words, or an expression of FTS5, got {text!r}: {error}"
+            ) from None
+    return [(int(row) - 1, float(score)) for row, score in found]

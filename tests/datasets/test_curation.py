@@ -1,0 +1,131 @@
+"""Kept clips cover the others within the radius, and copies add nothing."""
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft import datasets
+from mograft.cli import main
+from tests.strategies import few_examples
+
+
+@pytest.fixture(scope="module")
+def with_copies(takes):
+    """The takes in two parts each, and copies of three parts."""
+    parts = [
+        replace(take[start : start + 120], name=f"{take.name}_{start}")
+        for take in takes
+        for start in (0, 119)
+    ]
+    copies = [replace(parts[i], name=f"copy{i}") for i in (0, 5, 7)]
+    return mg.Library.build([*parts, *copies])
+
+
+def spread(library, part):
+    groups = library.groups.names if part is None else (part,)
+    return np.concatenate([library.embedding[g].points / library.sigma[g] for g in groups], axis=1)
+
+
+@few_examples(30)
+@given(radius=st.floats(0.05, 4.0), part=st.sampled_from([None, "lower", "upper"]))
+def test_dropped_segments_are_within_the_radius(with_copies, radius, part):
+    library = with_copies
+    found = datasets.curate(library, radius=radius, part=part)
+    points, clips = spread(library, part), library.segments.clip
+    is_kept = np.array([own.is_kept for own in found.choices])[clips]
+    gaps = np.linalg.norm(points[:, None] - points[is_kept][None], axis=2).min(axis=1)
+    assert gaps.max() <= radius * (1 + 1e-9)
+    for clip, own in enumerate(found.choices):
+        # The nearest segment of the cluster is not nearer than the nearest of all.
+        assert gaps[clips == clip].max() <= own.nearest + 1e-9 <= radius + 2e-9
+        assert own.clip == library.names[clip]
+    assert [share for _, share in found.curve] == sorted(share for _, share in found.curve)
+    assert found.curve[-1][1] == pytest.approx(1.0)
+    assert len(found.curve) == len(found.kept)
+
+
+def test_copies_are_dropped(with_copies):
+    found = datasets.curate(with_copies, radius=0.3)
+    for source, copy in ((0, 12), (5, 13), (7, 14)):
+        pair = found.choices[source], found.choices[copy]
+        assert sum(own.is_kept for own in pair) == 1
+        (dropped,) = (own for own in pair if not own.is_kept)
+        assert dropped.reason == "all segments are copies of kept ones"
+
+
+@few_examples(8)
+@given(share=st.floats(0.3, 1.0))
+def test_share_is_not_exceeded(with_copies, share):
+    found = datasets.curate(with_copies, keep=share)
+    assert found.kept_share <= share
+    wider = datasets.curate(with_copies, radius=found.radius)
+    assert wider.kept == found.kept
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"radius": 1.0, "keep": 0.1}, "together with `radius`"),
+        ({"radius": 0.0}, "`radius` must be"),
+        ({"keep": 1.5}, "`keep` must be"),
+        ({"keep": 0.001}, "`keep` must be at least"),
+        ({"part": "arms"}, "`group` must be one of"),
+    ],
+)
+def test_wrong_options_are_refused(with_copies, options, message):
+    with pytest.raises(ValueError, match=message):
+        datasets.curate(with_copies, **options)
+
+
+def test_too_few_segments_are_an_error(takes):
+    with pytest.warns(UserWarning, match="too few"):
+        library = mg.Library.build(takes[0][:8])
+    with pytest.raises(mg.InsufficientDataError, match="too few segments"):
+        datasets.curate(library)
+
+
+def test_command_prints_the_kept_files_and_writes_a_table(stored, tmp_path, capsys):
+    found = datasets.curate(stored, radius=3.0)
+    assert 0 < len(found.kept) < len(stored.names)
+    table = tmp_path / "kept.csv"
+    words = ["curate", str(stored.folder), "--radius", "3"]
+    assert main([*words, "-o", str(table)]) == 0
+    out, err = capsys.readouterr()
+    kept = [own for own in stored.entries if own.name in found.kept]
+    assert out.splitlines() == [own.source_file.path for own in kept]
+    assert "every other segment is within 3.000" in err
+    with table.open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["clip"] for row in rows if row["kept"] == "1"] == found.kept
+    assert all(row["reason"] for row in rows)
+    assert main([*words, "-o", str(table)]) == 1
+    assert "exist" in capsys.readouterr().err
+    assert main([*words, "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [own["clip"] for own in document["clips"] if own["is_kept"]] == found.kept
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        ("--keep 10% --radius 1", 2, "--keep cannot be combined with --radius"),
+        ("--keep 200%", 2, "must be a share from 0 to 1, or a percentage"),
+        ("--keep 0.1%", 1, "--keep must be at least"),
+        ("--part arms", 1, "must be one of lower, upper"),
+        ("-o {tmp}/a.bvh", 2, "-o must be a file that ends in .csv"),
+    ],
+)
+def test_mistakes_are_one_line(stored, tmp_path, capsys, words, code, message):
+    try:
+        found = main(["curate", str(stored.folder), *words.format(tmp=tmp_path).split()])
+    except SystemExit as stop:
+        found = stop.code
+    assert found == code
+    assert message in capsys.readouterr().err.splitlines()[-1]
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,178 @@
+"""Spans that move like a query are found exactly; words find their clips."""
+
+import itertools
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mograft as mg
+from mograft import datasets
+from mograft.cli import main
+from mograft.datasets.finding import _nearest_runs
+from tests.datasets.test_splits import turned
+from tests.strategies import few_examples
+
+
+@pytest.fixture(scope="module")
+def with_copies(takes):
+    """The takes, and a piece of the fourth that is turned, shifted and slower."""
+    piece = turned(takes[3][30:150], 2.0)
+    slow = replace(piece.resample(27.0), frame_time=takes[0].frame_time, name="slow", path=None)
+    return mg.Library.build([*takes, replace(piece, name="piece", path=None), slow])
+
+
+@few_examples(30)
+@given(
+    clip=st.integers(0, 5),
+    first=st.integers(0, 20),
+    n=st.integers(1, 6),
+    count=st.integers(1, 12),
+    groups=st.sampled_from([("lower",), ("upper",), ("lower", "upper")]),
+    seed=st.integers(0, 100),
+)
+def test_nearest_runs_match_exhaustive_search(stored, clip, first, n, count, groups, seed):
+    cut = stored.segments
+    own = cut.of_clip(clip)[first : first + n]
+    is_wanted = np.random.default_rng(seed).random(len(cut)) < 0.97
+    found, distances = _nearest_runs(stored, own, groups, is_wanted, count)
+    totals = {}
+    for run in range(len(cut) - len(own) + 1):
+        members = np.arange(run, run + len(own))
+        if len(set(cut.clip[members].tolist())) == 1 and is_wanted[members].all():
+            totals[run] = sum(
+                (
+                    (
+                        (stored.embedding[g].points[members] - stored.embedding[g].points[own])
+                        / stored.sigma[g]
+                    )
+                    ** 2
+                ).sum()
+                for g in groups
+            )
+    expected = []
+    for run in sorted(totals, key=totals.get):
+        if all(abs(run - other) >= len(own) for other in expected):
+            expected.append(run)
+    expected = expected[:count]
+    wanted = np.sqrt(np.array([totals[run] for run in expected]) / max(len(own), 1))
+    assert np.allclose(distances, wanted, atol=1e-7)
+    assert len(found) == len(expected)
+
+
+def test_copies_are_the_first_hits(with_copies):
+    source = with_copies.names[3]
+    hits = datasets.find(with_copies, source, frames=(60, 120), top=4)
+    assert {hit.clip for hit in hits[:2]} == {"piece", "slow"}
+    assert hits[0].clip == "piece"
+    assert hits[1].angle < np.radians(0.5) < hits[2].angle
+    assert abs(hits[0].start + 30 - 60) < 20
+    assert [hit.angle for hit in hits] == sorted(hit.angle for hit in hits)
+
+
+@pytest.mark.parametrize("part", ["lower", "upper", None])
+def test_hits_overlap_neither_each_other_nor_the_query(with_copies, part):
+    name = with_copies.names[0]
+    hits = datasets.find(with_copies, name, frames=(50, 110), part=part, top=30)
+    spans = {}
+    for hit in hits:
+        spans.setdefault(hit.clip, []).append((hit.start, hit.stop))
+    assert all(stop <= 60 or start >= 100 for start, stop in spans.get(name, []))
+    for own in spans.values():
+        ordered = sorted(own)
+        assert all(one[1] <= two[0] for one, two in itertools.pairwise(ordered))
+
+
+def test_motion_outside_the_library_finds_its_copy(with_copies, takes):
+    query = turned(takes[3][40:140], -1.0)
+    hits = datasets.find(with_copies, replace(query, name="query"), frames=(20, 70), top=3)
+    assert {hits[0].clip, hits[1].clip} == {takes[3].name, "piece"}
+    assert hits[1].angle < np.radians(1.0)
+
+
+def test_words_find_names_tags_and_descriptions(takes):
+    tags = {
+        "p0_100": ["calm"],
+        "p1_100": ["text:a person waves to a friend"],
+        "p1_700": ["text:wave"],
+    }
+    library = mg.Library.build(takes, tags=tags)
+    find = datasets.find
+    assert [hit.clip for hit in find(library, text="calm")] == ["p0_100"]
+    assert {hit.clip for hit in find(library, text="p2")} == {"p2_100", "p2_700"}
+    assert [hit.clip for hit in find(library, text="wave*")] == ["p1_700", "p1_100"]
+    assert find(library, text="jump") == []
+    hits = find(library, "p0_100", frames=(30, 60), text="wave*", top=5)
+    assert hits
+    assert {hit.clip for hit in hits} <= {"p1_100", "p1_700"}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, "`query` or `text` is required"),
+        ({"text": '"'}, "`text` must be words"),
+        ({"query": "none"}, "`base` must be a clip"),
+        ({"query": "p0_100", "frames": (200, 900)}, "`frames` must be within 0 to 239"),
+        ({"query": "p0_100", "part": "arms"}, "`group` must be one of lower, upper"),
+        ({"query": "p0_100", "top": 0}, "`top`"),
+    ],
+)
+def test_wrong_queries_are_refused(stored, options, message):
+    with pytest.raises(ValueError, match=message):
+        datasets.find(stored, **options)
+
+
+def test_command_prints_the_hits_and_writes_a_page(stored, clip_folder, tmp_path, capsys):
+    page = tmp_path / "hits.html"
+    words = [
+        "find",
+        "p0_100",
+        str(stored.folder),
+        "--frames",
+        "1s-3s",
+        "--top",
+        "5",
+        "-o",
+        str(page),
+    ]
+    assert main(words) == 0
+    lines = capsys.readouterr().out.splitlines()
+    hits = datasets.find(stored, "p0_100", frames=(30, 90), top=5)
+    assert [line.split(" (")[0] for line in lines[:-1]] == [
+        f"{h.clip} {h.start}-{h.stop}" for h in hits
+    ]
+    assert lines[-1] == str(page)
+    assert "p0_100 30-90" in page.read_text()
+    file = str(next(clip_folder.glob("p0/p0_100.bvh")))
+    assert (
+        main(["find", file, str(stored.folder), "--frames", "30-90", "--top", "5", "--json"]) == 0
+    )
+    found = json.loads(capsys.readouterr().out)["hits"]
+    assert [hit["clip"] for hit in found] == [hit.clip for hit in hits]
+    assert main(["find", str(stored.folder), "--text", "p2"]) == 0
+    assert capsys.readouterr().out.splitlines() == ["p2_100: 240 frames", "p2_700: 240 frames"]
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        ("{lib}", 2, "got neither QUERY nor --text"),
+        ("{lib} --text x --part upper", 2, "--part requires QUERY"),
+        ("none {lib}", 1, "must be a clip"),
+        ("p0_100 {lib} -o {tmp}/a.png", 2, "-o must be a file that ends in .html"),
+        ("p0_100 {lib} --frames 1s-99s", 1, "--frames must be two or more frames within"),
+    ],
+)
+def test_mistakes_are_one_line(stored, tmp_path, capsys, words, code, message):
+    words = words.format(lib=stored.folder, tmp=tmp_path).split()
+    try:
+        found = main(["find", *words])
+    except SystemExit as stop:
+        found = stop.code
+    assert found == code
+    assert message in capsys.readouterr().err.splitlines()[-1]
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,326 @@
+"""Data sets in folders: the same bytes for any number of workers, also after kills."""
+
+import csv
+import hashlib
+import json
+import os
+import pickle
+import random
+import shutil
+import signal
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import mograft as mg
+from mograft import datasets
+from mograft._util.workers import worker_processes
+from mograft.cli import main
+from mograft.datasets import shards, writing
+
+RUN = """
+import sys
+from mograft.datasets import writing
+from mograft.cli import main
+writing.SHARD_SIZE = 5
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def contents(folder):
+    """The hash of every file of a folder, by name."""
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+@pytest.fixture(scope="module")
+def windows(stored):
+    return datasets.augment(stored, seconds=2.0, split="auto:clip", seed=4, variants=2)
+
+
+@pytest.fixture(autouse=True)
+def small_shards(monkeypatch):
+    monkeypatch.setattr(writing, "SHARD_SIZE", 5)
+
+
+@pytest.mark.parametrize("format_", list(shards.FORMATS))
+def test_executors_give_the_same_bytes(windows, tmp_path, format_):
+    if format_ == "parquet":
+        pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+    datasets.write(windows, tmp_path / "one", 12, format=format_)
+    with worker_processes(2) as executor:
+        datasets.write(windows, tmp_path / "two", 12, format=format_, executor=executor)
+    with ThreadPoolExecutor(3) as executor:
+        datasets.write(windows, tmp_path / "three", 12, format=format_, executor=executor)
+    found = contents(tmp_path / "one")
+    assert found == contents(tmp_path / "two") == contents(tmp_path / "three")
+    manifest = json.loads((tmp_path / "one/manifest.json").read_text())
+    listed = {own["file"]: own["sha256"] for shard in manifest["shards"] for own in shard["files"]}
+    assert listed == {
+        k: v for k, v in found.items() if k not in ("manifest.json", "provenance.csv")
+    }
+    assert sum(shard["windows"] for shard in manifest["shards"]) == 12
+
+
+def test_dask_gives_the_same_bytes(windows, tmp_path):
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
+    datasets.write(windows, tmp_path / "one", 12)
+    cluster = distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
+    )
+    with cluster, distributed.Client(cluster) as client:
+        datasets.write(windows, tmp_path / "two", 12, executor=client.get_executor())
+    assert contents(tmp_path / "one") == contents(tmp_path / "two")
+
+
+def test_rows_are_those_of_the_jobs(windows, tmp_path):
+    datasets.write(windows, tmp_path / "set", 12)
+    found = datasets.read_set(tmp_path / "set")
+    assert len(found) == 12
+    job, expected = 0, []
+    while len(expected) < 12:
+        expected += windows.run_job(job).windows
+        job += 1
+    for index, window in enumerate(expected[:12]):
+        for row in (found[index], pickle.loads(pickle.dumps(found))[index - 12]):
+            assert set(row) == {*window.features, "index"}
+            assert all(np.array_equal(row[k], v) for k, v in window.features.items())
+    with (tmp_path / "set/provenance.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [int(row["window"]) for row in rows] == sorted(int(row["window"]) for row in rows)
+    assert len(rows) == sum(len(window.provenance) for window in expected[:12])
+    report = found.manifest["report"]
+    assert report["bases"] == len({row["base"] for row in rows})
+    assert report["new_frames"] >= windows.min_new
+
+
+def test_parquet_rows_are_those_of_npz(windows, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
+    for format_ in ("npz", "parquet"):
+        datasets.write(windows, tmp_path / format_, 7, format=format_)
+    rows = []
+    for path in sorted((tmp_path / "parquet").glob("*.parquet")):
+        rows += parquet.read_table(path).to_pylist()
+    for index, (one, two) in enumerate(zip(datasets.read_set(tmp_path / "npz"), rows, strict=True)):
+        assert two["window"] == index
+        assert all(one[name].ravel().tolist() == two[name] for name in two if name != "window")
+
+
+def test_motion_files_hold_the_windows(windows, tmp_path):
+    datasets.write(windows, tmp_path / "set", 6, format="bvh")
+    files = sorted((tmp_path / "set").rglob("*.bvh"))
+    expected = [*windows.run_job(0).windows, *windows.run_job(1).windows][:6]
+    for path, window in zip(files, expected, strict=True):
+        motion = mg.read_bvh(path)
+        assert motion.rotations == pytest.approx(window.features["rotations"], abs=1e-5)
+    with pytest.raises(ValueError, match="format npz, got bvh"):
+        datasets.read_set(tmp_path / "set")
+
+
+def test_fewer_windows_are_written_if_no_more_exist(takes, tmp_path):
+    library = mg.Library.build([take[:80] for take in takes[:2]])
+    numbers = []
+    for min_new in (0.0, 0.3, 1.0):
+        windows = datasets.augment(library, seconds=2.0, min_new=min_new, variants=8)
+        folder = tmp_path / f"{min_new}"
+        manifest = datasets.write(windows, folder, 100_000)
+        numbers.append(manifest["report"]["windows"])
+        assert datasets.write(windows, folder, 100_000, resume=True) == manifest
+    assert 0 < numbers[0] < 100_000
+    assert numbers == sorted(numbers, reverse=True)
+    text = (tmp_path / "0.0/provenance.csv").read_text()
+    assert len(set(text.splitlines())) == len(text.splitlines())
+
+
+class _Killed(Exception):
+    pass
+
+
+def test_interrupted_calls_are_continued_with_the_same_bytes(windows, tmp_path, monkeypatch):
+    datasets.write(windows, tmp_path / "whole", 23)
+    expected = contents(tmp_path / "whole")
+    write_bytes = writing.write_bytes
+    write_shard = shards.write_bytes
+    write_text = writing.write_text
+    for stop in range(1, 30):
+        steps = iter(range(100))
+
+        def counted(function, steps=steps, stop=stop):
+            def call(*arguments):
+                if next(steps) == stop:
+                    raise _Killed
+                function(*arguments)
+
+            return call
+
+        monkeypatch.setattr(writing, "write_bytes", counted(write_bytes))
+        monkeypatch.setattr(shards, "write_bytes", counted(write_shard))
+        monkeypatch.setattr(writing, "write_text", counted(write_text))
+        try:
+            datasets.write(windows, tmp_path / "cut", 23)
+            is_cut = False
+        except _Killed:
+            is_cut = True
+        monkeypatch.undo()
+        monkeypatch.setattr(writing, "SHARD_SIZE", 5)
+        datasets.write(windows, tmp_path / "cut", 23, resume=True)
+        assert contents(tmp_path / "cut") == expected, stop
+        shutil.rmtree(tmp_path / "cut")
+        if not is_cut:
+            break
+    assert stop > 10
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends SIGKILL to a group of processes")
+def test_killed_commands_are_continued_with_the_same_bytes(stored, tmp_path):
+    words = ["augment", str(stored.folder), "-n", "40", "--seconds", "1", "--seed", "2"]
+    assert main([*words, "-o", str(tmp_path / "whole")]) == 0
+    expected, rng = contents(tmp_path / "whole"), random.Random(1)
+    script = [sys.executable, "-c", RUN, *words, "-o", str(tmp_path / "cut"), "-j", "2"]
+    n_killed = 0
+    for _ in range(30):
+        resume = ["--resume"] if (tmp_path / "cut").is_dir() else []
+        process = subprocess.Popen(
+            [*script, *resume],
+            start_new_session=True,
+            stderr=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
+        try:
+            process.communicate(timeout=rng.uniform(0.5, 2.5))
+            assert process.returncode == 0
+            break
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+            n_killed += 1
+    subprocess.run([*script, "--resume"], check=True, capture_output=True)
+    assert n_killed
+    assert contents(tmp_path / "cut") == expected
+
+
+def test_folder_of_other_options_is_refused(windows, stored, tmp_path):
+    datasets.write(windows, tmp_path / "set", 5)
+    before = contents(tmp_path / "set")
+    with pytest.raises(FileExistsError, match="exists"):
+        datasets.write(windows, tmp_path / "set", 5)
+    other = datasets.augment(stored, seconds=2.0, seed=5)
+    with pytest.raises(ValueError, match="other options"):
+        datasets.write(other, tmp_path / "set", 5, resume=True)
+    assert contents(tmp_path / "set") == before
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes/a.txt").write_text("mine")
+    with pytest.raises(FileExistsError, match="other files"):
+        datasets.write(windows, tmp_path / "notes", 5, resume=True)
+
+
+def test_damaged_shard_is_named(windows, tmp_path):
+    datasets.write(windows, tmp_path / "set", 5)
+    path = tmp_path / "set/shard-00000.npz"
+    path.write_bytes(path.read_bytes()[:-1])
+    with pytest.raises(mg.MograftError, match=r"shard-00000.npz has changed"):
+        datasets.write(windows, tmp_path / "set", 5, resume=True)
+    with pytest.raises(mg.MograftError, match=r"shard-00000.npz is missing or has changed"):
+        _ = datasets.read_set(tmp_path / "set")[0]
+
+
+class _Dying:
+    """Windows whose worker ends without a result."""
+
+    def __reduce__(self):
+        return os._exit, (9,)
+
+
+def test_killed_worker_is_an_error_and_whole_shards_remain(windows, tmp_path, monkeypatch):
+    dumps = pickle.dumps
+    with worker_processes(2) as executor:
+        monkeypatch.setattr(writing.pickle, "dumps", lambda _: dumps(_Dying()))
+        with pytest.raises(mg.MograftError, match="a worker process was killed"):
+            datasets.write(windows, tmp_path / "set", 5, executor=executor)
+    monkeypatch.undo()
+    monkeypatch.setattr(writing, "SHARD_SIZE", 5)
+    datasets.write(windows, tmp_path / "set", 5, resume=True)
+    assert len(datasets.read_set(tmp_path / "set")) == 5
+
+
+def test_library_that_changes_meanwhile_is_an_error(clip_folder, tmp_path):
+    for path in clip_folder.glob("p0/*.bvh"):
+        shutil.copy(path, tmp_path)
+    windows = datasets.augment(mg.Library.index(tmp_path, tmp_path / "lib"), seconds=2.0)
+    shutil.copy(next(clip_folder.glob("p1/*.bvh")), tmp_path)
+    mg.Library.open(tmp_path / "lib").add(tmp_path)
+    with worker_processes(2) as executor, pytest.raises(mg.LibraryError, match="changed"):
+        datasets.write(windows, tmp_path / "set", 5, executor=executor)
+
+
+def test_library_in_memory_needs_no_executor(takes, tmp_path):
+    windows = datasets.augment(mg.Library.build(takes[:2]), seconds=2.0)
+    with ThreadPoolExecutor(1) as executor, pytest.raises(ValueError, match="`executor`"):
+        datasets.write(windows, tmp_path / "set", 5, executor=executor)
+    assert not (tmp_path / "set").exists()
+    assert datasets.write(windows, tmp_path / "set", 5)["report"]["windows"] == 5
+
+
+def test_command_and_python_give_the_same_bytes(stored, tmp_path, capsys):
+    words = f"augment {stored.folder} -o {tmp_path}/cli -n 9 --seconds 1.5 --split auto:tag:p* "
+    words += "--part train --features root,contacts --variants 2 --min-new 0.4 --seed 7 --json "
+    words += "--bases p* --variety 0.8"
+    assert main(words.split()) == 0
+    out, err = capsys.readouterr()
+    library = stored.relabelled(mg.Config.with_variety(0.8))
+    windows = datasets.augment(
+        library,
+        seconds=1.5,
+        split="auto:tag:p*",
+        features=["root", "contacts"],
+        variants=2,
+        min_new=0.4,
+        seed=7,
+    )
+    manifest = datasets.write(windows, tmp_path / "python", 9)
+    assert contents(tmp_path / "cli") == contents(tmp_path / "python")
+    assert json.loads(out) == {"schema": manifest["schema"], **manifest}
+    assert "9 windows, 13.5 s" in err
+    assert "clips; " in err
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        ("-o {out} -n 5 --resume", 1, "No such folder"),
+        ("-o {full} -n 5", 1, "exists; use --resume to continue it"),
+        ("-o {out} -n 5 --split none.csv", 1, "none.csv"),
+        ("-o {out} -n 5 --split auto:clips", 1, "--split must be a file, auto:clip"),
+        ("-o {out} -n 5 --bases none", 1, "--bases must match"),
+        ("-o {out} -n 5 --features roots", 1, "did you mean 'root'?"),
+        ("-o {out}.bvh -n 5", 2, "-o must be a folder"),
+        ("-o {out} -n 0", 2, "--count: must be an integer of at least 1"),
+    ],
+)
+def test_mistakes_are_one_line_and_write_nothing(stored, tmp_path, capsys, words, code, message):
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full/a.txt").write_text("mine")
+    words = words.format(out=tmp_path / "out", full=tmp_path / "full").split()
+    try:
+        found = main(["augment", str(stored.folder), *words])
+    except SystemExit as stop:
+        found = stop.code
+    err = capsys.readouterr().err
+    assert found == code
+    assert message in err.splitlines()[-1]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["full"]
+
+
+def test_motion_files_need_one_process(clip_folder, tmp_path, capsys):
+    files = sorted(map(str, clip_folder.glob("p0/*.bvh")))
+    assert main(["augment", *files, "-o", str(tmp_path / "a"), "-n", "3"]) == 0
+    with pytest.raises(SystemExit):
+        main(["augment", *files, "-o", str(tmp_path / "b"), "-n", "3", "-j", "2"])
+    assert "--jobs requires a library in a folder" in capsys.readouterr().err
+    assert not (tmp_path / "b").exists()
