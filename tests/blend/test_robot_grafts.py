@@ -14,6 +14,8 @@ from tests.io.robot_files import G1, G1_MODEL, needs_g1, write_walks
 from tests.motion.test_hinges import motion_on_hinges, off_axis, random_skeleton
 from tests.strategies import SEEDS, few_examples, smooth_rotations
 
+pytestmark = pytest.mark.filterwarnings("ignore:frames per second of robot tables")
+
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory):

@@ -15,6 +15,8 @@ from mograft.motion.hinges import TableLayout
 from tests.io.robot_files import random_robot, smooth_angles, to_mjcf, write_walks
 from tests.strategies import SEEDS, few_examples
 
+pytestmark = pytest.mark.filterwarnings("ignore:frames per second of robot tables")
+
 
 @pytest.fixture(scope="module")
 def walks(tmp_path_factory):

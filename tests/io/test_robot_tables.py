@@ -9,9 +9,11 @@ import mograft as mg
 from mograft.io.robots.poses import Pose, to_motion, to_pose
 from mograft.motion import rotations
 from mograft.motion.hinges import TableLayout
+from tests.fuzz import robots as fuzz_robots
 from tests.io.robot_files import G1, G1_MODEL, needs_g1, random_robot, smooth_angles, to_mjcf
 from tests.strategies import SEEDS, few_examples
 
+pytestmark = pytest.mark.filterwarnings("ignore:frames per second of robot tables")
 ORDERS = {"wxyz": [3, 0, 1, 2], "xyzw": [0, 1, 2, 3]}
 LEG = """<body name="{side}_thigh" pos="0 {y} 0">
 <joint name="{side}_hip" axis="0 1 0" range="-1 1"/>
@@ -157,7 +159,8 @@ def test_read_table_times_give_the_rate_and_options_replace_it(biped, tmp_path):
     mg.write(clips[0], tmp_path / "again.csv")
     assert (tmp_path / "again.csv").read_text() == path.read_text()
     plain = written(tmp_path, table_text(pose), "dance.csv")
-    assert mg.read(plain, skeleton=biped)[0].rate == 30
+    with pytest.warns(UserWarning, match="frames per second of robot tables: 30 is assumed"):
+        assert mg.read(plain, skeleton=biped)[0].rate == 30
     assert "is assumed" in mg.read(plain, skeleton=biped).notes[2]
 
 
@@ -373,3 +376,8 @@ def test_write_tracker_g1_matches_the_file_that_trainers_read(tmp_path):
     mg.formats.write_tracker(table, tmp_path / "b.npz")
     places = np.load(tmp_path / "b.npz")["body_pos_w"][:-1]
     np.testing.assert_allclose(places, expected["body_pos_w"], atol=1e-4)
+
+
+def test_read_damaged_files_return_a_motion_or_raise_format_error(tmp_path):
+    valid = sum(fuzz_robots.check(seed, tmp_path) for seed in (*fuzz_robots.SEEDS, *range(150)))
+    assert 5 < valid < 120

@@ -60,7 +60,7 @@ def robot_checks(motion: Motion, floor_reference: Motion | None = None) -> dict[
         100.0 * (contact > 0.0).mean(),
         100.0 * np.maximum(depths, 0.0).max(initial=0.0),
     )
-    return dict(zip(UNITS, map(float, values), strict=True))
+    return dict(zip(UNITS, np.round(values, 9).tolist(), strict=True))  # less is rounding
 
 
 def _share_outside(motion: Motion, hinges: Hinges, poses: Poses, base: Motion | None) -> float:

@@ -1,6 +1,7 @@
 """Tables of joint angles: CSV files with the root and the angle of each hinge in every frame."""
 
 import os
+import warnings
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -224,8 +225,9 @@ def _frame_time(
         if fnmatchcase(path.name, pattern) or fnmatchcase(path.stem, pattern):
             return 1.0 / rate, f"{rate:g}, as stated"
     if columns.time is None or len(values) == 1:
-        rate = poses.DEFAULT_RATE
-        return 1.0 / rate, f"{rate:g} is assumed; the file states none (--fps)"
+        text = f"{poses.DEFAULT_RATE:g} is assumed; the file states none (--fps)"
+        warnings.warn(f"frames per second of robot tables: {text}", stacklevel=2)
+        return 1.0 / poses.DEFAULT_RATE, text
     steps = np.diff(values[:, columns.time])
     seconds = float(steps.mean())
     if seconds <= 0.0 or np.abs(steps - seconds).max() > 0.1 * seconds:
