@@ -489,10 +489,14 @@ def test_motions_get_donors_of_files_that_are_added(make_session, dances):
 
 def test_motions_remain_with_the_groups_with_which_they_were_made(session):
     before = hash_poses(graft_of(session, "m1").motion)
+    clip = session.figure("clip", "one")
     do(session, "set_groups", preset="lower_torso_arms")
     session.flush()
     assert session.state()["groups"]["names"] == ["lower", "torso", "arms"]
     assert hash_poses(graft_of(session, "m1").motion) == before
+    assert session.figure("base", "m1")["groups"] == ["lower", "upper"]
+    assert session.figure("clip", "one")["groups"] == ["lower", "torso", "arms"]
+    assert session.figure("clip", "one")["hash"] != clip["hash"]
     do(session, "ban", **segment_of(session, "m1", 4))
     do(session, "make", base="two", count=1)
     assert set(graft_of(session, "m4").alternatives) == {"torso", "arms"}
