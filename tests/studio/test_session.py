@@ -489,10 +489,14 @@ def test_motions_get_donors_of_files_that_are_added(make_session, dances):
 
 def test_motions_remain_with_the_groups_with_which_they_were_made(session):
     before = hash_poses(graft_of(session, "m1").motion)
+    clip = session.figure("clip", "one")
     do(session, "set_groups", preset="lower_torso_arms")
     session.flush()
     assert session.state()["groups"]["names"] == ["lower", "torso", "arms"]
     assert hash_poses(graft_of(session, "m1").motion) == before
+    assert session.figure("base", "m1")["groups"] == ["lower", "upper"]
+    assert session.figure("clip", "one")["groups"] == ["lower", "torso", "arms"]
+    assert session.figure("clip", "one")["hash"] != clip["hash"]
     do(session, "ban", **segment_of(session, "m1", 4))
     do(session, "make", base="two", count=1)
     assert set(graft_of(session, "m4").alternatives) == {"torso", "arms"}
@@ -657,3 +661,32 @@ def test_locks_are_those_of_whole_segments(session):
         ("upper", cut[2]["first"], cut[3]["last"]),
         ("upper", cut[5]["first"], cut[6]["last"]),
     )
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        ("--project {missing} -o {out}", 1, "missing.json: No such file"),
+        ("--project {bad} -o {out}", 3, "bad.json: records: is missing"),
+        ("--project {bad} -o {out}.bvh", 2, "-o must be a folder"),
+        ("--project {bad} -o {out} --seed 3", 2, "--seed cannot be combined"),
+        ("--project {bad} {bad} -o {out}", 2, "LIB|FILE cannot be combined"),
+    ],
+)
+def test_command_names_what_is_wrong_with_a_project(tmp_path, capsys, words, code, message):
+    places = {name: tmp_path / f"{name}.json" for name in ("missing", "bad")}
+    places["bad"].write_text('{"format": "mograft.project/1"}')
+    given = words.format(**places, out=tmp_path / "out").split()
+    try:
+        found = main(["graft", *given])
+    except SystemExit as error:  # a mistake in the command line
+        found = error.code
+    assert found == code
+    assert message in capsys.readouterr().err
+    assert sorted(own.name for own in tmp_path.iterdir()) == ["bad.json"]
+
+
+def test_command_refuses_a_project_without_kept_motions(session, tmp_path, capsys):
+    session.flush()
+    assert main(["graft", "--project", str(session.file.path), "-o", str(tmp_path / "out")]) == 1
+    assert "no motion is kept" in capsys.readouterr().err
