@@ -34,9 +34,6 @@ class ShardFormat(ABC):
     def files(self, number: int, first: int, windows: Sequence[Window]) -> Files:
         """Return the files of a shard, whose first window has the index `first`."""
 
-    def check(self) -> None:  # noqa: B027 - most formats need no package
-        """Raise ModuleNotFoundError if a package is missing."""
-
 
 class NpzShards(ShardFormat):
     """One NPZ file per shard: for each feature an array whose first axis is the window."""
@@ -52,10 +49,6 @@ class NpzShards(ShardFormat):
 
 class ParquetShards(ShardFormat):
     """One Parquet file per shard: a row per window, and a list of numbers for each feature."""
-
-    def check(self) -> None:
-        """As `ShardFormat.check`."""
-        import_extra("pyarrow.parquet", "Parquet needs pyarrow", "parquet")
 
     def files(self, number: int, first: int, windows: Sequence[Window]) -> Files:
         """As `ShardFormat.files`."""
