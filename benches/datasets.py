@@ -9,7 +9,8 @@ skeleton. It prints
 - ``split``: what the choice of a part costs without and with the comparison of motions;
 - ``find`` and ``curate``: their times, of `find` also in a new process;
 - ``coverage``: distances of the segments of held-out clips from the segments of chosen ones, for
-  `curate`, random clips, k-means and farthest points at equal numbers of frames.
+  `curate`, random clips, k-means and farthest points at equal numbers of frames; and the greatest
+  distance of a segment that could have been chosen.
 
 Peak memory is the greatest resident set of one process.
 """
@@ -186,8 +187,9 @@ def measure_coverage(library, shares):
     means = np.stack([points[clips == clip].mean(axis=0) for clip in even])
     held_out = np.flatnonzero(clips % 2 == 1)
     budget_of = frames[even].sum()
-    print("\n| choice | frames | clips | held-out segments within 1 | mean distance |")
-    print("|---|--:|--:|--:|--:|")
+    print("\n| choice | frames | clips | held-out within 1 | mean distance | 99 % | greatest |")
+    print("|---|--:|--:|--:|--:|--:|--:|")
+    mine = np.flatnonzero(clips % 2 == 0)
     for share in shares:
         rng = np.random.default_rng(0)
         kept = datasets.curate(half, keep=share / 2).kept
@@ -218,9 +220,11 @@ def measure_coverage(library, shares):
             low, high = np.percentile(draws, [2.5, 97.5])
             used = np.mean([frames[own].sum() for own in choices]) / budget_of
             n_clips = np.mean([len(own) for own in choices])
+            worst = [nearest(points[mine], points[np.isin(clips, own)]).max() for own in choices]
             print(
                 f"| {name} | {used:.1%} | {n_clips:.0f} | {(gaps <= 1).mean():.1%} | "
-                f"{np.mean(by_clip):.3f} ({low:.3f} to {high:.3f}) |"
+                f"{np.mean(by_clip):.3f} ({low:.3f} to {high:.3f}) | "
+                f"{np.percentile(gaps, 99):.2f} | {np.mean(worst):.2f} |"
             )
 
 
