@@ -1,5 +1,7 @@
 """Latency of `mograft stream`: the time of replies over sockets, and of calls in the process.
 
+The last line has the intervals between the packets of `mograft play`, and how late each is.
+
     python benches/stream.py
 
 The client sends one frame at a time and waits for the reply; the server is another process.
@@ -7,9 +9,11 @@ The client sends one frame at a time and waits for the reply; the server is anot
 
 import argparse
 import json
+import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from contextlib import chdir, contextmanager
 from pathlib import Path
@@ -24,6 +28,7 @@ from stream_client import StreamClient
 import mograft as mg
 from benches._common import run
 from mograft.dancer import dance
+from mograft.stream.live import Sender, play
 
 HORIZONS = (1, 8)
 
@@ -95,6 +100,25 @@ def print_row(name, seconds, free, rate):
     print(f"{name:28} {cells[0]}   {cells[1]}   {delay:8.2f}")
 
 
+def print_jitter(motion):
+    """Print by how many milliseconds packets of a motion are later than their times."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+        out.bind(("127.0.0.1", 0))
+        out.settimeout(60.0)
+        with Sender(("127.0.0.1", out.getsockname()[1])) as sender:
+            words = (motion, sender, lambda seconds: time.sleep(seconds))
+            thread = threading.Thread(target=play, args=words)
+            thread.start()
+            arrivals = np.array(
+                [(out.recv(65_536), time.perf_counter())[1] for _ in motion.rotations]
+            )
+            thread.join()
+    late = (arrivals - arrivals[0] - np.arange(len(arrivals)) * motion.frame_time) * 1e3
+    late -= late.min()
+    values = np.percentile(late, [50, 99, 100])
+    print(f"{'VMC, play: late':28} {' '.join(f'{value:7.2f}' for value in values)}")
+
+
 def report(options):
     n_dances, n_frames = (1, 240) if options.tiny else (13, None)
     # The path of a socket has at most about 100 bytes.
@@ -114,6 +138,7 @@ def report(options):
                     ("Unix socket", time_socket(unix, base, horizon)),
                 ):
                     print_row(f"{name}, horizon {horizon}", *times, library.rate)
+        print_jitter(base[: 60 if options.tiny else 900])
 
 
 def main(argv=None):

@@ -15,6 +15,9 @@ FETCHED = Path(__file__).parents[1] / ".clients"
 
 NODE_MODULES = Path(os.environ.get("MOGRAFT_NODE_MODULES") or FETCHED / "node_modules").resolve()
 
+AXE = Path(os.environ.get("MOGRAFT_AXE") or FETCHED / "axe/node_modules/axe-core/axe.min.js")
+"""The script of axe-core, which finds faults of accessibility in pages."""
+
 _VALIDATE = """
 const validator = require("gltf-validator");
 const data = require("fs").readFileSync(process.argv[2]);

@@ -1,7 +1,8 @@
 """Download the programs that read files of mograft into ``.clients``, and install mograft-fbx.
 
-The glTF validator has the version and the SHA-512 of ``gltf_validator/package-lock.json``, which
-npm checks. The crates of mograft-fbx have the versions and the SHA-256 of its ``Cargo.lock``.
+The glTF validator and axe-core have the versions and the SHA-512 of ``gltf_validator`` and
+``axe/package-lock.json``, which npm checks. The crates of mograft-fbx have the versions and the
+SHA-256 of its ``Cargo.lock``.
 Chromium is downloaded only if none is installed, by playwright, whose version determines its
 version; playwright checks no hash. ``MOGRAFT_NO_CHROMIUM=1`` prevents this download.
 
@@ -18,7 +19,7 @@ import sys
 from pathlib import Path
 
 from tests.browser import executable
-from tests.clients import FETCHED, NODE_MODULES
+from tests.clients import AXE, FETCHED, NODE_MODULES
 
 LOCKED = Path(__file__).with_name("gltf_validator")
 """Folder of ``package.json`` and of the lock file with the hash of the glTF validator."""
@@ -31,6 +32,7 @@ def fetch():
     """Download the missing programs, and install mograft-fbx."""
     FETCHED.mkdir(exist_ok=True)
     print(f"Khronos glTF validator: {_validator()}", flush=True)
+    print(f"axe-core: {_axe()}", flush=True)
     print(f"Chromium: {_chromium()}", flush=True)
     print(f"mograft-fbx: {_fbx()}", flush=True)
 
@@ -62,6 +64,17 @@ def install_locked(npm, folder, source=LOCKED):
         shutil.copyfile(source / name, folder / name)
     words = [npm, "ci", "--prefix", str(folder), "--no-audit", "--no-fund", "--ignore-scripts"]
     return _run([*words, "--fetch-retries=1", "--fetch-timeout=30000"])
+
+
+def _axe():
+    if AXE.exists():
+        return str(AXE)
+    npm = shutil.which("npm")
+    if npm is None:
+        return "skipped: npm is not installed"
+    folder = FETCHED / "axe"
+    folder.mkdir(exist_ok=True)
+    return install_locked(npm, folder, Path(__file__).with_name("axe"))
 
 
 def _chromium():

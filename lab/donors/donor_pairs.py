@@ -38,7 +38,8 @@ def list_donors(library, methods, segments, selected):
     """Return, for each method, the donors of each of `segments`, without the segment itself.
 
     The donors are those in `selected`, the result of `selected_donors`; for methods that are not
-    in it, all candidates.
+    in it, all candidates. Raises ValueError if a method selects an excluded donor, such as a
+    segment that is held out.
     """
     found = {}
     for method in methods:
@@ -49,10 +50,13 @@ def list_donors(library, methods, segments, selected):
                 candidates = [selected[method.name][segment] for segment in part.tolist()]
             else:
                 candidates = method.candidates(library, part)
-            donors += [
+            others = [
                 several[several != segment]
                 for segment, several in zip(part.tolist(), candidates, strict=True)
             ]
+            if not all(library.is_donor[own].all() for own in others):
+                raise ValueError(f"the method {method.name!r} selects held-out segments as donors")
+            donors += others
         found[method.name] = donors
     return found
 

@@ -4,10 +4,13 @@ The longest clip of each source, its first 450 frames, as its own library, besid
 at up to 20 placements at which the arms collide and nothing else does. Placements without a
 collision after `mograft.repair`; share of colliding frames that it removes and share of changed
 frames; mean seam gap. Null: the same repair with clusters of the same sizes whose members are
-random. The repair of whole bodies exchanges all joints together. Intervals resample placements;
+random. The repair of whole bodies exchanges all joints together. Nodes: the candidates near the
+violations, among which the last search of a repair chooses, beside those of the whole motion.
+Seconds of processor time of a repair. Intervals resample placements;
 neighbouring placements collide at similar frames, so that the intervals are too narrow.
 """
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +19,8 @@ import mograft as mg
 from lab.experiments.tables import Table, format_estimate
 from mograft.body.anatomy import anatomy
 from mograft.evaluation import estimate
+from mograft.solve.donor_repair import restrict_to_violations
+from mograft.solve.plan import GraftPlan
 
 NAME = "collisions"
 SOURCES = ("salsa A", "perfume", "indian", "basketball", "stage")
@@ -117,7 +122,11 @@ def _whole_body_library(clip):
 
 
 def _repair(library, clip, avoid, widest):
+    start = time.process_time()
     graft = mg.repair(library, constraints=[avoid], widest=widest)
+    seconds = time.process_time() - start
+    problem = GraftPlan.build(graft.library, None, None, [avoid]).problem
+    near = restrict_to_violations(problem, problem.captured_donors)
     after = int((avoid.errors(mg.Poses.from_motion(graft.motion))[0] > 1).sum())
     changed = (graft.motion.rotations != clip.rotations).any(axis=(1, 2)).mean()
     gaps = [seam.gap for seam in graft.seams]
@@ -126,9 +135,19 @@ def _repair(library, clip, avoid, widest):
         "changed": float(changed),
         "scale": graft.library.config.sigma_scale,
         "gap": float(np.degrees(np.mean(gaps))) if gaps else None,
+        "seconds": seconds,
+        "nodes": _count_nodes(near),
+        "all nodes": _count_nodes(problem),
     }
 
 
+def _count_nodes(problem):
+    """Return the number of candidates at all positions that have more than the base segment."""
+    counts = [len(own) for lists in problem.candidates.values() for own in lists]
+    return sum(count for count in counts if count > 1)
+
+
+_COSTS = ("seconds", "nodes", "all nodes")
 _REPAIRS = {
     "balls": "balls, the default",
     "clusters": "clusters",
@@ -159,6 +178,7 @@ def tables(results):
                     ),
                     f"{min(scales):.2f} to {max(scales):.2f}" if key != "whole" else "any",
                     format_estimate(_mean(gaps), 1, has_n=False) if gaps else "-",
+                    *(f"{np.median([own[key][k] for own in placements]):.4g}" for k in _COSTS),
                 )
             )
     pairs = {
@@ -170,6 +190,7 @@ def tables(results):
         for name, result in results.items()
     ]
     head = ("removed, %", "changed frames, %", "sigma_scale", "seam gap")
+    head += tuple(f"median {name}" for name in _COSTS)
     return {
         "repairs": Table(("source", "donors", "solved", "placements", *head), rows),
         "differences": Table(("source", *pairs), differences),

@@ -30,6 +30,7 @@ EXPERIMENTS = (
     "retrieval",
     "matched",
     "ablation",
+    "readings",
     "new_motions",
     "collisions",
     "counts",

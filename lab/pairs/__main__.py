@@ -13,16 +13,22 @@ from lab.experiments.run import RESULTS
 from lab.experiments.sources import SOURCES, TEST, Recordings, find_files, read_recordings
 from lab.pairs import raters
 from lab.pairs.analysis import prefer, read_key, read_results
-from lab.pairs.excerpts import ARMS, SECONDS, find_excerpts
+from lab.pairs.excerpts import ARMS, CHOICES, SECONDS, find_excerpts
 from lab.pairs.study import build_study
 
 N_PAIRS = 60
+MAX_CLIPS = 24  # of a source, evenly spaced
+TEST_SOURCES = tuple(
+    name for name in TEST if name not in ("actions and styles", "acting", "estimated")
+)
 QUICK_SECONDS = 1.0
 SHARES, PEOPLE = (0.5, 0.55, 0.6, 0.65, 0.7, 0.75), (12, 24, 48)
 
 
 def make(options):
     """Write the page and the key of a study into a new folder."""
+    if options.output.exists():
+        raise FileExistsError(f"{options.output}: expected a new folder")
     if options.quick:
         recordings = [Recordings("dancer", (tiny_motion(), tiny_motion(2)))]
     elif options.recordings:
@@ -34,6 +40,10 @@ def make(options):
         with tempfile.TemporaryDirectory() as folder:
             files = {own.name: find_files(own, options.data, Path(folder)) for own in chosen}
             recordings = [read_recordings(name, own) for name, own in files.items() if own]
+    recordings = [
+        Recordings(own.name, own.motions[:: -(-len(own.motions) // MAX_CLIPS)])
+        for own in recordings
+    ]
     count, seconds = (6, QUICK_SECONDS) if options.quick else (options.pairs, SECONDS)
     excerpts = find_excerpts(
         recordings,
@@ -110,8 +120,10 @@ def main(argv=None):
     own.add_argument("-o", "--output", type=Path, required=True, help="new folder")
     own.add_argument("--contact", required=True, help="name and address that the page shows")
     own.add_argument("--data", type=Path, default=Path(__file__).parents[3] / "shared" / "data")
-    own.add_argument("--sources", nargs="+", choices=SOURCES, default=TEST)
-    own.add_argument("--arms", nargs="+", default=ARMS, help="what grafts are compared with")
+    own.add_argument("--sources", nargs="+", choices=SOURCES, default=TEST_SOURCES)
+    own.add_argument(
+        "--arms", nargs="+", default=ARMS, choices=CHOICES, help="what grafts are compared with"
+    )
     own.add_argument("--pairs", type=int, default=N_PAIRS, help="pairs an arm (default: 60)")
     own.add_argument("--seed", type=int, default=0)
     own.add_argument("--quick", action="store_true", help="six seconds-long pairs of the dancer")

@@ -18,7 +18,8 @@ CHECK_DEGREES = 8.0
 
 CAPTURED, TARGET, CHECK = "captured", "graft", "check"
 ARMS = (CAPTURED, "random, same segments", "GenMM, upper body")
-"""What grafts are compared with by default: `CAPTURED`, and names of `GENERATORS`."""
+CHOICES = (CAPTURED, *(own.name for own in GENERATORS if own.name != TARGET))
+"""What grafts are compared with: by default, and all that they can be."""
 
 
 @dataclass(frozen=True, eq=False)

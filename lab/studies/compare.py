@@ -80,7 +80,7 @@ def main(argv=None):
     parser = argparse.ArgumentParser(prog="lab compare", description=__doc__.splitlines()[0])
     parser.add_argument("files", nargs="*", help="motion files, or one library")
     parser.add_argument("--only", nargs="+", choices=TOPICS, default=TOPICS)
-    parser.add_argument("--preset", choices=("default", "paper"), default="default")
+    parser.add_argument("--preset", choices=("default", "paper", "paper-rms"), default="default")
     parser.add_argument("--runs", type=int, default=4, help="grafts of each base and rule")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--quick", action="store_true", help="a few seconds of the dancer")
@@ -88,7 +88,8 @@ def main(argv=None):
     options = parser.parse_args(argv)
     if not options.files and not options.quick:
         parser.error("expected one library or at least one motion file, got none")
-    config = mg.Config.paper() if options.preset == "paper" else mg.Config()
+    sigma = "literal" if options.preset == "paper" else "rms"
+    config = mg.Config() if options.preset == "default" else mg.Config.paper(sigma=sigma)
     if options.quick:
         library = mg.Library.build([tiny_motion(1, 400), tiny_motion(2, 400)], config=config)
     elif Path(options.files[0]).is_dir():

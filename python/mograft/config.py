@@ -279,6 +279,9 @@ class Config:
 
         Notes
         -----
+        With eq. 14 as printed, sigma is so small that few segments have donors. With
+        ``sigma="rms"`` it is the root mean square, the usual geometric standard deviation.
+
         Results differ from the printed method in these points: the window of the cubic at a seam
         covers at most half of each segment, and there is no cubic if the window has no frame;
         stretched donors are interpolated by a curve through neighbouring frames of their clip;

@@ -130,7 +130,7 @@ MISTAKES = [
      "--scenario cannot be combined with --only-violations"),
     ("graft -o x", USAGE, "expected LIB or FILE"),
     ("candidates a.bvh --segment 1 --frame 2", USAGE, "one of --segment and --frame is required"),
-    ("stream a.bvh", USAGE, "one of --port and --socket is required"),
+    ("stream a.bvh", USAGE, "one of --port, --socket and --vmc-in is required"),
     ("plot pca a.bvh -o x.png --frames 1-5", USAGE, "--frames requires strip, timeline, energy"),
     ("plot strip a.bvh -o x.png --group lower", USAGE, "--group requires pca, dendrogram"),
     ("graft a.bvh -o x --scenario waltz", USAGE, "must be one of original, graph; got 'waltz'"),

@@ -80,6 +80,7 @@ CASES = [
         source="{walks}",
     ),
     Case("--preset paper --seed 3", mg.Config.paper(), call={"seed": 3}),
+    Case("--preset paper-rms", mg.Config.paper(sigma="rms")),
     Case("--variety 0.9", mg.Config.with_variety(0.9)),
     Case(
         "--set seam=offset --set temperature=2 --set self_repair=false -n 2",

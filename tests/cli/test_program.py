@@ -27,7 +27,7 @@ SHELLS = {
         ("mograft graft --vari", {"--variety"}),
         ("mograft graft --set tor", {"torso=world", "torso=pelvis"}),
         ("mograft lib ve", {"verify"}),
-        ("mograft graft --preset p", {"paper"}),
+        ("mograft graft --preset p", {"paper", "paper-rms"}),
     ],
 )
 def test_completion_shells_complete_commands_options_and_choices(

@@ -9,6 +9,8 @@ import mograft as mg
 from tests.io.robot_files import write_walks
 from tests.motion.test_hinges import off_axis
 
+pytestmark = pytest.mark.filterwarnings("ignore:frames per second of robot tables")
+
 
 @pytest.fixture(scope="module")
 def walks(tmp_path_factory):

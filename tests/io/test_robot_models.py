@@ -110,6 +110,20 @@ def test_read_model_g1_positions_match_mujoco():
         np.testing.assert_allclose(places[frame], data.xpos[ids], atol=1e-6)
 
 
+@pytest.mark.parametrize("order", ["xyz", "zyx", "XYZ", "YZX", "xzx"])
+def test_read_model_euler_angles_match_mujoco(tmp_path, order):
+    mujoco = pytest.importorskip("mujoco", reason="needs mujoco, the oracle")
+    shape = '<geom size="1" mass="1"/>'
+    inner = f'<body euler="20 -40 70">{shape}<joint name="j"/></body>'
+    text = (
+        f'<mujoco><compiler eulerseq="{order}"/><worldbody><body><freejoint/>{shape}{inner}</body>'
+    )
+    path = written(tmp_path, f"{text}</worldbody></mujoco>")
+    oracle = mujoco.MjModel.from_xml_path(str(path))
+    frame = mg.formats.read_model(path).hinges.frames[1]
+    np.testing.assert_allclose(abs(frame @ oracle.body_quat[2][[1, 2, 3, 0]]), 1.0, atol=1e-12)
+
+
 def test_read_model_reads_classes_and_their_defaults(tmp_path):
     top = (
         '<default><joint range="-1 1"/><default class="a"><joint axis="1 0 0"/>'

@@ -9,9 +9,11 @@ import mograft as mg
 from mograft.io.robots.poses import Pose, to_motion, to_pose
 from mograft.motion import rotations
 from mograft.motion.hinges import TableLayout
+from tests.fuzz import robots as fuzz_robots
 from tests.io.robot_files import G1, G1_MODEL, needs_g1, random_robot, smooth_angles, to_mjcf
 from tests.strategies import SEEDS, few_examples
 
+pytestmark = pytest.mark.filterwarnings("ignore:frames per second of robot tables")
 ORDERS = {"wxyz": [3, 0, 1, 2], "xyzw": [0, 1, 2, 3]}
 LEG = """<body name="{side}_thigh" pos="0 {y} 0">
 <joint name="{side}_hip" axis="0 1 0" range="-1 1"/>
@@ -157,7 +159,8 @@ def test_read_table_times_give_the_rate_and_options_replace_it(biped, tmp_path):
     mg.write(clips[0], tmp_path / "again.csv")
     assert (tmp_path / "again.csv").read_text() == path.read_text()
     plain = written(tmp_path, table_text(pose), "dance.csv")
-    assert mg.read(plain, skeleton=biped)[0].rate == 30
+    with pytest.warns(UserWarning, match="frames per second of robot tables: 30 is assumed"):
+        assert mg.read(plain, skeleton=biped)[0].rate == 30
     assert "is assumed" in mg.read(plain, skeleton=biped).notes[2]
 
 
@@ -211,7 +214,7 @@ def edited(text, row, column, cell):
         (3, 8, ["a"], "line 4: expected 11 finite numbers, got 'a'"),
         (3, 8, [], "line 4: expected 11 finite numbers, got 10 numbers"),
         (3, 8, ["1", "2"], "line 4: expected 11 finite numbers, got 12 numbers"),
-        (3, 4, ["0.9"], "in line 4"),
+        (3, 4, ["0.9"], "in frame 3"),
         (3, 8, ["9000"], "expected angles within the limits of left_knee_joint"),
         (3, 2, ["1e9"], "expected heights of the root in m, cm or mm"),
     ],
@@ -280,6 +283,7 @@ def test_write_tracker_is_read_back_in_both_orders(tmp_path_factory, seed, track
     arrays = np.load(folder / "a.npz")
     names = arrays["joint_names"].tolist()
     assert sorted(names) == sorted(model.hinges.names)
+    assert tracker != "mjlab" or names == list(model.hinges.names)
     column = names.index(model.hinges.names[-1])
     expected = to_pose(motion).angles[:, -1]
     np.testing.assert_allclose(arrays["joint_pos"][:, column], expected, atol=1e-6)
@@ -372,3 +376,8 @@ def test_write_tracker_g1_matches_the_file_that_trainers_read(tmp_path):
     mg.formats.write_tracker(table, tmp_path / "b.npz")
     places = np.load(tmp_path / "b.npz")["body_pos_w"][:-1]
     np.testing.assert_allclose(places, expected["body_pos_w"], atol=1e-4)
+
+
+def test_read_damaged_files_return_a_motion_or_raise_format_error(tmp_path):
+    valid = sum(fuzz_robots.check(seed, tmp_path) for seed in (*fuzz_robots.SEEDS, *range(150)))
+    assert 5 < valid < 120

@@ -3,24 +3,27 @@
 import ast
 import fnmatch
 import re
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.stats import ttest_1samp
 
 import mograft
 from lab import figures, plots
 from lab.__main__ import SECTIONS, main
 from lab.baselines.augmentation import N_COPIES, SCHEMES, LabelledClips, swap_sides
-from lab.experiments import cache, constants, learning, run, sources, tables
+from lab.experiments import balance, cache, constants, learning, readings, run, sources, tables
 from lab.experiments.run import RESULTS, ROOT
 from lab.measures.clip_features import clip_features
 from lab.studies import compare
 from mograft import Config, mirror, rotations
 from mograft.dancer import dance
-from tests.strategies import transform_motion
+from tests.strategies import SEEDS, transform_motion
 
 
 def test_constants_include_every_default_that_differs_from_the_paper():
@@ -72,6 +75,44 @@ def test_spread_divides_estimates_into_columns(tmp_path):
         "share share": "40",
     }
     assert set(second.values()) == {"b", ""}
+
+
+@given(SEEDS, st.integers(1, 3), st.integers(12, 60))
+def test_balance_pair_is_the_mean_over_segments_that_both_exchange(seed, n_runs, n_segments):
+    rng = np.random.default_rng(seed)
+
+    def draw():
+        states = rng.choice([0.0, 1.0, np.nan], (n_runs + 1, n_segments))
+        changed = rng.random((n_runs, n_segments)) < 0.7
+        cut = np.arange(n_segments)
+        return SimpleNamespace(states=lambda _: states, changed=changed, cut=cut)
+
+    first, second = draw(), draw()
+    differences = [
+        first.states("all")[run, k] - second.states("all")[run, k]
+        for run in range(n_runs)
+        for k in range(n_segments)
+        if first.changed[run, k] and second.changed[run, k]
+    ]
+    known = [own for own in differences if not np.isnan(own)]
+    found = balance.pair([first], [second])
+    assert found.n == len(known)
+    assert found.value == pytest.approx(np.mean(known) if known else np.nan, nan_ok=True)
+    assert balance.pair([second], [first]).value == pytest.approx(-found.value, nan_ok=True)
+
+
+def test_readings_euler_angles_of_hinges_have_the_clusters_of_rotation_vectors():
+    """Joints that turn about one axis have the same angles in both coordinates."""
+    clip = dance(seed=2, strides=1).motion
+    turns = rotations.log(clip.rotations)
+    turns[..., 1:] = 0.0
+    hinged = replace(clip, rotations=rotations.exp(turns), channel_values=None)
+    library = mograft.Library.build(hinged, config=Config.paper(sigma="rms"))
+    found = readings._with_euler_angles(library)
+    for group, labels in library.labels.items():
+        other = found.labels[group]
+        first, second = (own[:, None] == own for own in (labels, other))
+        assert (first & second).sum() > 0.98 * (first | second).sum() > len(labels), group
 
 
 FEW_TOPICS = ("combinations", "quality", "balance")

@@ -251,6 +251,8 @@ def test_page_played_by_a_script_makes_results_that_are_read(study, width, tmp_p
 def test_commands_make_a_study_and_analyse_it(tmp_path, capsys):
     folder = tmp_path / "study"
     main(["make", "--quick", "--contact", "A", "-o", str(folder)])
+    with pytest.raises(FileExistsError, match="expected a new folder"):
+        main(["make", "--quick", "--contact", "A", "-o", str(folder)])
     key = json.loads((folder / "key.json").read_text(encoding="utf-8"))
     rng, shares = np.random.default_rng(1), {arm: k / 2 for k, arm in enumerate(ARMS, 1)}
     shares = {arm: min(max(own, 0.02), 0.98) for arm, own in shares.items()}

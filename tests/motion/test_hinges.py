@@ -1,4 +1,4 @@
-"""Laws of `keep_on_hinges`: axes, limits, what stays, continuity."""
+"""Laws of `Hinges.keep`: axes, limits, what stays, continuity."""
 
 import numpy as np
 from hypothesis import given
@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from mograft import Motion
 from mograft.io.robots.poses import Pose, to_motion
 from mograft.motion import rotations
-from mograft.motion.hinges import Hinges, TableLayout, keep_on_hinges
+from mograft.motion.hinges import Hinges, TableLayout
 from mograft.motion.skeleton import Skeleton
 from tests.io.robot_files import smooth_angles
 from tests.strategies import SEEDS, few_examples, smooth_rotations
@@ -46,7 +46,7 @@ def motion_on_hinges(skeleton, rng, n_frames, share=0.8):
 
 
 def kept(skeleton, quats, reference, is_moved):
-    return keep_on_hinges(skeleton.hinges, skeleton.parents, quats, reference, is_moved, RATE)
+    return skeleton.hinges.keep(skeleton.parents, quats, reference, is_moved, RATE)
 
 
 def off_axis(hinges, quats):
@@ -58,7 +58,7 @@ def off_axis(hinges, quats):
 
 @few_examples(40)
 @given(seed=SEEDS, n_frames=st.integers(1, 60))
-def test_keep_on_hinges_random_rotations_turn_about_axes_within_limits(seed, n_frames):
+def test_hinges_keep_random_rotations_turn_about_axes_within_limits(seed, n_frames):
     rng = np.random.default_rng(seed)
     skeleton = random_skeleton(rng)
     hinges = skeleton.hinges
@@ -82,7 +82,7 @@ def test_keep_on_hinges_random_rotations_turn_about_axes_within_limits(seed, n_f
 
 @few_examples(30)
 @given(seed=SEEDS)
-def test_keep_on_hinges_motion_on_hinges_is_unchanged_bit_for_bit(seed):
+def test_hinges_keep_motion_on_hinges_is_unchanged_bit_for_bit(seed):
     rng = np.random.default_rng(seed)
     skeleton = random_skeleton(rng)
     base = motion_on_hinges(skeleton, rng, 20)
@@ -92,7 +92,7 @@ def test_keep_on_hinges_motion_on_hinges_is_unchanged_bit_for_bit(seed):
 
 @few_examples(15)
 @given(seed=SEEDS, overshoot=st.floats(0.01, 1.0))
-def test_keep_on_hinges_angles_beyond_limits_return_without_jumps_in_velocity(seed, overshoot):
+def test_hinges_keep_angles_beyond_limits_return_without_jumps_in_velocity(seed, overshoot):
     """At a high frame rate, a jump of the velocity would be far larger than the bound."""
     rng, rate, n_frames = np.random.default_rng(seed), 2000.0, 4000
     skeleton = random_skeleton(rng)
@@ -104,8 +104,8 @@ def test_keep_on_hinges_angles_beyond_limits_return_without_jumps_in_velocity(se
     quats = base.rotations.copy()
     quats[:, hinges.joints] = hinges.rotations(angles)
     is_moved = np.ones(skeleton.n_joints, bool)
-    given_motion = hinges, skeleton.parents, quats, base.rotations, is_moved, rate
-    result = hinges.angles(keep_on_hinges(*given_motion))
+    given_motion = skeleton.parents, quats, base.rotations, is_moved, rate
+    result = hinges.angles(hinges.keep(*given_motion))
     assert (result <= high + 1e-12).all()
     before, after = (np.abs(np.diff(own, 2, axis=0)).max() for own in (angles, result))
     assert after <= before + 7 * overshoot / (0.1 * rate) ** 2
@@ -115,7 +115,7 @@ def test_keep_on_hinges_angles_beyond_limits_return_without_jumps_in_velocity(se
 
 @few_examples(30)
 @given(seed=SEEDS, size=st.floats(0.01, 0.3))
-def test_keep_on_hinges_three_hinges_follow_a_rotation(seed, size):
+def test_hinges_keep_three_hinges_follow_a_rotation(seed, size):
     """Yaw, roll and pitch of a waist take over a rotation of the first joint, to second order."""
     rng = np.random.default_rng(seed)
     parents, n = np.arange(-1, 3), 4

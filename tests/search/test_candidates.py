@@ -141,6 +141,20 @@ def test_count_combinations_is_exact_above_float_precision():
     assert count_combinations(np.zeros(10_000, int), 5) == 10_000**5
 
 
+@few_examples(30)
+@given(SEEDS, st.lists(st.tuples(st.integers(1, 12), st.booleans(), st.booleans()), max_size=9))
+def test_candidate_lists_do_not_depend_on_earlier_ones(make_pool, seed, questions):
+    pool = make_pool(seed, n=20, n_labels=2)
+    for n, is_wide, has_model in questions:
+        config = replace(CLUSTER, max_stretch=1e6 if is_wide else 0.2, max_candidates=1)
+        scenario, model = np.arange(n), cost_model(config, pool) if has_model else None
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("mograft.search.segment_pool.PRESELECTION", 1)
+            found = pool.candidate_lists(scenario, config, model)
+            expected = replace(pool).candidate_lists(scenario, config, model)
+        assert [own.tolist() for own in found] == [own.tolist() for own in expected]
+
+
 @given(SEEDS)
 def test_candidate_lists_excluded_donor_is_listed_for_itself_only(make_pool, seed):
     pool = make_pool(seed, n_labels=1)

@@ -13,9 +13,8 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 import mograft as mg
 from mograft.dancer import dance
 from mograft.library.origin import hash_poses
-from mograft.provenance.document import move_record
 from mograft.studio import sources
-from mograft.studio.editing import is_locked
+from mograft.studio.actions.editing import is_locked
 from mograft.studio.session import Session
 
 N_FRAMES = 150
@@ -83,7 +82,7 @@ class Actions(RuleBasedStateMachine):
         super().__init__()
         self.folder = Path(tempfile.mkdtemp())
         self.session = open_session(self.folder, "a.json")
-        self.log = []
+        self.log, self.past, self.future = [], [], []
         self.do(action="make", count=2)
 
     def do(self, **action):
@@ -95,6 +94,20 @@ class Actions(RuleBasedStateMachine):
             assert (self.session.project, self.session.history) == before
         else:
             self.log.append(action)
+            self.compare(action["action"], before[0])
+
+    def compare(self, action, old):
+        """Compare the project after a step with those that the steps before it left."""
+        present = self.session.project
+        if action == "undo":
+            assert present == self.past.pop()
+            self.future.append(old)
+        elif action == "redo":
+            assert present == self.future.pop()
+            self.past.append(old)
+        elif present != old:
+            self.past.append(old)
+            self.future.clear()
 
     def motion(self, index):
         motions = self.session.project.motions
@@ -204,7 +217,7 @@ class Actions(RuleBasedStateMachine):
         session = self.session
         try:
             for own in session.project.motions:
-                record = move_record(session.workshop.records[own.record], self.folder, Path())
+                record = session.workshop.record(own.record)
                 graft = session.workshop.graft(own.record)
                 assert hash_poses(mg.replay(record).motion) == hash_poses(graft.motion)
             other = open_session(self.folder, "b.json")

@@ -118,7 +118,7 @@ def complete_reaches(
     result = motion
     for _ in range(1 if motion.skeleton.hinges is None else _N_HINGE_PASSES):
         parts = [_corrected_limb(result, own, limits.n_blend, reference) for own in limbs.values()]
-        result = recombine(result, parts, motion.name, moves_limbs=True)
+        result = recombine(result, parts, motion.name, spreads=True)
     return result, measure_completions(found, result)
 
 

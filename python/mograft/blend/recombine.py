@@ -10,7 +10,6 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.runs import find_runs
 from mograft.analysis.channel_groups import ChannelKey, euler_angles
 from mograft.motion import rotations
-from mograft.motion.hinges import keep_on_hinges
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
@@ -33,15 +32,13 @@ class Part:
     angles: Mapping[ChannelKey, FloatArray] = field(default_factory=dict)
 
 
-def recombine(
-    base: Motion, parts: Iterable[Part], name: str, *, moves_limbs: bool = False
-) -> Motion:
+def recombine(base: Motion, parts: Iterable[Part], name: str, *, spreads: bool = False) -> Motion:
     """Replace the motion of joint groups in a base motion (paper, eq. 20).
 
     No joint is in two parts. All other joints keep the motion of the base, bit for bit. The result
     keeps each channel value whose rotation or translation equals that of the base. The joints of a
-    robot turn about their hinges only; see `keep_on_hinges`. With `moves_limbs`, joints below those
-    of `parts` may turn, too, to follow rotations that one hinge cannot make.
+    robot turn about their hinges only; see `Hinges.keep`. With `spreads`, joints below those of
+    `parts` may turn, too, to follow rotations that one hinge cannot make.
     """
     changed = np.zeros(base.n_joints, bool)
     quats, positions = base.rotations, base.positions
@@ -62,12 +59,10 @@ def recombine(
         changed[joint] = True
         _replace_channels(base, joint, single, quats, values)
     hinges = base.skeleton.hinges
-    if moves_limbs and hinges is not None:
-        changed = base.skeleton.subtree_mask(np.flatnonzero(changed))
     if hinges is not None and quats is not base.rotations:
-        parents = base.skeleton.parents
-        quats = keep_on_hinges(hinges, parents, quats, base.rotations, changed, base.rate)
-        values = None  # angles replace them
+        changed |= spreads & base.skeleton.subtree_mask(np.flatnonzero(changed))
+        known = base.skeleton.parents, quats, base.rotations, changed
+        quats, values = hinges.keep(*known, base.rate), None  # angles replace channel values
     return replace(
         base,
         rotations=quats,

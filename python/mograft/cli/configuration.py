@@ -197,8 +197,8 @@ def figure_settings(
 
 def selected_config(options: FieldOptions) -> Config:
     """Return the configuration that ``--preset`` selects, with the values of other options."""
-    is_paper = getattr(options, "preset", None) == "paper"
-    return _with_options(Config.paper() if is_paper else Config(), options)
+    sigma = {"paper": "literal", "paper-rms": "rms"}.get(getattr(options, "preset", None) or "")
+    return _with_options(Config.paper(sigma=sigma) if sigma else Config(), options)
 
 
 def _with_options(config: Config, options: FieldOptions, *, is_stored: bool = False) -> Config:

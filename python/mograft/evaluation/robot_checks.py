@@ -35,9 +35,9 @@ def robot_checks(motion: Motion, floor_reference: Motion | None = None) -> dict[
     """Return measures of a robot's motion, with the keys and units of `UNITS`.
 
     Speed and acceleration are the 99th percentile over all joints and frames, excesses the maximum.
-    The zero-moment point is that of the masses of the model; the share is 0 if it states none, and
-    of frames on the floor. The floor is that of `floor_reference`, by default of `motion`. Raises
-    ValueError if the skeleton has no hinges.
+    The zero-moment point is that of the masses of the model; its share is of the frames on the
+    floor, and 0 without masses or legs. The floor is that of `floor_reference`, by default of
+    `motion`. Raises ValueError if the skeleton has no hinges.
     """
     hinges, rate = hinges_of(motion.skeleton), motion.rate
     angles, floor = hinges.angles(motion.rotations), Ground.below(motion, floor_reference)
@@ -46,6 +46,7 @@ def robot_checks(motion: Motion, floor_reference: Motion | None = None) -> dict[
     if motion.n_frames > 2:
         speeds = np.gradient(angles, axis=0) * rate
         rates = np.gradient(speeds, axis=0) * rate
+    if motion.n_frames > 2 and floor.limbs:
         outside = _share_outside(motion, hinges, poses, floor_reference)
     contact, _ = AvoidSelf(tolerance=1.0).errors(poses)
     depths = -floor.above(floor.points(motion))
@@ -59,18 +60,16 @@ def robot_checks(motion: Motion, floor_reference: Motion | None = None) -> dict[
         100.0 * (contact > 0.0).mean(),
         100.0 * np.maximum(depths, 0.0).max(initial=0.0),
     )
-    return dict(zip(UNITS, map(float, values), strict=True))
+    return dict(zip(UNITS, np.round(values, 9).tolist(), strict=True))  # less is rounding
 
 
-def _share_outside(
-    motion: Motion, hinges: Hinges, poses: Poses, floor_reference: Motion | None
-) -> float:
+def _share_outside(motion: Motion, hinges: Hinges, poses: Poses, base: Motion | None) -> float:
     """Return the share of the frames on the floor whose zero-moment point is outside the feet."""
     centers = poses.positions + rotations.rotate(poses.rotations, hinges.centers)
     center = (hinges.masses[:, None] * centers).sum(axis=1) / max(hinges.masses.sum(), 1e-9)
     center = gaussian_filter_columns(center, SMOOTHING_SECONDS * motion.rate)
     moved = np.gradient(np.gradient(center, axis=0), axis=0) * motion.rate**2
-    support = body.support_polygons(motion, floor_reference=floor_reference)
+    support = body.support_polygons(motion, floor_reference=base)
     # Lengths are metres: with this height gravity is not scaled.
     floor = support.up, support.floor, body.STATURE_METERS
     points, is_loaded = body.zero_moment_points(center, moved, *floor)

@@ -70,7 +70,7 @@ def _begins(*starts: bytes, suffix: str | None = None) -> Callable[[Path, bytes]
 def _is_table(path: Path, head: bytes) -> bool:
     """Return whether a CSV file has many columns that are not those of `write_csv`."""
     is_wide = head.partition(b"\n")[0].count(b",") > 1
-    return path.suffix.lower() == ".csv" and is_wide and not head.startswith(_POSITIONS)
+    return path.suffix.lower() == ".csv" and is_wide and not head.startswith(b"frame,time,")
 
 
 def _holds(condition: Callable[[frozenset[str]], bool]) -> Callable[[Path, bytes], bool]:
@@ -89,7 +89,6 @@ _NPZ_ARRAYS = frozenset(("format", "rotations", "parents"))
 _FBX_STARTS = (b"Kaydara FBX Binary", b"; FBX ")
 _USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 _IS_USD = _begins(b"#usda", b"PXR-USDC", suffix=".usdz")
-_POSITIONS = b"frame,time,"  # the start of the tables that `write_csv` writes
 _IS_GLTF = _begins(b"glTF", suffix=".gltf")
 
 FORMATS = (

@@ -126,7 +126,7 @@ def conform(
     if other.has_same_hierarchy(skeleton):
         return motion
     sources = match_joints(skeleton, other, name or motion.name or "the clip").sources
-    alignment = _align_rest_poses(skeleton, other, sources)
+    alignment = align_rest_poses(skeleton, other, sources)
     scale = UNITS[guess_unit(other)] / UNITS[guess_unit(skeleton)]
     growth = scale * mass_model(other).height / mass_model(skeleton).height
     offsets = _offsets(skeleton, other, sources, alignment, (scale, growth))
@@ -190,7 +190,7 @@ def _free_joints(motion: Motion, skeleton: Skeleton, sources: IntArray) -> BoolA
     return is_free & (sources >= 0)
 
 
-def _align_rest_poses(skeleton: Skeleton, other: Skeleton, sources: IntArray) -> FloatArray:
+def align_rest_poses(skeleton: Skeleton, other: Skeleton, sources: IntArray) -> FloatArray:
     """Return for each joint the rotation from its rest pose to that of the other skeleton.
 
     The shape is (n_joints, 4), xyzw. The rotation turns the bone of a joint from its direction in

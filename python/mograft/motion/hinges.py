@@ -127,6 +127,66 @@ class Hinges:
         """Return by how many radians each angle exceeds the limits; negative below the lowest."""
         return angles - np.clip(angles, self.limits[:, 0], self.limits[:, 1])
 
+    def keep(
+        self, parents: IntArray, quats: FloatArray, base: FloatArray, moved: BoolArray, rate: float
+    ) -> FloatArray:
+        """Return rotations with which hinges turn about their axes only, within their limits.
+
+        What a joint turns about other axes is passed on to the hinge after it, if there is only
+        one: the three hinges of a shoulder or waist together follow a rotation. The angles may
+        exceed the limits as far as those of `base` do.
+
+        Parameters
+        ----------
+        parents : ndarray of int, shape (n_joints,)
+            Index of each joint's parent.
+        quats, base : ndarray, shape (n_frames, n_joints, 4)
+            Local rotations; those of the motion that was changed.
+        moved : ndarray of bool, shape (n_joints,)
+            The joints that may be changed. Rotations on the axis and within limits are kept bit for
+            bit, except within 0.2 s of an angle beyond its limits.
+        rate : float
+            Frames per second.
+        """
+        axes = np.zeros((len(parents), 3))  # zero if a joint is fixed
+        axes[self.joints] = self.axes
+        kept = quats.copy()
+        for joint in 1 + np.flatnonzero(moved[1:]):
+            own, axis = kept[:, joint], axes[joint]
+            across = own[:, :3] - (own[:, :3] @ axis)[:, None] * axis
+            is_off = np.linalg.norm(across, axis=1, keepdims=True) > _ON_AXIS
+            if not is_off.any():
+                continue
+            turned, rest = _swing_twist(own, axis)
+            kept[:, joint] = np.where(is_off, turned, own)
+            below = np.flatnonzero((parents == joint) & axes.any(axis=1))
+            if len(below) == 1 and moved[below[0]]:
+                passed = rotations.multiply(rest, kept[:, below[0]])
+                kept[:, below[0]] = np.where(is_off, passed, kept[:, below[0]])
+        return self._within_limits(kept, base, moved, rate)
+
+    def _within_limits(
+        self, quats: FloatArray, base: FloatArray, moved: BoolArray, rate: float
+    ) -> FloatArray:
+        """Return rotations whose angles are within the limits, or as far beyond as `base`."""
+        angles, given = self.angles(quats), self.angles(base)
+        lowest = np.minimum(self.limits[:, 0], given.min(axis=0))
+        highest = np.maximum(self.limits[:, 1], given.max(axis=0))
+        width = max(round(_EASING_SECONDS * rate), 1)
+        for number in np.flatnonzero(moved[self.joints]).tolist():
+            own, low, high = angles[:, number], lowest[number], highest[number]
+            above, below = np.maximum(own - high, 0.0), np.maximum(low - own, 0.0)
+            if max(above.max(), below.max()) <= _ON_AXIS:
+                continue
+            change = _ease(below, width) - _ease(above, width)
+            changed = np.clip(own + change, low, high)
+            turned = _turns(self.axes[number], changed)
+            joint = self.joints[number]
+            turned *= np.where((turned * quats[:, joint]).sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
+            is_changed = (changed != own)[:, None]
+            quats[:, joint] = np.where(is_changed, turned, quats[:, joint])
+        return quats
+
     def to_json(self) -> dict[str, Any]:
         """Return a JSON document."""
         arrays = {k: v.tolist() for k, v in vars(self).items() if isinstance(v, np.ndarray)}
@@ -136,52 +196,6 @@ class Hinges:
     def from_json(cls, document: Mapping[str, Any]) -> "Hinges":
         """Return the hinges of a JSON document."""
         return cls(**{**document, "layout": TableLayout(**document["layout"])})
-
-
-def keep_on_hinges(
-    hinges: Hinges,
-    parents: IntArray,
-    quats: FloatArray,
-    reference: FloatArray,
-    is_moved: BoolArray,
-    rate: float,
-) -> FloatArray:
-    """Return rotations with which hinges turn about their axes only, within their limits.
-
-    What a joint turns about other axes is passed on to the hinge after it, if there is only one:
-    the three hinges of a shoulder or waist together follow a rotation. The angles may exceed the
-    limits as far as those of `reference` do.
-
-    Parameters
-    ----------
-    hinges : Hinges
-        The hinges.
-    parents : ndarray of int, shape (n_joints,)
-        Index of each joint's parent.
-    quats, reference : ndarray, shape (n_frames, n_joints, 4)
-        Local rotations; those of the motion that was changed.
-    is_moved : ndarray of bool, shape (n_joints,)
-        The joints that may be changed. Rotations on the axis and within limits are kept bit for
-        bit, except within 0.2 s of an angle beyond its limits.
-    rate : float
-        Frames per second.
-    """
-    axes = np.zeros((len(parents), 3))  # zero if a joint is fixed
-    axes[hinges.joints] = hinges.axes
-    kept = quats.copy()
-    for joint in 1 + np.flatnonzero(is_moved[1:]):
-        own, axis = kept[:, joint], axes[joint]
-        across = own[:, :3] - (own[:, :3] @ axis)[:, None] * axis
-        is_off = np.linalg.norm(across, axis=1, keepdims=True) > _ON_AXIS
-        if not is_off.any():
-            continue
-        turned, rest = _swing_twist(own, axis)
-        kept[:, joint] = np.where(is_off, turned, own)
-        below = np.flatnonzero((parents == joint) & axes.any(axis=1))
-        if len(below) == 1 and is_moved[below[0]]:
-            passed = rotations.multiply(rest, kept[:, below[0]])
-            kept[:, below[0]] = np.where(is_off, passed, kept[:, below[0]])
-    return _within_limits(hinges, kept, reference, is_moved, rate)
 
 
 def _turns(axes: FloatArray, angles: FloatArray) -> FloatArray:
@@ -198,29 +212,6 @@ def _swing_twist(quats: FloatArray, axis: FloatArray) -> tuple[FloatArray, Float
     norms = np.linalg.norm(twists, axis=1, keepdims=True)
     twists = np.where(norms < 1e-6, rotations.IDENTITY, twists / np.maximum(norms, 1e-6))
     return twists, rotations.multiply(rotations.inverse(twists), quats)
-
-
-def _within_limits(
-    hinges: Hinges, quats: FloatArray, reference: FloatArray, is_moved: BoolArray, rate: float
-) -> FloatArray:
-    """Return rotations whose angles are within the limits, or as far beyond as `reference`."""
-    angles, given = hinges.angles(quats), hinges.angles(reference)
-    lowest = np.minimum(hinges.limits[:, 0], given.min(axis=0))
-    highest = np.maximum(hinges.limits[:, 1], given.max(axis=0))
-    width = max(round(_EASING_SECONDS * rate), 1)
-    for number in np.flatnonzero(is_moved[hinges.joints]).tolist():
-        own, low, high = angles[:, number], lowest[number], highest[number]
-        above, below = np.maximum(own - high, 0.0), np.maximum(low - own, 0.0)
-        if max(above.max(), below.max()) <= _ON_AXIS:
-            continue
-        change = _ease(below, width) - _ease(above, width)
-        changed = np.clip(own + change, low, high)
-        turned = _turns(hinges.axes[number], changed)
-        joint = hinges.joints[number]
-        turned *= np.where((turned * quats[:, joint]).sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
-        is_changed = (changed != own)[:, None]
-        quats[:, joint] = np.where(is_changed, turned, quats[:, joint])
-    return quats
 
 
 def _ease(excess: FloatArray, width: int) -> FloatArray:

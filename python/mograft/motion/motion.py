@@ -22,7 +22,6 @@ from mograft._util.html_table import notebook_html
 from mograft._util.runs import find_runs
 from mograft._util.validate import check_type
 from mograft.motion import limits, rotations
-from mograft.motion.hinges import keep_on_hinges
 from mograft.motion.resample import resample_segment_positions, resample_segments
 from mograft.motion.skeleton import Skeleton
 
@@ -227,7 +226,7 @@ class Motion:
         quats, hinges = resample_segments(self.rotations, *bounds), self.skeleton.hinges
         if hinges is not None:
             own = self.skeleton.parents, quats, self.rotations, np.ones(self.n_joints, bool)
-            quats = keep_on_hinges(hinges, *own, rate)
+            quats = hinges.keep(*own, rate)
         return replace(
             self,
             frame_time=self.duration / intervals,

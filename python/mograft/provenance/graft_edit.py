@@ -17,7 +17,7 @@ from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.provenance.graft_change import apply_changes, plan_of, unchanged
 from mograft.search.constraint_records import UnrestoredConstraint
-from mograft.search.constraints import Constraint, Span, overlaps
+from mograft.search.constraints import Constraint, overlaps
 from mograft.search.donor_constraints import Ban, DonorReference, KeepOriginal, Use
 from mograft.search.pose_constraints import Reach
 from mograft.search.trellis import DonorSequences
@@ -35,12 +35,7 @@ _MAX_CHANGES = 20
 """Replaced donors that `describe_changes` lists."""
 
 
-def edit(
-    graft: Graft,
-    *edits: Constraint,
-    seed: int | None = None,
-    locked: Sequence[tuple[str, Span]] = (),
-) -> Graft:
+def edit(graft: Graft, *edits: Constraint, seed: int | None = None) -> Graft:
     """Return the graft with other donors at some segments; all other segments keep theirs.
 
     Parameters
@@ -57,8 +52,6 @@ def edit(
         that violate it, and those beside them, get other donors.
     seed : int, optional
         Seed of the choice. Default: that of the graft.
-    locked : sequence of (str, (int, int)), optional
-        Groups and ranges of frames whose segments keep their donors, even if they violate an edit.
 
     Returns
     -------
@@ -116,17 +109,10 @@ def edit(
     plan = plan_of(graft, [*kept, *(own for own in rules if not _bans_present(own))])
     if any(map(_bans_present, rules)):
         plan = plan_of(graft, [*kept, *_with_present_donors(graft, plan.problem, rules)])
-    edited = position_masks(rules, groups, cut) & ~locked_positions(problem, locked)
+    edited = position_masks(rules, groups, cut)
     is_open = edited | (violating_positions(graft, plan.problem, old) if added else False)
-    is_open &= ~locked_positions(problem, locked)
     result = choose_again(graft, plan, is_open, seed)
     return apply_changes(result, plan.problem, remaining_changes(changes, plan.problem, edited))
-
-
-def locked_positions(problem: SearchProblem, locked: Sequence[tuple[str, Span]]) -> BoolArray:
-    """Return the positions that ranges of frames of groups select, (n_groups, n_segments)."""
-    rules = [KeepOriginal(frames=frames, group=group) for group, frames in locked]
-    return position_masks(rules, list(problem.pools), problem.base_segments)
 
 
 def remaining_changes(

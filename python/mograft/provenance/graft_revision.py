@@ -14,18 +14,19 @@ from mograft.library.origin import is_partial
 from mograft.provenance.graft_change import apply_changes, plan_of, unchanged
 from mograft.provenance.graft_edit import (
     choose_again,
-    locked_positions,
+    position_masks,
     remaining_changes,
     remaining_constraints,
     violating_positions,
 )
 from mograft.search.constraints import Constraint, Span
-from mograft.search.donor_constraints import Ban
+from mograft.search.donor_constraints import Ban, KeepOriginal
 from mograft.search.pose_constraints import Reach
 from mograft.search.trellis import DonorSequences, viterbi
 from mograft.solve.donor_repair import repair_near
 from mograft.solve.finish import find_motion_violations
 from mograft.solve.plan import GraftPlan
+from mograft.solve.search_problem import SearchProblem
 from mograft.synthesis.graft_result import Graft
 
 _NEAREST_FACTOR = 2
@@ -45,7 +46,7 @@ def regenerate(graft: Graft, ranges: Ranges, seed: int, *, locked: Ranges = ()) 
     changes, graft = graft.changes, unchanged(graft)
     problem = plan_of(graft, ()).problem
     groups, cut = list(problem.pools), problem.base_segments
-    is_open = locked_positions(problem, ranges) & ~locked_positions(problem, locked)
+    is_open = select_positions(problem, ranges) & ~select_positions(problem, locked)
     rules = [
         Ban(frames=(int(cut.start[at]), int(cut.stop[at])), group=groups[row])
         for row, at in np.argwhere(is_open).tolist()
@@ -62,6 +63,12 @@ def regenerate(graft: Graft, ranges: Ranges, seed: int, *, locked: Ranges = ()) 
     plan = replace(plan, problem=replace(plan.problem, candidates=candidates))
     new = choose_again(graft, plan, is_open, seed)
     return apply_changes(new, plan.problem, remaining_changes(changes, plan.problem, is_open))
+
+
+def select_positions(problem: SearchProblem, ranges: Ranges) -> BoolArray:
+    """Return the positions that ranges of frames of groups select, (n_groups, n_segments)."""
+    rules = [KeepOriginal(frames=frames, group=group) for group, frames in ranges]
+    return position_masks(rules, list(problem.pools), problem.base_segments)
 
 
 def _without(candidates: np.ndarray, donor: int) -> np.ndarray:
@@ -84,9 +91,9 @@ def constrain(
     those beside them get other donors, unless they are `locked`. All others keep theirs. A `Reach`
     that is left out stays with weight 0 as the last constraint if inverse kinematics has moved a
     limb to its target, because earlier versions of the graft have the limb there. Unless
-    `is_quick`, all candidates are searched if the nearest ones leave violations; the result is that
-    of the nearest ones if this is cancelled (`mograft._util.cancel`). Raise ValueError if the
-    library has only the clips of the graft.
+    `is_quick`, all candidates are searched if the nearest ones leave violations, and the better of
+    the two results is returned; if this is cancelled (`mograft._util.cancel`), the first. Raise
+    ValueError if the library has only the clips of the graft.
     """
     _check_whole(graft)
     changes, graft = graft.changes, unchanged(graft)
@@ -99,18 +106,19 @@ def constrain(
     known = [own for given, own in pairs if any(given is each for each in old)]
     if len(known) < len(constraints):
         is_open = violating_positions(graft, problem, [*known, *retired])
-        is_open &= ~locked_positions(problem, locked)
+        is_open &= ~select_positions(problem, locked)
     is_reaching = any(type(own) is Reach for own in constraints if not _is_in(own, old))
     if is_open.any() or is_reaching or retired:
         seed = graft.seed if seed is None else seed
-        new = graft
-        is_near = problem.root_group is None
-        if is_near:
+        if problem.root_group is not None:
+            new = choose_again(graft, plan, is_open, seed)
+        else:
             near = partial(_choose_near, is_open=is_open)
             new = choose_again(graft, _with_nearest(plan, is_open), is_open, seed, near)
-        if not is_near or (not is_quick and is_open.any() and new.violations):
-            with suppress(*([CancelledError] if is_near else [])):
-                new = choose_again(graft, plan, is_open, seed)
+            if new.violations and is_open.any() and not is_quick:
+                with suppress(CancelledError):
+                    other = choose_again(graft, plan, is_open, seed)
+                    new = min(new, other, key=_total_excess)
     else:
         violations = find_motion_violations(problem, graft.motion, graft.donors)
         request = replace(graft.request, constraints=problem.constraints)
@@ -146,6 +154,10 @@ def _choose_near(plan: GraftPlan, *, is_open: BoolArray) -> DonorSequences:
     first, stop = max(int(positions[0]) - 1, 0), int(positions[-1]) + 2
     stop = min(stop, len(plan.problem.base_segments))
     return repair_near(plan.problem, donors, trellises, first, stop)
+
+
+def _total_excess(graft: Graft) -> float:
+    return sum(violation.error - 1.0 for violation in graft.violations)
 
 
 def _is_in(own: Constraint, constraints: Sequence[Constraint]) -> bool:

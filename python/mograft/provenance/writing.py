@@ -123,6 +123,7 @@ def write_graft(
     digits: int | None = None,
     update: bool = False,
     force: bool = False,
+    character: str | PathLike[str] | None = None,
 ) -> tuple[str, ...]:
     """Write the motions of grafts, and the provenance from which `replay` remakes them.
 
@@ -149,6 +150,8 @@ def write_graft(
         a graft with its name, and all other content of the file stays as it is.
     force : bool
         With `update`, whether to replace also an animation that is not a graft.
+    character : path, optional
+        The glTF file of which a new ``.glb`` file is a copy. Default: that of the bases.
 
     Returns
     -------
@@ -163,7 +166,8 @@ def write_graft(
     FileExistsError
         If an animation with the name of a graft is not a graft, and `force` is false.
     SkeletonMismatchError
-        If the motion has other joints or another rest pose than the file of `update`.
+        If the motion has other joints or another rest pose than the file of `update` or
+        `character`.
     OSError
         If a file cannot be read or written.
 
@@ -199,12 +203,13 @@ def write_graft(
     ]
     texts = [json.dumps(own) for own in documents]
     if suffix == ".glb":
-        file = read_gltf_file(target) if update else _find_character(grafts, target)
+        given = target if update else None if character is None else Path(fspath(character))
+        file = _find_character(grafts, target) if given is None else read_gltf_file(given)
         if update and not force:
             _refuse_captured(file, grafts)
         file = _move_provenance(file, target.parent)
         pairs = zip(grafts, texts, strict=True)
-        additions = [_addition(file, *pair, is_copy=not update) for pair in pairs]
+        additions = [_addition(file, *pair, is_copy=given is None) for pair in pairs]
         names, data = append_animations(file, additions, is_update=update)
         write_bytes(target, data)
         return names

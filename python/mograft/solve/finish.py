@@ -95,12 +95,8 @@ def plants_feet(library: Library, joints: set[int]) -> bool:
     above_root = set(skeleton.ancestors(library.root))
     ankles = [leg.ankle for leg in find_legs(skeleton)]
     driving = {joint for ankle in ankles for joint in (ankle, *skeleton.ancestors(ankle))}
-    is_robot = skeleton.hinges is not None
-    return (
-        library.config.feet != "never"
-        and not is_robot
-        and not joints.isdisjoint(driving - above_root)
-    )
+    may_plant = library.config.feet != "never" and skeleton.hinges is None
+    return may_plant and not joints.isdisjoint(driving - above_root)
 
 
 def _finish_reaches(

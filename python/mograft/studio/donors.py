@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,32 +13,30 @@ from mograft.search.candidates import Candidate, list_candidates
 from mograft.search.constraints import Span, as_span
 from mograft.search.donor_choice import cost_model
 from mograft.solve.donor_spans import ChangedPart, find_donor_spans
-from mograft.studio.editing import base_segments
-from mograft.studio.fields import Fields
+from mograft.studio.actions.editing import base_segments
+from mograft.studio.actions.fields import Fields
+from mograft.studio.desk import Desk
 from mograft.synthesis.graft_result import Graft, Substitution
-
-if TYPE_CHECKING:
-    from mograft.studio.session import Session
 
 Json = dict[str, Any]
 _LIMIT = 40
 _MAX_LIMIT = 500
 
 
-def find(session: "Session", question: Mapping[str, Any]) -> Json:
+def find(desk: Desk, question: Mapping[str, Any]) -> Json:
     """Return the donors of a segment, or of a range between any frames.
 
     The costs and seams of donors of a segment are those beside its present neighbours in the
     motion. Donors of any other range are parts of clips of about its length.
     """
     fields = Fields(question)
-    own = session.project.motion(question.get("id"))
-    graft, group = session.workshop.editable(own.record), fields.text("group")
+    own = desk.project.motion(question.get("id"))
+    graft, group = desk.workshop.editable(own.record), fields.text("group")
     frames, limit = fields.frames(), fields.integer("limit", _LIMIT, 1, _MAX_LIMIT)
     library, variety = graft.library, fields.number("variety")
     if variety is not None:
         values = library.config.as_dict() | {"sigma_scale": scale_of_variety(variety)}
-        library = session.workshop.configured(library, Config.from_dict(values))
+        library = desk.workshop.configured(library, Config.from_dict(values))
     if group in graft.alternatives:
         cut = base_segments(graft, group)
         found = np.flatnonzero((cut.start == frames[0]) & (cut.stop == frames[1]))

@@ -2,31 +2,22 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mograft._util.names import portable_stem, unique_names
-from mograft.io.gltf.document import read_gltf_file
 from mograft.provenance.document import move_record
 from mograft.provenance.replay import replay
-from mograft.provenance.writing import (
-    MOTION_SUFFIXES,
-    WRITERS,
-    files_of_graft,
-    write_character,
-    write_graft,
-)
-from mograft.studio.fields import Fields
+from mograft.provenance.writing import MOTION_SUFFIXES, WRITERS, files_of_graft, write_graft
+from mograft.studio.actions.fields import Fields
+from mograft.studio.desk import Desk
 from mograft.studio.project import read_project
 from mograft.synthesis.graft_result import Graft
-
-if TYPE_CHECKING:
-    from mograft.studio.session import Session
 
 _TOGETHER = (".glb", ".npz")
 """Endings of the names of files that can have several motions."""
 
 
-def run(session: "Session", request: Mapping[str, Any]) -> dict[str, list[str]]:
+def run(desk: Desk, request: Mapping[str, Any]) -> dict[str, list[str]]:
     """Write motions below the folder of the session.
 
     ``ids`` are the motions, by default those that are kept; ``format`` is an ending such as bvh.
@@ -35,22 +26,22 @@ def run(session: "Session", request: Mapping[str, Any]) -> dict[str, list[str]]:
     """
     fields = Fields(request)
     ending = f".{fields.choice('format', [own[1:] for own in WRITERS])}"
-    folder = _folder(session.folder, fields.text("folder", ""))
+    folder = _folder(desk.folder, fields.text("folder", ""))
     if fields.has("ids"):
-        motions = [session.project.motion(own) for own in fields.items("ids", str)]
+        motions = [desk.project.motion(own) for own in fields.items("ids", str)]
     else:
-        motions = [own for own in session.project.motions if own.is_kept]
+        motions = [own for own in desk.project.motions if own.is_kept]
     if not motions:
         raise ValueError("no motion is kept: keep one, or give `ids`")
     target = folder
     if fields.flag("into"):
         if ending not in _TOGETHER:
             raise ValueError(f"`into` requires glb or npz, got {ending[1:]}")
-        file = session.file
+        file = desk.file
         name = "motions" if file is None else file.path.name.removesuffix(".json")
         target = folder / f"{portable_stem(name.removesuffix('.project'))}{ending}"
-    grafts = [session.workshop.graft(own.record) for own in motions]
-    character = session.project.character
+    grafts = [desk.workshop.graft(own.record) for own in motions]
+    character = desk.project.character
     files = write_motions(
         grafts,
         target,
@@ -58,7 +49,7 @@ def run(session: "Session", request: Mapping[str, Any]) -> dict[str, list[str]]:
         None if character is None else Path(character),
         force=fields.flag("force"),
     )
-    return {"files": [own.relative_to(session.folder).as_posix() for own in files]}
+    return {"files": [own.relative_to(desk.folder).as_posix() for own in files]}
 
 
 def _folder(root: Path, name: str) -> Path:
@@ -86,18 +77,17 @@ def write_motions(
     ending = target.suffix.lower() if is_together else ending
     names = unique_names([portable_stem(own.motion.name) for own in grafts])
     paths = [target] if is_together else [target / f"{own}{ending}" for own in names]
+    are_robots = all(own.motion.skeleton.hinges is not None for own in grafts)
+    holds_graft = ending in MOTION_SUFFIXES and (ending != ".csv" or are_robots)
     for path in paths:
-        for file in files_of_graft(path) if ending in MOTION_SUFFIXES else [path]:
+        for file in files_of_graft(path) if holds_graft else [path]:
             if file.exists() and not force:
                 raise FileExistsError(f"{file} exists; replace it with --force (force)")
     paths[0].parent.mkdir(parents=True, exist_ok=True)
     for number, path in enumerate(paths):
         own = list(grafts) if is_together else [grafts[number]]
-        if ending == ".glb" and character is not None:
-            motions = [each.motion for each in own]
-            write_character(read_gltf_file(character), motions, path, keeps_animations=True)
-        elif ending in MOTION_SUFFIXES:
-            write_graft(own if is_together else own[0], path)
+        if holds_graft:
+            write_graft(own if is_together else own[0], path, character=character)
         else:
             WRITERS[ending](own[0].motion, path)
     return paths

@@ -62,7 +62,7 @@ class ProjectFile:
                 self._is_writing = True
             try:
                 self._write(text())
-            except OSError as error:
+            except Exception as error:  # without the thread nothing would be saved any more
                 self._report(f"the project is not saved: {error}")
             finally:
                 with self._condition:

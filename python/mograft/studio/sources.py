@@ -8,10 +8,11 @@ from typing import Any
 
 from mograft.body.faults import find_faults
 from mograft.config import Config
-from mograft.errors import DAMAGE, MograftError, join_names
+from mograft.errors import DAMAGE, MograftError
 from mograft.io.formats import split_address
 from mograft.library.derive import BUILD_STAGES
 from mograft.library.discover import find_clips
+from mograft.library.files.stored_clips import StoredClips
 from mograft.library.ingest_run import MISMATCH_REMEDY
 from mograft.library.library import Library
 from mograft.library.origin import hash_library
@@ -19,7 +20,10 @@ from mograft.studio.notes import captured_warnings
 from mograft.studio.project import Project, ProjectInput
 
 Progress = Callable[[str, int, int], None]
+_MAX_REASON = 300  # characters
 _MAX_FAULTS = 50  # of a clip
+_MAX_BYTES_OF_CLIPS = 256_000_000
+"""Clips of a stored library that stay in memory, because every edit reads many of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +118,13 @@ def _read(project: Project, paths: Sequence[str], progress: Progress) -> Library
             f"{libraries[0]} is a library: open it alone, or add files to it by mograft index --add"
         )
     if libraries:
-        return Library.open(libraries[0])
+        library = Library.open(libraries[0])
+        if isinstance(library.clips, StoredClips):
+            n_numbers = 7 * library.skeleton.n_joints + library.skeleton.n_channels
+            size = 8 * n_numbers * max(own.n_frames for own in library.entries)
+            clips = library.clips
+            clips.max_cached_clips = max(clips.max_cached_clips, _MAX_BYTES_OF_CLIPS // size)
+        return library
     config = project.full_config
     built = {name: getattr(config, name) for name in Config.fields_of(*BUILD_STAGES)}
     return Library.build(
@@ -139,7 +149,8 @@ def _source(
     reasons += [broken[path]] if path in broken else []
     is_other = bool(reasons) and all(own.endswith(MISMATCH_REMEDY) for own in reasons)
     status = "ok" if clips else "skipped" if is_other else "broken"
-    message = join_names(reasons, 3)
+    more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
+    message = f"{reasons[0][:_MAX_REASON]}{more}" if reasons else ""
     name = path.removeprefix(f"{Path(split_address(path)[0]).parent}/")
     return {"path": path, "name": name, "clips": len(clips), "status": status, "message": message}
 

@@ -1,38 +1,41 @@
 """What the page shows, as JSON: the state of a session and the encodings of figures."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mograft.body.groups import PRESETS
 from mograft.config import variety_of_scale
+from mograft.errors import DAMAGE, FormatError
 from mograft.library.library import Library
+from mograft.provenance.document import violation_record
+from mograft.studio.desk import Desk
+from mograft.studio.notes import captured_warnings
 from mograft.studio.project import ProjectMotion, Record
 from mograft.synthesis.graft_result import Graft
-from mograft.viewing.character import find_characters
+from mograft.viewing.character import read_character
 from mograft.viewing.encoding import encode_change, encode_figure, encode_window
 from mograft.viewing.scene import clip_figure, graft_figure, motion_figure
 
-if TYPE_CHECKING:
-    from mograft.studio.session import Session
-
 Json = dict[str, Any]
 _MAX_WINDOW = 4000  # frames
+_MESHES = (".glb", ".gltf", ".fbx")
 
 
-def state(session: "Session") -> Json:
+def state(desk: Desk) -> Json:
     """Return the state of a session; the caller holds its lock."""
-    opened, project, file = session.opened, session.project, session.file
+    opened, project, file = desk.opened, desk.project, desk.file
     library = opened.library
-    past, future = session.history.past, session.history.future
+    past, future = desk.history.past, desk.history.future
     return {
-        "revision": session.revision,
+        "revision": desk.revision,
         "name": ""
         if file is None
         else file.path.name.removesuffix(".json").removesuffix(".project"),
         "file": None if file is None else str(file.path),
-        "folder": str(session.folder),
+        "folder": str(desk.folder),
         "undo": past[-1][0] if past else None,
         "redo": future[0][0] if future else None,
         "sources": list(opened.sources),
@@ -51,9 +54,9 @@ def state(session: "Session") -> Json:
             "message": opened.message,
         },
         "character": project.character,
-        "options": _options(session),
-        "motions": [_motion(session, own) for own in project.motions],
-        "jobs": list(session.jobs.values()),
+        "options": _options(desk),
+        "motions": [_motion(desk, own) for own in project.motions],
+        "jobs": list(desk.jobs.values()),
     }
 
 
@@ -73,18 +76,18 @@ def _groups(library: Library | None) -> Json:
     return {"base": library.groups.base, "names": list(joints), "joints": joints}
 
 
-def _options(session: "Session") -> Json:
-    config, library = dict(session.project.config), session.opened.library
+def _options(desk: Desk) -> Json:
+    config, library = dict(desk.project.config), desk.opened.library
     known = config.get("sigma_scale", 0.75 if library is None else library.config.sigma_scale)
     variety = round(min(max(variety_of_scale(known), 0.0), 1.0), 3)
-    return {"distinct": session.project.distinct, "variety": variety, **config}
+    return {"distinct": desk.project.distinct, "variety": variety, **config}
 
 
-def _motion(session: "Session", own: ProjectMotion) -> Json:
-    record = session.workshop.records[own.record]
-    measures = session.workshop.measures.get(own.record, {})
-    kept = [each for each in session.project.motions if each.is_kept and each.id != own.id]
-    angles = [session.workshop.angle(own.record, each.record) for each in kept]
+def _motion(desk: Desk, own: ProjectMotion) -> Json:
+    record = desk.workshop.summaries[own.record]
+    measures = desk.workshop.measures.get(own.record, {})
+    kept = [each for each in desk.project.motions if each.is_kept and each.id != own.id]
+    angles = [desk.workshop.angle(own.record, each.record) for each in kept]
     known = [float(np.degrees(angle)) for angle in angles if angle is not None]
     n_locked = len(own.locks)
     remarks = [*map(str, record["remarks"])]
@@ -114,23 +117,25 @@ def _motion(session: "Session", own: ProjectMotion) -> Json:
         "locks": [lock._asdict() for lock in own.locks],
         "constraints": [
             {"number": number, "record": each, "shape": measures.get("shapes", {}).get(number)}
-            for number, each in enumerate(record["request"]["constraints"])
+            for number, each in enumerate(record["constraints"])
             if each.get("weight") != 0
         ],
-        "violations": [_violation(each) for each in record["violations"]],
+        "violations": [_violation(each, record["groups"]) for each in record["violations"]],
         "changes": [_change(each) for each in record["changes"]],
         "remarks": remarks,
     }
 
 
-def _violation(record: Record) -> Json:
+def _violation(record: Record, groups: Mapping[str, Sequence[str]]) -> Json:
+    """Return a violation; its group is that of its joint, if it has one."""
     first, last = record["frames"]
+    joint = record["joint"]
     return {
-        "group": None,
+        "group": next((name for name, joints in groups.items() if joint in joints), None),
         "number": record["number"],
         "first": first,
         "last": last,
-        "joint": record["joint"],
+        "joint": joint,
         "text": record["message"],
     }
 
@@ -141,102 +146,92 @@ def _change(record: Record) -> str:
     return f"{part}, frames {first}-{last}: {record['clip']} {start}-{stop}"
 
 
-def preview(session: "Session", key: str) -> Json:
+def preview(desk: Desk, key: str) -> Json:
     """Return the result of an action that shows a preview of a motion."""
-    name, graft = session.previews[key]
-    violations = [
-        {
-            "group": None,
-            "number": None,
-            "first": own.frames[0],
-            "last": own.frames[1],
-            "joint": own.joint,
-            "text": own.message,
-        }
-        for own in graft.violations
-    ]
+    name, graft = desk.previews[key]
+    groups = _groups(graft.library)["joints"]
+    known = graft.request.constraints
+    found = [_violation(violation_record(own, known), groups) for own in graft.violations]
     return {
-        "revision": session.revision,
+        "revision": desk.revision,
         "motions": [key],
         "message": "",
         "hash": name,
-        "violations": violations,
+        "violations": found,
     }
 
 
-def figure(session: "Session", kind: str, name: str, since: str | None) -> Json:
+def figure(desk: Desk, kind: str, name: str, since: str | None) -> Json:
     """Return the encoding of a figure."""
     if kind == "clip":
-        library = session.ready_library()
+        library = desk.ready_library()
         if name not in library.names:
             raise ValueError(f"`name` must be that of a clip, got {name!r}")
         shown = clip_figure(library, library.clips[library.names.index(name)])
-        return _encoded(session, shown, f"clip-{name}-{shown.motion.n_frames}")
+        return _encoded(desk, shown, f"clip-{name}-{shown.motion.n_frames}")
     if kind not in ("motion", "base"):
         raise ValueError(f"`kind` must be motion, base or clip, got {kind!r}")
-    own = session.project.motion(name)
-    key, graft = session.previews.get(own.id) or (own.record, session.workshop.graft(own.record))
+    own = desk.project.motion(name)
+    key, graft = desk.previews.get(own.id) or (own.record, desk.workshop.graft(own.record))
     if kind == "base":
         if not graft.scenario:
-            return figure(session, "clip", graft.base.name, since)
-        return _encoded(session, motion_figure(graft.base, graft.library), f"base-{key}")
-    old = None if since is None else session.workshop.find(since)
-    patch = None if old is None else _patch(session, old, graft)
+            return figure(desk, "clip", graft.base.name, since)
+        return _encoded(desk, motion_figure(graft.base, graft.library), f"base-{key}")
+    old = None if since is None else desk.workshop.find(since)
+    patch = None if old is None else _patch(desk, old, graft)
     if patch is not None:
         return {**patch, "hash": key}
-    return _encoded(session, graft_figure(graft), key)
+    return _encoded(desk, graft_figure(graft), key)
 
 
-def _encoded(session: "Session", shown: Any, key: str) -> Json:  # noqa: ANN401 - a Figure
-    mesh = _find_character(session)
+def _encoded(desk: Desk, shown: Any, key: str) -> Json:  # noqa: ANN401 - a Figure
+    mesh = _find_character(desk)
     is_worn = mesh is not None and mesh[0] == shown.motion.skeleton.names
     encoded = encode_figure(shown, is_mesh=is_worn)
     return {**encoded, "hash": key, "character": 0 if is_worn else None}
 
 
-def _patch(session: "Session", old: Graft, new: Graft) -> Json | None:
-    mesh = _find_character(session)
+def _patch(desk: Desk, old: Graft, new: Graft) -> Json | None:
+    mesh = _find_character(desk)
     is_worn = mesh is not None and mesh[0] == new.motion.skeleton.names
     return encode_change(old.motion, graft_figure(new), is_mesh=is_worn)
 
 
-def character(session: "Session") -> Json | None:
+def character(desk: Desk) -> Json | None:
     """Return the mesh of the figures; None if there is none."""
-    found = _find_character(session)
+    found = _find_character(desk)
     return None if found is None else found[1]
 
 
-def _find_character(session: "Session") -> tuple[tuple[str, ...], Json] | None:
+def _find_character(desk: Desk) -> tuple[tuple[str, ...], Json] | None:
     """Return the joints of the mesh of the figures, and the mesh."""
-    library, given = session.opened.library, session.project.character
+    library, given = desk.opened.library, desk.project.character
     if library is None or not library.entries:
         return None
-    files = [own.source_file for own in library.entries]
-    paths = [Path(own.path) for own in files if own is not None]
-    path = Path(given) if given else next((own for own in paths if own.suffix in _MESHES), None)
-    key = None if path is None else (path, path.stat().st_mtime_ns if path.exists() else 0)
-    if key is None:
+    sources = [own.source_file for own in library.entries]
+    files = [None if own is None else Path(own.path) for own in sources]
+    found = (own for own in files if own is not None and own.suffix.lower() in _MESHES)
+    path = Path(given) if given else next(found, None)
+    if path is None:
         return None
-    if key not in session.characters:
-        skeleton = library.skeleton
-        clips = zip(files, range(len(files)), strict=True)
-        own = [index for file, index in clips if file is not None and Path(file.path) == path]
-        if own:
-            skeleton = library.clips[own[0]].skeleton
-        found, _, notes = find_characters([(path, skeleton)], None)
-        session.characters[key] = (skeleton.names, found[0]) if found else None
+    skeleton = library.clips[files.index(path)].skeleton if path in files else library.skeleton
+    key = (path, path.stat().st_mtime_ns if path.exists() else 0, skeleton.names)
+    if key not in desk.characters:
+        mesh = None
+        with captured_warnings() as notes:
+            try:
+                mesh = read_character(path, skeleton)
+            except (FormatError, OSError, *DAMAGE) as error:
+                desk.note(f"the figures are capsules, not the mesh of {path.name}: {error}")
         for note in notes:
-            session.note(note)
-    result: tuple[tuple[str, ...], Json] | None = session.characters[key]
-    return result
+            desk.note(note)
+        desk.characters[key] = None if mesh is None else (skeleton.names, mesh)
+    return desk.characters[key]
 
 
-_MESHES = (".glb", ".gltf")
-
-
-def window(session: "Session", clip: str, first: int, last: int) -> Json:
+def window(desk: Desk, clip: str, first: int, last: int) -> Json:
     """Return the poses of a part of a clip, both frames included."""
-    library = session.ready_library()
+    library = desk.ready_library()
     if clip not in library.names:
         raise ValueError(f"`clip` must be that of a clip, got {clip!r}")
     motion = library.clips[library.names.index(clip)]

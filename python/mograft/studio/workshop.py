@@ -1,8 +1,9 @@
 """`Workshop`: the libraries and grafts of a session, which are built when they are needed."""
 
+import json
 import threading
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,13 @@ _MAX_BYTES = 256_000_000
 """Motions of grafts in memory; those used longest ago are built again when they are needed."""
 
 _MAX_LIBRARIES = 4
+_MAX_CONFIGURED = 6  # libraries with other options, such as the variety
+_MAX_UNUSED = 100  # records
+_SHOWN = (
+    *("name", "base", "seed", "frames", "frame_time", "remarks", "violations", "changes"),
+    *("groups", "scenario"),
+)
+"""Keys of a record that the page shows."""
 
 
 class Workshop:
@@ -36,14 +44,15 @@ class Workshop:
     def __init__(self, folder: Path) -> None:
         self.folder = folder  # to which paths in records are relative
         self.library: Library | None = None  # of new motions
-        self.records: dict[str, Record] = {}
-        self.texts: dict[str, str] = {}  # the records as JSON
+        self.texts: dict[str, str] = {}  # records as JSON; as objects they need ten times as much
+        self.summaries: dict[str, Record] = {}  # what the page shows of each record
         self.measures: dict[str, dict[str, Any]] = {}  # of motions that were built, by record
         self._grafts: OrderedDict[str, Graft] = OrderedDict()
         self._libraries: dict[str, Library] = {}  # by hash
         self._configured: dict[tuple[str, Config], Library] = {}
         self._angles: dict[tuple[str, str], float | None] = {}
-        self._lock = threading.RLock()
+        self._lock = threading.RLock()  # of the attributes
+        self._building = threading.RLock()  # one graft or library at a time; taken first
 
     def set_library(self, library: Library) -> None:
         """Set the library of new motions."""
@@ -65,15 +74,36 @@ class Workshop:
         if library.config == config:
             return library
         key = (hash_library(library), config)
-        with self._lock:
-            if key not in self._configured:
-                self._configured[key] = library.relabelled(config)
-            return self._configured[key]
+        with self._building:
+            known = self._configured.pop(key, None) or library.relabelled(config)
+            while len(self._configured) >= _MAX_CONFIGURED:
+                del self._configured[next(iter(self._configured))]
+            self._configured[key] = known  # the last one used is the last one forgotten
+            return known
 
     def add_records(self, records: Mapping[str, Record]) -> None:
         """Add the records of a project file, with its keys."""
         for key, record in records.items():
-            self.records[key], self.texts[key] = record, record_key(record)[1]
+            self._add_record(key, record, record_key(record)[1])
+
+    def _add_record(self, key: str, record: Record, text: str) -> None:
+        summary = {name: record.get(name) for name in _SHOWN}
+        summary["constraints"] = record.get("request", {}).get("constraints", [])
+        summary["library"] = record.get("library", {}).get("sha256")
+        self.texts[key], self.summaries[key] = text, summary
+
+    def record(self, key: str) -> Record:
+        """Return a provenance record with paths relative to the working folder."""
+        record: Record = move_record(json.loads(self.texts[key]), self.folder, Path())
+        return record
+
+    def keep_only(self, keys: Collection[str]) -> None:
+        """Forget the records that have none of these keys, if they are many."""
+        if len(self.texts) > 2 * len(keys) + _MAX_UNUSED:
+            for key in self.texts.keys() - keys:
+                for table in (self.texts, self.summaries, self.measures, self._grafts):
+                    table.pop(key, None)
+            self._angles.clear()
 
     def add(self, graft: Graft, sources: Sequence[str]) -> str:
         """Add a graft that was made from the files `sources`; return the key of its record."""
@@ -81,32 +111,38 @@ class Workshop:
             graft = replace(graft, request=replace(graft.request, sources=tuple(sources)))
         record = graft_record(graft, self.folder)
         key, text = record_key(record)
-        with self._lock:
-            self.records[key], self.texts[key] = record, text
-            self.keep(key, graft)
+        self._add_record(key, record, text)
+        self.keep(key, graft)
         return key
 
     def rename(self, key: str, name: str) -> str:
         """Return the key of a record with another name of the motion."""
-        record = {**self.records[key], "name": name}
+        record = {**json.loads(self.texts[key]), "name": name}
         new, text = record_key(record)
-        with self._lock:
-            self.records[new], self.texts[new] = record, text
-            graft = self._grafts.get(key)
-            if graft is not None:
-                self.keep(new, _renamed(graft, name))
+        self._add_record(new, record, text)
+        graft = self._grafts.get(key)
+        if graft is not None:
+            self.keep(new, _renamed(graft, name))
         return new
 
     def graft(self, key: str) -> Graft:
         """Return the graft of a record: one in memory, or else by replay."""
+        known = self._use(key)
+        if known is not None:
+            return known
+        with self._building:  # another thread may have built it meanwhile
+            graft = self._use(key)
+            if graft is None:
+                record = self.record(key)
+                graft = replay(record, self._find_library(record))
+                self.keep(key, graft)
+            return graft
+
+    def _use(self, key: str) -> Graft | None:
         with self._lock:
             if key in self._grafts:
                 self._grafts.move_to_end(key)
-                return self._grafts[key]
-            record = self.records[key]
-            graft = replay(move_record(record, self.folder, Path()), self._find_library(record))
-            self.keep(key, graft)
-            return graft
+            return self._grafts.get(key)
 
     def find(self, key: str) -> Graft | None:
         """Return the graft of a record if it is in memory."""
@@ -119,45 +155,44 @@ class Workshop:
         ProvenanceError, LibraryError or OSError if that cannot be built.
         """
         graft, library = self.graft(key), self.library
-        with self._lock:
-            if library is None or hash_library(library) == self._hash_of(key):
+        with self._building:
+            if library is None or hash_library(library) == self.summaries[key]["library"]:
                 return graft if not is_partial(graft.library) else self._whole(key)
             rebased = self._rebase(key, library)
             if rebased is not None:
                 return rebased
             return self._whole(key) if is_partial(graft.library) else graft
 
-    def _hash_of(self, key: str) -> str:
-        return str(self.records[key]["library"]["sha256"])
-
     def _rebase(self, key: str, library: Library) -> Graft | None:
         """Return a graft on another library; None if its motion would be another one."""
-        record = self.records[key]
+        record = self.record(key)
         own = self.configured(library, Config.from_dict(record["config"]))
         if record["groups_toml"] != library.groups.to_toml():
             return None
         section = {**record["library"], "sha256": hash_library(library)}
         try:
-            graft = replay(move_record({**record, "library": section}, self.folder, Path()), own)
+            graft = replay({**record, "library": section}, own)
         except ProvenanceError:
             return None
         return graft if hash_poses(graft.motion) == record["poses_sha256"] else None
 
     def _whole(self, key: str) -> Graft:
         """Return a graft with all clips of its library, built from their files."""
-        record = read_record(move_record(self.records[key], self.folder, Path()))
-        library = self._add_library(find_whole_library(record, ()))
+        record = read_record(self.record(key))
+        found = find_whole_library(record, ())
+        with self._lock:
+            library = self._add_library(found)
         graft = replay(record.document, self.configured(library, record.config))
         self.keep(key, graft)
         return graft
 
     def keep(self, key: str, graft: Graft) -> None:
         """Keep a graft in memory, and measure it."""
+        if key in self.texts and key not in self.measures:
+            self.measures[key] = _measure(graft)
         with self._lock:
             self._grafts[key] = graft
             self._grafts.move_to_end(key)
-            if key in self.records:
-                self.measures.setdefault(key, _measure(graft))
             sizes = {own: _size(each) for own, each in self._grafts.items()}
             while len(self._grafts) > 2 and sum(sizes.values()) > _MAX_BYTES:
                 del sizes[self._grafts.popitem(last=False)[0]]

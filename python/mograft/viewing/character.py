@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray
 from mograft.errors import DAMAGE, FormatError
+from mograft.io.character import open_character
 from mograft.io.gltf.container import Container, read_accessor, to_floats
-from mograft.io.gltf.document import GltfFile, read_gltf_file
+from mograft.io.gltf.document import GltfFile
 from mograft.io.gltf.nodes import NodeTree
 from mograft.motion import rotations
 from mograft.motion.skeleton import Skeleton
@@ -28,7 +29,7 @@ _COMPRESSED = ("KHR_draco_mesh_compression", "KHR_texture_basisu")
 
 
 def read_character(path: Path, skeleton: Skeleton) -> dict[str, Any] | None:
-    """Return the meshes of a glTF file as a dict for JSON, for motions of a skeleton.
+    """Return the meshes of a glTF or FBX file as a dict for JSON, for motions of a skeleton.
 
     The script of the page binds each vertex to joints by the transforms ``inverses`` from the axes
     of the mesh to those of the joint. Nodes with a mesh but without a skin follow the nearest joint
@@ -40,7 +41,9 @@ def read_character(path: Path, skeleton: Skeleton) -> dict[str, Any] | None:
         If the file is invalid, if the mesh uses a feature that pages do not show or is too large,
         or if the joints or the rest pose are not those of the skeleton.
     """
-    file = read_gltf_file(path)
+    file = open_character(path)
+    if file is None:
+        return None
     container = file.container
     meshes = {i: own for i, own in enumerate(container.items("nodes")) if "mesh" in own}
     names = [own.get("name") for own in container.items("meshes")]

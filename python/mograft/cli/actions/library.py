@@ -6,6 +6,7 @@ from typing import Any
 
 from mograft._util.workers import worker_processes
 from mograft.cli import configuration
+from mograft.cli.actions.live import relay
 from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax import commands
@@ -167,9 +168,14 @@ def run_export(options: commands.TablesOptions) -> int:
 
 def run_stream(options: commands.StreamOptions) -> int:
     """Run the command until it is interrupted."""
-    if (options.port is None) == (options.socket is None):
-        raise UsageError("one of --port and --socket is required")
+    ways = (options.port, options.socket, options.vmc_in)
+    if sum(own is not None for own in ways) != 1:
+        raise UsageError("one of --port, --socket and --vmc-in is required")
+    if (options.vmc is None) != (options.vmc_in is None):
+        raise UsageError("--vmc and --vmc-in require each other")
     library = configuration.load_library(options)
+    if options.vmc is not None and options.vmc_in is not None:
+        return relay(library, options.vmc_in, options.vmc, options)
     address = options.socket or (options.host, options.port or 0)
     if options.socket is None and not is_loopback(options.host):
         print_remark(

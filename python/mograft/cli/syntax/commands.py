@@ -109,6 +109,27 @@ class StreamOptions(options.LibraryOptions):
         "pause between two messages, in seconds, after which a connection is closed (default: 600)",
         default=600.0,
     )
+    vmc_in: values.Listener | None = option(
+        "port at which a VMC sender gives the base (default host: 127.0.0.1, only this computer)"
+    )
+    vmc: values.Receiver | None = option("VMC receiver of the new motion (default port: 39539)")
+    delay: values.NonNegative = setting(
+        "seconds that a part of --vmc-in waits for later ones; with 0 the fewest (default: 1.2)",
+        default=1.2,
+    )
+    status: bool = option("print frames, delay, newness and dropped packets of --vmc each second")
+
+
+class PlayOptions(options.SkeletonOptions):
+    """Send a motion to VSeeFace, Unity, Unreal, Blender or Godot while it plays, over VMC.
+
+    Space pauses in a terminal; Ctrl-C ends it.
+    """
+
+    files: tuple[values.Source, ...] = positional("motion file, or a clip of one", "+")
+    vmc: values.Receiver = option("address of the receiver (default port: 39539)", is_required=True)
+    loop: bool = option("repeat the motion until Ctrl-C")
+    speed: values.Speed = option("factor of the speed (default: 1)", default=1.0)
 
 
 class StudioOptions(options.ResultOptions):
@@ -273,6 +294,7 @@ COMMANDS = (
     Command("find", datasets.FindOptions, "datasets:run_find"),
     Command("curate", datasets.CurateOptions, "datasets:run_curate"),
     Command("stream", StreamOptions, "library:run_stream"),
+    Command("play", PlayOptions, "live:run_play"),
     Command("studio", StudioOptions, "studio:run_studio"),
     Command("view", ViewOptions, "pictures:run_view"),
     Command("plot", PlotOptions, "pictures:run_plot"),

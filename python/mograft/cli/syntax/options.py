@@ -95,8 +95,9 @@ class LibraryFileOptions(SkeletonOptions, section="input"):
 class LibraryOptions(FieldOptions, LibraryFileOptions, section="how different"):
     """Options of commands that open a library, or build one from motion files."""
 
-    preset: Literal["default", "paper"] | None = setting(
-        "configuration that other options change; paper is that of the paper (default: default)",
+    preset: Literal["default", "paper", "paper-rms"] | None = setting(
+        "configuration that other options change: of the paper, or with its sigma as root mean "
+        "square (default: default)",
         is_expert=True,
     )
     variety: values.Share | None = setting("0 (few, similar donors) to 1 (default: 0.5)")

@@ -26,6 +26,9 @@ SHAPES = {
 }
 """The numbers that describe each shape of ``--avoid``."""
 
+VMC_PORT = "39539"
+"""Port at which receivers of VMC listen."""
+
 REACH_TOLERANCE = 0.03
 """Default tolerance of ``--reach`` in skeleton heights."""
 
@@ -292,6 +295,28 @@ def groups(text: str) -> str:
     return text if is_file else preset(text, "a TOML file, auto:N or ")
 
 
+def _address(host: str, port: str) -> tuple[str, int]:
+    """Return host and port; brackets around an IPv6 address are removed."""
+    if not host or not 0 < _port(port) < 65536:
+        raise ValueError
+    return host.removeprefix("[").removesuffix("]"), _port(port)
+
+
+@_parser("must be HOST or HOST:PORT, such as 127.0.0.1:39539")
+def receiver(text: str) -> tuple[str, int]:
+    """Parse ``HOST[:PORT]``; the default port is that of receivers of VMC."""
+    host, colon, port = text.rpartition(":")
+    is_whole = not colon or text.endswith("]") or (text.count(":") > 1 and text[:1] != "[")
+    return _address(text, VMC_PORT) if is_whole else _address(host, port)
+
+
+@_parser("must be PORT or HOST:PORT, such as 39540")
+def listener(text: str) -> tuple[str, int]:
+    """Parse ``[HOST:]PORT``; the default is an address that only this computer reaches."""
+    host, _, port = text.rpartition(":")
+    return _address(host or "127.0.0.1", port)
+
+
 @_parser("must be WIDTHxHEIGHT, such as 720x480")
 def picture_size(text: str) -> tuple[int, int]:
     """Parse ``WIDTHxHEIGHT``, a size in pixels."""
@@ -414,9 +439,12 @@ NonNegative = Annotated[float, Value("X", _non_negative)]
 Rate = Annotated[float, Value("FPS", _positive)]
 Duration = Annotated[float, Value("S", _positive)]
 Tempo = Annotated[float, Value("BPM", _positive)]
+Speed = Annotated[float, Value("X", _positive)]
 Degrees = Annotated[float, Value("DEGREES", _positive)]
 Distance = Annotated[float, Value("DEGREES", _non_negative)]
 Size = Annotated[tuple[int, int], Value("WIDTHxHEIGHT", picture_size)]
+Receiver = Annotated[tuple[str, int], Value("HOST[:PORT]", receiver)]
+Listener = Annotated[tuple[str, int], Value("[HOST:]PORT", listener)]
 Unit = Annotated[float | str, Value("UNIT|X", unit)]
 Source = Annotated[str, Value("FILE", is_path=True)]
 SourceOrFolder = Annotated[str, Value("FILE|DIR", is_path=True)]

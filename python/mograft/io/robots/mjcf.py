@@ -66,6 +66,7 @@ class _Reader:
         if chosen not in self.defaults:
             raise element.error(f"expected a class of <default>, got {chosen!r}")
         known = {**self.defaults[chosen], **element.attributes}
+        name = known.get("name", f"joint{len(self.bodies)}")
         joint = XmlElement(element.path, element.line, "joint", known)
         form = "free" if element.tag == "freejoint" else known.get("type", "hinge")
         if is_root and form == "free":
@@ -75,8 +76,6 @@ class _Reader:
             raise element.error(f"expected {expected}, got a joint of type {form}")
         if joint.numbers("ref", 1, "0").any():
             raise element.error("expected a joint with ref 0, got another reference")
-        if "name" not in known:
-            raise element.error("expected the attribute name of <joint>, got none")
         axis = joint.numbers("axis", 3, "0 0 1")
         if not axis.any():
             raise element.error("expected an axis with a length above 0, got 0 0 0")
@@ -87,7 +86,7 @@ class _Reader:
             if low > high:
                 raise element.error(f"expected an ascending range, got {known['range']}")
             limits = (low, high)
-        return [BodyJoint(known["name"], axis, joint.numbers("pos", 3, "0 0 0"), limits)]
+        return [BodyJoint(name, axis, joint.numbers("pos", 3, "0 0 0"), limits)]
 
     def turn(self, element: XmlElement) -> FloatArray:
         """Return the rotation of a body relative to its parent, xyzw."""

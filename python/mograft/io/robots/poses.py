@@ -45,11 +45,8 @@ class Pose(NamedTuple):
 
 def refuse_without_model(path: Path) -> NoReturn:
     """Raise the error for a motion of a robot that is read without its model."""
-    raise FormatError(
-        "expected the model of the robot, got none: give --model, or in Python "
-        "skeleton=mograft.formats.read_model(...)",
-        path,
-    )
+    remedy = "give --model, or in Python skeleton=mograft.formats.read_model(...)"
+    raise FormatError(f"expected the model of the robot, got none: {remedy}", path)
 
 
 def to_motion(

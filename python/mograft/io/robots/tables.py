@@ -1,6 +1,7 @@
 """Tables of joint angles: CSV files with the root and the angle of each hinge in every frame."""
 
 import os
+import warnings
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -49,7 +50,7 @@ def open_table(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> 
     model = skeleton
     if model is None or model.hinges is None:
         return single_clip(path, "robot CSV", lambda: poses.refuse_without_model(path), rate)
-    header, values, first, lines = _read_cells(path)
+    header, values, first = _read_cells(path)
     stated = model.hinges.layout
     with errors_of_file(path):
         limits.check_frames(len(values))
@@ -57,29 +58,25 @@ def open_table(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> 
         unit = poses.find_unit(model, values[:, columns.positions[2]])
         angles = values[:, columns.angles]
         turn = poses.find_angle_unit(model.hinges, angles)
-        known = columns.order or stated.quaternion
+        is_euler = columns.order == _EULER
+        known = _EULER if is_euler else stated.quaternion or columns.order
         places, turns = values[:, columns.positions], values[:, columns.turns]
-        turns *= turn if columns.order == _EULER else 1.0
-        pose = poses.Pose(unit * places, turns, turn * angles)
-        pose, order, evidence = _find_turns(model, pose, known, lines)
+        pose = poses.Pose(unit * places, turn * turns if is_euler else turns, turn * angles)
+        pose, order, evidence = _find_turns(model, pose, known)
         seconds, origin = _frame_time(stated, values, columns, path)
-    digits = max(len(cell.lower().partition("e")[0].partition(".")[2]) for cell in first)
-    layout = TableLayout(
-        quaternion=order,
-        header=header,
-        unit=unit,
-        is_degrees=turn != 1.0,
-        numbers=f".{digits}{'e' if any('e' in cell.lower() for cell in first) else 'f'}",
-        is_single=bool((values == values.astype(np.float32)).all()),
-    )
+        digits = max(len(cell.lower().partition("e")[0].partition(".")[2]) for cell in first)
+        layout = TableLayout(
+            quaternion=order,
+            header=header,
+            unit=unit,
+            is_degrees=turn != 1.0,
+            numbers=f".{digits}{'e' if any('e' in cell.lower() for cell in first) else 'f'}",
+            is_single=bool((values == values.astype(np.float32)).all()),
+        )
+        motion = poses.to_motion(model, pose, layout, path, seconds)
     units = f"units: {poses.UNITS[unit]} and {'degrees' if layout.is_degrees else 'rad'}"
-    return single_clip(
-        path,
-        "robot CSV",
-        lambda: poses.to_motion(model, pose, layout, path, seconds),
-        rate,
-        notes=(f"quaternion: {evidence}", units, f"frames per second: {origin}"),
-    )
+    notes = (f"quaternion: {evidence}", units, f"frames per second: {origin}")
+    return single_clip(path, "robot CSV", lambda: motion, rate, notes=notes)
 
 
 def write_table(motion: Motion, path: str | os.PathLike[str]) -> None:
@@ -139,8 +136,8 @@ def _as_numbers(cells: Sequence[str]) -> FloatArray | None:
     return values if np.isfinite(values).all() else None
 
 
-def _read_cells(path: Path) -> tuple[tuple[str, ...], FloatArray, list[str], list[int]]:
-    """Return the header, the values, the first row as text, and the line of each row.
+def _read_cells(path: Path) -> tuple[tuple[str, ...], FloatArray, list[str]]:
+    """Return the header, the values, and the first row as text.
 
     Raises `FormatError` with the line if a cell is not a finite number or rows differ in length.
     """
@@ -148,7 +145,7 @@ def _read_cells(path: Path) -> tuple[tuple[str, ...], FloatArray, list[str], lis
         data = file.read(MAX_TABLE_BYTES + 1)
     if len(data) > MAX_TABLE_BYTES:
         raise FormatError(f"expected at most {MAX_TABLE_BYTES >> 20} MiB, got more", path)
-    header, first, rows, lines = tuple[str, ...](), list[str](), list[FloatArray](), list[int]()
+    header, first, rows = tuple[str, ...](), list[str](), list[FloatArray]()
     for line, text in enumerate(data.decode("utf-8-sig", "replace").splitlines(), 1):
         if not (cells := _split(text)):
             continue
@@ -163,10 +160,9 @@ def _read_cells(path: Path) -> tuple[tuple[str, ...], FloatArray, list[str], lis
             expected = f"{len(header or first)} finite numbers"
             raise FormatError(f"expected {expected}, got {got}", path, f"line {line}")
         rows.append(values)
-        lines.append(line)
     if not rows:
         raise FormatError("expected at least one row of numbers, got none", path)
-    return header, np.array(rows), first, lines
+    return header, np.array(rows), first
 
 
 def _find_columns(header: Sequence[str], n_columns: int, hinges: Hinges) -> _Columns:
@@ -203,9 +199,7 @@ def _find_columns(header: Sequence[str], n_columns: int, hinges: Hinges) -> _Col
     return _Columns(frame, time, places, turns, order, angles)
 
 
-def _find_turns(
-    model: Skeleton, pose: poses.Pose, order: str, lines: Sequence[int]
-) -> tuple[poses.Pose, str, str]:
+def _find_turns(model: Skeleton, pose: poses.Pose, order: str) -> tuple[poses.Pose, str, str]:
     """Return the pose with quaternions xyzw, their order in the file, and a text about it.
 
     Raises ValueError if they are not unit quaternions or their order is ambiguous.
@@ -214,9 +208,8 @@ def _find_turns(
         quats = rotations.from_euler(pose.quats[:, ::-1].copy(), "ZYX")
         return pose._replace(quats=quats), order, "none, but angles about fixed axes, x first"
     errors = np.abs(np.linalg.norm(pose.quats, axis=1) - 1.0)
-    row = int(errors.argmax())
-    if errors[row] > poses.MAX_NORM_ERROR:
-        got = f"one with a norm that differs by {errors[row]:.2g} in line {lines[row]}"
+    if errors.max() > poses.MAX_NORM_ERROR:
+        got = f"one with a norm that differs by {errors.max():.2g} in frame {errors.argmax()}"
         raise ValueError(f"expected unit quaternions of the root, got {got}")
     text = f"{order}, as stated"
     if not order:
@@ -232,8 +225,9 @@ def _frame_time(
         if fnmatchcase(path.name, pattern) or fnmatchcase(path.stem, pattern):
             return 1.0 / rate, f"{rate:g}, as stated"
     if columns.time is None or len(values) == 1:
-        rate = poses.DEFAULT_RATE
-        return 1.0 / rate, f"{rate:g} is assumed; the file states none (--fps)"
+        text = f"{poses.DEFAULT_RATE:g} is assumed; the file states none (--fps)"
+        warnings.warn(f"frames per second of robot tables: {text}", stacklevel=2)
+        return 1.0 / poses.DEFAULT_RATE, text
     steps = np.diff(values[:, columns.time])
     seconds = float(steps.mean())
     if seconds <= 0.0 or np.abs(steps - seconds).max() > 0.1 * seconds:

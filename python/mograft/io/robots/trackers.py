@@ -26,11 +26,10 @@ _MAX_DISTANCE = 0.02  # metres between the bodies of a file and those of its ang
 def orders_of(skeleton: Skeleton, tracker: str) -> tuple[IntArray, IntArray]:
     """Return the indices of joints in `Hinges.names`, and of bodies in `Hinges.bodies`."""
     hinges = poses.hinges_of(skeleton)
-    levels = [len(skeleton.ancestors(joint)) for joint in range(skeleton.n_joints)]
-    joints, bodies = (np.array(levels)[own] for own in (hinges.joints, hinges.bodies))
-    if tracker == "mjlab":
-        joints, bodies = np.zeros_like(joints), np.zeros_like(bodies)
-    return np.argsort(joints, kind="stable"), np.argsort(bodies, kind="stable")
+    levels = np.array([len(skeleton.ancestors(joint)) for joint in range(skeleton.n_joints)])
+    levels *= tracker != "mjlab"
+    first, second = (levels[own].argsort(kind="stable") for own in (hinges.joints, hinges.bodies))
+    return first, second
 
 
 def write_tracker(

@@ -83,9 +83,7 @@ def read_xml(path: Path) -> XmlElement:
     parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = refuse
     try:
         parser.Parse(data, True)  # noqa: FBT003 - the end of the file
-    except (expat.ExpatError, LookupError, ValueError) as error:
-        if isinstance(error, FormatError):
-            raise
+    except (expat.ExpatError, LookupError) as error:
         raise FormatError(
             f"expected XML: {error}", path, f"line {parser.CurrentLineNumber}"
         ) from None

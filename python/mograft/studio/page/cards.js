@@ -1,7 +1,7 @@
 // Variations: cards with looping previews, how new they are, and what a person thinks of them.
 import { figureOf, ghostOf } from "./figures.js";
 import { act, motions, on, select, store } from "./store.js";
-import { button, create, field, icon, make, numberInput, percent, selectInput } from "./ui.js";
+import { breakable, button, counted, create, field, fill, icon, make, parts, percent } from "./ui.js";
 import { addRegion, dropRegion, isVisible, redraw } from "./view.js";
 
 const PREVIEW_MILLISECONDS = 33; // Between two pictures of the previews.
@@ -9,21 +9,20 @@ const PREVIEW_MILLISECONDS = 33; // Between two pictures of the previews.
 const cards = new Map(); // Identity of a motion -> its card.
 const isStill = matchMedia("(prefers-reduced-motion: reduce)");
 const look = { yaw: 0.55, pitch: 0.16, zoom: 1, pan: [0, 0] };
-const parts = {};
 let clock = 0; // Seconds since the previews began.
 let isLooping = !isStill.matches;
 
 const SORTS = {
-  made: ["order made", () => 0],
-  cost: ["cheapest first", (a, b) => compare(a.cost, b.cost)],
-  new: ["newest first", (a, b) => compare(b.new, a.new)],
-  apart: ["most unlike those kept", (a, b) => compare(b.apart, a.apart)],
+  made: () => 0,
+  cost: (a, b) => compare(a.cost, b.cost),
+  new: (a, b) => compare(b.new, a.new),
+  apart: (a, b) => compare(b.apart, a.apart),
 };
 const SHOWN = {
-  all: ["all", () => true],
-  open: ["not rejected", ({ mark }) => mark !== "reject"],
-  star: ["with a star", ({ mark }) => mark === "star"],
-  kept: ["kept", ({ isKept }) => isKept],
+  all: () => true,
+  open: ({ mark }) => mark !== "reject",
+  star: ({ mark }) => mark === "star",
+  kept: ({ isKept }) => isKept,
 };
 // Motions without a number come last.
 function compare(a, b) {
@@ -32,31 +31,16 @@ function compare(a, b) {
 }
 
 export function startCards() {
-  const pane = document.getElementById("pane-motions");
-  parts.base = selectInput([], null, { "aria-label": "Base clip" });
-  parts.count = numberInput(12, { min: 1, max: 100, step: 1 });
-  parts.variety = make("input", { type: "range", min: "0", max: "1", step: "0.05", value: "0.5", "aria-label": "Variety", oninput: () => (parts.variety.dataset.moved = "1") });
-  parts.seed = numberInput("", { min: 0, step: 1, placeholder: "next" });
-  parts.loop = make("input", { type: "checkbox" });
-  parts.swap = make("fieldset", { class: "swap" }, make("legend", { text: "exchange" }));
-  parts.make = make("button", { type: "submit", class: "main", text: "Make 12" });
-  parts.form = make(
-    "form",
-    { class: "form", onsubmit: makeMotions },
-    field("base", parts.base),
-    field("number", parts.count),
-    make("div", { class: "scale" }, make("span", { text: "near" }), parts.variety, make("span", { text: "varied" })),
-    make("details", {}, make("summary", { text: "seed, loop, groups" }), field("seed", parts.seed), field("loop", parts.loop), parts.swap),
-    parts.make,
-  );
-  parts.count.addEventListener("input", () => (parts.make.textContent = `Make ${parts.count.value || 1}`));
-  parts.sort = selectInput(Object.entries(SORTS).map(([key, [text]]) => [key, text]), "made", { onchange: layOut });
-  parts.shown = selectInput(Object.entries(SHOWN).map(([key, [text]]) => [key, text]), "all", { onchange: layOut });
-  parts.looping = button("Previews", "Play or stop the previews", () => setLooping(!isLooping));
-  parts.bar = make("div", { class: "row" }, field("sort", parts.sort), field("show", parts.shown), parts.looping);
-  parts.none = make("p", { class: "faint", text: "No motions yet: choose a base, and make some." });
-  parts.grid = make("div", { class: "cards", role: "list", "aria-label": "Motions" });
-  pane.append(parts.form, parts.bar, parts.none, parts.grid);
+  parts.makeForm.addEventListener("submit", makeMotions);
+  parts.makeVariety.addEventListener("input", () => (parts.makeVariety.dataset.moved = "1"));
+  parts.makeCount.addEventListener("input", () => (parts.make.textContent = `Make ${parts.makeCount.value || 1}`));
+  for (const own of [parts.sort, parts.shown]) own.addEventListener("change", layOut);
+  parts.previews.addEventListener("click", () => setLooping(!isLooping));
+  parts.removeRejected.addEventListener("click", () => act({ action: "remove", ids: rejected().map(({ id }) => id) }));
+  parts.makeBase.addEventListener("change", () => {
+    store.clip = parts.makeBase.value;
+    select(null);
+  });
   setLooping(isLooping);
   isStill.addEventListener("change", () => setLooping(!isStill.matches));
   on("project", writeAll);
@@ -66,9 +50,11 @@ export function startCards() {
   setInterval(tick, PREVIEW_MILLISECONDS);
 }
 
+const rejected = () => motions().filter(({ mark }) => mark === "reject");
+
 function setLooping(isOn) {
   isLooping = isOn;
-  parts.looping.setAttribute("aria-pressed", isOn);
+  parts.previews.setAttribute("aria-pressed", isOn);
 }
 
 let before = performance.now();
@@ -84,35 +70,36 @@ function tick() {
   }
 }
 
-function makeMotions(event) {
+async function makeMotions(event) {
   event.preventDefault();
-  const swap = [...parts.swap.querySelectorAll("input")].filter((own) => own.checked).map((own) => own.value);
-  const isAll = swap.length === parts.swap.querySelectorAll("input").length;
-  act({
+  const swap = [...parts.makeSwap.querySelectorAll("input")].filter((own) => own.checked).map((own) => own.value);
+  const isAll = swap.length === parts.makeSwap.querySelectorAll("input").length;
+  const reply = await act({
     action: "make",
-    base: parts.base.value,
-    count: Number(parts.count.value) || 1,
-    ...(parts.variety.dataset.moved && { variety: Number(parts.variety.value) }),
-    ...(parts.seed.value !== "" && { seed: Number(parts.seed.value) }),
-    ...(parts.loop.checked && { loop: true }),
+    base: parts.makeBase.value,
+    count: Number(parts.makeCount.value) || 1,
+    ...(parts.makeVariety.dataset.moved && { variety: Number(parts.makeVariety.value) }),
+    ...(parts.makeSeed.value !== "" && { seed: Number(parts.makeSeed.value) }),
+    ...(parts.makeLoop.checked && { loop: true }),
     ...(!isAll && { swap }),
   });
+  if (reply?.motions.length) select(reply.motions[0]);
 }
 
 function writeForm() {
   const { clips, groups, library } = store.project;
   const names = clips.map(({ name }) => name);
   const key = JSON.stringify([names, groups?.names]);
-  if (parts.form.dataset.key !== key) {
-    parts.form.dataset.key = key;
-    const chosen = parts.base.value;
-    parts.base.replaceChildren(...names.map((name) => make("option", { value: name, text: name })));
-    if (names.includes(chosen)) parts.base.value = chosen;
+  if (parts.makeForm.dataset.key !== key) {
+    parts.makeForm.dataset.key = key;
+    const chosen = parts.makeBase.value;
+    fill(parts.makeBase, names, names.includes(chosen) ? chosen : names[0]);
     const others = (groups?.names || []).filter((name) => name !== groups.base);
     const boxes = others.map((name) => field(name, make("input", { type: "checkbox", value: name, checked: true })));
-    parts.swap.replaceChildren(make("legend", { text: "exchange" }), ...boxes);
+    parts.makeSwap.replaceChildren(...boxes);
   }
-  if (!parts.variety.dataset.moved && store.project.options?.variety !== undefined) parts.variety.value = store.project.options.variety;
+  if (!parts.makeVariety.dataset.moved && store.project.options?.variety !== undefined)
+    parts.makeVariety.value = store.project.options.variety;
   parts.make.disabled = library?.status !== "ready" || !names.length;
   parts.make.title = parts.make.disabled ? "Open motions first; the library must be ready" : "";
 }
@@ -130,8 +117,9 @@ function writeAll() {
     if (!cards.has(motion.id)) cards.set(motion.id, makeCard(motion));
     writeCard(cards.get(motion.id), motion);
   }
-  parts.none.hidden = all.length > 0;
-  parts.bar.hidden = parts.grid.hidden = all.length === 0;
+  parts.removeRejected.hidden = !rejected().length;
+  parts.noCards.hidden = all.length > 0;
+  parts.cardsBar.hidden = parts.cards.hidden = all.length === 0;
   layOut();
   markSelected();
 }
@@ -198,23 +186,31 @@ function askName(id) {
   input.addEventListener("blur", () => done(true));
 }
 
-// The numbers of a motion, as the reports name them.
-export function numbersOf({ cost, new: share, apart }) {
-  const texts = [];
-  if (share !== null && share !== undefined) texts.push([`${percent(share)} new`, "share of windows that no clip of the library contains"]);
-  if (apart !== null && apart !== undefined) texts.push([`${apart.toFixed(0)}° apart`, "angle of the joints to the nearest motion that is kept"]);
-  if (cost !== null && cost !== undefined) texts.push([`cost ${cost.toFixed(1)}`, "cost of the donors; less is smoother"]);
-  return texts;
+// The numbers of a motion, as the reports name them; those that are known.
+function numbersOf({ cost, new: share, apart, isLoop }) {
+  const isKnown = (value) => value !== null && value !== undefined;
+  const texts = [
+    isKnown(share) && [`${percent(share)} new`, "share of windows that no clip of the library contains"],
+    isKnown(apart) && [`${apart.toFixed(0)}° apart`, "angle of the joints to the nearest motion that is kept"],
+    isKnown(cost) && [`cost ${cost.toFixed(1)}`, "cost of the donors; less is smoother"],
+    isLoop && ["loop", "its end continues its start"],
+  ];
+  return texts.filter(Boolean).map(([text, title]) => make("span", { text, title }));
 }
 
 function writeCard(card, motion) {
-  const { name, mark, isKept, violations, isLoop } = motion;
-  card.name.textContent = name;
-  const texts = [...numbersOf(motion), ...(isLoop ? [["loop", "its end continues its start"]] : [])];
-  card.numbers.replaceChildren(...texts.map(([text, title]) => make("span", { text, title })));
-  card.element.setAttribute("aria-label", [name, mark === "star" ? "starred" : mark === "reject" ? "rejected" : ""].filter(Boolean).join(", "));
+  const { name, mark, isKept, violations } = motion;
+  card.name.replaceChildren(...breakable(name));
+  card.numbers.replaceChildren(...numbersOf(motion));
+  card.element.setAttribute(
+    "aria-label",
+    [name, mark === "star" ? "starred" : mark === "reject" ? "rejected" : ""].filter(Boolean).join(", "),
+  );
   card.preview.setAttribute("aria-label", `Show ${name} on the stage`);
-  for (const [kind, own, text] of [["star", card.star, "Star"], ["reject", card.reject, "Reject"]]) {
+  for (const [kind, own, text] of [
+    ["star", card.star, "Star"],
+    ["reject", card.reject, "Reject"],
+  ]) {
     own.setAttribute("aria-pressed", mark === kind);
     own.setAttribute("aria-label", `${text}: ${name}`);
   }
@@ -225,18 +221,15 @@ function writeCard(card, motion) {
   card.element.classList.toggle("rejected", mark === "reject");
   card.element.classList.toggle("starred", mark === "star");
   card.warning.hidden = !violations.length;
-  const text = violations.length === 1 ? "1 violation" : `${violations.length} violations`;
-  card.warning.replaceChildren(icon("warn"), text);
+  card.warning.replaceChildren(icon("warn"), counted(violations.length, "violation"));
 }
 
 function layOut() {
-  const [, order] = SORTS[parts.sort.value];
-  const [, isShown] = SHOWN[parts.shown.value];
   const focused = document.activeElement;
-  const sorted = motions().filter(isShown).sort(order);
+  const sorted = motions().filter(SHOWN[parts.shown.value]).sort(SORTS[parts.sort.value]);
   const elements = sorted.map(({ id }) => cards.get(id).element);
-  if (elements.some((own, i) => parts.grid.children[i] !== own) || parts.grid.children.length !== elements.length) {
-    parts.grid.replaceChildren(...elements);
+  if (elements.some((own, i) => parts.cards.children[i] !== own) || parts.cards.children.length !== elements.length) {
+    parts.cards.replaceChildren(...elements);
     if (focused?.isConnected && focused !== document.body) focused.focus();
   }
   for (const card of cards.values()) redraw(card.region);

@@ -1,10 +1,10 @@
 // Constraints of the selected motion as a list of forms, and what they violate.
 import { player, mainFigure, nFrames, seek } from "./player.js";
 import { act, emit, on, selected, store } from "./store.js";
-import { button, field, icon, make, numberInput, selectInput } from "./ui.js";
-import { DEFAULTS, FIELDS, framesText, nameOf, NEW, obstacleOf, upOf } from "./records.js";
+import { button, field, fill, icon, make, numberInput, parts, selectInput } from "./ui.js";
+import { DEFAULTS, FIELDS, framesText, nameOf, NEW, newRecord, obstacleOf, upOf } from "./records.js";
 
-const parts = {};
+const HINT = "Obstacles, targets of hands, feet and gaze: added at the figure, moved on the stage or by numbers.";
 let written = "";
 
 export const jointNames = () => (store.project?.skeleton?.joints || []).map(({ name }) => name);
@@ -12,14 +12,9 @@ export const setConstraint = (motion, number, constraint, isPreview = false) =>
   act({ action: "set_constraint", id: motion.id, number, constraint, ...(isPreview && { preview: true }) }, { isQuiet: true });
 
 export function startConstraints() {
-  const pane = document.getElementById("pane-constraints");
-  parts.kind = selectInput(Object.keys(NEW), "Sphere", { "aria-label": "Kind of constraint" });
-  parts.add = button("Add", "Add at the figure, for the selected frames or all", add);
-  parts.list = make("div", { class: "constraints" });
-  parts.none = make("p", { class: "faint", text: "Obstacles, targets of hands, feet and gaze: added at the figure, moved on the stage or by numbers." });
-  parts.violations = make("ul", { class: "violations", "aria-label": "Violations" });
-  pane.append(make("div", { class: "row" }, field("add", parts.kind), parts.add), parts.none, parts.violations, parts.list);
-  on("project selected", write);
+  fill(parts.newKind, Object.keys(NEW));
+  parts.addConstraint.addEventListener("click", add);
+  on("project selected figure", write);
   on("constraint", markChosen);
 }
 
@@ -28,8 +23,7 @@ async function add() {
   if (!motion || !clip) return;
   const frames = store.focus ? [store.focus.first, store.focus.last] : null;
   const given = { joints: jointNames(), frame: player.frame, frames, clipName: motion.base };
-  const made = NEW[parts.kind.value](clip, given);
-  const constraint = frames && !made.frames ? { ...made, frames } : made;
+  const constraint = newRecord(parts.newKind.value, clip, given);
   const reply = await act({ action: "add_constraint", id: motion.id, constraint });
   if (!reply) return;
   store.constraint = selected()?.constraints.at(-1)?.number ?? null;
@@ -38,17 +32,19 @@ async function add() {
 
 function write() {
   const motion = selected();
-  parts.add.disabled = !motion;
-  const key = JSON.stringify([motion?.id, motion?.constraints, motion?.violations, motion?.remarks, jointNames().length]);
+  parts.addConstraint.disabled = !motion;
+  const isLoaded = mainFigure() !== null; // Its axes are needed.
+  const key = JSON.stringify([motion?.id, motion?.constraints, motion?.violations, motion?.remarks, isLoaded]);
   if (key === written) return;
   written = key;
-  const own = motion?.constraints || [];
-  parts.none.hidden = own.length > 0;
+  const own = (isLoaded && motion?.constraints) || [];
+  parts.noConstraint.hidden = own.length > 0;
+  parts.noConstraint.textContent = motion ? HINT : "Make or select a motion first.";
   const remarks = motion?.violations.length ? motion.remarks.slice(-1).map((text) => make("li", { text })) : []; // The remedy.
   parts.violations.replaceChildren(...(motion?.violations || []).map(violationItem), ...remarks);
   const focused = document.activeElement?.dataset?.field;
-  parts.list.replaceChildren(...own.map((each) => makeForm(motion, each)));
-  if (focused) parts.list.querySelector(`[data-field="${CSS.escape(focused)}"]`)?.focus();
+  parts.constraints.replaceChildren(...own.map((each) => makeForm(motion, each)));
+  if (focused) parts.constraints.querySelector(`[data-field="${CSS.escape(focused)}"]`)?.focus();
   const tab = document.getElementById("tab-constraints");
   const count = motion?.violations.length || 0;
   tab.replaceChildren("Constraints", ...(count ? [make("span", { class: "count-tag", text: `${count} violated` })] : []));
@@ -63,7 +59,7 @@ function violationItem({ first, text }) {
 }
 
 function markChosen() {
-  for (const form of parts.list.children) {
+  for (const form of parts.constraints.children) {
     const isChosen = Number(form.dataset.number) === store.constraint;
     form.classList.toggle("selected", isChosen);
     form.querySelector(".choose").setAttribute("aria-pressed", isChosen);
@@ -73,76 +69,103 @@ function markChosen() {
 function makeForm(motion, { number, record }) {
   const name = nameOf(record);
   const isShape = Boolean(FIELDS[record.kind]);
-  const choose = button(name, "Select, to move it on the stage", () => {
+  const toggle = () => {
     store.constraint = store.constraint === number ? null : number;
     emit("constraint");
-  }, { class: isShape ? "choose" : "choose plain" });
+  };
+  const choose = button(name, "Select, to move it on the stage", toggle, { class: isShape ? "choose" : "choose plain" });
   choose.disabled = !isShape;
-  const drop = button("✕", "Remove", () => act({ action: "drop_constraint", id: motion.id, number }), { "aria-label": `Remove ${name}` });
+  const remove = () => act({ action: "drop_constraint", id: motion.id, number });
+  const drop = button("✕", "Remove", remove, { "aria-label": `Remove ${name}` });
   const head = make("div", { class: "head" }, choose, make("span", { class: "faint", text: framesText(record) }), drop);
   const form = make("div", { class: "constraint", role: "group", "aria-label": name }, head);
   form.dataset.number = number;
   const save = (next) => setConstraint(motion, number, next);
   const obstacle = obstacleOf(record);
   const key = record.obstacle ? "obstacle" : "region";
-  if (obstacle) for (const own of FIELDS[obstacle.kind] || []) form.append(makeField(number, own, obstacle, (value) => save({ ...record, [key]: { ...obstacle, [own[0]]: value } })));
-  for (const own of FIELDS[record.kind] || []) form.append(makeField(number, own, record, (value) => save({ ...record, [own[0]]: value })));
+  if (obstacle)
+    for (const own of FIELDS[obstacle.kind] || [])
+      form.append(makeField(number, own, obstacle, (value) => save({ ...record, [key]: { ...obstacle, [own[0]]: value } })));
+  for (const own of FIELDS[record.kind] || [])
+    form.append(makeField(number, own, record, (value) => save({ ...record, [own[0]]: value })));
   if (FIELDS[record.kind]) form.append(framesField(number, record, save));
   return form;
 }
 
-const number = (text) => (text.trim() === "" || !Number.isFinite(Number(text)) ? null : Number(text));
+const turnAbout = (up, angle) => new THREE.Quaternion().setFromAxisAngle(up, angle).toArray();
+const angleAbout = (up, [x, y, z, w]) => 2 * Math.atan2(new THREE.Vector3(x, y, z).dot(up), w);
+
+// Numbers as people see them: the unit, and the conversions from a value and to it.
+const SCALES = {
+  length: ["", (value) => value, (shown) => shown],
+  seconds: ["s", (value) => value, (shown) => shown],
+  heights: ["heights", (value) => value, (shown) => shown],
+  angle: ["°", THREE.MathUtils.radToDeg, THREE.MathUtils.degToRad],
+  yaw: [
+    "°",
+    (value) => Math.round(THREE.MathUtils.radToDeg(angleAbout(upOf(mainFigure()), value))),
+    (shown) => turnAbout(upOf(mainFigure()), THREE.MathUtils.degToRad(shown)),
+  ],
+};
+
+// A number field that saves what is entered, unless it is no number.
+function entry(value, save, given) {
+  const onchange = ({ target }) =>
+    target.value.trim() !== "" && Number.isFinite(Number(target.value)) && save(Number(target.value));
+  return numberInput(Number(value.toPrecision(4)), { ...given, onchange });
+}
+
+export function entries(text, values, save, given) {
+  const inputs = values.map((own, i) =>
+    entry(own, (next) => save(values.map((old, k) => (k === i ? next : old))), {
+      "aria-label": `${text} ${given.names[i]}`,
+      "data-field": `${given.key}/${i}`,
+      ...given.input,
+    }),
+  );
+  return make("div", { class: "field vector", role: "group", "aria-label": text }, make("span", { text }), ...inputs);
+}
 
 function makeField(id, [name, text, kind], record, save) {
   const value = record[name] ?? DEFAULTS[name];
-  const tag = { "data-field": `${id}/${name}` };
-  const enter = (convert) => (event) => {
-    const found = convert(event.target);
-    if (found !== null) save(found);
-  };
+  const key = `${id}/${name}`;
+  const tag = { "data-field": key };
   if (kind === "vector" || kind === "sizes") {
-    const values = Array.isArray(value) ? value : [0, 0, 0];
-    const inputs = values.map((own, i) =>
-      numberInput(Number(own.toPrecision(6)), { "aria-label": `${text} ${"xyz"[i]}`, "data-field": `${id}/${name}/${i}`, ...(kind === "sizes" && { min: 0 }), onchange: enter((input) => {
-        const next = number(input.value);
-        return next === null ? null : values.map((old, k) => (k === i ? next : old));
-      }) }),
-    );
-    return make("div", { class: "field vector", role: "group", "aria-label": text }, make("span", { text }), ...inputs);
+    if (!Array.isArray(value)) return make("p", { class: "faint", text: `${text}: relative to the figure` });
+    return entries(text, value, save, { key, names: "xyz", input: kind === "sizes" ? { min: 0 } : {} });
   }
   if (kind.startsWith("joint")) {
     const options = [...(kind === "joint?" ? [["", "head"]] : []), ...jointNames()];
-    return field(text, selectInput(options, value ?? "", { ...tag, onchange: (event) => save(event.target.value || null) }));
+    return field(text, selectInput(options, value ?? "", { ...tag, onchange: ({ target }) => save(target.value || null) }));
   }
-  if (kind === "flag") return field(text, make("input", { type: "checkbox", checked: Boolean(value), ...tag, onchange: (event) => save(event.target.checked) }));
-  if (kind === "yaw") {
-    const up = upOf(mainFigure());
-    const turn = new THREE.Quaternion(...value);
-    const axis = new THREE.Vector3(turn.x, turn.y, turn.z);
-    const angle = 2 * Math.atan2(axis.dot(up), turn.w);
-    const convert = (input) => new THREE.Quaternion().setFromAxisAngle(up, THREE.MathUtils.degToRad(Number(input.value))).toArray();
-    return field(text, numberInput(Math.round(THREE.MathUtils.radToDeg(angle)), { ...tag, onchange: enter(convert) }), "°");
+  if (kind === "flag") {
+    const onchange = ({ target }) => save(target.checked);
+    return field(text, make("input", { type: "checkbox", checked: Boolean(value), ...tag, onchange }));
   }
-  const isAngle = kind === "angle";
-  const shown = isAngle ? (value * 180) / Math.PI : value;
-  const convert = (input) => {
-    const next = number(input.value);
-    return next === null ? null : isAngle ? (next * Math.PI) / 180 : next;
-  };
-  const unit = { angle: "°", seconds: "s", heights: "heights" }[kind] || "";
-  return field(text, numberInput(Number(shown.toPrecision(4)), { ...tag, onchange: enter(convert) }), unit);
+  const [unit, show, read] = SCALES[kind];
+  return field(
+    text,
+    entry(show(value), (next) => save(read(next)), tag),
+    unit,
+  );
 }
 
 function framesField(id, record, save) {
   const { frame, ...rest } = record;
   const frames = record.frames || [0, nFrames() - 1];
   const isAll = !record.frames;
-  const all = make("input", { type: "checkbox", checked: isAll, disabled: record.kind === "Reach", "data-field": `${id}/all`, onchange: () => save({ ...rest, frames: all.checked ? null : (store.focus ? [store.focus.first, store.focus.last] : frames) }) });
-  const inputs = frames.map((own, i) =>
-    numberInput(own, { step: 1, min: 0, max: nFrames() - 1, disabled: isAll, "aria-label": i ? "last frame" : "first frame", "data-field": `${id}/frames/${i}`, onchange: (event) => {
-      const next = frames.map((old, k) => (k === i ? Math.round(Number(event.target.value)) : old));
-      save({ ...rest, frames: next.sort((a, b) => a - b) });
-    } }),
-  );
-  return make("div", { class: "field vector", role: "group", "aria-label": "frames" }, make("span", { text: "frames" }), ...inputs, make("label", { class: "set" }, all, "all"));
+  const chosen = store.focus ? [store.focus.first, store.focus.last] : frames;
+  const onchange = ({ target }) => save({ ...rest, frames: target.checked ? null : chosen });
+  const all = make("input", {
+    type: "checkbox",
+    checked: isAll,
+    disabled: record.kind === "Reach",
+    "data-field": `${id}/all`,
+    onchange,
+  });
+  const input = { step: 1, min: 0, max: nFrames() - 1, disabled: isAll };
+  const given = { key: `${id}/frames`, names: ["first", "last"], input };
+  const own = entries("frames", frames, (next) => save({ ...rest, frames: next.map(Math.round).sort((a, b) => a - b) }), given);
+  own.append(make("label", { class: "set" }, all, "all"));
+  return own;
 }

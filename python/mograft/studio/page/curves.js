@@ -1,40 +1,21 @@
 // Curves of a joint of the base and the graft: its angle, height or speed in each frame.
 import { makePose, setPose } from "/viewer/poses.js";
-import { find } from "/viewer/scene.js";
 import { jointNames } from "./constraints.js";
 import { mainFigure, nFrames, player } from "./player.js";
 import { baseFigure, frameIn } from "./stage.js";
 import { on, selected } from "./store.js";
-import { timelineParts } from "./timeline.js";
-import { make, selectInput } from "./ui.js";
+import { fill, parts } from "./ui.js";
 
 const MAX_POINTS = 400;
 const HEIGHT = 100; // Of the drawing, in its own unit.
 
-const MEASURES = {
-  angle: ["angle", "°"],
-  height: ["height", "heights"],
-  speed: ["speed", "heights/s"],
-};
+const UNITS = { angle: "°", height: "heights", speed: "heights/s" };
 
-const parts = {};
 let shown = "";
 let curves = [];
 
 export function startCurves() {
-  parts.joint = selectInput([["", "no joint"]], "", { "aria-label": "Joint of the curves", onchange: write });
-  parts.measure = selectInput(Object.entries(MEASURES).map(([key, [text]]) => [key, text]), "angle", { "aria-label": "Curve", onchange: write });
-  parts.values = make("output", { class: "faint values" });
-  const picture = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-  picture.setAttribute("viewBox", `0 0 1 ${HEIGHT}`);
-  picture.setAttribute("preserveAspectRatio", "none");
-  picture.setAttribute("role", "img");
-  parts.picture = picture;
-  parts.box = make("div", { class: "curves", hidden: true }, picture);
-  timelineParts.extra.after(parts.box);
-  parts.name = make("div", { class: "name curve-name", hidden: true }, make("span", { text: "graft ——" }), make("span", { class: "faint", text: "base - - -" }));
-  timelineParts.names.after(parts.name);
-  find("selection").after(make("span", { class: "set" }, make("label", { class: "set" }, "curve of", parts.joint), parts.measure, parts.values));
+  for (const own of [parts.curveJoint, parts.curveMeasure]) own.addEventListener("change", write);
   on("project selected figure", write);
   on("frame", writeValues);
 }
@@ -62,22 +43,19 @@ function valuesOf(clip, joint, measure, frames) {
 
 function write() {
   const names = jointNames();
-  if (parts.joint.options.length !== names.length + 1) {
-    const chosen = parts.joint.value;
-    parts.joint.replaceChildren(make("option", { value: "", text: "no joint" }), ...names.map((name) => make("option", { value: name, text: name })));
-    parts.joint.value = names.includes(chosen) ? chosen : "";
-  }
+  const chosen = parts.curveJoint.value;
+  fill(parts.curveJoint, [["", "no joint"], ...names], names.includes(chosen) ? chosen : "");
   const clip = mainFigure();
   const base = baseFigure();
-  const joint = names.indexOf(parts.joint.value);
+  const joint = names.indexOf(parts.curveJoint.value);
   const isShown = joint >= 0 && clip !== null;
-  parts.box.hidden = parts.name.hidden = !isShown;
+  parts.curves.hidden = parts.curveName.hidden = !isShown;
   if (!isShown) {
-    parts.values.textContent = shown = "";
+    parts.curveValues.textContent = shown = "";
     curves = [];
     return;
   }
-  const measure = parts.measure.value;
+  const measure = parts.curveMeasure.value;
   const key = [clip.key, clip.hash, base?.key, joint, measure, selected()?.hash].join();
   if (key === shown) return;
   shown = key;
@@ -88,10 +66,19 @@ function write() {
     ["base", base],
   ]
     .filter(([, own]) => own)
-    .map(([name, own]) => ({ name, frames, values: valuesOf(own, joint, measure, frames.map((frame) => frameIn(own, frame))) }));
+    .map(([name, own]) => ({
+      name,
+      frames,
+      values: valuesOf(
+        own,
+        joint,
+        measure,
+        frames.map((frame) => frameIn(own, frame)),
+      ),
+    }));
   draw();
-  const title = `${parts.joint.value}: ${MEASURES[measure][0]} of graft and base`;
-  parts.picture.setAttribute("aria-label", title);
+  const title = `${parts.curveJoint.value}: ${measure} of graft and base`;
+  parts.curvePicture.setAttribute("aria-label", title);
   writeValues();
 }
 
@@ -106,15 +93,15 @@ function draw() {
     line.setAttribute("class", name);
     return line;
   });
-  parts.picture.replaceChildren(...lines);
+  parts.curvePicture.replaceChildren(...lines);
 }
 
 function writeValues() {
   if (!curves.length) return;
-  const unit = MEASURES[parts.measure.value][1];
+  const unit = UNITS[parts.curveMeasure.value];
   const texts = curves.map(({ name, frames, values }) => {
     const index = frames.findLastIndex((frame) => frame <= player.frame);
     return `${name} ${values[Math.max(index, 0)].toFixed(unit === "°" ? 0 : 2)}`;
   });
-  parts.values.textContent = `${texts.join(", ")} ${unit}`;
+  parts.curveValues.textContent = `${texts.join(", ")} ${unit}`;
 }

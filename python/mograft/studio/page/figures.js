@@ -6,6 +6,8 @@ import { scene } from "/viewer/scene.js";
 import { attempt, read } from "./net.js";
 import { emit, motionOf, on, store } from "./store.js";
 
+const MAX_HELD = 60; // Figures in memory.
+const RETRY_MILLISECONDS = 2000; // After a figure could not be read.
 const MAX_LOADING = 3; // Requests for figures at the same time.
 
 const held = new Map(); // "motion:ID" or "clip:NAME" -> {kind, name, clip, asking, isStale}
@@ -17,11 +19,21 @@ let characters = null; // Name of the character whose meshes are loaded, and the
 export function figureOf(kind, name) {
   if (name === undefined || name === null || !store.project) return null;
   const key = `${kind}:${name}`;
-  if (!held.has(key)) {
-    held.set(key, { key, kind, name, clip: null, asking: null, isStale: false });
-    ask(held.get(key));
+  const old = held.get(key);
+  const own = old || { key, kind, name, clip: null, asking: null, isStale: false };
+  // The figure that was used last is the last one.
+  held.delete(key);
+  held.set(key, own);
+  if (!old) ask(own);
+  return own.clip;
+}
+
+// Forget the figures that were not used for the longest time.
+function forgetOld() {
+  for (const own of held.values()) {
+    if (held.size <= MAX_HELD) return;
+    if (own.clip) forget(own);
   }
-  return held.get(key).clip;
 }
 
 function ask(own) {
@@ -46,10 +58,10 @@ function startWaiting() {
       nLoading--;
       own.asking = null;
       resolve();
-      if (own.isStale) {
-        own.isStale = false;
-        ask(own);
-      }
+      const isOld = own.isStale && (own.kind !== "motion" || own.clip?.hash !== motionOf(own.name)?.hash);
+      own.isStale = false;
+      if (isOld) ask(own);
+      else if (!own.clip) setTimeout(() => held.get(own.key) === own && held.delete(own.key), RETRY_MILLISECONDS);
       startWaiting();
     });
   }
@@ -65,6 +77,7 @@ async function update(own) {
     Object.assign(own.clip, rest);
   } else await replace(own, found);
   own.clip.key = own.key;
+  forgetOld();
   emit("figure", own.key);
 }
 

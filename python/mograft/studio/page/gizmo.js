@@ -1,7 +1,6 @@
 // Constraints on the stage: their shapes, and gizmos that move, rotate and scale the chosen one.
 import { ink } from "/viewer/colours.js";
 import { makePose, nodePlace } from "/viewer/poses.js";
-import { find } from "/viewer/scene.js";
 import { jointNames, setConstraint } from "./constraints.js";
 import { figureOf } from "./figures.js";
 import { frameTime, mainFigure, player } from "./player.js";
@@ -9,7 +8,7 @@ import { framesText, nameOf, obstacleOf, upOf } from "./records.js";
 import { chooseConstraint } from "./ranges.js";
 import { label, onFigures, onGizmo, onMarks, onObjects, onPointer, redrawStage, stage } from "./stage.js";
 import { emit, on, selected, store } from "./store.js";
-import { button } from "./ui.js";
+import { parts } from "./ui.js";
 import { addToWorld } from "./view.js";
 
 const MAX_SOLVING = 2; // Requests of one drag that are answered at the same time.
@@ -40,13 +39,8 @@ export function startGizmo() {
     store.constraint = null;
     attach();
   });
-  const modes = [["translate", "Move", "1"], ["rotate", "Rotate", "2"], ["scale", "Scale", "3"]];
-  for (const [mode, text, key] of modes) {
-    const own = button(text, `${text}  ${key}`, () => setMode(mode));
-    own.dataset.mode = mode;
-    find("gizmo").append(own);
-  }
-  find("gizmo").append(button("Done", "Select no constraint", () => choose(null)));
+  for (const own of parts.gizmo.querySelectorAll("[data-mode]")) own.addEventListener("click", () => setMode(own.dataset.mode));
+  parts.gizmoDone.addEventListener("click", () => choose(null));
 }
 
 function choose(number) {
@@ -56,7 +50,7 @@ function choose(number) {
 
 // The controls need the camera of the stage, so they are made when they are first used.
 function makeControls() {
-  controls = new THREE.TransformControls(stage.graft.camera, find("graftTile"));
+  controls = new THREE.TransformControls(stage.graft.camera, parts.graftTile);
   controls.setSize(0.9);
   const helper = controls.getHelper();
   helper.userData.isOnStage = true;
@@ -78,7 +72,7 @@ export function setMode(mode) {
   if (store.constraint === null || store.constraint === undefined) return;
   if (!controls) return;
   controls.setMode(mode);
-  for (const own of find("gizmo").querySelectorAll("[data-mode]")) own.setAttribute("aria-pressed", own.dataset.mode === mode);
+  for (const own of parts.gizmo.querySelectorAll("[data-mode]")) own.setAttribute("aria-pressed", own.dataset.mode === mode);
   redrawStage();
 }
 
@@ -115,7 +109,7 @@ async function finish() {
 }
 
 // The record of a shape after a gizmo changed its place, orientation or scale.
-function recordOf({ record, mesh, scale }) {
+export function recordOf({ record, mesh, scale }) {
   const round = (value) => Number(value.toPrecision(6));
   const place = mesh.position.toArray().map(round);
   // The axis that was scaled most sets sizes that have only one number.
@@ -148,7 +142,7 @@ function recordOf({ record, mesh, scale }) {
 const lengthOf = ({ start, stop }) => new THREE.Vector3(...start).distanceTo(new THREE.Vector3(...stop));
 
 // A mesh in the axes of the file.
-function makeMesh(record, clip) {
+export function makeMesh(record, clip) {
   const own = obstacleOf(record);
   const tall = clip.height;
   const mesh = new THREE.Mesh();
@@ -177,7 +171,8 @@ function makeMesh(record, clip) {
   return mesh;
 }
 
-const isDrawn = ({ kind, target }) => kind === "Avoid" || kind === "KeepOut" || ((kind === "Reach" || kind === "Face") && Array.isArray(target));
+const isDrawn = ({ kind, target }) =>
+  kind === "Avoid" || kind === "KeepOut" || ((kind === "Reach" || kind === "Face") && Array.isArray(target));
 
 function write() {
   const [motion, clip] = [selected(), mainFigure()];
@@ -196,7 +191,10 @@ function write() {
   for (const { number, record } of all) {
     const mesh = makeMesh(record, clip);
     mesh.material = new THREE.MeshBasicMaterial({ transparent: true, depthWrite: false, side: THREE.DoubleSide });
-    const edges = obstacleOf(record)?.kind === "HalfSpace" ? new THREE.WireframeGeometry(mesh.geometry) : new THREE.EdgesGeometry(mesh.geometry, 20);
+    const edges =
+      obstacleOf(record)?.kind === "HalfSpace"
+        ? new THREE.WireframeGeometry(mesh.geometry)
+        : new THREE.EdgesGeometry(mesh.geometry, 20);
     const outline = new THREE.LineSegments(edges, new THREE.LineBasicMaterial({ transparent: true }));
     mesh.add(outline);
     space.add(mesh);
@@ -207,7 +205,7 @@ function write() {
 
 function attach() {
   const own = store.mode === "view" ? shapes.get(store.constraint) : null;
-  find("gizmo").hidden = !own;
+  parts.gizmo.hidden = !own;
   if (own && !controls) makeControls();
   if (own) {
     controls.attach(own.mesh);
@@ -223,7 +221,10 @@ function tint() {
     const isTarget = !obstacleOf(record);
     const colour = isTarget ? ink.accent : ink.obstacle;
     const strength = isActive(record) || number === store.constraint ? 1 : 0.35;
-    for (const [material, alpha] of [[mesh.material, isTarget ? 0.6 : 0.28], [outline.material, 0.85]]) {
+    for (const [material, alpha] of [
+      [mesh.material, isTarget ? 0.6 : 0.28],
+      [outline.material, 0.85],
+    ]) {
       material.color.set(colour);
       material.opacity = alpha * strength;
     }
@@ -239,7 +240,8 @@ function characterFigures(clip) {
     if (own?.kind !== "Character") continue;
     const source = figureOf("clip", own.motion?.name);
     if (!source) continue;
-    if (doubles.get(number)?.source !== source) doubles.set(number, { source, figure: Object.create(source, { now: { value: makePose(source) } }) });
+    if (doubles.get(number)?.source !== source)
+      doubles.set(number, { source, figure: Object.create(source, { now: { value: makePose(source) } }) });
     const { figure } = doubles.get(number);
     const turn = new THREE.Quaternion(...clip.turn);
     figure.now.base.quaternion.copy(turn).multiply(mesh.quaternion);
@@ -279,7 +281,10 @@ function pick([x, y], view) {
   if (!view || !shapes.size) return;
   const ray = new THREE.Raycaster();
   ray.setFromCamera(new THREE.Vector2((2 * x) / view.width - 1, 1 - (2 * y) / view.height), view.camera);
-  const hit = ray.intersectObjects([...shapes.values()].map(({ mesh }) => mesh), false)[0];
+  const hit = ray.intersectObjects(
+    [...shapes.values()].map(({ mesh }) => mesh),
+    false,
+  )[0];
   const found = hit && [...shapes.values()].find(({ mesh }) => mesh === hit.object);
   if (found) chooseConstraint(found.number);
   else choose(null);

@@ -1,50 +1,43 @@
 // Joint groups: joints are clicked on the figure, or chosen in a list, and move to another group.
 import { groupColour, ink } from "/viewer/colours.js";
 import { nodePlace } from "/viewer/poses.js";
-import { find, scene } from "/viewer/scene.js";
+import { scene } from "/viewer/scene.js";
 import { jointNames } from "./constraints.js";
 import { mainFigure, poseNow } from "./player.js";
-import { label, onMarks, onPointer, redrawStage } from "./stage.js";
-import { act, emit, on, store } from "./store.js";
-import { button, field, make, selectInput } from "./ui.js";
+import { label, onMarks, onPointer, redrawStage, setStageMode } from "./stage.js";
+import { act, on, store } from "./store.js";
+import { button, field, make, parts, selectInput } from "./ui.js";
 
 const REACH = 22; // Pixels around a joint in which a click chooses it.
 
 let edited = null; // {base, names, of: group of each joint, chosen, hovered} while groups are edited.
-const parts = {};
 
 export function startGroups() {
-  const pane = document.getElementById("pane-clips");
-  parts.box = make("div", { class: "groups form", hidden: true, role: "group", "aria-label": "Groups of joints" });
-  pane.prepend(parts.box);
-  find("leftTabs").addEventListener("edit-groups", begin);
-  onPointer("groups", { hover: (at, view) => hover(at, view), click: (at, view, event) => assign(nearest(at, view), !event.altKey) });
+  parts.editGroups.addEventListener("click", begin);
+  onPointer("groups", {
+    hover: (at, view) => hover(at, view),
+    click: (at, view, event) => assign(nearest(at, view), !event.altKey),
+  });
   onMarks(drawJoints);
   on("project", () => edited && jointNames().length !== edited.of.length && end());
 }
 
 function begin() {
   const { groups } = store.project;
-  const of = jointNames().map((name) => Math.max(0, groups.names.findIndex((group) => groups.joints[group]?.includes(name))));
+  const indexOf = (joint) => groups.names.findIndex((group) => groups.joints[group]?.includes(joint));
+  const of = jointNames().map((joint) => Math.max(0, indexOf(joint)));
   edited = { base: groups.base, names: [...groups.names], of, chosen: Math.min(1, groups.names.length - 1), hovered: -1 };
-  store.mode = "groups";
-  emit("mode");
-  emit("layout");
-  find("hint").hidden = false;
-  find("hint").textContent = "Click a joint to move it and those below it to the chosen group; with Alt only the joint.";
+  setStageMode("groups", "Click a joint to move it and those below it to the chosen group; with Alt only the joint.");
   write();
-  parts.box.querySelector("input")?.focus();
+  parts.groupsEditor.querySelector("input")?.focus();
 }
 
 function end() {
   edited = null;
-  store.mode = "view";
-  find("hint").hidden = true;
-  parts.box.hidden = true;
+  parts.groupsEditor.hidden = true;
   scene.groups = store.project.groups.names;
   repaint();
-  emit("mode");
-  emit("layout");
+  setStageMode("view");
 }
 
 // Show the edited groups on the figure.
@@ -63,13 +56,15 @@ function repaint() {
 }
 
 function write() {
-  parts.box.hidden = false;
+  parts.groupsEditor.hidden = false;
   const choices = edited.names.map((name, index) => {
     const dot = make("i", { class: "dot" });
     dot.style.background = groupColour(name);
-    const radio = make("input", { type: "radio", name: "group", checked: index === edited.chosen, onchange: () => (edited.chosen = index) });
-    const count = edited.of.filter((own) => own === index).length;
-    return make("label", { class: "set group" }, radio, dot, make("bdi", { text: name }), make("span", { class: "faint", text: `${count} joints${name === edited.base ? ", kept from the base" : ""}` }));
+    const onchange = () => (edited.chosen = index);
+    const radio = make("input", { type: "radio", name: "group", checked: index === edited.chosen, onchange });
+    const count = `${edited.of.filter((own) => own === index).length} joints`;
+    const note = make("span", { class: "faint", text: name === edited.base ? `${count}, kept from the base` : count });
+    return make("label", { class: "set group" }, radio, dot, make("bdi", { text: name }), note);
   });
   const name = make("input", { type: "text", "aria-label": "Name of a new group", placeholder: "new group", maxlength: "40" });
   const addGroup = () => {
@@ -79,23 +74,28 @@ function write() {
     edited.chosen = edited.names.length - 1;
     update();
   };
-  const lists = jointNames().map((joint, index) => field(joint, selectInput(edited.names.map((own, k) => [k, own]), edited.of[index], { onchange: (event) => setGroup(index, Number(event.target.value), false) })));
-  const isOpen = parts.box.querySelector("details")?.open;
-  parts.box.replaceChildren(
-    make("h3", { text: "Groups of joints" }),
+  const options = edited.names.map((own, k) => [k, own]);
+  const lists = jointNames().map((joint, index) => {
+    const onchange = ({ target }) => setGroup(index, Number(target.value), false);
+    return field(joint, selectInput(options, edited.of[index], { onchange }));
+  });
+  const isOpen = parts.groupsEditor.querySelector("details")?.open;
+  const use = button("Use these groups", "Build the library with them", apply, { class: "main" });
+  parts.groupsEditor.replaceChildren(
+    make("h2", { text: "Groups of joints" }),
     ...choices,
     make("div", { class: "set" }, name, button("Add group", "A further group", addGroup)),
     make("details", { open: Boolean(isOpen) }, make("summary", { text: "all joints" }), ...lists),
-    make("div", { class: "row" }, button("Use these groups", "Build the library with them", apply, { class: "main" }), button("Cancel", "Escape", end)),
+    make("div", { class: "row" }, use, button("Cancel", "Escape", end)),
   );
 }
 
 function update() {
   const { activeElement } = document;
-  const index = [...parts.box.querySelectorAll("input, select, button, summary")].indexOf(activeElement);
+  const index = [...parts.groupsEditor.querySelectorAll("input, select, button, summary")].indexOf(activeElement);
   write();
   repaint();
-  if (index >= 0) parts.box.querySelectorAll("input, select, button, summary")[index]?.focus();
+  if (index >= 0) parts.groupsEditor.querySelectorAll("input, select, button, summary")[index]?.focus();
 }
 
 function setGroup(joint, group, isWithChildren) {
@@ -148,8 +148,15 @@ function drawJoints(pen, view) {
 async function apply() {
   const joints = jointNames();
   const text = (value) => JSON.stringify(value);
-  const entries = edited.names.map((group, index) => [group, joints.filter((_, joint) => edited.of[joint] === index)]).filter(([, own]) => own.length);
-  const lines = [`base = ${text(edited.base)}`, "", "[groups]", ...entries.map(([group, own]) => `${text(group)} = [${own.map(text).join(", ")}]`)];
+  const entries = edited.names
+    .map((group, index) => [group, joints.filter((_, joint) => edited.of[joint] === index)])
+    .filter(([, own]) => own.length);
+  const lines = [
+    `base = ${text(edited.base)}`,
+    "",
+    "[groups]",
+    ...entries.map(([group, own]) => `${text(group)} = [${own.map(text).join(", ")}]`),
+  ];
   const reply = await act({ action: "set_groups", toml: `${lines.join("\n")}\n` });
   if (reply) end();
 }

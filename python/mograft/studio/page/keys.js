@@ -1,5 +1,5 @@
 // Buttons of the stage and the header, and the keyboard.
-import { find, state } from "/viewer/scene.js";
+import { state } from "/viewer/scene.js";
 import { openExport } from "./exporting.js";
 import { setMode } from "./gizmo.js";
 import { cancelGroups } from "./groups.js";
@@ -10,7 +10,7 @@ import { openFiles } from "./sources.js";
 import { orbit, redrawStage, resetCamera, standStill, zoom } from "./stage.js";
 import { act, emit, focusOn, on, store } from "./store.js";
 import { setRange } from "./timeline.js";
-import { make, openDialog } from "./ui.js";
+import { parts } from "./ui.js";
 import { redrawAll } from "./view.js";
 
 // The switches: those of the page, and those that the drawing of figures reads.
@@ -20,7 +20,7 @@ const holder = (name) => (name in state && name !== "follow" && name !== "loop" 
 export function toggle(name) {
   const own = holder(name);
   own[name] = !own[name];
-  find(name).setAttribute("aria-pressed", own[name]);
+  parts[name].setAttribute("aria-pressed", own[name]);
   if (name === "follow") standStill();
   if (["colours", "mesh", "floor"].includes(name)) redrawAll();
   else redrawStage();
@@ -28,7 +28,7 @@ export function toggle(name) {
 
 function setLayout(value) {
   store.layout = value;
-  find("layout").value = value;
+  parts.layout.value = value;
   emit("layout");
 }
 const nextLayout = () => {
@@ -73,56 +73,34 @@ const KEYS = {
   "+": () => zoom(1.2),
   "-": () => zoom(1 / 1.2),
   0: resetCamera,
-  "?": openHelp,
+  "?": () => parts.keys.showModal(),
 };
 const WITH_CONTROL = {
   z: (event) => undo(event.shiftKey ? "redo" : "undo"),
   y: () => undo("redo"),
   o: openFiles,
-  e: () => !find("export").disabled && openExport(),
+  e: () => !parts.export.disabled && openExport(),
 };
-
-const HELP = [
-  ["space", "play or pause"],
-  ["← →", "one frame back or forward; with shift ten"],
-  ["[ ]  home end", "previous or next segment; first or last frame"],
-  ["tab, ← → ↑ ↓ in the timeline", "select a block; with shift change the range"],
-  ["i u", "range from here, range to here"],
-  ["k n r b", "lock, other part, regenerate, keep captured"],
-  ["* x on a card", "star, reject"],
-  ["l", "loop the selected range"],
-  ["o f v g c m", "base beside, overlaid or hidden; follow, onion, floor, groups, character"],
-  ["1 2 3", "move, rotate, scale the chosen constraint"],
-  ["a d w s + − 0", "rotate, zoom, reset the camera; or drag, wheel; shift + drag moves it"],
-  ["ctrl + z, ctrl + shift + z", "undo, redo"],
-  ["ctrl + o, ctrl + e", "open, export"],
-  ["esc", "select nothing, end drawing"],
-];
-
-export function openHelp() {
-  const items = HELP.flatMap(([key, text]) => [make("dt", { text: key }), make("dd", { text })]);
-  const dialog = openDialog("Keys", make("dl", {}, ...items), make("button", { type: "button", text: "Close", onclick: () => dialog.close() }));
-}
 
 const isText = (element) => element.closest("input:not([type=checkbox]):not([type=radio]):not([type=range]), textarea, select");
 const isPressed = (element) => element.closest("button, summary, a, input, select");
 
 export function startKeys() {
-  find("play").addEventListener("click", () => play());
-  find("back").addEventListener("click", () => cut(-1));
-  find("on").addEventListener("click", () => cut(1));
-  find("frame").addEventListener("change", (event) => seek(Number(event.target.value) || 0));
-  find("speed").addEventListener("input", (event) => {
+  parts.play.addEventListener("click", () => play());
+  parts.back.addEventListener("click", () => cut(-1));
+  parts.on.addEventListener("click", () => cut(1));
+  parts.frame.addEventListener("change", (event) => seek(Number(event.target.value) || 0));
+  parts.speed.addEventListener("input", (event) => {
     player.speed = Number(event.target.value);
-    find("speedText").textContent = `${player.speed}×`;
+    parts.speedText.textContent = `${player.speed}×`;
   });
-  find("layout").addEventListener("change", (event) => setLayout(event.target.value));
-  for (const name of Object.values(TOGGLES)) find(name).addEventListener("click", () => toggle(name));
-  find("hush").addEventListener("click", () => (find("message").hidden = true));
-  find("reset").addEventListener("click", resetCamera);
-  find("help").addEventListener("click", openHelp);
-  find("undo").addEventListener("click", () => undo("undo"));
-  find("redo").addEventListener("click", () => undo("redo"));
+  parts.layout.addEventListener("change", (event) => setLayout(event.target.value));
+  for (const name of Object.values(TOGGLES)) parts[name].addEventListener("click", () => toggle(name));
+  parts.hush.addEventListener("click", () => (parts.message.hidden = true));
+  parts.reset.addEventListener("click", resetCamera);
+  parts.help.addEventListener("click", () => parts.keys.showModal());
+  parts.undo.addEventListener("click", () => undo("undo"));
+  parts.redo.addEventListener("click", () => undo("redo"));
   on("project", writeUndo);
   on("character", () => state.colours && toggle("colours"));
   document.addEventListener("keydown", onKey);
@@ -153,7 +131,7 @@ function onKey(event) {
 function writeUndo() {
   for (const name of ["undo", "redo"]) {
     const text = store.project[name];
-    const element = find(name);
+    const element = parts[name];
     element.disabled = text === null || text === undefined;
     element.title = text ? `${name === "undo" ? "Undo" : "Redo"}: ${text}` : `Nothing to ${name}`;
   }

@@ -1,6 +1,10 @@
 // Requests to the server, and the connection: its events, its loss and its return.
 import { find } from "/viewer/scene.js";
 
+const LOST =
+  "Connection lost. The project is saved with every change, and the page tries to connect again. " +
+  "If the studio was started again, open its new address.";
+
 export class ServerError extends Error {
   constructor(text, kind, status) {
     super(text);
@@ -17,6 +21,7 @@ async function request(path, options = {}) {
     lose();
     throw new ServerError("The server of the studio does not answer.", "lost", 0);
   }
+  regain();
   const found = reply.headers.get("Content-Type")?.startsWith("application/json") ? await reply.json() : {};
   if (!reply.ok) throw new ServerError(found.error || `The server answered ${reply.status}.`, found.kind, reply.status);
   return found;
@@ -51,11 +56,11 @@ export function say(text, isError = false) {
 }
 
 // Run what a person asked for; say what went wrong.
-export async function attempt(act) {
+export async function attempt(act, show = (error) => say(error.message, true)) {
   try {
     return await act();
   } catch (error) {
-    if (error.kind !== "lost") say(error.message, true);
+    if (error.kind !== "lost") show(error);
     if (!(error instanceof ServerError)) console.error(error);
     return null;
   }
@@ -65,19 +70,26 @@ let isLost = false;
 function lose() {
   isLost = true;
   document.getElementById("mograft").dataset.connection = "lost";
-  warn("Connection lost. The project is saved with every change; the page tries to connect again.");
+  warn(LOST);
+}
+
+function regain() {
+  document.getElementById("mograft").dataset.connection = "open";
+  if (isLost) warn("");
+  isLost = false;
 }
 
 // Listen to events of the server. `onOpen` is called whenever the connection is made, also again.
 export function listen(onEvent, onOpen) {
   const source = new EventSource("/api/events");
   source.addEventListener("open", () => {
-    document.getElementById("mograft").dataset.connection = "open";
-    if (isLost) warn("");
-    isLost = false;
+    regain();
     onOpen();
   });
-  source.addEventListener("message", ({ data }) => onEvent(JSON.parse(data)));
+  source.addEventListener("message", ({ data }) => {
+    regain();
+    onEvent(JSON.parse(data));
+  });
   source.addEventListener("error", () => {
     lose();
     // A refused connection is closed for good: make a new one.

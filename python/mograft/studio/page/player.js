@@ -1,15 +1,18 @@
 // The current frame of the selected motion, and playback.
 import { setPose } from "/viewer/poses.js";
-import { clamp, find } from "/viewer/scene.js";
+import { clamp } from "/viewer/scene.js";
 import { figureOf } from "./figures.js";
 import { emit, on, selected, store } from "./store.js";
+import { parts } from "./ui.js";
 
 export const player = { frame: 0, isPlaying: false, speed: 1 };
 
 export const motionFigure = () => figureOf("motion", store.selected);
 // The figure whose frames the page counts: the selected motion, or else the first clip.
-export const mainFigure = () => (selected() ? motionFigure() : figureOf("clip", store.project?.clips[0]?.name));
-export const nFrames = () => selected()?.frames ?? mainFigure()?.frames ?? 1;
+export const mainFigure = () => (selected() ? motionFigure() : figureOf("clip", shownClip()?.name));
+// Without a selected motion, the stage shows the clip that is chosen as base.
+const shownClip = () => store.project?.clips.find(({ name }) => name === store.clip) || store.project?.clips[0];
+export const nFrames = () => selected()?.frames ?? shownClip()?.frames ?? 1;
 export const frameTime = () => (selected() ? 1 / selected().rate : (mainFigure()?.dt ?? 1 / 30));
 export const seconds = (frame) => (frame * frameTime()).toFixed(2);
 
@@ -26,9 +29,9 @@ export function seek(frame) {
 }
 
 function writeFrame() {
-  find("time").textContent = `${seconds(player.frame)} s`;
-  find("total").textContent = `/ ${nFrames() - 1}`;
-  const input = find("frame");
+  parts.time.textContent = `${seconds(player.frame)} s`;
+  parts.total.textContent = `/ ${nFrames() - 1}`;
+  const input = parts.frame;
   input.max = nFrames() - 1;
   if (document.activeElement !== input) input.value = player.frame;
 }
@@ -52,7 +55,7 @@ function tick(time) {
 
 export function play(isOn = !player.isPlaying) {
   player.isPlaying = isOn && nFrames() > 1;
-  const button = find("play");
+  const button = parts.play;
   button.setAttribute("aria-label", player.isPlaying ? "Pause" : "Play");
   button.querySelector("use").setAttribute("href", player.isPlaying ? "#i-pause" : "#i-play");
   clock = performance.now();
@@ -69,4 +72,4 @@ export function cut(direction) {
   if (next !== undefined) seek(next);
 }
 
-on("selected project", () => seek(player.frame));
+on("selected project figure", () => seek(player.frame));

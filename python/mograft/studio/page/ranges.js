@@ -6,17 +6,25 @@ import { make, range } from "./ui.js";
 import { nameOf } from "./records.js";
 
 export function laneOfConstraints(motion) {
-  return motion.constraints.filter(({ record }) => isShown(record)).map((own) => {
-    const { number, record } = own;
-    const name = nameOf(record);
-    const [first, last] = record.frames || [0, nFrames() - 1];
-    const text = record.frames ? range(first, last) : "all frames";
-    const bar = make("button", { type: "button", class: "bar-range", title: `${name}: ${text}; drag an end to change it`, "aria-label": `${name}, ${text}`, onclick: () => chooseConstraint(number) });
-    bar.append(make("span", { text }));
-    if (record.frames) for (const end of [0, 1]) bar.append(makeHandle(motion, own, bar, end));
-    const element = make("div", { class: "lane thin" }, place(bar, first, Math.max(last, first + 1)));
-    return { name, element };
-  });
+  return motion.constraints
+    .filter(({ record }) => isShown(record))
+    .map((own) => {
+      const { number, record } = own;
+      const name = nameOf(record);
+      const [first, last] = record.frames || [0, nFrames() - 1];
+      const text = record.frames ? range(first, last) : "all frames";
+      const bar = make("button", {
+        type: "button",
+        class: "bar-range",
+        title: `${name}: ${text}; drag an end to change it`,
+        "aria-label": `${name}, ${text}`,
+        onclick: () => chooseConstraint(number),
+      });
+      bar.append(make("span", { text }));
+      if (record.frames) for (const end of [0, 1]) bar.append(makeHandle(motion, own, bar, end));
+      const element = make("div", { class: "lane thin" }, place(bar, first, Math.max(last, first + 1)));
+      return { name, element };
+    });
 }
 
 // Constraints on donors are choices of the timeline itself.

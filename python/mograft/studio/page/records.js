@@ -10,7 +10,8 @@ export const obstacleOf = (record) => record.obstacle || record.region || null;
 export function nameOf(record) {
   const obstacle = obstacleOf(record);
   if (record.kind === "Avoid") return SHAPES[obstacle?.kind] || "Obstacle";
-  if (record.kind === "KeepOut") return `${record.joint} ${record.inside ? "inside" : "outside"} ${(SHAPES[obstacle?.kind] || "region").toLowerCase()}`;
+  if (record.kind === "KeepOut")
+    return `${record.joint} ${record.inside ? "inside" : "outside"} ${(SHAPES[obstacle?.kind] || "region").toLowerCase()}`;
   if (record.kind === "Reach") return `${record.joint} to target`;
   if (record.kind === "Face") return `${record.joint || "Head"} looks at`;
   if (record.kind === "AvoidSelf") return "Own body";
@@ -25,19 +26,24 @@ export function nameOf(record) {
 
 export const framesText = ({ frames }) => (frames ? `frames ${range(...frames)}` : "all frames");
 
-// The fields of each kind: name in the record, text, kind of the field, unit.
-export const FIELDS = {
-  Sphere: [["center", "centre", "vector"], ["radius", "radius", "length"]],
-  Box: [["center", "centre", "vector"], ["half", "half size", "sizes"], ["rotation", "yaw", "yaw"]],
-  Capsule: [["start", "start", "vector"], ["stop", "end", "vector"], ["radius", "radius", "length"]],
-  HalfSpace: [["point", "point", "vector"], ["normal", "free side", "vector"]],
-  Character: [["offset", "place", "vector"], ["yaw", "yaw", "angle"], ["delay", "delay", "seconds"]],
-  Reach: [["joint", "joint", "joint"], ["target", "target", "vector"], ["tolerance", "within", "heights"]],
-  Face: [["joint", "joint", "joint?"], ["target", "target", "vector"], ["tolerance", "within", "angle"]],
-  KeepOut: [["joint", "joint", "joint"], ["inside", "stay inside", "flag"]],
-  Avoid: [["margin", "margin", "heights"]],
-  AvoidSelf: [["tolerance", "tolerance", "heights"]],
+// The fields of each kind: name in the record, kind of the field, and another name for people.
+const TEXTS = {
+  Sphere: "center vector centre, radius length",
+  Box: "center vector centre, half sizes half size, rotation yaw yaw",
+  Capsule: "start vector, stop vector end, radius length",
+  HalfSpace: "point vector, normal vector free side",
+  Character: "offset vector place, yaw angle, delay seconds",
+  Reach: "joint joint, target vector, tolerance heights within",
+  Face: "joint joint?, target vector, tolerance angle within",
+  KeepOut: "joint joint, inside flag stay inside",
+  Avoid: "margin heights",
+  AvoidSelf: "tolerance heights",
 };
+const fieldOf = (text) => {
+  const [name, kind, ...words] = text.split(" ");
+  return [name, words.join(" ") || name, kind];
+};
+export const FIELDS = Object.fromEntries(Object.entries(TEXTS).map(([kind, text]) => [kind, text.split(", ").map(fieldOf)]));
 
 export const DEFAULTS = { tolerance: 0.03, margin: 0, inside: false, yaw: 0, delay: 0, rotation: [0, 0, 0, 1], joint: "" };
 
@@ -47,13 +53,6 @@ const numbers = (vector) => vector.toArray().map(round);
 // From the axes of the file to those of the page, and back.
 export const toFile = (vector, clip) => vector.applyQuaternion(new THREE.Quaternion(...clip.turn).invert());
 export const upOf = (clip) => toFile(new THREE.Vector3(0, 1, 0), clip);
-
-// A place at the figure: a share of its height above the floor, and ahead of it or beside it in heights.
-function near(clip, high, ahead, beside = 0) {
-  const [x, , z] = nodePlace(clip, poseNow(clip), clip.root);
-  const tall = clip.height;
-  return toFile(new THREE.Vector3(x + beside * tall, clip.floor + high * tall, z + ahead * tall), clip);
-}
 
 // A joint whose name has one of some parts, or the last one.
 export function findJoint(joints, words) {
@@ -65,15 +64,40 @@ export function findJoint(joints, words) {
   return joints.at(-1);
 }
 
-// New records: [name of the button, what it makes].
+const avoid = (obstacle) => ({ kind: "Avoid", obstacle });
+
+// New records, by the names of what they add; see `newRecord` for what they are made of.
 export const NEW = {
-  Sphere: (clip) => ({ kind: "Avoid", obstacle: { kind: "Sphere", center: numbers(near(clip, 0.65, 0.35)), radius: round(0.12 * clip.height) } }),
-  Box: (clip) => ({ kind: "Avoid", obstacle: { kind: "Box", center: numbers(near(clip, 0.3, 0.5)), half: [0.15, 0.15, 0.15].map((share) => round(share * clip.height)), rotation: [0, 0, 0, 1] } }),
-  Capsule: (clip) => ({ kind: "Avoid", obstacle: { kind: "Capsule", start: numbers(near(clip, 0.1, 0.4, 0.2)), stop: numbers(near(clip, 1, 0.4, 0.2)), radius: round(0.06 * clip.height) } }),
-  Wall: (clip) => ({ kind: "Avoid", obstacle: { kind: "HalfSpace", point: numbers(near(clip, 0.5, 0.6)), normal: numbers(toFile(new THREE.Vector3(0, 0, -1), clip)) } }),
-  Character: (clip, { clipName }) => ({ kind: "Avoid", obstacle: { kind: "Character", motion: { name: clipName }, offset: numbers(toFile(new THREE.Vector3(0.8 * clip.height, 0, 0), clip)), yaw: 0, delay: 0, radius: 1 } }),
-  "Hand or foot target": (clip, { joints, frame }) => ({ kind: "Reach", joint: findJoint(joints, ["righthand", "hand_r", "r_hand", "hand", "wrist"]), target: numbers(near(clip, 0.7, 0.25)), frames: [frame, frame] }),
-  "Gaze target": (clip, { frames }) => ({ kind: "Face", target: numbers(near(clip, 0.9, 1)), frames }),
-  "Region of a joint": (clip, { joints }) => ({ kind: "KeepOut", joint: findJoint(joints, ["lefthand", "hand_l", "hand", "wrist"]), region: { kind: "Sphere", center: numbers(near(clip, 0.5, 0.2)), radius: round(0.15 * clip.height) } }),
+  Sphere: ({ near, long }) => avoid({ kind: "Sphere", center: near(0.65, 0.35), radius: long(0.12) }),
+  Box: ({ near, long }) =>
+    avoid({ kind: "Box", center: near(0.3, 0.5), half: Array(3).fill(long(0.15)), rotation: [0, 0, 0, 1] }),
+  Capsule: ({ near, long }) =>
+    avoid({ kind: "Capsule", start: near(0.1, 0.4, 0.2), stop: near(1, 0.4, 0.2), radius: long(0.06) }),
+  Wall: ({ near, along }) => avoid({ kind: "HalfSpace", point: near(0.5, 0.6), normal: along(0, 0, -1) }),
+  Character: ({ along, tall, clipName: name }) =>
+    avoid({ kind: "Character", motion: { name }, offset: along(0.8 * tall, 0, 0), yaw: 0, delay: 0, radius: 1 }),
+  "Hand or foot target": ({ near, hand, frame }) => ({
+    kind: "Reach",
+    joint: hand,
+    target: near(0.7, 0.25),
+    frames: [frame, frame],
+  }),
+  "Gaze target": ({ near, frames }) => ({ kind: "Face", target: near(0.9, 1), frames }),
+  "Region of a joint": ({ near, long, hand }) => ({
+    kind: "KeepOut",
+    joint: hand,
+    region: { kind: "Sphere", center: near(0.5, 0.2), radius: long(0.15) },
+  }),
   "Own body": () => ({ kind: "AvoidSelf" }),
 };
+
+// A new record at a figure. `near` is a place: a share of the height above the floor, ahead and beside.
+export function newRecord(name, clip, { joints, frame, frames, clipName }) {
+  const tall = clip.height;
+  const [x, , z] = nodePlace(clip, poseNow(clip), clip.root);
+  const along = (...vector) => numbers(toFile(new THREE.Vector3(...vector), clip));
+  const near = (high, ahead, beside = 0) => along(x + beside * tall, clip.floor + high * tall, z + ahead * tall);
+  const hand = findJoint(joints, ["righthand", "hand_r", "hand.r", "hand", "wrist"]);
+  const made = NEW[name]({ near, along, long: (share) => round(share * tall), tall, hand, frame, frames, clipName });
+  return frames && !made.frames ? { ...made, frames } : made;
+}

@@ -1,52 +1,31 @@
 // Scenarios: a path drawn on the floor, a tempo, a duration; motions are made along them.
 import { ink } from "/viewer/colours.js";
-import { find } from "/viewer/scene.js";
-import { floorPoint, label, onMarks, onPointer, redrawStage } from "./stage.js";
+import { floorPoint, label, onMarks, onPointer, redrawStage, setStageMode } from "./stage.js";
+import { entries } from "./constraints.js";
 import { mainFigure } from "./player.js";
-import { act, emit, on, store } from "./store.js";
-import { button, field, make, numberInput } from "./ui.js";
+import { act, on, select, store } from "./store.js";
+import { button, parts, showTab } from "./ui.js";
 
 const MIN_STEP = 0.08; // Distance of points of a path while it is drawn, in heights.
 const MAX_TAPS = 8;
 const TAP_SECONDS = 2; // A longer pause begins a new tempo.
 
-const parts = {};
 let points = []; // In axes of the page: [x, z].
 let taps = [];
 
 export function startScenario() {
-  const pane = document.getElementById("pane-scenario");
-  parts.draw = button("Draw path", "Draw on the floor; click again to end", () => setDrawing(store.mode !== "draw"), { "aria-pressed": "false" });
-  parts.clear = button("Clear", "Remove the path", () => setPoints([]));
-  parts.shapes = ["Line", "Circle", "Eight"].map((name) => button(name, `A path: ${name.toLowerCase()}`, () => setPoints(SHAPES[name]())));
-  parts.length = make("p", { class: "faint", role: "status" });
-  parts.table = make("div", { class: "points" });
-  parts.addPoint = button("Add point", "One step further along the path", () => setPoints([...points, nextPoint()]));
-  parts.duration = numberInput("", { min: 0.5, step: 0.5, placeholder: "any" });
-  parts.tempo = numberInput("", { min: 20, max: 300, step: 1, placeholder: "free" });
-  parts.tap = button("Tap", "Tap the beat; four times or more", tap);
-  parts.loop = make("input", { type: "checkbox" });
-  parts.count = numberInput(4, { min: 1, max: 50, step: 1 });
-  const form = make(
-    "form",
-    { class: "form", onsubmit: makeMotions },
-    make("h3", { text: "Path" }),
-    make("div", { class: "row" }, parts.draw, ...parts.shapes, parts.clear),
-    parts.length,
-    make("details", {}, make("summary", { text: "points by numbers" }), parts.table, parts.addPoint),
-    make("h3", { text: "Time" }),
-    field("duration", parts.duration, "s"),
-    make("div", { class: "set" }, field("tempo", parts.tempo, "beats/min"), parts.tap),
-    field("loop", parts.loop),
-    field("number", parts.count),
-    (parts.make = make("button", { type: "submit", class: "main", text: "Make along this" })),
-  );
-  pane.append(form);
+  parts.scenarioForm.addEventListener("submit", makeMotions);
+  parts.drawPath.addEventListener("click", () => setDrawing(store.mode !== "draw"));
+  parts.clearPath.addEventListener("click", () => setPoints([]));
+  for (const own of parts.scenarioForm.querySelectorAll("[data-path]"))
+    own.addEventListener("click", () => setPoints(SHAPES[own.dataset.path]()));
+  parts.addPoint.addEventListener("click", () => setPoints([...points, nextPoint()]));
+  parts.tap.addEventListener("click", tap);
   onPointer("draw", { down: (at, view) => add(at, view, true), drag: (at, view) => add(at, view) });
   onMarks(drawPath);
-  on("project", () => (parts.make.disabled = store.project.library?.status !== "ready"));
-  on("mode", () => parts.draw.setAttribute("aria-pressed", store.mode === "draw"));
-  for (const tab of document.querySelectorAll('[role="tab"]')) tab.addEventListener("click", () => tab.id !== "tab-scenario" && tab.closest(".left") && setDrawing(false));
+  on("project", () => (parts.makeScenario.disabled = store.project.library?.status !== "ready"));
+  on("mode", () => parts.drawPath.setAttribute("aria-pressed", store.mode === "draw"));
+  parts.leftTabs.addEventListener("click", ({ target }) => target.id !== "tab-scenario" && setDrawing(false));
   setPoints([]);
 }
 
@@ -66,12 +45,8 @@ function turnShape(count, at) {
 }
 
 export function setDrawing(isOn) {
-  if (!isOn && store.mode !== "draw") return;
-  store.mode = isOn ? "draw" : "view";
-  emit("mode");
-  emit("layout");
-  find("hint").hidden = !isOn;
-  find("hint").textContent = isOn ? "Draw a path on the floor, seen from above. Esc ends." : "";
+  if (isOn) setStageMode("draw", "Draw a path on the floor, seen from above. Esc ends.");
+  else if (store.mode === "draw") setStageMode("view");
 }
 
 function add(at, view, isStart = false) {
@@ -91,18 +66,21 @@ function nextPoint() {
 
 function setPoints(next) {
   points = next;
-  parts.clear.disabled = !points.length;
+  parts.clearPath.disabled = !points.length;
   const length = points.slice(1).reduce((sum, [x, z], i) => sum + Math.hypot(x - points[i][0], z - points[i][1]), 0);
-  parts.length.textContent = points.length ? `${points.length} points, ${(length / height()).toFixed(1)} heights long` : "No path: the motion goes where its parts lead.";
-  parts.table.replaceChildren(...points.map(pointRow));
+  parts.pathLength.textContent = points.length
+    ? `${points.length} points, ${(length / height()).toFixed(1)} heights long`
+    : "No path: the motion goes where its parts lead.";
+  parts.points.replaceChildren(...points.map(pointRow));
   redrawStage();
 }
 
 function pointRow(point, index) {
-  const inputs = ["x", "z"].map((name, i) =>
-    numberInput(Number(point[i].toPrecision(5)), { "aria-label": `${name} of point ${index + 1}`, onchange: (event) => setPoints(points.map((own, k) => (k === index ? own.map((old, j) => (j === i ? Number(event.target.value) || 0 : old)) : own))) }),
-  );
-  return make("div", { class: "field vector" }, make("span", { text: `${index + 1}` }), ...inputs, button("✕", "Remove", () => setPoints(points.filter((_, k) => k !== index)), { "aria-label": `Remove point ${index + 1}` }));
+  const save = (next) => setPoints(points.map((own, k) => (k === index ? next : own)));
+  const row = entries(`${index + 1}`, point, save, { key: `point/${index}`, names: "xz" });
+  const remove = () => setPoints(points.filter((_, k) => k !== index));
+  row.append(button("✕", "Remove", remove, { "aria-label": `Remove point ${index + 1}` }));
+  return row;
 }
 
 function drawPath(pen, view) {
@@ -113,9 +91,8 @@ function drawPath(pen, view) {
   const places = points.map(([x, z]) => view.point([x, view.clip.floor, z])).filter(([, , depth]) => depth <= 1);
   places.forEach(([x, y], i) => (i ? pen.lineTo(x, y) : pen.moveTo(x, y)));
   pen.stroke();
-  for (const [index, text] of [[0, "start"], [places.length - 1, "end"]]) {
-    const at = places[index];
-    if (!at || (index === 0 && text === "end")) continue;
+  const ends = { start: places[0], end: places.length > 1 ? places.at(-1) : null };
+  for (const [text, at] of Object.entries(ends).filter(([, own]) => own)) {
     pen.beginPath();
     pen.arc(at[0], at[1], 5, 0, 2 * Math.PI);
     pen.fill();
@@ -130,15 +107,18 @@ function tap() {
   if (taps.length > 1) parts.tempo.value = Math.round((60 * (taps.length - 1)) / (taps.at(-1) - taps[0]));
 }
 
-function makeMotions(event) {
+async function makeMotions(event) {
   event.preventDefault();
   setDrawing(false);
-  act({
+  const reply = await act({
     action: "scenario",
     points,
     ...(parts.duration.value && { duration: Number(parts.duration.value) }),
     ...(parts.tempo.value && { tempo: Number(parts.tempo.value) }),
-    loop: parts.loop.checked,
-    count: Number(parts.count.value) || 1,
+    loop: parts.scenarioLoop.checked,
+    count: Number(parts.scenarioCount.value) || 1,
   });
+  if (!reply?.motions.length) return;
+  select(reply.motions[0]);
+  showTab(document.getElementById("tab-motions"));
 }

@@ -1,25 +1,19 @@
 // What is open: files, clips with their faults, the library, the character; and how to open more.
-import { find } from "/viewer/scene.js";
 import { attempt, say, send, upload } from "./net.js";
 import { act, on, store } from "./store.js";
-import { button, field, make, openDialog, range, selectInput, showTab } from "./ui.js";
+import { counted, details, fill, make, named, parts, range, showTab } from "./ui.js";
 
 const SUFFIXES = ".bvh,.glb,.gltf,.fbx,.npz,.npy,.usd,.usda,.usdc,.usdz,.csv,.json,.bin,.png,.jpg,.toml";
 
-const parts = {};
-
 export function startSources() {
-  const pane = document.getElementById("pane-clips");
-  parts.open = button("Open files…", "Ctrl+O", openFiles);
-  parts.files = make("ul", { class: "sources", "aria-label": "Files" });
-  parts.library = make("div", { class: "library", role: "status" });
-  parts.clips = make("ul", { class: "clips", "aria-label": "Clips" });
-  parts.character = selectInput([], "", { onchange: (event) => act({ action: "set_character", path: event.target.value || null }) });
-  parts.preset = selectInput([], "", { onchange: (event) => event.target.value && act({ action: "set_groups", preset: event.target.value }) });
-  parts.edit = button("Edit groups…", "Click joints on the figure", () => find("leftTabs").dispatchEvent(new CustomEvent("edit-groups")));
-  parts.settings = make("div", { class: "form" }, make("h3", { text: "Groups and character" }), make("div", { class: "set" }, field("groups", parts.preset), parts.edit), field("character", parts.character));
-  pane.append(parts.open, parts.files, parts.library, parts.settings, make("h3", { text: "Clips" }), parts.clips);
-  find("open").addEventListener("click", openFiles);
+  parts.character.addEventListener("change", () => act({ action: "set_character", path: parts.character.value || null }));
+  parts.preset.addEventListener("change", () => parts.preset.value && act({ action: "set_groups", preset: parts.preset.value }));
+  for (const own of [parts.open, parts.openHere, parts.openFirst]) own.addEventListener("click", openFiles);
+  parts.chooseFiles.addEventListener("click", () => parts.fileInput.click());
+  parts.chooseFolder.addEventListener("click", () => parts.folderInput.click());
+  parts.fileInput.accept = SUFFIXES;
+  for (const input of [parts.fileInput, parts.folderInput]) input.addEventListener("change", () => sendChosen(input));
+  parts.pathForm.addEventListener("submit", openPath);
   listenToDrops();
   on("project", write);
   on("progress", writeProgress);
@@ -27,110 +21,91 @@ export function startSources() {
 
 function write() {
   const { sources, clips, groups, character, library, motions } = store.project;
-  find("project").replaceChildren(make("bdi", { text: store.project.name || "" }), make("span", { class: "faint", text: store.project.file ? "saved with every change" : "" }));
-  find("project").title = store.project.file || "";
+  const project = named("span", {}, store.project.name || "", store.project.file ? " saved with every change" : "");
+  parts.project.replaceChildren(...project.children);
+  parts.project.title = store.project.file || "";
   document.title = `${store.project.name || "new project"} · mograft studio`;
-  parts.files.replaceChildren(...sources.map(sourceItem));
+  parts.sources.replaceChildren(...sources.map(sourceItem));
   parts.clips.replaceChildren(...clips.map(clipItem));
   parts.settings.hidden = !groups?.names?.length;
-  const presets = groups?.presets || [];
-  const key = JSON.stringify([presets, groups?.preset]);
-  if (parts.preset.dataset.key !== key) {
-    parts.preset.dataset.key = key;
-    parts.preset.replaceChildren(...(groups?.preset ? [] : [make("option", { value: "", text: "own groups" })]), ...presets.map((name) => make("option", { value: name, text: name.replaceAll("_", ", ") })));
-    parts.preset.value = groups?.preset || "";
-  }
-  const meshes = sources.filter(({ name }) => /\.(glb|gltf|fbx)$/i.test(name));
-  parts.character.replaceChildren(make("option", { value: "", text: "that of each file" }), ...meshes.map(({ path, name }) => make("option", { value: path, text: name })));
-  if (character && !meshes.some(({ path }) => path === character)) parts.character.append(make("option", { value: character, text: character.split(/[\\/]/).at(-1) }));
-  parts.character.value = character || "";
-  writeProgress({ library });
-  writeWelcome(!sources.length && !motions.length);
+  const presets = (groups?.presets || []).map((name) => [name, name.replaceAll("_", ", ")]);
+  fill(parts.preset, groups?.preset ? presets : [["", "own groups"], ...presets], groups?.preset || "");
+  const meshes = sources.filter(({ name }) => /\.(glb|gltf)$/i.test(name)).map(({ path, name }) => [path, name]);
+  const isOther = character && !meshes.some(([path]) => path === character);
+  if (isOther) meshes.push([character, character.split(/[\\/]/).at(-1)]);
+  fill(parts.character, [["", "that of each file"], ...meshes], character || "");
+  writeLibrary(library);
+  writeProgress();
+  parts.welcome.hidden = sources.length > 0 || motions.length > 0;
 }
 
 function sourceItem({ name, clips, status, message, path }) {
-  const text = status === "ok" ? (clips === 1 ? "1 clip" : `${clips} clips`) : status;
-  const item = make("li", { class: `source ${status}`, title: path }, make("bdi", { text: name }), make("span", { class: "tag", text }));
+  const text = status === "ok" ? counted(clips, "clip") : status;
+  const item = named("li", { class: `source ${status}`, title: path }, name, text, "tag");
   if (message) item.append(make("p", { class: "why", text: message }));
   return item;
 }
 
 function clipItem({ name, frames, rate, faults }) {
-  const item = make("li", {}, make("bdi", { text: name }), make("span", { class: "faint", text: ` ${(frames / rate).toFixed(1)} s, ${Math.round(rate)} fps` }));
-  if (!faults.length) return item;
+  const item = named("li", {}, name, ` ${(frames / rate).toFixed(1)} s, ${Math.round(rate)} fps`);
   const list = faults.map(({ kind, first, last, text }) => make("li", { text: `frames ${range(first, last)}: ${text || kind}` }));
-  item.append(make("details", {}, make("summary", { text: faults.length === 1 ? "1 fault" : `${faults.length} faults` }), make("ul", {}, ...list)));
+  if (list.length) item.append(details(counted(list.length, "fault"), make("ul", {}, ...list)));
   return item;
 }
 
-function writeProgress({ library, ...event }) {
-  const jobs = event.total ? [event] : store.project?.jobs || [];
-  const running = jobs.map(({ text, done, total }) => (total ? `${text} ${done}/${total}` : text));
-  if (library) {
-    const { status, done, total, segments, message } = library;
-    const texts = { none: "", building: `Library: ${done} of ${total} clips…`, ready: `Library: ${segments} segments ready.`, failed: `Library: ${message}` };
-    const bar = status === "building" ? make("progress", { max: Math.max(total, 1), value: done, "aria-label": "Library" }) : null;
-    parts.library.replaceChildren(make("span", { class: status === "failed" ? "why" : "", text: texts[status] ?? message ?? "" }), ...(bar ? [bar] : []));
-    if (status === "building") running.unshift(texts.building);
-    if (status === "ready" && message) parts.library.append(make("p", { class: "faint", text: message }));
-  }
-  find("jobs").textContent = running.join(" · ");
+function writeLibrary({ status, done, total, segments, message }) {
+  const building = `Library: ${done} of ${total} clips…`;
+  const texts = { building, ready: `Library: ${segments} segments ready.`, failed: `Library: ${message}` };
+  parts.library.replaceChildren(make("span", { class: status === "failed" ? "why" : "", text: texts[status] ?? "" }));
+  if (status === "building")
+    parts.library.append(make("progress", { max: Math.max(total, 1), value: done, "aria-label": "Library" }));
+  const notes = status === "ready" && message ? message.split("\n") : [];
+  if (notes.length) parts.library.append(details(counted(notes.length, "note"), ...notes.map((text) => make("p", { text }))));
 }
 
-function writeWelcome(isEmpty) {
-  const box = find("welcome");
-  box.hidden = !isEmpty;
-  if (!isEmpty || box.childElementCount) return;
-  box.append(
-    make("h2", { text: "Open motions to begin" }),
-    make("p", { text: "Drop files or folders here: GLB, FBX, BVH, NPZ or USD. They stay on this computer." }),
-    button("Open files…", "Ctrl+O", openFiles, { class: "main" }),
-  );
+// What the server does at present: all jobs, or that of an event.
+function writeProgress(event) {
+  const { library, jobs } = store.project || {};
+  const building = library?.status === "building" ? [{ text: "Library", ...library }] : [];
+  const running = event?.total ? [event] : [...building, ...(jobs || [])];
+  parts.jobs.textContent = running.map(({ text, done, total }) => (total ? `${text} ${done}/${total}` : text)).join(" · ");
 }
 
-export function openFiles() {
-  const [files, folder] = [false, true].map((isFolder) => {
-    const input = make("input", { type: "file", multiple: true, class: "hidden", tabindex: "-1", "aria-hidden": "true", ...(isFolder ? { webkitdirectory: "" } : { accept: SUFFIXES }) });
-    input.addEventListener("change", () => {
-      dialog.close();
-      sendFiles([...input.files].map((file) => ({ file, name: file.webkitRelativePath || file.name })));
-    });
-    return input;
-  });
-  const path = make("input", { type: "text", "aria-label": "Path on this computer", placeholder: "path below the folders of the studio" });
-  const openPath = async (event) => {
-    event.preventDefault();
-    if (!path.value.trim()) return;
-    const done = await attempt(() => send("/api/open", { paths: [path.value.trim()] }));
-    if (done) dialog.close();
-  };
-  const dialog = openDialog(
-    "Open",
-    make("p", { class: "faint", text: "Motions in GLB, FBX, BVH, NPZ or USD; a library, a project, or a graft with its .json file." }),
-    make("div", { class: "row" }, button("Files…", "Choose files", () => files.click(), { class: "main" }), button("Folder…", "Choose a folder", () => folder.click()), files, folder),
-    make("form", { class: "row", onsubmit: openPath }, path, make("button", { type: "submit", text: "Open path" })),
-    make("div", { class: "row end" }, button("Close", "Escape", () => dialog.close())),
-  );
+export const openFiles = () => parts.openDialog.showModal();
+
+function sendChosen(input) {
+  const files = [...input.files].map((file) => ({ file, name: file.webkitRelativePath || file.name }));
+  input.value = "";
+  parts.openDialog.close();
+  sendFiles(files);
+}
+
+async function openPath(event) {
+  event.preventDefault();
+  const path = parts.pathInput.value.trim();
+  if (path && (await attempt(() => send("/api/open", { paths: [path] })))) parts.openDialog.close();
 }
 
 // Send files to the folder of the project, and open them.
 export async function sendFiles(given) {
   const paths = [];
   for (const [index, { file, name }] of given.entries()) {
-    find("jobs").textContent = `Sending ${index + 1} of ${given.length}: ${name}`;
+    parts.jobs.textContent = `Sending ${index + 1} of ${given.length}: ${name}`;
     const found = await attempt(() => upload(name, file));
     if (found?.path) paths.push(found.path);
   }
-  find("jobs").textContent = "";
+  parts.jobs.textContent = "";
   if (!paths.length) return;
   const tops = [...new Set(paths)];
-  if (await attempt(() => send("/api/open", { paths: tops }))) say(tops.length === 1 ? "1 file is opened." : `${tops.length} files are opened.`);
+  if (await attempt(() => send("/api/open", { paths: tops })))
+    say(tops.length === 1 ? "1 file is opened." : `${tops.length} files are opened.`);
   showTab(document.getElementById("tab-clips"));
 }
 
 // The files of dropped files and folders.
 async function filesOf(entry, folder = "") {
-  if (entry.isFile) return [{ file: await new Promise((resolve, reject) => entry.file(resolve, reject)), name: folder + entry.name }];
+  if (entry.isFile)
+    return [{ file: await new Promise((resolve, reject) => entry.file(resolve, reject)), name: folder + entry.name }];
   const reader = entry.createReader();
   const found = [];
   for (;;) {
@@ -147,18 +122,18 @@ function listenToDrops() {
   window.addEventListener("dragenter", (event) => {
     if (!isFiles(event)) return;
     depth++;
-    find("drop").hidden = false;
+    parts.drop.hidden = false;
   });
   window.addEventListener("dragleave", () => {
     depth = Math.max(0, depth - 1);
-    find("drop").hidden = depth === 0;
+    parts.drop.hidden = depth === 0;
   });
   window.addEventListener("dragover", (event) => isFiles(event) && event.preventDefault());
   window.addEventListener("drop", async (event) => {
     if (!isFiles(event)) return;
     event.preventDefault();
     depth = 0;
-    find("drop").hidden = true;
+    parts.drop.hidden = true;
     const items = [...event.dataTransfer.items].map((item) => item.webkitGetAsEntry?.()).filter(Boolean);
     const plain = [...event.dataTransfer.files].map((file) => ({ file, name: file.name }));
     const found = items.length ? (await Promise.all(items.map((own) => filesOf(own)))).flat() : plain;

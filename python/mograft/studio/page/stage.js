@@ -1,17 +1,18 @@
 // The stage: the base and the graft beside each other or in one view, their camera, and marks.
 import { ink } from "/viewer/colours.js";
 import { nodePlace } from "/viewer/poses.js";
-import { clamp, find, partAt, state } from "/viewer/scene.js";
+import { clamp, partAt, state } from "/viewer/scene.js";
 import { figureOf, ghostOf } from "./figures.js";
 import { frameTime, mainFigure, player } from "./player.js";
-import { on, selected, store } from "./store.js";
+import { emit, on, selected, store } from "./store.js";
+import { parts } from "./ui.js";
 import { addRegion, redraw } from "./view.js";
 
 const ONION_SECONDS = 0.3; // Time between onion skins.
 const WIDE_ENOUGH = 460; // Width in pixels from which base and graft fit beside each other.
 
-const [baseTile, graftTile] = [find("baseTile"), find("graftTile")];
-const marks = find("marks");
+const [baseTile, graftTile] = [parts.baseTile, parts.graftTile];
+const marks = parts.marks;
 const pen = marks.getContext("2d");
 const stand = { frame: 0 };
 const top = { yaw: 0, pitch: 1.55, zoom: 0.55, pan: [0, 0] }; // The camera while a path is drawn.
@@ -32,17 +33,16 @@ export const baseFigure = () => {
   const isClip = motion && store.project.clips.some(({ name }) => name === motion.base);
   return isClip ? figureOf("clip", motion.base) : null;
 };
-export const frameIn = (clip, frame = player.frame) =>
-  clamp(Math.round((frame * frameTime()) / clip.dt), 0, clip.frames - 1);
+export const frameIn = (clip, frame = player.frame) => clamp(Math.round((frame * frameTime()) / clip.dt), 0, clip.frames - 1);
 
 export function startStage() {
   stage.base = addRegion(baseTile, prepareBase, { isStage: true });
   stage.graft = addRegion(graftTile, prepareGraft, { isStage: true });
   listenToTile(baseTile);
   listenToTile(graftTile);
-  new ResizeObserver(layOut).observe(find("tiles"));
+  new ResizeObserver(layOut).observe(parts.tiles);
   on("project selected figure layout", layOut);
-  on("frame focus colours onion draw mode", redrawStage);
+  on("frame focus mode", redrawStage);
   on("frame figure project selected", writeCaption);
 }
 
@@ -55,7 +55,7 @@ export function redrawStage() {
 const hasTwoTiles = () => store.layout === "beside" && store.mode === "view" && baseFigure() !== null;
 
 function layOut() {
-  const tiles = find("tiles");
+  const tiles = parts.tiles;
   const isTwo = hasTwoTiles();
   baseTile.hidden = !isTwo;
   tiles.classList.toggle("stacked", isTwo && tiles.clientWidth < WIDE_ENOUGH);
@@ -150,12 +150,13 @@ let caption = "";
 function writeCaption() {
   const motion = selected();
   const clip = mainFigure();
-  find("graftTile").hidden = !clip && !motion;
-  find("graftName").textContent = motion?.name ?? clip?.name ?? "";
-  find("graftNote").textContent = motion ? (clip ? `graft of ${motion.base}` : "is loaded…") : clip ? "captured" : "";
-  find("baseName").textContent = motion?.base ?? "";
-  const text = motion && clip ? (clip.rows || []).map((row) => sourceText(clip, row)).filter(Boolean).join(" · ") : "";
-  if (text !== caption) find("now").textContent = caption = text;
+  parts.graftTile.hidden = !clip && !motion;
+  parts.graftName.textContent = motion?.name ?? clip?.name ?? "";
+  parts.graftNote.textContent = motion ? (clip ? `graft of ${motion.base}` : "is loaded…") : clip ? "captured" : "";
+  parts.baseName.textContent = motion?.base ?? "";
+  const texts = (motion && clip?.rows ? clip.rows : []).map((row) => sourceText(clip, row));
+  const text = texts.filter(Boolean).join(" · ");
+  if (text !== caption) parts.now.textContent = caption = text;
 }
 
 function sourceText(clip, row) {
@@ -188,6 +189,15 @@ export function resetCamera() {
 }
 export function standStill() {
   stand.frame = player.frame;
+}
+
+// What a pointer does on the stage from now on, and what the page says about it.
+export function setStageMode(mode, hint = "") {
+  store.mode = mode;
+  parts.hint.hidden = !hint;
+  parts.hint.textContent = hint;
+  emit("mode");
+  emit("layout");
 }
 
 const gizmoGuards = []; // Functions that return whether a gizmo takes the pointer.
@@ -246,7 +256,9 @@ function listenToTile(tile) {
   };
   // Where the page scrolls, the wheel zooms only in a tile that has the focus.
   const isFilling = () => document.documentElement.scrollHeight <= window.innerHeight + 1;
-  tile.addEventListener("wheel", (event) => (isFilling() || tile === document.activeElement) && onWheel(event), { passive: false });
+  tile.addEventListener("wheel", (event) => (isFilling() || tile === document.activeElement) && onWheel(event), {
+    passive: false,
+  });
 }
 
 // The point of the floor, or of another height, below a place of the view of the graft.

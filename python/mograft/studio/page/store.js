@@ -3,7 +3,8 @@ import { attempt, read, say, send, warn } from "./net.js";
 
 export const store = {
   project: null, // The state of the server.
-  selected: null, // Identity of the motion on the stage.
+  selected: null, // Identity of the motion on the stage; null for the clip that is chosen as base.
+  clip: null, // Name of that clip.
   focus: null, // Selected frames: {group or null, first, last, part or null}.
   layout: "beside", // How the base is shown: "beside", "overlay" or "graft".
   follow: true,
@@ -43,15 +44,16 @@ export function refresh() {
 function accept(project) {
   if (project.revision < store.project?.revision && project.file === store.project.file) return;
   const before = store.selected;
+  const isFirst = !motions().length;
   store.project = project;
-  if (!motionOf(before)) store.selected = project.motions[0]?.id ?? null;
+  if (before === null ? isFirst : !motionOf(before)) store.selected = project.motions[0]?.id ?? null;
   if (store.selected !== before) store.focus = null;
   emit("project");
   if (store.selected !== before) emit("selected");
 }
 
 export function select(id) {
-  if (id === store.selected) return;
+  if (id === store.selected && id !== null) return;
   store.selected = id;
   store.focus = null;
   emit("selected");
@@ -70,9 +72,16 @@ function showPreview({ motions: ids, hash, violations }) {
   emit("project");
 }
 
-// Ask for a change; the reply names the changed motions. A change of an old state is refused.
-export async function act(action, { isQuiet = false } = {}) {
-  const started = performance.now();
+let last = Promise.resolve();
+// Ask for a change; the reply names the changed motions. Changes are asked for one after the other,
+// as each is one of the state that the one before leads to. Previews do not wait.
+export function act(action, given) {
+  if (action.preview) return ask(action, given);
+  last = last.then(() => ask(action, given));
+  return last;
+}
+
+async function ask(action, { isQuiet = false } = {}) {
   const body = { ...action, revision: action.preview ? null : (store.project?.revision ?? null) };
   const reply = await attempt(async () => {
     try {
@@ -88,7 +97,7 @@ export async function act(action, { isQuiet = false } = {}) {
   if (!reply) return null;
   if (!isQuiet) say(reply.message || "");
   if (reply.hash) showPreview(reply);
-  emit("changed", { ids: reply.motions || [], started });
+  emit("changed", { ids: reply.motions || [] });
   if (!action.preview) await refresh();
   return reply;
 }

@@ -1,19 +1,19 @@
 // The timeline: one lane for each joint group, blocks with their donors, seams, locks and violations.
-import { numberColour } from "/viewer/colours.js";
-import { find } from "/viewer/scene.js";
+import { ink, numberColour } from "/viewer/colours.js";
+import { clamp } from "/viewer/scene.js";
 import { laneOfConstraints } from "./ranges.js";
 import { mainFigure, nFrames, player, seconds, seek } from "./player.js";
 import { baseFigure } from "./stage.js";
 import { focusOn, on, selected, store } from "./store.js";
-import { button, icon, make, range, showTab } from "./ui.js";
+import { button, icon, make, named, parts, range, showTab } from "./ui.js";
 
 const BLOCK_WIDTH = 74; // Pixels of a block at first, about.
 const WIDE_SEAM = 45; // Degrees of a seam whose mark has the full height.
 const MAX_ZOOM = 200;
 
-const parts = {};
 let zoom = 1;
 let shown = ""; // What the lanes show: they are made again if it changes.
+let written = 0; // Frame of the cursor.
 let fitted = null; // The motion that the zoom fits.
 
 export const toShare = (frame) => frame / Math.max(nFrames() - 1, 1);
@@ -25,40 +25,25 @@ export function place(element, first, last) {
 }
 export function frameAt(event) {
   const box = parts.track.getBoundingClientRect();
-  return Math.round(Math.max(0, Math.min(1, (event.clientX - box.left) / box.width)) * (nFrames() - 1));
+  return Math.round(clamp((event.clientX - box.left) / box.width, 0, 1) * (nFrames() - 1));
 }
 
 export function startTimeline() {
-  parts.names = make("div", { class: "names", "aria-hidden": "true" });
-  parts.ruler = make("div", { class: "ruler", role: "slider", tabindex: "0", "aria-label": "Frame", "aria-valuemin": "0" });
-  parts.lanes = make("div", { class: "lanes" });
-  parts.extra = make("div", { class: "extra" });
-  parts.range = make("div", { class: "range", hidden: true });
-  parts.cursor = make("div", { class: "cursor" });
-  parts.track = make("div", { class: "track" }, parts.ruler, parts.lanes, parts.extra, parts.range, parts.cursor);
-  parts.scroller = make("div", { class: "scroller", tabindex: "-1" }, parts.track);
-  parts.foot = make(
-    "div",
-    { class: "row foot" },
-    make("span", { class: "faint", "data-part": "selection", role: "status" }),
-    make("span", { class: "set end" }, button("−", "Show more of the timeline", () => setZoom(zoom / 1.6), { "aria-label": "Show more of the timeline" }), button("+", "Enlarge the timeline", () => setZoom(zoom * 1.6), { "aria-label": "Enlarge the timeline" })),
-  );
-  find("timeline").append(make("div", { class: "lanegrid" }, make("div", { class: "side" }, parts.names), parts.scroller), parts.foot);
   listenToRuler();
+  parts.wider.addEventListener("click", () => setZoom(zoom / 1.6));
+  parts.nearer.addEventListener("click", () => setZoom(zoom * 1.6));
   parts.lanes.addEventListener("pointerdown", beginDrag);
   parts.lanes.addEventListener("keydown", moveBetweenBlocks);
   parts.scroller.addEventListener("wheel", onWheel, { passive: false });
-  new ResizeObserver(() => fit()).observe(parts.scroller);
+  new ResizeObserver(fit).observe(parts.scroller);
   on("project selected figure theme", write);
   on("frame", writeCursor);
   on("focus", writeFocus);
 }
 
-export const timelineParts = parts;
-
 function setZoom(factor, at = player.frame) {
   const middle = toShare(at) * parts.track.clientWidth - parts.scroller.scrollLeft;
-  zoom = Math.max(1, Math.min(MAX_ZOOM, factor));
+  zoom = clamp(factor, 1, MAX_ZOOM);
   parts.track.style.width = `${100 * zoom}%`;
   parts.scroller.scrollLeft = toShare(at) * parts.track.clientWidth - middle;
   writeRuler();
@@ -71,9 +56,9 @@ function onWheel(event) {
 }
 
 // If blocks are too narrow for their names, only a part of the timeline is visible at first.
-function fit(isForced = false) {
+function fit() {
   const clip = mainFigure();
-  if (!clip?.rows || (fitted === clip.key && !isForced)) return writeRuler();
+  if (!clip?.rows || fitted === clip.key) return writeRuler();
   fitted = clip.key;
   const most = Math.max(1, ...clip.rows.map((row) => row.start.length));
   setZoom((most * BLOCK_WIDTH) / Math.max(parts.scroller.clientWidth, 1));
@@ -110,7 +95,8 @@ function writeCursor() {
   parts.cursor.style.left = percent(player.frame);
   parts.ruler.setAttribute("aria-valuenow", player.frame);
   parts.ruler.setAttribute("aria-valuetext", `frame ${player.frame} of ${nFrames() - 1}, ${seconds(player.frame)} seconds`);
-  if (!player.isPlaying && document.activeElement !== parts.ruler) return;
+  if (player.frame === written) return; // A person may have scrolled away from it.
+  written = player.frame;
   const x = toShare(player.frame) * parts.track.clientWidth;
   const { scrollLeft, clientWidth } = parts.scroller;
   if (x < scrollLeft || x > scrollLeft + clientWidth) parts.scroller.scrollLeft = x - 0.1 * clientWidth;
@@ -130,8 +116,9 @@ export function lanes() {
 function write() {
   const motion = selected();
   const all = lanes();
-  const marks = motion ? [motion.locks, motion.violations, motion.constraints] : [];
-  const next = JSON.stringify([store.selected, all.map(({ clip, row }) => [clip.key, clip.hash, row.group]), marks, document.documentElement.dataset.theme, nFrames()]);
+  const shapes = all.map(({ clip, row }) => [clip.key, clip.hash, row.group]);
+  const marks = [motion?.locks, motion?.violations, motion?.constraints, ink.version];
+  const next = JSON.stringify([store.selected, nFrames(), shapes, marks]);
   fit();
   writeCursor();
   if (next === shown) return;
@@ -139,9 +126,10 @@ function write() {
   const focused = document.activeElement?.dataset?.block;
   parts.lanes.replaceChildren(...all.map((lane) => makeLane(lane, motion)));
   const rows = motion ? laneOfConstraints(motion) : [];
-  parts.extra.replaceChildren(...rows.map(({ element }) => element));
-  const names = all.map(({ row, isCaptured }) => make("div", { class: "name", title: isCaptured ? `${row.group}: captured` : row.group }, make("bdi", { text: row.group }), isCaptured ? make("span", { class: "faint", text: " captured" }) : null));
-  parts.names.replaceChildren(make("div", { class: "name", text: "frame" }), ...names, ...rows.map(({ name }) => make("div", { class: "name thin", title: name }, make("bdi", { text: name }))));
+  parts.constraintLanes.replaceChildren(...rows.map(({ element }) => element));
+  const nameOf = (name, kind, note = "") => named("div", { class: kind, title: name + note }, name, note);
+  const names = all.map(({ row, isCaptured }) => nameOf(row.group, "name", isCaptured ? " captured" : ""));
+  parts.laneNames.replaceChildren(nameOf("frame", "name"), ...names, ...rows.map(({ name }) => nameOf(name, "name thin")));
   writeFocus();
   if (focused) parts.lanes.querySelector(`[data-block="${CSS.escape(focused)}"]`)?.focus();
 }
@@ -169,7 +157,8 @@ function makeLane({ clip, row, isCaptured }, motion) {
   if (!motion || isCaptured) return lane;
   for (const own of motion.locks) {
     if (own.group !== null && own.group !== row.group) continue;
-    lane.append(place(make("div", { class: "locked", title: `locked in ${range(own.first, own.last)}` }, icon("lock")), own.first, own.last));
+    const mark = make("div", { class: "locked", title: `locked in ${range(own.first, own.last)}` }, icon("lock"));
+    lane.append(place(mark, own.first, own.last));
   }
   for (const own of motion.violations) {
     if (!isOfGroup(own, row.group)) continue;
@@ -177,7 +166,7 @@ function makeLane({ clip, row, isCaptured }, motion) {
       seek(own.first);
       showTab(document.getElementById("tab-constraints"));
     };
-    const mark = button("", own.text, show, { class: "violated", "aria-label": `Violation in ${range(own.first, own.last)}: ${own.text}` });
+    const mark = button("", own.text, show, { class: "violated", "aria-label": `Violation: ${own.text}` });
     mark.append(icon("warn"));
     lane.append(place(mark, own.first, own.last));
   }
@@ -193,21 +182,28 @@ function makeBlock(clip, row, part, motion, isCaptured) {
   Object.assign(block.dataset, { group: row.group, part, block: `${row.group}/${part}` });
   if (donor !== null) block.style.backgroundColor = numberColour(row.source[part]);
   else block.classList.add("captured");
-  const seam = row.before[part];
+  const seam = isCaptured ? null : row.before[part];
   const isLocked = motion?.locks.some((own) => (own.group === null || own.group === row.group) && overlaps(own, first, last));
-  const said = [row.group, `segment ${part}`, `frames ${range(first, last)}`, isCaptured || donor === null ? "captured" : `donor ${donor} ${frames}`];
-  if (seam !== null) said.push(`seam ${seam.toFixed(0)}°`);
+  const angle = seam === null ? "" : `${seam.toFixed(0)}°`;
+  const said = [`donor ${donor} ${frames} ${angle}`, row.group, `segment ${part}`, `frames ${range(first, last)}`];
+  // In narrow blocks, the name of the clip is cut before its frames are.
+  if (isCaptured || donor === null) {
+    const text = isCaptured ? range(first, last) : "captured";
+    said[0] = isCaptured ? `${text} captured` : text;
+    block.append(make("span", { text }));
+  } else {
+    const clipName = make("span", { class: "clip", text: store.project.clips.length > 1 ? donor : "" });
+    block.append(clipName, " ", make("span", { text: frames }), " ");
+    if (seam >= 5) block.append(make("span", { class: "angle", text: angle }));
+  }
+  if (angle) said.push(`seam ${angle}`);
   if (isLocked) said.push("locked");
   block.setAttribute("aria-label", said.join(", "));
-  if (seam !== null && !isCaptured) {
+  if (seam !== null) {
     const mark = make("i", { class: "seam", title: `seam: ${seam.toFixed(1)}°` });
     mark.style.height = `${(15 + 85 * Math.min(seam / WIDE_SEAM, 1)).toFixed(0)}%`;
     block.prepend(mark);
-    if (seam >= 5) block.append(make("span", { class: "angle", text: `${seam.toFixed(0)}°` }));
   }
-  // In narrow blocks, the name of the clip is cut before its frames are.
-  if (isCaptured || donor === null) block.append(make("span", { text: isCaptured ? range(first, last) : "captured" }));
-  else block.append(make("span", { class: "clip", text: store.project.clips.length > 1 ? donor : "" }), make("span", { text: frames }));
   return place(block, row.start[part], row.stop[part]);
 }
 
@@ -264,28 +260,20 @@ function moveBetweenBlocks(event) {
   const index = Number(part);
   const all = lanes();
   const at = all.findIndex(({ row }) => row.group === group);
-  let target = null;
-  if (event.key === "Enter" || event.key === " ") target = [group, index];
-  else if (event.key === "ArrowLeft" || event.key === "ArrowRight") {
-    const step = event.key === "ArrowLeft" ? -1 : 1;
-    if (event.shiftKey) {
-      const { first, last } = store.focus || {};
-      if (store.focus) focusOn({ ...store.focus, part: null, last: Math.max(first, Math.min(nFrames() - 1, last + step)) });
-      return stop(event);
-    }
-    target = [group, Math.max(0, Math.min(all[at].row.start.length - 1, index + step))];
-  } else if (event.key === "ArrowUp" || event.key === "ArrowDown") {
-    const lane = all[at + (event.key === "ArrowUp" ? -1 : 1)];
-    if (lane) target = [lane.row.group, lane.row.start.findLastIndex((start) => start <= all[at].row.start[index])];
-  }
-  if (!target || target[1] < 0) return;
-  stop(event);
-  selectBlock(...target);
-  parts.lanes.querySelector(`[data-block="${CSS.escape(target.join("/"))}"]`)?.focus();
-}
-function stop(event) {
+  const aside = { ArrowLeft: -1, ArrowRight: 1, Enter: 0, " ": 0 }[event.key];
+  const lane = all[at + ({ ArrowUp: -1, ArrowDown: 1 }[event.key] ?? NaN)];
+  if (aside === undefined && !lane) return;
   event.preventDefault();
   event.stopPropagation();
+  if (event.shiftKey && aside && store.focus) {
+    const { first, last } = store.focus;
+    return focusOn({ ...store.focus, part: null, last: clamp(last + aside, first, nFrames() - 1) });
+  }
+  const { start } = all[at].row;
+  const above = lane?.row.start.findLastIndex((frame) => frame <= start[index]);
+  const target = lane ? [lane.row.group, Math.max(above, 0)] : [group, clamp(index + aside, 0, start.length - 1)];
+  selectBlock(...target);
+  parts.lanes.querySelector(`[data-block="${CSS.escape(target.join("/"))}"]`)?.focus();
 }
 
 function writeFocus() {
@@ -297,9 +285,9 @@ function writeFocus() {
   }
   if (!parts.lanes.querySelector('.block[tabindex="0"]')) parts.lanes.querySelector(".block")?.setAttribute("tabindex", "0");
   parts.range.hidden = !focus;
-  const text = focus ? `${focus.group ?? "all groups"}, frames ${range(focus.first, focus.last)}` : "Click a block, or drag over frames.";
-  find("selection").textContent = text;
+  parts.selection.textContent = "Click a block, or drag over frames.";
   if (!focus) return;
+  parts.selection.textContent = `${focus.group ?? "all groups"}, frames ${range(focus.first, focus.last)}`;
   place(parts.range, focus.first, Math.max(focus.last, focus.first + 0.5));
   const lane = parts.lanes.querySelector(`[data-group="${CSS.escape(focus.group ?? "")}"].lane`);
   parts.range.style.top = lane ? `${lane.offsetTop}px` : "0";

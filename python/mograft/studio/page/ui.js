@@ -1,7 +1,11 @@
 // Small parts of the page: elements, tabs, dialogs and fields.
-import { create } from "/viewer/scene.js";
+import { create, find } from "/viewer/scene.js";
 
 export { create, createButton } from "/viewer/scene.js";
+
+// The elements of the page by the names that they have in it.
+const found = {};
+export const parts = new Proxy(found, { get: (_, name) => (found[name] ||= find(name)) });
 
 export function icon(name) {
   const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
@@ -36,15 +40,25 @@ export function field(name, input, unit = "") {
   return label;
 }
 export const numberInput = (value, given = {}) => make("input", { type: "number", step: "any", value: String(value), ...given });
-export function selectInput(options, value, given = {}) {
-  const input = make("select", given);
-  for (const own of options) {
-    const [key, text] = Array.isArray(own) ? own : [own, own];
-    input.append(make("option", { value: key, text }));
-  }
-  if (value !== undefined && value !== null) input.value = value;
-  return input;
+// Give a list its options, texts or pairs of value and text, and choose one.
+export function fill(select, options, value) {
+  const pairs = options.map((own) => (Array.isArray(own) ? own : [own, own]));
+  const key = JSON.stringify(pairs);
+  if (select.dataset.key !== key) select.replaceChildren(...pairs.map(([own, text]) => make("option", { value: own, text })));
+  select.dataset.key = key;
+  if (value !== undefined && value !== null) select.value = value;
+  return select;
 }
+export const selectInput = (options, value, given = {}) => fill(make("select", given), options, value);
+
+// A text that lines can break after each underscore.
+export const breakable = (text) => text.split(/(?<=_)/).flatMap((part) => [part, make("wbr")]);
+
+// An element with a name from a file and a note.
+export const named = (tag, given, name, note, kind = "faint") =>
+  make(tag, given, make("bdi", { text: name }), note ? make("span", { class: kind, text: note }) : null);
+export const details = (text, ...children) => make("details", {}, make("summary", { text }), ...children);
+export const counted = (count, text) => `${count} ${text}${count === 1 ? "" : "s"}`;
 
 // Tabs as the ARIA practices describe them: arrow keys move between them.
 export function listenToTabs(list) {
@@ -68,19 +82,6 @@ export function showTab(tab) {
     document.getElementById(own.getAttribute("aria-controls")).hidden = own !== tab;
   }
   window.dispatchEvent(new Event("resize"));
-}
-
-// A dialog with a heading; it is removed when it is closed, and the focus returns.
-export function openDialog(title, ...children) {
-  const before = document.activeElement;
-  const dialog = make("dialog", { "aria-label": title, class: "dialog" }, make("h2", { text: title }), ...children);
-  document.getElementById("mograft").append(dialog);
-  dialog.addEventListener("close", () => {
-    dialog.remove();
-    before?.focus();
-  });
-  dialog.showModal();
-  return dialog;
 }
 
 export const percent = (share) => `${Math.round(100 * share)} %`;

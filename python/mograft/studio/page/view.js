@@ -41,7 +41,10 @@ export function startView() {
   sun.shadow.radius = 5;
   sun.shadow.bias = -0.002;
   const antialias = !isSoftware();
-  for (const [name, around] of [["stageCanvas", find("tiles")], ["cardsCanvas", document.getElementById("pane-motions")]]) {
+  for (const [name, around] of [
+    ["stageCanvas", find("tiles")],
+    ["cardsCanvas", document.getElementById("pane-motions")],
+  ]) {
     const canvas = find(name);
     const context = canvas.getContext("webgl2", { antialias, preserveDrawingBuffer: true });
     find("reason").hidden = context !== null;
@@ -125,7 +128,8 @@ function drawSurface(surface, places) {
     const [width, height] = [seen.right - seen.left, seen.bottom - seen.top];
     Object.assign(canvas.style, { left: `${seen.left}px`, top: `${seen.top}px`, width: `${width}px`, height: `${height}px` });
     if (renderer.getPixelRatio() !== ratio) renderer.setPixelRatio(ratio);
-    if (canvas.width !== Math.floor(width * ratio) || canvas.height !== Math.floor(height * ratio)) renderer.setSize(width, height, false);
+    if (canvas.width !== Math.floor(width * ratio) || canvas.height !== Math.floor(height * ratio))
+      renderer.setSize(width, height, false);
     renderer.setScissorTest(false);
     renderer.clear();
   }
@@ -150,11 +154,20 @@ function drawRegion(region, { left, top, width, height, seen }, { renderer }, wh
   const { clip } = shown.figures[0];
   // The size of a character is measured against the floor and height of its figure.
   Object.assign(scene, { height: clip.height, floor: clip.floor });
-  const view = aim(region, shown, sizeOf(actors[0]), { width, height });
+  const view = aim(region, shown, grownOf(actors[0]), { width, height });
   placeWorld(view, clip, actors, region.isStage, shown.objects || []);
   renderer.shadowMap.needsUpdate = region.isStage && state.floor;
   renderer.render(world, region.camera);
   shown.after?.(view);
+}
+
+// How much higher than its skeleton a character is: that of its figure that is drawn first.
+const sizes = new Map();
+function grownOf(actor) {
+  if (actor.capsules.visible) return 1;
+  const key = scene.characters[actor.clip.character];
+  if (!sizes.has(key)) sizes.set(key, sizeOf(actor));
+  return sizes.get(key);
 }
 
 // Aim the camera of a region at the first figure; return the projection to pixels of the region.

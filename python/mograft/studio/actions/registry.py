@@ -1,67 +1,65 @@
 """The actions of a person on a project.
 
-Each is a function of the session and the fields of the action. It returns the new project and the
+Each is a function of the `Desk` and the fields of the action. It returns the new project and the
 text of the step in the history; None instead of a text means that there is no step.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mograft.body.groups import PRESETS, JointGroups
 from mograft.config import Config, scale_of_variety
 from mograft.errors import suggest_name
 from mograft.io.formats import split_address
 from mograft.io.gltf.document import read_gltf_file
-from mograft.studio import editing, making
-from mograft.studio.fields import Fields
+from mograft.studio.actions import editing, making
+from mograft.studio.actions.fields import Fields
+from mograft.studio.desk import Desk
 from mograft.studio.project import MARKS, Lock, Project
-
-if TYPE_CHECKING:
-    from mograft.studio.session import Session
 
 Outcome = tuple[Project, str | None]
 
 _MAX_NAME = 200
 
 
-def run(session: "Session", action: Mapping[str, Any]) -> Outcome:
+def run_action(desk: Desk, action: Mapping[str, Any]) -> Outcome:
     """Return the project after an action, and the text of the step."""
     name = action.get("action")
     if not isinstance(name, str) or name not in ACTIONS:
         raise ValueError(f"unknown `action` {name!r}{suggest_name(name, ACTIONS)}")
-    return ACTIONS[name](session, Fields(action))
+    return ACTIONS[name](desk, Fields(action))
 
 
-def _set_groups(session: "Session", fields: Fields) -> Outcome:
-    if session.is_stored_library:
+def _set_groups(desk: Desk, fields: Fields) -> Outcome:
+    if desk.is_stored_library:
         raise ValueError("the groups of a stored library are fixed: index its files again")
     text = fields.choice("preset", PRESETS) if fields.has("preset") else fields.text("toml") + "\n"
-    library = session.opened.library
+    library = desk.opened.library
     groups = JointGroups.from_toml(text) if text not in PRESETS else None
     if library is not None:
         groups = groups or JointGroups.preset(text, library.skeleton)
         groups.resolve(library.skeleton)
-    return replace(session.project, groups=text), f"groups {text if text in PRESETS else 'by hand'}"
+    return replace(desk.project, groups=text), f"groups {text if text in PRESETS else 'by hand'}"
 
 
-def _set_character(session: "Session", fields: Fields) -> Outcome:
+def _set_character(desk: Desk, fields: Fields) -> Outcome:
     path = fields.optional_text("path")
     if path is not None:
-        place = (session.folder / path).resolve()
-        inputs = [Path(split_address(own.path)[0]) for own in session.project.inputs]
-        roots = [session.folder, *inputs, *(own.parent for own in inputs)]
+        place = (desk.folder / path).resolve()
+        inputs = [Path(split_address(own.path)[0]) for own in desk.project.inputs]
+        roots = [desk.folder, *inputs, *(own.parent for own in inputs)]
         if not any(place == root or place.is_relative_to(root) for root in roots):
-            raise ValueError(f"`path` must be in {session.folder} or beside an input, got {path}")
+            raise ValueError(f"`path` must be in {desk.folder} or beside an input, got {path}")
         read_gltf_file(place)  # raises an error if it is no glTF file
         path = str(place)
     text = "no character" if path is None else f"character {Path(path).name}"
-    return replace(session.project, character=path), text
+    return replace(desk.project, character=path), text
 
 
-def _set_options(session: "Session", fields: Fields) -> Outcome:
-    project, config = session.project, dict(session.project.config)
+def _set_options(desk: Desk, fields: Fields) -> Outcome:
+    project, config = desk.project, dict(desk.project.config)
     given = {name: value for name, value in fields.values.items() if name != "action"}
     if "distinct" in given:
         distinct = fields.number("distinct") or 0.0
@@ -82,52 +80,52 @@ def _set_options(session: "Session", fields: Fields) -> Outcome:
     return replace(project, config=kept), f"options {', '.join(given) or 'unchanged'}"
 
 
-def _mark(session: "Session", fields: Fields) -> Outcome:
-    own, mark = session.project.motion(fields.values.get("id")), fields.choice("mark", MARKS)
+def _mark(desk: Desk, fields: Fields) -> Outcome:
+    own, mark = desk.project.motion(fields.values.get("id")), fields.choice("mark", MARKS)
     text = {"star": "star", "reject": "reject", None: "unmark"}[mark]
     changed = replace(own, mark=mark)
-    return session.project.with_motion(changed), f"{text} {session.name_of(own)}"
+    return desk.project.with_motion(changed), f"{text} {desk.name_of(own)}"
 
 
-def _keep(session: "Session", fields: Fields) -> Outcome:
-    own, is_kept = session.project.motion(fields.values.get("id")), fields.flag("isKept")
-    text = f"{'keep' if is_kept else 'do not keep'} {session.name_of(own)}"
-    return session.project.with_motion(replace(own, is_kept=is_kept)), text
+def _keep(desk: Desk, fields: Fields) -> Outcome:
+    own, is_kept = desk.project.motion(fields.values.get("id")), fields.flag("isKept")
+    text = f"{'keep' if is_kept else 'do not keep'} {desk.name_of(own)}"
+    return desk.project.with_motion(replace(own, is_kept=is_kept)), text
 
 
-def _rename(session: "Session", fields: Fields) -> Outcome:
-    own, name = session.project.motion(fields.values.get("id")), fields.text("name").strip()
+def _rename(desk: Desk, fields: Fields) -> Outcome:
+    own, name = desk.project.motion(fields.values.get("id")), fields.text("name").strip()
     if not 0 < len(name) <= _MAX_NAME or not name.isprintable():
         raise ValueError(f"`name` must have 1 to {_MAX_NAME} printable characters, got {name!r}")
-    others = [session.name_of(each) for each in session.project.motions if each.id != own.id]
+    others = [desk.name_of(each) for each in desk.project.motions if each.id != own.id]
     if name in others:
         raise ValueError(f"`name` must differ from those of other motions, got {name!r}")
-    text = f"rename {session.name_of(own)} to {name}"
-    renamed = replace(own, record=session.workshop.rename(own.record, name))
-    return session.project.with_motion(renamed), text
+    text = f"rename {desk.name_of(own)} to {name}"
+    renamed = replace(own, record=desk.workshop.rename(own.record, name))
+    return desk.project.with_motion(renamed), text
 
 
-def _remove(session: "Session", fields: Fields) -> Outcome:
-    removed = [session.project.motion(own) for own in fields.items("ids", str)]
+def _remove(desk: Desk, fields: Fields) -> Outcome:
+    removed = [desk.project.motion(own) for own in fields.items("ids", str)]
     if not removed:
         raise ValueError("`ids` must have at least one motion, got none")
-    kept = tuple(own for own in session.project.motions if own not in removed)
-    text = f"remove {', '.join(map(session.name_of, removed))}"
-    return replace(session.project, motions=kept), text
+    kept = tuple(own for own in desk.project.motions if own not in removed)
+    text = f"remove {', '.join(map(desk.name_of, removed))}"
+    return replace(desk.project, motions=kept), text
 
 
-def _lock(session: "Session", fields: Fields) -> Outcome:
-    own = session.project.motion(fields.values.get("id"))
+def _lock(desk: Desk, fields: Fields) -> Outcome:
+    own = desk.project.motion(fields.values.get("id"))
     lock = Lock(fields.text("group"), *fields.frames())
-    graft = session.workshop.graft(own.record)
+    graft = desk.workshop.graft(own.record)
     editing.check_range(graft, lock.group, (lock.first, lock.last))
     locks = own.locks if lock in own.locks else (*own.locks, lock)
     text = f"lock {editing.where(*lock)}"
-    return session.project.with_motion(replace(own, locks=locks)), text
+    return desk.project.with_motion(replace(own, locks=locks)), text
 
 
-def _unlock(session: "Session", fields: Fields) -> Outcome:
-    own, group = session.project.motion(fields.values.get("id")), fields.optional_text("group")
+def _unlock(desk: Desk, fields: Fields) -> Outcome:
+    own, group = desk.project.motion(fields.values.get("id")), fields.optional_text("group")
     first, last = fields.frames()
     locks: list[Lock] = []
     for lock in own.locks:
@@ -139,10 +137,10 @@ def _unlock(session: "Session", fields: Fields) -> Outcome:
         if lock.last > last:
             locks.append(lock._replace(first=last))
     text = f"unlock {editing.where(group, first, last)}"
-    return session.project.with_motion(replace(own, locks=tuple(locks))), text
+    return desk.project.with_motion(replace(own, locks=tuple(locks))), text
 
 
-ACTIONS: dict[str, Callable[["Session", Fields], Outcome]] = {
+ACTIONS: dict[str, Callable[[Desk, Fields], Outcome]] = {
     "set_groups": _set_groups,
     "set_character": _set_character,
     "set_options": _set_options,

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,12 +18,10 @@ from mograft.provenance.graft_revision import constrain, regenerate
 from mograft.search.constraint_records import decode_constraint
 from mograft.search.constraints import Constraint, Span, overlaps
 from mograft.search.donor_constraints import Ban, KeepOriginal, Use
-from mograft.studio.fields import Fields
+from mograft.studio.actions.fields import Fields
+from mograft.studio.desk import Desk
 from mograft.studio.project import Lock, Project, ProjectMotion
 from mograft.synthesis.graft_result import Graft
-
-if TYPE_CHECKING:
-    from mograft.studio.session import Session
 
 Ranges = list[tuple[str, Span]]
 
@@ -63,9 +60,9 @@ def is_locked(graft: Graft, group: str, locks: Sequence[Lock]) -> BoolArray:
     return selected
 
 
-def _target(session: "Session", fields: Fields) -> tuple[ProjectMotion, Graft]:
-    own = session.project.motion(fields.values.get("id"))
-    return own, session.workshop.editable(own.record)
+def _target(desk: Desk, fields: Fields) -> tuple[ProjectMotion, Graft]:
+    own = desk.project.motion(fields.values.get("id"))
+    return own, desk.workshop.editable(own.record)
 
 
 def _refuse_locked(own: ProjectMotion, graft: Graft, group: str, frames: Span) -> None:
@@ -90,15 +87,15 @@ def _open_ranges(own: ProjectMotion, graft: Graft, fields: Fields) -> Ranges:
     return found
 
 
-def _revised(session: "Session", own: ProjectMotion, graft: Graft) -> Project:
+def _revised(desk: Desk, own: ProjectMotion, graft: Graft) -> Project:
     """Return the project with another version of a motion."""
-    key = session.workshop.add(graft, session.source_names())
-    return session.project.with_motion(replace(own, record=key))
+    key = desk.workshop.add(graft, desk.source_names())
+    return desk.project.with_motion(replace(own, record=key))
 
 
-def take(session: "Session", fields: Fields) -> tuple[Project, str]:
+def take(desk: Desk, fields: Fields) -> tuple[Project, str]:
     """Take a part of a clip; between any frames, if it or the range is no segment."""
-    own, graft = _target(session, fields)
+    own, graft = _target(desk, fields)
     group, frames = fields.text("group"), fields.frames()
     clip, donor = fields.text("clip"), [fields.integer(name, -1) for name in ("from", "to")]
     _refuse_locked(own, graft, group, frames)
@@ -116,51 +113,51 @@ def take(session: "Session", fields: Fields) -> tuple[Project, str]:
     else:
         new = change(graft, group, frames, (clip, donor[0], donor[1]))
     text = f"{where(group, *frames)}: take {clip} {donor[0]}-{donor[1]}"
-    return _revised(session, own, new), text
+    return _revised(desk, own, new), text
 
 
-def ban(session: "Session", fields: Fields) -> tuple[Project, str]:
+def ban(desk: Desk, fields: Fields) -> tuple[Project, str]:
     """Ban the present donors of a range."""
-    own, graft = _target(session, fields)
+    own, graft = _target(desk, fields)
     ranges = _open_ranges(own, graft, fields)
     new = edit(graft, *(Ban(frames=frames, group=group) for group, frames in ranges))
-    return _revised(session, own, new), f"ban {_text(fields)}"
+    return _revised(desk, own, new), f"ban {_text(fields)}"
 
 
-def restore(session: "Session", fields: Fields) -> tuple[Project, str]:
+def restore(desk: Desk, fields: Fields) -> tuple[Project, str]:
     """Restore the captured motion of a range."""
-    own, graft = _target(session, fields)
+    own, graft = _target(desk, fields)
     group, frames = fields.optional_text("group"), fields.frames()
     for name in graft.alternatives if group is None else [group]:
         check_range(graft, name, frames)
         _refuse_locked(own, graft, name, frames)
     new = edit(graft, KeepOriginal(frames=frames, group=group))
-    return _revised(session, own, new), f"captured {_text(fields)}"
+    return _revised(desk, own, new), f"captured {_text(fields)}"
 
 
-def change_range(session: "Session", fields: Fields) -> tuple[Project, str]:
+def change_range(desk: Desk, fields: Fields) -> tuple[Project, str]:
     """Change a range between any frames."""
-    own, graft = _target(session, fields)
+    own, graft = _target(desk, fields)
     group, frames, clip = fields.text("group"), fields.frames(), fields.optional_text("clip")
     _refuse_locked(own, graft, group, frames)
     donor: str | tuple[str, int, int] | None = clip
     if clip is not None and fields.has("from"):
         donor = (clip, fields.integer("from", 0), fields.integer("to", 0))
     new = change(graft, group, frames, donor, rank=fields.integer("rank", 0, 0, 1000))
-    return _revised(session, own, new), f"change {new.changes[-1]}"
+    return _revised(desk, own, new), f"change {new.changes[-1]}"
 
 
-def regenerate_range(session: "Session", fields: Fields) -> tuple[Project, str]:
+def regenerate_range(desk: Desk, fields: Fields) -> tuple[Project, str]:
     """Choose the donors of a range again."""
-    own, graft = _target(session, fields)
+    own, graft = _target(desk, fields)
     ranges = _open_ranges(own, graft, fields)
     variety = fields.number("variety")
     if variety is not None:
         values = graft.library.config.as_dict() | {"sigma_scale": scale_of_variety(variety)}
-        library = session.workshop.configured(graft.library, Config.from_dict(values))
+        library = desk.workshop.configured(graft.library, Config.from_dict(values))
         graft = _with_library(graft, library)
     seed = fields.integer("seed", graft.seed + len(graft.history) + 1)
-    return _revised(session, own, regenerate(graft, ranges, seed)), f"regenerate {_text(fields)}"
+    return _revised(desk, own, regenerate(graft, ranges, seed)), f"regenerate {_text(fields)}"
 
 
 def _with_library(graft: Graft, library: Library) -> Graft:
@@ -172,40 +169,40 @@ def _text(fields: Fields) -> str:
     return where(fields.optional_text("group"), *fields.frames())
 
 
-def add_constraint(session: "Session", fields: Fields) -> tuple[Project, str]:
+def add_constraint(desk: Desk, fields: Fields) -> tuple[Project, str]:
     """Add a constraint; segments that violate it get other donors."""
-    own, graft = _target(session, fields)
-    added = _decode(session, fields)
-    new = _constrained(session, own, graft, fields, lambda known: [*known, added])
-    return _revised(session, own, new), f"add {type(added).__name__}"
+    own, graft = _target(desk, fields)
+    added = _decode(desk, fields)
+    new = _constrained(desk, own, graft, fields, lambda known: [*known, added])
+    return _revised(desk, own, new), f"add {type(added).__name__}"
 
 
-def set_constraint(session: "Session", fields: Fields) -> tuple[Project, str | None]:
+def set_constraint(desk: Desk, fields: Fields) -> tuple[Project, str | None]:
     """Replace a constraint; a preview is shown, but is no step and is not saved."""
-    own, graft = _target(session, fields)
-    number, added = _number(fields, graft), _decode(session, fields)
+    own, graft = _target(desk, fields)
+    number, added = _number(fields, graft), _decode(desk, fields)
     new = _constrained(
-        session, own, graft, fields, lambda known: [*known[:number], added, *known[number + 1 :]]
+        desk, own, graft, fields, lambda known: [*known[:number], added, *known[number + 1 :]]
     )
     if fields.flag("preview"):
-        session.preview(own.id, new)
-        return session.project, None
-    return _revised(session, own, new), f"move {type(added).__name__}"
+        desk.preview(own.id, new)
+        return desk.project, None
+    return _revised(desk, own, new), f"move {type(added).__name__}"
 
 
-def drop_constraint(session: "Session", fields: Fields) -> tuple[Project, str]:
+def drop_constraint(desk: Desk, fields: Fields) -> tuple[Project, str]:
     """Remove a constraint; the donors stay."""
-    own, graft = _target(session, fields)
+    own, graft = _target(desk, fields)
     number = _number(fields, graft)
     dropped = graft.request.constraints[number]
     new = _constrained(
-        session, own, graft, fields, lambda known: [*known[:number], *known[number + 1 :]]
+        desk, own, graft, fields, lambda known: [*known[:number], *known[number + 1 :]]
     )
-    return _revised(session, own, new), f"remove {type(dropped).__name__}"
+    return _revised(desk, own, new), f"remove {type(dropped).__name__}"
 
 
 def _constrained(
-    session: "Session",
+    desk: Desk,
     own: ProjectMotion,
     graft: Graft,
     fields: Fields,
@@ -213,15 +210,15 @@ def _constrained(
 ) -> Graft:
     locked = [(lock.group, (lock.first, lock.last)) for lock in own.locks]
     new, is_quick = alter(list(graft.request.constraints)), fields.flag("preview")
-    with cancellable(session.is_superseded):
+    with cancellable(desk.is_superseded):
         return constrain(graft, new, locked=locked, is_quick=is_quick)
 
 
-def _decode(session: "Session", fields: Fields) -> Constraint:
+def _decode(desk: Desk, fields: Fields) -> Constraint:
     record = fields.values.get("constraint")
     if not isinstance(record, dict):
         raise ValueError(f"`constraint` must be an object, got {record!r}")
-    return decode_constraint(record, session.decode_motion)
+    return decode_constraint(record, desk.decode_motion)
 
 
 def _number(fields: Fields, graft: Graft) -> int:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,39 +12,37 @@ from mograft.motion.motion import Motion
 from mograft.provenance.graft_revision import regenerate
 from mograft.scenario import Scenario, follow, to_beats, transitions, walk
 from mograft.search.constraint_records import decode_constraint
-from mograft.studio.fields import Fields
+from mograft.studio.actions.fields import Fields
+from mograft.studio.desk import Desk
 from mograft.studio.project import Project, ProjectMotion
 from mograft.synthesis.graft import graft_many
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.geometry import DrawnSkeleton
-
-if TYPE_CHECKING:
-    from mograft.studio.session import Session
 
 _MAX_COUNT = 64
 _MAX_SECONDS = 600.0
 _CHANGED_SHARE = 0.4  # of the segments, in motions like another one
 
 
-def make(session: "Session", fields: Fields) -> tuple[Project, str]:
+def make(desk: Desk, fields: Fields) -> tuple[Project, str]:
     """Make motions on a clip."""
-    library = _library(session, fields)
+    library = _library(desk, fields)
     base, count = fields.optional_text("base"), fields.integer("count", 1, 1, _MAX_COUNT)
     if base is None:
         base = library.names[0]
     if base not in library.names:
         raise ValueError(f"`base` must be a clip, got {base!r}")
-    grafts = _make(session, fields, library, base, None, count)
-    project = _add(session, grafts, f"make {count} on {base}", count)
-    n = len(project.motions) - len(session.project.motions)
-    return project, f"make {n} on {base}"
+    n_before = desk.project.n_made
+    grafts = _make(desk, fields, library, base, None, count)
+    project = _add(desk, grafts, f"make {count} on {base}", count)
+    return project, f"make {project.n_made - n_before} on {base}"
 
 
-def compose(session: "Session", fields: Fields) -> tuple[Project, str]:
+def compose(desk: Desk, fields: Fields) -> tuple[Project, str]:
     """Make motions on a base that is composed of segments, along a path or to beats."""
-    library, points = _library(session, fields), fields.points("points")
+    library, points = _library(desk, fields), fields.points("points")
     count = fields.integer("count", 1, 1, _MAX_COUNT)
-    seed = fields.integer("seed", session.project.n_made)
+    seed = fields.integer("seed", desk.project.n_made)
     duration, tempo = fields.number("duration"), fields.number("tempo")
     if len(points) > 1 and tempo is not None:
         raise ValueError("give either a path (`points`) or a tempo")
@@ -65,8 +63,8 @@ def compose(session: "Session", fields: Fields) -> tuple[Project, str]:
     else:
         found = Scenario(walk(library, duration or 0.0, seed, graph=graph))
         text = f"of {duration:g} seconds"
-    grafts = _make(session, fields, library, None, found, count)
-    return _add(session, grafts, f"make {count} {text}", count), f"make {count} {text}"
+    grafts = _make(desk, fields, library, None, found, count)
+    return _add(desk, grafts, f"make {count} {text}", count), f"make {count} {text}"
 
 
 def _on_floor(motion: Motion, points: Sequence[Sequence[float]]) -> np.ndarray:
@@ -77,11 +75,11 @@ def _on_floor(motion: Motion, points: Sequence[Sequence[float]]) -> np.ndarray:
     return np.delete(flat, up, axis=1)
 
 
-def more_like(session: "Session", fields: Fields) -> tuple[Project, str]:
+def more_like(desk: Desk, fields: Fields) -> tuple[Project, str]:
     """Make motions that share most donors with a motion; those of locked segments are kept."""
-    own = session.project.motion(fields.values.get("id"))
+    own = desk.project.motion(fields.values.get("id"))
     count, seed = fields.integer("count", 3, 1, _MAX_COUNT), fields.integer("seed", 0)
-    graft, project = session.workshop.editable(own.record), session.project
+    graft, project = desk.workshop.editable(own.record), desk.project
     locked = [(lock.group, (lock.first, lock.last)) for lock in own.locks]
 
     def variants() -> Iterable[Graft]:
@@ -93,24 +91,24 @@ def more_like(session: "Session", fields: Fields) -> tuple[Project, str]:
             ranges = [(each.group, (each.start, each.stop)) for each, is_open in pairs if is_open]
             yield regenerate(graft, ranges, project.n_made + number + seed, locked=locked)
 
-    name, text = session.name_of(own), f"make {count} like {session.name_of(own)}"
-    return _add(session, variants(), text, count, stem=name, locks=own), text
+    name, text = desk.name_of(own), f"make {count} like {desk.name_of(own)}"
+    return _add(desk, variants(), text, count, stem=name, locks=own), text
 
 
-def _library(session: "Session", fields: Fields) -> Library:
+def _library(desk: Desk, fields: Fields) -> Library:
     """Return the library with the options of new motions, and those of an action."""
-    library, changes = session.ready_library(), dict[str, Any]()
+    library, changes = desk.ready_library(), dict[str, Any]()
     variety = fields.number("variety")
     if variety is not None:
         changes["sigma_scale"] = scale_of_variety(variety)
     if fields.flag("loop"):
         changes["loop"] = "on"
-    config = Config.from_dict(library.config.as_dict() | dict(session.project.config) | changes)
-    return session.workshop.configured(library, config)
+    config = Config.from_dict(library.config.as_dict() | dict(desk.project.config) | changes)
+    return desk.workshop.configured(library, config)
 
 
 def _make(
-    session: "Session",
+    desk: Desk,
     fields: Fields,
     library: Library,
     base: str | None,
@@ -118,27 +116,27 @@ def _make(
     count: int,
 ) -> Iterable[Graft]:
     constraints = [
-        decode_constraint(own, session.decode_motion) for own in fields.items("constraints", dict)
+        decode_constraint(own, desk.decode_motion) for own in fields.items("constraints", dict)
     ]
-    is_fixed = fields.has("variety") or "sigma_scale" in session.project.config
+    is_fixed = fields.has("variety") or "sigma_scale" in desk.project.config
     grafts = graft_many(
         library,
         base,
         count,
         constraints=constraints,
         swap=fields.items("swap", str) or None,
-        seed=fields.integer("seed", session.project.n_made),
+        seed=fields.integer("seed", desk.project.n_made),
         scenario=scenario,
         widen=not is_fixed,
-        distinct=np.radians(session.project.distinct),
+        distinct=np.radians(desk.project.distinct),
     )
     for note in grafts.notes:
-        session.emit({"kind": "note", "text": note})
+        desk.emit({"kind": "note", "text": note})
     return grafts
 
 
 def _add(
-    session: "Session",
+    desk: Desk,
     grafts: Iterable[Graft],
     text: str,
     count: int,
@@ -147,9 +145,9 @@ def _add(
     locks: ProjectMotion | None = None,
 ) -> Project:
     """Return the project with new motions, which are shown as soon as each is made."""
-    project, base = session.project, session.project
-    taken = {session.name_of(own) for own in project.motions}
-    with session.job(text, count) as advance:
+    project, base = desk.project, desk.project
+    taken = {desk.name_of(own) for own in project.motions}
+    with desk.job(text, count) as advance:
         for graft in grafts:
             number = project.n_made + 1
             name = f"{stem or graft.base.name or 'scenario'}_graft{number}"
@@ -161,12 +159,12 @@ def _add(
                 graft = replace(
                     graft, unchanged=replace(old, motion=replace(old.motion, name=name))
                 )
-            key = session.workshop.add(graft, session.source_names())
+            key = desk.workshop.add(graft, desk.source_names())
             made = ProjectMotion(
                 id=f"m{number}", record=key, locks=() if locks is None else locks.locks
             )
             project = replace(project, motions=(*project.motions, made), n_made=number)
-            session.show(project)
+            desk.show(project)
             advance()
     if project is base:
         raise ValueError("the donors allow no motion: raise `variety` or add clips")

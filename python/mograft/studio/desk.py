@@ -1,0 +1,195 @@
+"""`Desk`: the present project of a session, with what is open and who listens.
+
+Actions and views use it; `mograft.studio.session.Session` is the whole.
+"""
+
+import os
+import queue
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from mograft.library.library import Library
+from mograft.library.origin import find_source_file, hash_poses
+from mograft.motion.motion import Motion
+from mograft.studio import sources
+from mograft.studio.project import History, Project, ProjectMotion, Record, project_text
+from mograft.studio.project_file import ProjectFile
+from mograft.studio.workshop import Workshop
+from mograft.synthesis.graft_result import Graft
+
+Json = dict[str, Any]
+_MAX_EVENTS = 1000
+
+
+class Subscription(queue.Queue[Json]):
+    """The events of a session, from the time of the subscription on."""
+
+    def __init__(self, desk: "Desk") -> None:
+        super().__init__()
+        self._desk = desk
+
+    def close(self) -> None:
+        """Receive no more events."""
+        self._desk.unsubscribe(self)
+
+
+class Desk:
+    """A project and its history. All methods can be called from any thread."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = Path(folder).resolve()
+        self.project, self.history, self.revision = Project(), History(), 0
+        self.opened, self.jobs = sources.Opened(), dict[str, Json]()
+        self.file: ProjectFile | None = None
+        self.workshop = Workshop(self.folder)
+        self.previews: dict[str, tuple[str, Graft]] = {}
+        self.characters: dict[Any, tuple[tuple[str, ...], Json] | None] = {}  # meshes by file
+        self.lock = threading.RLock()  # of the attributes
+        self.action_lock = threading.RLock()  # one action at a time
+        self.n_requested = self.ticket = 0  # the number of the last action, and of the present
+        self._events_lock = threading.Lock()
+        self._subscriptions: list[Subscription] = []
+
+    # Events
+
+    def subscribe(self) -> Subscription:
+        """Return a queue of the events from now on."""
+        own = Subscription(self)
+        with self._events_lock:
+            self._subscriptions.append(own)
+        return own
+
+    def unsubscribe(self, own: Subscription) -> None:
+        """Send no more events to a subscription."""
+        with self._events_lock:
+            if own in self._subscriptions:
+                self._subscriptions.remove(own)
+
+    def emit(self, event: Json) -> None:
+        """Send an event to all subscriptions."""
+        with self._events_lock:
+            for own in self._subscriptions:
+                if own.qsize() < _MAX_EVENTS:
+                    own.put(event)
+
+    def note(self, text: str) -> None:
+        """Send a text for the person."""
+        self.emit({"kind": "note", "text": text})
+
+    def notify(self) -> None:
+        """Send that the state has changed."""
+        with self.lock:
+            self.revision += 1
+            self.emit({"kind": "state", "revision": self.revision})
+
+    @contextmanager
+    def job(self, text: str, total: int) -> Iterator[Callable[[], None]]:
+        """Show a job while it runs; the block calls the function for each item that is done."""
+        own: Json = {"id": text, "text": text, "done": 0, "total": total}
+
+        def advance() -> None:
+            own["done"] += 1
+            self.emit({"kind": "progress", **own})
+
+        with self.lock:
+            self.jobs[text] = own
+        self.notify()
+        try:
+            yield advance
+        finally:
+            with self.lock:
+                self.jobs.pop(text, None)
+
+    # The project
+
+    def set(self, project: Project, text: str | None, old: Project | None = None) -> None:
+        """Set the present project; `text` is the step from `old`, None for none."""
+        with self.lock:
+            old = self.project if old is None else old
+            if text is not None and project != old:
+                self.history = self.history.push(text, old)
+            self.project = project
+            self.previews.clear()
+            self.update_library()
+            self.add_hashes()
+            self.save()
+        self.notify()
+
+    def update_library(self) -> None:
+        """Build the library of the present project, if it is another one."""
+        raise NotImplementedError
+
+    def add_hashes(self) -> None:
+        """Add the SHA-256 of inputs that were read since the project was made."""
+        known, project = self.opened.hashes, self.project
+        inputs = tuple(replace(own, sha256=known.get(own.path)) for own in project.inputs)
+        if all(own.sha256 for own in inputs):
+            self.project = replace(project, inputs=inputs)
+
+    def save(self) -> None:
+        """Write the present project to its file, in the thread of the file."""
+        if self.file is None:
+            return
+        project, history, folder = self.project, self.history, self.file.path.parent
+        keys = {own.record for each in (project, *history.projects) for own in each.motions}
+        self.workshop.keep_only(keys)
+        texts = dict(self.workshop.texts)
+        self.file.save(lambda: project_text(project, history, texts, folder))
+
+    def show(self, project: Project) -> None:
+        """Show a project that an action has not finished."""
+        with self.lock:
+            self.project = project
+        self.notify()
+
+    def preview(self, key: str, graft: Graft) -> None:
+        """Show another version of a motion until the next action."""
+        name = f"preview-{hash_poses(graft.motion)[:32]}"
+        self.workshop.keep(name, graft)
+        with self.lock:
+            self.previews[key] = (name, graft)
+
+    def is_superseded(self) -> bool:
+        """Return whether a later action waits for the present one."""
+        return self.n_requested != self.ticket
+
+    # What actions need
+
+    def ready_library(self) -> Library:
+        """Return the library of new motions; raise ValueError if it is not built."""
+        library = self.opened.library
+        if library is None or self.opened.status != "ready":
+            why = self.opened.message or f"its state is {self.opened.status}"
+            raise ValueError(f"the library is not ready: {why}")
+        return library
+
+    @property
+    def is_stored_library(self) -> bool:
+        """Whether the input is the folder of a library."""
+        return any(sources.is_library(own.path) for own in self.project.inputs)
+
+    def name_of(self, own: ProjectMotion) -> str:
+        """Return the name of a motion."""
+        return str(self.workshop.summaries[own.record]["name"])
+
+    def source_names(self) -> list[str]:
+        """Return the inputs as paths relative to the folder of records."""
+        if self.is_stored_library:
+            return []
+        folder = self.workshop.folder
+        return [Path(os.path.relpath(own.path, folder)).as_posix() for own in self.project.inputs]
+
+    def decode_motion(self, record: Record) -> Motion:
+        """Return the motion of a `Character` in a constraint, which names a clip of the library."""
+        library = self.ready_library()
+        name = record.get("name") if isinstance(record, dict) else None
+        if name not in library.names:
+            raise ValueError(f"`motion` must name a clip of the library, got {name!r}")
+        motion = library.clips[library.names.index(name)]
+        if find_source_file(motion) is None:
+            raise ValueError(f"`motion` must be a clip as its file has it; {name} was converted")
+        return motion

@@ -1,0 +1,129 @@
+"""Methods that copy, that choose at random, and that see what they are tested on, are exposed."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from lab.baselines import body_mixing
+from lab.donors import retrieval_trials
+from lab.donors.compatibility import compatibility
+from lab.donors.donor_methods import Method, RandomLength
+from lab.donors.methods import Analogy
+from lab.donors.retrieval import retrieval
+from lab.measures import generated_sets
+from mograft import Library, graft_many
+from mograft.dancer import dance
+from mograft.evaluation import novelty
+from mograft.evaluation.detectability import detectability
+from tests.evaluation.planted import copy_base, grafts_of_clips
+from tests.lab.test_retrieval import move_arms_like_legs
+
+
+@pytest.fixture(scope="module")
+def coupled():
+    """Return a library whose upper arms move like the thighs, so that random arms do not fit."""
+    takes = dance(seed=8, strides=2).takes(2)
+    return Library.build([move_arms_like_legs(take.motion) for take in takes])
+
+
+@pytest.fixture(scope="module")
+def reference(coupled):
+    return generated_sets.Reference(coupled)
+
+
+@pytest.fixture(scope="module")
+def random(coupled, reference):
+    """Return the measures of clips with random pieces of upper bodies."""
+    rng, joints = np.random.default_rng(0), coupled.joints("upper")
+    mixed = [body_mixing.cut_mix(clip, coupled.clips, joints, rng) for clip in coupled.clips]
+    return generated_sets.measure(reference, [mixed])
+
+
+def test_copies_of_captured_clips_have_no_distance_though_nothing_detects_them(reference):
+    clips = reference.clips
+    found = generated_sets.measure(reference, [clips, clips])
+    assert found["gross"].value == pytest.approx(0.5, abs=1e-9)  # the praise
+    assert found["coverage"].value == 1
+    assert found["copied"].value == 1  # what exposes them
+    assert found["local"].value == pytest.approx(0, abs=1e-6)
+    assert found["global"].value == pytest.approx(0, abs=1e-6)
+    assert found["inter"].value == pytest.approx(0, abs=1e-6)
+
+
+def test_copies_of_other_places_are_exposed_as_copies(reference):
+    turned = [clip[clip.n_frames // 2 :] for clip in reference.clips]
+    moved = [
+        generated_sets.Piece(piece.track[len(piece.track) // 2 :], piece.block[: len(own)])
+        for piece, own in zip(reference.pieces, turned, strict=True)
+    ]
+    found = generated_sets.local_measures([moved], reference.pieces)
+    assert found["copied"].value == 1
+
+
+def test_grafts_are_less_copied_than_copies_and_more_than_random_bodies(coupled, reference, random):
+    made = [graft_many(coupled, clip.name, 1, seed=0)[0].motion for clip in coupled.clips]
+    grafted = generated_sets.measure(reference, [made])
+    assert 1 > grafted["copied"].value > random["copied"].value
+    assert 0 < grafted["local"].high < random["local"].low
+
+
+def test_random_bodies_are_detected_and_farther_than_captured_motion_from_itself(reference, random):
+    captured = generated_sets.measure_captured(reference)
+    assert random["gross"].low > max(0.6, captured["gross"].high)
+    assert random["frechet"].value > captured["frechet"].value
+
+
+def test_random_donors_find_nothing_of_the_removed_part(coupled):
+    found = {score.rule: score for score in retrieval(coupled).scores}
+    assert abs(found["random"].angle_gain.value) < 0.15 * found["analogy"].angle_gain.value
+    assert found["random"].rank.value == pytest.approx(0.5)
+
+
+def test_product_measures_expose_copies_and_random_donors(coupled):
+    grafts = grafts_of_clips(coupled, RandomLength(has_seam_limit=False), 2)
+    copies = [[copy_base(graft) for graft in own] for own in grafts]
+    assert novelty(copies).changed.value == 0
+    assert novelty(grafts).changed.value > 0.5
+    of_copies, of_random = (detectability("x", own, splits=1) for own in (copies, grafts))
+    assert of_copies.seams.gross.value == 0.5 < of_random.seams.gross.low
+
+
+def test_rule_that_sees_the_removed_part_reaches_the_bound_that_no_honest_rule_reaches(
+    coupled, monkeypatch
+):
+    errors = retrieval_trials.PartErrors.of(coupled, "upper").distance
+    honest = retrieval(coupled)
+    of_fold = retrieval_trials._queries_of_fold
+
+    def leak(library, group, held, contacts):
+        return [
+            replace(own, orders={**own.orders, "random": errors[own.segment, own.allowed]})
+            for own in of_fold(library, group, held, contacts)
+        ]
+
+    monkeypatch.setattr(retrieval_trials, "_queries_of_fold", leak)
+    for found, is_leaking in ((retrieval(coupled), True), (honest, False)):
+        scores = {score.rule: score for score in found.scores}
+        bound = scores.pop("best possible").distance.value
+        for rule, score in scores.items():
+            reaches = score.distance.value <= bound * (1 + 1e-9)
+            assert (reaches and score.rank.value < 0.1) == (is_leaking and rule == "random")
+
+
+@dataclass(frozen=True)
+class HeldOut(Method):
+    """The donors are the neighbours of the base segment, which are held out with it."""
+
+    name: str = "neighbours in time"
+
+    def candidates(self, library, scenario):
+        last = len(library.segments) - 1
+        return [np.unique([max(i - 1, 0), i, min(i + 1, last)]) for i in scenario.tolist()]
+
+
+def test_method_with_held_out_donors_is_refused(coupled):
+    for method in (RandomLength(), Analogy()):
+        assert compatibility(coupled, methods=(method,), splits=1).scores
+    with pytest.raises(ValueError, match="'neighbours in time' selects held-out segments"):
+        compatibility(coupled, methods=(HeldOut(),), splits=1)

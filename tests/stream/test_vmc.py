@@ -1,0 +1,411 @@
+"""VMC: an independent receiver sees the figure, and a relay grafts the base of any sender."""
+
+import json
+import random
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import mograft as mg
+from mograft.cli import main
+from mograft.dancer import dance
+from mograft.io.smpl.body_models import SMPL_X, stand_in
+from mograft.motion import rotations
+from mograft.stream import live, osc
+from mograft.stream.live import Receiver, Relay, Resampler, Sender
+from mograft.stream.vmc import HUMANOID, Figure
+from tests.fuzz import vmc as fuzz
+from tests.oracles import vmc as oracle
+from tests.strategies import transform_motion
+
+MOTION = dance(seed=2, strides=1).motion
+BONE_OF_JOINT = {"LeftHand": "LeftHand", "RightFoot": "RightFoot", "Head": "Head", "Hips": "Hips"}
+
+
+@pytest.mark.parametrize(
+    ("message", "data"),
+    [
+        (
+            ("/oscillator/4/frequency", (440.0,)),
+            "2f6f7363696c6c61746f722f342f6672657175656e6379002c66000043dc0000",
+        ),
+        (
+            ("/foo", (1000, -1, "hello", 1.234, 5.678)),
+            "2f666f6f000000002c6969736666000000 0003e8ffffffff68656c6c6f0000003f9df3b640b5b22d",
+        ),
+    ],
+)
+def test_examples_of_the_specification(message, data):
+    content = bytes.fromhex(data)
+    bundle = b"#bundle\0" + bytes(7) + b"\1" + len(content).to_bytes(4, "big") + content
+    assert osc.encode_bundle([message]) == bundle
+    for packet in (content, bundle):
+        ((address, arguments),) = osc.decode(packet)
+        assert address == message[0]
+        assert arguments == pytest.approx(message[1]) or arguments[2] == "hello"
+
+
+def bones_of(motion):
+    """The world positions of bones in metres, y up, right-handed, by an export to GLB."""
+    return {bone: motion.skeleton.index(joint) for joint, bone in BONE_OF_JOINT.items()}
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_receiver_sees_the_figure_of_a_glb(tmp_path, up):
+    """Also with 5 % of the packets lost and the others out of order."""
+    motion = dance(seed=4, strides=2).motion[:1000]
+    if up == "z":
+        turn = rotations.from_axis_angle(np.array([1.0, 0, 0]), np.array(np.pi / 2))
+        quats, places = motion.rotations.copy(), motion.positions.copy()
+        quats[:, 0] = rotations.multiply(turn, quats[:, 0])
+        places[:, 0] = rotations.rotate(turn, places[:, 0])
+        motion = mg.Motion(motion.skeleton, motion.frame_time, quats, places, name="z up")
+    mg.formats.write_glb(motion, tmp_path / "a.glb")
+    expected = mg.read(tmp_path / "a.glb")[0]
+    positions, height = expected.world_positions(), np.ptp(expected.world_positions()[0, :, 1])
+    rng = random.Random(0)
+    packets = [own for own in Figure(motion).packets(motion, 0.0, 1 / 30) if rng.random() > 0.05]
+    rng.shuffle(packets)
+    for packet in packets:
+        time, places = oracle.receive(packet)
+        found = oracle.world(places)
+        for bone, joint in bones_of(expected).items():
+            own = found[bone][0] * [-1, 1, 1]
+            assert np.abs(own - positions[round(time * 30), joint]).max() < 1e-4 * height
+
+
+def test_figure_at_rest_faces_forward_with_its_left_hand_at_the_left():
+    skeleton = stand_in(SMPL_X)
+    quats = np.tile(rotations.IDENTITY, (1, skeleton.n_joints, 1))
+    rest = mg.Motion(skeleton, 1 / 30, quats, skeleton.offsets[None] + [0.0, 1.0, 0.0])
+    rest = replace(
+        rest, positions=np.where(np.arange(55)[:, None] == 0, rest.positions, skeleton.offsets)
+    )
+    _, places = oracle.receive(next(Figure(rest).packets(rest, 0.0, 1.0)))
+    assert len(places) == 56
+    for place in places.values():
+        np.testing.assert_allclose(place[3:], rotations.IDENTITY, atol=1e-6)
+    found = oracle.world(places)
+    assert found["LeftHand"][0][0] < -0.5  # left-handed: x points to the right
+    assert found["LeftToes"][0][2] > found["LeftFoot"][0][2]
+    assert set(oracle.PARENTS) | {"Hips"} == set(places) - {""}
+
+
+@pytest.mark.parametrize("angle", [0.0, 50.0])
+def test_rotations_are_those_from_a_t_pose_whatever_the_rest_pose(angle):
+    """A rest pose with lowered arms, and a figure that stands in a T-pose."""
+    skeleton = HUMANOID
+    lower = {}
+    for name, sign in (("left_shoulder", -1), ("right_shoulder", 1)):
+        turn = rotations.exp(np.array([0, 0, sign * np.radians(angle)]))
+        lower |= dict.fromkeys(np.flatnonzero(skeleton.subtree_mask([skeleton.index(name)])), turn)
+    offsets = skeleton.offsets.copy()
+    quats = np.tile(rotations.IDENTITY, (1, skeleton.n_joints, 1))
+    for joint, turn in lower.items():
+        parent = int(skeleton.parents[joint])
+        if parent in lower:
+            offsets[joint] = rotations.rotate(turn, offsets[joint])
+        else:
+            quats[0, joint] = rotations.inverse(turn)
+    a_pose = mg.Skeleton(skeleton.names, skeleton.parents, offsets, skeleton.channels)
+    motion = mg.Motion(a_pose, 1 / 30, quats, offsets[None])
+    _, places = oracle.receive(next(Figure(motion).packets(motion, 0.0, 1.0)))
+    for bone in ("LeftUpperArm", "RightLowerArm", "Spine", "LeftUpperLeg"):
+        np.testing.assert_allclose(places[bone][3:], rotations.IDENTITY, atol=1e-6)
+
+
+class Clock:
+    """A clock that stands still between two steps of a test."""
+
+    def __init__(self):
+        self.now = 100.0
+
+    def monotonic(self):
+        return self.now
+
+    def sleep(self, seconds):
+        self.now += seconds
+
+
+class Setting:
+    """A relay between a sender and a receiver of a test."""
+
+    def __init__(self, library, clock, timeout=600.0):
+        self.clock, self.remarks, self.base = clock, [], []
+        self.receiver = Receiver(("127.0.0.1", 0))
+        self.out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.out.bind(("127.0.0.1", 0))
+        self.out.settimeout(0.0)
+        self.sender = Sender(("127.0.0.1", self.out.getsockname()[1]))
+        self.relay = Relay(
+            library, self.receiver, self.sender, self.remarks.append, timeout=timeout, seed=3
+        )
+        self.sources = []
+        self.source = self.open_source()
+
+    def open_source(self):
+        self.sources.append(Sender(("127.0.0.1", self.receiver.port)))
+        return self.sources[-1]
+
+    def send(self, packets, rate, source=None):
+        """Send packets at a rate; return the new packets that arrive."""
+        found = []
+        for packet in packets:
+            (source or self.source).send(packet)
+            found += self.wait(1.0 / rate)
+        return found
+
+    def wait(self, seconds):
+        self.relay.advance(0.0)
+        self.clock.now += seconds
+        found = []
+        while True:
+            try:
+                found.append(self.out.recv(65536))
+            except BlockingIOError:
+                return found
+
+    def close(self):
+        self.receiver.close()
+        self.out.close()
+        for own in (self.sender, *self.sources):
+            own.__exit__(None, None, None)
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    clock = Clock()
+    monkeypatch.setattr(live, "time", clock)
+    return clock
+
+
+@pytest.fixture
+def setting(two_dances, clock):
+    setting = Setting(two_dances, clock, timeout=5.0)
+    yield setting
+    setting.close()
+
+
+def packets_of(motion, first=0.0):
+    return list(Figure(motion).packets(motion, first, motion.frame_time))
+
+
+@pytest.mark.parametrize("rate", [30.0, 60.0])
+def test_relay_grafts_the_base_of_a_sender(setting, two_dances, rate):
+    base = MOTION[:300] if rate == 30.0 else MOTION[:300].resample(rate)
+    pushed = []
+    setting.relay._stream.push = record(setting.relay._stream.push, pushed)
+    found = setting.send(packets_of(base), rate) + setting.wait(0.5)
+    quats, places = (np.stack(own) for own in zip(*pushed, strict=True))
+    n = len(quats)
+    assert n >= 299
+    assert rotations.angle(quats, MOTION.rotations[:n]).max() < (1e-5 if rate == 30.0 else 2e-3)
+    assert np.abs(places - MOTION.positions[:n, 0]).max() < 1e-5 * 170
+    stream = mg.Stream(two_dances, seed=3)
+    stream.push(quats, places)
+    expected = mg.join_pieces(stream.pieces())
+    figure = [oracle.receive(own)[1] for own in packets_of(expected)]
+    assert 100 < len(found) <= len(figure)
+    for packet, places in zip(found, figure, strict=False):
+        for bone, place in oracle.receive(packet)[1].items():
+            np.testing.assert_allclose(place, places[bone], atol=1e-5)
+    assert setting.relay.status.newness > 0.2
+    assert sum(setting.relay.status.dropped.values()) == 0
+
+
+def record(push, pushed):
+    def recorded(quats, places):
+        pushed.append((quats, places))
+        push(quats, places)
+
+    return recorded
+
+
+def test_sender_that_stops_is_held_then_closed_and_another_starts_anew(setting):
+    packets = packets_of(MOTION[:90])
+    found = setting.send(packets, 30.0)
+    for _ in range(60):
+        found += setting.wait(0.05)
+    assert len(found) > 60
+    assert 140 <= setting.relay.n_base <= 180  # 3 s, the first half second of which waits
+    assert not setting.remarks[1:]
+    for _ in range(60):
+        found += setting.wait(0.05)
+    assert setting.remarks[-1].startswith("the sender stopped 5 s ago")
+    assert setting.relay.n_base == setting.relay.n_sent
+    n = setting.relay.n_base
+    setting.send(packets, 30.0, setting.open_source())
+    assert setting.relay.n_base == n + 90
+
+
+def test_time_that_goes_back_and_rate_that_jumps_keep_the_rate_of_the_library(setting):
+    setting.send(packets_of(MOTION[:60], 50.0), 30.0)
+    setting.send(packets_of(MOTION[60:120], 1.0), 30.0)
+    assert setting.relay.n_base == 120
+    setting.send(packets_of(MOTION[120:180].resample(120.0), 3.0), 120.0)
+    assert 175 <= setting.relay.n_base <= 181
+
+
+def test_second_sender_late_and_invalid_packets_are_counted_and_dropped(setting):
+    packets = packets_of(MOTION[:60])
+    other = setting.open_source()
+    setting.send(packets[:30], 30.0)
+    setting.send(packets[:20], 300.0, other)
+    setting.send([packets[10], b"x", packets[40][:-3], b"#bundle\0"], 300.0)
+    assert setting.relay.n_base == 30
+    dropped = setting.relay.status.dropped
+    assert (dropped["of another sender"], dropped["late"], dropped["invalid"]) == (20, 1, 3)
+    assert "dropped 24 (" in str(setting.relay.status)
+
+
+def test_flood_is_dropped(setting):
+    packets = packets_of(MOTION[:10])
+    for _ in range(30):
+        for _ in range(50):
+            setting.source.send(packets[0])
+        setting.relay.advance(0.0)
+    assert setting.relay.status.dropped["too many"] >= 400
+    assert setting.relay.n_base == 1
+
+
+def test_bones_that_the_sender_lacks_are_named_and_stay_at_rest(setting):
+    motion = MOTION[:30]
+    for packet in packets_of(motion):
+        _, places = oracle.receive(packet)
+        kept = {k: v for k, v in places.items() if "Arm" not in k}
+        messages = [("/VMC/Ext/T", (float(setting.relay.n_base) / 30,))]
+        messages += [
+            ("/VMC/Ext/Bone/Pos" if k else "/VMC/Ext/Root/Pos", (k or "root", *v.tolist()))
+            for k, v in kept.items()
+        ]
+        setting.send([osc.encode_bundle(messages)], 30.0)
+    assert setting.relay.n_base == 30
+    assert [own for own in setting.remarks if own.startswith("at rest")] == [
+        "at rest, because the sender lacks them: LeftUpperArm, RightUpperArm, LeftLowerArm, "
+        "RightLowerArm"
+    ]
+
+
+def test_resampler_frames_do_not_depend_on_single_precision_of_times():
+    motion = MOTION[:200]
+    times = np.float32(np.arange(200) / 30.0 + 5000.0)
+    resampler = Resampler(30.0)
+    frames = zip(motion.rotations, motion.positions[:, 0], strict=True)
+    found = [
+        own for at, frame in zip(times, frames, strict=True) for own in resampler.push(at, frame)
+    ]
+    np.testing.assert_array_equal([quats for quats, _ in found], motion.rotations)
+
+
+def test_fuzzed_packets_give_counts_only(tmp_path):
+    n_frames = sum(fuzz.check(seed, tmp_path) for seed in (*fuzz.SEEDS, *range(60)))
+    assert n_frames > 0
+
+
+@pytest.mark.thorough
+def test_many_frames_need_no_memory_and_no_descriptors(setting):
+    import os
+    import tracemalloc
+
+    packets = packets_of(MOTION[:900])
+    sizes = []
+    for turn in range(100_000 // 900):
+        setting.send(packets_of(MOTION[:900], 30.0 * turn), 30.0)
+        if turn in (10, 100):
+            sizes.append((tracemalloc.get_traced_memory()[0], len(os.listdir("/proc/self/fd"))))
+        if turn == 5:
+            tracemalloc.start()
+    assert packets
+    assert sizes[1][0] < sizes[0][0] + 1_000_000
+    assert sizes[1][1] == sizes[0][1]
+
+
+def test_play_sends_each_frame_at_its_time(tmp_path, capsys):
+    motion = transform_motion(MOTION[:40], 1.0, 0.0, (0.0, 0.0, 0.0))
+    mg.write_bvh(motion, tmp_path / "a.bvh")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+        out.bind(("127.0.0.1", 0))
+        out.settimeout(10.0)
+        found = []
+        thread = threading.Thread(target=lambda: found.extend(out.recv(65536) for _ in range(40)))
+        thread.start()
+        words = ["play", str(tmp_path / "a.bvh"), "--vmc", f"127.0.0.1:{out.getsockname()[1]}"]
+        assert main([*words, "--speed", "4", "--json"]) == 0
+        thread.join()
+    times = [oracle.receive(own)[0] for own in found]
+    np.testing.assert_allclose(times, np.arange(40) / 120.0, atol=1e-6)
+    document = json.loads(capsys.readouterr().out)
+    assert (document["schema"], document["frames"]) == ("mograft.play/1", 40)
+
+
+def test_space_pauses_and_the_motion_goes_on_where_it_was(clock):
+    motion, sent, answers = MOTION[:30], [], iter([False] * 9 + [True, False, False, True])
+
+    class Recorder:
+        def send(self, packet):
+            sent.append((oracle.receive(packet)[0], clock.now))
+
+    def wait(seconds):
+        clock.now += seconds
+        return next(answers, False)
+
+    assert live.play(motion, Recorder(), wait, speed=2.0) == 30
+    times, moments = np.array(sent).T
+    np.testing.assert_allclose(np.unique(times), np.arange(30) / 60.0, atol=1e-6)
+    late = moments - moments[0] - times
+    np.testing.assert_allclose(late[times < 9.5 / 60], 0.0, atol=1e-6)
+    np.testing.assert_allclose(late[times > 10.5 / 60], late[-1], atol=1e-6)
+    assert late[-1] == pytest.approx(3.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["play", "CLIP"], "required: --vmc"),
+        (["play", "CLIP", "--vmc", "127.0.0.1:0"], "--vmc: must be HOST or HOST:PORT"),
+        (["stream", "CLIP", "--vmc-in", "x"], "--vmc-in: must be PORT or HOST:PORT"),
+        (["stream", "CLIP", "--vmc-in", "39600"], "--vmc and --vmc-in require each other"),
+        (["stream", "CLIP"], "one of --port, --socket and --vmc-in is required"),
+    ],
+)
+def test_usage_errors(tmp_path, capsys, words, message):
+    mg.write_bvh(MOTION[:60], tmp_path / "a.bvh")
+    with pytest.raises(SystemExit):
+        main([str(tmp_path / "a.bvh") if own == "CLIP" else own for own in words])
+    assert message in capsys.readouterr().err
+
+
+def test_port_in_use_is_an_error(tmp_path, capsys):
+    mg.write_bvh(MOTION[:200], tmp_path / "a.bvh")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = str(taken.getsockname()[1])
+        words = ["stream", str(tmp_path / "a.bvh"), "--vmc-in", port, "--vmc", "127.0.0.1"]
+        assert main(words) == 1
+    assert f"error: 127.0.0.1:{port}: " in capsys.readouterr().err
+
+
+def test_stream_over_vmc_ends_by_ctrl_c(tmp_path):
+    mg.write_bvh(MOTION[:300], tmp_path / "a.bvh")
+    command = [sys.executable, "-m", "mograft", "stream", str(tmp_path / "a.bvh"), "--vmc-in"]
+    command += ["0.0.0.0:39613", "--vmc", "127.0.0.1:39614", "--status", "--timeout", "9"]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as run:
+        assert (
+            run.stdout.readline() == "VMC from 0.0.0.0:39613 to 127.0.0.1:39614; Ctrl-C ends it\n"
+        )
+        for line in run.stderr:
+            if line.startswith("base 0 frames, new 0"):
+                break
+        run.send_signal(signal.SIGINT)
+        _, err = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert "interrupted" in err
+    assert "Traceback" not in err

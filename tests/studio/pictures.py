@@ -1,0 +1,56 @@
+"""The pictures of docs/studio.md: ``python -m tests.studio.pictures KNIGHT.glb docs/figures``."""
+
+import sys
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+
+from tests.browser import chromium
+from tests.studio.story import studio
+
+
+def main(source, target):
+    """Play the story on a character, and write a picture of each state."""
+    with tempfile.TemporaryDirectory() as name, chromium() as browser:
+        folder = Path(name)
+
+        def save(page, picture):
+            page.wait_for_timeout(1500)  # until the figures and cards are drawn
+            page.screenshot(path=folder / "page.png")
+            with Image.open(folder / "page.png") as found:
+                found.save(target / f"studio-{picture}.webp", quality=72, method=6)
+
+        with studio(browser, folder / "session") as person:
+            page = person.page
+            person.drop(source)
+            page.get_by_role("tab", name="Motions").click()
+            page.get_by_role("combobox", name="base", exact=True).first.select_option("Walking_A")
+            person.button("Make 12").click()
+            person.until("state.motions.length >= 12 && !state.jobs.length")
+            page.locator(".card .preview").nth(1).click()
+            page.get_by_role("button", name="Star").nth(1).click()
+            page.get_by_role("button", name="Reject").nth(2).click()
+            save(page, "motions")
+            person.blocks("upper").nth(2).click()
+            page.locator("table.donors tbody tr").nth(1).hover()
+            save(page, "donors")
+            page.locator("table.donors button:enabled", has_text="Take").first.click()
+            person.until("state.motions[1].constraints.length")
+            person.button("Lock").click()
+            person.until("state.motions[1].locks.length")
+            page.keyboard.press("Escape")
+            page.get_by_role("tab", name="Constraints").click()
+            person.button("Add").click()
+            person.until("state.motions[1].constraints.length > 1")
+            save(page, "obstacle")
+            page.get_by_role("tab", name="Motions").click()
+            page.locator(".card").nth(1).get_by_label("Keep").check()
+            person.button("Export 1…").click()
+            person.button("Write").click()
+            page.locator(".dialog .result bdi").wait_for()
+            save(page, "export")
+
+
+if __name__ == "__main__":
+    main(*map(Path, sys.argv[1:]))

@@ -1,0 +1,458 @@
+"""The page of the studio in a browser, on sessions of two short dances."""
+
+import contextlib
+
+import numpy as np
+import pytest
+
+from mograft.studio.server import StudioServer
+from tests.browser import TIMEOUT_MILLISECONDS, chromium, wait_until
+from tests.strategies import HOSTILE_NAMES
+
+pytestmark = pytest.mark.browser
+
+IMPORTS = """
+const modules = {};
+for (const name of ["store", "figures", "player", "gizmo", "records", "stage", "timeline"])
+  modules[name] = await import(`/studio/${name}.js`);
+for (const name of ["poses", "actors", "scene"]) modules[name] = await import(`/viewer/${name}.js`);
+"""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A headless Chromium."""
+    with chromium() as found:
+        yield found
+
+
+@contextlib.contextmanager
+def opened(browser, session, width=1280, height=800, theme="light", expected=()):
+    """Open the page of a session; fail on console output, except for `expected` words."""
+    with StudioServer(session, session.folder, report=print) as server:
+        page = browser.new_page(
+            viewport={"width": width, "height": height}, color_scheme=theme, reduced_motion="reduce"
+        )
+        page.set_default_timeout(TIMEOUT_MILLISECONDS)
+        messages = []
+        page.on("console", lambda message: messages.append(message.text))
+        page.on("pageerror", lambda error: messages.append(str(error)))
+        page.goto(server.url)
+        page.wait_for_selector("#mograft[data-ready='1']")
+        page.server = server
+        try:
+            yield page
+        finally:
+            page.close()
+    assert [own for own in messages if not any(word in own for word in expected)] == []
+
+
+def run(page, body, argument=None):
+    """Return the result of an async function of the page's modules."""
+    return page.evaluate(f"async (argument) => {{ {IMPORTS} {body} }}", argument)
+
+
+FIGURE = """
+const figure = async (kind, name) => {
+  const { figureOf } = modules.figures;
+  while (!figureOf(kind, name)) await new Promise((resolve) => setTimeout(resolve, 20));
+  return figureOf(kind, name);
+};
+"""
+
+
+def until_figure(page, name="m1", kind="motion"):
+    """Wait until a figure is loaded."""
+    run(page, f"{FIGURE} await figure(argument[0], argument[1]);", [kind, name])
+
+
+def places(page, kind, name, frames):
+    """Return the positions of the joints of a figure as the page poses them."""
+    body = """
+      const clip = await figure(argument.kind, argument.name);
+      const { makePose, nodePlace, setPose } = modules.poses;
+      const pose = makePose(clip);
+      return argument.frames.map((frame) => {
+        setPose(clip, frame, pose);
+        return clip.parents.map((_, joint) => nodePlace(clip, pose, joint));
+      });"""
+    return np.array(
+        run(page, FIGURE + body, {"kind": kind, "name": name, "frames": list(map(int, frames))})
+    )
+
+
+def graft_of(session, name="m1"):
+    return session.workshop.graft(session.project.motion(name).record)
+
+
+def test_page_poses_equal_world_positions_of_motions_and_bases(browser, session):
+    graft = graft_of(session)
+    frames = [0, 1, 137, graft.motion.n_frames - 1]
+    with opened(browser, session) as page:
+        for kind, name, motion in [("motion", "m1", graft.motion), ("clip", "one", graft.base)]:
+            want = motion.world_transforms()[1][frames]
+            np.testing.assert_allclose(places(page, kind, name, frames), want, atol=0.02)
+
+
+def test_page_after_any_edits_and_undo_has_the_poses_of_the_session(browser, session):
+    rng = np.random.default_rng(5)
+    with opened(browser, session) as page:
+        until_figure(page)
+        for step in range(8):
+            graft = graft_of(session)
+            start = int(rng.integers(0, graft.motion.n_frames - 60))
+            where = {"id": "m1", "group": "upper", "first": start, "last": start + 40}
+            name = ["ban", "restore", "change", "regenerate", "undo"][step % 5]
+            action = {"action": name} | ({} if name == "undo" else where)
+            run(page, "await modules.store.act(argument);", action)
+            motion = graft_of(session).motion
+            page.wait_for_timeout(50)
+            wait_until(
+                page,
+                "(async () => { const { figureOf } = await import('/studio/figures.js');"
+                f"return figureOf('motion', 'm1').hash === '{session.project.motion('m1').record}'"
+                "})()",
+            )
+            frames = rng.integers(0, motion.n_frames, 12)
+            want = motion.world_transforms()[1][frames]
+            np.testing.assert_allclose(places(page, "motion", "m1", frames), want, atol=0.02)
+
+
+def test_patch_with_tracks_that_did_not_turn_equals_the_whole_figure(browser, session):
+    body = (
+        FIGURE
+        + """
+      const clip = await figure("motion", "m1");
+      const { values, tracks, turning } = clip;
+      const [joint, number] = [turning[argument], argument];
+      // The figure without the track of a joint; the patch restores it in some frames.
+      const rest = turning.filter((own) => own !== joint);
+      const kept = [];
+      for (let k = 0; k < clip.kept; k++) {
+        const row = [...values.subarray(k * tracks, (k + 1) * tracks)];
+        row.splice(4 * number, 4);
+        kept.push(...row);
+      }
+      const small = { ...clip, turning: rest, tracks: tracks - 4, values: Float32Array.from(kept) };
+      const reply = await (await fetch(
+        `/api/window?clip=one&first=3&last=20`)).json();
+      await modules.figures.applyPatch(small, { ...reply, moving: [], first: 40 });
+      const source = { ...reply, step: 1 };
+      await modules.poses.load(source);
+      const turn = (own, index, frame) => {
+        const at = frame * own.tracks + 4 * index;
+        return [...own.values.subarray(at, at + 4)];
+      };
+      return [
+        small.tracks === tracks,
+        turn(small, small.turning.indexOf(joint), 45),
+        turn(source, source.turning.indexOf(joint), 5),
+        turn(small, small.turning.indexOf(joint), 39),
+        turn(small, 0, 39), turn(clip, clip.turning.indexOf(small.turning[0]), 39),
+      ];"""
+    )
+    with opened(browser, session) as page:
+        has_track, patched, source, before, kept, whole = run(page, body, 3)
+    assert has_track
+    assert patched == source
+    assert before == [0, 0, 0, 1]
+    assert kept == whole
+
+
+def test_donor_is_posed_in_place_while_it_is_pointed_at(browser, session):
+    with opened(browser, session) as page:
+        until_figure(page)
+        page.locator(".block[data-block='upper/2']").click()
+        row = page.locator(".donors tbody tr:not(.used):not(.refused)").first
+        row.wait_for()
+        graft = graft_of(session)
+        part = [own for own in graft.substitutions if own.group == "upper"][2]
+        before = places(page, "motion", "m1", [part.start, part.stop])
+        row.hover()
+        wait_until(
+            page, "(async () => (await import('/viewer/scene.js')).state.preview !== null)()"
+        )
+        clip, frames = row.locator("button").first.inner_text().rsplit(" ", 1)
+        first, last = map(int, frames.split("\N{EN DASH}"))
+        donor = next(own for own in graft.library.clips if own.name == clip)
+        body = """
+          const clip = await figure("motion", "m1");
+          const pose = modules.poses.makePose(clip);
+          return argument.map((frame) => {
+            modules.poses.setPose(clip, frame, pose);
+            return pose.bones.map((bone) => bone.quaternion.toArray());
+          });"""
+        turns = np.array(run(page, FIGURE + body, [part.start, part.stop]))
+        joints = list(graft.library.joints("upper"))
+        want = donor.rotations[[first, last]][:, joints]
+        cosine = np.abs((turns[:, joints] * want).sum(axis=-1))
+        assert cosine.min() > 1 - 1e-7
+        page.mouse.move(5, 5)
+        wait_until(
+            page, "(async () => (await import('/viewer/scene.js')).state.preview === null)()"
+        )
+        np.testing.assert_allclose(
+            places(page, "motion", "m1", [part.start, part.stop]), before, atol=1e-9
+        )
+
+
+def test_record_of_a_shape_that_nobody_moved_is_the_record(browser, session):
+    rng = np.random.default_rng(7)
+
+    def vector(low=-200.0, high=200.0):
+        return np.round(rng.uniform(low, high, 3), 2).tolist()
+
+    def quat():
+        own = rng.normal(size=4)
+        return (own / np.linalg.norm(own)).tolist()
+
+    def unit():
+        return quat_free / np.linalg.norm(quat_free)
+
+    records = []
+    for _ in range(20):
+        quat_free = rng.normal(size=3)
+        shapes = [
+            {"kind": "Sphere", "center": vector(), "radius": 12.5},
+            {"kind": "Box", "center": vector(), "half": vector(1, 50), "rotation": quat()},
+            {"kind": "Capsule", "start": vector(), "stop": vector(), "radius": 4.0},
+            {"kind": "HalfSpace", "point": vector(), "normal": unit().tolist()},
+        ]
+        records += [{"kind": "Avoid", "obstacle": own, "frames": [3, 9]} for own in shapes]
+        records.append(
+            {"kind": "Reach", "joint": "LeftHand", "target": vector(), "tolerance": 0.03}
+        )
+        records.append({"kind": "Face", "target": vector()})
+        records.append({"kind": "KeepOut", "joint": "LeftHand", "region": shapes[0]})
+    body = (
+        FIGURE
+        + """
+      const clip = await figure("motion", "m1");
+      const { makeMesh, recordOf } = modules.gizmo;
+      return argument.map((record) => {
+        const mesh = makeMesh(record, clip);
+        return recordOf({ record, mesh, scale: mesh.scale.toArray() });
+      });"""
+    )
+    with opened(browser, session) as page:
+        found = run(page, body, records)
+    for got, want in zip(found, records, strict=True):
+        assert got.keys() == want.keys()
+        for name, value in want.items():
+            if isinstance(value, dict):
+                assert got[name].keys() == value.keys()
+                for key, own in value.items():
+                    if key == "kind":
+                        assert got[name][key] == own
+                    else:
+                        np.testing.assert_allclose(got[name][key], own, rtol=2e-5, atol=2e-3)
+            elif name == "target":
+                np.testing.assert_allclose(got[name], value, rtol=1e-5)
+            else:
+                assert got[name] == value
+
+
+def test_gizmo_that_is_dragged_moves_the_obstacle_in_one_step(browser, session):
+    with opened(browser, session) as page:
+        until_figure(page)
+        page.locator("#tab-constraints").click()
+        page.locator("#pane-constraints button", has_text="Add").click()
+        page.locator(".constraint.selected").wait_for()
+        n_steps = len(session.history.past)
+        before = graft_of(session).request.constraints[0].obstacle.center
+        wait_until(page, "!document.querySelector('[data-part=gizmo]').hidden")
+        page.wait_for_timeout(300)
+        at = run(
+            page,
+            """const [own] = [...document.querySelectorAll('[data-part=graftTile]')];
+            const box = own.getBoundingClientRect();
+            const { camera } = modules.stage.stage.view;
+            const record = modules.store.selected().constraints[0].record;
+            const clip = modules.player.mainFigure();
+            const point = (place) => {
+              const { x, y } = place.project(camera);
+              return [box.left + (x + 1) / 2 * box.width, box.top + (1 - y) / 2 * box.height];
+            };
+            const center = new THREE.Vector3(...record.obstacle.center);
+            const above = center.clone().add(new THREE.Vector3(0, 18, 0));
+            return [point(center), point(above)];""",
+        )
+        (x, y), (up_x, up_y) = at
+        grip = [x + 1.6 * (up_x - x), y + 1.6 * (up_y - y)]
+        page.mouse.move(*grip)
+        page.mouse.down()
+        page.mouse.move(grip[0], grip[1] - 20, steps=4)
+        page.mouse.move(grip[0], grip[1] - 50, steps=4)
+        page.mouse.up()
+        wait_until(
+            page,
+            "(async () => { const own = (await import('/studio/store.js')).selected();"
+            f"return own.constraints[0].record.obstacle.center[1] > {before[1] + 1}; }})()",
+        )
+        after = graft_of(session).request.constraints[0].obstacle.center
+        assert after[1] > before[1] + 1
+        np.testing.assert_allclose([after[0], after[2]], [before[0], before[2]], atol=0.01)
+        assert len(session.history.past) == n_steps + 1
+
+
+def test_range_that_is_dragged_over_a_lane_is_locked_and_undone_by_keyboard(browser, session):
+    with opened(browser, session) as page:
+        until_figure(page)
+        box = page.locator(".lane[data-group=upper]").bounding_box()
+        y = box["y"] + 12
+        page.mouse.move(box["x"] + 60, y)
+        page.mouse.down()
+        page.mouse.move(box["x"] + 150, y, steps=5)
+        page.mouse.up()
+        focus = run(page, "return modules.store.store.focus;")
+        assert focus["group"] == "upper"
+        assert 0 < focus["first"] < focus["last"]
+        page.keyboard.press("k")
+        page.locator(".locked").first.wait_for()
+        (lock,) = session.project.motion("m1").locks
+        assert lock == ("upper", focus["first"], focus["last"])
+        page.locator("#pane-segment button", has_text="Unlock").wait_for()
+        assert page.locator("#pane-segment button", has_text="Regenerate").is_disabled()
+        page.keyboard.press("Control+z")
+        wait_until(page, "document.querySelectorAll('.locked').length === 0")
+        assert session.project.motion("m1").locks == ()
+        page.keyboard.press("Control+Shift+z")
+        page.locator(".locked").first.wait_for()
+
+
+def test_path_that_is_drawn_on_the_floor_is_sent_in_axes_of_the_page(browser, session):
+    sent = []
+    with opened(browser, session) as page:
+        until_figure(page)
+        page.locator("#tab-scenario").click()
+        page.locator("button", has_text="Draw path").click()
+        page.wait_for_timeout(300)
+        box = page.locator("[data-part=graftTile]").bounding_box()
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + 100, y, steps=10)
+        page.mouse.up()
+        page.route(
+            "**/api/do",
+            lambda route: (
+                sent.append(route.request.post_data_json),
+                route.fulfill(json={"revision": 1, "motions": [], "message": ""}),
+            ),
+        )
+        page.locator("button", has_text="Make along this").click()
+        wait_until(page, "true")
+        page.wait_for_timeout(300)
+    (action,) = sent
+    points = np.array(action["points"])
+    assert action["action"] == "scenario"
+    assert len(points) > 3
+    # From above, right on the screen is x of the page.
+    assert points[-1, 0] - points[0, 0] > 10
+    assert np.abs(points[:, 1] - points[0, 1]).max() < 1
+
+
+def test_change_of_an_old_state_is_refused_and_the_new_state_shown(browser, session):
+    with opened(browser, session, expected=["409"]) as page:
+        until_figure(page)
+        page.route("**/api/events", lambda route: route.abort())
+        run(page, "modules.store.store.project.revision -= 1;")
+        page.locator(".card").nth(1).get_by_label("Star:").click()
+        page.get_by_text("The project changed elsewhere").wait_for()
+        assert session.project.motion("m2").mark is None
+        page.locator(".card").nth(1).get_by_label("Star:").click()
+        page.locator(".card.starred").wait_for()
+        assert session.project.motion("m2").mark == "star"
+
+
+def test_lost_connection_is_shown_until_the_server_is_back(browser, session):
+    expected = ["Failed to load resource", "net::ERR"]
+    with opened(browser, session, expected=expected) as page:
+        until_figure(page)
+        page.context.set_offline(True)
+        page.locator(".card").first.get_by_label("Star:").click()
+        page.locator("[data-part=banner]", has_text="Connection lost").wait_for()
+        assert session.project.motion("m1").mark is None
+        page.context.set_offline(False)
+        session.do({"action": "mark", "id": "m2", "mark": "star"})
+        page.locator(".card.starred").wait_for()
+        wait_until(page, "document.querySelector('[data-part=banner]').hidden")
+
+
+@pytest.mark.parametrize(
+    "name", [own for own in HOSTILE_NAMES if own.strip() and own.isprintable()]
+)
+def test_names_are_shown_as_text(browser, session, name):
+    with opened(browser, session) as page:
+        until_figure(page)
+        session.do({"action": "rename", "id": "m1", "name": name})
+        card = page.locator(".card").first
+        wait_until(page, "!document.querySelector('.card bdi').textContent.startsWith('one')")
+        assert card.locator("bdi").evaluate("own => own.textContent") == name.strip()
+        assert page.locator("[data-part=graftName]").evaluate("own => own.children.length") == 0
+        assert page.evaluate("document.querySelectorAll('script').length") == 2
+
+
+NAMES = """() => [...document.querySelectorAll("button, input, select, [tabindex='0']")]
+  .filter((own) => own.checkVisibility())
+  .map((own) => [own.outerHTML.slice(0, 120),
+    own.getAttribute("aria-label") || own.innerText?.trim() ||
+    [...(own.labels || [])].map((each) => each.innerText.trim()).join(" ")])"""
+
+
+@pytest.mark.parametrize("width", [1280, 480])
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_every_pane_fits_its_width_and_names_its_controls(browser, session, width, theme):
+    session.do({"action": "lock", "id": "m1", "group": "upper", "first": 0, "last": 40})
+    with opened(browser, session, width, theme=theme) as page:
+        until_figure(page)
+        page.locator(".block[data-block='upper/2']").click()
+        for tab in ("clips", "scenario", "motions", "constraints", "segment"):
+            page.locator(f"#tab-{tab}").click()
+            if tab == "constraints":
+                page.locator("#pane-constraints button", has_text="Add").click()
+                page.locator(".constraint").wait_for()
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            nameless = [html for html, name in page.evaluate(NAMES) if not name]
+            assert nameless == []
+        paper = page.evaluate("getComputedStyle(document.body).backgroundColor")
+        assert (sum(map(int, paper[4:-1].split(","))) > 382) == (theme == "light")
+
+
+def test_meshes_of_removed_motions_are_dropped(browser, session):
+    with opened(browser, session) as page:
+        until_figure(page)
+        until_figure(page, "m2")
+        count = "return [...modules.actors.allActors()].length;"
+        wait_until(
+            page, "(async () => [...(await import('/viewer/actors.js')).allActors()].length >= 4)()"
+        )
+        before = run(page, count)
+        session.do({"action": "remove", "ids": ["m2", "m3"]})
+        wait_until(page, "document.querySelectorAll('.card').length === 1")
+        assert run(page, count) < before
+
+
+def test_constraints_of_every_kind_are_added_and_shown_by_another_page(browser, session):
+    with opened(browser, session) as page:
+        until_figure(page)
+        page.locator("#tab-constraints").click()
+        kinds = page.locator("[data-part=newKind] option").all_inner_texts()
+        for number, kind in enumerate(kinds):
+            page.locator("[data-part=newKind]").select_option(kind)
+            page.locator("[data-part=addConstraint]").click()
+            page.locator(".constraint").nth(number).wait_for()
+        forms = page.locator(".constraint").all_inner_texts()
+    assert len(graft_of(session).request.constraints) == len(kinds)
+    with opened(browser, session) as page:
+        until_figure(page)
+        page.locator("#tab-constraints").click()
+        page.locator(".constraint").nth(len(kinds) - 1).wait_for()
+        assert page.locator(".constraint").all_inner_texts() == forms
+        field = page.get_by_role("group", name="Box").get_by_label("yaw")
+        field.fill("30")
+        field.press("Enter")
+        wait_until(page, "document.querySelector('[data-part=undo]').title.includes('move')")
+    box = graft_of(session).request.constraints[kinds.index("Box")].obstacle
+    half = np.radians(15)
+    np.testing.assert_allclose(box.rotation, [0, np.sin(half), 0, np.cos(half)], atol=1e-6)

@@ -1,0 +1,225 @@
+"""The whole story in Chromium: open, make, exchange, lock, avoid, loop and export."""
+
+import hashlib
+import json
+
+import pytest
+
+import mograft as mg
+from mograft.cli import main
+from mograft.dancer import dance
+from tests import clients
+from tests.browser import chromium
+from tests.io.recorded_files import DATA
+from tests.studio.story import studio
+
+pytestmark = pytest.mark.browser
+
+SOURCES = ["kaykit_Knight.glb", "dance.bvh"]
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as found:
+        yield found
+
+
+@pytest.fixture(params=SOURCES)
+def source(request, tmp_path):
+    """A character with 69 clips, or a dance without a mesh."""
+    if request.param == "dance.bvh":
+        mg.write(dance(seed=3, strides=4).motion[:600], tmp_path / "dance.bvh")
+        return tmp_path / "dance.bvh", "dance"
+    path = DATA / "glb" / request.param
+    if not path.exists():
+        pytest.skip(f"{path} is missing")
+    return path, "Walking_A"
+
+
+def digest(path):
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def check_export(person, folder):
+    """Compare the exported file with that of the command, and read it."""
+    state = person.state()
+    (kept,) = [own for own in state["motions"] if own["isKept"]]
+    (name,) = person.page.locator(".dialog .result bdi").all_inner_texts()
+    exported = folder / name
+    again = folder / "again" / exported.name  # its provenance has relative paths
+    target = again.parent if again.suffix == ".bvh" else again
+    project = folder / state["file"]
+    person.session.flush()
+    assert main(["graft", "--project", str(project), "-o", str(target), "--quiet"]) == 0
+    assert digest(again) == digest(exported)
+    motion = next(own for own in mg.read(exported) if own.name == kept["name"])
+    assert motion.n_frames == kept["frames"]
+    if exported.suffix == ".glb":
+        assert len(mg.read(exported)) == len(mg.read(DATA / "glb" / SOURCES[0])) + 1
+        messages = clients.gltf_validator()(exported)
+        assert [own for own in messages if own["severity"] == 0] == []
+    else:
+        record = json.loads(exported.with_suffix(".json").read_text(encoding="utf-8"))
+        assert record["name"] == kept["name"]
+
+
+def test_story_by_pointer_exports_what_the_command_makes(browser, source, tmp_path):
+    path, base = source
+    folder = tmp_path / "session"
+    with studio(browser, folder) as person:
+        page = person.page
+        person.drop(path)
+        page.get_by_role("tab", name="Motions").click()
+        page.get_by_role("combobox", name="base", exact=True).first.select_option(base)
+        person.button("Make 12").click()
+        state = person.until("state.motions.length >= 12 && !state.jobs.length")
+        assert len({own["hash"] for own in state["motions"]}) == 12
+
+        page.locator(".card .preview").nth(1).click()
+        person.blocks("upper").nth(2).click()
+        row = page.locator("table.donors tr", has=person.button("Take", is_exact=False)).filter(
+            has=page.locator("button:enabled", has_text="Take")
+        )
+        row.first.hover()
+        old = person.state()["motions"][1]
+        row.first.get_by_role("button", name="Take").click()
+        new = person.until(f"state.motions[1].hash !== '{old['hash']}'")["motions"][1]
+        assert old["hash"] != new["hash"]
+
+        person.button("Lock").click()
+        (lock,) = person.until("state.motions[1].locks.length")["motions"][1]["locks"]
+        first, last = lock["first"], lock["last"]
+        assert lock["group"] == "upper"
+
+        page.get_by_role("tab", name="Constraints").click()
+        page.get_by_role("combobox", name="add", exact=True).select_option("Sphere")
+        person.button("Add").click()
+        state = person.until(
+            "state.motions[1].constraints.some(({ record }) => record.kind === 'Avoid')"
+        )
+        records = [own["record"] for own in state["motions"][1]["constraints"]]
+        radius = records[-1]["obstacle"]["radius"]
+        page.get_by_role("spinbutton", name="radius").fill(str(radius / 2))
+        page.keyboard.press("Tab")
+        state = person.until(
+            "state.motions[1].constraints.some(({ record }) => "
+            f"record.obstacle && record.obstacle.radius < {radius * 0.6})"
+        )
+        assert state["motions"][1]["locks"] == [lock]
+
+        page.keyboard.press("Escape")
+        person.blocks("upper").nth(2).click()
+        person.button("Loop").click()
+        person.button("Play").click()
+        for _ in range(5):
+            page.wait_for_timeout(150)
+            assert first <= int(page.get_by_label("frame", exact=True).input_value()) <= last
+        person.button("Pause").click()
+
+        page.locator(".card").nth(1).get_by_label("Keep").check()
+        person.until("state.motions[1].isKept")
+        person.button("Export 1…").click()
+        person.button("Write").click()
+        page.locator(".dialog .result bdi").wait_for()
+        check_export(person, folder)
+
+
+def test_story_by_keyboard_alone_exports_what_the_command_makes(browser, source, tmp_path):
+    path, base = source
+    folder = tmp_path / "session"
+    with studio(browser, folder) as person:
+        page = person.page
+        (folder / "dropped").mkdir()
+        (folder / "dropped" / path.name).write_bytes(path.read_bytes())
+        page.keyboard.press("Control+o")
+        person.tab_to(page.get_by_label("Path on this computer"))
+        page.keyboard.type(f"dropped/{path.name}")
+        page.keyboard.press("Enter")
+        person.until("state.library.status === 'ready'")
+        person.tab_to(page.locator('[role="tab"][aria-selected="true"]').first)
+        page.keyboard.press("Home")
+        person.tab_to(page.get_by_role("combobox", name="base", exact=True).first)
+        page.keyboard.type(base)
+        person.press(person.button("Make 12"))
+        person.until("state.motions.length >= 12 && !state.jobs.length")
+
+        person.press(page.locator(".card .preview").nth(1))
+        person.press(page.locator(".card").nth(1).get_by_role("button", name="Star"))
+        person.until("state.motions[1].mark === 'star'")
+        person.tab_to(page.locator(".block[tabindex='0']"))
+        for _ in range(2):
+            page.keyboard.press("ArrowRight")
+        take = page.locator("table.donors button:enabled", has_text="Take").first
+        old = person.state()["motions"][1]["hash"]
+        person.press(take)
+        person.until(f"state.motions[1].hash !== '{old}'")
+        page.keyboard.press("k")
+        (lock,) = person.until("state.motions[1].locks.length")["motions"][1]["locks"]
+
+        person.tab_to(page.get_by_role("tab", name="Segment"))
+        page.keyboard.press("ArrowRight")
+        person.press(person.button("Add"))
+        state = person.until(
+            "state.motions[1].constraints.some(({ record }) => record.kind === 'Avoid')"
+        )
+        before = len(state["motions"][1]["constraints"])
+        page.keyboard.press("Control+z")
+        person.until(f"state.motions[1].constraints.length === {before - 1}")
+        page.locator("button:enabled", has_text="Redo").wait_for()
+        page.keyboard.press("Control+Shift+z")
+        state = person.until(f"state.motions[1].constraints.length === {before}")
+        assert state["motions"][1]["locks"] == [lock]
+
+        person.press(page.locator(".card").nth(1).get_by_label("Keep"), "Space")
+        person.until("state.motions[1].isKept")
+        page.keyboard.press("Control+e")
+        person.press(person.button("Write"))
+        page.locator(".dialog .result bdi").wait_for()
+        check_export(person, folder)
+
+
+@pytest.mark.parametrize("width", [1280, 480])
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_axe_finds_nothing_serious_in_any_state(browser, tmp_path, theme, width):
+    if not clients.AXE.exists():
+        pytest.skip("axe-core is not installed: python -m tests fetches it by npm")
+    mg.write(dance(seed=3, strides=2).motion[:200], tmp_path / "dance.bvh")
+    with studio(browser, tmp_path / "session", (width, 800), theme) as person:
+        page = person.page
+        page.evaluate(clients.AXE.read_text(encoding="utf-8"))
+        found = {}
+
+        def look(name):
+            result = page.evaluate("() => axe.run({ resultTypes: ['violations'] })")
+            found[name] = [
+                (own["id"], [node["html"][:200] for node in own["nodes"]])
+                for own in result["violations"]
+                if own["impact"] in ("serious", "critical")
+            ]
+
+        look("empty")
+        person.button("Open…").click()
+        look("open")
+        page.keyboard.press("Escape")
+        person.drop(tmp_path / "dance.bvh")
+        look("clips")
+        page.get_by_role("tab", name="Scenario").click()
+        look("scenario")
+        page.get_by_role("tab", name="Motions").click()
+        person.button("Make 12").click()
+        person.until("state.motions.length >= 2 && !state.jobs.length")
+        look("motions")
+        page.locator(".card .preview").nth(1).click()
+        person.blocks("upper").nth(1).click()
+        page.locator("table.donors tbody tr").first.wait_for()
+        look("segment")
+        page.get_by_role("tab", name="Constraints").click()
+        person.button("Add").click()
+        person.until("state.motions[1].constraints.length")
+        look("constraints")
+        person.button("Export…").click()
+        look("export")
+        page.keyboard.press("Escape")
+        person.button("Keys").click()
+        look("keys")
+    assert not any(found.values()), found
