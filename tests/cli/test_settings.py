@@ -150,7 +150,7 @@ def test_settings_unused_option_is_not_refused(run, usage_error, clip):
     [
         ("seed = ", "mograft.toml: Invalid value"),
         ("sed = 1", "unknown setting 'sed'; did you mean 'seed'?"),
-        ("[graft]\npreset = 'x'", "preset: must be one of default, paper; got 'x'"),
+        ("[graft]\npreset = 'x'", "preset: must be one of default, paper, paper-rms; got 'x'"),
         ("[graft]\nseed = -1", "seed: must be an integer of at least 0, got -1"),
         ("[graft]\nseed = [1]", "seed must be a string or a number, got [1]"),
         ("[graft]\nseed = true", "seed must be a string or a number, got true"),

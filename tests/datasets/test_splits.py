@@ -114,7 +114,7 @@ def test_table_selects_by_name_glob_and_tag(stored, tmp_path):
     assert parts["p1_700"] == "val"
     assert (parts["p2_700"], parts["p2_100"]) == ("train", "")
     chosen = select_part(stored, table, "train", 0)
-    assert (chosen.n_others, chosen.n_unlisted, chosen.shared) == (4, 1, ())
+    assert (chosen.n_others, chosen.shared, chosen.clips.sum()) == (4, (), 1)
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from mograft import datasets
 from mograft._util.workers import worker_processes
 from mograft.cli import main
 from mograft.datasets import shards, writing
+from mograft.datasets.augmentation import PROVENANCE
 
 RUN = """
 import sys
@@ -124,18 +125,31 @@ def test_motion_files_hold_the_windows(windows, tmp_path):
 
 
 def test_fewer_windows_are_written_if_no_more_exist(takes, tmp_path):
-    library = mg.Library.build([take[:80] for take in takes[:2]])
+    library = mg.Library.build(
+        [take[:130] for take in takes[:2]], config=mg.Config(max_stretch=0.02)
+    )
     numbers = []
     for min_new in (0.0, 0.3, 1.0):
         windows = datasets.augment(library, seconds=2.0, min_new=min_new, variants=8)
         folder = tmp_path / f"{min_new}"
         manifest = datasets.write(windows, folder, 100_000)
         numbers.append(manifest["report"]["windows"])
+        n_passes, found, last = 0, 0, 1
+        while last:  # a pass over all bases gives nothing
+            jobs = range(n_passes * len(windows.bases), (n_passes + 1) * len(windows.bases))
+            last = sum(len(windows.run_job(job).windows) for job in jobs)
+            n_passes, found = n_passes + 1, found + last
+        assert numbers[-1] == found
         assert datasets.write(windows, folder, 100_000, resume=True) == manifest
     assert 0 < numbers[0] < 100_000
     assert numbers == sorted(numbers, reverse=True)
-    text = (tmp_path / "0.0/provenance.csv").read_text()
-    assert len(set(text.splitlines())) == len(text.splitlines())
+    # No two windows of a base have the same donors.
+    donors = {}
+    with (tmp_path / "0.3/provenance.csv").open(newline="") as stream:
+        for row in csv.DictReader(stream):
+            cells = [row[name] for name in PROVENANCE if name not in ("window", "draw")]
+            donors.setdefault(row["window"], []).append(tuple(cells))
+    assert len(set(map(tuple, donors.values()))) == len(donors) == numbers[1]
 
 
 class _Killed(Exception):

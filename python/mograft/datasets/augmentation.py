@@ -34,7 +34,11 @@ PROVENANCE = (
     *("window", "base", "base_start", "base_stop", "draw", "group", "start", "stop"),
     *("clip", "clip_start", "clip_stop", "is_captured", "new", "changed", "gap"),
 )
-"""Columns of the provenance; `provenance_rows` describes them."""
+"""Columns of the provenance. The first four: the number of the window, the base clip, and the first
+and last frame of the window in it. `draw` is the number of the graft, `start` and `stop` are those
+of the base segment; `clip` and the next two give the donor, which may be the base segment itself.
+The last three are those of the window: share of new frames, mean angle to the base and greatest
+angle at a seam, in degrees."""
 
 Encode = Callable[[Motion], bytes]
 
@@ -289,9 +293,6 @@ def augment(
             f"no base clip of {chosen.name} has {n_frames} frames ({seconds:g} s) without faults; "
             "`seconds` sets the duration"
         )
-    others = chosen.clips[library.segments.clip] & library.is_donor
-    if not others.any():
-        raise ValueError(f"`split` leaves {chosen.name} without donors")
     order = _order_bases(library, clips, starts, seed)
     return Augmentation(
         library=library,
@@ -307,14 +308,7 @@ def augment(
 
 
 def provenance_rows(graft: Graft, draw: int, start: int, n_frames: int) -> list[tuple[Any, ...]]:
-    """Return the provenance of a window: a row for each exchanged group and base segment.
-
-    The columns, after the number of the window: the base clip, the window's first and last frame in
-    it and the number of the graft; the group; first and last frame of the base segment; the donor's
-    clip, its first and last frame there, and whether it is the base segment itself. The last three
-    are those of the window: share of new frames, mean angle to the base and greatest angle at a
-    seam, in degrees.
-    """
+    """Return the provenance of a window: a row for each exchanged group and base segment."""
     stop = start + n_frames - 1
     is_new, angles = (own[start : stop + 1].mean() for own in frame_newness(graft))
     gap = max((seam.gap for seam in graft.seams if start <= seam.frame <= stop), default=0.0)

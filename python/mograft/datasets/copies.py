@@ -35,20 +35,10 @@ _PRIMES = np.array([73_856_093, 19_349_663, 83_492_791, 50_331_653])
 
 
 def find_shared_clips(library: Library, ours: BoolArray, others: BoolArray) -> IntArray:
-    """Return the clips among `ours` that have a passage in common with one of `others`.
+    """Return the clips among `ours`, ascending, with a passage in common with one of `others`.
 
-    Parameters
-    ----------
-    library : Library
-        The library.
-    ours, others : ndarray of bool, shape (n_clips,)
-        Two sets of clips.
-
-    Returns
-    -------
-    ndarray of int
-        The clips, ascending. A clip has a passage in common if a whole segment of it, with some
-        motion, occurs among the frames of another clip or of its mirror image.
+    Both are masks of clips. A passage is a whole segment of one of `ours`, with some motion, that
+    occurs among the frames of another clip or of its mirror image.
     """
     index = _SegmentIndex.build(library, np.flatnonzero(ours[library.segments.clip]))
     if not len(index.segments):

@@ -92,10 +92,8 @@ def read_set(folder: str | PathLike[str]) -> DataSet:
     """
     path = Path(fspath(folder))
     document = read_document(path / MANIFEST)
-    if document.get("schema") != SCHEMA:
-        raise ValueError(f"{path}: expected a data set of {SCHEMA}")
-    if "report" not in document:
-        raise ValueError(f"{path} is not complete: finish it with --resume or `resume=True`")
+    if document.get("schema") != SCHEMA or "report" not in document:
+        raise ValueError(f"{path}: expected a complete data set of {SCHEMA}; resume the run")
     if (kind := document["request"]["format"]) != "npz":
         raise ValueError(f"{path}: expected a data set of the format npz, got {kind}")
     return DataSet(path.absolute(), document)

@@ -3,10 +3,10 @@
 import io
 import os
 import tempfile
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,79 +25,61 @@ Files = list[tuple[str, bytes]]
 """Names of files relative to the folder of the data set, and their contents."""
 
 
-class ShardFormat(ABC):
+class ShardFormat(NamedTuple):
     """A format in which shards are stored; the same windows give the same bytes."""
 
+    files: Callable[[int, int, Sequence[Window]], Files]
+    """Function of the number of a shard, the index of its first window, and its windows."""
     encode: Encode | None = None  # converts the motion of a window; None: only features are stored
 
-    @abstractmethod
-    def files(self, number: int, first: int, windows: Sequence[Window]) -> Files:
-        """Return the files of a shard, whose first window has the index `first`."""
 
-    def check(self) -> None:  # noqa: B027 - most formats need no package
-        """Raise ModuleNotFoundError if a package is missing."""
-
-
-class NpzShards(ShardFormat):
-    """One NPZ file per shard: for each feature an array whose first axis is the window."""
-
-    def files(self, number: int, first: int, windows: Sequence[Window]) -> Files:  # noqa: ARG002
-        """As `ShardFormat.files`."""
-        buffer = io.BytesIO()
-        names = windows[0].features
-        arrays = {name: np.stack([own.features[name] for own in windows]) for name in names}
-        np.savez(buffer, allow_pickle=False, **arrays)
-        return [(f"shard-{number:05d}.npz", buffer.getvalue())]
+def _npz_files(number: int, _first: int, windows: Sequence[Window]) -> Files:
+    """Return an NPZ file: for each feature an array whose first axis is the window."""
+    buffer, names = io.BytesIO(), windows[0].features
+    arrays = {name: np.stack([own.features[name] for own in windows]) for name in names}
+    np.savez(buffer, allow_pickle=False, **arrays)
+    return [(f"shard-{number:05d}.npz", buffer.getvalue())]
 
 
-class ParquetShards(ShardFormat):
-    """One Parquet file per shard: a row per window, and a list of numbers for each feature."""
-
-    def check(self) -> None:
-        """As `ShardFormat.check`."""
-        import_extra("pyarrow.parquet", "Parquet needs pyarrow", "parquet")
-
-    def files(self, number: int, first: int, windows: Sequence[Window]) -> Files:
-        """As `ShardFormat.files`."""
-        arrow = import_extra("pyarrow", "Parquet needs pyarrow", "parquet")
-        parquet = import_extra("pyarrow.parquet", "Parquet needs pyarrow", "parquet")
-        columns: dict[str, Any] = {"window": arrow.array(range(first, first + len(windows)))}
-        for name in windows[0].features:
-            rows = np.stack([own.features[name] for own in windows])
-            flat = arrow.array(rows.reshape(-1))
-            columns[name] = arrow.FixedSizeListArray.from_arrays(flat, rows[0].size)
-        buffer = io.BytesIO()
-        parquet.write_table(arrow.table(columns), buffer)
-        return [(f"shard-{number:05d}.parquet", buffer.getvalue())]
+def _parquet_files(number: int, first: int, windows: Sequence[Window]) -> Files:
+    """Return a Parquet file: a row per window, and a list of numbers for each feature."""
+    arrow = import_extra("pyarrow", "Parquet needs pyarrow", "parquet")
+    parquet = import_extra("pyarrow.parquet", "Parquet needs pyarrow", "parquet")
+    columns: dict[str, Any] = {"window": arrow.array(range(first, first + len(windows)))}
+    for name in windows[0].features:
+        rows = np.stack([own.features[name] for own in windows])
+        flat = arrow.array(rows.reshape(-1))
+        columns[name] = arrow.FixedSizeListArray.from_arrays(flat, rows[0].size)
+    buffer = io.BytesIO()
+    parquet.write_table(arrow.table(columns), buffer)
+    return [(f"shard-{number:05d}.parquet", buffer.getvalue())]
 
 
-class MotionShards(ShardFormat):
-    """One motion file per window."""
-
-    def __init__(self, suffix: str, write: Callable[[Motion, Path], object]) -> None:
-        self._suffix, self._write = suffix, write
-        self.encode = self._encode
-
-    def _encode(self, motion: Motion) -> bytes:
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / f"motion{self._suffix}"
-            self._write(motion, path)
-            return path.read_bytes()
-
-    def files(self, number: int, first: int, windows: Sequence[Window]) -> Files:
-        """As `ShardFormat.files`."""
-        folder = f"shard-{number:05d}"
-        return [
-            (f"{folder}/{first + k:06d}_{portable_stem(own.name)}{self._suffix}", own.data)
-            for k, own in enumerate(windows)
-        ]
+def _motion_files(number: int, first: int, windows: Sequence[Window], *, suffix: str) -> Files:
+    """Return a file for each window, with its encoded motion."""
+    folder = f"shard-{number:05d}"
+    return [
+        (f"{folder}/{first + k:06d}_{portable_stem(own.name)}{suffix}", own.data)
+        for k, own in enumerate(windows)
+    ]
 
 
-FORMATS: dict[str, ShardFormat] = {
-    "npz": NpzShards(),
-    "parquet": ParquetShards(),
-    "bvh": MotionShards(".bvh", write_bvh),
-    "glb": MotionShards(".glb", write_glb),
+def _encode(motion: Motion, *, suffix: str) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"motion{suffix}"
+        (write_bvh if suffix == ".bvh" else write_glb)(motion, path)
+        return path.read_bytes()
+
+
+FORMATS = {
+    "npz": ShardFormat(_npz_files),
+    "parquet": ShardFormat(_parquet_files),
+    **{
+        name: ShardFormat(
+            partial(_motion_files, suffix=f".{name}"), partial(_encode, suffix=f".{name}")
+        )
+        for name in ("bvh", "glb")
+    },
 }
 """The formats by name."""
 

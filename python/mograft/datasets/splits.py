@@ -24,25 +24,12 @@ AUTOMATIC_SHARES = {"train": 0.8, "val": 0.1, "test": 0.1}
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """The clips of one part of a split.
+    """The clips of one part of a split."""
 
-    Attributes
-    ----------
-    name : str
-        The name of the part; "all" without a split.
-    clips : ndarray of bool, shape (n_clips,)
-        Whether each clip of the library is in the part.
-    shared : tuple of str
-        Names of the clips that were left out because other parts hold the same motion.
-    n_others, n_unlisted : int
-        Number of clips in other parts, and in no part.
-    """
-
-    name: str
-    clips: BoolArray
-    shared: tuple[str, ...] = ()
-    n_others: int = 0
-    n_unlisted: int = 0
+    name: str  # "all" without a split
+    clips: BoolArray  # (n_clips,): whether each clip of the library is in the part
+    shared: tuple[str, ...] = ()  # clips that were left out: other parts hold the same motion
+    n_others: int = 0  # clips in other parts
 
 
 def select_part(library: Library, split: Split | None, name: str, seed: int) -> Part:
@@ -64,13 +51,8 @@ def select_part(library: Library, split: Split | None, name: str, seed: int) -> 
     kept[shared] = False
     if not kept.any():
         raise ValueError(f"`split` leaves no clip in {name}: other parts hold the same motion")
-    return Part(
-        name=name,
-        clips=kept,
-        shared=tuple(clips[clip] for clip in shared.tolist()),
-        n_others=int(others.sum()),
-        n_unlisted=parts.count(""),
-    )
+    names_of_shared = tuple(clips[clip] for clip in shared.tolist())
+    return Part(name, kept, names_of_shared, int(others.sum()))
 
 
 def assign_parts(library: Library, split: Split, seed: int = 0) -> list[str]:

@@ -18,6 +18,7 @@ import numpy as np
 
 from mograft._util.atomic import exclusive_lock, write_bytes, write_text
 from mograft._util.documents import read_document
+from mograft._util.extras import import_extra
 from mograft._util.validate import as_integer, check_choice, check_type
 from mograft.datasets.augmentation import PROVENANCE, Augmentation, JobResult, Window
 from mograft.datasets.features import FEATURES
@@ -105,7 +106,8 @@ def write(
     """
     check_type("windows", windows, Augmentation)
     check_choice("format", format, tuple(FORMATS))
-    FORMATS[format].check()
+    if format == "parquet":
+        import_extra("pyarrow.parquet", "Parquet needs pyarrow", "parquet")
     target, request = Path(fspath(folder)), _request(windows, as_integer("count", count, 1), format)
     if executor is not None and not windows.library.has_recipe:
         raise ValueError("`executor` needs a library in a folder: save it first, and open it")

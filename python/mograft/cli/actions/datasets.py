@@ -40,30 +40,16 @@ def run_augment(options: AugmentOptions) -> int:
     library = configuration.load_library(options)
     if options.jobs > 1 and library.folder is None:
         raise UsageError("--jobs requires a library in a folder, which mograft index makes")
-    windows = augment(
-        library,
-        seconds=options.seconds,
-        split=options.split,
-        part=options.part,
-        bases=options.bases or "*",
-        features=options.features or DEFAULT_FEATURES,
-        seed=options.seed or 0,
-        variants=options.variants,
-        min_new=options.min_new,
-    )
+    names = ("seconds", "split", "part", "variants", "min_new")
+    given = {name: getattr(options, name) for name in names} | {"seed": options.seed or 0}
+    features = options.features or DEFAULT_FEATURES
+    windows = augment(library, bases=options.bases or "*", features=features, **given)
     _describe_part(windows.part)
     with show_progress() as progress, worker_processes(options.jobs) as executor:
-        document = write(
-            windows,
-            options.output,
-            options.count,
-            format=options.format,
-            resume=options.resume,
-            executor=executor,
-            progress=progress,
-        )
-    report = document["report"]
-    for line in _describe_report(report, options.count):
+        more: dict[str, Any] = {"executor": executor, "progress": progress}
+        more |= {"format": options.format, "resume": options.resume}
+        document = write(windows, options.output, options.count, **more)
+    for line in _describe_report(document["report"], options.count):
         print_remark(line)
     print_result(options, "augment/1", document, [options.output])
     return 0
@@ -121,23 +107,19 @@ def run_find(options: FindOptions) -> int:
     lines = [_describe_hit(hit, library.rate) for hit in hits] or ["no span was found"]
     if options.output is not None or options.open:
         path = options.output or temporary_path()
-        shown = [] if query is None or frames is None else [(query, *frames)]
-        shown += [
-            (library.clips[library.names.index(own.clip)], own.start, own.stop) for own in hits
-        ]
+        first = [] if query is None or frames is None else [(query, *frames)]
+        found = [library.names.index(own.clip) for own in hits[:_MAX_SHOWN]]
+        pairs = zip(hits, found, strict=False)
+        spans = first + [(library.clips[clip], own.start, own.stop) for own, clip in pairs]
         items = [
             replace(motion[start : stop + 1], name=f"{motion.name} {start}-{stop}", path=None)
-            for motion, start, stop in shown[: _MAX_SHOWN + 1]
+            for motion, start, stop in spans
         ]
-        if not items:
-            raise ValueError("no span was found: no page was written")
         view(*items, groups=library.groups, show=False).save(path, force=True)
         if options.open:
             open_page(path)
         lines = [*lines, str(path)]
-    document = [
-        {**asdict(hit), "angle": None if np.isnan(hit.angle) else hit.angle} for hit in hits
-    ]
+    document = [{**asdict(hit), "angle": _number(hit.angle)} for hit in hits]
     print_result(options, "find/1", {"hits": document}, lines)
     return 0
 

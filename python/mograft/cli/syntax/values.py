@@ -411,15 +411,6 @@ def face(text: str) -> tuple[Point, Range | None]:
     return _point(place), frames(range_text) if separator else None
 
 
-@_parser("must be a share from 0 to 1, or a percentage such as 10%")
-def share_or_percent(text: str) -> float:
-    """Read a share, such as ``0.1`` or ``10%``."""
-    share = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
-    if not 0 <= share <= 1:
-        raise ValueError
-    return share
-
-
 _count = _number(int, "an integer of at least 1", lambda n: n >= 1)
 _motions = _number(int, "from 1 to 100000 (other seeds give more)", lambda n: 1 <= n <= 100_000)
 _index = _number(int, "an integer of at least 0", lambda n: n >= 0)
