@@ -135,7 +135,7 @@ def test_listener_that_does_not_read_gets_few_events_and_the_last_state(n_events
         await stream.aclose()
         return found
 
-    found = asyncio.run(asyncio.wait_for(listen(), 30))
+    found = asyncio.run(asyncio.wait_for(listen(), 10))
     assert all(own.startswith("data: ") and own.endswith("\n\n") for own in found)
     assert len(found) <= n_events + 2
 
