@@ -45,8 +45,7 @@ def studio(browser, folder, size=(1280, 800), theme="light"):
             session.close()
     origin = server.url.partition("/?")[0]
     assert [own for own in addresses if not own.startswith((f"{origin}/", "blob:", "data:"))] == []
-    assert messages == []
-    assert reports == []
+    assert not messages + reports, (messages, reports)
 
 
 class Person:
