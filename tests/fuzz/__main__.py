@@ -1,9 +1,9 @@
 """Read damaged files for a given time: ``python -m tests.fuzz FORMAT SECONDS [SEED]``.
 
-The formats are bvh, fbx, gltf, npz, robots and usd. Child processes check seeds one after the
-other; a violated law, or a signal that ends a process, ends the run and prints the seed. Add such a
-seed to
-`SEEDS` of the format's module. ``python -m tests.fuzz.rust`` fuzzes the kernels.
+The formats are bvh, fbx, gltf, npz, robots and usd, and vmc, whose packets are not files. Child
+processes check seeds one after the other; a violated law, or a signal that ends a process, ends the
+run and prints the seed. Add such a seed to `SEEDS` of the format's module. ``python -m
+tests.fuzz.rust`` fuzzes the kernels.
 """
 
 import importlib
