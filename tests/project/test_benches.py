@@ -8,7 +8,8 @@ import pytest
 ROOT = Path(__file__).parents[2]
 NAMES = sorted(path.stem for path in ROOT.glob("benches/[!_]*.py"))
 BENCHES = [
-    pytest.param(name, marks=pytest.mark.browser if name == "view" else ()) for name in NAMES
+    pytest.param(name, marks=pytest.mark.browser if name in ("view", "studio") else ())
+    for name in NAMES
 ]
 
 

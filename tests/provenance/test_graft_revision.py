@@ -12,6 +12,7 @@ import mograft.constraints as mc
 from mograft._util.cancel import CancelledError, cancellable, check_cancelled
 from mograft.dancer import dance
 from mograft.library.origin import hash_poses
+from mograft.provenance import graft_revision
 from mograft.provenance.graft_change import plan_of
 from mograft.provenance.graft_revision import constrain, regenerate, select_positions
 
@@ -162,3 +163,20 @@ def test_cancelled_search_returns_the_nearest_candidates(graft):
 def test_cancelled_search_for_spans_raises_error(graft):
     with cancellable(lambda: True), pytest.raises(CancelledError):
         mg.change(graft, "upper", (50, 80))
+
+
+def test_violations_by_captured_joints_are_not_searched_for(graft, monkeypatch):
+    hips = tuple(graft.base.world_positions()[100, 0].tolist())
+    foot = mc.KeepOut("LeftFoot", mc.Sphere(hips, 500.0), frames=(90, 110))
+    calls, choose = [], graft_revision.choose_again
+
+    def count_choices(*given):
+        calls.append(given)
+        return choose(*given)
+
+    monkeypatch.setattr(graft_revision, "choose_again", count_choices)
+    new = constrain(graft, [foot])
+    assert {own.joint for own in new.violations} == {"LeftFoot"}
+    assert len(calls) == 1
+    constrain(graft, [mc.KeepOut("LeftHand", mc.Sphere(hips, 500.0), frames=(90, 110))])
+    assert len(calls) == 3

@@ -1,13 +1,17 @@
 """Requests of the page: what reaches the session, and which errors come back."""
 
+import asyncio
 import contextlib
 import json
 import threading
 
 import httpx
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mograft.errors import FormatError
+from mograft.studio.events import Events
 from mograft.studio.server import StudioServer
 from mograft.studio.session import StaleRevision
 from tests.studio.fake_session import FakeSession
@@ -109,6 +113,31 @@ def test_events_start_with_revision_and_reach_every_listener(served):
         for own in lines:
             assert next(own) == ""
             assert json.loads(next(own)[6:]) == {"kind": "note", "text": "<b>"}
+
+
+@given(n_events=st.integers(0, 300))
+def test_listener_that_does_not_read_gets_few_events_and_the_last_state(n_events):
+    session = FakeSession()
+
+    async def listen():
+        events = Events(session)
+        events.start()
+        stream = events.stream()
+        found = [await anext(stream)]
+        session.revision = n_events
+        for number in range(n_events):
+            session.tell({"kind": "note", "text": str(number)})
+        session.tell({"kind": "state", "revision": n_events})
+        last = f'"revision": {n_events}'
+        while last not in found[-1] or "state" not in found[-1]:
+            found.append(await anext(stream))
+            await asyncio.sleep(0.0001 * (len(found) % 3))
+        await stream.aclose()
+        return found
+
+    found = asyncio.run(asyncio.wait_for(listen(), 30))
+    assert all(own.startswith("data: ") and own.endswith("\n\n") for own in found)
+    assert len(found) <= n_events + 2
 
 
 def test_slow_call_does_not_block_other_requests(served):

@@ -1,11 +1,13 @@
 """Hostile requests: they are refused and reported, change nothing, and the server goes on."""
 
 import json
+import os
 import socket
 import subprocess
 import sys
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from urllib.parse import quote
 
 import httpx
@@ -380,28 +382,58 @@ def test_reports_have_one_line_and_no_control_characters(served):
     assert reports[0].isprintable()
 
 
-def test_command_prints_address_and_ends_by_interrupt(tmp_path):
-    words = [sys.executable, "-m", "mograft", "studio", "-o", "out", "--json"]
+@contextmanager
+def command(folder, *words):
+    """Run a command that serves the studio; yield its JSON; end it, and check how it ends."""
+    words = [sys.executable, "-m", "mograft", *words, "--json"]
+    environment = os.environ | {"BROWSER": sys.executable + " -c pass"}
     with subprocess.Popen(
-        words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        words,
+        cwd=folder,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     ) as child:
         try:
             lines = [child.stdout.readline()]
             while lines[-1] not in ("}\n", ""):
                 lines.append(child.stdout.readline())
-            url = json.loads("".join(lines))["url"]
-            assert httpx.get(url).status_code == 303
-            other = subprocess.run(
-                [*words[:4], "-o", "other", "--port", httpx.URL(url).port.__str__()],
-                cwd=tmp_path,
-                capture_output=True,
-                text=True,
-                check=False,
-            )
-            assert other.returncode == 1
-            assert "is not free" in other.stderr
+            yield json.loads("".join(lines))
         finally:
             child.terminate()
         assert child.wait(timeout=30) == 143
-        assert child.stderr.read() == "terminated\n"
-    assert not list(tmp_path.rglob("*.part"))
+        assert child.stderr.read().endswith("terminated\n")
+    assert not list(folder.rglob("*.part"))
+
+
+def test_demo_opens_its_dance_in_the_studio(tmp_path):
+    with command(tmp_path, "demo", "-o", "demo", "--studio") as document:
+        with httpx.Client() as client:
+            client.get(document["url"])
+            origin = document["url"].partition("/?")[0]
+            for _ in range(600):
+                sources = client.get(f"{origin}/api/state").json()["sources"]
+                if sources:
+                    break
+                time.sleep(0.1)
+        assert [own["name"] for own in sources] == ["dance.bvh"]
+        assert document["folder"] == str(Path("demo") / "studio")
+        assert (tmp_path / "demo" / "index.html").exists()
+
+
+def test_command_prints_address_and_refuses_a_port_in_use(tmp_path):
+    with command(tmp_path, "studio", "-o", "out") as document:
+        url = document["url"]
+        assert httpx.get(url).status_code == 303
+        other = ["studio", "-o", "other", "--port", str(httpx.URL(url).port)]
+        again = subprocess.run(
+            [sys.executable, "-m", "mograft", *other],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    assert again.returncode == 1
+    assert "is not free" in again.stderr
+    assert again.stdout == ""

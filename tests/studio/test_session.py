@@ -230,9 +230,15 @@ def test_waiting_previews_are_replaced_by_the_last(session):
 
 def test_action_on_another_revision_is_refused(session):
     before = session.project
-    with pytest.raises(StaleRevision):
-        session.do({"action": "mark", "id": "m1", "mark": "star"}, session.revision - 1)
+    revision = session.revision
+    for other in (revision - 1, revision + 1):
+        with pytest.raises(StaleRevision):
+            session.do({"action": "mark", "id": "m1", "mark": "star"}, other)
     assert session.project == before
+    session.notify()  # as a thread does when it has found the faults of clips
+    session.do({"action": "mark", "id": "m1", "mark": "star"}, revision)
+    with pytest.raises(StaleRevision):
+        session.do({"action": "mark", "id": "m1", "mark": None}, revision)
 
 
 @pytest.mark.parametrize(
@@ -483,10 +489,14 @@ def test_motions_get_donors_of_files_that_are_added(make_session, dances):
 
 def test_motions_remain_with_the_groups_with_which_they_were_made(session):
     before = hash_poses(graft_of(session, "m1").motion)
+    clip = session.figure("clip", "one")
     do(session, "set_groups", preset="lower_torso_arms")
     session.flush()
     assert session.state()["groups"]["names"] == ["lower", "torso", "arms"]
     assert hash_poses(graft_of(session, "m1").motion) == before
+    assert session.figure("base", "m1")["groups"] == ["lower", "upper"]
+    assert session.figure("clip", "one")["groups"] == ["lower", "torso", "arms"]
+    assert session.figure("clip", "one")["hash"] != clip["hash"]
     do(session, "ban", **segment_of(session, "m1", 4))
     do(session, "make", base="two", count=1)
     assert set(graft_of(session, "m4").alternatives) == {"torso", "arms"}
@@ -637,3 +647,46 @@ def test_records_that_no_step_needs_are_forgotten(session, monkeypatch):
     assert len(session.workshop.texts) <= 2 * len(used)
     do(session, "undo")
     assert session.figure("motion", "m1")["name"] == "name 10"
+
+
+def test_locks_are_those_of_whole_segments(session):
+    cut = [segment_of(session, "m1", number) for number in range(8)]
+    middle = (cut[2]["first"] + cut[2]["last"]) // 2
+    do(session, "lock", id="m1", group="upper", first=middle, last=cut[5]["last"])
+    do(session, "lock", **cut[6])
+    locks = session.project.motion("m1").locks
+    assert locks == (("upper", cut[2]["first"], cut[6]["last"]),)
+    do(session, "unlock", id="m1", group=None, first=cut[4]["first"] + 1, last=cut[4]["last"] - 1)
+    assert session.project.motion("m1").locks == (
+        ("upper", cut[2]["first"], cut[3]["last"]),
+        ("upper", cut[5]["first"], cut[6]["last"]),
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        ("--project {missing} -o {out}", 1, "missing.json: No such file"),
+        ("--project {bad} -o {out}", 3, "bad.json: records: is missing"),
+        ("--project {bad} -o {out}.bvh", 2, "-o must be a folder"),
+        ("--project {bad} -o {out} --seed 3", 2, "--seed cannot be combined"),
+        ("--project {bad} {bad} -o {out}", 2, "LIB|FILE cannot be combined"),
+    ],
+)
+def test_command_names_what_is_wrong_with_a_project(tmp_path, capsys, words, code, message):
+    places = {name: tmp_path / f"{name}.json" for name in ("missing", "bad")}
+    places["bad"].write_text('{"format": "mograft.project/1"}')
+    given = words.format(**places, out=tmp_path / "out").split()
+    try:
+        found = main(["graft", *given])
+    except SystemExit as error:  # a mistake in the command line
+        found = error.code
+    assert found == code
+    assert message in capsys.readouterr().err
+    assert sorted(own.name for own in tmp_path.iterdir()) == ["bad.json"]
+
+
+def test_command_refuses_a_project_without_kept_motions(session, tmp_path, capsys):
+    session.flush()
+    assert main(["graft", "--project", str(session.file.path), "-o", str(tmp_path / "out")]) == 1
+    assert "no motion is kept" in capsys.readouterr().err

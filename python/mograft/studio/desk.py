@@ -25,24 +25,13 @@ Json = dict[str, Any]
 _MAX_EVENTS = 1000
 
 
-class Subscription(queue.Queue[Json]):
-    """The events of a session, from the time of the subscription on."""
-
-    def __init__(self, desk: "Desk") -> None:
-        super().__init__()
-        self._desk = desk
-
-    def close(self) -> None:
-        """Receive no more events."""
-        self._desk.unsubscribe(self)
-
-
 class Desk:
     """A project and its history. All methods can be called from any thread."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = Path(folder).resolve()
-        self.project, self.history, self.revision = Project(), History(), 0
+        self.project, self.history = Project(), History()
+        self.revision = self.project_revision = 0  # of the state, and of its last other project
         self.opened, self.jobs = sources.Opened(), dict[str, Json]()
         self.file: ProjectFile | None = None
         self.workshop = Workshop(self.folder)
@@ -52,38 +41,34 @@ class Desk:
         self.action_lock = threading.RLock()  # one action at a time
         self.n_requested = self.ticket = 0  # the number of the last action, and of the present
         self._events_lock = threading.Lock()
-        self._subscriptions: list[Subscription] = []
+        self._listeners: list[queue.Queue[Json]] = []
 
     # Events
 
-    def subscribe(self) -> Subscription:
-        """Return a queue of the events from now on."""
-        own = Subscription(self)
+    def subscribe(self) -> queue.Queue[Json]:
+        """Return a queue of the events from now on; of one that is not read, the last are lost."""
+        own: queue.Queue[Json] = queue.Queue(_MAX_EVENTS)
         with self._events_lock:
-            self._subscriptions.append(own)
+            self._listeners.append(own)
         return own
-
-    def unsubscribe(self, own: Subscription) -> None:
-        """Send no more events to a subscription."""
-        with self._events_lock:
-            if own in self._subscriptions:
-                self._subscriptions.remove(own)
 
     def emit(self, event: Json) -> None:
         """Send an event to all subscriptions."""
         with self._events_lock:
-            for own in self._subscriptions:
-                if own.qsize() < _MAX_EVENTS:
+            for own in self._listeners:
+                if not own.full():
                     own.put(event)
 
     def note(self, text: str) -> None:
         """Send a text for the person."""
         self.emit({"kind": "note", "text": text})
 
-    def notify(self) -> None:
-        """Send that the state has changed."""
+    def notify(self, *, is_project: bool = False) -> None:
+        """Send that the state has changed, and whether the project has."""
         with self.lock:
             self.revision += 1
+            if is_project:
+                self.project_revision = self.revision
             self.emit({"kind": "state", "revision": self.revision})
 
     @contextmanager
@@ -117,7 +102,7 @@ class Desk:
             self.update_library()
             self.add_hashes()
             self.save()
-        self.notify()
+            self.notify(is_project=True)
 
     def update_library(self) -> None:
         """Build the library of the present project, if it is another one."""
@@ -144,7 +129,7 @@ class Desk:
         """Show a project that an action has not finished."""
         with self.lock:
             self.project = project
-        self.notify()
+            self.notify(is_project=True)
 
     def preview(self, key: str, graft: Graft) -> None:
         """Show another version of a motion until the next action."""

@@ -76,8 +76,8 @@ class Session(Desk):
     def do(self, action: Mapping[str, Any], revision: int | None = None) -> Json:
         """Do an action on the state of a revision; see `mograft.studio.actions.registry`.
 
-        Also ``undo`` and ``redo``. Raise StaleRevision if `revision` is not the present one, which
-        is not compared for previews, and ValueError if the action is not possible.
+        Also ``undo`` and ``redo``. Raise StaleRevision if the project has changed since `revision`,
+        which is not compared for previews, and ValueError if the action is not possible.
         """
         is_preview = action.get("preview") is True
         with self.lock:
@@ -87,8 +87,9 @@ class Session(Desk):
             self.ticket = ticket
             if is_preview and self.is_superseded():
                 return self._reply([], "superseded")
-            if not is_preview and revision is not None and revision != self.revision:
-                raise StaleRevision(f"expected revision {self.revision}, got {revision}")
+            newest, oldest = self.revision, self.project_revision
+            if not is_preview and revision is not None and not oldest <= revision <= newest:
+                raise StaleRevision(f"expected revision {newest}, got {revision}")
             old = self.project
             if action.get("action") in ("undo", "redo"):
                 message = self._step(str(action["action"]))

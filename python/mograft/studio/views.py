@@ -1,5 +1,6 @@
 """What the page shows, as JSON: the state of a session and the encodings of figures."""
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from mograft.body.groups import PRESETS
 from mograft.config import variety_of_scale
 from mograft.errors import DAMAGE, FormatError
 from mograft.library.library import Library
+from mograft.library.origin import hash_poses
 from mograft.provenance.document import violation_record
 from mograft.studio.desk import Desk
 from mograft.studio.notes import captured_warnings
@@ -167,16 +169,18 @@ def figure(desk: Desk, kind: str, name: str, since: str | None) -> Json:
         library = desk.ready_library()
         if name not in library.names:
             raise ValueError(f"`name` must be that of a clip, got {name!r}")
-        shown = clip_figure(library, library.clips[library.names.index(name)])
-        return _encoded(desk, shown, f"clip-{name}-{shown.motion.n_frames}")
+        shown = clip_figure(library, name)
+        key = hashlib.sha256(library.groups.to_toml().encode()).hexdigest()[:8]
+        return _encoded(desk, shown, f"clip-{key}-{hash_poses(shown.motion)[:32]}")
     if kind not in ("motion", "base"):
         raise ValueError(f"`kind` must be motion, base or clip, got {kind!r}")
     own = desk.project.motion(name)
     key, graft = desk.previews.get(own.id) or (own.record, desk.workshop.graft(own.record))
     if kind == "base":
-        if not graft.scenario:
-            return figure(desk, "clip", graft.base.name, since)
-        return _encoded(desk, motion_figure(graft.base, graft.library), f"base-{key}")
+        library, base = graft.library, graft.base
+        is_clip = not graft.scenario
+        shown = clip_figure(library, base.name) if is_clip else motion_figure(base, library)
+        return _encoded(desk, shown, f"base-{key}")
     old = None if since is None else desk.workshop.find(since)
     patch = None if old is None else _patch(desk, old, graft)
     if patch is not None:

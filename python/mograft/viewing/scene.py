@@ -239,8 +239,8 @@ def motion_figure(motion: Motion, library: Library) -> Figure:
     return _motion_figure(motion, library.groups, (), library.config)
 
 
-def clip_figure(library: Library, clip: Motion) -> Figure:
-    """Return the figure of a clip of a library."""
+def clip_figure(library: Library, clip: Motion | str) -> Figure:
+    """Return the figure of a clip of a library; a name is found sooner than a motion."""
     library, index = library.resolve_base(clip)
     segments = library.segments.of_clip(index)
     start, stop = library.segments.start[segments], library.segments.stop[segments]

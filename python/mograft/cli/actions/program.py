@@ -27,6 +27,8 @@ _USES_OF_PACKAGES = {
     "shtab": "mograft completion",
     "scikit-learn": "mograft evaluate",
     "scipy": "mograft evaluate",
+    "starlette": "mograft studio",
+    "uvicorn": "mograft studio",
 }
 
 

@@ -16,7 +16,8 @@ def run_project(options: GraftOptions) -> int:
     """Write the kept motions of a project as the studio exports them; return the exit code."""
     for field, name in options.changed().items():
         if field not in (*options.origins, *_ALLOWED):
-            raise UsageError(f"--{name} cannot be combined with --project, which makes its motions")
+            given = "LIB|FILE" if field == "files" else f"--{name}"
+            raise UsageError(f"{given} cannot be combined with --project, which has its own inputs")
     path, target = options.project, options.output
     assert path is not None
     if target.suffix.lower() == ".bvh":

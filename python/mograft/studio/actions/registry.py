@@ -9,15 +9,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from mograft._util.arrays import BoolArray
+from mograft._util.runs import find_runs
 from mograft.body.groups import PRESETS, JointGroups
 from mograft.config import Config, scale_of_variety
 from mograft.errors import suggest_name
 from mograft.io.formats import split_address
 from mograft.io.gltf.document import read_gltf_file
+from mograft.search.constraints import overlaps
 from mograft.studio.actions import editing, making
 from mograft.studio.actions.fields import Fields
 from mograft.studio.desk import Desk
 from mograft.studio.project import MARKS, Lock, Project
+from mograft.synthesis.graft_result import Graft
 
 Outcome = tuple[Project, str | None]
 
@@ -115,29 +119,36 @@ def _remove(desk: Desk, fields: Fields) -> Outcome:
 
 
 def _lock(desk: Desk, fields: Fields) -> Outcome:
-    own = desk.project.motion(fields.values.get("id"))
-    lock = Lock(fields.text("group"), *fields.frames())
-    graft = desk.workshop.graft(own.record)
-    editing.check_range(graft, lock.group, (lock.first, lock.last))
-    locks = own.locks if lock in own.locks else (*own.locks, lock)
-    text = f"lock {editing.where(*lock)}"
-    return desk.project.with_motion(replace(own, locks=locks)), text
+    own, group = desk.project.motion(fields.values.get("id")), fields.text("group")
+    graft, frames = desk.workshop.graft(own.record), fields.frames()
+    editing.check_range(graft, group, frames)
+    added = [Lock(group, *frames)]
+    found = _runs(graft, group, editing.is_locked(graft, group, [*own.locks, *added]))
+    others = (lock for lock in own.locks if lock.group != group)
+    locked = replace(own, locks=(*others, *found))
+    return desk.project.with_motion(locked), f"lock {editing.where(group, *frames)}"
 
 
 def _unlock(desk: Desk, fields: Fields) -> Outcome:
     own, group = desk.project.motion(fields.values.get("id")), fields.optional_text("group")
-    first, last = fields.frames()
+    graft, frames = desk.workshop.graft(own.record), fields.frames()
     locks: list[Lock] = []
-    for lock in own.locks:
-        if group not in (None, lock.group) or lock.last <= first or lock.first >= last:
-            locks.append(lock)
-            continue
-        if lock.first < first:
-            locks.append(lock._replace(last=first))
-        if lock.last > last:
-            locks.append(lock._replace(first=last))
-    text = f"unlock {editing.where(group, first, last)}"
-    return desk.project.with_motion(replace(own, locks=tuple(locks))), text
+    for name in dict.fromkeys(lock.group for lock in own.locks):
+        is_locked = editing.is_locked(graft, name, own.locks)
+        if group in (None, name):
+            is_locked &= ~overlaps(editing.base_segments(graft, name), frames)
+        locks += _runs(graft, name, is_locked)
+    unlocked = replace(own, locks=tuple(locks))
+    return desk.project.with_motion(unlocked), f"unlock {editing.where(group, *frames)}"
+
+
+def _runs(graft: Graft, group: str, is_locked: BoolArray) -> list[Lock]:
+    """Return the locks of segments, one for each run of them."""
+    cut = editing.base_segments(graft, group)
+    return [
+        Lock(group, int(cut.start[start]), int(cut.stop[stop - 1]))
+        for start, stop in find_runs(is_locked).tolist()
+    ]
 
 
 ACTIONS: dict[str, Callable[[Desk, Fields], Outcome]] = {

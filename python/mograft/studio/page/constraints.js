@@ -7,6 +7,7 @@ import { DEFAULTS, FIELDS, framesText, nameOf, NEW, newRecord, obstacleOf, upOf 
 const HINT = "Obstacles, targets of hands, feet and gaze: added at the figure, moved on the stage or by numbers.";
 let written = "";
 
+const clipNames = () => store.project.clips.map(({ name }) => name);
 export const jointNames = () => (store.project?.skeleton?.joints || []).map(({ name }) => name);
 export const setConstraint = (motion, number, constraint, isPreview = false) =>
   act({ action: "set_constraint", id: motion.id, number, constraint, ...(isPreview && { preview: true }) }, { isQuiet: true });
@@ -22,7 +23,9 @@ async function add() {
   const [motion, clip] = [selected(), mainFigure()];
   if (!motion || !clip) return;
   const frames = store.focus ? [store.focus.first, store.focus.last] : null;
-  const given = { joints: jointNames(), frame: player.frame, frames, clipName: motion.base };
+  const clips = clipNames();
+  const clipName = clips.includes(motion.base) ? motion.base : clips[0];
+  const given = { joints: jointNames(), frame: player.frame, frames, clipName };
   const constraint = newRecord(parts.newKind.value, clip, given);
   const reply = await act({ action: "add_constraint", id: motion.id, constraint });
   if (!reply) return;
@@ -133,6 +136,9 @@ function makeField(id, [name, text, kind], record, save) {
   if (kind === "vector" || kind === "sizes") {
     if (!Array.isArray(value)) return make("p", { class: "faint", text: `${text}: relative to the figure` });
     return entries(text, value, save, { key, names: "xyz", input: kind === "sizes" ? { min: 0 } : {} });
+  }
+  if (kind === "clip") {
+    return field(text, selectInput(clipNames(), value.name, { ...tag, onchange: ({ target }) => save({ name: target.value }) }));
   }
   if (kind.startsWith("joint")) {
     const options = [...(kind === "joint?" ? [["", "head"]] : []), ...jointNames()];

@@ -25,6 +25,7 @@ export function startGizmo() {
   space.userData.isOnStage = true;
   addToWorld(space);
   onObjects((clip) => {
+    if (store.mode === "draw") return []; // A path is drawn on an empty floor.
     space.quaternion.fromArray(clip.turn);
     tint();
     return controls?.object ? [space, controls.getHelper()] : [space];
@@ -235,6 +236,7 @@ function tint() {
 const doubles = new Map();
 function characterFigures(clip) {
   const figures = [];
+  if (store.mode === "draw") return figures;
   for (const { number, record, mesh } of shapes.values()) {
     const own = obstacleOf(record);
     if (own?.kind !== "Character") continue;
@@ -253,6 +255,7 @@ function characterFigures(clip) {
 }
 
 function drawLabels(pen, view) {
+  if (store.mode === "draw") return;
   const joints = jointNames();
   for (const { number, record, mesh } of shapes.values()) {
     const [x, y, depth] = view.point(mesh.getWorldPosition(new THREE.Vector3()).toArray());

@@ -102,7 +102,10 @@ export function startKeys() {
   parts.undo.addEventListener("click", () => undo("undo"));
   parts.redo.addEventListener("click", () => undo("redo"));
   on("project", writeUndo);
-  on("character", () => state.colours && toggle("colours"));
+  on("character", () => {
+    parts.mesh.hidden = false;
+    if (state.colours) toggle("colours");
+  });
   document.addEventListener("keydown", onKey);
 }
 

@@ -32,7 +32,7 @@ const TEXTS = {
   Box: "center vector centre, half sizes half size, rotation yaw yaw",
   Capsule: "start vector, stop vector end, radius length",
   HalfSpace: "point vector, normal vector free side",
-  Character: "offset vector place, yaw angle, delay seconds",
+  Character: "motion clip clip, offset vector place, yaw angle, delay seconds",
   Reach: "joint joint, target vector, tolerance heights within",
   Face: "joint joint?, target vector, tolerance angle within",
   KeepOut: "joint joint, inside flag stay inside",

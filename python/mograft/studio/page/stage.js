@@ -154,6 +154,7 @@ function writeCaption() {
   parts.graftName.textContent = motion?.name ?? clip?.name ?? "";
   parts.graftNote.textContent = motion ? (clip ? `graft of ${motion.base}` : "is loaded…") : clip ? "captured" : "";
   parts.baseName.textContent = motion?.base ?? "";
+  parts.baseNote.textContent = motion?.isComposed ? "composed of captured parts" : "captured";
   const texts = (motion && clip?.rows ? clip.rows : []).map((row) => sourceText(clip, row));
   const text = texts.filter(Boolean).join(" · ");
   if (text !== caption) parts.now.textContent = caption = text;

@@ -18,8 +18,15 @@ const listeners = new Map();
 export function on(kinds, listener) {
   for (const kind of kinds.split(" ")) listeners.set(kind, [...(listeners.get(kind) || []), listener]);
 }
+// An error of one listener does not keep the others from hearing.
 export function emit(kind, detail) {
-  for (const listener of listeners.get(kind) || []) listener(detail);
+  for (const listener of listeners.get(kind) || []) {
+    try {
+      listener(detail);
+    } catch (error) {
+      console.error(error);
+    }
+  }
 }
 
 export const motions = () => store.project?.motions || [];
