@@ -50,6 +50,22 @@ def test_dropped_segments_are_within_the_radius(with_copies, radius, part):
     assert len(found.curve) == len(found.kept)
 
 
+@few_examples(10)
+@given(radius=st.floats(0.3, 3.0))
+def test_choices_of_shards_are_chosen_from_within_twice_the_radius(with_copies, radius):
+    library, clips = with_copies, with_copies.segments.clip
+    kept = []
+    for half in (0, 1):
+        shard = replace(library, is_donor=clips % 2 == half)
+        kept += datasets.curate(shard, radius=radius).kept
+    is_left = np.isin(library.names, kept)[clips]
+    final = datasets.curate(replace(library, is_donor=is_left), radius=radius).kept
+    points = spread(library, None)
+    is_kept = np.isin(library.names, final)[clips]
+    gaps = np.linalg.norm(points[:, None] - points[is_kept][None], axis=2).min(axis=1)
+    assert gaps.max() <= 2 * radius * (1 + 1e-9)
+
+
 def test_copies_are_dropped(with_copies):
     found = datasets.curate(with_copies, radius=0.3)
     for source, copy in ((0, 12), (5, 13), (7, 14)):
