@@ -47,7 +47,7 @@ def main(source, target):
             page.get_by_role("tab", name="Motions").click()
             page.locator(".card").nth(1).get_by_label("Keep").check()
             person.button("Export 1…").click()
-            person.button("Write").click()
+            person.button("Export").click()
             page.locator(".dialog .result bdi").wait_for()
             save(page, "export")
 

@@ -119,7 +119,7 @@ def test_story_by_pointer_exports_what_the_command_makes(browser, source, tmp_pa
         page.locator(".card").nth(1).get_by_label("Keep").check()
         person.until("state.motions[1].isKept")
         person.button("Export 1…").click()
-        person.button("Write").click()
+        person.button("Export").click()
         page.locator(".dialog .result bdi").wait_for()
         check_export(person, folder)
 
@@ -173,7 +173,7 @@ def test_story_by_keyboard_alone_exports_what_the_command_makes(browser, source,
         person.press(page.locator(".card").nth(1).get_by_label("Keep"), "Space")
         person.until("state.motions[1].isKept")
         page.keyboard.press("Control+e")
-        person.press(person.button("Write"))
+        person.press(person.button("Export"))
         page.locator(".dialog .result bdi").wait_for()
         check_export(person, folder)
 

@@ -1,7 +1,8 @@
 // Variations: cards with looping previews, how new they are, and what a person thinks of them.
 import { figureOf, ghostOf } from "./figures.js";
 import { act, motions, on, select, store } from "./store.js";
-import { breakable, button, counted, create, field, fill, icon, make, parts, percent } from "./ui.js";
+import { countViolated } from "./records.js";
+import { breakable, button, create, field, fill, icon, make, parts, percent } from "./ui.js";
 import { addRegion, dropRegion, isVisible, redraw } from "./view.js";
 
 const PREVIEW_MILLISECONDS = 33; // Between two pictures of the previews.
@@ -129,11 +130,11 @@ function makeCard({ id }) {
   const name = create("bdi");
   const numbers = create("p", "", "numbers");
   const warning = make("p", { class: "warning", hidden: true });
-  const star = button("★", "Star  *", () => toggleMark(id, "star"));
+  const star = button("★", "Star: mark as a favourite; Keep is what exports  *", () => toggleMark(id, "star"));
   const reject = button("✕", "Reject  x", () => toggleMark(id, "reject"));
-  const more = button("More", "Make more like this", () => act({ action: "more_like", id, count: 4 }));
+  const more = button("More", "More like this: makes 4", () => act({ action: "more_like", id, count: 4 }));
   const keep = make("input", { type: "checkbox", onchange: () => act({ action: "keep", id, isKept: keep.checked }) });
-  const kept = make("label", { class: "keep", title: "Keep: write it on export" }, keep, "Keep");
+  const kept = make("label", { class: "keep", title: "Keep for export; a star only marks" }, keep, "Keep");
   const rename = button("✎", "Rename", () => askName(id));
   const head = make("div", { class: "head" }, name, rename);
   const marks = make("div", { class: "marks" }, star, reject);
@@ -189,10 +190,12 @@ function askName(id) {
 // The numbers of a motion, as the reports name them; those that are known.
 function numbersOf({ cost, new: share, apart, isLoop }) {
   const isKnown = (value) => value !== null && value !== undefined;
+  const costs = motions().flatMap((own) => (isKnown(own.cost) ? [own.cost] : []));
+  const rank = costs.filter((own) => own < cost).length + 1;
   const texts = [
     isKnown(share) && [`${percent(share)} new`, "share of windows that no clip of the library contains"],
     isKnown(apart) && [`${apart.toFixed(0)}° apart`, "angle of the joints to the nearest motion that is kept"],
-    isKnown(cost) && [`cost ${cost.toFixed(1)}`, "cost of the donors; less is smoother"],
+    isKnown(cost) && [`rank ${rank} of ${costs.length}`, "by the cost of the donors; 1 is the smoothest"],
     isLoop && ["loop", "its end continues its start"],
   ];
   return texts.filter(Boolean).map(([text, title]) => make("span", { text, title }));
@@ -214,14 +217,15 @@ function writeCard(card, motion) {
     own.setAttribute("aria-pressed", mark === kind);
     own.setAttribute("aria-label", `${text}: ${name}`);
   }
-  card.more.setAttribute("aria-label", `More like ${name}`);
+  card.more.setAttribute("aria-label", `More like this: ${name}`);
   card.rename.setAttribute("aria-label", `Rename ${name}`);
-  card.keep.setAttribute("aria-label", `Keep ${name}`);
+  card.keep.setAttribute("aria-label", `Keep for export: ${name}`);
   card.keep.checked = isKept;
   card.element.classList.toggle("rejected", mark === "reject");
   card.element.classList.toggle("starred", mark === "star");
   card.warning.hidden = !violations.length;
-  card.warning.replaceChildren(icon("warn"), counted(violations.length, "violation"));
+  card.warning.replaceChildren(icon("warn"), `${countViolated(motion)} violated`);
+  card.warning.title = "Constraints that are violated";
 }
 
 function layOut() {

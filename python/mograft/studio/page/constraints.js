@@ -1,8 +1,10 @@
 // Constraints of the selected motion as a list of forms, and what they violate.
 import { player, mainFigure, nFrames, seek } from "./player.js";
+import { say } from "./net.js";
 import { act, emit, on, selected, store } from "./store.js";
-import { button, field, fill, icon, make, numberInput, parts, selectInput } from "./ui.js";
-import { DEFAULTS, FIELDS, framesText, nameOf, NEW, newRecord, obstacleOf, upOf } from "./records.js";
+import { button, field, fill, icon, make, numberInput, parts, range, selectInput, sentence } from "./ui.js";
+import { countViolated, DEFAULTS, FIELDS, framesText, NEW, newRecord, obstacleOf } from "./records.js";
+import { titleOf, upOf, violationText, worstOf } from "./records.js";
 
 const HINT = "Obstacles, targets of hands, feet and gaze: added at the figure, moved on the stage or by numbers.";
 let written = "";
@@ -21,15 +23,19 @@ export function startConstraints() {
 
 async function add() {
   const [motion, clip] = [selected(), mainFigure()];
-  if (!motion || !clip) return;
+  const { addConstraint } = parts;
+  if (!motion || !clip || addConstraint.ariaBusy === "true") return;
   const frames = store.focus ? [store.focus.first, store.focus.last] : null;
   const clips = clipNames();
   const clipName = clips.includes(motion.base) ? motion.base : clips[0];
   const given = { joints: jointNames(), frame: player.frame, frames, clipName };
-  const constraint = newRecord(parts.newKind.value, clip, given);
-  const reply = await act({ action: "add_constraint", id: motion.id, constraint });
-  if (!reply) return;
-  store.constraint = selected()?.constraints.at(-1)?.number ?? null;
+  const constraint = newRecord(parts.newKind.value, clip, motion.constraints, given);
+  Object.assign(addConstraint, { ariaBusy: "true", textContent: "Adding…" });
+  const reply = await act({ action: "add_constraint", id: motion.id, constraint }, { isQuiet: true });
+  Object.assign(addConstraint, { ariaBusy: "false", textContent: "Add" });
+  if (!reply || selected()?.id !== motion.id) return;
+  store.constraint = selected().constraints.at(-1)?.number ?? null;
+  say(`${titleOf(selected(), store.constraint)} added.`);
   emit("constraint");
 }
 
@@ -43,22 +49,28 @@ function write() {
   const own = (isLoaded && motion?.constraints) || [];
   parts.noConstraint.hidden = own.length > 0;
   parts.noConstraint.textContent = motion ? HINT : "Make or select a motion first.";
-  const remarks = motion?.violations.length ? motion.remarks.slice(-1).map((text) => make("li", { text })) : []; // The remedy.
-  parts.violations.replaceChildren(...(motion?.violations || []).map(violationItem), ...remarks);
+  const count = motion ? countViolated(motion) : 0;
+  parts.remedy.hidden = !count;
+  parts.remedy.textContent = count && sentence(motion.remarks.at(-1) || "");
+  const others = (motion?.violations || []).filter(({ number }) => !own.some((each) => each.number === number));
+  parts.violations.replaceChildren(...others.map((each) => make("li", {}, violationLine([each]))));
   const focused = document.activeElement?.dataset?.field;
   parts.constraints.replaceChildren(...own.map((each) => makeForm(motion, each)));
   if (focused) parts.constraints.querySelector(`[data-field="${CSS.escape(focused)}"]`)?.focus();
   const tab = document.getElementById("tab-constraints");
-  const count = motion?.violations.length || 0;
   tab.replaceChildren("Constraints", ...(count ? [make("span", { class: "count-tag", text: `${count} violated` })] : []));
   markChosen();
 }
 
-function violationItem({ first, text }) {
-  const go = () => seek(first);
-  const item = button("", "Go to these frames", go, { class: "plain" });
-  item.append(icon("warn"), text);
-  return make("li", {}, item);
+// The violations of one constraint: the first in words, the frames of the others.
+function violationLine(all) {
+  const line = make("div", { class: "violations" });
+  for (const [i, own] of all.entries()) {
+    const item = button("", `Go to frame ${worstOf(own)}`, () => seek(worstOf(own)), { class: "plain" });
+    item.append(...(i ? [range(own.first, own.last)] : [icon("warn"), violationText(own)]));
+    line.append(i === 1 ? "also in frames " : "", item);
+  }
+  return line;
 }
 
 function markChosen() {
@@ -66,11 +78,13 @@ function markChosen() {
     const isChosen = Number(form.dataset.number) === store.constraint;
     form.classList.toggle("selected", isChosen);
     form.querySelector(".choose").setAttribute("aria-pressed", isChosen);
+    if (isChosen) form.scrollIntoView({ block: "nearest" });
   }
 }
 
 function makeForm(motion, { number, record }) {
-  const name = nameOf(record);
+  const name = titleOf(motion, number);
+  const violations = motion.violations.filter((own) => own.number === number);
   const isShape = Boolean(FIELDS[record.kind]);
   const toggle = () => {
     store.constraint = store.constraint === number ? null : number;
@@ -78,11 +92,14 @@ function makeForm(motion, { number, record }) {
   };
   const choose = button(name, "Select, to move it on the stage", toggle, { class: isShape ? "choose" : "choose plain" });
   choose.disabled = !isShape;
-  const remove = () => act({ action: "drop_constraint", id: motion.id, number });
+  const remove = () => act({ action: "drop_constraint", id: motion.id, number }, { said: `${name} removed.` });
   const drop = button("✕", "Remove", remove, { "aria-label": `Remove ${name}` });
-  const head = make("div", { class: "head" }, choose, make("span", { class: "faint", text: framesText(record) }), drop);
+  const isKept = isShape && !violations.length;
+  const kept = isKept ? make("span", { class: "tag", text: "✓ kept", title: "Satisfied in all its frames" }) : null;
+  const head = make("div", { class: "head" }, choose, make("span", { class: "faint", text: framesText(record) }), kept, drop);
   const form = make("div", { class: "constraint", role: "group", "aria-label": name }, head);
   form.dataset.number = number;
+  if (violations.length) form.append(violationLine(violations));
   const save = (next) => setConstraint(motion, number, next);
   const obstacle = obstacleOf(record);
   const key = record.obstacle ? "obstacle" : "region";
@@ -126,7 +143,8 @@ export function entries(text, values, save, given) {
       ...given.input,
     }),
   );
-  return make("div", { class: "field vector", role: "group", "aria-label": text }, make("span", { text }), ...inputs);
+  const labelled = inputs.map((own, i) => make("span", { class: "axis" }, given.names[i], own));
+  return make("div", { class: "field vector", role: "group", "aria-label": text }, make("span", { text }), ...labelled);
 }
 
 function makeField(id, [name, text, kind], record, save) {
@@ -172,6 +190,6 @@ function framesField(id, record, save) {
   const input = { step: 1, min: 0, max: nFrames() - 1, disabled: isAll };
   const given = { key: `${id}/frames`, names: ["first", "last"], input };
   const own = entries("frames", frames, (next) => save({ ...rest, frames: next.map(Math.round).sort((a, b) => a - b) }), given);
-  own.append(make("label", { class: "set" }, all, "all"));
+  own.append(make("label", { class: "set axis" }, all, "all"));
   return own;
 }

@@ -9,7 +9,7 @@ import { fill, parts } from "./ui.js";
 const MAX_POINTS = 400;
 const HEIGHT = 100; // Of the drawing, in its own unit.
 
-const UNITS = { angle: "°", height: "heights", speed: "heights/s" };
+const UNITS = { angle: "°", height: " heights", speed: " heights/s" };
 
 let shown = "";
 let curves = [];
@@ -80,6 +80,7 @@ function write() {
   const title = `${parts.curveJoint.value}: ${measure} of graft and base`;
   parts.curvePicture.setAttribute("aria-label", title);
   writeValues();
+  parts.curves.scrollIntoView({ block: "nearest" });
 }
 
 function draw() {
@@ -101,7 +102,7 @@ function writeValues() {
   const unit = UNITS[parts.curveMeasure.value];
   const texts = curves.map(({ name, frames, values }) => {
     const index = frames.findLastIndex((frame) => frame <= player.frame);
-    return `${name} ${values[Math.max(index, 0)].toFixed(unit === "°" ? 0 : 2)}`;
+    return `${name} ${values[Math.max(index, 0)].toFixed(unit === "°" ? 0 : 2)}${unit}`;
   });
-  parts.curveValues.textContent = `${texts.join(", ")} ${unit}`;
+  parts.curveValues.textContent = parts.curveValues.title = `${parts.curveJoint.value}: ${texts.join(", ")}`;
 }

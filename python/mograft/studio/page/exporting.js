@@ -1,7 +1,8 @@
 // Export of the kept motions, by default into the character's own file.
 import { attempt, send } from "./net.js";
 import { motions, on, selected, store } from "./store.js";
-import { make, parts } from "./ui.js";
+import { countViolated } from "./records.js";
+import { counted, make, parts } from "./ui.js";
 
 const kept = () => motions().filter(({ isKept }) => isKept);
 const isGlb = (name) => /\.(glb|gltf)$/i.test(name);
@@ -9,7 +10,7 @@ const isGlb = (name) => /\.(glb|gltf)$/i.test(name);
 export function startExport() {
   parts.export.addEventListener("click", openExport);
   parts.exportForm.addEventListener("submit", write);
-  parts.exportFormat.addEventListener("change", update);
+  for (const own of [parts.exportFormat, parts.exportFolder]) own.addEventListener("input", update);
   parts.exportClose.addEventListener("click", () => parts.exportDialog.close());
   on("project", () => {
     const count = kept().length;
@@ -19,19 +20,25 @@ export function startExport() {
 }
 
 // One file can hold several motions of these formats.
-const update = () => (parts.exportInto.hidden = !["glb", "npz"].includes(parts.exportFormat.value));
+function update() {
+  parts.exportInto.hidden = !["glb", "npz"].includes(parts.exportFormat.value);
+  parts.exportPlace.textContent = `Written to ${store.project.folder}/${folderName()}`;
+}
+const folderName = () => parts.exportFolder.value.trim() || ".";
 
 export function openExport() {
   const own = kept();
-  const names = (own.length ? own : [selected()]).map(({ name }) => name);
-  const count = own.length === 1 ? "1 kept motion" : `${own.length} kept motions`;
-  parts.exportWhat.textContent = own.length ? count : "No motion is kept: the one on the stage";
+  const all = own.length ? own : [selected()];
+  const names = all.map(({ name }) => name);
+  const violated = all.reduce((sum, each) => sum + countViolated(each), 0);
+  const text = own.length ? `${counted(own.length, "motion")} marked Keep.` : "Nothing is marked Keep: the motion on the stage is exported.";
+  parts.exportWhat.textContent = violated ? `${text} ${counted(violated, "constraint")} violated.` : text;
   const more = names.length > 8 ? [make("li", { text: `and ${names.length - 8} more` })] : [];
   parts.exportNames.replaceChildren(...names.slice(0, 8).map((name) => make("li", {}, make("bdi", { text: name }))), ...more);
   const hasMesh = store.project.sources.some(({ name }) => isGlb(name)) || isGlb(store.project.character || "");
   parts.exportFormat.value = hasMesh ? "glb" : "bvh";
   parts.exportTogether.checked = hasMesh;
-  parts.exportPlace.textContent = `below ${store.project.folder}`;
+  parts.exportClose.textContent = "Cancel";
   parts.exportResult.replaceChildren();
   update();
   parts.exportDialog.showModal();
@@ -41,12 +48,12 @@ async function write(event) {
   event.preventDefault();
   const into = !parts.exportInto.hidden && parts.exportTogether.checked;
   const ids = kept().length ? null : [selected().id];
-  const folder = parts.exportFolder.value.trim() || ".";
-  const body = { ids, format: parts.exportFormat.value, folder, into, force: parts.exportForce.checked };
+  const body = { ids, format: parts.exportFormat.value, folder: folderName(), into, force: parts.exportForce.checked };
   parts.exportResult.replaceChildren(make("p", { text: "Files are written…" }));
   const show = (error) => parts.exportResult.replaceChildren(make("p", { class: "why", text: error.message }));
   const reply = await attempt(() => send("/api/export", body), show);
   if (!reply) return;
+  parts.exportClose.textContent = "Close";
   const text = reply.files.length === 1 ? "1 file:" : `${reply.files.length} files:`;
   parts.exportResult.replaceChildren(make("p", { text }), make("ul", {}, ...reply.files.map(fileItem)));
 }

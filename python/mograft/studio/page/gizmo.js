@@ -4,7 +4,7 @@ import { makePose, nodePlace } from "/viewer/poses.js";
 import { jointNames, setConstraint } from "./constraints.js";
 import { figureOf } from "./figures.js";
 import { frameTime, mainFigure, player } from "./player.js";
-import { framesText, nameOf, obstacleOf, upOf } from "./records.js";
+import { framesText, obstacleOf, titleOf, upOf } from "./records.js";
 import { chooseConstraint } from "./ranges.js";
 import { label, onFigures, onGizmo, onMarks, onObjects, onPointer, redrawStage, stage } from "./stage.js";
 import { emit, on, selected, store } from "./store.js";
@@ -257,6 +257,7 @@ function characterFigures(clip) {
 function drawLabels(pen, view) {
   if (store.mode === "draw") return;
   const joints = jointNames();
+  const motion = selected();
   for (const { number, record, mesh } of shapes.values()) {
     const [x, y, depth] = view.point(mesh.getWorldPosition(new THREE.Vector3()).toArray());
     if (depth > 1) continue;
@@ -274,7 +275,7 @@ function drawLabels(pen, view) {
       pen.stroke();
       pen.setLineDash([]);
     }
-    if (isStrong) label(`${nameOf(record)}${record.frames ? `, ${framesText(record)}` : ""}`, x, y - 14, view);
+    if (isStrong) label(`${titleOf(motion, number)}${record.frames ? `, ${framesText(record)}` : ""}`, x, y - 14, view);
     pen.globalAlpha = 1;
   }
 }

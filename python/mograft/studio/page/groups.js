@@ -27,7 +27,7 @@ function begin() {
   const indexOf = (joint) => groups.names.findIndex((group) => groups.joints[group]?.includes(joint));
   const of = jointNames().map((joint) => Math.max(0, indexOf(joint)));
   edited = { base: groups.base, names: [...groups.names], of, chosen: Math.min(1, groups.names.length - 1), hovered: -1 };
-  setStageMode("groups", "Click a joint to move it and those below it to the chosen group; with Alt only the joint.");
+  setStageMode("groups", "Click a joint to put it, and those below it in the skeleton, into the chosen group; with Alt only the joint.");
   write();
   parts.groupsEditor.querySelector("input")?.focus();
 }

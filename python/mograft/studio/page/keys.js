@@ -10,7 +10,7 @@ import { openFiles } from "./sources.js";
 import { orbit, redrawStage, resetCamera, standStill, zoom } from "./stage.js";
 import { act, emit, focusOn, on, store } from "./store.js";
 import { setRange } from "./timeline.js";
-import { parts } from "./ui.js";
+import { parts, sentence } from "./ui.js";
 import { redrawAll } from "./view.js";
 
 // The switches: those of the page, and those that the drawing of figures reads.
@@ -136,6 +136,6 @@ function writeUndo() {
     const text = store.project[name];
     const element = parts[name];
     element.disabled = text === null || text === undefined;
-    element.title = text ? `${name === "undo" ? "Undo" : "Redo"}: ${text}` : `Nothing to ${name}`;
+    element.title = text ? `${sentence(`${name}: ${text}`)}` : `Nothing to ${name}`;
   }
 }

@@ -3,14 +3,14 @@ import { frameAt, place } from "./timeline.js";
 import { nFrames } from "./player.js";
 import { act, emit, store } from "./store.js";
 import { make, range } from "./ui.js";
-import { nameOf } from "./records.js";
+import { titleOf } from "./records.js";
 
 export function laneOfConstraints(motion) {
   return motion.constraints
     .filter(({ record }) => isShown(record))
     .map((own) => {
       const { number, record } = own;
-      const name = nameOf(record);
+      const name = titleOf(motion, number);
       const [first, last] = record.frames || [0, nFrames() - 1];
       const text = record.frames ? range(first, last) : "all frames";
       const bar = make("button", {
@@ -54,7 +54,7 @@ function makeHandle(motion, { number, record }, bar, end) {
   handle.addEventListener("pointerup", () => {
     if (String(frames) === String(record.frames)) return;
     const { frame, ...rest } = record;
-    act({ action: "set_constraint", id: motion.id, number, constraint: { ...rest, frames } });
+    act({ action: "set_constraint", id: motion.id, number, constraint: { ...rest, frames } }, { isQuiet: true });
   });
   handle.addEventListener("click", (event) => event.stopPropagation());
   return handle;

@@ -1,7 +1,7 @@
 // Constraints as records: their names, their fields, and new ones near a figure.
 import { nodePlace } from "/viewer/poses.js";
 import { poseNow } from "./player.js";
-import { range } from "./ui.js";
+import { percent, range } from "./ui.js";
 
 const SHAPES = { Sphere: "Sphere", Box: "Box", Capsule: "Capsule", HalfSpace: "Wall", Character: "Character" };
 
@@ -23,6 +23,23 @@ export function nameOf(record) {
   }
   return record.kind;
 }
+
+// The name of a constraint of a motion, numbered if others have the same one.
+export function titleOf({ constraints }, number) {
+  const names = constraints.map(({ record }) => nameOf(record));
+  const index = constraints.findIndex((own) => own.number === number);
+  const count = (list) => list.filter((name) => name === names[index]).length;
+  return count(names) > 1 ? `${names[index]} ${count(names.slice(0, index + 1))}` : (names[index] ?? "Constraint");
+}
+
+// A violation as people read it, and the frame of its largest error.
+export const violationText = ({ text }) =>
+  text
+    .replace(/^\w+ is v/, "V")
+    .replace(/(\d+) to (\d+)/, "$1–$2")
+    .replace(/ by (.+): penetration depth ([\d.]+) heights.*/, (_, joint, depth) => `: ${percent(depth)} of the height inside ${joint}`);
+export const worstOf = ({ first, text }) => Number(/worst at (\d+)/.exec(text)?.[1] ?? first);
+export const countViolated = ({ violations }) => new Set(violations.map(({ number }) => number)).size;
 
 export const framesText = ({ frames }) => (frames ? `frames ${range(...frames)}` : "all frames");
 
@@ -73,9 +90,9 @@ export const NEW = {
     avoid({ kind: "Box", center: near(0.3, 0.5), half: Array(3).fill(long(0.15)), rotation: [0, 0, 0, 1] }),
   Capsule: ({ near, long }) =>
     avoid({ kind: "Capsule", start: near(0.1, 0.4, 0.2), stop: near(1, 0.4, 0.2), radius: long(0.06) }),
-  Wall: ({ near, along }) => avoid({ kind: "HalfSpace", point: near(0.5, 0.6), normal: along(0, 0, -1) }),
-  Character: ({ along, tall, clipName: name }) =>
-    avoid({ kind: "Character", motion: { name }, offset: along(0.8 * tall, 0, 0), yaw: 0, delay: 0, radius: 1 }),
+  Wall: ({ near, along, aside }) => avoid({ kind: "HalfSpace", point: near(0.5, 0.6 + aside), normal: along(0, 0, -1) }),
+  Character: ({ along, tall, aside, clipName: name }) =>
+    avoid({ kind: "Character", motion: { name }, offset: along((0.8 + aside) * tall, 0, 0), yaw: 0, delay: 0, radius: 1 }),
   "Hand or foot target": ({ near, hand, frame }) => ({
     kind: "Reach",
     joint: hand,
@@ -91,13 +108,27 @@ export const NEW = {
   "Own body": () => ({ kind: "AvoidSelf" }),
 };
 
-// A new record at a figure. `near` is a place: a share of the height above the floor, ahead and beside.
-export function newRecord(name, clip, { joints, frame, frames, clipName }) {
+const placeOf = (record) => {
+  const own = obstacleOf(record);
+  return own ? own.center || own.start || own.point || own.offset : record.target;
+};
+
+// A new record at a figure, beside those that are there.
+export function newRecord(name, clip, known, given) {
+  for (let aside = 0; ; aside += 0.3) {
+    const made = recordAt(name, clip, { ...given, aside });
+    const isFar = (place) => Math.hypot(...placeOf(made).map((value, i) => value - place[i])) > 0.1 * clip.height;
+    if (!placeOf(made) || known.every(({ record }) => !Array.isArray(placeOf(record)) || isFar(placeOf(record)))) return made;
+  }
+}
+
+// `near` is a place: a share of the height above the floor, ahead and beside.
+function recordAt(name, clip, { joints, frame, frames, clipName, aside }) {
   const tall = clip.height;
   const [x, , z] = nodePlace(clip, poseNow(clip), clip.root);
   const along = (...vector) => numbers(toFile(new THREE.Vector3(...vector), clip));
-  const near = (high, ahead, beside = 0) => along(x + beside * tall, clip.floor + high * tall, z + ahead * tall);
+  const near = (high, ahead, beside = 0) => along(x + (beside + aside) * tall, clip.floor + high * tall, z + ahead * tall);
   const hand = findJoint(joints, ["righthand", "hand_r", "hand.r", "hand", "wrist"]);
-  const made = NEW[name]({ near, along, long: (share) => round(share * tall), tall, hand, frame, frames, clipName });
+  const made = NEW[name]({ near, along, long: (share) => round(share * tall), tall, aside, hand, frame, frames, clipName });
   return frames && !made.frames ? { ...made, frames } : made;
 }

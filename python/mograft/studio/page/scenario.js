@@ -18,7 +18,10 @@ export function startScenario() {
   parts.drawPath.addEventListener("click", () => setDrawing(store.mode !== "draw"));
   parts.clearPath.addEventListener("click", () => setPoints([]));
   for (const own of parts.scenarioForm.querySelectorAll("[data-path]"))
-    own.addEventListener("click", () => setPoints(SHAPES[own.dataset.path]()));
+    own.addEventListener("click", () => {
+      setDrawing(false);
+      setPoints(SHAPES[own.dataset.path]());
+    });
   parts.addPoint.addEventListener("click", () => setPoints([...points, nextPoint()]));
   parts.tap.addEventListener("click", tap);
   onPointer("draw", { down: (at, view) => add(at, view, true), drag: (at, view) => add(at, view) });

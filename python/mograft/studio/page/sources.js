@@ -1,7 +1,7 @@
 // What is open: files, clips with their faults, the library, the character; and how to open more.
 import { attempt, say, send, upload } from "./net.js";
 import { act, on, store } from "./store.js";
-import { counted, details, fill, make, named, parts, range, showTab } from "./ui.js";
+import { button, counted, details, fill, make, named, parts, range, showTab } from "./ui.js";
 
 const SUFFIXES = ".bvh,.glb,.gltf,.fbx,.npz,.npy,.usd,.usda,.usdc,.usdz,.csv,.json,.bin,.png,.jpg,.toml";
 
@@ -47,7 +47,13 @@ function sourceItem({ name, clips, status, message, path }) {
 }
 
 function clipItem({ name, frames, rate, faults }) {
-  const item = named("li", {}, name, ` ${(frames / rate).toFixed(1)} s, ${Math.round(rate)} fps`);
+  const show = button("", "Choose as base, and show on the stage", () => {
+    parts.makeBase.value = name;
+    parts.makeBase.dispatchEvent(new Event("change"));
+  });
+  show.className = "plain";
+  show.append(...named("span", {}, name, ` ${(frames / rate).toFixed(1)} s, ${Math.round(rate)} fps`).childNodes);
+  const item = make("li", {}, show);
   const list = faults.map(({ kind, first, last, text }) => make("li", { text: `frames ${range(first, last)}: ${text || kind}` }));
   if (list.length) item.append(details(counted(list.length, "fault"), make("ul", {}, ...list)));
   return item;

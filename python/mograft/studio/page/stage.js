@@ -111,10 +111,12 @@ function drawMarks(view) {
   stage.view = view;
   const ratio = marks.ratio || 1;
   pen.setTransform(ratio, 0, 0, ratio, ratio * graftTile.offsetLeft, ratio * graftTile.offsetTop);
+  labels = [];
   drawViolations(view);
   for (const marker of markers) marker(pen, view);
 }
 
+let labels = []; // Places of those that are drawn: others are drawn above them.
 export function label(text, x, y, { width }) {
   pen.font = "12px system-ui, sans-serif";
   pen.textAlign = "center";
@@ -122,6 +124,9 @@ export function label(text, x, y, { width }) {
   pen.lineJoin = "round";
   const half = pen.measureText(text).width / 2 + 4;
   const middle = clamp(x, half, Math.max(width - half, half));
+  const isOver = (own) => Math.abs(own.middle - middle) < own.half + half && Math.abs(own.y - y) < 15;
+  while (labels.some(isOver)) y -= 4;
+  labels.push({ middle, half, y });
   const colour = pen.fillStyle;
   pen.strokeStyle = ink.paper;
   pen.strokeText(text, middle, y);

@@ -1,5 +1,6 @@
 // The state of the server, what is selected in the page, and who listens to changes of them.
 import { attempt, read, say, send, warn } from "./net.js";
+import { sentence } from "./ui.js";
 
 export const store = {
   project: null, // The state of the server.
@@ -88,7 +89,7 @@ export function act(action, given) {
   return last;
 }
 
-async function ask(action, { isQuiet = false } = {}) {
+async function ask(action, { isQuiet = false, said = "" } = {}) {
   const body = { ...action, revision: action.preview ? null : (store.project?.revision ?? null) };
   const reply = await attempt(async () => {
     try {
@@ -102,7 +103,7 @@ async function ask(action, { isQuiet = false } = {}) {
     }
   });
   if (!reply) return null;
-  if (!isQuiet) say(reply.message || "");
+  if (!isQuiet) say(said || (reply.message && `${sentence(`done: ${reply.message}`)}.`));
   if (reply.hash) showPreview(reply);
   emit("changed", { ids: reply.motions || [] });
   if (!action.preview) await refresh();

@@ -2,6 +2,7 @@
 import { ink, numberColour } from "/viewer/colours.js";
 import { clamp } from "/viewer/scene.js";
 import { laneOfConstraints } from "./ranges.js";
+import { titleOf, violationText, worstOf } from "./records.js";
 import { mainFigure, nFrames, player, seconds, seek } from "./player.js";
 import { baseFigure } from "./stage.js";
 import { focusOn, on, selected, store } from "./store.js";
@@ -129,7 +130,8 @@ function write() {
   parts.constraintLanes.replaceChildren(...rows.map(({ element }) => element));
   const nameOf = (name, kind, note = "") => named("div", { class: kind, title: name + note }, name, note);
   const names = all.map(({ row, isCaptured }) => nameOf(row.group, "name", isCaptured ? " captured" : ""));
-  parts.laneNames.replaceChildren(nameOf("frame", "name"), ...names, ...rows.map(({ name }) => nameOf(name, "name thin")));
+  parts.laneNames.replaceChildren(nameOf("frame", "name"), ...names);
+  parts.constraintNames.replaceChildren(...rows.map(({ name }) => nameOf(name, "name thin")));
   writeFocus();
   if (focused) parts.lanes.querySelector(`[data-block="${CSS.escape(focused)}"]`)?.focus();
 }
@@ -163,10 +165,11 @@ function makeLane({ clip, row, isCaptured }, motion) {
   for (const own of motion.violations) {
     if (!isOfGroup(own, row.group)) continue;
     const show = () => {
-      seek(own.first);
+      seek(worstOf(own));
       showTab(document.getElementById("tab-constraints"));
     };
-    const mark = button("", own.text, show, { class: "violated", "aria-label": `Violation: ${own.text}` });
+    const text = `${titleOf(motion, own.number)}: ${violationText(own)}`;
+    const mark = button("", text, show, { class: "violated", "aria-label": text });
     mark.append(icon("warn"));
     lane.append(place(mark, own.first, own.last));
   }
@@ -186,14 +189,14 @@ function makeBlock(clip, row, part, motion, isCaptured) {
   const isLocked = motion?.locks.some((own) => (own.group === null || own.group === row.group) && overlaps(own, first, last));
   const angle = seam === null ? "" : `${seam.toFixed(0)}°`;
   const said = [`donor ${donor} ${frames} ${angle}`, row.group, `segment ${part}`, `frames ${range(first, last)}`];
-  // In narrow blocks, the name of the clip is cut before its frames are.
+  // In narrow blocks, there is only the name of the clip.
   if (isCaptured || donor === null) {
     const text = isCaptured ? range(first, last) : "captured";
     said[0] = isCaptured ? `${text} captured` : text;
     block.append(make("span", { text }));
   } else {
     const clipName = make("span", { class: "clip", text: store.project.clips.length > 1 ? donor : "" });
-    block.append(clipName, " ", make("span", { text: frames }), " ");
+    block.append(clipName, " ", make("span", { class: "frames", text: frames }), " ");
     if (seam >= 5) block.append(make("span", { class: "angle", text: angle }));
   }
   if (angle) said.push(`seam ${angle}`);

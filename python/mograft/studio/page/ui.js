@@ -54,9 +54,13 @@ export const selectInput = (options, value, given = {}) => fill(make("select", g
 // A text that lines can break after each underscore.
 export const breakable = (text) => text.split(/(?<=_)/).flatMap((part) => [part, make("wbr")]);
 
+// A step of the server as people read it.
+export const sentence = (text) =>
+  text && `${text[0].toUpperCase()}${text.slice(1)}`.replace(/(add|move|remove) Avoid$/i, "$1 obstacle");
+
 // An element with a name from a file and a note.
 export const named = (tag, given, name, note, kind = "faint") =>
-  make(tag, given, make("bdi", { text: name }), note ? make("span", { class: kind, text: note }) : null);
+  make(tag, given, make("bdi", {}, ...breakable(name)), note ? make("span", { class: kind, text: note }) : null);
 export const details = (text, ...children) => make("details", {}, make("summary", { text }), ...children);
 export const counted = (count, text) => `${count} ${text}${count === 1 ? "" : "s"}`;
 
