@@ -37,8 +37,8 @@ ARGUMENTS = {
 """Arguments of every command that prints results, except those in `TESTED_ELSEWHERE`."""
 
 # completion prints a script, tests/evaluation covers evaluate, which takes long;
-# tests/stream/test_stream_server.py and tests/studio cover stream and studio, which do not end.
-TESTED_ELSEWHERE = {("completion",), ("evaluate",), ("stream",), ("studio",)}
+# tests/stream and tests/studio cover play, stream and studio, which send or do not end.
+TESTED_ELSEWHERE = {("completion",), ("evaluate",), ("play",), ("stream",), ("studio",)}
 
 
 def test_json_arguments_cover_every_command():

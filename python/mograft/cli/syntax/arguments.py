@@ -9,7 +9,7 @@ from dataclasses import Field, dataclass, field, fields
 from inspect import get_annotations
 from typing import Any, ClassVar, Literal, cast, dataclass_transform, get_args, get_origin
 
-from mograft.cli.syntax.values import Value, choice
+from mograft.cli.syntax.converters import Value, choice
 
 EXPERT_SECTIONS = ("donors", "scenario")
 """Headings of options that only ``--help-all`` shows."""

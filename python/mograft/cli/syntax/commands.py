@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from mograft.cli.syntax import datasets, options, values
 from mograft.cli.syntax.arguments import Command, Options, option, positional, setting
+from mograft.cli.syntax.converters import Value, choice
 
 PLOT_KINDS = ("strip", "timeline", "energy", "pca", "dendrogram", "clusters", "groups")
 EVALUATION_TOPICS = ("quality", "world", "detectability", "balance")
@@ -101,7 +102,7 @@ class StreamOptions(options.LibraryOptions):
 
     port: values.Port | None = option("TCP port; 0 selects a free port; or give --socket")
     socket: values.OutputPath | None = option("path of a Unix socket to create")
-    host: Annotated[str, values.Value("ADDRESS")] = setting(
+    host: Annotated[str, Value("ADDRESS")] = setting(
         "address at which the TCP port is open (default: 127.0.0.1, only this computer)",
         default="127.0.0.1",
     )
@@ -168,7 +169,7 @@ class ViewOptions(options.FieldOptions, options.SkeletonOptions, options.WriterO
 class PlotOptions(options.LibraryOptions, options.WriterOptions):
     """Draw motions, or the clusters of their segments."""
 
-    kind: Annotated[str, values.choice(*PLOT_KINDS, placeholder="KIND")] = positional(
+    kind: Annotated[str, choice(*PLOT_KINDS, placeholder="KIND")] = positional(
         "strip (poses of one motion), timeline (segments along time), energy (kinetic energy), pca "
         "(segments in principal components), dendrogram (linkage tree), clusters (cluster sizes) "
         "or groups (which joints move together)"
@@ -257,7 +258,7 @@ class ShowOptions(options.ResultOptions):
     overrides both.
     """
 
-    only: Annotated[str, values.Value("COMMAND")] | None = positional(
+    only: Annotated[str, Value("COMMAND")] | None = positional(
         "command whose settings are printed (default: all)", "?"
     )
     origin: bool = option("also print the file or variable that sets each value")

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from mograft.cli.syntax import options, values
 from mograft.cli.syntax.arguments import option, positional, setting
+from mograft.cli.syntax.converters import Value
 
 
 def share(text: str) -> float:
@@ -28,14 +29,14 @@ class AugmentOptions(options.SeedOptions, options.LibraryOptions, section="outpu
     count: values.Count = option("number of windows", short="-n", is_required=True)
     seconds: values.Duration = setting("duration of a window (default: 4)", default=4.0)
     bases: values.Clips | None = setting("base clips, or globs such as waltz* (default: all)")
-    split: Annotated[str, values.Value("CSV|auto:KEY")] | None = setting(
+    split: Annotated[str, Value("CSV|auto:KEY")] | None = setting(
         "table of clips and their parts, or automatic parts (default: all clips)",
         details="a row has a clip, a file, a glob or tag:TAG, and a part; auto:clip, auto:file and "
         "auto:tag make train, val and test of 80, 10 and 10 percent, in which clips, files or tags "
         "are not divided; auto:tag:GLOB uses only tags such as performer*",
     )
     part: values.Name = setting("part of the split (default: train)", default="train")
-    features: Annotated[tuple[str, ...], values.Value("NAME,...", values.names)] | None = setting(
+    features: Annotated[tuple[str, ...], Value("NAME,...", values.names)] | None = setting(
         "arrays of npz and parquet, of rotations, rotations_6d, matrices, root, positions, "
         "contacts, humanml3d (default: rotations,root,contacts)"
     )
@@ -84,7 +85,7 @@ class CurateOptions(options.WriterOptions, section="output"):
     radius: values.NonNegative | None = setting(
         "radius in cluster diameter thresholds of the library (default: 1)"
     )
-    keep: Annotated[float, values.Value("X|X%", share)] | None = setting(
+    keep: Annotated[float, Value("X|X%", share)] | None = setting(
         "share of the frames to keep, such as 10%, instead of a radius"
     )
     part: values.Name | None = option("joint group that is compared (default: all groups)")

@@ -6,13 +6,11 @@ A frame is a number or, with the suffix ``s``, a time in seconds.
 import math
 import re
 from argparse import ArgumentTypeError
-from collections.abc import Callable, Collection
-from dataclasses import dataclass
-from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, TypeVar
+from typing import Annotated, NamedTuple, TypeVar
 
 from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
+from mograft.cli.syntax.converters import Value, number, one_of, parser
 from mograft.errors import suggest_name
 
 T = TypeVar("T")
@@ -36,69 +34,7 @@ PRESETS = ("lower_upper", "lower_torso_arms", "lower_torso_larm_rarm", "lower_to
 UNITS = ("m", "cm", "mm", "inch", "CMU")
 
 
-@dataclass(frozen=True)
-class Value:
-    """How the text of an option is parsed, and what stands for it in help texts."""
-
-    placeholder: str
-    convert: Callable[[str], Any] = str
-    is_path: bool = False  # Whether the shell completes it as a file name.
-    choices: tuple[str, ...] = ()
-
-
-def _parser(expected: str) -> Callable[[Callable[[str], T]], Callable[[str], T]]:
-    """Return a decorator of converters: their errors become "`expected`, got TEXT"."""
-
-    def decorate(convert: Callable[[str], T]) -> Callable[[str], T]:
-        @wraps(convert)
-        def parse(text: str) -> T:
-            try:
-                return convert(text)
-            except (ArgumentTypeError, ValueError):
-                raise ArgumentTypeError(f"{expected}, got {text}") from None
-
-        return parse
-
-    return decorate
-
-
-def _number(
-    kind: Callable[[str], float], expected: str, is_valid: Callable[[float], bool]
-) -> Callable[[str], Any]:
-    """Return a converter of text to a number of which `is_valid` is true."""
-
-    @_parser(f"must be {expected}")
-    def convert(text: str) -> float:
-        if not is_valid(number := kind(text)):
-            raise ValueError
-        return number
-
-    return convert
-
-
-_positive = _number(float, "a number above 0", lambda x: 0 < x < math.inf)
-
-
-def one_of(choices: Collection[str], more: str = "") -> Callable[[str], str]:
-    """Return a converter that accepts only the words `choices` and suggests the nearest one.
-
-    `more` begins the description of what is accepted.
-    """
-
-    def convert(text: str) -> str:
-        if text not in choices:
-            hint = suggest_name(text, choices)
-            raise ArgumentTypeError(
-                f"must be {more}one of {', '.join(choices)}; got {text!r}{hint}"
-            )
-        return text
-
-    return convert
-
-
-def choice(*words: str, placeholder: str | None = None) -> Value:
-    """Return a value that is one of `words`."""
-    return Value(placeholder or "|".join(words), one_of(words), choices=words)
+_positive = number(float, "a number above 0", lambda x: 0 < x < math.inf)
 
 
 Frame = int | float
@@ -113,7 +49,7 @@ Taken = tuple[str, Frame, Frame]
 Point = tuple[float, float, float]
 
 
-@_parser("must be a frame such as 315 or a time such as 10.5s, at most 1e+09 s")
+@parser("must be a frame such as 315 or a time such as 10.5s, at most 1e+09 s")
 def frame(text: str) -> Frame:
     """Read a frame, such as ``315`` or ``10.5s``."""
     if text.isdecimal():
@@ -125,7 +61,7 @@ def frame(text: str) -> Frame:
     return seconds
 
 
-@_parser(
+@parser(
     "expected FIRST-LAST with FIRST not above LAST, both frames or both seconds, such as 100-400 "
     "or 3.3s-13.3s"
 )
@@ -142,7 +78,7 @@ def frame_or_frames(text: str) -> Range:
     return frames(text) if "-" in text else (frame(text),) * 2
 
 
-@_parser("must be at least 2 frames or a time such as 30s")
+@parser("must be at least 2 frames or a time such as 30s")
 def frame_count(text: str) -> Frame:
     """Read a number of frames of at least 2, such as ``900``, or a duration such as ``30s``."""
     count = frame(text)
@@ -199,7 +135,7 @@ def resolve_donor(given: Donor, rate: float) -> str | tuple[str, int, int] | Non
     return (given[0], *resolve_frames(given[1:], rate)) if isinstance(given, tuple) else given
 
 
-@_parser("expected SEGMENT=CLIP:FIRST-LAST, such as 24=walk:242-275")
+@parser("expected SEGMENT=CLIP:FIRST-LAST, such as 24=walk:242-275")
 def take(text: str) -> tuple[SegmentValue, Taken]:
     """Parse a value of ``--take``: ``[GROUP:]SEGMENT=CLIP:FIRST-LAST``.
 
@@ -212,7 +148,7 @@ def take(text: str) -> tuple[SegmentValue, Taken]:
     return _segment(segment), (clip, *frames(span))
 
 
-@_parser("expected SEGMENT, SEGMENT=CLIP or SEGMENT=CLIP:FIRST-LAST, such as 24=walk")
+@parser("expected SEGMENT, SEGMENT=CLIP or SEGMENT=CLIP:FIRST-LAST, such as 24=walk")
 def ban(text: str) -> tuple[SegmentValue, Donor]:
     """Parse a value of ``--ban``: ``[GROUP:]SEGMENT[=CLIP[:FIRST-LAST]]``."""
     segment, equals, donor = text.partition("=")
@@ -225,7 +161,7 @@ Changed = tuple[str, Range, Donor]
 """A group, its first and last frame, and a donor."""
 
 
-@_parser(
+@parser(
     "expected GROUP@FIRST-LAST, optionally with =CLIP or =CLIP:FIRST-LAST, such as "
     "upper@100-160=wave or upper@4s-6s"
 )
@@ -238,7 +174,7 @@ def change(text: str) -> Changed:
     return group, frames(span), _donor(donor)
 
 
-@_parser(f"must be {', '.join(UNITS)} or a number above 0")
+@parser(f"must be {', '.join(UNITS)} or a number above 0")
 def unit(text: str) -> float | str:
     """Parse a unit of length: one of the names `UNITS`, or a number of metres."""
     number: float | str = text if text in UNITS else _positive(text)
@@ -250,7 +186,7 @@ def names(text: str) -> tuple[str, ...]:
     return tuple(text.split(","))
 
 
-@_parser("expected FIELD=VALUE, such as seam=offset")
+@parser("expected FIELD=VALUE, such as seam=offset")
 def assignment(text: str) -> tuple[str, str]:
     """Parse ``NAME=VALUE`` into the name and the text of the value."""
     name, _, value = text.partition("=")
@@ -259,7 +195,7 @@ def assignment(text: str) -> tuple[str, str]:
     return name, value
 
 
-@_parser("must be CLIP=FPS")
+@parser("must be CLIP=FPS")
 def true_rate(text: str) -> tuple[str, float]:
     """Parse ``CLIP=FPS`` into the name of a clip and its frame rate."""
     clip, _, rate = text.rpartition("=")
@@ -268,7 +204,7 @@ def true_rate(text: str) -> tuple[str, float]:
     return clip, _positive(rate)
 
 
-@_parser("must be FPS or GLOB=FPS")
+@parser("must be FPS or GLOB=FPS")
 def file_rate(text: str) -> tuple[str, float]:
     """Parse ``[GLOB=]FPS`` into a glob of names of files, by default ``*``, and a frame rate."""
     pattern, _, rate = text.rpartition("=")
@@ -302,7 +238,7 @@ def _address(host: str, port: str) -> tuple[str, int]:
     return host.removeprefix("[").removesuffix("]"), _port(port)
 
 
-@_parser("must be HOST or HOST:PORT, such as 127.0.0.1:39539")
+@parser("must be HOST or HOST:PORT, such as 127.0.0.1:39539")
 def receiver(text: str) -> tuple[str, int]:
     """Parse ``HOST[:PORT]``; the default port is that of receivers of VMC."""
     host, colon, port = text.rpartition(":")
@@ -310,14 +246,14 @@ def receiver(text: str) -> tuple[str, int]:
     return _address(text, VMC_PORT) if is_whole else _address(host, port)
 
 
-@_parser("must be PORT or HOST:PORT, such as 39540")
+@parser("must be PORT or HOST:PORT, such as 39540")
 def listener(text: str) -> tuple[str, int]:
     """Parse ``[HOST:]PORT``; the default is an address that only this computer reaches."""
     host, _, port = text.rpartition(":")
     return _address(host or "127.0.0.1", port)
 
 
-@_parser("must be WIDTHxHEIGHT, such as 720x480")
+@parser("must be WIDTHxHEIGHT, such as 720x480")
 def picture_size(text: str) -> tuple[int, int]:
     """Parse ``WIDTHxHEIGHT``, a size in pixels."""
     width, height = text.split("x")
@@ -344,7 +280,7 @@ def _point(text: str) -> Point:
     return x, y, z
 
 
-@_parser("must be at least two corners, such as 0,0:300,0")
+@parser("must be at least two corners, such as 0,0:300,0")
 def corners(text: str) -> list[tuple[float, ...]]:
     """Parse ``X,Z:X,Z:...``, at least two positions on the floor, into pairs of numbers."""
     found = [_numbers(pair, "X,Z") for pair in text.split(":")]
@@ -387,7 +323,7 @@ Reached = tuple[Range, str, str | None, Point, float]
 """Frames, joint, part to which the position is relative, position and tolerance of a reach."""
 
 
-@_parser(
+@parser(
     "expected FRAME:JOINT:X,Y,Z[~TOL] or FRAME:JOINT:@PART+LEFT,UP,FORWARD[~TOL], with a frame "
     "such as 315 or 10.5s, or FIRST-LAST, and TOL above 0"
 )
@@ -411,13 +347,13 @@ def face(text: str) -> tuple[Point, Range | None]:
     return _point(place), frames(range_text) if separator else None
 
 
-_count = _number(int, "an integer of at least 1", lambda n: n >= 1)
-_motions = _number(int, "from 1 to 100000 (other seeds give more)", lambda n: 1 <= n <= 100_000)
-_index = _number(int, "an integer of at least 0", lambda n: n >= 0)
-_decimals = _number(int, "an integer from 1 to 12", lambda n: 1 <= n <= 12)
-_port = _number(int, "an integer from 0 to 65535", lambda n: 0 <= n <= 65535)
-_share = _number(float, "a number from 0 to 1", lambda x: 0 <= x <= 1)
-_non_negative = _number(float, "a number of at least 0", lambda x: 0 <= x < math.inf)
+_count = number(int, "an integer of at least 1", lambda n: n >= 1)
+_motions = number(int, "from 1 to 100000 (other seeds give more)", lambda n: 1 <= n <= 100_000)
+_index = number(int, "an integer of at least 0", lambda n: n >= 0)
+_decimals = number(int, "an integer from 1 to 12", lambda n: 1 <= n <= 12)
+_port = number(int, "an integer from 0 to 65535", lambda n: 0 <= n <= 65535)
+_share = number(float, "a number from 0 to 1", lambda x: 0 <= x <= 1)
+_non_negative = number(float, "a number of at least 0", lambda x: 0 <= x < math.inf)
 
 Name = Annotated[str, Value("NAME")]
 Count = Annotated[int, Value("N", _count)]
