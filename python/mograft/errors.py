@@ -98,7 +98,7 @@ def suggest_name(
         return ""
     words = [known.removeprefix(prefix) for known in names]
     close = get_close_matches(name.removeprefix(prefix), words, n=1, cutoff=cutoff)
-    return f"; did you mean {prefix + close[0]!r}?" if close else ""
+    return f"; did you mean {prefix + close[0]!r}?" if close and close[0] != name else ""
 
 
 def suggest_path(path: str | Path) -> str:

@@ -19,7 +19,8 @@ from mograft.solve.candidate_verdicts import candidates
 def run(options: CandidatesOptions) -> int:
     """Run the command."""
     if (options.segment is None) == (options.frame is None):
-        raise UsageError("one of --segment and --frame is required")
+        given = "none" if options.frame is None else "both"
+        raise UsageError(f"one of --segment and --frame is required, got {given}")
     library = load_library(options, strict=not has_folder(options.files))
     constraints = read_constraints(options, library.rate)
     clip, number, segment = _find_segment(library, options)

@@ -33,15 +33,20 @@ from mograft.viewing.page import temporary_path, view
 def run_augment(options: AugmentOptions) -> int:
     """Write a data set of windows of grafts."""
     check_suffix(options.output, is_folder=True)
+    if options.part is not None and options.split is None:
+        raise UsageError("--part requires --split")
     if options.resume and not options.output.is_dir():
         raise FileNotFoundError(2, "No such folder", str(options.output))
     if not options.resume and options.output.exists() and any(options.output.glob("*")):
-        raise FileExistsError(f"{options.output} exists; use --resume to continue it")
+        raise FileExistsError(
+            f"{options.output} exists; use --resume to continue it, or another folder"
+        )
     library = configuration.load_library(options)
     if options.jobs > 1 and library.folder is None:
         raise UsageError("--jobs requires a library in a folder, which mograft index makes")
     names = ("seconds", "split", "part", "variants", "min_new")
     given = {name: getattr(options, name) for name in names} | {"seed": options.seed or 0}
+    given["part"] = options.part or "train"
     features = options.features or DEFAULT_FEATURES
     windows = augment(library, bases=options.bases or "*", features=features, **given)
     _describe_part(windows.part)

@@ -35,7 +35,7 @@ class AugmentOptions(options.SeedOptions, options.LibraryOptions, section="outpu
         "auto:tag make train, val and test of 80, 10 and 10 percent, in which clips, files or tags "
         "are not divided; auto:tag:GLOB uses only tags such as performer*",
     )
-    part: values.Name = setting("part of the split (default: train)", default="train")
+    part: values.Name | None = setting("part of the split (default: train)")
     features: Annotated[tuple[str, ...], Value("NAME,...", values.names)] | None = setting(
         "arrays of npz and parquet, of rotations, rotations_6d, matrices, root, positions, "
         "contacts, humanml3d (default: rotations,root,contacts)"

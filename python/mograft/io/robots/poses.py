@@ -46,6 +46,8 @@ class Pose(NamedTuple):
 def refuse_without_model(path: Path) -> NoReturn:
     """Raise the error for a motion of a robot that is read without its model."""
     remedy = "give --model, or in Python skeleton=mograft.formats.read_model(...)"
+    if path.suffix.lower() == ".csv":
+        remedy += "; other tables, such as those that mograft writes, are no motions"
     raise FormatError(f"expected the model of the robot, got none: {remedy}", path)
 
 
