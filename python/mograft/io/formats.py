@@ -97,8 +97,8 @@ FORMATS = (
     Format("FBX", (".fbx",), "io.fbx:open_fbx", _begins(*_FBX_STARTS), "mograft_fbx"),
     Format("AMASS", (".npz",), "io.smpl.amass:open_amass", _holds(_is_amass)),
     Format("Kimodo", (".npz",), "io.kimodo:open_kimodo", _holds(_KIMODO_ARRAYS.issubset)),
-    Format("NPZ", (".npz",), "io.npz:open_npz", _holds(_NPZ_ARRAYS.issubset)),
     Format("robot NPZ", (".npz",), "io.robots.trackers:open_tracker", _holds(_TRACKER.issubset)),
+    Format("NPZ", (".npz",), "io.npz:open_npz", _holds(_NPZ_ARRAYS.issubset)),
     Format("robot CSV", (".csv",), "io.robots.tables:open_table", _is_table),
     Format("USD", _USD_SUFFIXES, "io.usd_reader:open_usd", _IS_USD, "pxr"),
 )
